@@ -1,0 +1,98 @@
+"""The command `vispeg`: finds the sub-command's module, parses its arguments, and turns errors into exit codes."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import importlib.util
+import os
+import sys
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+from vispeg import __version__
+from vispeg.core.errors import UserError
+
+# In the order in which a newcomer meets them. A module is imported when its command runs, so that help stays quick.
+COMMANDS: dict[str, str] = {
+    "demo": "vispeg.cli.demo",
+    "check": "vispeg.cli.check",
+    "convert": "vispeg.cli.convert",
+    "compare": "vispeg.cli.compare",
+    "diagnose": "vispeg.cli.diagnose",
+    "fit": "vispeg.cli.fit",
+    "add": "vispeg.cli.add",
+    "effects": "vispeg.cli.effects",
+    "record": "vispeg.cli.record",
+    "report": "vispeg.cli.report",
+    "doctor": "vispeg.cli.doctor",
+}
+EXIT_USAGE, EXIT_INTERRUPT, EXIT_PIPE = 2, 130, 141
+
+
+def available() -> dict[str, str]:
+    """Name -> first line of help of every command in this installation, without importing any of them."""
+    found = {}
+    for name, module in COMMANDS.items():
+        spec = importlib.util.find_spec(module)
+        if spec is not None and spec.origin is not None:
+            doc = ast.get_docstring(ast.parse(Path(spec.origin).read_text(encoding="utf-8"))) or ""
+            found[name] = doc.partition("\n")[0]
+    return found
+
+
+def overview() -> str:
+    """What `vispeg --help` prints."""
+    commands = available()
+    width = max(map(len, commands), default=0)
+    rows = "\n".join(f"  {name:<{width}}  {line}" for name, line in commands.items())
+    return (
+        "usage: vispeg COMMAND [ARGUMENTS]\n\n"
+        "Finds what a robot model is missing, from recordings of the real robot.\n\n"
+        f"commands:\n{rows}\n\n"
+        "`vispeg COMMAND --help` shows its arguments and an example; `vispeg --version` the version.\n"
+        "example: vispeg diagnose iiwa14 --recording rig-a --recording rig-b --validate rig-c --out found"
+    )
+
+
+def run(argv: Sequence[str]) -> int:
+    """Runs one command line (without the program's name). Raises UserError on bad input."""
+    if not argv or argv[0] in ("-h", "--help", "help"):
+        print(overview())
+        return 0 if argv else EXIT_USAGE
+    if argv[0] in ("-V", "--version"):
+        print(f"vispeg {__version__}")
+        return 0
+    commands = available()
+    if argv[0] not in commands:
+        raise UserError("unknown command", got=argv[0], choices=commands)
+    import tyro
+
+    module = importlib.import_module(COMMANDS[argv[0]])
+    args = tyro.cli(module.Args, prog=f"vispeg {argv[0]}", description=module.__doc__, args=list(argv[1:]))
+    return int(args.run() or 0)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point. Exit codes: 0 done, 2 bad input or usage, 130 interrupted, 141 the output's reader went away."""
+    warnings.showwarning = _note
+    try:
+        code = run(sys.argv[1:] if argv is None else argv)
+        sys.stdout.flush()
+        return code
+    except UserError as error:
+        print(f"vispeg: error: {error}", file=sys.stderr)
+        return EXIT_USAGE
+    except KeyboardInterrupt:
+        print("vispeg: interrupted", file=sys.stderr)
+        return EXIT_INTERRUPT
+    except BrokenPipeError:  # `vispeg effects | head`: nothing may be written any more, not even at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_PIPE
+    except SystemExit as stop:  # the argument parser's: 0 after --help, 2 after a usage error
+        return stop.code if isinstance(stop.code, int) else EXIT_USAGE
+
+
+def _note(message: Warning | str, *_: object, **__: object) -> None:
+    print("vispeg: note:", " ".join(str(message).split()), file=sys.stderr)

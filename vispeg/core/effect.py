@@ -1,0 +1,142 @@
+"""What an effect is: one physical phenomenon with named parameters that vanish at null."""
+
+from __future__ import annotations
+
+from abc import ABC
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.core.params import Param
+
+Kind = Literal["joint", "drive", "body", "contact", "camera", "appearance"]
+Values = Mapping[str, np.ndarray]  # parameter name -> (nsim, ntarget)
+REGISTRY: dict[str, Effect] = {}
+
+
+class Effect(ABC):
+    """One physical or optical phenomenon. A subclass enrols itself by `name`, in one file, with no edit elsewhere.
+
+    Every hook works on all simulations of a batch at once: `p[name]` has shape (nsim, ntarget), where a target is one
+    of `targets(model)` and simulations without the effect carry the null value. A hook that is not overridden is never
+    called. All arrays are SI and radians; joint arrays are (nsim, nj).
+
+    Class attributes:
+        name: the name in model files.
+        kind: the family it belongs to.
+        params: its parameters.
+        writes: the MjModel fields that `write` may touch; a test holds it to that.
+        order: position in the chain of drive hooks; smaller acts earlier (nearer to the command).
+        smooth: False where the residual is not smooth in the parameters (a global search is then used).
+    """
+
+    name: ClassVar[str]
+    kind: ClassVar[Kind]
+    params: ClassVar[Mapping[str, Param]]
+    writes: ClassVar[frozenset[str]] = frozenset()
+    order: ClassVar[int] = 50
+    smooth: ClassVar[bool] = True
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        name = cls.__dict__.get("name")
+        if name is None:  # an abstract helper between Effect and an effect
+            return
+        known = REGISTRY.get(name)
+        if known is not None and type(known).__qualname__ != cls.__qualname__:
+            raise UserError(f"effect '{name}' is registered twice", got=cls.__qualname__, choices=sorted(REGISTRY))
+        REGISTRY[name] = cls()
+
+    # Where ------------------------------------------------------------------------------------------------------
+    def targets(self, model: Any) -> list[str]:
+        """Names this effect can act on (default: every joint of the RobotModel)."""
+        return list(model.joints)
+
+    # How --------------------------------------------------------------------------------------------------------
+    def write(self, fields: Any, p: Values) -> None:
+        """Sets model fields, `fields[name]` of shape (nsim, ...), already holding the nominal values."""
+
+    def start(self, x: Any, p: Values) -> Any:
+        """State carried from step to step, or None."""
+        return None
+
+    def drive(self, state: Any, tau: np.ndarray, x: Any, p: Values) -> np.ndarray:
+        """The torque that leaves this stage of the drive, given the torque (nsim, nj) that enters it. N m."""
+        return tau
+
+    def friction(self, state: Any, x: Any, p: Values) -> np.ndarray:
+        """Friction level (nsim, nj) >= 0 in N m, added to the joint's dry friction for the next physics step."""
+        raise NotImplementedError
+
+    def torque(self, state: Any, x: Any, p: Values) -> np.ndarray:
+        """Torque (nsim, nj) on the link that no actuator commands, N m."""
+        raise NotImplementedError
+
+    def observe(self, state: Any, q: np.ndarray, dq: np.ndarray, x: Any, p: Values) -> tuple[np.ndarray, np.ndarray]:
+        """What the encoders make of joint angles and velocities, both (nsim, nj)."""
+        return q, dq
+
+    def regressors(self, kin: Any, where: str, p: Mapping[str, float]) -> np.ndarray | None:
+        """Torque-space signature (n, nj, nparam): d(motor torque needed) / d(parameter) at `p`, or None."""
+        return None
+
+    def side(self, name: str) -> Literal["link", "drive"]:
+        """Whether a joint torque sensor (behind the gear) sees this effect's torque: 'link' if it does."""
+        return "drive"
+
+    def overrides(self, hook: str) -> bool:
+        """Whether this class has a hook of its own."""
+        return getattr(type(self), hook) is not getattr(Effect, hook)
+
+    @property
+    def magnitudes(self) -> list[str]:
+        """The parameters whose null makes the effect vanish (all but the shape parameters)."""
+        return [name for name, param in self.params.items() if not param.shape]
+
+
+def effect(name: str) -> Effect:
+    """The registered effect of that name; a UserError that lists the names otherwise."""
+    if name not in REGISTRY:
+        raise UserError("unknown effect", got=name, choices=sorted(REGISTRY))
+    return REGISTRY[name]
+
+
+@dataclass(frozen=True)
+class Value:
+    """A parameter's value with its 95 % interval where it was fitted."""
+
+    value: float
+    low: float | None = None
+    high: float | None = None
+
+
+@dataclass(frozen=True)
+class Placed:
+    """An effect at a place, with values."""
+
+    effect: str
+    where: str
+    params: Mapping[str, Value]
+    origin: Mapping[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, name: str, where: str, **values: float) -> Placed:
+        """`Placed.of("coulomb_friction", "joint4", torque=1.3)`; what is not given takes its start (shape) or null."""
+        params = effect(name).params
+        for key in values:
+            if key not in params:
+                raise UserError(f"{name} has no such parameter", got=key, choices=params)
+        full = {k: values.get(k, p.start if p.shape else p.null) for k, p in params.items()}
+        return cls(name, where, {k: Value(float(v)) for k, v in full.items()})
+
+    @property
+    def label(self) -> str:
+        """`coulomb_friction(joint4)`."""
+        return f"{self.effect}({self.where})"
+
+    def with_values(self, **values: float) -> Placed:
+        """The same effect with other values (their intervals dropped)."""
+        return Placed(self.effect, self.where, {**self.params, **{k: Value(float(v)) for k, v in values.items()}})

@@ -1,0 +1,49 @@
+"""One kind of error for everything a user can put right."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from pathlib import Path
+
+
+class UserError(Exception):
+    """Bad input, said in one line: where, what was expected, what came, the choices.
+
+    Args:
+        message: what is wrong.
+        file: the file at fault, if there is one.
+        key: the key, column or row at fault inside the file.
+        expected: what would have been right.
+        got: what came.
+        choices: the legal values; the one nearest to `got` is suggested.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        file: str | Path | None = None,
+        key: str | None = None,
+        expected: object = None,
+        got: object = None,
+        choices: Iterable[str] = (),
+    ):
+        self.file, self.key, self.expected, self.got = file, key, expected, got
+        self.choices = tuple(choices)
+        where = ": ".join(str(part) for part in (file, key) if part is not None)
+        text = f"{where}: {message}" if where else message
+        if expected is not None:
+            text += f"; expected {expected}"
+        if got is not None:
+            text += f"; got {_short(got)}"
+        if self.choices:
+            near = difflib.get_close_matches(str(got), self.choices, n=1)
+            text += f" (did you mean '{near[0]}'?)" if near else ""
+            text += f"; choices: {', '.join(self.choices)}"
+        super().__init__(" ".join(text.split()))
+
+
+def _short(value: object, limit: int = 80) -> str:
+    text = repr(value)
+    return text if len(text) <= limit else text[: limit - 3] + "..."

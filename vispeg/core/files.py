@@ -1,0 +1,110 @@
+"""Writing results so that they appear whole or not at all, and never on top of a user's own files."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from vispeg.core.errors import UserError
+
+
+@contextmanager
+def new_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
+    """A folder that takes its name only once everything in it has been written.
+
+    The body writes into a temporary sibling, which is renamed to `path` at the end and removed if the body raises; what
+    stood at `path` before is then still there, untouched. An empty folder at `path` counts as none.
+
+    Args:
+        path: where the folder shall be; its parents are made.
+        overwrite: whether an existing folder with content is replaced, as a whole.
+
+    Raises:
+        UserError: `path` is a file, or a folder with content while `overwrite` is False, or not a folder of results at
+            all (the working or home directory, one above them, a git checkout), or cannot be written.
+    """
+    target = Path(path).expanduser().resolve()  # through a link: its target is replaced, not the link
+    _refuse(target, path, overwrite)
+    part = _sibling(target)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        part.mkdir()
+    except OSError as error:
+        raise UserError(f"cannot be written: {error.strerror}", file=path) from error
+    try:
+        yield part
+        _refuse(target, path, overwrite)  # something may have come to stand there meanwhile
+        _swap(part, target)
+    except BaseException:
+        shutil.rmtree(part, ignore_errors=True)
+        raise
+
+
+def write_text_atomic(path: str | Path, text: str, *, overwrite: bool = False) -> Path:
+    """Writes a UTF-8 text file under a temporary name, then renames it. Returns the path.
+
+    Raises:
+        UserError: the file exists and `overwrite` is False, or it cannot be written.
+    """
+    return write_bytes_atomic(path, text.encode("utf-8"), overwrite=overwrite)
+
+
+def write_bytes_atomic(path: str | Path, data: bytes, *, overwrite: bool = False) -> Path:
+    """Like `write_text_atomic`, for bytes."""
+    target = Path(path).expanduser().resolve()
+    if target.is_dir():
+        raise UserError("is a folder", file=path, expected="a file")
+    if target.exists() and not overwrite:
+        raise UserError("exists already; name another or pass --overwrite", file=path)
+    part = _sibling(target)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        part.write_bytes(data)
+        os.replace(part, target)
+    except OSError as error:
+        raise UserError(f"cannot be written: {error.strerror}", file=path) from error
+    finally:
+        part.unlink(missing_ok=True)
+    return Path(path)
+
+
+def _sibling(target: Path, end: str = "part") -> Path:
+    return target.with_name(f".{target.name}.{uuid.uuid4().hex[:8]}.{end}")
+
+
+def _refuse(target: Path, said: str | Path, overwrite: bool) -> None:
+    if not target.exists():
+        return
+    if not target.is_dir():
+        raise UserError("is a file", file=said, expected="a folder, new or empty")
+    if not any(target.iterdir()):
+        return
+    if not overwrite:
+        raise UserError("exists already and is not empty; name another or pass --overwrite", file=said)
+    for kept in (Path.cwd(), Path.home()):
+        if kept.resolve().is_relative_to(target):
+            raise UserError(f"holds {kept}, so it is not replaced", file=said, expected="a folder of results")
+    if (target / ".git").exists():
+        raise UserError("is a git checkout, so it is not replaced", file=said, expected="a folder of results")
+
+
+def _swap(part: Path, target: Path) -> None:
+    """Renames `part` to `target`; content already there is removed only after the new stands in its place."""
+    try:
+        if not target.exists() or not any(target.iterdir()):
+            os.replace(part, target)
+            return
+        old = _sibling(target, "old")
+        os.replace(target, old)
+        try:
+            os.replace(part, target)
+        except OSError:
+            os.replace(old, target)
+            raise
+        shutil.rmtree(old, ignore_errors=True)
+    except OSError as error:
+        raise UserError(f"cannot be replaced: {error.strerror}", file=target) from error

@@ -1,0 +1,71 @@
+"""Where a result comes from: the command, the seed, the versions, and the content of what was read."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import shlex
+from collections.abc import Iterable, Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from vispeg import __version__
+from vispeg.core.errors import UserError
+
+PACKAGES = ("mujoco", "numpy", "scipy", "cma")  # what numbers depend on
+
+
+def provenance(argv: Sequence[str], seed: int | None, inputs: Iterable[str | Path] = ()) -> dict[str, Any]:
+    """What is needed to repeat a result, ready for JSON.
+
+    Args:
+        argv: the command line as a list, program first; quoted again so that it can be pasted into a shell.
+        seed: the seed, or None where nothing is random.
+        inputs: files and folders that were read.
+
+    Returns:
+        {command, seed, versions: {vispeg, python, mujoco, ...}, inputs: {path as given: "sha256:..."}}, sorted, so that
+        the order of `inputs` does not matter. A package that is not installed has version None.
+
+    Raises:
+        UserError: an input does not exist or cannot be read.
+    """
+    versions = {"vispeg": __version__, "python": platform.python_version()}
+    versions |= {name: _version(name) for name in PACKAGES}
+    digests = {str(path): f"sha256:{digest(path)}" for path in inputs}
+    return {
+        "command": shlex.join(map(str, argv)),
+        "seed": seed,
+        "versions": versions,
+        "inputs": dict(sorted(digests.items())),
+    }
+
+
+def digest(path: str | Path) -> str:
+    """SHA-256 (hex) of a file's content, or of a folder's: its files' relative names and contents, in sorted order.
+
+    A file's digest is what `sha256sum` prints. A folder's depends neither on its own name nor on the order in which the
+    file system lists it.
+    """
+    path = Path(path)
+    try:
+        if path.is_dir():
+            files = {file.relative_to(path).as_posix(): file for file in path.rglob("*") if file.is_file()}
+            lines = [f"{_file_digest(file)}  {name}\n" for name, file in sorted(files.items())]
+            return hashlib.sha256("".join(lines).encode("utf-8", "surrogateescape")).hexdigest()
+        return _file_digest(path)
+    except OSError as error:
+        raise UserError(f"cannot be read: {error.strerror}", file=path) from error
+
+
+def _file_digest(path: Path) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def _version(package: str) -> str | None:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None

@@ -1,0 +1,85 @@
+"""A recording in memory: what was measured, and what is known of how."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+Mode = Literal["torque", "position", "osc", "passive", "unknown"]
+
+
+@dataclass(frozen=True)
+class Nullspace:
+    """OSC posture task: kp 1/s^2, kd 1/s, q (nj,) rad."""
+
+    kp: float
+    kd: float
+    q: np.ndarray
+
+
+@dataclass(frozen=True)
+class Control:
+    """The controller that ran on the robot, as RECORDING.md states it; gains are arrays, one a joint or six for osc."""
+
+    mode: Mode = "unknown"
+    rate_hz: float = 500.0
+    gravity_compensation: Literal["model", "none"] = "none"
+    kp: np.ndarray | None = None
+    kd: np.ndarray | None = None
+    nullspace: Nullspace | None = None
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One folder of RECORDING.md.
+
+    Attributes:
+        path: the folder (or a label where there is none).
+        robot: name, or an absolute path to the MJCF/URDF beside the recording.
+        joints: joint names, (nj,).
+        rate_hz: nominal sample rate.
+        control: the controller.
+        time: (n,) s.
+        q: (n, nj) rad, measured; NaN where a reading is missing, here and in every array below.
+        dq, tau, tau_cmd, q_cmd, dq_cmd: (n, nj) or None.
+        ee, ee_cmd: (n, 7) x y z qw qx qy qz of the flange in the base, or None.
+        ft: (n, 6) or None.
+        episode: (n,) int; rows of one episode belong together.
+        tool: None, or {mass_kg, com_m, inertia_kgm2, name}.
+        base_tilt: (2,) rad, roll and pitch that the user believes.
+        torque_sensor: what `tau` measures.
+        noise: 1-sigma per channel (`q`, `dq`, `tau`, `ee`), only what is known.
+        motion, notes: free text.
+    """
+
+    path: Path
+    robot: str
+    joints: tuple[str, ...]
+    rate_hz: float
+    control: Control
+    time: np.ndarray
+    q: np.ndarray
+    dq: np.ndarray | None = None
+    tau: np.ndarray | None = None
+    tau_cmd: np.ndarray | None = None
+    q_cmd: np.ndarray | None = None
+    dq_cmd: np.ndarray | None = None
+    ee: np.ndarray | None = None
+    ee_cmd: np.ndarray | None = None
+    ft: np.ndarray | None = None
+    episode: np.ndarray | None = None
+    tool: Mapping[str, Any] | None = None
+    base_tilt: tuple[float, float] = (0.0, 0.0)
+    torque_sensor: Literal["joint", "motor", "none"] = "none"
+    noise: Mapping[str, float] = field(default_factory=dict)
+    motion: str = ""
+    notes: str = ""
+
+    @property
+    def name(self) -> str:
+        """The folder's name."""
+        return self.path.name
