@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from vispeg import __version__
+from vispeg.cli.graphics import choose_backend
 from vispeg.core.errors import UserError
 
 # In the order in which a newcomer meets them. A module is imported when its command runs, so that help stays quick.
@@ -69,8 +70,10 @@ def run(argv: Sequence[str]) -> int:
         raise UserError("unknown command", got=argv[0], choices=commands)
     import tyro
 
+    choose_backend()
     module = importlib.import_module(COMMANDS[argv[0]])
-    args = tyro.cli(module.Args, prog=f"vispeg {argv[0]}", description=module.__doc__, args=list(argv[1:]))
+    program, flags = f"vispeg {argv[0]}", (tyro.conf.FlagCreatePairsOff,)
+    args = tyro.cli(module.Args, prog=program, description=module.__doc__, args=list(argv[1:]), config=flags)
     return int(args.run() or 0)
 
 

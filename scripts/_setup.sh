@@ -1,0 +1,57 @@
+# Sourced by the scripts beside it, from the repository root: makes .venv and installs this checkout into it.
+# Asks nothing, changes nothing outside .venv except that it installs the EGL packages where it may.
+
+say() { echo "vispeg: $*" >&2; }
+
+find_python() { # the first Python >= 3.11 that runs and can make an environment
+    local candidate bare=""
+    for candidate in ${PYTHON:-} python3.13 python3.12 python3.11 python3 python; do
+        "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 || continue
+        if "$candidate" -c 'import ensurepip, venv' >/dev/null 2>&1; then
+            echo "$candidate"
+            return 0
+        fi
+        bare=$("$candidate" -c 'import sys; print("python%d.%d" % sys.version_info[:2])')
+    done
+    if [ -n "$bare" ]; then
+        say "error: $bare has no venv module; run: sudo apt-get install -y $bare-venv"
+    else
+        say "error: Python 3.11 or newer is needed; run: sudo apt-get install -y python3 python3-venv"
+    fi
+    return 1
+}
+
+setup() { # setup NAME TARGET: installs TARGET (`.` or `.[extras]`) once; again when what it depends on has changed
+    local name=$1 target=$2 python stamp
+    if ! .venv/bin/python -c pass 2>/dev/null; then # none yet, or its interpreter has gone
+        python=$(find_python) || exit 1
+        say "making .venv with $("$python" --version)"
+        "$python" -m venv --clear .venv
+    fi
+    .venv/bin/python -m pip --version >/dev/null 2>&1 || .venv/bin/python -m ensurepip >/dev/null # a half-made one
+    stamp=$(cat pyproject.toml constraints.txt scripts/_setup.sh | .venv/bin/python -c \
+        'import hashlib, sys; print(hashlib.sha256(sys.stdin.buffer.read()).hexdigest())')
+    if [ "$(cat ".venv/.installed-$name" 2>/dev/null)" != "$stamp" ]; then
+        say "installing the packages (a minute or two, once)"
+        .venv/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e "$target"
+        install_egl
+        echo "$stamp" >".venv/.installed-$name"
+    fi
+}
+
+install_egl() { # pictures without a display need EGL; everything else works without
+    [ "$(uname)" = Linux ] || return 0
+    .venv/bin/python -c 'import ctypes; [ctypes.CDLL(n) for n in ("libEGL.so.1", "libOpenGL.so.0")]' 2>/dev/null && return 0
+    local as="" packages="libegl1 libopengl0 libgl1-mesa-dri"
+    if [ "$(id -u)" != 0 ]; then
+        as="sudo -n"
+    fi
+    if command -v apt-get >/dev/null && { [ -z "$as" ] || $as true 2>/dev/null; }; then
+        say "installing $packages, to render without a display"
+        # shellcheck disable=SC2086 # both are lists of words
+        if $as apt-get update -qq >&2 && DEBIAN_FRONTEND=noninteractive $as apt-get install -qq -y $packages >&2; then
+            return 0
+        fi
+    fi
+    say "note: no EGL, so no pictures of the scene; to get them run: sudo apt-get update && sudo apt-get install -y $packages"
+}

@@ -1,0 +1,73 @@
+"""Which OpenGL backend MuJoCo can use on this machine, and proof that it draws."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+
+APT_LINE = "sudo apt-get install -y libegl1 libopengl0 libgl1-mesa-dri"
+# In a process of its own: a driver that crashes takes nothing else with it, and MuJoCo reads MUJOCO_GL at import.
+_PROBE = """
+import mujoco
+xml = '<mujoco><worldbody><light pos="0 0 3"/><geom size=".2" rgba="1 0 0 1"/></worldbody></mujoco>'
+model = mujoco.MjModel.from_xml_string(xml)
+data = mujoco.MjData(model)
+mujoco.mj_forward(model, data)
+renderer = mujoco.Renderer(model, 48, 64)
+renderer.update_scene(data)
+image = renderer.render()
+if image.std() == 0:
+    raise SystemExit("the picture is blank")
+from OpenGL import GL
+print("\\n" + GL.glGetString(GL.GL_RENDERER).decode())
+"""
+
+
+@dataclass(frozen=True)
+class Probe:
+    """Whether a backend (`egl`, `osmesa`, `glfw`) draws, and its renderer's name or why it does not."""
+
+    backend: str
+    ok: bool
+    detail: str
+
+
+def probe(backend: str, timeout: float = 60.0) -> Probe:
+    """Renders one small picture with a backend, in another process; `timeout` in seconds."""
+    command = [sys.executable, "-c", _PROBE]
+    environment = {**os.environ, "MUJOCO_GL": backend}
+    try:
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=timeout)
+    except subprocess.TimeoutExpired:
+        return Probe(backend, False, f"no answer in {timeout:.0f} s")
+    if done.returncode == 0:
+        return Probe(backend, True, _last(done.stdout))
+    return Probe(backend, False, _last(done.stderr) or f"ended with status {done.returncode}")
+
+
+def choose_backend() -> None:
+    """Sets MUJOCO_GL=egl on a Linux machine without a display, where EGL exists and the user has not chosen.
+
+    MuJoCo would look for a window system otherwise. Where EGL is missing nothing is set, because then `import mujoco`
+    itself would fail, and everything but pictures works without.
+    """
+    headless = sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    if headless and "MUJOCO_GL" not in os.environ and all(map(has_library, ("libEGL.so.1", "libOpenGL.so.0"))):
+        os.environ["MUJOCO_GL"] = "egl"
+
+
+def has_library(name: str) -> bool:
+    """Whether the system's loader finds a shared library."""
+    try:
+        ctypes.CDLL(name)
+    except OSError:
+        return False
+    return True
+
+
+def _last(text: str) -> str:
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    return lines[-1][:160] if lines else ""
