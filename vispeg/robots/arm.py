@@ -1,0 +1,150 @@
+"""Turns any robot description into a torque-driven arm: hinges only, one motor each, a flange, no self-contact."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from vispeg.core.errors import UserError
+
+HINGE, SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
+FLANGE_WORDS = ("flange", "tool0", "attachment", "ee")  # best first
+Limits = Mapping[str, tuple[float, float]]  # joint -> (N m, rad/s)
+
+
+@dataclass(frozen=True)
+class Arm:
+    """Names and limits of a prepared arm; see RobotModel."""
+
+    joints: tuple[str, ...]
+    links: tuple[str, ...]
+    base: str
+    flange: str
+    range: np.ndarray
+    torque: np.ndarray
+    speed: np.ndarray
+
+    def check(self, spec: mujoco.MjSpec, label: str) -> None:
+        """Compiles a copy and looks for joints that turn no mass.
+
+        Raises:
+            UserError: MuJoCo refuses the model, or its inertia matrix is singular.
+        """
+        model = compiled(spec, label)
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        full = np.zeros((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, full)
+        for i, joint in enumerate(self.joints):
+            if full[i, i] < 1e-9:
+                raise UserError("this joint turns no mass", file=label, key=joint, expected="a link with an inertia")
+
+
+def prepare(spec: mujoco.MjSpec, limits: Limits, label: str) -> Arm:
+    """Edits `spec` in place into a torque-driven arm and says what it found.
+
+    Sliding joints (grippers) are fixed where they stand, with the tendons and couplings that a description hangs on
+    them. Shapes of the robot may touch what a scene adds but not each other.
+
+    Args:
+        spec: the description, without actuators.
+        limits: what is known of joint torque and velocity limits.
+        label: file or name, for errors.
+
+    Raises:
+        UserError: not a fixed-base arm with hinges.
+    """
+    _hinges_only(spec, label)
+    for i, joint in enumerate(spec.joints, start=1):
+        joint.name = joint.name or f"joint{i}"
+    for i, joint in enumerate(spec.joints, start=1):
+        joint.parent.name = joint.parent.name or f"link{i}"
+    for pair in list(spec.pairs):
+        spec.delete(pair)
+    for geom in spec.geoms:
+        if geom.parent.name == "world":
+            continue
+        if geom.contype or geom.conaffinity:
+            geom.contype, geom.conaffinity = 0, 1
+    model = compiled(spec, label)
+    joints = tuple(model.joint(i).name for i in range(model.njnt))
+    moved = [int(b) for b in model.jnt_bodyid]
+    flange = _flange(spec, model, moved[-1])
+    for name in joints:
+        _motor(spec, name)
+    free = np.array([[-np.inf, np.inf]])
+    return Arm(
+        joints=joints,
+        links=tuple(model.body(b).name for b in moved),
+        base=model.body(int(model.body_parentid[moved[0]])).name,
+        flange=flange,
+        range=_frozen(np.where(model.jnt_limited[:, None], model.jnt_range, free)),
+        torque=_frozen(np.array([limits.get(j, (np.inf, np.inf))[0] for j in joints], float)),
+        speed=_frozen(np.array([limits.get(j, (np.inf, np.inf))[1] for j in joints], float)),
+    )
+
+
+def compiled(spec: mujoco.MjSpec, label: str) -> mujoco.MjModel:
+    """A model of a copy of `spec`; MuJoCo's complaint becomes a UserError."""
+    try:
+        return spec.copy().compile()
+    except ValueError as error:
+        raise UserError(f"MuJoCo cannot compile it: {error}", file=label) from error
+
+
+def _hinges_only(spec: mujoco.MjSpec, label: str) -> None:
+    slides = [j for j in spec.joints if j.type == SLIDE]
+    for joint in spec.joints:
+        if joint.type not in (HINGE, SLIDE):
+            raise UserError("a free or ball joint", file=label, key=joint.name, expected="a fixed-base arm with hinges")
+    if slides:
+        gone = {j.name for j in slides}
+        for tendon in list(spec.tendons):
+            spec.delete(tendon)
+        for equality in list(spec.equalities):
+            coupled = equality.type in (mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_TENDON)
+            if coupled and (equality.type == mujoco.mjtEq.mjEQ_TENDON or gone & {equality.name1, equality.name2}):
+                spec.delete(equality)
+        for joint in slides:
+            spec.delete(joint)
+    if not list(spec.joints):
+        raise UserError("no hinge joint", file=label, expected="an arm with revolute (hinge) joints")
+
+
+def _motor(spec: mujoco.MjSpec, joint: str) -> None:
+    motor = spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    motor.set_to_motor()
+    motor.gear = [1, 0, 0, 0, 0, 0]
+    motor.ctrllimited = motor.forcelimited = mujoco.mjtLimited.mjLIMITED_FALSE
+
+
+def _flange(spec: mujoco.MjSpec, model: mujoco.MjModel, last: int) -> str:
+    """Name of the flange site; added as "flange" at the best-named frame beyond the last joint if there is none."""
+    if any(s.name == "flange" for s in spec.sites):
+        return "flange"
+    rigid = [b for b in range(model.nbody) if model.body_weldid[b] == model.body_weldid[last]]
+    frames = [(model.site(s).name, "site", s) for s in range(model.nsite) if model.site_bodyid[s] in rigid]
+    frames += [(model.body(b).name, "body", b) for b in rigid]
+    for word in FLANGE_WORDS:
+        for name, kind, index in frames:
+            if word in re.split(r"[^a-z0-9]+", name.lower()):
+                if kind == "site":
+                    body = model.body(int(model.site_bodyid[index])).name
+                    return _add(spec, body, model.site_pos[index], model.site_quat[index])
+                return _add(spec, name)
+    return _add(spec, model.body(last).name)
+
+
+def _add(spec: mujoco.MjSpec, body: str, pos=(0.0, 0.0, 0.0), quat=(1.0, 0.0, 0.0, 0.0)) -> str:
+    spec.body(body).add_site(name="flange", pos=pos, quat=quat, group=4)
+    return "flange"
+
+
+def _frozen(array: np.ndarray) -> np.ndarray:
+    array = np.array(array)
+    array.flags.writeable = False
+    return array

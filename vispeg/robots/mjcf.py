@@ -1,0 +1,84 @@
+"""Reads a user's MJCF as an arm: its actuators make way, everything else that it states of the arm stays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+
+from vispeg.core.errors import UserError
+
+HINGE, SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
+
+
+def read_mjcf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]]:
+    """The arm as a spec without actuators, and {joint: (torque limit in N m, inf)} from the actuators it had.
+
+    Damping, armature and friction that the file states are kept. Meshes, height fields and textures that are missing
+    are dropped with the shapes that use them.
+
+    Raises:
+        UserError: MuJoCo cannot read it, or a moving body's mass would come from a mesh that is missing.
+    """
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+    except ValueError as error:
+        raise UserError(f"MuJoCo cannot read it: {error}", file=path) from error
+    _strip(spec, path)
+    limits = _limits(spec, path)
+    for group in (spec.actuators, spec.sensors, spec.keys):  # they name, or count, what is replaced
+        for element in list(group):
+            spec.delete(element)
+    return spec, limits
+
+
+def _strip(spec: mujoco.MjSpec, path: Path) -> None:
+    base = path.resolve().parent
+    meshes = {m.name or Path(m.file).stem: m for m in spec.meshes if m.file and _missing(spec, base, spec.meshdir, m.file)}
+    fields = {h.name or Path(h.file).stem: h for h in spec.hfields if h.file and _missing(spec, base, spec.meshdir, h.file)}
+    for geom in list(spec.geoms):
+        if geom.meshname in meshes or geom.hfieldname in fields:
+            body = geom.parent
+            if body.name != "world" and not body.explicitinertial and geom.mass != 0.0 and geom.density != 0.0:
+                file = meshes[geom.meshname].file if geom.meshname in meshes else fields[geom.hfieldname].file
+                raise UserError(
+                    f"the mass of body '{body.name}' comes from a mesh that is missing ({file})",
+                    file=path,
+                    expected="the mesh, or an <inertial> in the body",
+                )
+            spec.delete(geom)
+    for element in [*meshes.values(), *fields.values()]:
+        spec.delete(element)
+    for texture in list(spec.textures):
+        files = [texture.file, *texture.cubefiles]
+        if any(f and _missing(spec, base, spec.texturedir, f) for f in files):
+            for material in spec.materials:
+                material.textures = ["" if t == texture.name else t for t in material.textures]
+            spec.delete(texture)
+
+
+def _missing(spec: mujoco.MjSpec, base: Path, folder: str, file: str) -> bool:
+    return not ((base / folder / file).is_file() or file in spec.assets)
+
+
+def _limits(spec: mujoco.MjSpec, path: Path) -> dict[str, tuple[float, float]]:
+    """Greatest torque that each joint's own actuator can give, or the joint's `actuatorfrcrange`."""
+    try:
+        model = spec.copy().compile()
+    except ValueError as error:
+        raise UserError(f"MuJoCo cannot compile it: {error}", file=path) from error
+    limits: dict[str, float] = {}
+    for i in range(model.njnt):
+        if model.jnt_actfrclimited[i]:
+            limits[model.joint(i).name] = float(model.jnt_actfrcrange[i].max())
+    for i in range(model.nu):
+        if model.actuator_trntype[i] != mujoco.mjtTrn.mjTRN_JOINT:
+            continue
+        force = model.actuator_forcerange[i].max() if model.actuator_forcelimited[i] else float("inf")
+        fixed = model.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_NONE
+        if model.actuator_ctrllimited[i] and fixed:  # a motor: force = gain * ctrl
+            force = min(force, model.actuator_ctrlrange[i].max() * abs(model.actuator_gainprm[i, 0]))
+        name = model.joint(int(model.actuator_trnid[i, 0])).name
+        torque = float(force) * abs(float(model.actuator_gear[i, 0]))
+        limits[name] = min(limits.get(name, float("inf")), torque)
+    return {name: (torque, float("inf")) for name, torque in limits.items()}

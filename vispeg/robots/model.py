@@ -1,0 +1,159 @@
+"""A robot as the rest of the project sees it: names, limits, and a fresh MjSpec whenever one is asked for."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.robots import iiwa14, tools
+from vispeg.robots.arm import Limits, prepare
+from vispeg.robots.mjcf import read_mjcf
+from vispeg.robots.urdf import read_urdf
+
+GRAVITY = 9.81  # m/s^2
+SUFFIXES = (".xml", ".mjcf", ".urdf")
+Tool = str | Mapping[str, Any] | None
+
+
+@dataclass(frozen=True, eq=False)
+class RobotModel:
+    """A fixed-base arm, its declared tool and mounting included. SI units, radians.
+
+    Attributes:
+        name: short name.
+        source: where its numbers come from.
+        joints: hinge joint names, base to tip, (nj,).
+        torque_limit: (nj,) N m, inf where not known.
+        velocity_limit: (nj,) rad/s, inf where not known.
+        range: (nj, 2) rad, infinite where unlimited.
+        flange: name of the flange site.
+        links: the bodies that the joints turn, (nj,), in the order of `joints`.
+        base: the body that carries the first joint.
+    """
+
+    name: str
+    source: str
+    joints: tuple[str, ...]
+    torque_limit: np.ndarray
+    velocity_limit: np.ndarray
+    range: np.ndarray
+    flange: str
+    links: tuple[str, ...]
+    base: str
+    build: Callable[[], mujoco.MjSpec] = field(repr=False)
+
+    def spec(self) -> mujoco.MjSpec:
+        """A spec of the caller's own, with one motor a joint (named as the joint; N m in, no limits)."""
+        return self.build()
+
+    def compile(self) -> mujoco.MjModel:
+        """`spec()`, compiled."""
+        return self.spec().compile()
+
+
+def load(robot: str | Path, tool: Tool = None, base_tilt: tuple[float, float] = (0.0, 0.0)) -> RobotModel:
+    """A robot by name or by file; the same arguments give the same object.
+
+    Args:
+        robot: `iiwa14`, a path to an MJCF or URDF, or, where the environment variable MENAGERIE_ROOT names a MuJoCo
+            Menagerie checkout, a folder of it.
+        tool: what is at the flange, see `vispeg.robots.tools.attach`.
+        base_tilt: (roll, pitch) of the mounting, rad: the base is turned by Rx(roll) Ry(pitch), so gravity in the base
+            is (Rx(roll) Ry(pitch))' (0, 0, -9.81).
+
+    Raises:
+        UserError: an unknown robot or tool, or a file that cannot be used.
+    """
+    key = tool if isinstance(tool, str) or tool is None else _tool_key(tool)
+    tilt = np.asarray(base_tilt, float)
+    if tilt.shape != (2,) or not np.isfinite(tilt).all():
+        raise UserError("not a base tilt", expected="roll and pitch in rad", got=base_tilt)
+    path = _file(str(robot))
+    stamp = path.stat().st_mtime_ns if path else 0  # an edited file is read again
+    return _load(str(robot), str(path) if path else "", stamp, key, (float(tilt[0]), float(tilt[1])))
+
+
+def known() -> list[str]:
+    """Names that `load` takes here."""
+    return ["iiwa14", *sorted(_menagerie())]
+
+
+@lru_cache(maxsize=64)
+def _load(robot: str, file: str, stamp: int, tool: str | None, tilt: tuple[float, float]) -> RobotModel:
+    if file:
+        path = Path(file)
+        spec, limits = read_urdf(path) if path.suffix.lower() == ".urdf" else read_mjcf(path)
+        name, source = path.stem, file
+    else:
+        spec, name, source = iiwa14.build(), "iiwa14", "MuJoCo Menagerie kuka_iiwa_14"
+        limits = {x.name.replace("link", "joint"): (x.torque, x.speed) for x in iiwa14.LINKS if x.limit is not None}
+        spec.body("link7").add_site(name="flange", pos=iiwa14.FLANGE, group=4)
+        spec.option.gravity = (0.0, 0.0, -GRAVITY)
+    arm = prepare(spec, limits, file or name)
+    tools.attach(spec, arm.flange, json.loads(tool) if tool and tool.startswith("{") else tool)
+    spec.option.gravity = tilted(np.array(spec.option.gravity), *tilt)
+    arm.check(spec, file or name)
+    return RobotModel(
+        name=name,
+        source=source,
+        joints=arm.joints,
+        torque_limit=arm.torque,
+        velocity_limit=arm.speed,
+        range=arm.range,
+        flange=arm.flange,
+        links=arm.links,
+        base=arm.base,
+        build=spec.copy,
+    )
+
+
+def tilted(gravity: np.ndarray, roll: float, pitch: float) -> np.ndarray:
+    """Gravity (3,) seen from a base that is turned by Rx(roll) Ry(pitch): (Rx Ry)' g."""
+    cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
+    rx = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    ry = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    return (rx @ ry).T @ gravity
+
+
+def _tool_key(tool: Mapping[str, Any]) -> str:
+    """The numbers of a tool mapping as text, so that equal tools share one cached robot."""
+    mass, com, inertia = tools.stated(tool)
+    return json.dumps({"mass_kg": mass, "com_m": com.tolist(), "inertia_kgm2": inertia.tolist()})
+
+
+def _file(robot: str) -> Path | None:
+    """The file that a robot's name means; None for a robot that is built in."""
+    if robot == "iiwa14":
+        return None
+    path = Path(robot).expanduser()
+    if path.suffix.lower() in SUFFIXES:
+        if not path.is_file():
+            raise UserError("no such robot file", file=robot)
+        return path.resolve()
+    folders = _menagerie()
+    if robot not in folders:
+        hint = "a name, or a path to an .xml (MJCF) or .urdf"
+        raise UserError("unknown robot", expected=hint, got=robot, choices=known())
+    files = sorted(p for p in folders[robot].glob("*.xml") if not p.stem.startswith("scene"))
+    plain = robot.replace("_", "")
+    best = [p for p in files if plain.endswith(p.stem.replace("_", ""))]  # kuka_iiwa_14/iiwa14.xml
+    return (best or files)[0]
+
+
+def _menagerie() -> dict[str, Path]:
+    root = os.environ.get("MENAGERIE_ROOT")
+    if not root or not Path(root).is_dir():
+        return {}
+    return {p.name: p for p in Path(root).iterdir() if p.is_dir() and any(p.glob("*.xml"))}
+
+
+__all__ = ["GRAVITY", "Limits", "RobotModel", "known", "load", "tilted"]

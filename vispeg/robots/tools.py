@@ -1,0 +1,165 @@
+"""What can hang at the flange: a stated inertia, or a named gripper with or without a peg.
+
+Frames: a tool's own frame is the flange frame, z outwards.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from vispeg.core.errors import UserError
+
+STEEL = 7850.0  # kg/m^3
+PEG_LENGTH, GRASP = 0.08, 0.105  # m: length of a peg, height of its top end above the flange
+GRIPPER = 0.7, 0.10  # kg in all, m: length of the housing
+FINGER_MASS, FINGER_SIZE = 0.04, (0.012, 0.020, 0.045)  # kg, m
+HOUSING = (0.080, 0.050, GRIPPER[1])  # m
+NAMES = ("none", "meg50", "meg50+peg40")
+KEYS = ("mass_kg", "com_m", "inertia_kgm2")
+BOX, CYLINDER = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A homogeneous box (full lengths x, y, z in m) or upright cylinder (radius, length) at `pos` in the flange frame."""
+
+    name: str
+    size: tuple[float, ...]
+    pos: tuple[float, float, float]
+    mass: float
+    rgba: tuple[float, float, float, float]
+
+    @property
+    def inertia(self) -> np.ndarray:
+        """Diagonal (3,), kg m^2, about the shape's own centre."""
+        if len(self.size) == 2:
+            r, h = self.size
+            across = self.mass * (3 * r * r + h * h) / 12
+            return np.array([across, across, self.mass * r * r / 2])
+        x, y, z = np.square(self.size)
+        return self.mass / 12 * np.array([y + z, x + z, x + y])
+
+
+def attach(spec: mujoco.MjSpec, flange: str, tool: str | Mapping[str, Any] | None) -> None:
+    """Welds a tool to the flange site: a body `tool`, and `peg` in it where one is held.
+
+    Args:
+        spec: the arm, changed in place.
+        flange: name of the flange site.
+        tool: None, "none", a name of `NAMES` (any `pegNN`, NN mm in diameter), or {mass_kg, com_m (3,) m,
+            inertia_kgm2 (3,) about the centre of mass along the flange axes, name (optional)}.
+
+    Raises:
+        UserError: an unknown name, a missing key, or an inertia that no solid body has.
+    """
+    if tool is None or tool == "none":
+        return
+    site = spec.site(flange)
+    if any(b.name == "tool" for b in spec.bodies):
+        raise UserError("the robot already has a body named 'tool'", expected="a robot without a tool")
+    body = site.parent.add_body(name="tool", pos=site.pos, quat=site.quat)
+    if isinstance(tool, str):
+        _named(body, tool)
+    else:
+        mass, com, inertia = stated(tool)
+        _set(body, mass, com, np.diag(inertia))
+
+
+def stated(tool: Mapping[str, Any]) -> tuple[float, np.ndarray, np.ndarray]:
+    """Mass (kg), centre of mass (3,) (m) and diagonal inertia (3,) (kg m^2) of a tool mapping, checked."""
+    if not isinstance(tool, Mapping):
+        raise UserError("not a tool", key="tool", expected="none, a name or a mapping", got=tool)
+    for key in tool:
+        if key not in (*KEYS, "name"):
+            raise UserError("unknown key", key=f"tool.{key}", got=key, choices=(*KEYS, "name"))
+    mass, com, inertia = (_numbers(tool, key, size) for key, size in zip(KEYS, (1, 3, 3), strict=True))
+    if mass[0] < 0:
+        raise UserError("negative mass", key="tool.mass_kg", expected="kg, zero or more", got=tool["mass_kg"])
+    top = inertia.max()
+    if inertia.min() < 0 or inertia.sum() - top < top * (1 - 1e-9):
+        raise UserError(
+            "no solid body has this inertia",
+            key="tool.inertia_kgm2",
+            expected="[ixx, iyy, izz] >= 0, none greater than the sum of the other two",
+            got=tool["inertia_kgm2"],
+        )
+    return float(mass[0]), com, inertia
+
+
+def _numbers(tool: Mapping[str, Any], key: str, size: int) -> np.ndarray:
+    what = "a number" if size == 1 else f"{size} numbers"
+    if key not in tool:
+        raise UserError("missing", key=f"tool.{key}", expected=what)
+    try:
+        value = np.atleast_1d(np.asarray(tool[key], float))
+    except (TypeError, ValueError):
+        value = np.empty(0)
+    if value.shape != (size,) or not np.isfinite(value).all():
+        raise UserError("not a finite value", key=f"tool.{key}", expected=what, got=tool[key])
+    return value
+
+
+def _named(body: Any, name: str) -> None:
+    match = re.fullmatch(r"meg50(?:\+peg(\d+))?", name)
+    diameter = int(match[1]) / 1000 if match and match[1] else None
+    if match is None or (diameter is not None and not 0.005 <= diameter <= 0.08):
+        raise UserError("unknown tool", key="tool", expected="a peg of 5 to 80 mm, if any", got=name, choices=NAMES)
+    _solid(body, _gripper(0.5 * (diameter or 0.04)))
+    if diameter is not None:
+        peg = body.add_body(name="peg")
+        mass = STEEL * math.pi * diameter**2 / 4 * PEG_LENGTH
+        steel = (0.62, 0.64, 0.67, 1.0)
+        _solid(peg, [Shape("peg", (diameter / 2, PEG_LENGTH), (0, 0, GRASP + PEG_LENGTH / 2), mass, steel)])
+        peg.add_site(name="peg_tip", pos=(0, 0, GRASP + PEG_LENGTH), group=4)
+
+
+def _gripper(grip: float) -> list[Shape]:
+    """Housing and two fingers closed on something of radius `grip` (m)."""
+    dark = (0.18, 0.19, 0.21, 1.0)
+    mass, length = GRIPPER
+    x, z = grip + FINGER_SIZE[0] / 2, length + FINGER_SIZE[2] / 2
+    return [
+        Shape("gripper", HOUSING, (0, 0, length / 2), mass - 2 * FINGER_MASS, (0.55, 0.57, 0.60, 1.0)),
+        Shape("finger_left", FINGER_SIZE, (x, 0, z), FINGER_MASS, dark),
+        Shape("finger_right", FINGER_SIZE, (-x, 0, z), FINGER_MASS, dark),
+    ]
+
+
+def _solid(body: Any, shapes: list[Shape]) -> None:
+    """Gives a body these shapes as geoms and their joint inertia; they touch the scene but not the arm."""
+    mass = sum(s.mass for s in shapes)
+    com = sum(s.mass * np.array(s.pos) for s in shapes) / mass
+    inertia = np.zeros((3, 3))
+    for s in shapes:
+        r = np.array(s.pos) - com
+        inertia += np.diag(s.inertia) + s.mass * (r @ r * np.eye(3) - np.outer(r, r))  # parallel axes
+        box = len(s.size) == 3
+        size = [c / 2 for c in s.size] if box else [s.size[0], s.size[1] / 2, 0.0]
+        body.add_geom(
+            name=s.name,
+            type=BOX if box else CYLINDER,
+            size=size,
+            pos=s.pos,
+            rgba=s.rgba,
+            contype=0,
+            conaffinity=1,
+            mass=0.0,
+        )
+    _set(body, mass, com, inertia)
+
+
+def _set(body: Any, mass: float, com: np.ndarray, inertia: np.ndarray) -> None:
+    """Writes mass (kg), centre of mass (3,) and inertia (3, 3) about it; off-diagonal terms only where there are any."""
+    body.mass, body.ipos, body.explicitinertial = mass, com, True
+    off = [inertia[0, 1], inertia[0, 2], inertia[1, 2]]
+    if np.abs(off).max() > 1e-12 * np.trace(inertia):
+        body.fullinertia = [*np.diag(inertia), *off]
+    else:
+        body.inertia = np.diag(inertia)
