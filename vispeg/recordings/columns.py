@@ -1,0 +1,28 @@
+"""The columns of samples.csv and samples.parquet, and what each control mode needs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+JOINT_SIGNALS = ("q", "dq", "tau", "tau_cmd", "q_cmd", "dq_cmd")  # one column a joint: `q.joint1`
+POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
+WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
+SPATIAL_SIGNALS = {"ee": POSE, "ee_cmd": POSE, "ft": WRENCH}
+SIGNALS = (*JOINT_SIGNALS, *SPATIAL_SIGNALS)
+NEEDED = {"torque": ("tau_cmd",), "position": ("q_cmd",), "osc": ("ee_cmd",), "passive": (), "unknown": ()}
+UNITS = {
+    "q": "rad",
+    "dq": "rad/s",
+    "tau": "N m",
+    "tau_cmd": "N m",
+    "q_cmd": "rad",
+    "dq_cmd": "rad/s",
+    "ee": "m, quaternion",
+    "ee_cmd": "m, quaternion",
+    "ft": "N, N m",
+}
+
+
+def columns_of(signal: str, joints: Sequence[str]) -> list[str]:
+    """The column names of a signal, in order: `q` -> q.joint1, q.joint2, ...; `ee` -> ee.x ... ee.qz."""
+    return [f"{signal}.{tail}" for tail in SPATIAL_SIGNALS.get(signal, joints)]

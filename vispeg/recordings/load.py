@@ -1,0 +1,173 @@
+"""Loads a recording folder (RECORDING.md), refusing what would mislead a fit."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.recordings.columns import JOINT_SIGNALS, NEEDED, SIGNALS, SPATIAL_SIGNALS, columns_of
+from vispeg.recordings.recording import Control, Nullspace, Recording
+from vispeg.recordings.schema import ControlSection, Header, read_header
+from vispeg.recordings.table import Table, read_table
+from vispeg.recordings.validate import check_angles, check_episodes, check_finite, check_share, check_time, check_unit
+
+HEADER, SAMPLES = "recording.yaml", ("samples.csv", "samples.parquet")
+
+
+def load(path: Path | str) -> Recording:
+    """The recording in a folder with recording.yaml and samples.csv or samples.parquet.
+
+    Values are taken as they are: no resampling, no normalisation, NaN for empty cells. Unknown keys and columns are
+    ignored with one warning each that names them.
+
+    Args:
+        path: the folder.
+
+    Returns:
+        The recording; SI units, radians, a `robot` path made absolute.
+
+    Raises:
+        UserError: anything missing, malformed or implausible, naming the file and the key, column or row.
+    """
+    folder = Path(path).expanduser()
+    if not folder.name or folder.name == "..":
+        folder = folder.resolve()
+    header_file, samples_file = _files(folder)
+    header = read_header(header_file)
+    table = read_table(samples_file)
+    _warn_unknown(table, header)
+    control = _control(header.control, header.rate_hz, len(header.joints), header_file)
+    signals = {name: _signal(table, name, header.joints) for name in SIGNALS}
+    _need(table, header, signals)
+    time, episode = _clock(table, header.rate_hz)
+    q = signals.pop("q")
+    if q is None:  # `_need` has made sure of it; said again for the reader
+        raise UserError("has no measured angles", file=samples_file, expected=columns_of("q", header.joints)[0])
+    return Recording(
+        path=folder,
+        robot=_robot(header.robot, folder, header_file),
+        joints=tuple(header.joints),
+        rate_hz=header.rate_hz,
+        control=control,
+        time=time,
+        q=q,
+        **signals,  # type: ignore[arg-type]
+        episode=episode,
+        tool=header.tool.model_dump(exclude_none=True, include=set(type(header.tool).model_fields))
+        if header.tool
+        else None,
+        base_tilt=(header.base.tilt_rad[0], header.base.tilt_rad[1]),
+        torque_sensor=header.torque_sensor,
+        noise=header.noise.model_dump(exclude_none=True, include=set(type(header.noise).model_fields)),
+        motion=header.motion,
+        notes=header.notes,
+    )
+
+
+def _files(folder: Path) -> tuple[Path, Path]:
+    try:
+        if not folder.exists():
+            raise UserError("does not exist", file=folder, expected="a recording folder")
+        if not folder.is_dir():
+            raise UserError("is a file", file=folder, expected=f"the folder that holds {HEADER}")
+        tables = [folder / name for name in SAMPLES if (folder / name).is_file()]
+        header = folder / HEADER
+        if not header.is_file():
+            raise UserError(f"holds no {HEADER}", file=folder)
+    except (OSError, ValueError) as error:  # a name too long, a NUL in it, no permission
+        raise UserError(f"cannot be read: {error}", file=folder) from error
+    if len(tables) != 1:
+        raise UserError(
+            f"holds {'both' if tables else 'neither'} {' and '.join(SAMPLES)}" if tables else "holds no samples",
+            file=folder,
+            expected=f"one of {', '.join(SAMPLES)}",
+        )
+    return header, tables[0]
+
+
+def _robot(robot: str, folder: Path, file: Path) -> str:
+    """A name as it is; a path (it has a suffix or a slash) absolute."""
+    if "/" not in robot and not robot.lower().endswith((".xml", ".urdf", ".mjcf")):
+        return robot
+    try:
+        found = (folder / Path(robot).expanduser()).resolve()
+        exists = found.is_file()
+    except (OSError, ValueError, RuntimeError) as error:
+        raise UserError("is not a usable path", file=file, key="robot", got=robot) from error
+    if not exists:
+        raise UserError("no such file", file=file, key="robot", expected="an MJCF or URDF beside this file", got=robot)
+    return str(found)
+
+
+def _control(section: ControlSection, rate_hz: float, nj: int, file: Path) -> Control:
+    """Checks the gains against the mode: one a joint for position, six for osc."""
+    size = {"position": nj, "osc": 6}.get(section.mode)
+    gains: dict[str, Any] = {}
+    for name in ("kp", "kd"):
+        value = getattr(section, name)
+        if value is None and size is not None:
+            raise UserError("is missing", file=file, key=f"control.{name}", expected=f"{size} numbers")
+        if value is not None and size is not None and len(value) != size:
+            raise UserError("has the wrong length", file=file, key=f"control.{name}", expected=size, got=len(value))
+        gains[name] = None if value is None else np.array(value, float)
+    null = section.nullspace
+    if null is not None and len(null.q) != nj:
+        raise UserError("has the wrong length", file=file, key="control.nullspace.q", expected=nj, got=len(null.q))
+    return Control(
+        mode=section.mode,
+        rate_hz=section.rate_hz or rate_hz,
+        gravity_compensation=section.gravity_compensation,
+        nullspace=None if null is None else Nullspace(null.kp, null.kd, np.array(null.q, float)),
+        **gains,
+    )
+
+
+def _signal(table: Table, name: str, joints: list[str]) -> np.ndarray | None:
+    """One signal (n, width), or None where none of its columns is there. A set must be complete."""
+    columns = columns_of(name, joints)
+    present = [c for c in columns if c in table.columns or c in table.text]
+    if not present and name != "q":
+        return None
+    values = np.stack([table.number(column) for column in columns], axis=1)
+    check_finite(table, values, columns)
+    if name in ("q", "q_cmd"):
+        check_angles(table, values, columns)
+    if name in ("ee", "ee_cmd"):
+        check_unit(table, values[:, 3:], name)
+    return values
+
+
+def _need(table: Table, header: Header, signals: dict[str, np.ndarray | None]) -> None:
+    mode = header.control.mode
+    for name in ("q", *NEEDED[mode]):
+        values = signals[name]
+        columns = columns_of(name, header.joints)
+        if values is None:
+            raise UserError(f"control mode '{mode}' needs {columns[0]} ... {columns[-1]}", file=table.file)
+        check_share(table, values, columns)
+    if signals["tau"] is not None and header.torque_sensor == "none":
+        warnings.warn(
+            f"{table.file}: has tau columns, but `torque_sensor` is none: they are not used; say joint or motor",
+            stacklevel=3,
+        )
+
+
+def _clock(table: Table, rate_hz: float) -> tuple[np.ndarray, np.ndarray | None]:
+    time = table.number("time")
+    episode = None
+    if "episode" in table.columns or "episode" in table.text:
+        episode = check_episodes(table, table.number("episode"))
+    check_time(table, time, episode, rate_hz)
+    return time, episode
+
+
+def _warn_unknown(table: Table, header: Header) -> None:
+    known = {"time", "episode", *(c for s in (*JOINT_SIGNALS, *SPATIAL_SIGNALS) for c in columns_of(s, header.joints))}
+    unknown = [name for name in table.names if name not in known]
+    if unknown:
+        shown = ", ".join(unknown[:8]) + (f" and {len(unknown) - 8} more" if len(unknown) > 8 else "")
+        warnings.warn(f"{table.file}: unknown columns are ignored: {shown}", stacklevel=3)

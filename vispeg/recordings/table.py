@@ -1,0 +1,166 @@
+"""Reads a table of numbers from CSV or Parquet, naming the row and column of what is not a number."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+
+MAX_BYTES = 2_000_000_000
+MAX_ROWS = 5_000_000
+MAX_COLUMNS = 5_000
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns by name, each (n,) float64 with NaN for an empty cell.
+
+    Attributes:
+        file: where it came from.
+        columns: name -> values.
+        text: name -> (row, cell) of the first cell that is not a number; such a column is not in `columns`.
+        first_row: what a message calls the first sample: 2 in a CSV (line 1 is the header), 0 in Parquet.
+        names: all columns in the order of the file.
+        rows: number of samples.
+    """
+
+    file: Path
+    columns: dict[str, np.ndarray]
+    names: list[str]
+    rows: int
+    first_row: int
+    text: dict[str, tuple[int, str]] = field(default_factory=dict)
+
+    def row(self, index: int | np.integer) -> str:
+        """How a message names the sample at `index`."""
+        return f"row {self.first_row + int(index)}"
+
+    def number(self, name: str) -> np.ndarray:
+        """A column, (n,). Raises UserError if it is absent or holds something that is not a number."""
+        if name in self.text:
+            row, cell = self.text[name]
+            raise UserError("is not a number", file=self.file, key=f"row {row}, column {name}", got=cell)
+        if name not in self.columns:
+            raise UserError("column is missing", file=self.file, got=name, choices=self.names)
+        return self.columns[name]
+
+
+def read_table(file: Path) -> Table:
+    """Reads a .csv or .parquet file. Raises UserError for anything that is not a table with a header and samples."""
+    try:
+        size = file.stat().st_size
+        if size > MAX_BYTES:
+            raise UserError("is too large", file=file, expected=f"at most {MAX_BYTES} bytes; split it", got=size)
+        table = _parquet(file) if file.suffix == ".parquet" else _csv(file)
+    except OSError as error:
+        raise UserError(f"cannot be read: {error.strerror or error}", file=file) from error
+    if table.rows == 0:
+        raise UserError("holds no samples", file=file)
+    return table
+
+
+def _header(names: list[str], file: Path) -> list[str]:
+    if len(names) > MAX_COLUMNS:
+        raise UserError("has too many columns", file=file, expected=f"at most {MAX_COLUMNS}", got=len(names))
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            raise UserError("column is given twice", file=file, key=name)
+        seen.add(name)
+    return names
+
+
+def _csv(file: Path) -> Table:
+    try:
+        text = file.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise UserError(f"is not UTF-8 text (byte {error.start})", file=file) from error
+    head, _, body = text.partition("\n")
+    if not head.strip():
+        raise UserError("is empty" if not text.strip() else "has no header line", file=file)
+    try:
+        names = _header([name.strip() for name in next(csv.reader([head.rstrip("\r")]))], file)
+    except (csv.Error, StopIteration) as error:
+        raise UserError(f"header line cannot be read: {error}", file=file) from error
+    if body.count("\n") > MAX_ROWS:
+        raise UserError("has too many rows", file=file, expected=f"at most {MAX_ROWS}; split it")
+    quick = _all_numbers(body, len(names))
+    if quick is not None:
+        return Table(file, dict(zip(names, np.ascontiguousarray(quick.T), strict=True)), names, len(quick), 2)
+    return _cell_by_cell(file, names, body)
+
+
+def _all_numbers(body: str, width: int) -> np.ndarray | None:
+    """The samples (n, width) where every cell is a number; None where a closer look is needed."""
+    if not body.strip() or "\n\n" in body.rstrip() or "_" in body:
+        return None  # loadtxt skips blank lines, after which row numbers would be wrong
+    try:
+        values = np.loadtxt(io.StringIO(body), delimiter=",", comments=None, ndmin=2)
+    except ValueError:
+        return None
+    return values if values.shape[1] == width else None
+
+
+def _cell_by_cell(file: Path, names: list[str], body: str) -> Table:
+    columns: list[list[float]] = [[] for _ in names]
+    text: dict[str, tuple[int, str]] = {}
+    lines = body.rstrip().splitlines()
+    try:
+        for number, cells in enumerate(csv.reader(lines), start=2):
+            if len(cells) != len(names):
+                raise UserError(
+                    "has the wrong number of cells (cut off?)",
+                    file=file,
+                    key=f"row {number}",
+                    expected=len(names),
+                    got=len(cells),
+                )
+            for name, column, cell in zip(names, columns, cells, strict=True):
+                value = _float(cell)
+                if value is None:
+                    text.setdefault(name, (number, cell))
+                    value = np.nan
+                column.append(value)
+    except csv.Error as error:
+        raise UserError(f"cannot be read: {error}", file=file) from error
+    values = {name: np.array(column) for name, column in zip(names, columns, strict=True) if name not in text}
+    return Table(file, values, names, len(columns[0]), 2, text)
+
+
+def _float(cell: str) -> float | None:
+    cell = cell.strip()
+    if not cell:
+        return np.nan
+    try:
+        return None if "_" in cell else float(cell)
+    except ValueError:
+        return None
+
+
+def _parquet(file: Path) -> Table:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    values: dict[str, np.ndarray] = {}
+    text: dict[str, tuple[int, str]] = {}
+    try:
+        with pq.ParquetFile(file) as source:
+            names = _header(list(source.schema_arrow.names), file)
+            if source.metadata.num_rows > MAX_ROWS:
+                raise UserError("has too many rows", file=file, expected=f"at most {MAX_ROWS}; split it")
+            table = source.read()
+        for name in names:
+            column = table.column(name)
+            kind = column.type
+            if pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_null(kind):
+                values[name] = column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False).copy()
+            else:
+                text[name] = (0, f"a column of {kind}")
+    except (pa.ArrowException, OSError, ValueError, OverflowError, NotImplementedError, MemoryError) as error:
+        raise UserError(f"is not a Parquet file that can be read: {error}", file=file) from error
+    return Table(file, values, names, table.num_rows, 0, text)

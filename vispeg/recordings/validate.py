@@ -1,0 +1,117 @@
+"""What values a recording may hold. Each check raises a UserError that names the row and the column."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.recordings.table import Table
+
+MAX_ANGLE = 4 * np.pi  # rad: no arm turns further; degrees do
+MAX_MISSING = 0.5
+UNIT_TOLERANCE = 1e-2  # of a quaternion's norm: rounding to three digits passes, a wrong order of components does not
+CLOCKS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
+
+
+def check_finite(table: Table, values: np.ndarray, columns: list[str]) -> None:
+    """No infinite value in (n, k); NaN is a missing reading and passes."""
+    bad = np.argwhere(np.isinf(values))
+    if len(bad):
+        row, column = bad[0]
+        raise UserError("is infinite", file=table.file, key=f"{table.row(row)}, column {columns[column]}")
+
+
+def check_share(table: Table, values: np.ndarray, columns: list[str]) -> None:
+    """At most half of a needed column is missing."""
+    missing = np.mean(np.isnan(values), axis=0)
+    worst = int(np.argmax(missing))
+    if missing[worst] > MAX_MISSING:
+        raise UserError(
+            f"{missing[worst]:.0%} of the readings are missing",
+            file=table.file,
+            key=f"column {columns[worst]}",
+            expected=f"at most {MAX_MISSING:.0%}",
+        )
+
+
+def check_angles(table: Table, values: np.ndarray, columns: list[str]) -> None:
+    """Angles (n, nj) are radians: beyond two turns they are taken for degrees."""
+    bad = np.argwhere(np.abs(values) > MAX_ANGLE)
+    if len(bad):
+        row, column = bad[0]
+        raise UserError(
+            "looks like degrees",
+            file=table.file,
+            key=f"{table.row(row)}, column {columns[column]}",
+            expected="radians, at most two turns",
+            got=float(values[row, column]),
+        )
+
+
+def check_unit(table: Table, quaternions: np.ndarray, name: str) -> None:
+    """Quaternions (n, 4) have norm 1; rows with a missing component are not looked at."""
+    with np.errstate(over="ignore"):
+        norm = np.linalg.norm(quaternions, axis=1)
+    bad = np.flatnonzero(np.abs(norm - 1) > UNIT_TOLERANCE)
+    if len(bad):
+        raise UserError(
+            "quaternion is not of unit length",
+            file=table.file,
+            key=f"{table.row(bad[0])}, columns {name}.qw ... {name}.qz",
+            got=float(norm[bad[0]]),
+        )
+
+
+def check_episodes(table: Table, values: np.ndarray) -> np.ndarray:
+    """Episode numbers (n,) as int64: whole, none missing, the rows of one episode together."""
+    bad = np.flatnonzero(~(np.abs(values) < 2**53) | (np.floor(values) != values))
+    if len(bad):
+        key = f"{table.row(bad[0])}, column episode"
+        raise UserError("is not a whole number", file=table.file, key=key, got=float(values[bad[0]]))
+    episode = values.astype(np.int64)
+    starts = np.flatnonzero(np.diff(episode, prepend=episode[0] - 1))
+    seen: set[int] = set()
+    for row in starts:
+        if int(episode[row]) in seen:
+            key = f"{table.row(row)}, column episode"
+            raise UserError("episode resumes after another", file=table.file, key=key, got=int(episode[row]))
+        seen.add(int(episode[row]))
+    return episode
+
+
+def check_time(table: Table, time: np.ndarray, episode: np.ndarray | None, rate_hz: float) -> None:
+    """Time (n,) is finite, strictly increasing within an episode, and in seconds."""
+    bad = np.flatnonzero(~np.isfinite(time))
+    if len(bad):
+        raise UserError("is missing or infinite", file=table.file, key=f"{table.row(bad[0])}, column time")
+    if len(time) < 2:
+        raise UserError("holds a single sample", file=table.file, expected="a motion")
+    step = np.diff(time)
+    inside = np.ones(len(step), bool) if episode is None else np.diff(episode) == 0
+    back = np.flatnonzero(inside & (step <= 0))
+    if len(back):
+        row = int(back[0]) + 1
+        raise UserError(
+            "time does not increase" + ("" if episode is not None else " (several runs need an `episode` column)"),
+            file=table.file,
+            key=f"{table.row(row)}, column time",
+            expected=f"more than {float(time[row - 1])!r}",
+            got=float(time[row]),
+        )
+    if inside.any():
+        _check_clock(table, float(np.median(step[inside])) * rate_hz, rate_hz)
+
+
+def _check_clock(table: Table, ratio: float, rate_hz: float) -> None:
+    """`ratio`: median sample period over the stated one; near a power of 1000 the unit is wrong."""
+    for factor, unit in CLOCKS.items():
+        if 0.3 * factor < ratio < 3 * factor:
+            raise UserError(f"looks like {unit}", file=table.file, key="column time", expected="seconds")
+    if not 0.02 < ratio < 50:
+        raise UserError(
+            "does not fit `rate_hz` by far",
+            file=table.file,
+            key="column time",
+            expected=f"about {rate_hz:g} samples a second",
+            got=round(rate_hz / ratio, 6) if ratio else None,
+        )

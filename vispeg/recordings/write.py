@@ -1,0 +1,121 @@
+"""Writes a recording folder that `load` reads back bit for bit."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import yaml
+
+from vispeg.core.errors import UserError
+from vispeg.core.files import new_folder
+from vispeg.recordings.columns import SIGNALS, columns_of
+from vispeg.recordings.recording import Control, Recording
+from vispeg.recordings.schema import FORMAT
+
+
+def write(
+    recording: Recording, folder: Path | str, overwrite: bool = False, table: Literal["csv", "parquet"] = "csv"
+) -> Path:
+    """Writes recording.yaml and samples.csv or samples.parquet; the folder appears whole or not at all.
+
+    Args:
+        recording: what to write; numbers are written so that reading gives the same bits, NaN as an empty cell.
+        folder: where to; a `robot` that is an absolute path is written relative to it.
+        overwrite: whether an existing folder with content is replaced.
+        table: the format of the samples.
+
+    Returns:
+        The folder.
+
+    Raises:
+        UserError: the folder exists already, cannot be written, or an array does not have one row a sample.
+    """
+    samples = _samples(recording)
+    target = Path(folder).expanduser()
+    text = yaml.safe_dump(_header(recording, target), sort_keys=False, allow_unicode=True, width=120)
+    with new_folder(folder, overwrite) as part:
+        (part / "recording.yaml").write_text(text, encoding="utf-8")
+        if table == "csv":
+            _write_csv(part / "samples.csv", samples)
+        else:
+            _write_parquet(part / "samples.parquet", samples)
+    return target
+
+
+def _samples(rec: Recording) -> dict[str, np.ndarray]:
+    columns = {"time": rec.time}
+    if rec.episode is not None:
+        columns["episode"] = np.asarray(rec.episode, np.int64)
+    for signal in SIGNALS:
+        values = getattr(rec, signal)
+        if values is None:
+            continue
+        names = columns_of(signal, rec.joints)
+        if values.shape != (len(rec.time), len(names)):
+            raise UserError(
+                "has the wrong shape", file=rec.path, key=signal, expected=(len(rec.time), len(names)), got=values.shape
+            )
+        columns |= dict(zip(names, values.T, strict=True))
+    return columns
+
+
+def _write_csv(file: Path, columns: dict[str, np.ndarray]) -> None:
+    """`repr` of a float is the shortest text that reads back to the same bits."""
+    texts = [["" if v != v else repr(v) for v in column.tolist()] for column in columns.values()]
+    with file.open("w", encoding="utf-8", newline="") as stream:
+        stream.write(",".join(columns) + "\n")
+        stream.writelines(",".join(row) + "\n" for row in zip(*texts, strict=True))
+
+
+def _write_parquet(file: Path, columns: dict[str, np.ndarray]) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    pq.write_table(pa.table({name: np.ascontiguousarray(values) for name, values in columns.items()}), file)
+
+
+def _header(rec: Recording, folder: Path) -> dict[str, Any]:
+    head: dict[str, Any] = {
+        "format": FORMAT,
+        "robot": _robot(rec.robot, folder),
+        "joints": list(rec.joints),
+        "rate_hz": float(rec.rate_hz),
+        "control": _control(rec.control),
+        "tool": _plain(rec.tool) if rec.tool is not None else "none",
+        "base": {"tilt_rad": [float(angle) for angle in rec.base_tilt]},
+        "torque_sensor": rec.torque_sensor,
+    }
+    if rec.noise:
+        head["noise"] = _plain(rec.noise)
+    return head | {"motion": rec.motion, "notes": rec.notes}
+
+
+def _robot(robot: str, folder: Path) -> str:
+    if not os.path.isabs(robot):
+        return robot
+    relative = os.path.relpath(os.path.realpath(robot), os.path.realpath(folder))
+    return relative if "/" in relative or "." in relative else robot
+
+
+def _control(control: Control) -> dict[str, Any]:
+    out: dict[str, Any] = {"mode": control.mode, "rate_hz": float(control.rate_hz)}
+    out["gravity_compensation"] = control.gravity_compensation
+    out |= {name: _plain(gains) for name in ("kp", "kd") if (gains := getattr(control, name)) is not None}
+    if control.nullspace is not None:
+        null = control.nullspace
+        out["nullspace"] = {"kp": float(null.kp), "kd": float(null.kd), "q": _plain(null.q)}
+    return out
+
+
+def _plain(value: Any) -> Any:
+    """NumPy scalars and arrays, tuples and mappings as what YAML writes; every container a new one (no aliases)."""
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, dict) or hasattr(value, "items"):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value
