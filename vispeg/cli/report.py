@@ -1,0 +1,34 @@
+"""Builds the HTML report of a finished diagnosis or comparison again, from its record and evidence.
+
+Example:
+    vispeg report out/rig-a --overwrite
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from tyro.conf import Positional
+
+
+@dataclass(frozen=True)
+class Args:
+    """Arguments of `vispeg report`."""
+
+    out: Positional[Path]
+    """Folder that `vispeg diagnose` or `vispeg compare` wrote (diagnosis.json or compare.json, evidence.npz)."""
+    overwrite: bool = False
+    """Replace a report.html that is there already."""
+
+    def run(self) -> int:
+        """Writes OUT/report.html, prints its path and the headline; 0 on success."""
+        from vispeg.report import words
+        from vispeg.report.build import write_report
+        from vispeg.report.record import load_record
+
+        path = write_report(self.out, overwrite=self.overwrite)
+        values = load_record(self.out).values
+        print(words.verdict(values) or words.fall(values))
+        print(path)
+        return 0

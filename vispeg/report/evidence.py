@@ -1,0 +1,145 @@
+"""What was measured and what the models predicted: the arrays behind a report, read from `evidence.npz`."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+
+AXES = ("speed", "load", "position", "phase", "time", "frequency")
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One channel of one held-out recording; arrays (n, nj) in `unit`, `after` None where no model was added.
+
+    Attributes:
+        name: the recording's name.
+        unit: "rad" or "N m".
+        time: (n,) s; episodes are laid end to end.
+        measured, before, after: measured, given model, final model.
+    """
+
+    name: str
+    unit: str
+    time: np.ndarray
+    measured: np.ndarray
+    before: np.ndarray
+    after: np.ndarray | None
+
+
+@dataclass(frozen=True)
+class ResidualMap:
+    """Whitened RMS residual (1 = the noise) of each joint in bins of one input.
+
+    Attributes:
+        axis: speed, load, position, phase, time or frequency.
+        edges: (k+1,) bin edges.
+        before, after: (nj, k), NaN where a bin has no data; `after` may be None.
+    """
+
+    axis: str
+    edges: np.ndarray
+    before: np.ndarray
+    after: np.ndarray | None
+
+
+@dataclass(frozen=True)
+class NextMotion:
+    """The proposed experiment: time (n,) s, command (n, nj) rad, the rivals' predictions a, b (n, nj) or None."""
+
+    time: np.ndarray
+    command: np.ndarray
+    a: np.ndarray | None
+    b: np.ndarray | None
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """All arrays of a report; empty where there was no evidence file."""
+
+    joints: tuple[str, ...] = ()
+    unit: str = "rad"
+    traces: tuple[Trace, ...] = ()
+    torques: tuple[Trace, ...] = ()
+    maps: Mapping[str, ResidualMap] = field(default_factory=dict)
+    next_motion: NextMotion | None = None
+
+
+def load_evidence(path: Path) -> Evidence:
+    """Reads `evidence.npz`; an absent file is no evidence, a broken one or a wrong shape is a UserError."""
+    if not path.exists():
+        return Evidence()
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {key: archive[key] for key in archive.files}
+    except (OSError, ValueError, zipfile.BadZipFile) as error:
+        raise UserError("cannot be read as a NumPy archive without pickles", file=path, got=str(error)) from None
+    return _Reader(path, arrays).evidence()
+
+
+class _Reader:
+    """Checks shapes against each other while it picks the arrays apart."""
+
+    def __init__(self, path: Path, arrays: dict[str, np.ndarray]):
+        self.path, self.arrays = path, arrays
+        self.joints = tuple(str(name) for name in np.atleast_1d(arrays.get("joints", np.array([], dtype=str))))
+
+    def evidence(self) -> Evidence:
+        unit = self.text("unit", "rad")
+        traces, torques = [], []
+        rows = sorted({int(key.split("/")[0]) for key in self.arrays if key.split("/")[0].isdigit()})
+        for r in rows:
+            name, time = self.text(f"{r}/name", f"held-out {r + 1}"), self.need(f"{r}/time")
+            traces.append(self.trace(r, "", name, unit, time))
+            if f"{r}/measured_tau" in self.arrays and f"{r}/before_tau" in self.arrays:
+                torques.append(self.trace(r, "_tau", name, "N m", time))
+        maps = {axis: self.map(axis) for axis in AXES if f"map/{axis}/before" in self.arrays}
+        return Evidence(self.joints, unit, tuple(traces), tuple(torques), maps, self.next())
+
+    def text(self, key: str, default: str) -> str:
+        return str(self.arrays[key]) if key in self.arrays else default
+
+    def need(self, key: str, shape: tuple[int, ...] | None = None) -> np.ndarray:
+        if key not in self.arrays:
+            raise UserError("is missing", file=self.path, key=key)
+        value = self.arrays[key]
+        if shape is not None and value.shape != shape:
+            raise UserError("has the wrong shape", file=self.path, key=key, expected=shape, got=value.shape)
+        return value.astype(float)
+
+    def maybe(self, key: str, shape: tuple[int, ...]) -> np.ndarray | None:
+        return self.need(key, shape) if key in self.arrays else None
+
+    def trace(self, r: int, suffix: str, name: str, unit: str, time: np.ndarray) -> Trace:
+        shape = (len(time), len(self.joints))
+        measured, before = self.need(f"{r}/measured{suffix}", shape), self.need(f"{r}/before{suffix}", shape)
+        return Trace(name, unit, _end_to_end(time), measured, before, self.maybe(f"{r}/after{suffix}", shape))
+
+    def map(self, axis: str) -> ResidualMap:
+        edges = self.need(f"map/{axis}/edges")
+        shape = (len(self.joints), len(edges) - 1)
+        after = self.maybe(f"map/{axis}/after", shape)
+        return ResidualMap(axis, edges, self.need(f"map/{axis}/before", shape), after)
+
+    def next(self) -> NextMotion | None:
+        if "next/time" not in self.arrays or "next/q_cmd" not in self.arrays:
+            return None
+        time = self.need("next/time")
+        shape = (len(time), len(self.joints))
+        a, b = self.maybe("next/A", shape), self.maybe("next/B", shape)
+        return NextMotion(_end_to_end(time), self.need("next/q_cmd", shape), a, b)
+
+
+def _end_to_end(time: np.ndarray) -> np.ndarray:
+    """Time that restarts with each episode, made to run on, (n,) s."""
+    step = np.diff(time, prepend=time[:1])
+    if step.size and np.any(step < 0):
+        step = np.where(step < 0, np.median(step[step > 0]) if np.any(step > 0) else 0.0, step)
+        return time[0] + np.cumsum(step)
+    return time

@@ -1,0 +1,77 @@
+"""What a report is made of: the diagnosis (or comparison) record and its evidence."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from vispeg.core.errors import UserError
+from vispeg.report.evidence import Evidence, load_evidence
+from vispeg.report.quantities import number
+
+
+@dataclass(frozen=True)
+class Record:
+    """A finished run, ready to be shown.
+
+    Attributes:
+        kind: "diagnosis" or "compare".
+        values: the JSON record; keys may be absent or null, and every reader here copes with that.
+        evidence: the arrays.
+    """
+
+    kind: Literal["diagnosis", "compare"]
+    values: Mapping[str, Any]
+    evidence: Evidence
+
+    def rows(self, key: str) -> list[dict[str, Any]]:
+        """The list of mappings under `key`; empty where it is absent or null."""
+        return rows(self.values, key)
+
+    def mapping(self, key: str) -> dict[str, Any]:
+        """The mapping under `key`; empty where it is absent or null."""
+        value = self.values.get(key)
+        return value if isinstance(value, dict) else {}
+
+    @property
+    def floor(self) -> float | None:
+        """The noise floor, in the ladder's unit."""
+        return number(self.mapping("noise_floor").get("value"))
+
+
+def rows(values: Mapping[str, Any], key: str) -> list[dict[str, Any]]:
+    """The mappings in the list under `key`; empty where it is absent or null."""
+    value = values.get(key)
+    return [row for row in value if isinstance(row, dict)] if isinstance(value, list) else []
+
+
+def label(row: Mapping[str, Any]) -> str:
+    """`coulomb_friction(joint4)` of anything that has `effect` and `where`."""
+    where = row.get("where")
+    return f"{row.get('effect', '?')}({where})" if where else str(row.get("effect", "?"))
+
+
+def load_record(out: Path) -> Record:
+    """Reads OUT/diagnosis.json, or OUT/compare.json where there is none, with OUT/evidence.npz.
+
+    Raises:
+        UserError: neither file is there, or one of them cannot be read.
+    """
+    for kind in ("diagnosis", "compare"):
+        path = out / f"{kind}.json"
+        if path.is_file():
+            return Record(kind, _read(path), load_evidence(out / "evidence.npz"))
+    raise UserError("nothing to report on", file=out, expected="a folder with diagnosis.json or compare.json")
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        values = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise UserError("is not a JSON record", file=path, got=str(error)) from None
+    if not isinstance(values, dict):
+        raise UserError("is not a JSON record", file=path, expected="an object", got=type(values).__name__)
+    return values

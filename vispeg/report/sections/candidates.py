@@ -1,0 +1,56 @@
+"""What else was tried, how much it helped on held-out data, and why it was refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from vispeg.report.figures import MUTED
+from vispeg.report.quantities import number, plain
+from vispeg.report.record import Record, label
+from vispeg.report.strips import bar
+
+TITLE = "Candidates tried"
+MOST_SCREENED = 20
+
+
+def context(record: Record) -> dict[str, Any]:
+    """Candidates by falling gain, and the screening's ranking."""
+    tried = sorted(record.rows("candidates"), key=lambda row: -_sortable(row.get("heldout_gain")))
+    top = max([number(row.get("heldout_gain")) or 0.0 for row in tried], default=0.0)
+    screened = sorted(record.rows("screening"), key=lambda row: -_sortable(row.get("score")))
+    best = max([number(row.get("score")) or 0.0 for row in screened], default=0.0)
+    return {
+        "tried": [
+            {
+                "effect": label(row),
+                "gain": plain(row.get("heldout_gain"), 3),
+                "bar": bar(_share(row.get("heldout_gain"), top), MUTED) if _some(row.get("heldout_gain")) else "",
+                "why": str(row.get("rejected_because") or "–"),
+            }
+            for row in tried
+        ],
+        "screened": [
+            {
+                "effect": label(row),
+                "score": plain(row.get("score"), 3),
+                "bar": bar(_share(row.get("score"), best), MUTED),
+                "group": "–" if row.get("cosine_group") is None else str(row["cosine_group"]),
+            }
+            for row in screened[:MOST_SCREENED]
+        ],
+        "unscreened": max(0, len(screened) - MOST_SCREENED),
+        "kept": [label(row) for row in record.rows("effects")],
+    }
+
+
+def _some(value: Any) -> bool:
+    return (number(value) or 0.0) > 0
+
+
+def _sortable(value: Any) -> float:
+    x = number(value)
+    return float("-inf") if x is None else x
+
+
+def _share(value: Any, top: float) -> float:
+    return max(0.0, number(value) or 0.0) / top if top > 0 else 0.0

@@ -1,0 +1,24 @@
+"""Classes of effects that these recordings cannot tell apart, and what would."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from vispeg.report import words
+from vispeg.report.quantities import number, plain
+from vispeg.report.record import Record
+
+TITLE = "What cannot be told apart"
+
+
+def context(record: Record) -> dict[str, Any]:
+    """The classes, chosen member first, and the experiment that is proposed against them."""
+    following = record.mapping("next_experiment")
+    return {
+        "classes": words.rivals(record.values),
+        "named": bool(record.rows("effects")),
+        "remedy": following.get("why") or "",
+        "sigma": plain(following.get("expected_separation_sigma"), 2)
+        if number(following.get("expected_separation_sigma")) is not None
+        else "",
+    }

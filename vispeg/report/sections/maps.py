@@ -1,0 +1,111 @@
+"""Where in speed, load, position, phase, time and frequency the residual lives, joint by joint."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from vispeg.report.evidence import ResidualMap
+from vispeg.report.figures import MEASURED, new_figure, styled, svg
+from vispeg.report.quantities import fold, plain
+from vispeg.report.record import Record
+
+TITLE = "Where the residual lives"
+LABELS = {
+    "speed": "speed (rad/s)",
+    "load": "load (N m)",
+    "position": "position (rad)",
+    "phase": "phase",
+    "time": "time (s)",
+    "frequency": "frequency (Hz)",
+}
+SHADES = ("#f6f5f1", "#f9d9a8", "#f0a24f", "#d9541e", "#93260f", "#3f0d08")
+NO_DATA = "#e2e5e9"
+
+
+def context(record: Record) -> dict[str, Any]:
+    """One picture with all maps on a common scale, and one sentence a map."""
+    maps = list(record.evidence.maps.values())
+    return {"picture": maps_picture(maps, record.evidence.joints), "sentences": [sentence(m, record) for m in maps]}
+
+
+def sentence(residual: ResidualMap, record: Record) -> str:
+    """The worst cell before and after, in multiples of the noise."""
+    joints = record.evidence.joints
+    text = f"Over {residual.axis}: largest {_worst(residual.before, residual, joints)}"
+    return (
+        f"{text} before, {_worst(residual.after, residual, joints)} after."
+        if residual.after is not None
+        else f"{text}."
+    )
+
+
+def maps_picture(maps: list[ResidualMap], joints: tuple[str, ...]) -> str:
+    """Heat maps joint x bin, before on the left and after on the right; 1 is the noise, colours are logarithmic."""
+    if not maps:
+        return ""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import BoundaryNorm, LinearSegmentedColormap
+
+    both = any(m.after is not None for m in maps)
+    finite = np.concatenate([a[np.isfinite(a)] for m in maps for a in (m.before, m.after) if a is not None])
+    top = max(3.0, float(finite.max())) if finite.size else 3.0
+    levels = scale_levels(top)
+    with styled():
+        colours = LinearSegmentedColormap.from_list("residual", SHADES, 256)
+        norm = BoundaryNorm(levels, colours.N, extend="min")
+        colours.set_bad(NO_DATA)
+        figure = new_figure(0.9 + len(maps) * (0.62 + 0.17 * len(joints)))
+        grid = figure.subplots(len(maps), 2 if both else 1, squeeze=False, sharey=True)
+        for row, residual in zip(grid, maps, strict=True):
+            for ax, values in zip(row, (residual.before, residual.after), strict=False):
+                if values is None:
+                    ax.set_axis_off()
+                else:
+                    _map(ax, residual, values, joints, colours, norm)
+        grid[0, 0].set_title("before" if both else "model", color=MEASURED, fontweight="bold")
+        if both:
+            grid[0, 1].set_title("after", color=MEASURED, fontweight="bold")
+        bar = figure.colorbar(
+            ScalarMappable(norm, colours), ax=grid, location="top", aspect=70, pad=0.02, extend="neither"
+        )
+        bar.set_label("residual RMS, in multiples of the noise")
+        named = [v for v in levels if f"{v:e}"[0] in "125" and f"{v:e}"[2] == "0"]
+        bar.set_ticks(named, labels=[f"{v:g}" for v in named])
+        bar.ax.tick_params(length=0, which="both")
+        bar.outline.set_visible(False)  # type: ignore[operator]
+        return svg(figure, "maps", "Residual by joint and " + ", ".join(m.axis for m in maps))
+
+
+def scale_levels(top: float) -> np.ndarray:
+    """Colour steps from 1 to at least `top`: 1, 1.5, 2, 3, 5, 7, 10, 15, ...; named values are steps."""
+    decades = int(np.ceil(np.log10(top))) + 1
+    steps = np.concatenate([np.array([1.0, 1.5, 2.0, 3.0, 5.0, 7.0]) * 10.0**d for d in range(decades)])
+    return steps[: int(np.searchsorted(steps, top)) + 1]
+
+
+def _map(ax: Any, residual: ResidualMap, values: np.ndarray, joints: tuple[str, ...], colours: Any, norm: Any) -> None:
+    k = values.shape[1]
+    masked = np.ma.masked_invalid(values)
+    ax.pcolormesh(np.arange(k + 1), np.arange(len(joints) + 1), masked, cmap=colours, norm=norm, ec="white", lw=0.6)
+    ax.set_facecolor(NO_DATA)
+    ax.set_ylim(len(joints), 0)
+    ax.set_yticks(np.arange(len(joints)) + 0.5, joints)
+    ticks = np.arange(0, k + 1, max(1, -(-k // 5)))
+    ax.set_xticks(ticks, [plain(residual.edges[i], 2) for i in ticks])
+    ax.set_xlabel(LABELS[residual.axis])
+    ax.tick_params(length=0)
+    for side in ax.spines.values():
+        side.set_visible(False)
+
+
+def _worst(values: np.ndarray, residual: ResidualMap, joints: tuple[str, ...]) -> str:
+    if not np.isfinite(values).any():
+        return "nothing known"
+    j, i = np.unravel_index(int(np.nanargmax(values)), values.shape)
+    low, high = plain(residual.edges[i], 2), plain(residual.edges[i + 1], 2)
+    unit = LABELS[residual.axis].partition("(")[2].rstrip(")")
+    size = values[j, i]
+    times = f"{size:.2f}" if size < 2 else fold(float(size))
+    return f"{times} × the noise ({joints[j]}, {low} to {high}{' ' + unit if unit else ''})"

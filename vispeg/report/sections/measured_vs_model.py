@@ -1,0 +1,119 @@
+"""Measured motion and torque against the model, before and after, joint by joint, on held-out recordings."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from vispeg.report import words
+from vispeg.report.evidence import Trace
+from vispeg.report.figures import AFTER, BEFORE, MEASURED, MUTED, legend, new_figure, quiet, styled, svg, thin
+from vispeg.report.quantities import prefix, quantity, rms
+from vispeg.report.record import Record
+
+TITLE = "Measured against model"
+MOST_TRACES = 3
+POINTS = 90_000  # drawn in all, so that the page stays below 3 MB
+
+
+def context(record: Record) -> dict[str, Any]:
+    """A picture and a sentence for each of the worst held-out recordings, and a table with all of them."""
+    traces = [*record.evidence.traces, *record.evidence.torques]
+    ordered = sorted(record.evidence.traces, key=lambda t: -(_final(t) or 0.0))[:MOST_TRACES]
+    names = {t.name for t in ordered}
+    shown = [t for t in traces if t.name in names][: 2 * MOST_TRACES]
+    lines = max(1, sum(5 * t.measured.shape[1] for t in shown))
+    points = int(min(1500, max(200, POINTS / lines)))
+    joints = record.evidence.joints
+    return {
+        "pictures": [
+            {"svg": trace_picture(t, joints, f"trace{i}", points), "title": trace_title(t, joints)}
+            for i, t in enumerate(shown)
+        ],
+        "table": [_row(t) for t in traces],
+        "joints": joints,
+        "hidden": len(record.evidence.traces) - len(ordered),
+    }
+
+
+def trace_title(trace: Trace, joints: tuple[str, ...]) -> str:
+    """What happens to the residual of this recording, overall and at the joint that is worst in the end."""
+    before, final = rms(trace.before - trace.measured), _final(trace)
+    if before is None or final is None:
+        return f"{trace.name}: no residual (the model has no finite prediction)"
+    what = "torque residual" if trace.unit == "N m" else "residual"
+    end = trace.before if trace.after is None else trace.after
+    worst = _worst(end - trace.measured, joints, trace.unit)
+    if trace.after is None:
+        return f"{trace.name}: {what} {quantity(before, trace.unit)} RMS; largest at {worst}"
+    moved = words.change(before, final) or "stays"
+    return (
+        f"{trace.name}: {what} {moved}, {quantity(before, trace.unit)} to {quantity(final, trace.unit)} RMS; "
+        f"largest left at {worst}"
+    )
+
+
+def trace_picture(trace: Trace, joints: tuple[str, ...], name: str, points: int = 1500) -> str:
+    """Per joint: overlay on the left, residual (measured - model) on the right."""
+    n = len(joints)
+    with styled():
+        figure = new_figure(0.75 + 0.92 * n)
+        grid = figure.subplots(n, 2, sharex=True, squeeze=False, gridspec_kw={"width_ratios": [1, 1]})
+        for j, (left, right) in enumerate(grid):
+            for values, colour, width, style in (
+                (trace.measured, MEASURED, 2.4, "-"),  # wide and below, so that it shows where the models cover it
+                (trace.before, BEFORE, 1.0, "-"),
+                (trace.after, AFTER, 1.0, (0, (5, 3))),
+            ):
+                if values is not None:
+                    left.plot(*thin(trace.time, values[:, j], points), color=colour, lw=width, ls=style)
+            _residuals(right, trace, j, points)
+            left.set_title(f"{joints[j]} ({trace.unit})", color=MEASURED, pad=3)
+            quiet(left)
+            quiet(right)
+            left.locator_params(axis="y", nbins=4)
+            right.locator_params(axis="y", nbins=4)
+        for ax in grid[-1]:
+            ax.set_xlabel("time (s)")
+        entries = {"measured": (MEASURED, "-"), "model" if trace.after is None else "model before": (BEFORE, "-")}
+        if trace.after is not None:
+            entries["model after"] = (AFTER, "-")
+        legend(figure, entries)
+        return svg(figure, name, trace_title(trace, joints))
+
+
+def _residuals(ax: Any, trace: Trace, j: int, points: int) -> None:
+    before = trace.measured[:, j] - trace.before[:, j]
+    after = None if trace.after is None else trace.measured[:, j] - trace.after[:, j]
+    finite = before[np.isfinite(before)]
+    factor, unit = prefix(float(np.max(np.abs(finite))) if finite.size else None, trace.unit)
+    ax.axhline(0.0, color=MUTED, linewidth=0.6)
+    ax.plot(*thin(trace.time, factor * before, points), color=BEFORE, linewidth=0.9)
+    text = quantity(rms(before), trace.unit)
+    if after is not None:
+        ax.plot(*thin(trace.time, factor * after, points), color=AFTER, linewidth=0.9)
+        text = f"{text} → {quantity(rms(after), trace.unit)}"
+    ax.set_title(f"residual ({unit})", color=MUTED, pad=3)
+    ax.set_title(f"RMS {text}", loc="right", color=MEASURED, pad=3)
+
+
+def _row(trace: Trace) -> dict[str, Any]:
+    cells = []
+    for j in range(trace.measured.shape[1]):
+        before = rms(trace.before[:, j] - trace.measured[:, j])
+        after = None if trace.after is None else rms(trace.after[:, j] - trace.measured[:, j])
+        cells.append((quantity(before, trace.unit), None if trace.after is None else quantity(after, trace.unit)))
+    total = quantity(rms(trace.before - trace.measured), trace.unit)
+    last = None if trace.after is None else quantity(_final(trace), trace.unit)
+    return {"name": trace.name, "what": "torque" if trace.unit == "N m" else "motion", "cells": [*cells, (total, last)]}
+
+
+def _final(trace: Trace) -> float | None:
+    return rms((trace.before if trace.after is None else trace.after) - trace.measured)
+
+
+def _worst(residual: np.ndarray, joints: tuple[str, ...], unit: str) -> str:
+    size = [rms(residual[:, j]) or 0.0 for j in range(residual.shape[1])]
+    j = int(np.argmax(size))
+    return f"{joints[j]} ({quantity(size[j], unit)} RMS)"

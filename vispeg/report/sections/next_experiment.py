@@ -1,0 +1,84 @@
+"""The motion to record next: what it is, what it separates, how it looks, and what to do with it."""
+
+from __future__ import annotations
+
+import shlex
+from typing import Any
+
+import numpy as np
+
+from vispeg.report.evidence import Evidence, NextMotion
+from vispeg.report.figures import MEASURED, MUTED, RIVALS, legend, new_figure, quiet, styled, svg, thin
+from vispeg.report.quantities import number, plain, prefix, quantity, rms
+from vispeg.report.record import Record
+
+TITLE = "Next experiment"
+MOST_JOINTS = 4
+
+
+def context(record: Record) -> dict[str, Any]:
+    """Motion, reason, expected separation in sigma, picture, and the two steps on the command line."""
+    following = record.mapping("next_experiment")
+    sigma = number(following.get("expected_separation_sigma"))
+    motion = record.evidence.next_motion
+    return {
+        "motion": str(following.get("motion") or ""),
+        "why": str(following.get("why") or ""),
+        "sigma": "" if sigma is None else plain(sigma, 2),
+        "weak": sigma is not None and sigma < 3,
+        "file": str(following.get("file") or ""),
+        "command": again(record) if following else "",
+        "picture": motion_picture(motion, record.evidence) if motion is not None else "",
+        "seconds": plain(motion.time[-1] - motion.time[0]) if motion is not None and motion.time.size else "",
+    }
+
+
+def again(record: Record) -> str:
+    """This run's command with the new recording and another folder to write to; a general one where it is not known."""
+    command = record.mapping("provenance").get("command")
+    try:
+        words = [str(w) for w in command] if isinstance(command, list) else shlex.split(str(command or ""))
+    except ValueError:  # unbalanced quotes: not a command line
+        words = []
+    if not words:
+        return "vispeg diagnose MODEL --recording DIR --recording NEW-RECORDING --validate DIR --out OUT-2"
+    for i, word in enumerate(words):
+        if word == "--out" and i + 1 < len(words):
+            words[i + 1] += "-2"
+        elif word.startswith("--out="):
+            words[i] += "-2"
+    return f"{shlex.join(words)} --recording NEW-RECORDING"
+
+
+def motion_picture(motion: NextMotion, evidence: Evidence) -> str:
+    """Command of each moving joint, beside the difference between what the two top rivals predict for it."""
+    joints = evidence.joints
+    spread = np.ptp(np.nan_to_num(motion.command), axis=0) if motion.time.size else np.zeros(len(joints))
+    apart = None if motion.a is None or motion.b is None else motion.a - motion.b
+    size = spread if apart is None else np.array([rms(apart[:, j]) or 0.0 for j in range(len(joints))])
+    chosen = sorted(np.argsort(-size, kind="stable")[:MOST_JOINTS].tolist())
+    chosen = [j for j in chosen if spread[j] > 0 or size[j] > 0]
+    if not chosen:
+        return ""
+    with styled():
+        figure = new_figure(0.75 + 0.95 * len(chosen))
+        grid = figure.subplots(len(chosen), 1 if apart is None else 2, sharex=True, squeeze=False)
+        for row, j in zip(grid, chosen, strict=True):
+            row[0].plot(*thin(motion.time, motion.command[:, j]), color=MEASURED, linewidth=1.2)
+            row[0].set_title(f"{joints[j]} command (rad)", color=MEASURED, pad=3)
+            if apart is not None:
+                factor, unit = prefix(float(np.nanmax(np.abs(apart[:, j]), initial=0.0)), evidence.unit)
+                row[1].axhline(0.0, color=MUTED, linewidth=0.6)
+                row[1].plot(*thin(motion.time, factor * apart[:, j]), color=RIVALS[0], linewidth=1.1)
+                row[1].set_title(f"rivals apart ({unit})", color=MUTED, pad=3)
+                row[1].set_title(f"RMS {quantity(rms(apart[:, j]), evidence.unit)}", loc="right", pad=3)
+            for ax in row:
+                quiet(ax)
+                ax.locator_params(axis="y", nbins=4)
+        for ax in grid[-1]:
+            ax.set_xlabel("time (s)")
+        entries = {"command": (MEASURED, "-")}
+        if apart is not None:
+            entries["difference between the two rivals' predictions"] = (RIVALS[0], "-")
+        legend(figure, entries)
+        return svg(figure, "next", "The proposed motion, and how far the rivals' predictions lie apart")

@@ -1,0 +1,107 @@
+"""What was estimated: values with 95 % intervals, drawn within what is physically plausible."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+import vispeg.effects  # noqa: F401  (effects enrol themselves, and with them their bounds)
+from vispeg.core.effect import REGISTRY
+from vispeg.core.params import Param
+from vispeg.report.quantities import interval, number, plain
+from vispeg.report.record import Record, label
+from vispeg.report.strips import interval_strip, place
+
+TITLE = "Parameters"
+STRONG = 0.9
+
+
+def context(record: Record) -> dict[str, Any]:
+    """One row a parameter of the effects found, those that moved, and how the estimates are correlated."""
+    return {
+        "params": [
+            _row(effect, name, p)
+            for effect in record.rows("effects")
+            for name, p in (effect.get("params") or {}).items()
+        ],
+        "moved": [_moved(row) for row in record.rows("parameters_moved")],
+        "correlations": correlations(record),
+    }
+
+
+def bounds_of(effect: str, param: str) -> Param | None:
+    """The registered parameter, or None where this installation does not know the effect."""
+    known = REGISTRY.get(effect)
+    return known.params.get(param) if known is not None else None
+
+
+def remark(value: float | None, low: float | None, high: float | None, param: Param | None) -> str:
+    """What the numbers call for: no interval, at a bound, the interval reaches the null value."""
+    if value is None:
+        return "no value"
+    found = []
+    if low is None or high is None:
+        found.append("no interval")
+    if param is not None:
+        at = place(value, param.low, param.high, param.scale)
+        if at <= 0.005 and param.low != param.null or at >= 0.995:
+            found.append("at a bound: the true value may lie beyond")
+        if not param.shape and low is not None and high is not None and low <= param.null <= high:
+            found.append("interval includes the null value")
+    return "; ".join(found)
+
+
+def correlations(record: Record) -> dict[str, Any]:
+    """Correlation matrix as rows of (text, colour), and the pairs that the data hardly tell apart."""
+    given = record.mapping("correlations")
+    names = [str(name) for name in given.get("labels") or []]
+    cells = [[number(v) for v in row] for row in given.get("matrix") or [] if isinstance(row, list)]
+    if len(names) < 2 or len(cells) != len(names) or any(len(row) != len(names) for row in cells):
+        return {"labels": [], "rows": [], "strong": []}
+    strong = [
+        (names[i], names[j], plain(cells[i][j], 2))
+        for i, j in zip(*np.triu_indices(len(names), 1), strict=True)
+        if abs(cells[i][j] or 0.0) >= STRONG
+    ]
+    shown = [[(plain(v, 2), _shade(v, i == j)) for j, v in enumerate(row)] for i, row in enumerate(cells)]
+    return {"labels": names, "rows": shown, "strong": strong}
+
+
+def _row(effect: dict[str, Any], name: str, p: Any) -> dict[str, Any]:
+    p = p if isinstance(p, dict) else {"value": p}
+    known = bounds_of(str(effect.get("effect")), name)
+    value, between = interval(p.get("value"), p.get("low"), p.get("high"))
+    numbers = number(p.get("value")), number(p.get("low")), number(p.get("high"))
+    strip = ""
+    if known is not None:
+        null = None if known.shape else known.null
+        strip = interval_strip(numbers[0], numbers[1:], (known.low, known.high), null, known.scale)
+    return {
+        "effect": label(effect),
+        "param": name,
+        "value": value,
+        "interval": between,
+        "unit": str(p.get("unit") or (known.unit if known else "")),
+        "bounds": f"{plain(known.low)} to {plain(known.high)}" if known else "",
+        "strip": strip,
+        "remark": remark(*numbers, known),
+    }
+
+
+def _moved(row: dict[str, Any]) -> dict[str, str]:
+    known = bounds_of(str(row.get("effect")), str(row.get("param")))
+    return {
+        "effect": label(row),
+        "param": str(row.get("param", "?")),
+        "before": plain(row.get("before"), 4),
+        "after": plain(row.get("after"), 4),
+        "unit": known.unit if known else "",
+    }
+
+
+def _shade(value: float | None, diagonal: bool) -> str:
+    if value is None or diagonal:
+        return "transparent"
+    colour = "217,84,30" if value > 0 else "10,122,117"
+    return f"rgba({colour},{min(1.0, abs(value)) ** 2 * 0.6:.2f})"

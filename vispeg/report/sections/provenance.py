@@ -1,0 +1,38 @@
+"""How this report came to be: command, seed, versions, inputs with their hashes, recordings, notes."""
+
+from __future__ import annotations
+
+import shlex
+from typing import Any
+
+from vispeg.report.record import Record
+
+TITLE = "Provenance"
+
+
+def context(record: Record) -> dict[str, Any]:
+    """Plain text of everything needed to run it again."""
+    given = record.mapping("provenance")
+    command = given.get("command")
+    recordings = record.mapping("recordings")
+    return {
+        "command": shlex.join(map(str, command)) if isinstance(command, list) else str(command or ""),
+        "seed": "" if given.get("seed") is None else str(given["seed"]),
+        "versions": _pairs(given.get("versions")),
+        "inputs": _pairs(given.get("inputs")),
+        "fit": _names(recordings.get("fit")),
+        "validate": _names(recordings.get("validate")) or [t.name for t in record.evidence.traces],
+        "notes": _names(record.values.get("notes")),
+        "others": _pairs({k: v for k, v in given.items() if k not in ("command", "seed", "versions", "inputs")}),
+        "format": str(record.values.get("format") or ""),
+    }
+
+
+def _pairs(value: Any) -> list[tuple[str, str]]:
+    if isinstance(value, dict):
+        return [(str(k), str(v)) for k, v in value.items()]
+    return [(name, "") for name in _names(value)]
+
+
+def _names(value: Any) -> list[str]:
+    return [str(v) for v in value] if isinstance(value, (list, tuple)) else [str(value)] if value else []

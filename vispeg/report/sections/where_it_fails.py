@@ -1,0 +1,40 @@
+"""Shares of the residual by joint and regime, and what an unexplained rest depends on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from vispeg.report.figures import BEFORE
+from vispeg.report.quantities import number
+from vispeg.report.record import Record, rows
+from vispeg.report.strips import bar
+
+TITLE = "Where it fails"
+
+
+def context(record: Record) -> dict[str, Any]:
+    """Shares in falling order with what is left over, and the unexplained rest."""
+    shares = sorted(record.rows("where_it_fails"), key=lambda row: -(number(row.get("share")) or 0.0))
+    total = sum(number(row.get("share")) or 0.0 for row in shares)
+    rest = record.mapping("unexplained")
+    return {
+        "shares": [
+            {"joint": str(row.get("joint", "?")), "regime": str(row.get("regime", "?")), **_share(row)}
+            for row in shares
+        ],
+        "elsewhere": _percent(1.0 - total) if shares and 0.005 <= 1.0 - total <= 1.0 else "",
+        "unexplained": [
+            {"input": str(row.get("input", "?")), **_share(row)}
+            for row in sorted(rows(rest, "depends_on"), key=lambda row: -(number(row.get("share")) or 0.0))
+        ],
+        "text": str(rest.get("text") or ""),
+    }
+
+
+def _share(row: dict[str, Any]) -> dict[str, str]:
+    share = number(row.get("share"))
+    return {"share": _percent(share), "bar": bar(share, BEFORE) if share is not None else ""}
+
+
+def _percent(share: float | None) -> str:
+    return "–" if share is None else f"{100 * share:.0f} %" if share >= 0.01 or share <= 0 else "< 1 %"

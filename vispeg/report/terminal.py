@@ -1,0 +1,58 @@
+"""The short tables that the command line prints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from vispeg.report.record import Record
+from vispeg.report.sections.headline import effect_rows, ladder_rows
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+def ladder_table(diagnosis: Mapping[str, Any]) -> Table:
+    """Model, error on fitted and on held-out recordings, and the latter in noise floors; of either kind of record."""
+    table = _table(("Model", "left"), ("Fitted", "right"), ("Held out", "right"), ("Floor", "right"))
+    for row in ladder_rows(_record(diagnosis)):
+        table.add_row(*_safe(row["model"], row["fit"], row["heldout"], row["floor"] or "–"))
+    return table
+
+
+def effects_table(diagnosis: Mapping[str, Any]) -> Table:
+    """What was found: effect, parameter, value with its 95 % interval, unit, what it cannot be told from."""
+    table = _table(
+        ("Effect", "left"),
+        ("Parameter", "left"),
+        ("Value", "right"),
+        ("95 % interval", "left"),
+        ("Unit", "left"),
+        ("Or else", "left"),
+    )
+    for row in effect_rows(_record(diagnosis)):
+        cells = (row["effect"], row["param"], row["value"], row["interval"] or "–", row["unit"], row["rivals"] or "–")
+        table.add_row(*_safe(*cells))
+    return table
+
+
+def _record(values: Mapping[str, Any]) -> Record:
+    from vispeg.report.evidence import Evidence
+
+    return Record("diagnosis", values, Evidence())
+
+
+def _table(*columns: tuple[str, Any]) -> Table:
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
+    for name, side in columns:
+        table.add_column(name, justify=side, overflow="fold")
+    return table
+
+
+def _safe(*cells: str) -> list[str]:
+    from rich.markup import escape
+
+    return [escape(cell) for cell in cells]

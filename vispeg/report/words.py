@@ -1,0 +1,124 @@
+"""The verdict and the fall of the error in plain words, each derived from the numbers that it states."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from vispeg.report.quantities import fold, number, quantity
+from vispeg.report.record import label, rows
+
+NEAR_FLOOR = 1.2  # a held-out error up to this many floors is called "at the noise floor"
+SAME = 0.05  # a relative change below this is called none
+
+
+def join(parts: Iterable[str], word: str = "and") -> str:
+    """`a`, `a and b`, `a, b and c`."""
+    items = list(parts)
+    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} {word} {items[-1]}" if items else ""
+
+
+def change(first: Any, last: Any) -> str:
+    """How an error moved: `falls 37-fold`, `falls by 32 %`, `hardly changes`, `rises by 8 %`; empty where unknown."""
+    a, b = number(first), number(last)
+    if a is None or b is None or a < 0 or b < 0 or a == 0 == b:
+        return ""
+    if a == 0:
+        return "rises from zero"
+    if b == 0:
+        return "falls to zero"
+    if abs(b - a) <= SAME * a:
+        return "hardly changes"
+    if b < a:
+        return f"falls {fold(a / b)}-fold" if a / b >= 2 else f"falls by {100 * (1 - b / a):.0f} %"
+    return f"rises {fold(b / a)}-fold" if b / a >= 2 else f"rises by {100 * (b / a - 1):.0f} %"
+
+
+def against_floor(error: Any, floor: Any) -> str:
+    """`1.1 × the noise floor`; empty where either is unknown or the floor is not positive."""
+    e, f = number(error), number(floor)
+    return f"{_times(e / f)} × the noise floor" if e is not None and f is not None and f > 0 else ""
+
+
+def ladder_ends(values: Mapping[str, Any]) -> tuple[float | None, float | None, str]:
+    """(held-out error of the first row, of the last row, unit); None where unknown."""
+    ladder = rows(values, "ladder")
+    if not ladder:
+        return None, None, ""
+    first, last = (number(ladder[i].get("heldout_error")) for i in (0, -1))
+    return first, last, str(ladder[0].get("unit") or "")
+
+
+def fall(values: Mapping[str, Any]) -> str:
+    """One sentence on the ladder: where the held-out error began, where it ended, and how far above the floor."""
+    first, last, unit = ladder_ends(values)
+    if last is None:
+        return "The held-out error is not known."
+    floor = against_floor(last, _floor(values))
+    steps = len(rows(values, "ladder"))
+    if steps == 1 or first is None:
+        return f"Held-out error is {quantity(last, unit)}" + (f", {floor}." if floor else ".")
+    moved = change(first, last) or "stays"
+    return (
+        f"Held-out error {moved}, from {quantity(first, unit)} to {quantity(last, unit)}"
+        + (f", which is {floor}." if floor else ".")
+    )  # fmt: skip
+
+
+def verdict(values: Mapping[str, Any]) -> str:
+    """The verdict in one or two plain sentences."""
+    kind = values.get("verdict")
+    names = [label(effect) for effect in rows(values, "effects")]
+    last, floor = ladder_ends(values)[1], _floor(values)
+    down = last is not None and floor is not None and last <= NEAR_FLOOR * floor
+    if kind == "adequate":
+        return "The model as given is adequate: no known effect makes it predict the held-out recordings better."
+    if kind == "identified":
+        verb = "explain" if len(names) > 1 else "explains"
+        reach = "down to the noise floor" if down else "as far as any known effect can"
+        what = join(names) if names else "The model"
+        return f"{what} {verb} the held-out recordings {reach}, and no rival does as well."
+    if kind == "ambiguous":
+        return _ambiguous(values, "down to the noise floor" if down else "best of what is known")
+    if kind == "unexplained":
+        rest = f"{join(names)} {'help' if len(names) > 1 else 'helps'}, but a" if names else "A"
+        return f"{rest} structured residual remains that no known effect explains.{_depends(values)}"
+    return f"The record gives no known verdict ({kind})." if kind else ""
+
+
+def rivals(values: Mapping[str, Any]) -> list[list[str]]:
+    """The classes of effects that the recordings cannot tell apart, each a list of labels with the chosen one first."""
+    found = []
+    for effect in rows(values, "effects"):
+        others = [label(other) for other in rows(effect, "indistinguishable_from")]
+        if others:
+            found.append([label(effect), *others])
+    return found
+
+
+def _ambiguous(values: Mapping[str, Any], reach: str) -> str:
+    classes = rivals(values)
+    if not classes:
+        return f"A class of effects explains the held-out recordings {reach}; these recordings cannot tell its members."
+    clear = [label(e) for e in rows(values, "effects") if not rows(e, "indistinguishable_from")]
+    beside = f", beside {join(clear)}" if clear else ""
+    either = "; and ".join(f"{'either ' if len(c) == 2 else 'one of '}{join(c, 'or')}" for c in classes)
+    either = either[0].upper() + either[1:]
+    return f"{either} explains the held-out recordings {reach}{beside}; these recordings cannot tell which."
+
+
+def _depends(values: Mapping[str, Any]) -> str:
+    rest = values.get("unexplained")
+    if not isinstance(rest, dict):
+        return ""
+    on = [str(row.get("input", "?")) for row in rows(rest, "depends_on")]
+    return f" It depends on {join(on)}." if on else ""
+
+
+def _floor(values: Mapping[str, Any]) -> float | None:
+    floor = values.get("noise_floor")
+    return number(floor.get("value")) if isinstance(floor, dict) else None
+
+
+def _times(ratio: float) -> str:
+    return f"{ratio:.2f}" if ratio < 2 else fold(ratio)
