@@ -33,7 +33,7 @@ setup() { # setup NAME TARGET: installs TARGET (`.` or `.[extras]`) once; again 
         'import hashlib, sys; print(hashlib.sha256(sys.stdin.buffer.read()).hexdigest())')
     if [ "$(cat ".venv/.installed-$name" 2>/dev/null)" != "$stamp" ]; then
         say "installing the packages (a minute or two, once)"
-        .venv/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e "$target"
+        .venv/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e "$target" || exit 1
         install_egl
         echo "$stamp" >".venv/.installed-$name"
     fi

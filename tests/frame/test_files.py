@@ -1,0 +1,119 @@
+"""Results appear whole or not at all, and never on top of what is not theirs."""
+
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+from vispeg.core.errors import UserError
+from vispeg.core.files import new_folder, write_bytes_atomic, write_text_atomic
+
+
+def test_folder_takes_its_name_only_when_complete(tmp_path):
+    target = tmp_path / "a" / "b" / "out"
+    with new_folder(target) as folder:
+        (folder / "x.txt").write_text("1")
+        assert folder.parent == target.parent, "a rename is atomic only within one file system"
+        assert not target.exists()
+    assert [p.name for p in target.parent.iterdir()] == ["out"]
+    assert (target / "x.txt").read_text() == "1"
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt, UserError])
+def test_failure_leaves_what_stood_there_and_nothing_else(tmp_path, error):
+    target = tmp_path / "out"
+    target.mkdir()
+    (target / "old.txt").write_text("old")
+    with pytest.raises(error), new_folder(target, overwrite=True) as folder:
+        (folder / "new.txt").write_text("new")
+        raise error("x")
+    assert [p.relative_to(tmp_path).as_posix() for p in sorted(tmp_path.rglob("*"))] == ["out", "out/old.txt"]
+
+
+def test_existing_content_is_kept_unless_overwrite(tmp_path):
+    target = tmp_path / "out"
+    target.mkdir()
+    with new_folder(target) as folder:  # empty: as good as none
+        (folder / "one").touch()
+    with pytest.raises(UserError, match="not empty.*--overwrite"), new_folder(target):
+        pass
+    with new_folder(target, overwrite=True) as folder:
+        (folder / "two").touch()
+    assert [p.name for p in target.iterdir()] == ["two"], "replaced as a whole: no stale result beside a new one"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_content_that_appears_while_writing_is_kept(tmp_path):
+    target = tmp_path / "out"
+    with pytest.raises(UserError, match="not empty"), new_folder(target) as folder:
+        (folder / "mine").touch()
+        target.mkdir()
+        (target / "theirs").touch()
+    assert [p.name for p in target.iterdir()] == ["theirs"]
+
+
+def test_overwrite_never_takes_home_work_or_a_checkout(tmp_path, monkeypatch):
+    work, home, code = tmp_path / "work", tmp_path / "home" / "me", tmp_path / "code"
+    for folder in (work / "deep", home, code / ".git"):
+        folder.mkdir(parents=True)
+    (home / "thesis.tex").touch()
+    monkeypatch.chdir(work / "deep")
+    (work / "deep" / "x").touch()
+    monkeypatch.setenv("HOME", str(home))
+    before = sorted(tmp_path.rglob("*"))
+    for path in (".", "..", work, home, home.parent, "~", code, "/"):
+        with pytest.raises(UserError, match="not replaced"), new_folder(path, overwrite=True):
+            pass
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_link_keeps_pointing(tmp_path):
+    (tmp_path / "disk").mkdir()
+    link = tmp_path / "out"
+    link.symlink_to(tmp_path / "disk")
+    with new_folder(link) as folder:
+        (folder / "x").touch()
+    assert link.is_symlink() and (tmp_path / "disk" / "x").exists()
+
+
+def test_a_file_in_the_way_is_said_in_one_line(tmp_path):
+    (tmp_path / "f").write_text("x")
+    for path in (tmp_path / "f", tmp_path / "f" / "below"):
+        with pytest.raises(UserError) as caught, new_folder(path, overwrite=True):
+            pass
+        assert "\n" not in str(caught.value) and str(path) in str(caught.value)
+    assert (tmp_path / "f").read_text() == "x"
+
+
+def test_permissions_follow_the_users_umask(tmp_path):
+    old = os.umask(0o027)
+    try:
+        with new_folder(tmp_path / "out"):
+            pass
+        write_text_atomic(tmp_path / "t", "")
+    finally:
+        os.umask(old)
+    assert stat.S_IMODE((tmp_path / "out").stat().st_mode) == 0o750
+    assert stat.S_IMODE((tmp_path / "t").stat().st_mode) == 0o640
+
+
+def test_text_and_bytes(tmp_path):
+    path = tmp_path / "sub" / "model.yaml"
+    assert write_text_atomic(path, "ä\n") == path and path.read_bytes() == "ä\n".encode()
+    with pytest.raises(UserError, match="--overwrite"):
+        write_text_atomic(path, "b")
+    write_bytes_atomic(path, b"\x00", overwrite=True)
+    assert path.read_bytes() == b"\x00"
+    with pytest.raises(UserError, match="is a folder"):
+        write_text_atomic(tmp_path, "c", overwrite=True)
+    assert sorted(p.name for p in tmp_path.rglob("*")) == ["model.yaml", "sub"]
+
+
+def test_failing_write_leaves_no_part(tmp_path, monkeypatch):
+    path = tmp_path / "f"
+    path.write_text("old")
+    monkeypatch.setattr(Path, "write_bytes", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+    with pytest.raises(UserError, match="No space left"):
+        write_text_atomic(path, "new", overwrite=True)
+    assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]

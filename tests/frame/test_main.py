@@ -1,0 +1,133 @@
+"""The command line: quick help, an example for each command, one line and the right exit code for each failure."""
+
+import subprocess
+import sys
+from ast import literal_eval
+from pathlib import Path
+
+import pytest
+
+from vispeg import __version__
+from vispeg.cli import main as cli
+from vispeg.core.errors import UserError
+
+ROOT = Path(__file__).parents[2]
+HEAVY = {"torch", "matplotlib", "plotly", "pyarrow", "rosbags", "trimesh", "cv2", "mitsuba", "ray"}
+FAKE = '''"""Does nothing.
+
+Example:
+    vispeg fake --how usererror
+"""
+import os, sys, warnings
+from dataclasses import dataclass
+from vispeg.core.errors import UserError
+
+@dataclass(frozen=True)
+class Args:
+    """."""
+    how: str = "well"
+    """What happens."""
+
+    def run(self):
+        if self.how == "usererror":
+            raise UserError("two\\nlines", file="f.yaml", got=1)
+        if self.how == "interrupt":
+            raise KeyboardInterrupt
+        if self.how == "warn":
+            warnings.warn("odd\\n  column")
+        if self.how == "three":
+            return 3
+'''
+
+
+def python(*command: str, **options) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, *command], cwd=ROOT, capture_output=True, text=True, timeout=120, **options)
+
+
+@pytest.fixture
+def fake(tmp_path, monkeypatch):
+    (tmp_path / "fake_command.py").write_text(FAKE)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setitem(cli.COMMANDS, "fake", "fake_command")
+    yield
+    sys.modules.pop("fake_command", None)
+
+
+def test_overview_imports_nothing_that_takes_time():
+    code = "import sys; from vispeg.cli.main import main; main(['--help']); print(sorted(sys.modules), file=sys.stderr)"
+    loaded = set(literal_eval(python("-c", code).stderr))
+    assert not loaded & (HEAVY | {"numpy", "mujoco", "scipy", "tyro", "rich", "yaml", "pydantic"})
+
+
+def test_no_command_imports_heavy_packages_before_it_runs():
+    code = "import importlib, sys; from vispeg.cli.main import COMMANDS, available\n"
+    code += "for name in available(): importlib.import_module(COMMANDS[name])\nprint(sorted(sys.modules))"
+    assert not set(literal_eval(python("-c", code).stdout)) & HEAVY
+
+
+def test_every_promised_command_is_there():
+    assert list(cli.available()) == list(cli.COMMANDS)
+
+
+@pytest.mark.parametrize("name", list(cli.available()))
+def test_help_of_each_command_has_a_summary_and_an_example(name, capsys):
+    assert cli.main([name, "--help"]) == 0
+    shown = capsys.readouterr()
+    assert f"usage: vispeg {name}" in shown.out
+    assert "xample" in shown.out and f"vispeg {name}" in shown.out.split("xample", 1)[1]
+    assert 10 < len(cli.available()[name]) <= 120, "the first line is what `vispeg --help` shows"
+    assert cli.available()[name] in cli.overview()
+
+
+@pytest.mark.parametrize("argv", [["nope"], ["diagnoze"], ["--nope"], ["doctor", "--nope"], []])
+def test_usage_errors_exit_2(argv, capsys):
+    assert cli.main(argv) == 2
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_nearest_command_is_suggested(capsys):
+    cli.main(["doctr"])
+    assert "did you mean 'doctor'" in capsys.readouterr().err
+
+
+def test_version(capsys):
+    assert cli.main(["--version"]) == 0
+    assert capsys.readouterr().out == f"vispeg {__version__}\n"
+
+
+@pytest.mark.parametrize(
+    ("how", "code", "said"),
+    [
+        ("well", 0, ""),
+        ("three", 3, ""),
+        ("usererror", 2, "vispeg: error: f.yaml: two lines; got 1\n"),
+        ("interrupt", 130, "vispeg: interrupted\n"),
+    ],
+)
+def test_exit_codes(fake, capsys, how, code, said):
+    assert cli.main(["fake", "--how", how]) == code
+    assert capsys.readouterr().err == said
+
+
+def test_warnings_are_one_line_notes(tmp_path):
+    (tmp_path / "fake_command.py").write_text(FAKE)
+    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from vispeg.cli.main import COMMANDS, main\n"
+    code += "COMMANDS['fake'] = 'fake_command'; sys.exit(main(['fake', '--how', 'warn']))"
+    done = python("-c", code)
+    assert (done.returncode, done.stderr) == (0, "vispeg: note: odd column\n")
+
+
+def test_a_programming_error_is_not_hidden(monkeypatch):
+    monkeypatch.setattr(cli, "run", lambda argv: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        cli.main([])
+    assert not issubclass(UserError, ArithmeticError)
+
+
+def test_a_reader_that_goes_away_is_no_error():
+    command = [sys.executable, "-m", "vispeg", "--help"]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    process.stdout.close()
+    error = process.stderr.read()
+    process.stderr.close()
+    assert (process.wait(60), error) == (141, b"")

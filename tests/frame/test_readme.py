@@ -1,0 +1,45 @@
+"""What the documents show runs: every block below a `<!-- test -->` line is executed as it stands."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+BLOCK = re.compile(r"^<!-- test -->\n```(bash|python)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+BLOCKS = [(page, *match) for page in PAGES for match in BLOCK.findall(page.read_text(encoding="utf-8"))]
+
+
+def test_every_marked_block_is_found():
+    marks = sum(page.read_text(encoding="utf-8").count("<!-- test -->\n") for page in PAGES)
+    assert len(BLOCKS) == marks >= 4
+
+
+@pytest.mark.parametrize(
+    ("page", "language", "text"), BLOCKS, ids=[f"{page.stem}-{i}" for i, (page, *_) in enumerate(BLOCKS)]
+)
+def test_block_runs(page, language, text, tmp_path):
+    tools = tmp_path / "bin"
+    tools.mkdir()
+    (tools / "vispeg").write_text(f'#!/bin/sh\nexec "{sys.executable}" -m vispeg "$@"\n')
+    (tools / "vispeg").chmod(0o755)
+    (tools / "python").symlink_to(sys.executable)
+    path = f"{tools}{os.pathsep}{os.environ['PATH']}"
+    environment = {**os.environ, "PATH": path, "PYTHONPATH": str(ROOT)}
+    command = ["bash", "-euo", "pipefail", "-c", text] if language == "bash" else [sys.executable, "-c", text]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=280)
+    assert done.returncode == 0, done.stdout + done.stderr
+    for expected in re.findall(r"^print\(.*\)  # (.+)$", text, re.MULTILINE):  # `print(x)  # what it prints`
+        assert expected in done.stdout.splitlines()
+
+
+def test_links_between_pages_lead_somewhere():
+    for page in PAGES:
+        prose = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+        for link in re.findall(r"\]\(([^)#\s]+)", prose):
+            if not link.startswith(("http:", "https:", "mailto:")):
+                assert (page.parent / link).exists(), f"{page.name}: {link}"
