@@ -98,8 +98,10 @@ def example_diagnosis(verdict: str = "identified") -> dict[str, Any]:
     return record
 
 
-def example_evidence(unit: str = "rad", after: bool = True, n: int = 4000, recordings: int = 2) -> dict[str, Any]:
-    """Sinusoids with residuals of known size; joint4 is worst."""
+def example_evidence(
+    unit: str = "rad", after: bool = True, n: int = 4000, recordings: int = 2, nj: int = 7
+) -> dict[str, Any]:
+    """Sinusoids with residuals of known size for the first `nj` joints; joint4 is worst."""
     rng = stream(0, "report example", unit)
     time = np.arange(n) / 500.0
     scale = 1.0 if unit == "rad" else 30.0
@@ -131,6 +133,10 @@ def example_evidence(unit: str = "rad", after: bool = True, n: int = 4000, recor
     command = 0.4 * np.sin(np.outer(time, np.array([0, 0.3, 0, 1.2, 0, 0, 0.2])))
     arrays |= {"next/time": time, "next/q_cmd": command, "next/A": command}
     arrays["next/B"] = command + 2e-3 * np.tanh(20 * np.gradient(command, axis=0))
+    arrays["joints"] = arrays["joints"][:nj]
+    for key, value in arrays.items():
+        if value.ndim == 2:
+            arrays[key] = value[:nj] if key.startswith("map/") else value[:, :nj]
     return arrays
 
 

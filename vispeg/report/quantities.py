@@ -53,7 +53,7 @@ def quantity(value: Any, unit: str) -> str:
 
 def fold(ratio: float) -> str:
     """A ratio above one as text: `1.3`, `4.2`, `37`."""
-    return f"{ratio:.2g}" if ratio < 10 else f"{ratio:,.0f}"
+    return f"{ratio:.1f}" if ratio < 9.95 else f"{ratio:,.0f}"
 
 
 def interval(value: Any, low: Any, high: Any) -> tuple[str, str]:

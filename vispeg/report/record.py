@@ -48,6 +48,13 @@ def rows(values: Mapping[str, Any], key: str) -> list[dict[str, Any]]:
     return [row for row in value if isinstance(row, dict)] if isinstance(value, list) else []
 
 
+def params_of(effect: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """An effect's parameters, name -> {value, low, high, unit}; a bare number stands for its value."""
+    params = effect.get("params")
+    pairs = params.items() if isinstance(params, dict) else ()
+    return {str(name): p if isinstance(p, dict) else {"value": p} for name, p in pairs}
+
+
 def label(row: Mapping[str, Any]) -> str:
     """`coulomb_friction(joint4)` of anything that has `effect` and `where`."""
     where = row.get("where")

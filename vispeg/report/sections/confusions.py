@@ -17,7 +17,7 @@ def context(record: Record) -> dict[str, Any]:
     return {
         "classes": words.rivals(record.values),
         "named": bool(record.rows("effects")),
-        "remedy": following.get("why") or "",
+        "remedy": str(following.get("why") or "").rstrip("."),
         "sigma": plain(following.get("expected_separation_sigma"), 2)
         if number(following.get("expected_separation_sigma")) is not None
         else "",

@@ -6,8 +6,8 @@ from typing import Any
 
 from vispeg.report import words
 from vispeg.report.figures import AFTER, BEFORE, MEASURED, MUTED, legend, new_figure, quiet, styled, svg
-from vispeg.report.quantities import interval, number, plain, prefix, quantity
-from vispeg.report.record import Record, label, rows
+from vispeg.report.quantities import fold, interval, number, plain, prefix, quantity
+from vispeg.report.record import Record, label, params_of, rows
 
 TITLE = "Verdict"
 
@@ -59,10 +59,9 @@ def effect_rows(record: Record) -> list[dict[str, str]]:
     """The effects that were found, one row a parameter."""
     found = []
     for effect in record.rows("effects"):
-        params = effect.get("params")
+        params = params_of(effect)
         others = ", ".join(label(other) for other in rows(effect, "indistinguishable_from"))
-        for name, p in (params if isinstance(params, dict) else {}).items():
-            p = p if isinstance(p, dict) else {"value": p}
+        for name, p in params.items():
             value, between = interval(p.get("value"), p.get("low"), p.get("high"))
             row = {"effect": label(effect), "param": name, "value": value, "interval": between}
             found.append({**row, "unit": str(p.get("unit") or ""), "rivals": others})
@@ -124,7 +123,7 @@ def ladder_picture(record: Record) -> str:
 def _label(value: float, unit: str, first: float | None, held: float) -> str:
     gain = ""
     if first and held > 0 and first / held >= 1.05:
-        gain = f"  (÷ {first / held:.2g})" if first / held < 10 else f"  (÷ {first / held:,.0f})"
+        gain = f"  (÷ {first / held:.2f})" if first / held < 2 else f"  (÷ {fold(first / held)})"
     return f"{plain(value)} {unit.split(' RMS')[0]}{gain}"
 
 

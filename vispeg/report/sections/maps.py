@@ -53,9 +53,8 @@ def maps_picture(maps: list[ResidualMap], joints: tuple[str, ...]) -> str:
     top = max(3.0, float(finite.max())) if finite.size else 3.0
     levels = scale_levels(top)
     with styled():
-        colours = LinearSegmentedColormap.from_list("residual", SHADES, 256)
+        colours = LinearSegmentedColormap.from_list("residual", SHADES, 256).with_extremes(bad=NO_DATA)
         norm = BoundaryNorm(levels, colours.N, extend="min")
-        colours.set_bad(NO_DATA)
         figure = new_figure(0.9 + len(maps) * (0.62 + 0.17 * len(joints)))
         grid = figure.subplots(len(maps), 2 if both else 1, squeeze=False, sharey=True)
         for row, residual in zip(grid, maps, strict=True):

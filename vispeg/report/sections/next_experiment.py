@@ -22,8 +22,8 @@ def context(record: Record) -> dict[str, Any]:
     sigma = number(following.get("expected_separation_sigma"))
     motion = record.evidence.next_motion
     return {
-        "motion": str(following.get("motion") or ""),
-        "why": str(following.get("why") or ""),
+        "motion": str(following.get("motion") or "").rstrip("."),
+        "why": str(following.get("why") or "").rstrip("."),
         "sigma": "" if sigma is None else plain(sigma, 2),
         "weak": sigma is not None and sigma < 3,
         "file": str(following.get("file") or ""),

@@ -10,7 +10,7 @@ import vispeg.effects  # noqa: F401  (effects enrol themselves, and with them th
 from vispeg.core.effect import REGISTRY
 from vispeg.core.params import Param
 from vispeg.report.quantities import interval, number, plain
-from vispeg.report.record import Record, label
+from vispeg.report.record import Record, label, params_of
 from vispeg.report.strips import interval_strip, place
 
 TITLE = "Parameters"
@@ -20,11 +20,7 @@ STRONG = 0.9
 def context(record: Record) -> dict[str, Any]:
     """One row a parameter of the effects found, those that moved, and how the estimates are correlated."""
     return {
-        "params": [
-            _row(effect, name, p)
-            for effect in record.rows("effects")
-            for name, p in (effect.get("params") or {}).items()
-        ],
+        "params": [_row(effect, name, p) for effect in record.rows("effects") for name, p in params_of(effect).items()],
         "moved": [_moved(row) for row in record.rows("parameters_moved")],
         "correlations": correlations(record),
     }
@@ -68,8 +64,7 @@ def correlations(record: Record) -> dict[str, Any]:
     return {"labels": names, "rows": shown, "strong": strong}
 
 
-def _row(effect: dict[str, Any], name: str, p: Any) -> dict[str, Any]:
-    p = p if isinstance(p, dict) else {"value": p}
+def _row(effect: dict[str, Any], name: str, p: dict[str, Any]) -> dict[str, Any]:
     known = bounds_of(str(effect.get("effect")), name)
     value, between = interval(p.get("value"), p.get("low"), p.get("high"))
     numbers = number(p.get("value")), number(p.get("low")), number(p.get("high"))

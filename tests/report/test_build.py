@@ -1,0 +1,208 @@
+"""The page: whole for every verdict and every gap in the record, and sufficient to itself."""
+
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from vispeg.cli.report import Args
+from vispeg.core.errors import UserError
+from vispeg.report.build import write_report
+from vispeg.report.evidence import load_evidence
+from vispeg.report.sections import COMPARE, DIAGNOSIS
+from vispeg.report.sections.next_experiment import again
+from vispeg.report.sections.parameters import remark
+from vispeg.report.terminal import effects_table, ladder_table
+
+
+class _Page(HTMLParser):
+    """Checks that tags nest, collects ids, section ids, references and text."""
+
+    VOID = {"meta", "br", "link", "img", "hr"}
+
+    def __init__(self, text: str):
+        super().__init__()
+        self.open, self.ids, self.sections, self.refs, self.tags, self.words = [], [], [], [], set(), []
+        self.feed(text)
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        values = dict(attrs)
+        self.tags.add(tag)
+        self.ids += [values["id"]] if "id" in values else []
+        self.sections += [values["id"]] if tag == "section" else []
+        self.refs += [v for k, v in attrs if k in ("href", "src", "xlink:href")]
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.handle_starttag(tag, attrs)
+        if tag not in self.VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] != "style":
+            self.words.append(data)
+
+    @property
+    def text(self) -> str:
+        return re.sub(r"\s+", " ", "".join(self.words))
+
+
+def _page(out) -> _Page:
+    text = write_report(out, overwrite=True).read_text(encoding="utf-8")
+    page = _Page(text)
+    assert len(page.ids) == len(set(page.ids)), "ids repeat"
+    assert all(ref.startswith("#") and ref[1:] in page.ids for ref in page.refs)
+    assert not re.search(r"https?://|@import|url\((?!#)", text) and "script" not in page.tags
+    return page
+
+
+@pytest.mark.parametrize("verdict", ["adequate", "identified", "ambiguous", "unexplained"])
+def test_every_verdict_has_every_section(run, diagnosis, evidence, verdict):
+    out = run(diagnosis(verdict), evidence(n=600, recordings=1, nj=4))
+    page = _page(out)
+    assert page.sections == list(DIAGNOSIS)
+    expected = {
+        "adequate": "No effect is named.",
+        "identified": "explain the held-out recordings down to the noise floor",
+        "ambiguous": "Either coulomb_friction(joint4) or stribeck_friction(joint4)",
+        "unexplained": "A periodic rest with 23 cycles a turn of joint3.",
+    }
+    assert expected[verdict] in page.text
+    assert ("Held-out error falls 40-fold" in page.text) == (verdict in ("identified", "ambiguous"))
+
+
+def test_full_report_stays_small_and_shows_the_worst_recordings(run, diagnosis, evidence):
+    arrays = evidence(n=12_000, recordings=5)
+    for r in range(5):
+        arrays |= {f"{r}/{k}_tau": 30 * arrays[f"{r}/{k}"] for k in ("measured", "before", "after")}
+    arrays["1/after"] = arrays["1/measured"] + 0.1
+    out = run(diagnosis(), arrays)
+    page = _page(out)
+    assert (out / "report.html").stat().st_size < 3e6
+    assert "2 more are in the table" in page.text and "rig-d: residual rises" in page.text
+
+
+def test_comparison_with_torques_and_no_final_model(run, diagnosis, evidence):
+    record = {"ladder": diagnosis()["ladder"][:1], "noise_floor": None}
+    record["ladder"][0] |= {"unit": "N m RMS", "heldout_error": 0.25}
+    page = _page(run(record, evidence(unit="N m", after=False, n=600, recordings=1), kind="compare"))
+    assert page.sections == list(COMPARE)
+    assert "Held-out error is 0.250 N m RMS." in page.text and "after" not in page.text
+    assert "torque residual 0.249 N m RMS; largest at joint4 (0.600 N m RMS)" in page.text
+
+
+@pytest.mark.parametrize("verdict", ["adequate", "identified", "ambiguous", "unexplained", None, "odd"])
+def test_a_record_with_nothing_but_a_verdict(run, verdict):
+    assert _page(run({"verdict": verdict})).sections == list(DIAGNOSIS)
+
+
+def test_every_key_may_be_null_and_every_number_missing(run, diagnosis):
+    record = diagnosis("unexplained")
+    for key in record:
+        _page(run({**record, key: None}))
+
+    def blank(value):
+        if isinstance(value, dict):
+            return {k: blank(v) for k, v in value.items()}
+        if isinstance(value, list):
+            return [blank(v) for v in value]
+        return float("nan") if isinstance(value, float) else value
+
+    assert "nan" not in _page(run(blank(record))).text.lower().split()
+
+
+def test_arrays_without_a_single_finite_number(run, diagnosis, evidence):
+    arrays = evidence(n=100, recordings=1, nj=2)
+    blank = {
+        k: np.full_like(v, np.nan) if re.search("before|after|measured|next/[AB]", k) else v for k, v in arrays.items()
+    }
+    assert "no residual" in _page(run(diagnosis(), blank)).text
+
+
+def test_what_a_user_wrote_stays_text(run, diagnosis, evidence):
+    nasty = "<script>alert(1)</script> $\\frac{ & \"'"
+    record = diagnosis("ambiguous")
+    record["effects"][1]["where"] = record["ladder"][0]["model"] = record["notes"][0] = nasty
+    record["next_experiment"]["why"] = record["provenance"]["command"] = nasty
+    arrays = evidence(n=100, recordings=1, nj=2)
+    arrays["joints"] = np.array([nasty, *arrays["joints"][1:]])
+    arrays["0/name"] = np.array(nasty)
+    assert _page(run(record, arrays)).text.count("<script>alert(1)</script>") >= 5
+
+
+def test_same_record_same_bytes(run, diagnosis, evidence):
+    out = run(diagnosis(), evidence(n=300, recordings=1, nj=2))
+    assert write_report(out).read_bytes() == write_report(out, overwrite=True).read_bytes()
+
+
+def test_an_existing_report_is_kept(run, diagnosis):
+    out = run(diagnosis())
+    (out / "report.html").write_text("mine")
+    with pytest.raises(UserError, match="exists"):
+        write_report(out)
+    assert (out / "report.html").read_text() == "mine"
+
+
+def test_what_cannot_be_read_is_named(tmp_path, run, diagnosis, evidence):
+    with pytest.raises(UserError, match=r"diagnosis\.json or compare\.json"):
+        write_report(tmp_path / "nowhere")
+    arrays = evidence(n=50, recordings=1, nj=7)
+    with pytest.raises(UserError, match=r"evidence\.npz: 0/after: has the wrong shape"):
+        write_report(run(diagnosis(), {**arrays, "0/after": arrays["0/after"][:, :6]}))
+    out = run(diagnosis(), {**arrays, "joints": np.array(["a", None], dtype=object)})
+    with pytest.raises(UserError, match=r"evidence\.npz"):
+        write_report(out)
+    (out / "diagnosis.json").write_text("{")
+    with pytest.raises(UserError, match="not a JSON record"):
+        write_report(out)
+
+
+def test_episodes_are_laid_end_to_end(run, diagnosis, evidence):
+    arrays = evidence(n=200, recordings=1)
+    arrays["0/time"] = np.tile(arrays["0/time"][:100], 2)
+    time = load_evidence(run(diagnosis(), arrays) / "evidence.npz").traces[0].time
+    np.testing.assert_allclose(time, np.arange(200) / 500, atol=1e-12)
+
+
+def test_the_command_line_rebuilds(run, diagnosis, capsys):
+    out = run(diagnosis())
+    assert Args(out).run() == 0
+    assert "down to the noise floor" in capsys.readouterr().out and (out / "report.html").exists()
+
+
+def test_the_proposed_command_adds_a_recording_and_spares_the_first_results():
+    from vispeg.report.evidence import Evidence
+    from vispeg.report.record import Record
+
+    record = Record("diagnosis", {"provenance": {"command": "vispeg diagnose 'my arm.xml' --out=a"}}, Evidence())
+    assert again(record) == "vispeg diagnose 'my arm.xml' --out=a-2 --recording NEW-RECORDING"
+
+
+def test_remarks_follow_from_the_numbers():
+    from vispeg.core.params import Param
+
+    p = Param(null=0.0, low=0.0, high=10.0, unit="N m", start=1.0)
+    assert remark(1.0, 0.5, 1.5, p) == ""
+    assert "null" in remark(0.1, -0.1, 0.3, p) and "bound" in remark(10.0, 9.0, 11.0, p)
+    assert remark(1.0, None, None, p) == "no interval" and "bound" not in remark(0.0, -0.1, 0.1, p)
+
+
+def test_terminal_tables_show_the_numbers(diagnosis):
+    from rich.console import Console
+
+    console = Console(width=140, record=True, file=open("/dev/null", "w"))
+    record = json.loads(json.dumps(diagnosis("ambiguous")))
+    record["ladder"][0]["model"] = "[red]nominal"
+    console.print(ladder_table(record))
+    console.print(effects_table(record))
+    text = console.export_text()
+    for part in ("[red]nominal", "0.220 mrad RMS", "1.10 ×", "1.224 to 1.401", "stribeck_friction(joint4)"):
+        assert part in text
+    console.file.close()

@@ -1,0 +1,74 @@
+"""Figures keep what matters of the data and stay inside the page."""
+
+import re
+
+import numpy as np
+import pytest
+
+from vispeg.core.errors import UserError
+from vispeg.core.seeds import stream
+from vispeg.report.figures import new_figure, styled, svg, thin
+from vispeg.report.sections.maps import scale_levels
+from vispeg.report.signature import signature_figure
+from vispeg.report.strips import interval_strip, place
+
+
+def test_thinning_keeps_extremes_order_and_gaps():
+    time = np.arange(20_000) / 500
+    values = stream(0, "thin").standard_normal(time.size)
+    values[7_003], values[12_345], values[15_000:16_000] = 40.0, -50.0, np.nan
+    given = values.copy()
+    t, v = thin(time, values, 1500)
+    assert len(t) <= 1500 and np.all(np.diff(t) > 0)
+    assert np.nanmax(v) == 40.0 and np.nanmin(v) == -50.0
+    assert np.isnan(v[(t > 30.1) & (t < 31.9)]).all() and np.isnan(v).any()
+    np.testing.assert_array_equal(values, given)
+    index = np.searchsorted(time, t)
+    np.testing.assert_array_equal(values[index], v)
+
+
+def test_short_lines_are_left_alone():
+    t, v = thin(np.arange(5.0), np.arange(5.0))
+    assert len(t) == len(v) == 5
+
+
+def test_svg_text_is_text_and_ids_are_its_own():
+    with styled():
+        figure = new_figure(2.0)
+        ax = figure.add_subplot()
+        ax.plot([0, 1], [0, 1])
+        ax.set_title("a $b$ <c> & d")
+        text = svg(figure, "mine", 'say "x" <y>')
+    assert "a $b$ &lt;c&gt; &amp; d" in text
+    assert "http" not in text and "<metadata" not in text and 'aria-label="say &quot;x&quot; &lt;y&gt;"' in text
+    ids = re.findall(r'\bid="([^"]*)"', text)
+    used = re.findall(r"url\(#([^)]*)\)", text) + re.findall(r'href="#([^"]*)"', text)
+    assert len(ids) == len(set(ids)) and all(i.startswith("mine-") for i in ids)
+    assert used and set(used) <= set(ids)
+
+
+@pytest.mark.parametrize("top", [3.0, 3.01, 7.0, 40.0, 1e4])
+def test_colour_steps_cover_the_data(top):
+    levels = scale_levels(top)
+    assert levels[0] == 1.0 and levels[-2] < top <= levels[-1] and np.all(np.diff(levels) > 0)
+
+
+def test_a_strip_places_values_between_the_bounds():
+    assert place(2.5, 0, 10) == 0.25 and place(-1, 0, 10) == 0.0 and place(11, 0, 10) == 1.0
+    assert place(1.0, 0.01, 100, "log") == pytest.approx(0.5)
+    assert "circle" in interval_strip(1.0, (None, None), (0, 2)) and interval_strip(None, (0, 1), (0, 2)) == ""
+
+
+@pytest.mark.parametrize("kind", ["png", "svg"])
+def test_signature_figure(tmp_path, kind):
+    time = np.linspace(0, 2, 400)
+    path = tmp_path / f"x.{kind}"
+    lines = {"nominal": np.sin(time), "coulomb_friction": np.sin(time) + 0.1 * np.sign(np.cos(time))}
+    assert signature_figure("coulomb_friction(joint4)", time, lines, "rad", path) == path
+    assert path.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n" if kind == "png" else b"coulomb_friction" in path.read_bytes()
+    with pytest.raises(UserError, match="exists"):
+        signature_figure("again", time, lines, "rad", path)
+    with pytest.raises(UserError, match="differ"):
+        signature_figure("short", time[:-1], lines, "rad", tmp_path / "y.png")
+    with pytest.raises(UserError, match="kind of file"):
+        signature_figure("odd", time, lines, "rad", tmp_path / "y.bmp")

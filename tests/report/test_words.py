@@ -1,0 +1,96 @@
+"""Sentences say what the numbers say."""
+
+import math
+
+import pytest
+
+from vispeg.report import words
+from vispeg.report.quantities import interval, plain, quantity
+
+
+def _ladder(*held, floor=1e-4, **more):
+    rows = [{"model": str(i), "heldout_error": h, "unit": "rad RMS"} for i, h in enumerate(held)]
+    return {"ladder": rows, "noise_floor": {"value": floor, "unit": "rad RMS"}, **more}
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "said"),
+    [
+        (8.0, 0.2, "falls 40-fold"),
+        (8.0, 4.0, "falls 2.0-fold"),
+        (1.0, 0.68, "falls by 32 %"),
+        (1.0, 0.97, "hardly changes"),
+        (1.0, 1.04, "hardly changes"),
+        (1.0, 1.5, "rises by 50 %"),
+        (1.0, 3.0, "rises 3.0-fold"),
+        (1.0, 0.0, "falls to zero"),
+        (0.0, 1.0, "rises from zero"),
+        (None, 1.0, ""),
+        (1.0, math.nan, ""),
+    ],
+)
+def test_change(first, last, said):
+    assert words.change(first, last) == said
+
+
+def test_fall_divides_the_first_by_the_last_and_the_last_by_the_floor():
+    text = words.fall(_ladder(6e-3, 1.5e-3, 1.5e-4))
+    assert "falls 40-fold, from 6.00 mrad RMS to 0.150 mrad RMS, which is 1.50 × the noise floor." in text
+
+
+def test_a_rising_error_is_never_called_a_fall():
+    text = words.fall(_ladder(1e-3, 2.5e-3))
+    assert "rises 2.5-fold" in text and "fall" not in text
+
+
+@pytest.mark.parametrize("record", [{}, {"ladder": None}, {"ladder": []}, _ladder(None), _ladder(1e-3, math.nan)])
+def test_unknown_errors_are_said_to_be_unknown(record):
+    assert words.fall(record) == "The held-out error is not known."
+
+
+def test_down_to_the_noise_floor_only_where_it_is():
+    named = {"verdict": "identified", "effects": [{"effect": "payload", "where": "flange"}]}
+    assert "down to the noise floor" in words.verdict(_ladder(1e-2, 1.1e-4, **named))
+    assert "down to the noise floor" not in words.verdict(_ladder(1e-2, 1.5e-4, **named))
+    assert "down to the noise floor" not in words.verdict(_ladder(1e-2, 1.1e-4, floor=None, **named))
+
+
+def test_ambiguous_names_every_member_of_the_class():
+    effect = {"effect": "coulomb_friction", "where": "joint4"}
+    effect["indistinguishable_from"] = [{"effect": e, "where": "joint4"} for e in ("stribeck_friction", "hysteresis")]
+    text = words.verdict(_ladder(1e-2, 1e-4, verdict="ambiguous", effects=[effect]))
+    assert text.startswith("One of coulomb_friction(joint4), stribeck_friction(joint4) or hysteresis(joint4) explains")
+    assert "cannot tell" in text
+
+
+def test_unexplained_says_what_it_depends_on():
+    rest = {"depends_on": [{"input": "position", "share": 0.6}, {"input": "time", "share": 0.2}], "text": ""}
+    assert "It depends on position and time." in words.verdict({"verdict": "unexplained", "unexplained": rest})
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [
+        (0.00821, "rad RMS", "8.21 mrad RMS"),
+        (2.0e-5, "rad", "20.0 µrad"),
+        (1.31, "N m", "1.31 N m"),
+        (0.02, "kg", "0.0200 kg"),
+        (0.0, "rad RMS", "0 rad RMS"),
+        (None, "rad", "–"),
+        (math.inf, "rad", "–"),
+        (9.999e-3, "rad", "10.0 mrad"),
+    ],
+)
+def test_quantities(value, unit, text):
+    assert quantity(value, unit) == text
+
+
+@pytest.mark.parametrize("value", [1.234e-9, 0.00123, 0.5, 9.996, 1234.5, -3.3e7])
+def test_three_digits_are_within_half_a_percent(value):
+    assert float(plain(value).replace("−", "-")) == pytest.approx(value, rel=5e-3)
+
+
+def test_an_interval_sets_the_decimals_of_its_value():
+    assert interval(1.3123, 1.224, 1.401) == ("1.312", "1.224 to 1.401")
+    assert interval(1312.3, 1224.0, 1401.0) == ("1312", "1224 to 1401")
+    assert interval(0.5, None, None) == ("0.5000", "")

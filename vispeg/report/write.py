@@ -1,0 +1,49 @@
+"""Writing a diagnosis: record, arrays, model, next motion, page."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.world import World
+from vispeg.effects.model_file import model_text
+from vispeg.report.build import write_report
+
+
+def write_diagnosis(folder: Path, record: dict[str, Any], world: World, arrays: dict[str, np.ndarray]) -> None:
+    """Writes `diagnosis.json`, `evidence.npz`, `model.yaml`, `report.html` and the next motion into an empty folder."""
+    (folder / "diagnosis.json").write_text(
+        json.dumps(_finite(record), indent=1, allow_nan=False) + "\n", encoding="utf-8"
+    )
+    (folder / "model.yaml").write_text(model_text(world), encoding="utf-8")
+    np.savez_compressed(folder / "evidence.npz", **{k: _compact(v) for k, v in arrays.items()})
+    if "next/q_cmd" in arrays:
+        _write_motion(folder / "next_experiment", arrays)
+    write_report(folder)
+
+
+def _write_motion(folder: Path, arrays: dict[str, np.ndarray]) -> None:
+    """The commanded motion as a table that `vispeg record --motion FILE` and a robot can replay."""
+    folder.mkdir()
+    joints = [str(j) for j in arrays["joints"]]
+    columns = ["time", *(f"q_cmd.{j}" for j in joints), *(f"dq_cmd.{j}" for j in joints)]
+    values = np.column_stack([arrays["next/time"], arrays["next/q_cmd"], arrays["next/dq_cmd"]])
+    np.savetxt(folder / "samples.csv", values, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
+
+
+def _compact(a: np.ndarray) -> np.ndarray:
+    return a.astype(np.float32) if a.dtype == np.float64 and a.ndim > 1 else a
+
+
+def _finite(value: Any) -> Any:
+    """JSON has no NaN: null stands for it."""
+    if isinstance(value, dict):
+        return {str(k): _finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(v) for v in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not np.isfinite(value) else value
