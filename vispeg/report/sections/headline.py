@@ -83,7 +83,7 @@ def ladder_picture(record: Record) -> str:
     factor, shown = prefix(max(positive), unit)
     fits = [number(row.get("fit_error")) for _, _, row in ladder]
     seen = positive + ([floor] if floor else []) + [f for f in fits if f is not None and f > 0]
-    left, right = factor * min(seen) / 1.8, factor * max(seen)
+    left, right = factor * min(min(seen) / 1.8, max(seen) / 12), factor * max(seen)
     right *= max(1.6, (right / left) ** 0.22)
     from matplotlib.ticker import LogLocator, NullLocator
 
