@@ -1,0 +1,53 @@
+"""Hidden-effect benchmark: what does `vispeg diagnose` find in plants that hide something from it?
+
+    python scripts/bench/hidden_effects --make DIR --only "coulomb_friction/joint4/*" --dev
+    python scripts/bench/hidden_effects --make DIR --run --limit 20 --out report.md
+
+Cases are deterministic by seed. `--dev` uses seeds that are never scored: tune only on those.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE), str(HERE.parents[2])]
+
+import argparse  # noqa: E402
+
+
+def main() -> int:
+    """Parses, makes, runs, reports."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--make", type=Path, required=True, metavar="DIR", help="where recordings and results lie")
+    parser.add_argument("--only", nargs="*", default=[], metavar="PATTERN", help="case names or patterns of them")
+    parser.add_argument("--limit", type=int, default=None, help="at most so many cases, spread evenly over the list")
+    parser.add_argument("--dev", action="store_true", help="development seeds, not the scored ones")
+    parser.add_argument("--list", action="store_true", help="print the chosen cases and stop")
+    args = parser.parse_args()
+    from cases import choose
+    from make import folders, make
+
+    from vispeg.core.errors import UserError
+
+    try:
+        chosen = choose(tuple(args.only), args.dev, args.limit)
+        if args.list:
+            print("\n".join(f"{c.name}  [{c.mode}]" for c in chosen))
+            return 0
+        root = args.make / ("dev" if args.dev else "scored")
+        make(root, chosen)
+    except UserError as error:
+        print(error, file=sys.stderr)
+        return 2
+    for case in chosen:
+        print(case.name, case.mode, folders(root, case)[0].parent)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

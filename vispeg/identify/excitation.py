@@ -1,0 +1,271 @@
+"""Excitation: commanded motions that make a robot show what its model lacks.
+
+Every motion starts at rest at its centre posture, stays inside a share of the position range and of the velocity
+limits, and comes with the exact time derivative of its positions. One small function a motion, found by name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+
+SEVEN_AXIS_CENTRE = (0.0, 0.5, 0.0, -1.2, 0.0, 0.9, 0.0)  # flange in front, pointing down, well above the table
+SEVEN_AXIS_REACH = (0.9, 0.4, 0.7, 0.45, 1.0, 0.6, 1.2)  # rad about it that keeps clear of table and base
+
+
+class Robot(Protocol):
+    """What a motion needs to know of a robot."""
+
+    @property
+    def joints(self) -> Sequence[str]: ...  # noqa: D102
+    @property
+    def range(self) -> np.ndarray: ...  # noqa: D102
+    @property
+    def velocity_limit(self) -> np.ndarray: ...  # noqa: D102
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A commanded motion: time (n,) s, q_cmd and dq_cmd (n, nj) rad and rad/s, ee_cmd (n, 7) m and (w, x, y, z) or None."""
+
+    name: str
+    time: np.ndarray
+    q_cmd: np.ndarray
+    dq_cmd: np.ndarray
+    ee_cmd: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class Room:
+    """Where a motion may go: time (n,) s, centre, reach, speed (nj,) in rad, rad, rad/s (half-widths about the centre)."""
+
+    joints: tuple[str, ...]
+    time: np.ndarray
+    centre: np.ndarray
+    reach: np.ndarray
+    speed: np.ndarray
+
+    @property
+    def duration(self) -> float:
+        """Seconds covered, one sample period included."""
+        return float(self.time[-1] + self.time[1])
+
+
+def smoothstep(u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Minimum-jerk step 10u^3-15u^4+6u^5 of u clipped to [0, 1]: its integral from 0, its value, its slope."""
+    v = np.clip(u, 0.0, 1.0)
+    integral = v**4 * (2.5 - 3.0 * v + v**2) + np.maximum(u - 1.0, 0.0)
+    return integral, v**3 * (10.0 - 15.0 * v + 6.0 * v**2), 30.0 * v**2 * (1.0 - v) ** 2
+
+
+def _fit(room: Room, dq: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Scales an offset motion (n, nj) joint by joint until it just fits the room, and puts it at the centre."""
+    far, fast = np.abs(q).max(axis=0), np.abs(dq).max(axis=0)
+    scale = np.minimum(room.reach / np.maximum(far, 1e-12), room.speed / np.maximum(fast, 1e-12))
+    return room.centre + scale * q, scale * dq
+
+
+def fourier(room: Room, rng: np.random.Generator, harmonics: int = 5, base_hz: float | None = None) -> tuple:
+    """Sums of `harmonics` sines of a base frequency (default: one period a recording, 0.1 Hz at least), random phases."""
+    t, nj = room.time, len(room.joints)
+    base = max(0.1, 1.0 / room.duration) if base_hz is None else base_hz
+    k = np.arange(1, harmonics + 1)
+    weight = rng.uniform(0.5, 1.0, (harmonics, nj)) / np.sqrt(k)[:, None]
+    phase = rng.uniform(0.0, 2.0 * np.pi, (harmonics, nj))
+    angle = 2.0 * np.pi * base * k * t[:, None, None] + phase.T  # (n, nj, harmonics)
+    f = (weight.T * np.sin(angle)).sum(axis=2)
+    df = (weight.T * 2.0 * np.pi * base * k * np.cos(angle)).sum(axis=2)
+    q, dq = _ramped(room, f, df)
+    return _fit(room, dq, q)
+
+
+def _ramped(room: Room, f: np.ndarray, df: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """f and df (n, nj) faded in over the first fifth (1 s at most), so that position, speed and acceleration start at 0."""
+    length = min(1.0, room.duration / 5.0)
+    _, w, dw = smoothstep(room.time[:, None] / length)
+    return w * f, w * df + dw / length * f
+
+
+def chirp(room: Room, rng: np.random.Generator, low_hz: float = 0.1, high_hz: float = 4.0) -> tuple:
+    """Sines of rising frequency; amplitude falls with frequency so that the speed stays near its limit."""
+    t, nj = room.time[:, None], len(room.joints)
+    low, high = low_hz * rng.uniform(0.8, 1.25, nj), high_hz * rng.uniform(0.8, 1.25, nj)
+    freq, dfreq = low + (high - low) * t / room.duration, (high - low) / room.duration
+    angle = 2.0 * np.pi * (low * t + (high - low) * t**2 / (2.0 * room.duration)) + rng.uniform(0.0, 2.0 * np.pi, nj)
+    ratio = 2.0 * np.pi * room.reach / room.speed  # s: speed ratio a Hz
+    amp = room.reach / np.sqrt(1.0 + (ratio * freq) ** 2)
+    damp = -room.reach * ratio**2 * freq * dfreq / (1.0 + (ratio * freq) ** 2) ** 1.5
+    f = amp * np.sin(angle)
+    q, dq = _ramped(room, f, damp * np.sin(angle) + amp * 2.0 * np.pi * freq * np.cos(angle))
+    return _fit(room, dq, q)
+
+
+def triangle(room: Room, rng: np.random.Generator, slow: float = 0.02, speeds: int = 5, blend_s: float = 0.06) -> tuple:
+    """Strokes of constant velocity out and back, `speeds` of them from `slow` rad/s to the limit, in random order."""
+    n, nj = len(room.time), len(room.joints)
+    q, dq = np.zeros((n, nj)), np.zeros((n, nj))
+    stroke = (room.duration - blend_s) / (2 * speeds)
+    if stroke < 2.0 * blend_s:
+        raise UserError(f"triangle: {speeds} speeds do not fit into the duration", got=f"{room.duration:g} s")
+    for j in range(nj):
+        fast = min(room.speed[j], room.reach[j] / stroke)
+        size = rng.permutation(np.geomspace(min(slow, fast), fast, speeds))
+        sign = rng.choice([-1.0, 1.0], speeds)
+        velocity = np.repeat(size * sign, 2) * np.tile([1.0, -1.0], speeds)
+        change = np.diff(np.concatenate([[0.0], velocity, [0.0]]))
+        start = np.arange(2 * speeds + 1) * stroke
+        start[1:-1] += rng.uniform(-0.15, 0.15) * stroke  # joints do not reverse together
+        integral, value, _ = smoothstep((room.time[:, None] - start) / blend_s)
+        q[:, j], dq[:, j] = (change * integral).sum(axis=1) * blend_s, (change * value).sum(axis=1)
+    return _fit_down(room, dq, q)
+
+
+def _fit_down(room: Room, dq: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """As `_fit`, but never enlarges."""
+    far, fast = np.abs(q).max(axis=0), np.abs(dq).max(axis=0)
+    scale = np.minimum(1.0, np.minimum(room.reach / np.maximum(far, 1e-12), room.speed / np.maximum(fast, 1e-12)))
+    return room.centre + scale * q, scale * dq
+
+
+def steps(room: Room, rng: np.random.Generator, count: int = 6, smallest: float = 0.005) -> tuple:
+    """Minimum-jerk steps of several sizes (`smallest` rad to the reach) with rests between, joints at their own times."""
+    n, nj = len(room.time), len(room.joints)
+    q, dq = np.zeros((n, nj)), np.zeros((n, nj))
+    slot = room.duration / count
+    for j in range(nj):
+        largest = min(room.reach[j], 0.6 * slot * room.speed[j] / 1.875)  # 1.875: peak over mean speed of the step
+        size = rng.permutation(np.geomspace(min(smallest, largest), largest, count))
+        here, begin = 0.0, rng.uniform(0.0, 0.2) * slot
+        for k, move in enumerate(size):
+            move *= rng.choice([-1.0, 1.0])
+            move = -move if abs(here + move) > room.reach[j] else move
+            here += move
+            length = min(0.6 * slot, max(0.1, 1.875 * abs(move) / room.speed[j]))
+            _, value, slope = smoothstep((room.time - begin - k * slot) / length)
+            q[:, j] += move * value
+            dq[:, j] += move * slope / length
+    return _fit_down(room, dq, q)
+
+
+def sweep(room: Room, rng: np.random.Generator, joint: str | None = None) -> tuple:
+    """One joint there and back through its reach, the others still; every joint in turn where none is named."""
+    if joint is not None and joint not in room.joints:
+        raise UserError("sweep: no such joint", got=joint, choices=room.joints)
+    moving = range(len(room.joints)) if joint is None else [room.joints.index(joint)]
+    q, dq = np.zeros((len(room.time), len(room.joints))), np.zeros((len(room.time), len(room.joints)))
+    slot = room.duration / len(moving)
+    for k, j in enumerate(moving):
+        _, value, slope = smoothstep((room.time - k * slot) / slot)  # u(t): eased phase, so that it starts at rest
+        sign = rng.choice([-1.0, 1.0])
+        q[:, j] = sign * room.reach[j] * np.sin(2.0 * np.pi * value)
+        dq[:, j] = sign * room.reach[j] * 2.0 * np.pi * np.cos(2.0 * np.pi * value) * slope / slot
+    return _fit(room, dq, q) if joint is None else _fit_only(room, dq, q, list(moving))
+
+
+def _fit_only(room: Room, dq: np.ndarray, q: np.ndarray, moving: list[int]) -> tuple[np.ndarray, np.ndarray]:
+    out, dout = np.tile(room.centre, (len(q), 1)), np.zeros_like(q)
+    fitted, dfitted = _fit(room, dq, q)
+    out[:, moving], dout[:, moving] = fitted[:, moving], dfitted[:, moving]
+    return out, dout
+
+
+def mix(room: Room, rng: np.random.Generator) -> tuple:
+    """Half of the joints on triangles, the other half on chirps, by lot: slow reversals and fast oscillation at once."""
+    qt, dqt = triangle(room, rng)
+    qc, dqc = chirp(room, rng)
+    slow = rng.permutation(len(room.joints)) < (len(room.joints) + 1) // 2
+    return np.where(slow, qt, qc), np.where(slow, dqt, dqc)
+
+
+MOTIONS: dict[str, Callable[..., tuple]] = {f.__name__: f for f in (fourier, chirp, triangle, steps, sweep, mix)}
+
+
+def osc_targets(
+    room: Room, rng: np.random.Generator, model: Any, count: int = 9, reach_m: float = 0.06, turn_rad: float = 0.2
+) -> np.ndarray:
+    """Flange targets (n, 7): `count` short sub-trajectories (50 control steps each at a ninth of the duration), each a
+    minimum-jerk move to a random pose near the centre posture's and on to the next.
+
+    Args:
+        model: a compiled mujoco.MjModel with a site `flange` and the robot's joints first in qpos.
+    """
+    import mujoco
+
+    data = mujoco.MjData(model)
+    data.qpos[: len(room.centre)] = room.centre
+    mujoco.mj_kinematics(model, data)
+    site = model.site("flange").id
+    home, turn = data.site_xpos[site].copy(), np.zeros(4)
+    mujoco.mju_mat2Quat(turn, data.site_xmat[site])
+    goals = np.concatenate([np.zeros((1, 6)), rng.uniform(-1.0, 1.0, (count, 6))]) * ([reach_m] * 3 + [turn_rad] * 3)
+    _, share, _ = smoothstep(room.time[:, None] / room.duration * count - np.arange(count))
+    offset = share @ np.diff(goals, axis=0)  # (n, 6)
+    out = np.empty((len(room.time), 7))
+    out[:, :3] = home + offset[:, :3]
+    for row, vector in zip(out, offset[:, 3:], strict=True):
+        angle = np.linalg.norm(vector)
+        spin, quat = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(4)
+        if angle > 0.0:
+            mujoco.mju_axisAngle2Quat(spin, vector / angle, angle)
+        mujoco.mju_mulQuat(quat, spin, turn)
+        row[3:] = quat
+    return out
+
+
+def room_of(
+    robot: Robot, rate_hz: float, duration: float, centre: Sequence[float] | None = None, share: float = 0.8
+) -> Room:
+    """The room inside `share` of a robot's limits about a posture (default: clear of the table; mid-range if unknown)."""
+    nj, limits = len(robot.joints), np.asarray(robot.range, float)
+    n = round(duration * rate_hz)
+    if rate_hz <= 0.0 or n < 10:
+        raise UserError("a motion needs ten samples at least", got=f"{duration:g} s at {rate_hz:g} Hz")
+    free = ~np.isfinite(limits).all(axis=1) | (limits[:, 0] >= limits[:, 1])
+    low, high = np.where(free, -np.pi, limits[:, 0]), np.where(free, np.pi, limits[:, 1])
+    mid, half = (low + high) / 2.0, (high - low) / 2.0
+    seven = nj == 7 and centre is None and bool((np.abs(np.array(SEVEN_AXIS_CENTRE) - mid) < share * half).all())
+    at = np.array(SEVEN_AXIS_CENTRE) if seven else mid if centre is None else np.asarray(centre, float)
+    if at.shape != (nj,) or (np.abs(at - mid) >= share * half).any():
+        raise UserError("the centre posture must lie inside the position limits", got=list(at))
+    reach = np.minimum(share * half - np.abs(at - mid), SEVEN_AXIS_REACH if seven else 0.4 * half)
+    limit = np.asarray(robot.velocity_limit, float)
+    speed = share * np.where(np.isfinite(limit) & (limit > 0.0), limit, 2.0)
+    return Room(tuple(robot.joints), np.arange(n) / rate_hz, at, reach, speed)
+
+
+def motion(
+    name: str,
+    robot: Robot,
+    rate_hz: float,
+    duration: float,
+    rng: np.random.Generator,
+    *,
+    centre: Sequence[float] | None = None,
+    share: float = 0.8,
+    **options: Any,
+) -> Motion:
+    """A commanded motion by name.
+
+    Args:
+        name: one of `MOTIONS`, or `osc` (which needs `model=` a compiled mujoco.MjModel).
+        robot: anything with joints, range (nj, 2) rad and velocity_limit (nj,) rad/s.
+        rate_hz, duration: samples a second, seconds.
+        rng: the only source of chance.
+        centre: posture (nj,) rad about which to move; the default is clear of the table for seven joints, else mid-range.
+        share: of position and velocity limits that may be used.
+        options: the motion's own.
+    """
+    room = room_of(robot, rate_hz, duration, centre, share)
+    known = (*MOTIONS, "osc")
+    if name not in known:
+        raise UserError("unknown motion", got=name, choices=known)
+    if name == "osc":
+        still = np.tile(room.centre, (len(room.time), 1))
+        return Motion(name, room.time, still, np.zeros_like(still), osc_targets(room, rng, **options))
+    q, dq = MOTIONS[name](room, rng, **options)
+    return Motion(name, room.time, q, dq)
