@@ -31,6 +31,8 @@ class Effect(ABC):
         writes: the MjModel fields that `write` may touch; a test holds it to that.
         order: position in the chain of drive hooks; smaller acts earlier (nearer to the command).
         smooth: False where the residual is not smooth in the parameters (a global search is then used).
+        telling: magnitudes without which this effect is only another one under its name (default: any of them).
+        shared: True where one value for all joints (`where: all`) is the natural first guess.
     """
 
     name: ClassVar[str]
@@ -39,6 +41,8 @@ class Effect(ABC):
     writes: ClassVar[frozenset[str]] = frozenset()
     order: ClassVar[int] = 50
     smooth: ClassVar[bool] = True
+    shared: ClassVar[bool] = False
+    telling: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -79,11 +83,21 @@ class Effect(ABC):
         """What the encoders make of joint angles and velocities, both (nsim, nj)."""
         return q, dq
 
-    def regressors(self, kin: Any, where: str, p: Mapping[str, float]) -> np.ndarray | None:
-        """Torque-space signature (n, nj, nparam): d(motor torque needed) / d(parameter) at `p`, or None."""
-        return None
+    def inverse(self, needed: np.ndarray, sensor: str, p: Values) -> np.ndarray:
+        """What a torque sensor reads (n, nj) when the link needs `needed`: a drive effect's static inverse, N m."""
+        raise NotImplementedError
 
-    def side(self, name: str) -> Literal["link", "drive"]:
+    def guesses(self, look: Any) -> list[dict[str, float]]:
+        """Parameter values at which to take a signature, seen from the data; [] where the data rule the effect out.
+
+        Args:
+            look: what is known at the place: `q`, `dq`, `tau` (n,) measured angle, velocity and motor torque of the joint,
+                `excess` (n,) the torque in N m that the present model lacks there, `raw` the unsmoothed angle. Effects that
+                do not sit at a joint get None.
+        """
+        return [{}]
+
+    def side(self) -> Literal["link", "drive"]:
         """Whether a joint torque sensor (behind the gear) sees this effect's torque: 'link' if it does."""
         return "drive"
 

@@ -1,0 +1,65 @@
+"""Names the physical effect that a model lacks, adds it, and shows the error fall on recordings that were not fitted.
+
+Writes OUT/diagnosis.json, OUT/report.html and OUT/model.yaml (the model with what was found), and the next motion to record.
+Exits 0 with a verdict: adequate, identified, ambiguous or unexplained.
+
+Example:
+    vispeg diagnose iiwa14 --recording rig-a --recording rig-b --validate rig-c --out found
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+
+@dataclass(frozen=True)
+class Args:
+    """Arguments of `vispeg diagnose`."""
+
+    model: tyro.conf.Positional[str]
+    """A model file, a robot's name, or a path to an MJCF or URDF."""
+    out: Path
+    """Folder for the results."""
+    recording: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
+    """A recording to fit; give the flag once for each."""
+    validate: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
+    """A recording to judge on, never fitted; give the flag once for each."""
+    seed: int = 0
+    """Seed of whatever is drawn."""
+    threads: Annotated[int, tyro.conf.arg(help="Threads of the simulation.")] = 2
+    overwrite: bool = False
+    """Replace OUT if it is there."""
+    quiet: bool = False
+    """No progress, only the table."""
+
+    def run(self) -> int:
+        """Runs the diagnosis and writes its folder."""
+        from vispeg.cli.inputs import read_inputs
+        from vispeg.core.files import new_folder
+        from vispeg.core.provenance import provenance
+        from vispeg.diagnose.run import diagnose
+        from vispeg.report.terminal import print_diagnosis
+        from vispeg.report.write import write_diagnosis
+
+        world, fitted, held_out = read_inputs(self.model, self.recording, self.validate)
+        with new_folder(self.out, overwrite=self.overwrite) as folder:
+            if self.quiet:
+                found = diagnose(world, fitted, held_out, seed=self.seed, nthread=self.threads)
+            else:
+                from rich.console import Console
+
+                with Console(stderr=True).status("simulating") as status:
+                    found = diagnose(
+                        world, fitted, held_out, seed=self.seed, nthread=self.threads, say=lambda text: status.update(text)
+                    )
+            inputs = [*self.recording, *self.validate]
+            record = {**found.record, "provenance": provenance(sys.argv, self.seed, inputs)}
+            write_diagnosis(folder, record, found.world, found.arrays)
+        print_diagnosis(json.loads((self.out / "diagnosis.json").read_text()), self.out)
+        return 0

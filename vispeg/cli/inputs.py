@@ -1,0 +1,44 @@
+"""What several commands read: a model and recordings, checked against each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from vispeg.core.errors import UserError
+from vispeg.core.world import World
+from vispeg.effects.model_file import load_model
+from vispeg.recordings.load import load
+from vispeg.recordings.recording import Recording
+
+
+def read_inputs(
+    model: str, recording: Sequence[Path], validate: Sequence[Path], need_validate: bool = True
+) -> tuple[World, list[Recording], list[Recording]]:
+    """The world and the fitted and held-out recordings.
+
+    The model's robot takes the place of the recordings' where it is a file of the user's own.
+
+    Raises:
+        UserError: none given, one given on both sides, or another robot's.
+    """
+    import vispeg.effects  # noqa: F401  (names in a model file must be enrolled)
+
+    world = load_model(model)
+    if not recording:
+        raise UserError("no recording to fit", key="--recording", expected="at least one folder")
+    if need_validate and not validate:
+        raise UserError("no recording to judge on", key="--validate", expected="at least one folder that is not fitted")
+    both = {p.resolve() for p in recording} & {p.resolve() for p in validate}
+    if both:
+        raise UserError("fitted and held out at once", file=sorted(both)[0], expected="different recordings")
+    fitted, held_out = [_named(load(p), world, p) for p in recording], [_named(load(p), world, p) for p in validate]
+    return world, fitted, held_out
+
+
+def _named(rec: Recording, world: World, path: Path) -> Recording:
+    is_file = Path(world.robot).suffix != ""
+    if not is_file and Path(rec.robot).suffix == "" and rec.robot != world.robot:
+        raise UserError("another robot than the model's", file=path / "recording.yaml", key="robot", expected=world.robot, got=rec.robot)
+    return replace(rec, robot=world.robot)

@@ -1,0 +1,83 @@
+"""Judging on held-out recordings: paired differences of squared residuals with an interval that knows autocorrelation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vispeg.core.effect import effect
+from vispeg.core.world import World
+from vispeg.identify.evidence import Evidence
+from vispeg.identify.fit import Fit
+
+CAP = 1e4  # squared whitened residual beyond which a reading counts no more: one bad row must not decide
+
+
+@dataclass(frozen=True)
+class Gain:
+    """Held-out improvement of one world over another.
+
+    Attributes:
+        mean: drop of the mean squared whitened residual.
+        error: standard error of that drop, over blocks of time.
+        relative: drop over what there was.
+    """
+
+    mean: float
+    error: float
+    relative: float
+
+    @property
+    def z(self) -> float:
+        """Drop in standard errors."""
+        return self.mean / self.error if self.error > 0 else 0.0
+
+
+class Judge:
+    """Held-out evidence and the losses of worlds on it."""
+
+    def __init__(self, evidence: Evidence):
+        self.evidence = evidence
+        self.blocks = evidence.blocks(0.5)
+        self.valid = np.concatenate([i.valid.ravel() for i in evidence.items])
+        self.size = np.bincount(self.blocks, weights=self.valid)
+
+    def losses(self, worlds: Sequence[World]) -> list[np.ndarray]:
+        """Per world, the summed squared whitened residual of each block (nblock,)."""
+        return [self.loss(r) for r in self.evidence.residuals(worlds)]
+
+    def loss(self, residual: np.ndarray) -> np.ndarray:
+        """Summed squared whitened residual of each block."""
+        return np.bincount(self.blocks, weights=np.minimum(residual**2, CAP) * self.valid)
+
+    def mean(self, loss: np.ndarray) -> float:
+        """Mean squared whitened residual: 1 at the noise floor."""
+        return float(loss.sum() / max(self.size.sum(), 1))
+
+    def gain(self, before: np.ndarray, after: np.ndarray) -> Gain:
+        """Improvement from one block-loss vector to another."""
+        diff = before - after
+        n = self.size.sum()
+        error = float(np.sqrt(len(diff)) * np.std(diff, ddof=1) / n) if len(diff) > 1 else 0.0
+        mean = float(diff.sum() / n)
+        return Gain(mean, error, mean / max(self.mean(before), 1e-12))
+
+
+def present(fit: Fit, index: int) -> bool:
+    """Whether the effect at `index` is there: a telling magnitude's 95 % interval leaves out null."""
+    placed = fit.world.effects[index]
+    kind = effect(placed.effect)
+    for name in kind.telling or kind.magnitudes:
+        v, null = placed.params[name], kind.params[name].null
+        if v.low is None or v.high is None:
+            return True
+        if not v.low <= null <= v.high:
+            return True
+    return False
+
+
+def parameters(world: World) -> int:
+    """Number of free parameters."""
+    return sum(len(e.params) for e in world.effects)

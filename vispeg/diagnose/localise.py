@@ -1,0 +1,175 @@
+"""Where the model fails: the torque that it lacks, joint by joint, and in which regime."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vispeg.identify.evidence import Evidence, Item
+from vispeg.recordings.differentiate import smooth
+from vispeg.sim.rollout import OBSERVER, compiled
+from vispeg.sim.nominal import Nominal
+
+CUTOFF_HZ = 15.0
+SLOW, FAST, LOADED = 0.1, 0.6, 0.7  # fractions of a joint's peak speed and torque
+
+
+@dataclass(frozen=True)
+class Look:
+    """One joint of all fitted segments, end to end (n,): what `Effect.guesses` may use."""
+
+    q: np.ndarray
+    dq: np.ndarray
+    tau: np.ndarray
+    excess: np.ndarray
+    raw: np.ndarray
+
+
+@dataclass(frozen=True)
+class Lack:
+    """The missing torque of one item.
+
+    Attributes:
+        time: (m,) s.
+        q, dq, tau: (m, nj) measured motion (smoothed) and the motor torque that went with it.
+        excess: (m, nj) N m, what must be added to the model's joint torque to move as measured.
+        sigma: (nj,) its standard deviation if sensor noise were all.
+    """
+
+    time: np.ndarray
+    q: np.ndarray
+    dq: np.ndarray
+    tau: np.ndarray
+    excess: np.ndarray
+    sigma: np.ndarray
+
+
+def lack(item: Item, predicted: np.ndarray, seed: int = 0) -> Lack:
+    """Missing torque from the difference d = measured - simulated angle: `M d'' + Kd d' + Kp d`, low-passed.
+
+    Kp and Kd are the loop that both were in (the recorded controller, or the observer), M the nominal inertia along the
+    motion: the linearised inverse of the loop, so a torque at one joint shows at that joint alone.
+    """
+    seg, nj, m = item.segment, item.nj, len(item.segment.time)
+    if item.space == "torque":
+        valid = seg.time >= 0.4
+        gap = _filled(item.measured - predicted)
+        return Lack(seg.time[valid], seg.q[valid], seg.dq[valid], predicted[valid], gap[valid], item.sigma)
+    q, dq, _ = smooth(seg.time, _filled(item.measured[:, :nj]), CUTOFF_HZ)
+    nominal = Nominal(compiled(item.robot), item.robot.joints, item.robot.flange, m, 1)
+    mass, _, _, _, gravity = nominal.operational(q)
+    control = seg.control
+
+    def torque(d: np.ndarray) -> np.ndarray:
+        d, rate, acc = smooth(seg.time, d, CUTOFF_HZ)
+        if control.mode == "position":
+            return np.einsum("nij,nj->ni", mass, acc) + control.kd * rate + control.kp * d
+        kp, kd = OBSERVER**2, 2 * OBSERVER
+        if control.mode == "osc":
+            kp, kd = float(np.mean(control.kp)), float(np.mean(control.kd))
+        return np.einsum("nij,nj->ni", mass, acc + kd * rate + kp * d)
+
+    difference = _filled(item.measured[:, :nj] - predicted[:, :nj])
+    noise = np.random.default_rng(seed).normal(size=(m, nj)) * item.sigma[:nj]
+    valid = seg.time >= 0.4
+    sigma = torque(noise)[valid].std(axis=0)
+    raw = seg.q_raw if len(seg.q_raw) == m else item.measured[:, :nj]
+    tau = _motor_torque(item, raw, dq, gravity)
+    return Lack(seg.time[valid], q[valid], dq[valid], tau[valid], torque(difference)[valid], np.maximum(sigma, 1e-9))
+
+
+def _motor_torque(item: Item, q: np.ndarray, dq: np.ndarray, gravity: np.ndarray) -> np.ndarray:
+    """Commanded joint torque (m, nj) from what was recorded; gravity alone where it cannot be known."""
+    seg, c = item.segment, item.segment.control
+    if len(seg.q) != len(q):
+        return gravity
+    comp = gravity if c.gravity_compensation == "model" else 0.0
+    if c.mode == "torque":
+        return seg.command["tau_cmd"] + comp
+    if c.mode == "position":
+        dq_cmd = seg.command.get("dq_cmd", np.zeros_like(q))
+        return c.kp * (seg.command["q_cmd"] - q) + c.kd * (dq_cmd - dq) + comp
+    return gravity
+
+
+def _filled(values: np.ndarray) -> np.ndarray:
+    values = values.copy()
+    for column in values.T:
+        bad = ~np.isfinite(column)
+        if bad.any() and not bad.all():
+            column[bad] = np.interp(np.flatnonzero(bad), np.flatnonzero(~bad), column[~bad])
+    return np.nan_to_num(values)
+
+
+def looks(lacks: list[Lack], items: list[Item]) -> list[Look]:
+    """One Look a joint over all items."""
+    nj = lacks[0].q.shape[1]
+
+    def column(get, j):
+        return np.concatenate([get(k)[:, j] for k in lacks])
+
+    raw = [i.measured[i.segment.time >= 0.4] for i in items]
+    return [
+        Look(
+            column(lambda k: k.q, j),
+            column(lambda k: k.dq, j),
+            column(lambda k: k.tau, j),
+            column(lambda k: k.excess, j),
+            np.concatenate([r[:, j][np.isfinite(r[:, j])] for r in raw]),
+        )
+        for j in range(nj)
+    ]
+
+
+def joint_z(lacks: list[Lack]) -> np.ndarray:
+    """(nj,) RMS missing torque over its noise."""
+    return np.sqrt(np.mean([np.mean((k.excess / k.sigma) ** 2, axis=0) for k in lacks], axis=0))
+
+
+def regimes(k: Lack) -> dict[str, np.ndarray]:
+    """Regime name -> (m, nj) bool."""
+    speed, load = np.abs(k.dq), np.abs(k.tau)
+    peak = np.maximum(speed.max(axis=0), 1e-6)
+    reversal = speed < SLOW * peak
+    return {
+        "velocity reversal": reversal,
+        "high speed": speed > FAST * peak,
+        "high load": (load > LOADED * np.maximum(load.max(axis=0), 1e-6)) & ~reversal & (speed <= FAST * peak),
+        "steady motion": ~reversal & (speed <= FAST * peak) & (load <= LOADED * np.maximum(load.max(axis=0), 1e-6)),
+    }
+
+
+def where_it_fails(lacks: list[Lack], joints: tuple[str, ...], most: int = 6) -> list[dict]:
+    """Shares of the excess over noise by joint and regime, largest first; shares sum to 1 over all cells."""
+    cells: dict[tuple[str, str], float] = {}
+    for k in lacks:
+        chi = np.maximum((k.excess / k.sigma) ** 2 - 1.0, 0.0)
+        for regime, mask in regimes(k).items():
+            for j, joint in enumerate(joints):
+                cells[joint, regime] = cells.get((joint, regime), 0.0) + float(np.sum(chi[:, j] * mask[:, j]))
+    total = sum(cells.values()) or 1.0
+    ranked = sorted(cells.items(), key=lambda c: -c[1])[:most]
+    return [{"joint": j, "regime": r, "share": round(v / total, 4)} for (j, r), v in ranked if v / total > 0.01]
+
+
+def maps(evidence: Evidence, lacks: list[Lack], bins: int = 12) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Axis -> (edges (k+1,), whitened RMS missing torque (nj, k)) over speed, load, position and time."""
+    out = {}
+    for axis, get in (
+        ("speed", lambda k: k.dq / np.maximum(np.abs(k.dq).max(axis=0), 1e-9)),
+        ("load", lambda k: k.tau / np.maximum(np.abs(k.tau).max(axis=0), 1e-9)),
+        ("position", lambda k: k.q),
+        ("time", lambda k: np.repeat(k.time[:, None], k.q.shape[1], axis=1)),
+    ):
+        x = np.concatenate([get(k) for k in lacks])
+        z = np.concatenate([(k.excess / k.sigma) ** 2 for k in lacks])
+        edges = np.linspace(x.min(), x.max() + 1e-9, bins + 1)
+        cell = np.clip(np.digitize(x, edges) - 1, 0, bins - 1)
+        grid = np.full((x.shape[1], bins), np.nan)
+        for j in range(x.shape[1]):
+            count = np.bincount(cell[:, j], minlength=bins)
+            total = np.bincount(cell[:, j], weights=z[:, j], minlength=bins)
+            grid[j] = np.where(count > 0, np.sqrt(total / np.maximum(count, 1)), np.nan)
+        out[axis] = (edges, grid)
+    return out

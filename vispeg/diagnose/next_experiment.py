@@ -1,0 +1,87 @@
+"""The next motion to record: the one on which the leading explanations would differ most (T-optimal design).
+
+Over a menu of motions, maximise `sqrt(sum ((y_A - y_B) / sigma)^2)`, the distance in sigma between the predictions of the two
+best explanations (Atkinson and Fedorov, Biometrika 62(1), 1975).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from vispeg.core.seeds import stream
+from vispeg.core.world import World
+from vispeg.diagnose.rivals import Rivals
+from vispeg.diagnose.search import Search, State
+from vispeg.identify.excitation import motion
+from vispeg.sim.rollout import simulate
+from vispeg.sim.segment import Segment
+
+MENU = ("triangle", "chirp", "steps", "fourier", "sweep")
+SECONDS = 6.0
+
+
+def next_experiment(
+    search: Search, state: State, given: int, rivals: Sequence[Rivals], verdict: str, seed: int
+) -> tuple[dict | None, dict[str, np.ndarray]]:
+    """The record's `next_experiment` and the arrays of its picture; None where nothing is left to tell apart."""
+    a, b, names = _explanations(state, rivals, verdict)
+    if a is None or b is None or search.evidence.unit != "rad":
+        return _by_hand(search, verdict), {}
+    item = search.evidence.items[0]
+    control = item.segment.control
+    if control.mode != "position":
+        control = replace(
+            control, mode="position", gravity_compensation="model",
+            kp=600.0 * np.ones(item.nj), kd=None, nullspace=None,
+        )  # fmt: skip
+        control = replace(control, kd=_damping(search, control.kp))
+    best: tuple[float, dict, dict[str, np.ndarray]] = (-1.0, {}, {})
+    for name in MENU:
+        m = motion(name, item.robot, control.rate_hz, SECONDS, stream(seed, "next experiment", name))
+        segment = Segment(
+            control, 1.0 / control.rate_hz, {"q_cmd": m.q_cmd, "dq_cmd": m.dq_cmd}, m.q_cmd, m.dq_cmd, m.q_cmd, m.time,
+            np.arange(len(m.time)),
+        )  # fmt: skip
+        y = simulate(item.robot, [a, b], [segment], h_max=search.evidence.h_max, nthread=2)[0].q
+        gap = (y[0] - y[1]) / item.sigma[: item.nj]
+        sigma = float(np.sqrt(np.nansum(gap**2)))
+        if np.isfinite(gap).all() and sigma > best[0]:
+            why = f"separates {names[0]} from {names[1]}"
+            record = {"motion": name, "why": why, "expected_separation_sigma": round(sigma, 2), "seed": seed,
+                      "duration_s": SECONDS, "rate_hz": control.rate_hz, "file": "next_experiment/samples.csv"}  # fmt: skip
+            best = (sigma, record, {"next/time": m.time, "next/q_cmd": m.q_cmd, "next/dq_cmd": m.dq_cmd,
+                                    "next/A": y[0], "next/B": y[1]})  # fmt: skip
+    return (best[1], best[2]) if best[0] >= 0 else (_by_hand(search, verdict), {})
+
+
+def _explanations(state: State, rivals: Sequence[Rivals], verdict: str) -> tuple[World | None, World | None, tuple[str, str]]:
+    """The two worlds to tell apart: the final one and its closest rival, equal or not."""
+    pairs = [(t, r.label) for r in rivals for t in (r.equals or r.tried)]
+    if verdict == "adequate" or not pairs:
+        return None, None, ("", "")
+    rival, label = min(pairs, key=lambda p: float(p[0].loss.sum()))
+    return state.world, rival.fit.world, (label, rival.score.placed.label)
+
+
+def _by_hand(search: Search, verdict: str) -> dict | None:
+    if verdict == "adequate":
+        return None
+    why = "shows speed, reversal and load regimes apart, each joint alone"
+    if search.evidence.unit != "rad":
+        why = "a known controller (position mode, gains stated) lets rollouts decide what inverse dynamics cannot"
+    return {"motion": "triangle", "why": why, "expected_separation_sigma": 0.0}
+
+
+def _damping(search: Search, kp: np.ndarray) -> np.ndarray:
+    """Critical damping on the apparent inertias, bounded for a 500 Hz loop."""
+    from vispeg.sim.nominal import Nominal
+    from vispeg.sim.rollout import compiled
+
+    item = search.evidence.items[0]
+    nominal = Nominal(compiled(item.robot), item.robot.joints, item.robot.flange, 1, 1)
+    mass = nominal.operational(item.segment.q[:1])[0]
+    inertia = 1.0 / np.diagonal(np.linalg.inv(mass), axis1=1, axis2=2)[0]
+    return np.minimum(1.4 * np.sqrt(kp * inertia), 0.3 * inertia * item.segment.control.rate_hz)

@@ -1,0 +1,55 @@
+"""Which other effects explain the held-out data as well as a chosen one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from vispeg.diagnose.judge import present
+from vispeg.diagnose.search import Search, State, Trial, shortlist
+from vispeg.diagnose.screen import candidates, screen
+from vispeg.diagnose.localise import looks
+from vispeg.identify.fit import fit_job
+from vispeg.identify.pool import run_together
+
+
+@dataclass(frozen=True)
+class Rivals:
+    """For one accepted effect: the trials that held-out data cannot tell from it, and all that were tried."""
+
+    label: str
+    equals: tuple[Trial, ...]
+    tried: tuple[Trial, ...]
+
+
+def find_rivals(search: Search, state: State, given: int, say: Callable[[str], None]) -> list[Rivals]:
+    """Rivals of every accepted effect, all the others kept and refitted."""
+    chosen = state.world.effects[given:]
+    if len(chosen) == 1 and len(state.steps) == 1:
+        return [_compare(search, state, chosen[0].label, list(state.steps[0][1]))]
+    out = []
+    for placed in chosen:
+        say(f"looking for rivals of {placed.label}")
+        rest = state.world.without(placed.effect, placed.where)
+        fit = run_together(
+            [fit_job(search.evidence, rest, range(given, len(rest.effects)), iterations=5)], search.evidence.residuals
+        )[0]
+        reduced = State(fit.world, search.judge.losses([fit.world])[0], fit.residual, fit)
+        joints = search.evidence.items[0].robot.joints
+        near = [placed.where] if placed.where in joints else list(joints)[:0]
+        places = [c for c in candidates(search.evidence.items[0], fit.world, near) if c != (placed.effect, placed.where)]
+        view = looks(search.lacks(fit.world), search.evidence.items)
+        scores = screen(search.evidence, fit.world, fit.residual, fit.jacobian, places, view)
+        trials = search.try_all(reduced, shortlist(scores, 5), given, len(places)) if scores else []
+        out.append(_compare(search, state, placed.label, trials))
+    return out
+
+
+def _compare(search: Search, state: State, label: str, trials: list[Trial]) -> Rivals:
+    others = [t for t in trials if t.score.placed.label != label]
+    equals = [
+        t
+        for t in others
+        if search.equal(t.loss, state.loss) and present(t.fit, len(t.fit.world.effects) - 1) and t.gain.relative > 0
+    ]
+    return Rivals(label, tuple(equals), tuple(others))

@@ -1,0 +1,199 @@
+"""Forward selection with backward deletion: fit on some recordings, accept on others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy import stats
+
+from vispeg.core.world import World
+from vispeg.diagnose.judge import Gain, Judge, parameters, present
+from vispeg.diagnose.localise import Lack, joint_z, lack, looks
+from vispeg.diagnose.screen import Score, candidates, screen
+from vispeg.identify.evidence import Evidence
+from vispeg.identify.fit import Fit, fit_job
+from vispeg.identify.pool import run_together
+
+BEST = 9  # candidates fitted at each step
+MOST = 6  # effects added at most
+AT_FLOOR = 1.2  # held-out noise variances at which there is nothing left to look for
+LEAST_GAIN = 0.02  # share of the held-out squared error that a step must remove
+TIE = 0.03  # two fits this close in held-out squared error (above the floor) count as equals
+ALPHA = 0.01  # family-wise level of a step, over all places screened (Holm)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A fitted candidate: what was tried, how it did on held-out recordings, and why it was refused."""
+
+    score: Score
+    fit: Fit
+    loss: np.ndarray
+    gain: Gain
+    rejected: str = ""
+
+
+@dataclass
+class State:
+    """The search so far; `world` starts as the user's model."""
+
+    world: World
+    loss: np.ndarray
+    residual: np.ndarray
+    fit: Fit | None = None
+    steps: list[tuple[Trial, list[Trial]]] = field(default_factory=list)
+    last: list[Trial] = field(default_factory=list)  # the candidates of a step that accepted none
+    screening: list[Score] = field(default_factory=list)
+    lacks: list[Lack] = field(default_factory=list)
+
+
+class Search:
+    """The discovery loop over fitted evidence and a held-out judge."""
+
+    def __init__(self, evidence: Evidence, judge: Judge, say: Callable[[str], None] = lambda _: None):
+        self.evidence, self.judge, self.say = evidence, judge, say
+
+    def run(self, world: World) -> State:
+        """Adds effects until none earns its place on the held-out recordings."""
+        residual, loss = self.evidence.residuals([world])[0], self.judge.losses([world])[0]
+        state = State(world, loss, residual)
+        state.lacks = self.lacks(world)
+        given = len(world.effects)
+        while len(state.world.effects) - given < MOST and self.judge.mean(state.loss) > AT_FLOOR:
+            self.say(f"{state.world.label}: held-out {self.judge.mean(state.loss):.3f} x noise variance; screening")
+            trials = self.step(state, given)
+            accepted = [t for t in trials if not t.rejected]
+            if not accepted:
+                state.last = trials
+                break
+            best = accepted[0]
+            state.steps.append((best, trials))
+            self._take(state, best)
+            self._delete(state, given)
+        return state
+
+    def lacks(self, world: World) -> list[Lack]:
+        """Missing torque of every fitted segment under a world."""
+        predicted = self.evidence.simulated([world])
+        return [lack(item, y[0]) for item, y in zip(self.evidence.items, predicted, strict=True)]
+
+    def step(self, state: State, given: int, best: int = BEST, joints: Sequence[str] | None = None) -> list[Trial]:
+        """Screens the library against the state, fits the best, judges them; the ones that pass come first."""
+        lacks = self.lacks(state.world)
+        item = self.evidence.items[0]
+        if joints is None:
+            joints = suspects(lacks, item.robot.joints)
+        places = candidates(item, state.world, joints)
+        jac = state.fit.jacobian if state.fit is not None else None
+        scores = screen(self.evidence, state.world, state.residual, jac, places, looks(lacks, self.evidence.items))
+        state.screening = scores
+        if not scores:
+            return []
+        return self.try_all(state, shortlist(scores, best), given, len(places))
+
+    def try_all(self, state: State, scores: Sequence[Score], given: int, tested: int) -> list[Trial]:
+        """Fits each score's effect jointly with what was accepted, and judges all on the held-out recordings."""
+        worlds = [state.world.add(s.placed) for s in scores]
+        free = [list(range(given, len(w.effects))) for w in worlds]
+        self.say(f"fitting {', '.join(s.placed.label for s in scores)}")
+        fits = run_together(
+            [fit_job(self.evidence, w, f) for w, f in zip(worlds, free, strict=True)], self.evidence.residuals
+        )
+        losses = self.judge.losses([f.world for f in fits])
+        trials = []
+        for s, f, loss in zip(scores, fits, losses, strict=True):
+            trials.append(Trial(s, f, loss, self.judge.gain(state.loss, loss)))
+        return self._ranked(state, trials, tested)
+
+    def _ranked(self, state: State, trials: list[Trial], tested: int) -> list[Trial]:
+        """Refuses what fails a criterion, and puts the simplest of the equals first."""
+        level = float(stats.norm.isf(ALPHA / max(tested, 1)))  # Holm's first and strictest threshold
+        out = []
+        for t in trials:
+            why = ""
+            if t.gain.relative < LEAST_GAIN:
+                why = f"held-out gain {100 * t.gain.relative:.1f} % is under {100 * LEAST_GAIN:.0f} %"
+            elif t.gain.z < min(level, 4.0):
+                why = f"held-out gain is {t.gain.z:.1f} standard errors"
+            elif not present(t.fit, len(t.fit.world.effects) - 1):
+                why = "its interval includes no effect"
+            elif bic(self.evidence, t.fit) >= bic_of(self.evidence, state.residual, parameters(state.world)):
+                why = "BIC with the effective sample size does not improve"
+            out.append(Trial(t.score, t.fit, t.loss, t.gain, why))
+        passed = sorted((t for t in out if not t.rejected), key=lambda t: float(t.loss.sum()))
+        if passed:
+            best = passed[0]
+            equal = [t for t in passed if self.equal(t.loss, best.loss)]
+            first = min(equal, key=lambda t: (parameters(t.fit.world), float(t.loss.sum())))
+            passed.remove(first)
+            passed.insert(0, first)
+        refused = sorted((t for t in out if t.rejected), key=lambda t: float(t.loss.sum()))
+        return passed + refused
+
+    def equal(self, loss: np.ndarray, best: np.ndarray) -> bool:
+        """Whether held-out data cannot tell a world from a better one: not significantly worse, or hardly worse."""
+        gain = self.judge.gain(loss, best)
+        excess = max(self.judge.mean(best) - 1.0, 0.0)
+        return gain.mean <= TIE * (excess + 0.3) or gain.z < 2.0
+
+    def _take(self, state: State, trial: Trial) -> None:
+        state.world, state.fit, state.loss, state.residual = trial.fit.world, trial.fit, trial.loss, trial.fit.residual
+
+    def _delete(self, state: State, given: int) -> None:
+        """Backward deletion: drops effects that the later ones made needless."""
+        while len(state.world.effects) - given > 1:
+            worlds = [state.world.without(e.effect, e.where) for e in state.world.effects[given:-1]]
+            jobs = [fit_job(self.evidence, w, range(given, len(w.effects)), iterations=5) for w in worlds]
+            fits = run_together(jobs, self.evidence.residuals)
+            losses = self.judge.losses([f.world for f in fits])
+            gains = [self.judge.gain(loss, state.loss) for loss in losses]
+            k = int(np.argmin([g.mean for g in gains]))
+            if gains[k].relative >= LEAST_GAIN and gains[k].z >= 2.0:
+                return
+            self.say(f"{state.world.effects[given + k].label} is no longer needed")
+            state.world, state.fit, state.loss, state.residual = fits[k].world, fits[k], losses[k], fits[k].residual
+
+
+def suspects(lacks: list[Lack], joints: Sequence[str], share: float = 0.02, most: int = 4) -> list[str]:
+    """Joints that carry a visible share of the missing torque: an effect in one joint lacks torque at that joint."""
+    z = joint_z(lacks) ** 2
+    order = np.argsort(-z)
+    keep = [j for j in order[:most] if z[j] > share * z.max()]
+    return [joints[j] for j in sorted(keep)]
+
+
+def shortlist(scores: Sequence[Score], best: int) -> list[Score]:
+    """The scores worth a fit: the best, none under a tenth of the greatest gain unless few are left."""
+    top = scores[0].gain
+    return [s for i, s in enumerate(scores) if i < best and (i < 4 or s.gain > 0.1 * top)]
+
+
+def bic(evidence: Evidence, fit: Fit) -> float:
+    """Bayesian information criterion with the effective sample size N / (2 tau_int)."""
+    return bic_of(evidence, fit.residual, parameters(fit.world))
+
+
+def bic_of(evidence: Evidence, residual: np.ndarray, k: int) -> float:
+    """`n log(mean r^2) + k log n`, n the number of independent readings."""
+    n = evidence.count / (2.0 * correlation_time(evidence, residual))
+    return float(n * np.log(np.mean(residual**2)) + k * np.log(max(n, 2.0)))
+
+
+def correlation_time(evidence: Evidence, residual: np.ndarray) -> float:
+    """Integrated autocorrelation time of the angle residuals in samples, >= 0.5 (white)."""
+    out, start = [], 0
+    for item in evidence.items:
+        r = residual[start : start + item.measured.size].reshape(item.measured.shape)[item.valid.all(axis=1)]
+        start += item.measured.size
+        if len(r) < 16:
+            continue
+        r = r - r.mean(axis=0)
+        f = np.abs(np.fft.rfft(r, 2 * len(r), axis=0)) ** 2
+        acf = np.fft.irfft(f.sum(axis=1))[: len(r)]
+        acf /= max(acf[0], 1e-300)
+        tau = 0.5 + np.cumsum(acf[1:])
+        window = np.flatnonzero(np.arange(1, len(r)) >= 5 * tau)  # Sokal's self-consistent window
+        out.append(tau[window[0]] if len(window) else tau[-1])
+    return float(max(0.5, np.mean(out))) if out else 0.5

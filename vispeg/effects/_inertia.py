@@ -1,0 +1,49 @@
+"""Changing a body's inertial parameters row by row, keeping MuJoCo's diagonal form."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def tensor(fields, body: int) -> np.ndarray:
+    """Inertia (nsim, 3, 3) about the centre of mass, body axes, kg m^2."""
+    rot = rotation(fields["body_iquat"][:, body])
+    return np.einsum("nij,nj,nkj->nik", rot, fields["body_inertia"][:, body], rot)
+
+
+def add_point_mass(fields, body: int, mass: np.ndarray, point: np.ndarray) -> None:
+    """Adds a point mass (nsim,) kg at `point` (nsim, 3) m in the body frame; rows with no mass stay bit for bit."""
+    rows = mass != 0
+    if not rows.any():
+        return
+    m0, c0 = fields["body_mass"][rows, body], fields["body_ipos"][rows, body]
+    total = m0 + mass[rows]
+    com = (m0[:, None] * c0 + mass[rows, None] * point[rows]) / total[:, None]
+    moved = tensor(fields, body)[rows] + parallel(m0, c0 - com) + parallel(mass[rows], point[rows] - com)
+    value, axes = np.linalg.eigh(moved)
+    axes *= np.sign(np.linalg.det(axes))[:, None, None]
+    fields["body_mass"][rows, body] = total
+    fields["body_ipos"][rows, body] = com
+    fields["body_inertia"][rows, body] = np.maximum(value, 1e-9)
+    fields["body_iquat"][rows, body] = quaternion(axes)
+
+
+def parallel(mass: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Parallel-axis term `m (d.d 1 - d d')`, (n, 3, 3)."""
+    return mass[:, None, None] * (np.sum(d * d, 1)[:, None, None] * np.eye(3) - d[:, :, None] * d[:, None, :])
+
+
+def rotation(quat: np.ndarray) -> np.ndarray:
+    """Rotation matrices (n, 3, 3) of unit quaternions (n, 4) wxyz."""
+    w, x, y, z = quat.T
+    return np.stack(
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y), 2 * (x * y + w * z), 1 - 2 * (x * x + z * z),
+         2 * (y * z - w * x), 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=1
+    ).reshape(-1, 3, 3)  # fmt: skip
+
+
+def quaternion(mat: np.ndarray) -> np.ndarray:
+    """Unit quaternions (n, 4) wxyz of rotation matrices (n, 3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_matrix(mat).as_quat(scalar_first=True)

@@ -1,0 +1,132 @@
+"""Reading and writing `vispeg-model/1` files: a robot plus effects."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from vispeg.core.effect import REGISTRY, Placed, Value, effect
+from vispeg.core.errors import UserError
+from vispeg.core.world import World
+
+FORMAT = "vispeg-model/1"
+
+
+def load_model(source: str | Path) -> World:
+    """A World from a model file; a robot's name or a path to an MJCF or URDF gives that robot with no effects."""
+    text = str(source)
+    path = Path(text)
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        return World(robot=text)
+    if not path.is_file():
+        raise UserError("no such model file", file=path)
+    try:
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
+        raise UserError(f"not readable as YAML ({str(error).splitlines()[0]})", file=path) from None
+    except OSError as error:
+        raise UserError(f"cannot be read ({error.strerror})", file=path) from None
+    if not isinstance(data, Mapping):
+        raise UserError("not a model file", file=path, expected="a mapping", got=type(data).__name__)
+    if data.get("format") != FORMAT:
+        raise UserError("unknown format", file=path, key="format", expected=FORMAT, got=data.get("format"))
+    unknown = sorted(str(k) for k in set(data) - {"format", "robot", "tool", "effects"})
+    if unknown:
+        raise UserError("unknown key", file=path, key=unknown[0], choices=["format", "robot", "tool", "effects"])
+    robot = data.get("robot", "iiwa14")
+    if not isinstance(robot, str) or not robot:
+        raise UserError("wrong robot", file=path, key="robot", expected="a name or a path", got=robot)
+    beside = path.parent / robot
+    if Path(robot).suffix and not Path(robot).is_absolute() and beside.exists():
+        robot = str(beside)
+    entries = data.get("effects") or []
+    if not isinstance(entries, list):
+        raise UserError("wrong effects", file=path, key="effects", expected="a list", got=type(entries).__name__)
+    tool = data.get("tool")
+    if tool is not None and not isinstance(tool, str | Mapping):
+        raise UserError("wrong tool", file=path, key="tool", expected="none, a name or a mapping", got=tool)
+    effects = tuple(_placed(entry, path, f"effects[{i}]") for i, entry in enumerate(entries))
+    seen = set()
+    for i, e in enumerate(effects):
+        if (e.effect, e.where) in seen:
+            raise UserError(f"{e.label} is given twice", file=path, key=f"effects[{i}]")
+        seen.add((e.effect, e.where))
+    return World(robot, None if tool in (None, "none") else tool, effects)
+
+
+def _placed(entry: Any, file: Path, key: str) -> Placed:
+    if not isinstance(entry, Mapping):
+        raise UserError("wrong entry", file=file, key=key, expected="a mapping with effect, where, params", got=entry)
+    unknown = sorted(str(k) for k in set(entry) - {"effect", "where", "params", "origin"})
+    if unknown:
+        raise UserError("unknown key", file=file, key=f"{key}.{unknown[0]}", choices=["effect", "where", "params", "origin"])
+    name = entry.get("effect")
+    if not isinstance(name, str) or name not in REGISTRY:
+        raise UserError("unknown effect", file=file, key=f"{key}.effect", got=name, choices=sorted(REGISTRY))
+    where = entry.get("where", "all")
+    if not isinstance(where, str):
+        raise UserError("wrong place", file=file, key=f"{key}.where", expected="a name", got=where)
+    given = entry.get("params") or {}
+    if not isinstance(given, Mapping):
+        raise UserError("wrong params", file=file, key=f"{key}.params", expected="a mapping", got=given)
+    known = effect(name).params
+    params = dict(Placed.of(name, where).params)
+    for parameter, value in given.items():
+        at = f"{key}.params.{parameter}"
+        if parameter not in known:
+            raise UserError(f"{name} has no such parameter", file=file, key=at, got=parameter, choices=known)
+        params[parameter] = _value(value, known[parameter], file, at)
+    origin = entry.get("origin") or {}
+    return Placed(name, where, params, dict(origin) if isinstance(origin, Mapping) else {})
+
+
+def _value(value: Any, param: Any, file: Path, key: str) -> Value:
+    raw = value if isinstance(value, Mapping) else {"value": value}
+    unit = raw.get("unit", param.unit)
+    if unit != param.unit:
+        raise UserError("wrong unit", file=file, key=f"{key}.unit", expected=param.unit, got=unit)
+    numbers = {}
+    for part in ("value", "low", "high"):
+        number = raw.get(part)
+        if number is None and part != "value":
+            numbers[part] = None
+            continue
+        if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
+            raise UserError("not a number", file=file, key=f"{key}.{part}", expected="a finite number", got=number)
+        numbers[part] = float(number)
+    if not param.low <= numbers["value"] <= param.high:
+        raise UserError(
+            "out of bounds", file=file, key=key, expected=f"{param.low:g} to {param.high:g} {param.unit}", got=numbers["value"]
+        )
+    low, high = numbers["low"], numbers["high"]
+    if low is not None and high is not None and low > high:
+        raise UserError("interval is inverted", file=file, key=key, expected="low <= high", got=[low, high])
+    return Value(numbers["value"], low, high)
+
+
+def placed_dict(placed: Placed) -> dict[str, Any]:
+    """The YAML/JSON form of a placed effect."""
+    params = {}
+    for name, v in placed.params.items():
+        entry: dict[str, Any] = {"value": float(v.value)}
+        if v.low is not None and v.high is not None:
+            entry |= {"low": float(v.low), "high": float(v.high)}
+        params[name] = {**entry, "unit": effect(placed.effect).params[name].unit}
+    out: dict[str, Any] = {"effect": placed.effect, "where": placed.where, "params": params}
+    return {**out, "origin": dict(placed.origin)} if placed.origin else out
+
+
+def model_text(world: World) -> str:
+    """The model file of a world; `load_model` of it gives the world back."""
+    tool = world.tool if isinstance(world.tool, str) or world.tool is None else dict(world.tool)
+    data = {
+        "format": FORMAT,
+        "robot": world.robot,
+        "tool": "none" if tool is None else tool,
+        "effects": [placed_dict(e) for e in world.effects],
+    }
+    return yaml.safe_dump(data, sort_keys=False, allow_unicode=True)

@@ -1,0 +1,190 @@
+"""Recordings as evidence: rollouts of many candidate worlds against them, as whitened residuals.
+
+A residual is (measured - simulated) / sigma. Angles are always compared; measured torques too where the sensor says what
+they measure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.core.world import World
+from vispeg.recordings.noise import noise_of
+from vispeg.recordings.recording import Recording
+from vispeg.robots.model import RobotModel, load
+from vispeg.sim.rollout import simulate
+from vispeg.sim.segment import Segment, segments
+
+SETTLE = 0.4  # s at the start of a segment that no comparison uses: the unmeasured start state fades there
+MODEL_SIGMA = 4e-6  # rad: what the integrator itself is sure of
+PENALTY = 1e4  # whitened residual of a rollout that diverged
+
+
+@dataclass(frozen=True)
+class Item:
+    """One segment of one recording, ready to be compared.
+
+    Attributes:
+        recording, segment: where it comes from.
+        robot: the nominal robot with the declared tool and tilt.
+        measured: (m, nch) angles (and torques).
+        sigma: (nch,) noise.
+        valid: (m, nch) bool.
+        space: what the first nj channels are.
+    """
+
+    recording: Recording
+    segment: Segment
+    robot: RobotModel
+    measured: np.ndarray
+    sigma: np.ndarray
+    valid: np.ndarray
+    space: Literal["angle", "torque"] = "angle"
+
+    @property
+    def nj(self) -> int:
+        """Joints; the first nj channels are angles."""
+        return len(self.recording.joints)
+
+    @property
+    def period(self) -> float:
+        """Mean time between samples, s."""
+        return float(self.segment.time[-1] / max(1, len(self.segment.time) - 1))
+
+
+class Evidence:
+    """A set of recordings and the machine that simulates worlds against them.
+
+    Args:
+        recordings: with a known controller.
+        h_max: greatest physics step, s.
+        nthread: threads of the batch.
+    """
+
+    def __init__(self, recordings: Sequence[Recording], *, h_max: float = 2e-3, nthread: int = 1):
+        self.h_max, self.nthread = h_max, nthread
+        self.recordings = list(recordings)
+        self.items = [item for rec in recordings for item in _items(rec)]
+        groups: dict[tuple, list[int]] = {}
+        for i, item in enumerate(self.items):
+            c = item.recording.control
+            key = (id(item.robot), c.mode, c.rate_hz, c.nullspace is None or id(c.nullspace))
+            groups.setdefault(key, []).append(i)
+        self.groups = list(groups.values())
+        self.unit, self.notes = "rad", []
+        self._recent: list[tuple[tuple[World, ...], list[np.ndarray]]] = []
+        self.rollouts = 0.0  # simulated seconds, for the record
+
+    def simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
+        """Per item, the channels (nworld, m, nch) that the worlds predict; recent answers are remembered."""
+        key = tuple(worlds) if len(worlds) <= 4 else None
+        for known, answer in self._recent:
+            if known == key:
+                return answer
+        answer = self._simulated(worlds)
+        if key is not None:
+            self._recent = [(key, answer), *self._recent[:7]]
+        return answer
+
+    def _simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
+        out: list[np.ndarray] = [np.empty(0)] * len(self.items)
+        for group in self.groups:
+            items = [self.items[i] for i in group]
+            responses = simulate(
+                items[0].robot, worlds, [i.segment for i in items], h_max=self.h_max, nthread=self.nthread
+            )
+            for i, item, response in zip(group, items, responses, strict=True):
+                channels = [response.q]
+                if item.measured.shape[1] > item.nj:
+                    channels.append(response.tau_joint if item.recording.torque_sensor == "joint" else response.tau_motor)
+                out[i] = np.concatenate(channels, axis=2)
+        self.rollouts += len(worlds) * sum(i.segment.time[-1] for i in self.items)
+        return out
+
+    def residuals(self, worlds: Sequence[World]) -> list[np.ndarray]:
+        """Per world, the whitened residual of all items, flat; unreadable samples count 0, divergence PENALTY."""
+        per_item = self.simulated(worlds)
+        return [
+            np.concatenate([self.whiten(item, y[w]).ravel() for item, y in zip(self.items, per_item, strict=True)])
+            for w in range(len(worlds))
+        ]
+
+    @staticmethod
+    def whiten(item: Item, predicted: np.ndarray) -> np.ndarray:
+        """Whitened residual (m, nch) of one item."""
+        r = np.where(item.valid, (item.measured - predicted) / item.sigma, 0.0)
+        r = np.where(np.isfinite(r), np.clip(r, -PENALTY, PENALTY), PENALTY)
+        return r
+
+    @property
+    def count(self) -> int:
+        """Number of valid readings."""
+        return int(sum(i.valid.sum() for i in self.items))
+
+    def blocks(self, seconds: float = 0.25) -> np.ndarray:
+        """Block number of every residual entry, in the order of `residuals`; blocks never span two segments."""
+        out, start = [], 0
+        for item in self.items:
+            number = (item.segment.time / seconds).astype(int)
+            out.append(np.repeat(number[:, None] + start, item.measured.shape[1], axis=1).ravel())
+            start += number[-1] + 1
+        return np.concatenate(out)
+
+    def angle_rms(self, residual: np.ndarray) -> float:
+        """RMS angle error in rad of a whitened residual, over valid angle readings."""
+        total, n, start = 0.0, 0, 0
+        for item in self.items:
+            r = residual[start : start + item.measured.size].reshape(item.measured.shape)
+            start += item.measured.size
+            total += float(np.sum((r * item.sigma)[:, : item.nj] ** 2))
+            n += int(item.valid[:, : item.nj].sum())
+        return float(np.sqrt(total / max(n, 1)))
+
+    @property
+    def floor(self) -> float:
+        """RMS angle noise in rad: the error of a perfect model."""
+        n = sum(i.valid[:, : i.nj].sum() for i in self.items)
+        return float(np.sqrt(sum((i.valid * i.sigma**2)[:, : i.nj].sum() for i in self.items) / max(n, 1)))
+
+
+_ROBOTS: dict[tuple, RobotModel] = {}
+
+
+def robot_of(rec: Recording) -> RobotModel:
+    """The nominal robot of a recording, its declared tool and tilt included; checked against its joints."""
+    key = (rec.robot, repr(rec.tool), rec.base_tilt)
+    if key not in _ROBOTS:
+        _ROBOTS[key] = load(rec.robot, tool=rec.tool, base_tilt=rec.base_tilt)
+    robot = _ROBOTS[key]
+    if tuple(rec.joints) != tuple(robot.joints):
+        raise UserError(
+            "the recording's joints are not the robot's",
+            file=rec.path / "recording.yaml",
+            key="joints",
+            expected=", ".join(robot.joints),
+            got=", ".join(rec.joints),
+        )
+    return robot
+
+
+def _items(rec: Recording) -> list[Item]:
+    robot, noise = robot_of(rec), noise_of(rec)
+    out = []
+    for segment in segments(rec):
+        if segment.time[-1] <= 2 * SETTLE:
+            continue
+        channels, sigma = [rec.q[segment.rows]], [np.hypot(noise["q"], MODEL_SIGMA)]
+        if rec.tau is not None and rec.torque_sensor != "none":
+            channels.append(rec.tau[segment.rows])
+            sigma.append(noise["tau"])
+        measured = np.concatenate(channels, axis=1)
+        valid = np.isfinite(measured) & (segment.time >= SETTLE)[:, None]
+        out.append(Item(rec, segment, robot, measured, np.concatenate(sigma), valid))
+    if not out:
+        raise UserError(f"too short to compare: every episode lasts under {2 * SETTLE} s", file=rec.path)
+    return out

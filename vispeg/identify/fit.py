@@ -1,0 +1,190 @@
+"""Fitting a world's free parameters to evidence: bounded least squares (scipy) or CMA-ES, with intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from scipy import optimize, stats
+
+from vispeg.core.effect import Placed, Value
+from vispeg.core.world import World
+from vispeg.identify.evidence import Evidence
+from vispeg.identify.pool import Submit
+from vispeg.identify.space import Space
+
+ROBUST = 1e3  # whitened residuals beyond this count less: a diverging candidate must not rule the fit
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted world.
+
+    Attributes:
+        world: with fitted values and their 95 % intervals.
+        residual: whitened residual on the fitted evidence, flat.
+        jacobian: its derivative to the optimizer coordinates at the solution, (len(residual), naxis).
+        space: the coordinates.
+        u: the solution in them.
+        sigma: standard error of each coordinate.
+        correlation: (naxis, naxis).
+        at_bound: labels of parameters that ended at a bound.
+        weak: labels of parameters (or directions) that the evidence does not determine.
+        converged: whether the optimizer met its tolerance.
+        cost: mean squared whitened residual.
+    """
+
+    world: World
+    residual: np.ndarray
+    jacobian: np.ndarray
+    space: Space
+    u: np.ndarray
+    sigma: np.ndarray
+    correlation: np.ndarray
+    at_bound: tuple[str, ...] = ()
+    weak: tuple[str, ...] = ()
+    converged: bool = True
+    cost: float = field(default=0.0)
+
+
+def fit_job(
+    evidence: Evidence,
+    world: World,
+    free: Sequence[int],
+    *,
+    starts: Sequence[World] = (),
+    iterations: int = 8,
+    method: Literal["least-squares", "cma"] = "least-squares",
+    rng: np.random.Generator | None = None,
+) -> Callable[[Submit], Fit]:
+    """A job for `run_together` that fits the effects at `free` of `world`, from its values and from `starts`."""
+
+    def job(submit: Submit) -> Fit:
+        space = Space(world, free)
+        low, high = space.bounds
+        candidates = [space.start] + [Space(w, free).start for w in starts]
+        candidates = [np.clip(u, low + 1e-9, high - 1e-9) for u in candidates]
+        if method == "cma":
+            candidates.append(_cma(space, candidates[0], submit, iterations * 10, rng))
+        if len(candidates) > 1:
+            costs = [_cost(r) for r in submit([space.at(u) for u in candidates])]
+            best = candidates[int(np.argmin(costs))]
+        else:
+            best = candidates[0]
+        point, u, converged = _least_squares(space, best, submit, iterations)
+        return _summary(evidence, space, u, converged, point)
+
+    return job
+
+
+def _cost(r: np.ndarray) -> float:
+    return float(np.mean(np.minimum(r * r, ROBUST**2)))
+
+
+def _least_squares(space: Space, u0: np.ndarray, submit: Submit, iterations: int) -> tuple[_Point, np.ndarray, bool]:
+    low, high = space.bounds
+    point = _Point(space, submit)
+    result = optimize.least_squares(
+        lambda u: point.at(u)[0], u0, lambda u: point.at(u)[1], bounds=(low, high), method="trf", x_scale=1.0,
+        max_nfev=iterations, ftol=2e-4, xtol=1e-4, gtol=1e-12,
+    )  # fmt: skip
+    return point, result.x, result.status > 0
+
+
+class _Point:
+    """Residual and finite-difference Jacobian of a point in one batch: a few more rows cost less than one more call."""
+
+    def __init__(self, space: Space, submit: Submit):
+        self.space, self.submit = space, submit
+        self.known: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+
+    def at(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        key = u.tobytes()
+        if key not in self.known:
+            steps = self.space.steps(u)
+            points = [u] + [u + np.eye(len(u))[i] * s for i, s in enumerate(steps)]
+            r, *moved = self.submit([self.space.at(p) for p in points])
+            jac = np.stack([(m - r) / s for m, s in zip(moved, steps, strict=True)], axis=1)
+            self.known[key] = (r, jac)
+            while len(self.known) > 3:  # the solver looks back one point at most
+                del self.known[next(iter(self.known))]
+        return self.known[key]
+
+
+def _cma(space: Space, u0: np.ndarray, submit: Submit, budget: int, rng: np.random.Generator | None) -> np.ndarray:
+    """Global search by CMA-ES (Hansen, `cma`), a population at a time in one batch of rollouts."""
+    import cma
+
+    if rng is None:
+        raise ValueError("CMA-ES needs a random generator")
+    low, high = space.bounds
+    span = high - low
+    options = {"bounds": [0.0, 1.0], "seed": int(rng.integers(1, 2**31)), "verbose": -9, "maxfevals": 40 * budget}
+    search = cma.CMAEvolutionStrategy((u0 - low) / span, 0.2, options)
+    for _ in range(budget):
+        if search.stop():
+            break
+        points = search.ask()
+        search.tell(points, [_cost(r) for r in submit([space.at(low + span * np.asarray(x)) for x in points])])
+    return low + span * np.asarray(search.result.xbest)
+
+
+def _summary(evidence: Evidence, space: Space, u: np.ndarray, converged: bool, point: _Point) -> Fit:
+    r, jac = point.at(u)
+    sigma, correlation, weak = _uncertainty(evidence, r, jac, space)
+    low, high = space.bounds
+    t = float(stats.t.ppf(0.975, max(2, len(np.unique(evidence.blocks())) - len(u))))
+    effects: list[Placed] = list(space.world.effects)
+    bound = []
+    for axis, value, s, lo, hi in zip(space.axes, u, sigma, low, high, strict=True):
+        placed = effects[axis.index]
+        interval = [space.backward(np.clip(v, lo, hi), axis) for v in (value - t * s, value + t * s)]
+        params = {**placed.params, axis.name: Value(space.backward(value, axis), min(interval), max(interval))}
+        effects[axis.index] = Placed(placed.effect, placed.where, params, placed.origin)
+        if not axis.param.shape and min(value - lo, hi - value) < 1e-6 * max(1.0, hi - lo):
+            bound.append(f"{placed.label}.{axis.name}")
+    world = World(space.world.robot, space.world.tool, tuple(effects))
+    return Fit(world, r, jac, space, u, sigma, correlation, tuple(bound), weak, converged, float(np.mean(r * r)))
+
+
+def _uncertainty(
+    evidence: Evidence, r: np.ndarray, jac: np.ndarray, space: Space
+) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+    """Standard errors that survive autocorrelated and misfitting residuals.
+
+    Sandwich covariance over blocks of time (Newey and West, Econometrica 55(3), 1987; block form), and never less than
+    the spread of the estimates that single recordings would give.
+    """
+    n = jac.shape[1]
+    info = jac.T @ jac
+    scale = np.sqrt(np.maximum(np.diag(info), 1e-12))
+    value, vector = np.linalg.eigh(info / np.outer(scale, scale))
+    flat = value < 1e-8
+    inverse = (vector / np.maximum(value, 1e-8)) @ vector.T / np.outer(scale, scale)
+    blocks = evidence.blocks()
+    score = np.zeros((blocks.max() + 1, n))
+    np.add.at(score, blocks, jac * r[:, None])
+    cov = inverse @ (score.T @ score) @ inverse
+    cov = np.maximum(np.diag(cov), np.diag(inverse) * max(1.0, float(np.mean(r * r))))
+    spread = _between(evidence, r, jac)
+    sigma = np.sqrt(np.maximum(cov, spread**2))
+    names = [f"{space.world.effects[a.index].label}.{a.name}" for a in space.axes]
+    weak = [names[i] for i in range(n) if info[i, i] < 1.0]
+    weak += [" ~ ".join(names[j] for j in np.flatnonzero(np.abs(vector[:, i]) > 0.3)) for i in np.flatnonzero(flat)]
+    root = np.sqrt(np.maximum(np.diag(inverse), 1e-300))
+    return sigma, inverse / np.outer(root, root), tuple(dict.fromkeys(weak))
+
+
+def _between(evidence: Evidence, r: np.ndarray, jac: np.ndarray) -> np.ndarray:
+    """Standard error of the mean of the estimates that single recordings give, to first order about the solution."""
+    shifts, start = [], 0
+    for item in evidence.items:
+        rows = slice(start, start + item.measured.size)
+        start += item.measured.size
+        shift, *_ = np.linalg.lstsq(jac[rows], -r[rows], rcond=1e-6)
+        shifts.append(shift)
+    if len(shifts) < 2:
+        return np.zeros(jac.shape[1])
+    return np.std(shifts, axis=0, ddof=1) / np.sqrt(len(shifts))

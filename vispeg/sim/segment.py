@@ -1,0 +1,81 @@
+"""A stretch of a recording in the form that a rollout is driven by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vispeg.recordings.differentiate import smooth
+from vispeg.recordings.recording import Control, Recording
+
+SMOOTHING_HZ = 20.0  # the observer and the start state need a velocity; effects live below this
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One episode on the controller's clock.
+
+    Attributes:
+        control: the controller that ran.
+        tick: control period, s.
+        command: name -> (n, ...) on the control grid: `q_cmd`, `dq_cmd`, `tau_cmd`, `ee_cmd` as the mode needs.
+        q, dq: (n, nj) smoothed measured motion on the control grid: start state and observer reference.
+        q_raw: (n, nj) measured angles as the controller read them.
+        time: (m,) sample times relative to the first tick, s.
+        rows: (m,) row numbers in the recording.
+    """
+
+    control: Control
+    tick: float
+    command: dict[str, np.ndarray]
+    q: np.ndarray
+    dq: np.ndarray
+    q_raw: np.ndarray
+    time: np.ndarray
+    rows: np.ndarray
+
+    @property
+    def ticks(self) -> int:
+        """Number of control ticks."""
+        return len(self.q)
+
+
+def segments(rec: Recording) -> list[Segment]:
+    """The recording's episodes as segments; commands are held where the clocks agree and interpolated elsewhere."""
+    episode = rec.episode if rec.episode is not None else np.zeros(len(rec.time), int)
+    return [_segment(rec, np.flatnonzero(episode == e)) for e in np.unique(episode)]
+
+
+def _segment(rec: Recording, rows: np.ndarray) -> Segment:
+    time = rec.time[rows] - rec.time[rows[0]]
+    tick = 1.0 / rec.control.rate_hz
+    grid = np.arange(int(np.floor(time[-1] / tick + 1e-6)) + 1) * tick
+    same_clock = len(grid) == len(time) and bool(np.all(np.abs(grid - time) < 0.05 * tick))
+
+    def on_grid(values: np.ndarray) -> np.ndarray:
+        values = _filled(time, values[rows])
+        if same_clock:
+            return values
+        return np.stack([np.interp(grid, time, v) for v in values.T], axis=1)
+
+    command = {
+        name: on_grid(values)
+        for name in ("q_cmd", "dq_cmd", "tau_cmd", "ee_cmd")
+        if (values := getattr(rec, name)) is not None
+    }
+    if "ee_cmd" in command:
+        command["ee_cmd"][:, 3:] /= np.linalg.norm(command["ee_cmd"][:, 3:], axis=1, keepdims=True)
+    raw = on_grid(rec.q)
+    q, dq, _ = smooth(grid, raw, SMOOTHING_HZ)
+    return Segment(rec.control, tick, command, q, dq, raw, time, rows)
+
+
+def _filled(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Missing readings bridged by straight lines: a controller never saw a gap."""
+    values = values.copy()
+    for column in values.T:
+        bad = ~np.isfinite(column)
+        if bad.any() and not bad.all():
+            column[bad] = np.interp(time[bad], time[~bad], column[~bad])
+    return values
