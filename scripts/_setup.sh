@@ -35,7 +35,7 @@ setup() { # setup NAME TARGET: installs TARGET (`.` or `.[extras]`) once; again 
         say "installing the packages (a minute or two, once)"
         .venv/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e "$target" || exit 1
         install_egl
-        echo "$stamp" >".venv/.installed-$name"
+        echo "$stamp" | tee ".venv/.installed-$name" >.venv/.installed-base # every target contains the base
     fi
 }
 
