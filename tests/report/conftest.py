@@ -57,6 +57,7 @@ def example_diagnosis(verdict: str = "identified") -> dict[str, Any]:
                 "effect": "viscous_friction",
                 "where": "joint4",
                 "heldout_gain": 0.31,
+                "gain_standard_errors": 8.2,
                 "rejected_because": "explains less",
             },
             {"effect": "backlash", "where": "joint2", "heldout_gain": -0.02, "rejected_because": "no held-out gain"},
@@ -92,7 +93,7 @@ def example_diagnosis(verdict: str = "identified") -> dict[str, Any]:
     if verdict == "unexplained":
         record["ladder"][-1]["heldout_error"] = 1.4e-3
         record["unexplained"] = {
-            "depends_on": [{"input": "position of joint3", "share": 0.6}, {"input": "time", "share": 0.2}],
+            "depends_on": [{"input": "position", "joint": "joint3", "share": 0.6}, {"input": "time", "share": 0.2}],
             "text": "A periodic rest with 23 cycles a turn of joint3.",
         }
     return record
@@ -119,8 +120,8 @@ def example_evidence(
         if after:
             arrays[f"{r}/after"] = truth + 0.01 * size * np.sin(3 * np.outer(time, speed))
     for axis, edges in {
-        "speed": np.linspace(-1.5, 1.5, 13),
-        "load": np.linspace(0, 60, 11),
+        "speed": np.linspace(-1, 1, 13),
+        "load": np.linspace(-1, 1, 11),
         "position": np.linspace(-2, 2, 13),
         "phase": np.linspace(0, 1, 13),
     }.items():

@@ -14,7 +14,7 @@ from vispeg.report.evidence import load_evidence
 from vispeg.report.sections import COMPARE, DIAGNOSIS
 from vispeg.report.sections.next_experiment import again
 from vispeg.report.sections.parameters import remark
-from vispeg.report.terminal import effects_table, ladder_table
+from vispeg.report.terminal import effects_table, ladder_table, print_diagnosis
 
 
 class _Page(HTMLParser):
@@ -76,6 +76,22 @@ def test_every_verdict_has_every_section(run, diagnosis, evidence, verdict):
     }
     assert expected[verdict] in page.text
     assert ("Held-out error falls 40-fold" in page.text) == (verdict in ("identified", "ambiguous"))
+
+
+def test_what_helped_without_sufficing_is_not_called_found(run, diagnosis):
+    record = diagnosis("unexplained")
+    record |= {"partial": record["effects"], "effects": [], "reason": "7 times the noise"}
+    record["next_experiment"]["expected_separation_sigma"] = 0.0
+    text = _page(run(record)).text
+    assert "What helped, but does not suffice" in text and "What was found" not in text and "No effect is named" in text
+    assert "payload(flange) and coulomb_friction(joint4) help, but a structured residual remains" in text
+    assert "It depends on position at joint3 and time." in text and "Why this verdict: 7 times the noise." in text
+    assert "σ" not in text
+
+
+def test_gains_are_shares_of_the_squared_residual(run, diagnosis):
+    text = _page(run(diagnosis())).text
+    assert "31 %8.2explains less" in text and "−2.0 %–no held-out gain" in text
 
 
 def test_full_report_stays_small_and_shows_the_worst_recordings(run, diagnosis, evidence):
@@ -192,6 +208,13 @@ def test_remarks_follow_from_the_numbers():
     assert remark(1.0, 0.5, 1.5, p) == ""
     assert "null" in remark(0.1, -0.1, 0.3, p) and "bound" in remark(10.0, 9.0, 11.0, p)
     assert remark(1.0, None, None, p) == "no interval" and "bound" not in remark(0.0, -0.1, 0.1, p)
+
+
+def test_the_terminal_says_verdict_fall_and_place(diagnosis, tmp_path, capsys):
+    print_diagnosis(diagnosis(), tmp_path)
+    said = " ".join(capsys.readouterr().out.split())
+    assert said.startswith("identified: payload(flange) and coulomb_friction(joint4) explain")
+    assert "falls 40-fold" in said and said.endswith(str(tmp_path / "report.html"))
 
 
 def test_terminal_tables_show_the_numbers(diagnosis):

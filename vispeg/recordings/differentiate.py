@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 ORDER = 4  # of the Butterworth filter, which runs forwards and backwards: gain 1 / (1 + (f/fc)^8), no phase
+SETTLE = 20  # over the cutoff in half-cycles a sample: extension after which the start-up has died out below 1e-9
 GAP_S = 0.020  # readings missing for longer than this are not invented
 UNEVEN = 1e-3  # of a sample period: beyond this, samples are put on an even grid before filtering
 
@@ -73,8 +74,9 @@ def _smooth_run(time: np.ndarray, q: np.ndarray, at: np.ndarray, cutoff_hz: floa
         q = make_interp_spline(time, q, k=min(3, len(time) - 1))(grid)
     fraction = 2 * cutoff_hz * (grid[1] - grid[0])
     if fraction < 0.9 and len(grid) > 6:
-        pad = min(len(grid) - 1, int(np.ceil(6 / fraction)))
-        q = sosfiltfilt(butter(ORDER, fraction, output="sos"), q, axis=0, padtype="odd", padlen=pad)
+        pad = int(np.ceil(SETTLE / fraction))
+        longer = np.pad(q, ((pad, pad), (0, 0)), mode="reflect", reflect_type="odd")  # scipy's own stops at n - 1
+        q = sosfiltfilt(butter(ORDER, fraction, output="sos"), longer, axis=0, padtype=None)[pad:-pad]
     degree = min(5, len(grid) - 1)
     spline = make_interp_spline(grid, q, k=degree)
     return [spline(at, nu=nu) if nu <= degree else np.zeros((len(at), q.shape[1])) for nu in range(3)]

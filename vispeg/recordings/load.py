@@ -11,7 +11,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.recordings.columns import JOINT_SIGNALS, NEEDED, SIGNALS, SPATIAL_SIGNALS, columns_of
 from vispeg.recordings.recording import Control, Nullspace, Recording
-from vispeg.recordings.schema import ControlSection, Header, read_header
+from vispeg.recordings.schema import ControlSection, Header, plain, read_header
 from vispeg.recordings.table import Table, read_table
 from vispeg.recordings.validate import check_angles, check_episodes, check_finite, check_share, check_time, check_unit
 
@@ -40,13 +40,28 @@ def load(path: Path | str) -> Recording:
     header = read_header(header_file)
     table = read_table(samples_file)
     _warn_unknown(table, header)
+    return assemble(header, table, folder, header_file)
+
+
+def assemble(header: Header, table: Table, folder: Path, header_file: Path) -> Recording:
+    """A checked recording from a header and a table, wherever they come from.
+
+    Args:
+        header: what recording.yaml says.
+        table: the samples; columns that are no signal of the header's joints are left out.
+        folder: what the recording is called, and what a relative `robot` path starts from.
+        header_file: what a message about the header names.
+
+    Raises:
+        UserError: as for `load`.
+    """
     control = _control(header.control, header.rate_hz, len(header.joints), header_file)
     signals = {name: _signal(table, name, header.joints) for name in SIGNALS}
     _need(table, header, signals)
     time, episode = _clock(table, header.rate_hz)
     q = signals.pop("q")
     if q is None:  # `_need` has made sure of it; said again for the reader
-        raise UserError("has no measured angles", file=samples_file, expected=columns_of("q", header.joints)[0])
+        raise UserError("has no measured angles", file=table.file, expected=columns_of("q", header.joints)[0])
     return Recording(
         path=folder,
         robot=_robot(header.robot, folder, header_file),
@@ -57,12 +72,10 @@ def load(path: Path | str) -> Recording:
         q=q,
         **signals,  # type: ignore[arg-type]
         episode=episode,
-        tool=header.tool.model_dump(exclude_none=True, include=set(type(header.tool).model_fields))
-        if header.tool
-        else None,
+        tool=None if header.tool is None else plain(header.tool),
         base_tilt=(header.base.tilt_rad[0], header.base.tilt_rad[1]),
         torque_sensor=header.torque_sensor,
-        noise=header.noise.model_dump(exclude_none=True, include=set(type(header.noise).model_fields)),
+        noise=plain(header.noise),
         motion=header.motion,
         notes=header.notes,
     )

@@ -103,7 +103,11 @@ class Header(_Section):
 
 def read_header(file: Path) -> Header:
     """Reads and validates recording.yaml. Raises UserError; warns once about keys that this version does not know."""
-    data = read_yaml(file)
+    return header_from(read_yaml(file), file)
+
+
+def header_from(data: Any, file: Path) -> Header:
+    """Validates what recording.yaml, or something that stands for it, holds; `file` is what messages name."""
     if not isinstance(data, dict):
         raise UserError("is not a mapping", file=file, expected=f"'format: {FORMAT}' and further keys", got=data)
     try:
@@ -112,8 +116,13 @@ def read_header(file: Path) -> Header:
         raise as_user_error(error, file) from error
     unknown = _unknown(header)
     if unknown:
-        warnings.warn(f"{file}: unknown keys are ignored: {', '.join(unknown)}", stacklevel=3)
+        warnings.warn(f"{file}: unknown keys are ignored: {', '.join(map(str, unknown))}", stacklevel=3)
     return header
+
+
+def plain(section: BaseModel) -> dict[str, Any]:
+    """What is given of a section, without keys that this version does not know."""
+    return section.model_dump(exclude_none=True, include=set(type(section).model_fields))
 
 
 def read_yaml(file: Path) -> Any:

@@ -35,10 +35,10 @@ class Trace:
 
 @dataclass(frozen=True)
 class ResidualMap:
-    """Whitened RMS residual (1 = the noise) of each joint in bins of one input.
+    """Whitened RMS of what the model misses (1 = the noise), of each joint in bins of one input.
 
     Attributes:
-        axis: speed, load, position, phase, time or frequency.
+        axis: speed and load (each as a share of the joint's own peak), position (rad), phase, time (s), frequency (Hz).
         edges: (k+1,) bin edges.
         before, after: (nj, k), NaN where a bin has no data; `after` may be None.
     """

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from vispeg.report import words
 from vispeg.report.record import Record
 from vispeg.report.sections.headline import effect_rows, ladder_rows
 
@@ -34,6 +36,21 @@ def effects_table(diagnosis: Mapping[str, Any]) -> Table:
         cells = (row["effect"], row["param"], row["value"], row["interval"] or "–", row["unit"], row["rivals"] or "–")
         table.add_row(*_safe(*cells))
     return table
+
+
+def print_diagnosis(diagnosis: Mapping[str, Any], out: Path) -> None:
+    """Prints the verdict in words, both tables, and where the report lies."""
+    from rich.console import Console
+    from rich.text import Text
+
+    console = Console(highlight=False)
+    if verdict := diagnosis.get("verdict"):
+        console.print(Text(f"{verdict}: ", style="bold").append(words.verdict(diagnosis), style="not bold"))
+    console.print(Text(words.fall(diagnosis)))
+    console.print(ladder_table(diagnosis))
+    if diagnosis.get("effects"):
+        console.print(effects_table(diagnosis))
+    console.print(Text(f"report: {out / 'report.html'}"), soft_wrap=True)
 
 
 def _record(values: Mapping[str, Any]) -> Record:

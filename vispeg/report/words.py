@@ -68,7 +68,7 @@ def fall(values: Mapping[str, Any]) -> str:
 def verdict(values: Mapping[str, Any]) -> str:
     """The verdict in one or two plain sentences."""
     kind = values.get("verdict")
-    names = [label(effect) for effect in rows(values, "effects")]
+    names = [label(effect) for effect in rows(values, "effects") or rows(values, "partial")]
     last, floor = ladder_ends(values)[1], _floor(values)
     down = last is not None and floor is not None and last <= NEAR_FLOOR * floor
     if kind == "adequate":
@@ -96,6 +96,12 @@ def rivals(values: Mapping[str, Any]) -> list[list[str]]:
     return found
 
 
+def depends_on(row: Mapping[str, Any]) -> str:
+    """`position at joint3`."""
+    joint = row.get("joint")
+    return f"{row.get('input', '?')} at {joint}" if joint else str(row.get("input", "?"))
+
+
 def _ambiguous(values: Mapping[str, Any], reach: str) -> str:
     classes = rivals(values)
     if not classes:
@@ -111,7 +117,7 @@ def _depends(values: Mapping[str, Any]) -> str:
     rest = values.get("unexplained")
     if not isinstance(rest, dict):
         return ""
-    on = [str(row.get("input", "?")) for row in rows(rest, "depends_on")]
+    on = [depends_on(row) for row in rows(rest, "depends_on")]
     return f" It depends on {join(on)}." if on else ""
 
 

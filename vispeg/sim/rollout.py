@@ -287,7 +287,11 @@ class _Run:
         self.ctrl[:, self.u] = 0.5 * (tau + self.last)  # the kick spans half of the last step and half of this one
         self.last = tau
         self.applied[:, self.vadr] = drive_side + link_side
+        half = 0.5 * self.h * self.x.ddq  # velocity forces act at the whole step, the position moves with the half step's
+        self.qvel[:, self.vadr] += half
         self.batch.step()
+        self.qvel[:, self.vadr] -= half
+        self.qpos[:, self.qadr] -= self.h * half
         self.x.tau = (
             tau + drive_side + self.damper[:, self.vadr] + self.constraint[:, self.vadr] - self.armature * self.qacc[:, self.vadr]
         )

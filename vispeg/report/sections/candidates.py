@@ -16,15 +16,15 @@ MOST_SCREENED = 20
 def context(record: Record) -> dict[str, Any]:
     """Candidates by falling gain, and the screening's ranking."""
     tried = sorted(record.rows("candidates"), key=lambda row: -_sortable(row.get("heldout_gain")))
-    top = max([number(row.get("heldout_gain")) or 0.0 for row in tried], default=0.0)
     screened = sorted(record.rows("screening"), key=lambda row: -_sortable(row.get("score")))
     best = max([number(row.get("score")) or 0.0 for row in screened], default=0.0)
     return {
         "tried": [
             {
                 "effect": label(row),
-                "gain": plain(row.get("heldout_gain"), 3),
-                "bar": bar(_share(row.get("heldout_gain"), top), MUTED) if _some(row.get("heldout_gain")) else "",
+                "gain": _percent(row.get("heldout_gain")),
+                "errors": plain(row.get("gain_standard_errors"), 2),
+                "bar": bar(_share(row.get("heldout_gain"), 1.0), MUTED) if _some(row.get("heldout_gain")) else "",
                 "why": str(row.get("rejected_because") or "–"),
             }
             for row in tried
@@ -38,6 +38,8 @@ def context(record: Record) -> dict[str, Any]:
             }
             for row in screened[:MOST_SCREENED]
         ],
+        "errors": any(number(row.get("gain_standard_errors")) is not None for row in tried),
+        "grouped": any(row.get("cosine_group") is not None for row in screened),
         "unscreened": max(0, len(screened) - MOST_SCREENED),
         "kept": [label(row) for row in record.rows("effects")],
     }
@@ -45,6 +47,11 @@ def context(record: Record) -> dict[str, Any]:
 
 def _some(value: Any) -> bool:
     return (number(value) or 0.0) > 0
+
+
+def _percent(value: Any) -> str:
+    x = number(value)
+    return "–" if x is None else f"{plain(100 * x, 2 if abs(x) < 0.995 else 3)} %"
 
 
 def _sortable(value: Any) -> float:

@@ -14,11 +14,10 @@ TITLE = "What cannot be told apart"
 def context(record: Record) -> dict[str, Any]:
     """The classes, chosen member first, and the experiment that is proposed against them."""
     following = record.mapping("next_experiment")
+    sigma = number(following.get("expected_separation_sigma"))
     return {
         "classes": words.rivals(record.values),
         "named": bool(record.rows("effects")),
         "remedy": str(following.get("why") or "").rstrip("."),
-        "sigma": plain(following.get("expected_separation_sigma"), 2)
-        if number(following.get("expected_separation_sigma")) is not None
-        else "",
+        "sigma": plain(sigma, 2) if sigma else "",  # zero: not predicted
     }

@@ -31,7 +31,9 @@ def context(record: Record) -> dict[str, Any]:
         "picture": ladder_picture(record),
         "ladder": ladder_rows(record),
         "fitted": any(number(row.get("fit_error")) is not None for row in record.rows("ladder")),
+        "reason": str(values.get("reason") or "").rstrip("."),
         "effects": effect_rows(record),
+        "partial": effect_rows(record, "partial"),
         "floor_unit_differs": bool(floor.get("unit")) and floor.get("unit") != unit and bool(unit),
     }
 
@@ -55,10 +57,10 @@ def ladder_rows(record: Record) -> list[dict[str, str]]:
     return found
 
 
-def effect_rows(record: Record) -> list[dict[str, str]]:
-    """The effects that were found, one row a parameter."""
+def effect_rows(record: Record, key: str = "effects") -> list[dict[str, str]]:
+    """The effects under `key`, one row a parameter: those found, or (`partial`) those that do not suffice."""
     found = []
-    for effect in record.rows("effects"):
+    for effect in record.rows(key):
         params = params_of(effect)
         others = ", ".join(label(other) for other in rows(effect, "indistinguishable_from"))
         for name, p in params.items():

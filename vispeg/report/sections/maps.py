@@ -13,8 +13,8 @@ from vispeg.report.record import Record
 
 TITLE = "Where the residual lives"
 LABELS = {
-    "speed": "speed (rad/s)",
-    "load": "load (N m)",
+    "speed": "speed (share of the joint's peak)",
+    "load": "load (share of the joint's peak)",
     "position": "position (rad)",
     "phase": "phase",
     "time": "time (s)",
@@ -69,7 +69,7 @@ def maps_picture(maps: list[ResidualMap], joints: tuple[str, ...]) -> str:
         bar = figure.colorbar(
             ScalarMappable(norm, colours), ax=grid, location="top", aspect=70, pad=0.02, extend="neither"
         )
-        bar.set_label("residual RMS, in multiples of the noise")
+        bar.set_label("RMS of what the model misses, in multiples of the noise")
         named = [v for v in levels if f"{v:e}"[0] in "125" and f"{v:e}"[2] == "0"]
         bar.set_ticks(named, labels=[f"{v:g}" for v in named])
         bar.ax.tick_params(length=0, which="both")
@@ -104,7 +104,7 @@ def _worst(values: np.ndarray, residual: ResidualMap, joints: tuple[str, ...]) -
         return "nothing known"
     j, i = np.unravel_index(int(np.nanargmax(values)), values.shape)
     low, high = plain(residual.edges[i], 2), plain(residual.edges[i + 1], 2)
-    unit = LABELS[residual.axis].partition("(")[2].rstrip(")")
+    unit = LABELS[residual.axis].partition("(")[2].rstrip(")").replace("share of the joint's", "of its")
     size = values[j, i]
     times = f"{size:.2f}" if size < 2 else fold(float(size))
     return f"{times} × the noise ({joints[j]}, {low} to {high}{' ' + unit if unit else ''})"

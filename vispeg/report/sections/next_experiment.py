@@ -24,8 +24,8 @@ def context(record: Record) -> dict[str, Any]:
     return {
         "motion": str(following.get("motion") or "").rstrip("."),
         "why": str(following.get("why") or "").rstrip("."),
-        "sigma": "" if sigma is None else plain(sigma, 2),
-        "weak": sigma is not None and sigma < 3,
+        "sigma": "" if not sigma else plain(sigma, 2),  # zero: not predicted
+        "weak": bool(sigma) and sigma < 3,
         "file": str(following.get("file") or ""),
         "command": again(record) if following else "",
         "picture": motion_picture(motion, record.evidence) if motion is not None else "",

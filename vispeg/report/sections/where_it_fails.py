@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from vispeg.report import words
 from vispeg.report.figures import BEFORE
 from vispeg.report.quantities import number
 from vispeg.report.record import Record, rows
@@ -24,7 +25,7 @@ def context(record: Record) -> dict[str, Any]:
         ],
         "elsewhere": _percent(1.0 - total) if shares and 0.005 <= 1.0 - total <= 1.0 else "",
         "unexplained": [
-            {"input": str(row.get("input", "?")), **_share(row)}
+            {"input": words.depends_on(row), **_share(row)}
             for row in sorted(rows(rest, "depends_on"), key=lambda row: -(number(row.get("share")) or 0.0))
         ],
         "text": str(rest.get("text") or ""),
