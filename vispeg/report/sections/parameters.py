@@ -18,7 +18,7 @@ STRONG = 0.9
 
 
 def context(record: Record) -> dict[str, Any]:
-    """One row a parameter of the effects found, those that moved, and how the estimates are correlated."""
+    """One row a parameter of the effects found, earlier ones that moved, and how the estimates are correlated."""
     return {
         "params": [_row(effect, name, p) for effect in record.rows("effects") for name, p in params_of(effect).items()],
         "moved": [_moved(row) for row in record.rows("parameters_moved")],
