@@ -32,6 +32,7 @@ class Effect(ABC):
         order: position in the chain of drive hooks; smaller acts earlier (nearer to the command).
         smooth: False where the residual is not smooth in the parameters (a global search is then used).
         telling: magnitudes without which this effect is only another one under its name (default: any of them).
+        contains: simpler effects that this one turns into at some of its values; it rivals them only by being better.
         shared: True where one value for all joints (`where: all`) is the natural first guess.
     """
 
@@ -43,6 +44,7 @@ class Effect(ABC):
     smooth: ClassVar[bool] = True
     shared: ClassVar[bool] = False
     telling: ClassVar[tuple[str, ...]] = ()
+    contains: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -91,7 +93,8 @@ class Effect(ABC):
         """Parameter values at which to take a signature, seen from the data; [] where the data rule the effect out.
 
         Args:
-            look: what is known at the place: `q`, `dq`, `tau` (n,) measured angle, velocity and motor torque of the joint,
+            look: what is known at the place: `q`, `dq`, `tau`, `needed` (n,) measured angle, velocity, commanded motor
+                torque and the torque that the nominal arm needs for the motion,
                 `excess` (n,) the torque in N m that the present model lacks there, `raw` the unsmoothed angle. Effects that
                 do not sit at a joint get None.
         """

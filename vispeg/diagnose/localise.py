@@ -22,6 +22,7 @@ class Look:
     q: np.ndarray
     dq: np.ndarray
     tau: np.ndarray
+    needed: np.ndarray
     excess: np.ndarray
     raw: np.ndarray
 
@@ -32,7 +33,8 @@ class Lack:
 
     Attributes:
         time: (m,) s.
-        q, dq, tau: (m, nj) measured motion (smoothed) and the motor torque that went with it.
+        q, dq, tau: (m, nj) measured motion (smoothed) and the motor torque that was commanded with it.
+        needed: (m, nj) N m, the joint torque that the nominal arm needs for that motion (Coriolis left out).
         excess: (m, nj) N m, what must be added to the model's joint torque to move as measured.
         sigma: (nj,) its standard deviation if sensor noise were all.
     """
@@ -41,6 +43,7 @@ class Lack:
     q: np.ndarray
     dq: np.ndarray
     tau: np.ndarray
+    needed: np.ndarray
     excess: np.ndarray
     sigma: np.ndarray
 
@@ -55,8 +58,9 @@ def lack(item: Item, predicted: np.ndarray, seed: int = 0) -> Lack:
     if item.space == "torque":
         valid = seg.time >= 0.4
         gap = _filled(item.measured - predicted)
-        return Lack(seg.time[valid], seg.q[valid], seg.dq[valid], predicted[valid], gap[valid], item.sigma)
-    q, dq, _ = smooth(seg.time, _filled(item.measured[:, :nj]), CUTOFF_HZ)
+        load = predicted[valid]
+        return Lack(seg.time[valid], seg.q[valid], seg.dq[valid], load, load, gap[valid], item.sigma)
+    q, dq, ddq = smooth(seg.time, _filled(item.measured[:, :nj]), CUTOFF_HZ)
     nominal = Nominal(compiled(item.robot), item.robot.joints, item.robot.flange, m, 1)
     mass, _, _, _, gravity = nominal.operational(q)
     control = seg.control
@@ -76,7 +80,9 @@ def lack(item: Item, predicted: np.ndarray, seed: int = 0) -> Lack:
     sigma = torque(noise)[valid].std(axis=0)
     raw = seg.q_raw if len(seg.q_raw) == m else item.measured[:, :nj]
     tau = _motor_torque(item, raw, dq, gravity)
-    return Lack(seg.time[valid], q[valid], dq[valid], tau[valid], torque(difference)[valid], np.maximum(sigma, 1e-9))
+    needed = np.einsum("nij,nj->ni", mass, ddq) + gravity
+    gap = torque(difference)[valid]
+    return Lack(seg.time[valid], q[valid], dq[valid], tau[valid], needed[valid], gap, np.maximum(sigma, 1e-9))
 
 
 def _motor_torque(item: Item, q: np.ndarray, dq: np.ndarray, gravity: np.ndarray) -> np.ndarray:
@@ -115,6 +121,7 @@ def looks(lacks: list[Lack], items: list[Item]) -> list[Look]:
             column(lambda k: k.q, j),
             column(lambda k: k.dq, j),
             column(lambda k: k.tau, j),
+            column(lambda k: k.needed, j),
             column(lambda k: k.excess, j),
             np.concatenate([r[:, j][np.isfinite(r[:, j])] for r in raw]),
         )

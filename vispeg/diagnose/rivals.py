@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from vispeg.core.effect import effect
 from vispeg.diagnose.judge import present
 from vispeg.diagnose.search import Search, State, Trial, shortlist
 from vispeg.diagnose.screen import candidates, screen
@@ -45,11 +46,22 @@ def find_rivals(search: Search, state: State, given: int, say: Callable[[str], N
     return out
 
 
+def _merely_richer(search: Search, trial: Trial, state: State, label: str) -> bool:
+    """Whether a rival contains the chosen effect as a special case and is not better for it."""
+    name, where = label.rstrip(")").split("(")
+    kind = effect(trial.score.placed.effect)
+    nested = name in kind.contains and trial.score.placed.where == where
+    return nested and search.judge.gain(state.loss, trial.loss).z < 3.0
+
+
 def _compare(search: Search, state: State, label: str, trials: list[Trial]) -> Rivals:
     others = [t for t in trials if t.score.placed.label != label]
     equals = [
         t
         for t in others
-        if search.equal(t.loss, state.loss) and present(t.fit, len(t.fit.world.effects) - 1) and t.gain.relative > 0
+        if search.equal(t.loss, state.loss)
+        and present(t.fit, len(t.fit.world.effects) - 1)
+        and t.gain.relative > 0
+        and not _merely_richer(search, t, state, label)
     ]
     return Rivals(label, tuple(equals), tuple(others))

@@ -47,7 +47,7 @@ def diagnose(
     Raises:
         UserError: recordings that cannot be compared with the world.
     """
-    evidence, judged = evidence_for(world, fitted, nthread), evidence_for(world, held_out, nthread)
+    evidence, judged = evidence_for(world, fitted, nthread), evidence_for(world, held_out, nthread, h_max=1e-3)
     judge = Judge(judged)
     search = Search(evidence, judge, say)
     given = len(world.effects)

@@ -29,13 +29,24 @@ class EncoderQuantization(Effect):
         values = np.unique(look.raw)
         gaps = np.diff(values)
         gaps = gaps[gaps > 1e-9]
-        if len(gaps) < 4 or len(values) > 0.5 * len(look.raw):
-            return [{"step": step} for step in self._from_noise(look)]
-        return [{"step": float(np.clip(np.median(gaps), 1e-6, self.params["step"].high))}]
+        if len(gaps) >= 4 and len(values) < 0.5 * len(look.raw):
+            return [{"step": float(np.clip(np.median(gaps), 1e-6, self.params["step"].high))}]
+        return self._under_noise(look.raw)
 
-    def _from_noise(self, look):
-        """Noise rides on the grid: the step whose phases cluster most (Rayleigh statistic over candidate steps)."""
-        steps = np.geomspace(3e-5, 5e-3, 400)
-        phase = np.abs([np.mean(np.exp(2j * np.pi * look.raw / s)) for s in steps])
-        best = int(np.argmax(phase))
-        return [float(steps[best])] if phase[best] > 0.3 else []
+    def _under_noise(self, raw):
+        """Noise rides on the grid: the step on whose phase the differences cluster most (Rayleigh's statistic).
+
+        Differences over longer and longer lags span more steps and so pin the step down more finely.
+        """
+        low, high, best = 2e-5, self.params["step"].high, 0.0
+        for lag in (1, 4, 16, 64, 256):
+            moves = raw[lag:] - raw[:-lag]
+            steps = np.linspace(1 / high, 1 / low, 4000) if not best else 1 / best + np.linspace(-1, 1, 400) * width
+            phase = np.abs([np.mean(np.exp(2j * np.pi * moves * s)) for s in steps])
+            slow = 1.0 / max(np.ptp(moves), 1e-12)
+            phase[steps < 2 * slow] = 0.0  # a step wider than the motion fits anything
+            top = int(np.argmax(phase))
+            if phase[top] < 0.25:
+                return [{"step": float(best)}] if lag > 4 else []
+            best, width = 1.0 / steps[top], 0.5 * slow
+        return [{"step": float(best)}]

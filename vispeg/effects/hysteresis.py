@@ -24,6 +24,7 @@ class Hysteresis(Effect):
         "stiffness": Param(200.0, 5.0, 3000.0, "N m/rad", start=200.0, shape=True, scale="log", doc="before it slips"),
     }
     smooth = False
+    contains = ("coulomb_friction",)
 
     def start(self, x, p):
         return {"anchor": x.q.copy()}

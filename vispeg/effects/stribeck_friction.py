@@ -25,6 +25,7 @@ class StribeckFriction(Effect):
     }
 
     telling = ("excess",)
+    contains = ("coulomb_friction",)
 
     def friction(self, state, x, p):
         return p["coulomb"] + p["excess"] * np.exp(-((x.dq / p["velocity"]) ** 2))

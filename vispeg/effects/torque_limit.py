@@ -25,7 +25,7 @@ class TorqueLimit(Effect):
         return np.clip(tau, -p["limit"], p["limit"])
 
     def guesses(self, look):
-        """Just under the greatest torques that were asked for; nothing lower was ever reached."""
-        top = float(np.max(np.abs(look.tau)))
-        fractions = (0.9, 0.7, 0.5)
-        return [{"limit": f * top} for f in fractions if self.params["limit"].low < f * top < self.params["limit"].high]
+        """The greatest torques that the motion shows: a drive that saturates delivers its limit and no more."""
+        tops = np.quantile(np.abs(look.needed), (0.99, 0.95, 0.9))
+        asked = float(np.max(np.abs(look.tau)))
+        return [{"limit": float(t)} for t in tops if self.params["limit"].low < t < asked]

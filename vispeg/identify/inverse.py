@@ -53,14 +53,14 @@ class TorqueEvidence(Evidence):
         ]
 
 
-def evidence_for(world: World, recordings: Sequence[Recording], nthread: int = 1) -> Evidence:
+def evidence_for(world: World, recordings: Sequence[Recording], nthread: int = 1, h_max: float = 2e-3) -> Evidence:
     """Rollouts where every controller is known, inverse dynamics where one is not."""
     for rec in recordings:
         if rec.robot != recordings[0].robot:
             raise UserError("recordings of different robots", file=rec.path, key="robot", expected=recordings[0].robot, got=rec.robot)
     if any(rec.control.mode == "unknown" for rec in recordings):
         return TorqueEvidence(recordings)
-    return Evidence(recordings, nthread=nthread)
+    return Evidence(recordings, h_max=h_max, nthread=nthread)
 
 
 def measurable(kind: Effect) -> bool:
