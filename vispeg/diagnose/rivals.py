@@ -35,7 +35,7 @@ def find_rivals(search: Search, state: State, given: int, say: Callable[[str], N
         fit = run_together(
             [fit_job(search.evidence, rest, range(given, len(rest.effects)), iterations=5)], search.evidence.residuals
         )[0]
-        reduced = State(fit.world, search.judge.losses([fit.world])[0], fit.residual, fit)
+        reduced = State(fit.world, search.judge.losses([fit.world])[0], fit.residual, fit, state.first)
         joints = search.evidence.items[0].robot.joints
         near = [placed.where] if placed.where in joints else list(joints)[:0]
         places = [c for c in candidates(search.evidence.items[0], fit.world, near) if c != (placed.effect, placed.where)]

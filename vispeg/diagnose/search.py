@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import stats
 
+from vispeg.core.effect import Placed, effect
 from vispeg.core.world import World
 from vispeg.diagnose.judge import Gain, Judge, parameters, present
 from vispeg.diagnose.localise import Lack, joint_z, lack, looks
@@ -21,6 +22,8 @@ MOST = 6  # effects added at most
 AT_FLOOR = 1.2  # held-out noise variances at which there is nothing left to look for
 LEAST_GAIN = 0.02  # share of the held-out squared error that a step must remove
 TIE = 0.03  # two fits this close in held-out squared error (above the floor) count as equals
+LEAST_SHARE = 0.001  # of the first held-out excess over noise that a later step must remove
+REFINEMENT = 0.03  # the same for a second effect of the same kind at the same place: no model of friction is exact
 ALPHA = 0.01  # family-wise level of a step, over all places screened (Holm)
 
 
@@ -43,6 +46,7 @@ class State:
     loss: np.ndarray
     residual: np.ndarray
     fit: Fit | None = None
+    first: float = 0.0  # held-out mean squared residual at the start
     steps: list[tuple[Trial, list[Trial]]] = field(default_factory=list)
     last: list[Trial] = field(default_factory=list)  # the candidates of a step that accepted none
     screening: list[Score] = field(default_factory=list)
@@ -58,7 +62,7 @@ class Search:
     def run(self, world: World) -> State:
         """Adds effects until none earns its place on the held-out recordings."""
         residual, loss = self.evidence.residuals([world])[0], self.judge.losses([world])[0]
-        state = State(world, loss, residual)
+        state = State(world, loss, residual, first=self.judge.mean(loss))
         state.lacks = self.lacks(world)
         given = len(world.effects)
         while len(state.world.effects) - given < MOST and self.judge.mean(state.loss) > AT_FLOOR:
@@ -113,13 +117,19 @@ class Search:
         out = []
         for t in trials:
             why = ""
-            if t.gain.relative < LEAST_GAIN:
+            share = t.gain.mean / max(state.first - 1.0, 1e-9)
+            alike = next((e for e in state.world.effects if _alike(e, t.score.placed)), None)
+            if alike is not None and share < REFINEMENT:
+                why = f"only refines {alike.label} at the same place ({100 * share:.2g} % of the first excess)"
+            elif share < LEAST_SHARE:
+                why = f"removes {100 * share:.2g} % of the first excess, under {100 * LEAST_SHARE:.1g} %"
+            elif t.gain.relative < LEAST_GAIN:
                 why = f"held-out gain {100 * t.gain.relative:.1f} % is under {100 * LEAST_GAIN:.0f} %"
-            elif t.gain.z < min(level, 4.0):
-                why = f"held-out gain is {t.gain.z:.1f} standard errors"
+            elif t.gain.z < level:
+                why = f"held-out gain is {t.gain.z:.1f} standard errors, under {level:.1f}"
             elif not present(t.fit, len(t.fit.world.effects) - 1):
                 why = "its interval includes no effect"
-            elif bic(self.evidence, t.fit) >= bic_of(self.evidence, state.residual, parameters(state.world)):
+            elif bic_gain(self.evidence, state, t.fit) <= 0:
                 why = "BIC with the effective sample size does not improve"
             out.append(Trial(t.score, t.fit, t.loss, t.gain, why))
         passed = sorted((t for t in out if not t.rejected), key=lambda t: float(t.loss.sum()))
@@ -156,6 +166,11 @@ class Search:
             state.world, state.fit, state.loss, state.residual = fits[k].world, fits[k], losses[k], fits[k].residual
 
 
+def _alike(a: Placed, b: Placed) -> bool:
+    """Two effects of one kind at one joint."""
+    return a.where == b.where and effect(a.effect).kind == effect(b.effect).kind == "joint"
+
+
 def suspects(lacks: list[Lack], joints: Sequence[str], share: float = 0.02, most: int = 4) -> list[str]:
     """Joints that carry a visible share of the missing torque: an effect in one joint lacks torque at that joint."""
     z = joint_z(lacks) ** 2
@@ -170,15 +185,14 @@ def shortlist(scores: Sequence[Score], best: int) -> list[Score]:
     return [s for i, s in enumerate(scores) if i < best and (i < 4 or s.gain > 0.1 * top)]
 
 
-def bic(evidence: Evidence, fit: Fit) -> float:
-    """Bayesian information criterion with the effective sample size N / (2 tau_int)."""
-    return bic_of(evidence, fit.residual, parameters(fit.world))
+def bic_gain(evidence: Evidence, state: State, fit: Fit) -> float:
+    """Drop of the Bayesian information criterion `n log(mean r^2) + k log n` from the state to a fit.
 
-
-def bic_of(evidence: Evidence, residual: np.ndarray, k: int) -> float:
-    """`n log(mean r^2) + k log n`, n the number of independent readings."""
-    n = evidence.count / (2.0 * correlation_time(evidence, residual))
-    return float(n * np.log(np.mean(residual**2)) + k * np.log(max(n, 2.0)))
+    n is the number of independent readings N / (2 tau_int) of the state's residual: the more structured it is, the fewer.
+    """
+    n = max(2.0, evidence.count / (2.0 * correlation_time(evidence, state.residual)))
+    more = parameters(fit.world) - parameters(state.world)
+    return float(n * np.log(np.mean(state.residual**2) / np.mean(fit.residual**2)) - more * np.log(n))
 
 
 def correlation_time(evidence: Evidence, residual: np.ndarray) -> float:

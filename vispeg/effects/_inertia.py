@@ -11,8 +11,8 @@ def tensor(fields, body: int) -> np.ndarray:
     return np.einsum("nij,nj,nkj->nik", rot, fields["body_inertia"][:, body], rot)
 
 
-def add_point_mass(fields, body: int, mass: np.ndarray, point: np.ndarray) -> None:
-    """Adds a point mass (nsim,) kg at `point` (nsim, 3) m in the body frame; rows with no mass stay bit for bit."""
+def add_ball(fields, body: int, mass: np.ndarray, point: np.ndarray, radius: np.ndarray) -> None:
+    """Adds a ball (nsim,) kg of `radius` (nsim,) m at `point` (nsim, 3) m in the body frame; rows with no mass stay."""
     rows = mass != 0
     if not rows.any():
         return
@@ -20,6 +20,7 @@ def add_point_mass(fields, body: int, mass: np.ndarray, point: np.ndarray) -> No
     total = m0 + mass[rows]
     com = (m0[:, None] * c0 + mass[rows, None] * point[rows]) / total[:, None]
     moved = tensor(fields, body)[rows] + parallel(m0, c0 - com) + parallel(mass[rows], point[rows] - com)
+    moved += (0.4 * mass[rows] * radius[rows] ** 2)[:, None, None] * np.eye(3)
     value, axes = np.linalg.eigh(moved)
     axes *= np.sign(np.linalg.det(axes))[:, None, None]
     fields["body_mass"][rows, body] = total

@@ -1,4 +1,4 @@
-"""Payload: an undeclared mass at the flange, a point at (x, y, z) in the flange frame.
+"""Payload: an undeclared mass at the flange, a ball about (x, y, z) in the flange frame.
 
 Native mechanism: mass, centre and inertia of the body that carries the flange. Source: parallel-axis theorem.
 """
@@ -9,7 +9,7 @@ import numpy as np
 
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
-from vispeg.effects._inertia import add_point_mass
+from vispeg.effects._inertia import add_ball
 
 
 class Payload(Effect):
@@ -22,6 +22,7 @@ class Payload(Effect):
         "x": Param(0.0, -0.2, 0.2, "m", start=0.0, shape=True, doc="centre of mass in the flange frame"),
         "y": Param(0.0, -0.2, 0.2, "m", start=0.0, shape=True, doc="centre of mass in the flange frame"),
         "z": Param(0.05, -0.1, 0.4, "m", start=0.05, shape=True, doc="centre of mass in the flange frame"),
+        "radius": Param(0.03, 0.0, 0.2, "m", start=0.03, shape=True, doc="of a ball with the payload's inertia"),
     }
     writes = frozenset({"body_mass", "body_ipos", "body_inertia", "body_iquat"})
 
@@ -31,7 +32,7 @@ class Payload(Effect):
     def write(self, fields, p):
         body, pos, mat = fields.flange
         offset = np.stack([p[k][:, 0] for k in "xyz"], axis=1)
-        add_point_mass(fields, body, p["mass"][:, 0], pos + offset @ mat.T)
+        add_ball(fields, body, p["mass"][:, 0], pos + offset @ mat.T, p["radius"][:, 0])
 
     def side(self):
         return "link"
