@@ -1,0 +1,114 @@
+"""Records a simulated robot: runs a model through a motion and writes a recording folder with sensor noise.
+
+MOTION is fourier, chirp, triangle, steps, sweep, mix, osc, or a CSV with time, q_cmd.* and (optional) dq_cmd.*, such as the
+next_experiment/samples.csv that `vispeg diagnose` writes. `--effects` hides more in the robot than the model file says.
+
+Example:
+    vispeg record iiwa14 --motion fourier --effects coulomb_friction:joint4:torque=1.2 --seed 1 --out rig-a
+    vispeg record model.yaml --motion found/next_experiment/samples.csv --out rig-d
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import tyro
+
+
+@dataclass(frozen=True)
+class Args:
+    """Arguments of `vispeg record`."""
+
+    model: tyro.conf.Positional[str]
+    """A model file, a robot's name, or a path to an MJCF or URDF: the robot that is recorded."""
+    motion: str
+    """Name of a motion, or a CSV file with the commands."""
+    out: Path
+    """Folder of the recording."""
+    duration: float | None = None
+    """Seconds; 5, or 9 for osc, where not given. A CSV file has its own."""
+    rate: float = 500.0
+    """Control ticks and samples a second."""
+    control: Literal["position", "torque", "osc"] | None = None
+    """The controller that runs; position where not given, osc for the motion osc."""
+    kp: tuple[float, ...] | None = None
+    """Stiffness: one a joint (N m/rad), or six for osc (1/s^2)."""
+    kd: tuple[float, ...] | None = None
+    """Damping: one a joint (N m s/rad), or six for osc (1/s)."""
+    effects: tuple[str, ...] = ()
+    """Effects hidden in the robot, each NAME:WHERE[:param=number,...]."""
+    tool: str | None = None
+    """A tool at the flange that the recording declares (none, meg50, meg50+peg40); the model file's where not given."""
+    noise: tuple[str, ...] = ()
+    """Sensor noise, such as q=2e-5 dq=1e-3 tau=0.2 ee=1e-4 (1 sigma; rad, rad/s, N m, m)."""
+    torque_sensor: Literal["joint", "motor", "none"] = "joint"
+    """What `tau` measures: torque behind the gear, motor torque, nothing."""
+    repeat: int = 1
+    """Runs of the same motion; more than one become episodes of the recording."""
+    table: Literal["csv", "parquet"] = "csv"
+    """Format of the samples."""
+    seed: int = 0
+    """Seed of the motion and of the noise."""
+    overwrite: bool = False
+    """Replace OUT if it is there."""
+
+    def run(self) -> int:
+        """Simulates, writes the folder, prints what is in it."""
+        from vispeg.core.errors import UserError
+        from vispeg.core.seeds import stream
+        from vispeg.effects.model_file import load_model
+        from vispeg.effects.words import parse
+        from vispeg.identify.record import centre_of, controller, record
+        from vispeg.recordings.write import write
+        from vispeg.robots.model import load
+
+        if self.repeat < 1:
+            raise UserError("nothing to record", key="--repeat", expected="1 or more", got=self.repeat)
+        if self.out.exists() and not self.overwrite and (not self.out.is_dir() or any(self.out.iterdir())):
+            raise UserError("exists already; name another or pass --overwrite", file=self.out)
+        world = load_model(self.model)
+        world = world if self.tool is None else replace(world, tool=None if self.tool == "none" else self.tool)
+        robot = load(world.robot, tool=world.tool)
+        world = world.add(*(placed for text in self.effects for placed in parse(text, robot)))
+        mode = self.control or ("osc" if self.motion == "osc" else "position")
+        motion = self._motion(robot)
+        gains = (None if g is None else list(g) for g in (self.kp, self.kd))
+        control = controller(robot, mode, self.rate, centre_of(robot), *gains)  # type: ignore[arg-type]
+        rng = stream(self.seed, "record", "noise")
+        sensor, name = self.torque_sensor, self.out.name
+        rec = record(world, motion, control, self._noise(), rng, torque_sensor=sensor, repeat=self.repeat, name=name)
+        write(rec, self.out, overwrite=self.overwrite, table=self.table)
+        runs = f"{self.repeat} runs of " if self.repeat > 1 else ""
+        print(f"{self.out}: {runs}{motion.name}, {motion.time[-1]:.3g} s at {self.rate:g} Hz, {mode} control, {world.label}")
+        return 0
+
+    def _motion(self, robot):
+        from vispeg.core.seeds import stream
+        from vispeg.identify.excitation import motion
+        from vispeg.identify.replay import replay
+        from vispeg.sim.rollout import compiled
+
+        if Path(self.motion).suffix:
+            return replay(Path(self.motion), robot, self.rate)
+        seconds = self.duration or (9.0 if self.motion == "osc" else 5.0)
+        options = {"model": compiled(robot)} if self.motion == "osc" else {}
+        return motion(self.motion, robot, self.rate, seconds, stream(self.seed, "record", self.motion), **options)
+
+    def _noise(self) -> dict[str, float]:
+        from vispeg.core.errors import UserError
+        from vispeg.identify.record import NOISE
+
+        out = dict(NOISE)
+        for text in self.noise:
+            name, _, number = text.partition("=")
+            if name not in NOISE:
+                raise UserError("unknown noise", key="--noise", got=name, choices=NOISE)
+            try:
+                out[name] = float(number)
+            except ValueError:
+                out[name] = -1.0
+            if not 0 <= out[name] < float("inf"):
+                raise UserError("not a noise level", key=f"--noise {name}", expected="a number, 0 or more", got=number)
+        return out

@@ -1,0 +1,195 @@
+"""Recordings of a simulated robot: a world driven as a real robot is, with sensor noise, in the form of RECORDING.md."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
+
+import mujoco
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.core.world import World
+from vispeg.identify.excitation import Motion, room_of
+from vispeg.recordings.recording import Control, Nullspace, Recording
+from vispeg.robots.model import RobotModel, load
+from vispeg.sim.nominal import Nominal
+from vispeg.sim.rollout import compiled, flange_pose, simulate
+from vispeg.sim.segment import Segment
+
+NOISE = {"q": 2e-5, "dq": 1e-3, "tau": 0.2, "ee": 1e-4}  # rad, rad/s, N m, m: the sensors of a good torque-controlled arm
+IIWA_KP = (800.0, 800.0, 300.0, 400.0, 100.0, 60.0, 5.0)  # N m/rad
+IIWA_KD = (20.0, 30.0, 6.0, 12.0, 1.5, 0.8, 0.08)  # N m s/rad
+OSC_KP, OSC_KD = 150.0, 24.0  # 1/s^2, 1/s
+NULL_KP, NULL_KD = 10.0, 6.0  # 1/s^2, 1/s
+STIFFNESS = 25.0  # rad/s: natural frequency of the joint servos of a robot without gains of its own
+PLANT_STEP = 5e-4  # s
+
+
+def servo(robot: RobotModel, centre: np.ndarray, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
+    """Joint gains kp (nj,) N m/rad and kd (nj,) N m s/rad that are stable at `rate_hz`.
+
+    The iiwa14 has a table; others get a natural frequency of `STIFFNESS` at their apparent inertia J about `centre`.
+    Damping stays under 0.3 J rate, far from the limit 2 J rate of a held command; stiffness under what it then damps.
+    """
+    nominal = Nominal(compiled(robot), robot.joints, robot.flange, 1, 1)
+    inertia = 1.0 / np.diagonal(np.linalg.inv(nominal.operational(centre[None])[0][0]))
+    most = 0.3 * inertia * rate_hz
+    if robot.name == "iiwa14" and len(inertia) == len(IIWA_KP):
+        kp, kd = np.array(IIWA_KP), np.array(IIWA_KD)
+    else:
+        kp, kd = STIFFNESS**2 * inertia, 2.0 * STIFFNESS * inertia
+    kd = np.minimum(kd, most)
+    return np.minimum(kp, most**2 / inertia), kd
+
+
+def controller(
+    robot: RobotModel,
+    mode: Literal["position", "torque", "osc"],
+    rate_hz: float,
+    centre: np.ndarray,
+    kp: np.ndarray | None = None,
+    kd: np.ndarray | None = None,
+) -> Control:
+    """A controller of RECORDING.md with default gains where none are given; nominal gravity is compensated.
+
+    Raises:
+        UserError: gains of the wrong length or sign.
+    """
+    width = 6 if mode == "osc" else len(robot.joints)
+    default = (np.full(6, OSC_KP), np.full(6, OSC_KD)) if mode == "osc" else servo(robot, centre, rate_hz)
+    gains = []
+    for name, given, usual in (("kp", kp, default[0]), ("kd", kd, default[1])):
+        value = usual if given is None else np.asarray(given, float)
+        if value.shape != (width,) or not (np.isfinite(value) & (value >= 0)).all():
+            raise UserError("wrong gains", key=name, expected=f"{width} numbers, none negative", got=value.tolist())
+        gains.append(value)
+    null = Nullspace(NULL_KP, NULL_KD, np.array(centre, float)) if mode == "osc" else None
+    return Control(mode, rate_hz, "model", gains[0], gains[1], null)
+
+
+def record(
+    world: World,
+    motion: Motion,
+    control: Control,
+    noise: Mapping[str, float],
+    rng: np.random.Generator,
+    *,
+    torque_sensor: Literal["joint", "motor", "none"] = "joint",
+    repeat: int = 1,
+    name: str = "simulated",
+    nthread: int = 1,
+) -> Recording:
+    """Drives a world through a motion and reads its sensors.
+
+    Args:
+        world: the plant, effects included; its tool is declared in the recording, its effects are not.
+        motion: the command; `ee_cmd` is derived from `q_cmd` where an osc controller needs one.
+        control: the controller. In mode `torque` the joint servo with these gains computes `tau_cmd`.
+        noise: 1-sigma of white noise on `q`, `dq`, `tau`, `ee`; it is added to what was read, after the loop.
+        rng: the only source of chance.
+        torque_sensor: what `tau` measures; `none` leaves it out.
+        repeat: how often the same motion is run; more than one run become episodes.
+        name: what the recording is called.
+        nthread: threads of the simulation.
+
+    Raises:
+        UserError: the arm does not follow (the controller is unstable with this plant).
+    """
+    robot = load(world.robot, tool=world.tool)
+    closed = replace(control, mode="position") if control.mode == "torque" else control
+    segment = _segment(robot, motion, closed)
+    response = simulate(robot, [world], [segment], h_max=PLANT_STEP, nthread=nthread, want_ee=True)[0]
+    if response.diverged[0]:
+        raise UserError("the arm does not follow this motion: the loop is unstable", expected="lower gains or a higher rate")
+    q, dq, tau = response.q[0], response.dq[0], response.tau_motor[0]
+    signals = {"q": q, "dq": dq, "ee": response.ee[0] if response.ee is not None else flange_pose(robot, q)}
+    if torque_sensor != "none":
+        signals["tau"] = response.tau_joint[0] if torque_sensor == "joint" else tau
+    fixed: dict[str, np.ndarray] = {}
+    if control.mode == "osc":
+        fixed["ee_cmd"] = segment.command["ee_cmd"]
+    else:
+        fixed = {"q_cmd": motion.q_cmd, "dq_cmd": motion.dq_cmd}
+        del signals["ee"]
+    if control.mode == "torque":
+        fixed = {"tau_cmd": control.kp * (motion.q_cmd - q) + control.kd * (motion.dq_cmd - dq)}
+    runs = [{key: _noisy(key, v, noise, rng) for key, v in signals.items()} for _ in range(repeat)]
+    columns: dict[str, Any] = {key: np.concatenate([r[key] for r in runs]) for key in signals}
+    columns |= {key: np.tile(v, (repeat, 1)) for key, v in fixed.items()}
+    if repeat > 1:
+        columns["episode"] = np.repeat(np.arange(repeat), len(motion.time))
+    stated = {key: float(noise[key]) for key in signals if noise.get(key, 0.0) > 0}
+    bare = replace(control, kp=None, kd=None) if control.mode == "torque" else control
+    return Recording(
+        path=Path(name),
+        robot=str(Path(world.robot).resolve()) if Path(world.robot).suffix else world.robot,
+        joints=robot.joints,
+        rate_hz=control.rate_hz,
+        control=bare,
+        time=np.tile(motion.time, repeat),
+        tool=declared(world),
+        torque_sensor=torque_sensor,
+        noise=stated,
+        motion=motion.name,
+        notes="simulated",
+        **columns,
+    )
+
+
+def centre_of(robot: RobotModel) -> np.ndarray:
+    """The posture (nj,) rad about which motions move."""
+    return room_of(robot, 100.0, 1.0).centre
+
+
+def declared(world: World) -> dict[str, Any] | None:
+    """The world's tool as a recording states it: mass, centre and diagonal inertia in the flange frame."""
+    if world.tool is None or world.tool == "none":
+        return None
+    if not isinstance(world.tool, str):
+        return dict(world.tool)
+    model = load(world.robot, tool=world.tool).compile()
+    bodies = [b for b in range(model.nbody) if model.body(b).name == "tool" or _parent(model, b) == "tool"]
+    root = model.body("tool").id
+    parts = []
+    for b in bodies:
+        turn = np.empty(9)
+        mujoco.mju_quat2Mat(turn, model.body_iquat[b])
+        turn = turn.reshape(3, 3)
+        at = model.body_ipos[b] + (0 if b == root else model.body_pos[b])
+        parts.append((model.body_mass[b], at, turn @ np.diag(model.body_inertia[b]) @ turn.T))
+    mass = sum(p[0] for p in parts)
+    com = sum(p[0] * p[1] for p in parts) / mass
+    inertia = np.zeros((3, 3))
+    for m, at, own in parts:
+        d = at - com
+        inertia += own + m * (d @ d * np.eye(3) - np.outer(d, d))
+    return {
+        "mass_kg": float(mass),
+        "com_m": [float(v) for v in com],
+        "inertia_kgm2": [float(v) for v in np.diag(inertia)],
+        "name": world.tool,
+    }
+
+
+def _parent(model: mujoco.MjModel, body: int) -> str:
+    return model.body(int(model.body_parentid[body])).name
+
+
+def _segment(robot: RobotModel, motion: Motion, control: Control) -> Segment:
+    command = {"q_cmd": motion.q_cmd, "dq_cmd": motion.dq_cmd}
+    if control.mode == "osc":
+        command = {"ee_cmd": flange_pose(robot, motion.q_cmd) if motion.ee_cmd is None else motion.ee_cmd}
+    elif motion.ee_cmd is not None:
+        raise UserError("the motion 'osc' moves the flange", key="--control", expected="osc", got=control.mode)
+    rows = np.arange(len(motion.time))
+    return Segment(control, 1.0 / control.rate_hz, command, motion.q_cmd, motion.dq_cmd, motion.q_cmd, motion.time, rows)
+
+
+def _noisy(key: str, values: np.ndarray, noise: Mapping[str, float], rng: np.random.Generator) -> np.ndarray:
+    draw = float(noise.get(key, 0.0)) * rng.standard_normal(values.shape)
+    if key == "ee":  # the tracker's orientation is taken as exact, so that quaternions stay of unit length
+        draw[:, 3:] = 0.0
+    return values + draw

@@ -1,0 +1,49 @@
+"""Commanded motions from a table: what a diagnosis proposed, or what a person wrote."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from vispeg.core.errors import UserError
+from vispeg.identify.excitation import Motion
+from vispeg.recordings.columns import columns_of
+from vispeg.recordings.table import read_table
+from vispeg.robots.model import RobotModel
+
+
+def replay(file: Path, robot: RobotModel, rate_hz: float) -> Motion:
+    """The motion in a .csv or .parquet table, put on a clock of `rate_hz` by cubic splines where its own differs.
+
+    Columns: `time` (s), `q_cmd.<joint>` (rad), and `dq_cmd.<joint>` (rad/s; the spline's slope where absent).
+
+    Raises:
+        UserError: a column is missing, time does not increase, a command is missing or outside the joint's range.
+    """
+    if not file.is_file():
+        raise UserError("no such motion file", file=file)
+    table = read_table(file)
+    time = table.number("time")
+    q = np.stack([table.number(c) for c in columns_of("q_cmd", robot.joints)], axis=1)
+    if len(time) < 10 or not (np.isfinite(time).all() and (np.diff(time) > 0).all()):
+        raise UserError("not a motion", file=file, key="time", expected="ten strictly increasing times or more")
+    if not np.isfinite(q).all():
+        raise UserError("empty cells", file=file, key="q_cmd", expected="a number for each joint and sample")
+    outside = (q < robot.range[:, 0]) | (q > robot.range[:, 1])
+    if outside.any():
+        j = int(np.flatnonzero(outside.any(axis=0))[0])
+        low, high = robot.range[j]
+        worst = float(q[np.flatnonzero(outside[:, j])[0], j])
+        column = columns_of("q_cmd", robot.joints)[j]
+        raise UserError("outside the joint's range", file=file, key=column, expected=f"{low:g} to {high:g} rad", got=worst)
+    time = time - time[0]
+    spline = CubicSpline(time, q)
+    rates = columns_of("dq_cmd", robot.joints)
+    present = all(c in table.columns for c in rates)
+    dq = np.stack([table.number(c) for c in rates], axis=1) if present else spline(time, 1)
+    grid = np.arange(int(np.floor(time[-1] * rate_hz + 1e-6)) + 1) / rate_hz
+    if len(grid) == len(time) and np.all(np.abs(grid - time) < 1e-3 / rate_hz):
+        return Motion(file.stem, grid, q, dq)
+    return Motion(file.stem, grid, spline(grid), spline(grid, 1) if not present else CubicSpline(time, dq)(grid))
