@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -26,27 +27,48 @@ def signature_figure(
     Raises:
         UserError: another ending, more than five lines, lines of another length than `time`, or the file exists.
     """
+    return signature_panels(title, time, [(unit, lines)], path, overwrite=overwrite)
+
+
+def signature_panels(
+    title: str,
+    time: np.ndarray,
+    panels: Sequence[tuple[str, Mapping[str, np.ndarray]]],
+    path: Path,
+    *,
+    overwrite: bool = False,
+) -> Path:
+    """Draws panels of (unit, lines) one below the other over a common time axis, each as in `signature_figure`."""
     kind = path.suffix.lower().removeprefix(".")
     if kind not in ("png", "svg"):
         raise UserError("cannot draw into this kind of file", file=path, got=path.suffix, choices=(".png", ".svg"))
+    for _, lines in panels:
+        _check(time, lines)
+    stream = BytesIO()
+    with styled():
+        figure = new_figure(0.8 + 2.1 * len(panels), 6.4)
+        for ax, (unit, lines) in zip(figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0], panels, strict=True):
+            _panel(ax, time, unit, lines)
+        figure.axes[-1].set_xlabel("time (s)")
+        figure.suptitle(title, x=0.01, ha="left", fontsize=10, fontweight="bold")
+        figure.savefig(stream, format=kind, dpi=160, metadata={"Date": None} if kind == "svg" else None)
+    return write_bytes_atomic(path, stream.getvalue(), overwrite=overwrite)
+
+
+def _check(time: np.ndarray, lines: Mapping[str, np.ndarray]) -> None:
     if not 1 <= len(lines) <= len(COLOURS):
         raise UserError("cannot tell so many lines apart", expected=f"1 to {len(COLOURS)} lines", got=len(lines))
     for name, values in lines.items():
         if np.shape(values) != np.shape(time):
             raise UserError(f"line '{name}' and time differ", expected=np.shape(time), got=np.shape(values))
+
+
+def _panel(ax: Any, time: np.ndarray, unit: str, lines: Mapping[str, np.ndarray]) -> None:
     stacked = np.abs(np.stack([np.asarray(values, float) for values in lines.values()]))
     factor, shown = prefix(float(np.max(stacked[np.isfinite(stacked)], initial=0.0)), unit)
-    stream = BytesIO()
-    with styled():
-        figure = new_figure(2.9, 6.4)
-        ax = figure.add_subplot()
-        for i, (name, values) in enumerate(lines.items()):
-            drawn = thin(np.asarray(time, float), factor * np.asarray(values, float))
-            ax.plot(*drawn, color=COLOURS[i], linewidth=1.6 if i else 1.3, label=name, zorder=3 - 0.1 * i)
-        ax.set(xlabel="time (s)", ylabel=shown)
-        figure.suptitle(title, x=0.01, ha="left", fontsize=10, fontweight="bold")
-        if len(lines) > 1:
-            ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(lines), borderaxespad=0.0)
-        quiet(ax)
-        figure.savefig(stream, format=kind, dpi=160, metadata={"Date": None} if kind == "svg" else None)
-    return write_bytes_atomic(path, stream.getvalue(), overwrite=overwrite)
+    for i, (name, values) in enumerate(lines.items()):
+        drawn = thin(np.asarray(time, float), factor * np.asarray(values, float))
+        ax.plot(*drawn, color=COLOURS[i], linewidth=1.6 if i else 1.3, label=name, zorder=3 - 0.1 * i)
+    ax.set(ylabel=shown)
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(lines), borderaxespad=0.0)
+    quiet(ax)

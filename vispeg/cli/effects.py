@@ -1,0 +1,67 @@
+"""Lists the effects that a model can have; with a name, explains one and draws what it does to a motion.
+
+The picture shows one joint under position control with and without the effect at its typical size.
+
+Example:
+    vispeg effects
+    vispeg effects stribeck_friction --where joint2 --out pictures
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+
+@dataclass(frozen=True)
+class Args:
+    """Arguments of `vispeg effects`."""
+
+    name: tyro.conf.Positional[str | None] = None
+    """The effect to explain; all are listed where not given."""
+    where: str | None = None
+    """Where the picture puts the effect (a joint, a link, flange, base, all)."""
+    robot: str = "iiwa14"
+    """A robot's name or a path to an MJCF or URDF: it says which places there are."""
+    out: Path = Path(".")
+    """Folder for effect-NAME.png."""
+    overwrite: bool = False
+    """Replace the picture if it is there."""
+    json: bool = False
+    """Print JSON and draw nothing."""
+
+    def run(self) -> int:
+        """Prints the table, or one effect's words, equation and parameters; draws its picture."""
+        import vispeg.effects  # noqa: F401  (enrols the library)
+        from vispeg.core.effect import REGISTRY, effect
+        from vispeg.core.errors import UserError
+        from vispeg.report.catalogue import describe, print_catalogue, print_effect
+        from vispeg.robots.model import load
+
+        chosen = [effect(self.name)] if self.name else [REGISTRY[name] for name in sorted(REGISTRY)]
+        robot = load(self.robot)
+        if self.json:
+            print(json.dumps([describe(kind, robot) for kind in chosen], indent=1))
+            return 0
+        if self.name is None:
+            print_catalogue(chosen, robot)
+            return 0
+        path = self.out / f"effect-{self.name}.png"
+        if path.exists() and not self.overwrite:
+            raise UserError("exists already; name another folder with --out or pass --overwrite", file=path)
+        from vispeg.identify.signature import signature
+        from vispeg.report.signature import signature_panels
+
+        s = signature(self.name, self.where, robot=self.robot)
+        print_effect(chosen[0], robot)
+        sizes = ", ".join(f"{k} {v.value:g} {chosen[0].params[k].unit}" for k, v in s.placed.params.items())
+        panels = [
+            ("rad", {f"angle of {s.joint}: with less without": s.deviation}),
+            ("N m", {"motor torque with": s.torque, "without": s.plain}),
+        ]
+        signature_panels(f"{s.placed.label}: {sizes}", s.time, panels, path, overwrite=self.overwrite)
+        print(f"picture: {path}")
+        return 0
