@@ -31,7 +31,7 @@ class Robot(Protocol):
 
 @dataclass(frozen=True)
 class Motion:
-    """A commanded motion: time (n,) s, q_cmd and dq_cmd (n, nj) rad and rad/s, ee_cmd (n, 7) m and (w, x, y, z) or None."""
+    """A commanded motion: time (n,) s; q_cmd, dq_cmd (n, nj) rad, rad/s; ee_cmd (n, 7) m and (w, x, y, z) or None."""
 
     name: str
     time: np.ndarray
@@ -42,7 +42,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Room:
-    """Where a motion may go: time (n,) s, centre, reach, speed (nj,) in rad, rad, rad/s (half-widths about the centre)."""
+    """Where a motion may go: time (n,) s; centre, reach, speed (nj,) rad, rad, rad/s (half-widths about the centre)."""
 
     joints: tuple[str, ...]
     time: np.ndarray
@@ -71,7 +71,7 @@ def _fit(room: Room, dq: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def fourier(room: Room, rng: np.random.Generator, harmonics: int = 5, base_hz: float | None = None) -> tuple:
-    """Sums of `harmonics` sines of a base frequency (default: one period a recording, 0.1 Hz at least), random phases."""
+    """Sums of `harmonics` sines of a base frequency (default: one period a recording, at least 0.1 Hz), random phase."""
     t, nj = room.time, len(room.joints)
     base = max(0.1, 1.0 / room.duration) if base_hz is None else base_hz
     k = np.arange(1, harmonics + 1)
@@ -85,7 +85,7 @@ def fourier(room: Room, rng: np.random.Generator, harmonics: int = 5, base_hz: f
 
 
 def _ramped(room: Room, f: np.ndarray, df: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """f and df (n, nj) faded in over the first fifth (1 s at most), so that position, speed and acceleration start at 0."""
+    """Fades f, df (n, nj) in over the first fifth (1 s at most): position, speed and acceleration start at 0."""
     length = min(1.0, room.duration / 5.0)
     _, w, dw = smoothstep(room.time[:, None] / length)
     return w * f, w * df + dw / length * f
@@ -133,7 +133,7 @@ def _fit_down(room: Room, dq: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np
 
 
 def steps(room: Room, rng: np.random.Generator, count: int = 6, smallest: float = 0.005) -> tuple:
-    """Minimum-jerk steps of several sizes (`smallest` rad to the reach) with rests between, joints at their own times."""
+    """Minimum-jerk steps of several sizes (`smallest` rad to the reach), rests between, joints at their own times."""
     n, nj = len(room.time), len(room.joints)
     q, dq = np.zeros((n, nj)), np.zeros((n, nj))
     slot = room.duration / count
@@ -175,7 +175,7 @@ def _fit_only(room: Room, dq: np.ndarray, q: np.ndarray, moving: list[int]) -> t
 
 
 def mix(room: Room, rng: np.random.Generator) -> tuple:
-    """Half of the joints on triangles, the other half on chirps, by lot: slow reversals and fast oscillation at once."""
+    """Half of the joints on triangles, half on chirps, by lot: slow reversals and fast oscillation at once."""
     qt, dqt = triangle(room, rng)
     qc, dqc = chirp(room, rng)
     slow = rng.permutation(len(room.joints)) < (len(room.joints) + 1) // 2
@@ -220,7 +220,7 @@ def osc_targets(
 def room_of(
     robot: Robot, rate_hz: float, duration: float, centre: Sequence[float] | None = None, share: float = 0.8
 ) -> Room:
-    """The room inside `share` of a robot's limits about a posture (default: clear of the table; mid-range if unknown)."""
+    """The room inside `share` of the limits about a posture (default: clear of the table; mid-range if unknown)."""
     nj, limits = len(robot.joints), np.asarray(robot.range, float)
     n = round(duration * rate_hz)
     if rate_hz <= 0.0 or n < 10:
@@ -256,7 +256,7 @@ def motion(
         robot: anything with joints, range (nj, 2) rad and velocity_limit (nj,) rad/s.
         rate_hz, duration: samples a second, seconds.
         rng: the only source of chance.
-        centre: posture (nj,) rad about which to move; the default is clear of the table for seven joints, else mid-range.
+        centre: posture (nj,) rad about which to move; default: clear of the table for seven joints, else mid-range.
         share: of position and velocity limits that may be used.
         options: the motion's own.
     """

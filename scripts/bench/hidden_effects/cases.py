@@ -141,7 +141,7 @@ def _case(name: str, kind: str, places: list[tuple[str, str, float]], seed: int)
 
 
 def cases(dev: bool = False, grid: bool = False) -> list[Case]:
-    """The standard list, or with `grid` every joint an effect can sit on; `dev` draws from a seed that is never scored."""
+    """The standard list, or with `grid` every place of every effect; `dev` draws from a seed that is never scored."""
     seed = SEEDS["dev" if dev else "scored"]
     out = []
     for kind, family in (("single", GRID), ("unknown", UNKNOWN)):
@@ -155,7 +155,7 @@ def cases(dev: bool = False, grid: bool = False) -> list[Case]:
 
 
 def choose(only: tuple[str, ...], dev: bool, limit: int | None = None) -> list[Case]:
-    """The standard list, or the cases of the full grid that match a pattern (`backlash/*/large`), thinned to `limit`."""
+    """The standard list, or what of the full grid matches a pattern (`backlash/*/large`), thinned to `limit`."""
     found = cases(dev)
     if only:
         pool = cases(dev, grid=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from arm import rigid
-from hidden import Hide
+from hidden import Hide, joint_parameters
 from mujoco.batch import Batch
 from plant import VEL, Plant
 
@@ -77,7 +77,9 @@ def simulate(runs: list[Run], h: float = 2.0e-4, noise: bool = True) -> list[dic
     n, hold, sub = len(runs[0].motion.time), round(PREROLL * RATE), round(1.0 / RATE / h)
     q_cmd = np.stack([r.motion.q_cmd for r in runs])  # (nrow, n, 7)
     dq_cmd = np.stack([r.motion.dq_cmd for r in runs])
-    plant, nominal = Plant([r.hidden for r in runs], q_cmd[:, 0], h), Nominal(len(runs))
+    hidden = [r.hidden for r in runs]
+    start = q_cmd[:, 0] - joint_parameters(hidden)["offset"]  # where the encoders read the first command
+    plant, nominal = Plant(hidden, start, h), Nominal(len(runs))
     law = _Law(runs, nominal, q_cmd, dq_cmd)
     sense = _Sensors(plant, [r.seed for r in runs], n + hold, noise)
     drives = _Delayed(plant)

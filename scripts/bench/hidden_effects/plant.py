@@ -98,7 +98,7 @@ class Plant:
         if has["flex"]:
             give = gear - 0.5 * h * contact * (a - self.a)
             total = p["motor_inertia"] + slope + 0.5 * h * contact
-            aw = (motor - drag - give + (slope + 0.5 * h * contact) * self.aw) / np.where(flex, total, 1.0)
+            aw = (motor - drag - give + (slope + 0.5 * h * contact) * self.aw) / np.where(flex, total, 1.0e9)
             self.gear = np.where(flex, give, motor - drag - slope * (a - self.a) - p["rotor"] * a)
         else:
             self.gear = motor - drag - slope * (a - self.a) - p["rotor"] * a
