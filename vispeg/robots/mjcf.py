@@ -8,8 +8,6 @@ import mujoco
 
 from vispeg.core.errors import UserError
 
-HINGE, SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
-
 
 def read_mjcf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]]:
     """The arm as a spec without actuators, and {joint: (torque limit in N m, inf)} from the actuators it had.
@@ -34,8 +32,9 @@ def read_mjcf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]
 
 def _strip(spec: mujoco.MjSpec, path: Path) -> None:
     base = path.resolve().parent
-    meshes = {m.name or Path(m.file).stem: m for m in spec.meshes if m.file and _missing(spec, base, spec.meshdir, m.file)}
-    fields = {h.name or Path(h.file).stem: h for h in spec.hfields if h.file and _missing(spec, base, spec.meshdir, h.file)}
+    folder = spec.meshdir
+    meshes = {m.name or Path(m.file).stem: m for m in spec.meshes if _missing(spec, base, folder, m.file)}
+    fields = {h.name or Path(h.file).stem: h for h in spec.hfields if _missing(spec, base, folder, h.file)}
     for geom in list(spec.geoms):
         if geom.meshname in meshes or geom.hfieldname in fields:
             body = geom.parent
@@ -51,14 +50,14 @@ def _strip(spec: mujoco.MjSpec, path: Path) -> None:
         spec.delete(element)
     for texture in list(spec.textures):
         files = [texture.file, *texture.cubefiles]
-        if any(f and _missing(spec, base, spec.texturedir, f) for f in files):
+        if any(_missing(spec, base, spec.texturedir, f) for f in files):
             for material in spec.materials:
                 material.textures = ["" if t == texture.name else t for t in material.textures]
             spec.delete(texture)
 
 
 def _missing(spec: mujoco.MjSpec, base: Path, folder: str, file: str) -> bool:
-    return not ((base / folder / file).is_file() or file in spec.assets)
+    return bool(file) and not ((base / folder / file).is_file() or file in spec.assets)
 
 
 def _limits(spec: mujoco.MjSpec, path: Path) -> dict[str, tuple[float, float]]:

@@ -28,7 +28,7 @@ BOX, CYLINDER = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER
 
 @dataclass(frozen=True)
 class Shape:
-    """A homogeneous box (full lengths x, y, z in m) or upright cylinder (radius, length) at `pos` in the flange frame."""
+    """A homogeneous box (full lengths x, y, z in m) or upright cylinder (radius, length), `pos` in the flange frame."""
 
     name: str
     size: tuple[float, ...]
@@ -156,7 +156,7 @@ def _solid(body: Any, shapes: list[Shape]) -> None:
 
 
 def _set(body: Any, mass: float, com: np.ndarray, inertia: np.ndarray) -> None:
-    """Writes mass (kg), centre of mass (3,) and inertia (3, 3) about it; off-diagonal terms only where there are any."""
+    """Writes mass (kg), centre of mass (3,) and inertia (3, 3) about it, off-diagonal only where needed."""
     body.mass, body.ipos, body.explicitinertial = mass, com, True
     off = [inertia[0, 1], inertia[0, 2], inertia[1, 2]]
     if np.abs(off).max() > 1e-12 * np.trace(inertia):
