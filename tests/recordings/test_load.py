@@ -198,8 +198,10 @@ def material(tmp_path_factory):
     return root, [(f.name, (f / "recording.yaml").read_bytes(), (f / f"samples.{f.name}").read_bytes()) for f in both]
 
 
-SNIPPETS = [b"", b"\n", b",", b"nan", b"1e999", b"-", b"\xff", b"\0", b'"', b"&a", b"*a", b"[", b"{", b"}", b": ", b"!!",
-            b"null", b"<<: *a", b"none", b"9" * 30, b"0x", b"'", b"#", b"\r", b"\xef\xbb\xbf", b"- ", b"1:2:3", b"?"]  # fmt: skip
+SNIPPETS = [
+    *(b"", b"\n", b",", b"nan", b"1e999", b"-", b"\xff", b"\0", b'"', b"&a", b"*a", b"[", b"{", b"}", b": ", b"!!"),
+    *(b"null", b"<<: *a", b"none", b"9" * 30, b"0x", b"'", b"#", b"\r", b"\xef\xbb\xbf", b"- ", b"1:2:3", b"?"),
+]
 edits = st.lists(
     st.tuples(st.booleans(), st.floats(0, 1), st.integers(0, 40), st.sampled_from(SNIPPETS)), min_size=1, max_size=4
 )

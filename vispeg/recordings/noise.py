@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from vispeg.core.errors import UserError
 from vispeg.recordings.recording import Recording
 
 
@@ -30,3 +33,49 @@ def noise_of(rec: Recording) -> dict[str, np.ndarray]:
         else:
             out[name] = np.maximum(highpass_sigma(values), least)
     return out
+
+
+def noise_from_repeats(recs: Sequence[Recording], signal: str = "q") -> np.ndarray:
+    """1-sigma of one reading, from recordings of the same commanded motion: sensor noise and lack of repeatability.
+
+    The variance across recordings at each row (unbiased, over k - 1) is averaged over rows; what all recordings share,
+    such as an effect that no model has, is not in it.
+
+    Args:
+        recs: at least two recordings, aligned in time from their first row on; the longest are cut to the shortest.
+        signal: `q`, `dq`, `tau`, ...
+
+    Returns:
+        (nj,) in the signal's unit.
+
+    Raises:
+        UserError: fewer than two recordings, other joints, other times, other commands, or no such signal.
+    """
+    if len(recs) < 2:
+        raise UserError("noise from repeats needs two recordings of one motion", got=len(recs))
+    rows = min(len(rec.time) for rec in recs)
+    for rec in recs[1:]:
+        if not same_motion(recs[0], rec):
+            raise UserError(f"does not repeat the motion of {recs[0].path}", file=rec.path)
+    values = []
+    for rec in recs:
+        value = getattr(rec, signal)
+        if value is None:
+            raise UserError("has no such signal", file=rec.path, key=signal)
+        values.append(value[:rows])
+    return np.sqrt(np.nanmean(np.var(np.stack(values), axis=0, ddof=1), axis=0))
+
+
+def same_motion(a: Recording, b: Recording) -> bool:
+    """Whether two recordings state the same robot, controller and commands at the same times (to half a sample)."""
+    rows = min(len(a.time), len(b.time))
+    if (a.robot, a.joints, a.control.mode) != (b.robot, b.joints, b.control.mode):
+        return False
+    if rows < 0.9 * max(len(a.time), len(b.time)):
+        return False
+    skew = (a.time[:rows] - a.time[0]) - (b.time[:rows] - b.time[0])
+    if np.abs(skew).max() > 0.5 / a.rate_hz:
+        return False
+    commands = [(getattr(a, name), getattr(b, name)) for name in ("q_cmd", "tau_cmd", "ee_cmd")]
+    given = [(x[:rows], y[:rows]) for x, y in commands if x is not None and y is not None]
+    return bool(given) and all(np.allclose(x, y, rtol=0, atol=1e-6, equal_nan=True) for x, y in given)

@@ -1,0 +1,197 @@
+"""Known jitter, gaps, quantization, noise, clipping and poor motions are found, and their absence is not."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from made import recording
+
+from vispeg.cli.check import Args
+from vispeg.core.errors import UserError
+from vispeg.recordings.check import check
+from vispeg.recordings.excitation import PARAMETERS, excitation, regressor
+from vispeg.recordings.noise import highpass_sigma, noise_from_repeats
+from vispeg.recordings.quality import Limits, quantization, saturated
+from vispeg.recordings.timing import timing
+from vispeg.recordings.write import write
+
+RATE = 500.0
+
+
+def moving(n=5000, seed=0, noise_q=1e-5, noise_tau=0.2, **changes):
+    """Two joints on sines of 10 s with white noise on angle and torque."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(n) / RATE
+    q = np.stack(
+        [0.8 * np.sin(2 * np.pi * 0.5 * time), 0.4 * np.sin(2 * np.pi * 0.3 * time) + 0.3 * np.sin(5 * time)], 1
+    )
+    tau = np.stack([20 * np.sin(time), 5 * np.cos(time)], 1)
+    fields = {
+        "time": time,
+        "q_cmd": q,
+        "q": q + rng.normal(scale=noise_q, size=q.shape),
+        "tau": tau + rng.normal(scale=noise_tau, size=q.shape),
+    }
+    empty = dict.fromkeys(("dq", "tau_cmd", "ee", "ee_cmd", "ft"))
+    return recording(n, RATE, **(empty | fields | changes))
+
+
+def test_a_clean_recording_draws_no_warning():
+    assert check(moving(), Limits(np.full((2, 2), [-3.0, 3.0]), np.full(2, 5.0), np.full(2, 100.0))).warnings == ()
+
+
+def test_jitter_is_measured():
+    rng = np.random.default_rng(1)
+    time = np.arange(5000) / RATE + rng.normal(scale=1e-4, size=5000)
+    clock = timing(moving(time=time))
+    assert clock.jitter == pytest.approx(np.sqrt(2) * 1e-4, rel=0.05)  # two jittered times make a period
+    assert clock.rate_hz == pytest.approx(RATE, rel=1e-2) and clock.gaps == ()
+
+
+def test_gaps_are_counted_sized_and_placed():
+    keep = np.ones(5000, bool)
+    keep[1000:1004] = keep[3000] = False
+    rec = moving(time=(np.arange(5000) / RATE)[keep], **{k: getattr(moving(), k)[keep] for k in ("q", "q_cmd", "tau")})
+    gaps = timing(rec).gaps
+    assert [(g.samples, round(g.start, 6)) for g in gaps] == [(4, 1.998), (1, 5.998)]
+    assert gaps[0].seconds == pytest.approx(5 / RATE)
+    assert any("2 gaps, 5 samples lost" in line for line in check(rec).warnings)
+
+
+def test_a_new_episode_is_no_gap():
+    time = np.tile(np.arange(2500) / RATE, 2)
+    clock = timing(moving(time=time, episode=np.repeat([0, 1], 2500)))
+    assert (clock.gaps, clock.episodes) == ((), 2) and clock.duration_s == pytest.approx(2 * 2499 / RATE)
+
+
+def test_missing_held_and_zeroed_readings():
+    rec = moving()
+    rec.q[100:110, 1] = np.nan
+    report = check(rec)
+    assert report.joints[1].missing == pytest.approx(10 / 5000) and report.joints[0].missing == 0
+    assert report.joints[1].longest_missing_s == pytest.approx(11 / RATE)
+    held = moving(noise_q=0.0)
+    for row in (510, 1020, 1500):  # fast stretches
+        held.q[row], held.tau[row] = held.q[row - 1], held.tau[row - 1]  # type: ignore[index]
+    assert timing(held).repeated == 3 and timing(moving(noise_q=0.0)).repeated == 0
+    lost = moving()
+    lost.q[[400, 401, 900]] = 0.0
+    assert timing(lost).zeroed == 3
+
+
+@pytest.mark.parametrize("step", [2 * np.pi / 2**14, 2 * np.pi / 2**17, 1e-3])
+@pytest.mark.parametrize("offset", [0.0, 0.123456])
+def test_an_encoders_step_is_recovered(step, offset):
+    q = moving(noise_q=0.0).q[:, 1]
+    assert quantization(np.round(q / step) * step + offset) == pytest.approx(step, rel=1e-3)
+
+
+def test_what_is_not_quantized_has_no_step():
+    rec = moving()
+    assert quantization(rec.q[:, 0]) is None and quantization(rec.tau[:, 0]) is None  # type: ignore[index]
+    assert quantization(np.round(rec.q[:, 0], 9)) is None  # digits of the file, not of a sensor
+    assert quantization(np.zeros(100)) is None
+
+
+@pytest.mark.parametrize("sigma", [1e-5, 1e-3])
+def test_noise_is_recovered_from_one_recording(sigma):
+    rec = moving(noise_q=sigma, noise_tau=0.3)
+    assert highpass_sigma(rec.q) == pytest.approx([sigma, sigma], rel=0.06)
+    assert highpass_sigma(rec.tau) == pytest.approx([0.3, 0.3], rel=0.06)  # type: ignore[arg-type]
+
+
+def test_noise_is_recovered_from_repeats_and_other_motions_are_refused():
+    recs = [moving(seed=s, noise_q=3e-4) for s in range(3)]
+    shared = np.sin(np.arange(5000) / 50)[:, None]  # an effect that every run shows is no noise
+    for rec in recs:
+        rec.q[:] += 0.01 * shared
+    assert noise_from_repeats(recs) == pytest.approx([3e-4, 3e-4], rel=0.03)
+    other = moving(q_cmd=moving().q_cmd + 0.1)
+    with pytest.raises(UserError, match="repeat"):
+        noise_from_repeats([recs[0], other])
+    with pytest.raises(UserError, match="two"):
+        noise_from_repeats(recs[:1])
+
+
+def test_clipping_is_found_and_a_peak_is_none():
+    time = np.arange(5000) / RATE
+    smooth = 100 * np.sin(2 * np.pi * 0.5 * time)
+    clipped = np.clip(smooth, -200, 60)
+    assert np.array_equal(saturated(clipped, 1 / RATE), clipped == 60)
+    assert not saturated(smooth, 1 / RATE).any()
+    assert not saturated(np.round(smooth), 1 / RATE).any()  # flat peaks of a quantized signal
+    assert not saturated(np.zeros(100), 1 / RATE).any()
+    noisy = clipped + np.random.default_rng(3).normal(scale=0.05, size=time.size)
+    assert saturated(noisy, 1 / RATE, limit=60.0)[clipped == 60].mean() > 0.99
+    assert not saturated(noisy, 1 / RATE, limit=120.0).any()
+
+
+def test_limits_are_held_against_the_motion():
+    rec = moving()
+    limits = Limits(np.array([[-0.5, 0.5], [-3, 3]]), np.array([9.0, 0.5]), np.array([15.0, 99.0]))
+    a, b = check(rec, limits).joints
+    assert a.outside_range == pytest.approx(np.sum(np.abs(rec.q[:, 0]) > 0.501), abs=2)
+    assert a.over_torque == np.sum(np.abs(rec.tau[:, 0]) > 15.3) and a.over_velocity == 0  # type: ignore[index]
+    assert (b.outside_range, b.over_torque) == (0, 0) and b.over_velocity > 100
+
+
+def test_stated_noise_that_is_not_there_is_mentioned():
+    lines = check(moving(noise={"q": 1e-3, "tau": 0.2})).warnings
+    assert len(lines) == 2 and all("noise of q" in line for line in lines)
+    assert any("every joint shows no sensor noise" in line for line in check(moving(noise_q=0.0, noise={})).warnings)
+
+
+def motion_of(q, time):
+    dq = np.gradient(q, time)
+    return q, dq, np.gradient(dq, time)
+
+
+def test_the_promised_precision_is_what_least_squares_delivers():
+    time = np.arange(4000) / RATE
+    motion = motion_of(np.sin(2 * time) + 0.5 * np.sin(3.1 * time), time)
+    promised = excitation(*motion, noise_tau=0.2).sigma
+    columns = regressor(*motion)
+    noise = np.random.default_rng(4).normal(scale=0.2, size=(len(time), 400))
+    scatter = np.linalg.lstsq(columns, noise, rcond=None)[0].std(axis=1)
+    assert promised is not None
+    assert [promised[name] for name in PARAMETERS] == pytest.approx(scatter, rel=0.15)
+
+
+def test_poor_motions_are_told_from_good_ones():
+    time = np.arange(4000) / RATE
+    rich = excitation(*motion_of(np.sin(2 * time) + 0.5 * np.sin(3.1 * time), time))
+    steady = excitation(*motion_of(0.3 * time, time))  # one speed, one direction
+    tiny = excitation(*motion_of(1e-3 * np.sin(2 * time), time))
+    still = excitation(*motion_of(np.zeros(4000), time))
+    assert min(rich.identifiability.values()) > 0.05 and rich.condition < 100  # type: ignore[operator]
+    assert max(steady.identifiability[k] for k in ("coulomb", "viscous", "bias")) < 1e-6 and steady.reversals == 0
+    assert tiny.identifiability["gravity_cos"] < 1e-3  # cos q is the bias where q hardly moves
+    assert still.condition is None and set(still.identifiability.values()) == {0.0}
+
+
+def test_reversals_are_counted_through_noise():
+    time = np.arange(5000) / RATE  # 10 s: ten half-waves of a 0.5 Hz sine, ten turning points
+    assert check(moving()).joints[0].excitation.reversals == 10
+    assert excitation(*motion_of(np.sin(time), time)).reversals == 3
+
+
+def test_the_command_writes_what_it_prints(tmp_path, capsys):
+    robot = tmp_path / "rig"
+    write(moving(time=np.concatenate([np.arange(2500), np.arange(2505, 5005)]) / RATE), robot)
+    assert Args((robot,), out=tmp_path / "out", json=True).run() == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed == json.loads((tmp_path / "out" / "check.json").read_text())
+    assert printed["recordings"][0]["timing"]["gaps"][0]["samples"] == 5
+    assert (tmp_path / "out" / "check.png").read_bytes().startswith(b"\x89PNG")
+    assert Args((robot, write(moving(seed=5), tmp_path / "again"))).run() == 0
+    assert "1 gaps, 5 samples lost" in capsys.readouterr().out
+    with pytest.raises(UserError, match="exists"):
+        Args((robot,), out=tmp_path / "out").run()
+
+
+def test_a_joint_that_the_robot_does_not_have(tmp_path):
+    folder = write(moving(joints=("joint1", "joint9")), tmp_path / "rig")
+    with pytest.raises(UserError, match="joint9.*choices: joint1"):
+        Args((folder,)).run()

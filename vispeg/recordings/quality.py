@@ -1,0 +1,101 @@
+"""What is wrong with a signal: saturation, quantization, limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+PLATEAU_S = 0.01  # an extreme held exactly for this long is no peak
+AT_LIMIT = 0.99
+MIN_PLATEAU = 5
+NOISE_OF_TEXT = 1e-8  # relative to the largest value: coarser steps are a sensor's, finer ones the file's
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the robot can do, in the recording's joint order; infinite where not known.
+
+    Attributes:
+        range: (nj, 2) rad.
+        velocity: (nj,) rad/s.
+        torque: (nj,) N m.
+    """
+
+    range: np.ndarray
+    velocity: np.ndarray
+    torque: np.ndarray
+
+
+def saturated(values: np.ndarray, dt: float, limit: float = np.inf) -> np.ndarray:
+    """Rows (n,) at which one torque signal (n,) is clipped.
+
+    A row counts if the signal holds its extreme exactly for at least 10 ms and 5 samples, which a smooth peak cannot,
+    or if it stays that long beyond 99 % of a known limit (N m). Where the signal is quantized, smooth peaks are flat
+    too, so that only a plateau entered or left by a jump of several quanta counts.
+
+    Args:
+        values: (n,) N m, NaN where missing.
+        dt: sample period, s.
+        limit: the joint's torque limit, N m.
+    """
+    out = np.zeros(len(values), bool)
+    finite = values[np.isfinite(values)]
+    if not len(finite) or np.ptp(finite) == 0:
+        return out
+    least = max(MIN_PLATEAU, int(np.ceil(PLATEAU_S / dt)))
+    quantum = quantization(values)
+    for extreme in (finite.max(), finite.min()):
+        if extreme == 0:
+            continue
+        runs = [r for r in _runs(values == extreme) if r[1] - r[0] >= least]
+        if quantum is not None:
+            runs = [r for r in runs if _entered_by_a_jump(values, r, 2.5 * quantum)]
+        for start, stop in runs:
+            out[start:stop] = True
+    if np.isfinite(limit):
+        for start, stop in _runs(np.abs(values) >= AT_LIMIT * limit):
+            if stop - start >= least:
+                out[start:stop] = True
+    return out
+
+
+def quantization(values: np.ndarray) -> float | None:
+    """The step of a quantized signal (n,), in its unit, or None where it is not seen to be quantized.
+
+    Distinct values of a quantized signal differ by whole multiples of one step. The smallest difference, or a simple
+    fraction of it, is taken for the step if all small differences are near whole multiples of it; the step then follows
+    from these by least squares.
+    """
+    finite = values[np.isfinite(values)][:50_000]
+    if len(finite) < 20:
+        return None
+    size = float(np.abs(finite).max())
+    levels = np.unique(finite)
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > NOISE_OF_TEXT * size]
+    if len(gaps) < 5 or len(gaps) < 0.5 * (len(levels) - 1):
+        return None
+    smallest = float(np.quantile(gaps, 0.01))
+    for divisor in (1, 2, 3):
+        step = smallest / divisor
+        near = gaps[gaps < 20 * step]
+        if len(near) < 5:
+            continue
+        multiples = np.round(near / step)
+        if np.sqrt(np.mean((near / step - multiples) ** 2)) < 0.03:  # 0.29 for values that know no step
+            return float(near @ multiples / (multiples @ multiples))
+    return None
+
+
+def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
+    """(start, stop) of each stretch of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _entered_by_a_jump(values: np.ndarray, run: tuple[int, int], jump: float) -> bool:
+    start, stop = run
+    before = abs(values[start] - values[start - 1]) if start else 0.0
+    after = abs(values[stop - 1] - values[stop]) if stop < len(values) else 0.0
+    return bool(max(before, after) > jump)

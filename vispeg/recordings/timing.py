@@ -1,0 +1,103 @@
+"""When samples came: rate, jitter, gaps, and readings that were dropped without a trace."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vispeg.recordings.recording import Recording
+
+GAP = 1.5  # sample periods: a longer step means that at least one sample is missing
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Samples that never came: `start` (s, in its episode) to the next sample `seconds` later, `samples` missing."""
+
+    row: int
+    start: float
+    seconds: float
+    samples: int
+
+
+@dataclass(frozen=True)
+class Timing:
+    """The clock of a recording.
+
+    Attributes:
+        rate_hz: one over the median sample period.
+        stated_hz: what recording.yaml says.
+        jitter: RMS deviation of the sample period from its median, s, gaps left out.
+        jitter_max: the largest such deviation, s.
+        gaps: steps longer than 1.5 periods.
+        repeated: rows whose readings are all bit-identical to the row before while the arm moved (a held reading).
+        zeroed: rows whose angles are all exactly zero between rows that are not (a missing reading written as zero).
+        duration_s: sum over episodes.
+        episodes: their number.
+    """
+
+    rate_hz: float
+    stated_hz: float
+    jitter: float
+    jitter_max: float
+    gaps: tuple[Gap, ...]
+    repeated: int
+    zeroed: int
+    duration_s: float
+    episodes: int
+
+
+def timing(rec: Recording) -> Timing:
+    """Measures the clock. Episodes are kept apart."""
+    steps = np.diff(rec.time)
+    inside = within_episode(rec)
+    good = steps[inside]
+    period = float(np.median(good)) if len(good) else 1.0 / rec.rate_hz
+    long = inside & (steps > GAP * period)
+    even = steps[inside & ~long] - period
+    gaps = tuple(
+        Gap(int(row), float(rec.time[row]), float(steps[row]), int(round(steps[row] / period)) - 1)
+        for row in np.flatnonzero(long)
+    )
+    return Timing(
+        rate_hz=1.0 / period,
+        stated_hz=float(rec.rate_hz),
+        jitter=float(np.sqrt(np.mean(even**2))) if len(even) else 0.0,
+        jitter_max=float(np.abs(even).max()) if len(even) else 0.0,
+        gaps=gaps,
+        repeated=_repeated(rec, inside),
+        zeroed=_zeroed(rec.q),
+        duration_s=float(good.sum()),
+        episodes=int(np.sum(~inside)) + 1,
+    )
+
+
+def within_episode(rec: Recording) -> np.ndarray:
+    """Which steps from one row to the next (n - 1,) stay inside an episode."""
+    if rec.episode is None:
+        return np.ones(len(rec.time) - 1, bool)
+    return np.diff(rec.episode) == 0
+
+
+def _repeated(rec: Recording, inside: np.ndarray) -> int:
+    """An arm that moves through rows k-1, k, k+1 cannot read exactly the same twice in every joint at once."""
+    same = inside & np.all(np.diff(rec.q, axis=0) == 0, axis=1)
+    if rec.tau is not None:
+        same &= np.all(np.diff(rec.tau, axis=0) == 0, axis=1)
+    step = np.nanmax(np.abs(np.nan_to_num(np.diff(rec.q, axis=0))), axis=1)
+    # Before and after, steps beyond a typical one: a coarse encoder on a slow arm repeats itself honestly.
+    usual = np.median(step[step > 0]) if np.any(step > 0) else np.inf
+    moving = np.convolve(step >= usual, [1, 0, 1], "same") >= 2
+    return int(np.sum(same & moving))
+
+
+def _zeroed(q: np.ndarray) -> int:
+    zero = np.all(q == 0, axis=1)
+    if zero.all() or not zero.any():
+        return 0
+    # Passing through zero or resting there takes small steps; a missing reading jumps by far more than the usual step.
+    step = np.max(np.abs(np.nan_to_num(np.diff(q, axis=0))), axis=1)
+    usual = max(float(np.median(step)), 1e-6)
+    edges = np.flatnonzero(np.diff(zero.astype(int)) != 0)
+    return int(zero.sum()) if len(edges) and np.median(step[edges]) > 20 * usual else 0
