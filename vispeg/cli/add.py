@@ -1,7 +1,7 @@
 """Adds an effect to a model file, or sets the values of one that is there.
 
-MODEL is left as it is unless --out names it and --overwrite is given. Parameters that are not set keep the model's value,
-or take the effect's typical size where it is new.
+MODEL is left as it is unless --out names it and --overwrite is given. Parameters that are not set keep the model's
+value, or take the effect's typical size where it is new.
 
 Example:
     vispeg add iiwa14 coulomb_friction joint4 --set torque=1.2 --out model.yaml
@@ -36,6 +36,7 @@ class Args:
     def run(self) -> int:
         """Writes the model file and prints what is in it."""
         import os
+        from dataclasses import replace
 
         from vispeg.core.effect import Placed, effect
         from vispeg.core.errors import UserError
@@ -45,26 +46,18 @@ class Args:
         from vispeg.robots.model import load
 
         if self.out.suffix.lower() not in (".yaml", ".yml"):
-            raise UserError("not a model file's name", key="--out", expected="a name that ends in .yaml", got=str(self.out))
+            raise UserError("not a model file", key="--out", expected="a name that ends in .yaml", got=str(self.out))
         world = load_model(self.model)
         kind, robot = effect(self.effect), load(world.robot, tool=world.tool)
         where, given = place(kind, self.where, robot), values(kind, self.set)
         typical = {name: param.start for name, param in kind.params.items()}
-        placed = Placed.of(self.effect, where, **typical)
-        for old in world.effects:
-            if (old.effect, old.where) == (self.effect, where):
-                placed = old
-        world = world.add(placed.with_values(**given))
+        here = [e for e in world.effects if (e.effect, e.where) == (self.effect, where)]
+        placed = (here[0] if here else Placed.of(self.effect, where, **typical)).with_values(**given)
+        world = world.add(placed)
         if Path(world.robot).suffix:  # a model file names its robot relative to itself
-            from dataclasses import replace
-
             world = replace(world, robot=os.path.relpath(Path(world.robot).resolve(), self.out.resolve().parent))
         write_text_atomic(self.out, model_text(world), overwrite=self.overwrite)
-        shown = ", ".join(f"{k} {v.value:g} {kind.params[k].unit}".strip() for k, v in _of(world, placed).params.items())
+        shown = ", ".join(f"{k} {v.value:g} {kind.params[k].unit}" for k, v in placed.params.items())
         print(f"{self.out}: {world.label}")
         print(f"{placed.label}: {shown}")
         return 0
-
-
-def _of(world, placed):
-    return next(e for e in world.effects if (e.effect, e.where) == (placed.effect, placed.where))

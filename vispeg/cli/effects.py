@@ -1,6 +1,6 @@
 """Lists the effects that a model can have; with a name, explains one and draws what it does to a motion.
 
-The picture shows one joint under position control with and without the effect at its typical size.
+The picture shows what the effect, at its typical size, changes in one joint under position control.
 
 Example:
     vispeg effects
@@ -59,8 +59,8 @@ class Args:
         print_effect(chosen[0], robot)
         sizes = ", ".join(f"{k} {v.value:g} {chosen[0].params[k].unit}" for k, v in s.placed.params.items())
         panels = [
-            ("rad", {f"angle of {s.joint}: with less without": s.deviation}),
-            ("N m", {"motor torque with": s.torque, "without": s.plain}),
+            ("rad", {f"angle of {s.joint}, with less without": s.deviation}),
+            ("N m", {f"motor torque of {s.joint}, with less without": s.torque}),
         ]
         signature_panels(f"{s.placed.label}: {sizes}", s.time, panels, path, overwrite=self.overwrite)
         print(f"picture: {path}")

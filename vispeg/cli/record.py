@@ -1,7 +1,7 @@
 """Records a simulated robot: runs a model through a motion and writes a recording folder with sensor noise.
 
-MOTION is fourier, chirp, triangle, steps, sweep, mix, osc, or a CSV with time, q_cmd.* and (optional) dq_cmd.*, such as the
-next_experiment/samples.csv that `vispeg diagnose` writes. `--effects` hides more in the robot than the model file says.
+MOTION is fourier, chirp, triangle, steps, sweep, mix, osc, or a CSV with time, q_cmd.* and (optional) dq_cmd.*, such as
+the next_experiment/samples.csv that `vispeg diagnose` writes. `--effects` hides more than the model file says.
 
 Example:
     vispeg record iiwa14 --motion fourier --effects coulomb_friction:joint4:torque=1.2 --seed 1 --out rig-a
@@ -81,7 +81,8 @@ class Args:
         rec = record(world, motion, control, self._noise(), rng, torque_sensor=sensor, repeat=self.repeat, name=name)
         write(rec, self.out, overwrite=self.overwrite, table=self.table)
         runs = f"{self.repeat} runs of " if self.repeat > 1 else ""
-        print(f"{self.out}: {runs}{motion.name}, {motion.time[-1]:.3g} s at {self.rate:g} Hz, {mode} control, {world.label}")
+        how = f"{runs}{motion.name}, {motion.time[-1]:.3g} s at {self.rate:g} Hz, {mode} control"
+        print(f"{self.out}: {how}, {world.label}")
         return 0
 
     def _motion(self, robot):

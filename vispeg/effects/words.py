@@ -47,7 +47,7 @@ def values(kind: Effect, pairs: Iterable[str]) -> dict[str, float]:
 
 
 def parse(text: str, robot: Any) -> list[Placed]:
-    """Effects from `NAME:WHERE[:param=number,...]`; parameters not given take their typical size, as a fit's start does.
+    """Effects from `NAME:WHERE[:param=number,...]`; what is not given takes its typical size.
 
     WHERE is a place of the robot, `all` (one value shared by all places) or `each` (one effect for each place).
     """
@@ -55,7 +55,8 @@ def parse(text: str, robot: Any) -> list[Placed]:
     where, _, settings = rest.partition(":")
     kind = effect(name)
     if not where:
-        raise UserError(f"{name} needs a place", expected=f"{name}:WHERE", choices=[*kind.targets(robot), "all", "each"])
+        choices = [*kind.targets(robot), "all", "each"]
+        raise UserError(f"{name} needs a place", expected=f"{name}:WHERE", choices=choices)
     given = values(kind, [s for s in settings.split(",") if s])
     typical = {k: p.start for k, p in kind.params.items()} | given
     places: Sequence[str] = kind.targets(robot) if where == "each" else [place(kind, where, robot)]

@@ -1,4 +1,4 @@
-"""Recordings of a simulated robot: a world driven as a real robot is, with sensor noise, in the form of RECORDING.md."""
+"""Recordings of a simulated robot: a world driven as a real robot is, read by noisy sensors."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from vispeg.sim.nominal import Nominal
 from vispeg.sim.rollout import compiled, flange_pose, simulate
 from vispeg.sim.segment import Segment
 
-NOISE = {"q": 2e-5, "dq": 1e-3, "tau": 0.2, "ee": 1e-4}  # rad, rad/s, N m, m: the sensors of a good torque-controlled arm
+NOISE = {"q": 2e-5, "dq": 1e-3, "tau": 0.2, "ee": 1e-4}  # rad, rad/s, N m, m: a good torque-controlled arm
 IIWA_KP = (800.0, 800.0, 300.0, 400.0, 100.0, 60.0, 5.0)  # N m/rad
 IIWA_KD = (20.0, 30.0, 6.0, 12.0, 1.5, 0.8, 0.08)  # N m s/rad
 OSC_KP, OSC_KD = 150.0, 24.0  # 1/s^2, 1/s
@@ -103,7 +103,7 @@ def record(
     segment = _segment(robot, motion, closed)
     response = simulate(robot, [world], [segment], h_max=PLANT_STEP, nthread=nthread, want_ee=True)[0]
     if response.diverged[0]:
-        raise UserError("the arm does not follow this motion: the loop is unstable", expected="lower gains or a higher rate")
+        raise UserError("the arm does not follow: the loop is unstable", expected="lower gains or a higher rate")
     q, dq, tau = response.q[0], response.dq[0], response.tau_motor[0]
     signals = {"q": q, "dq": dq, "ee": response.ee[0] if response.ee is not None else flange_pose(robot, q)}
     if torque_sensor != "none":
@@ -185,7 +185,8 @@ def _segment(robot: RobotModel, motion: Motion, control: Control) -> Segment:
     elif motion.ee_cmd is not None:
         raise UserError("the motion 'osc' moves the flange", key="--control", expected="osc", got=control.mode)
     rows = np.arange(len(motion.time))
-    return Segment(control, 1.0 / control.rate_hz, command, motion.q_cmd, motion.dq_cmd, motion.q_cmd, motion.time, rows)
+    tick = 1.0 / control.rate_hz
+    return Segment(control, tick, command, motion.q_cmd, motion.dq_cmd, motion.q_cmd, motion.time, rows)
 
 
 def _noisy(key: str, values: np.ndarray, noise: Mapping[str, float], rng: np.random.Generator) -> np.ndarray:

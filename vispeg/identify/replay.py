@@ -37,7 +37,8 @@ def replay(file: Path, robot: RobotModel, rate_hz: float) -> Motion:
         low, high = robot.range[j]
         worst = float(q[np.flatnonzero(outside[:, j])[0], j])
         column = columns_of("q_cmd", robot.joints)[j]
-        raise UserError("outside the joint's range", file=file, key=column, expected=f"{low:g} to {high:g} rad", got=worst)
+        expected = f"{low:g} to {high:g} rad"
+        raise UserError("outside the joint's range", file=file, key=column, expected=expected, got=worst)
     time = time - time[0]
     spline = CubicSpline(time, q)
     rates = columns_of("dq_cmd", robot.joints)

@@ -30,10 +30,10 @@ def places(kind: Effect, robot: Any) -> str:
 
 def describe(kind: Effect, robot: Any) -> dict[str, Any]:
     """The effect for JSON: name, kind, summary, description, where, parameters."""
-    params = {
-        name: {"unit": p.unit, "low": p.low, "high": p.high, "null": None if p.shape else p.null, "typical": p.start, "doc": p.doc}
-        for name, p in kind.params.items()
-    }
+    params = {}
+    for name, p in kind.params.items():
+        null = None if p.shape else p.null
+        params[name] = {"unit": p.unit, "low": p.low, "high": p.high, "null": null, "typical": p.start, "doc": p.doc}
     return {
         "name": kind.name,
         "kind": kind.kind,

@@ -47,7 +47,8 @@ def signature_panels(
     stream = BytesIO()
     with styled():
         figure = new_figure(0.8 + 2.1 * len(panels), 6.4)
-        for ax, (unit, lines) in zip(figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0], panels, strict=True):
+        axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+        for ax, (unit, lines) in zip(axes, panels, strict=True):
             _panel(ax, time, unit, lines)
         figure.axes[-1].set_xlabel("time (s)")
         figure.suptitle(title, x=0.01, ha="left", fontsize=10, fontweight="bold")

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vispeg.report import words
-from vispeg.report.record import Record
+from vispeg.report.quantities import fold, quantity
+from vispeg.report.record import Record, rows
 from vispeg.report.sections.headline import effect_rows, ladder_rows
 
 if TYPE_CHECKING:
@@ -50,6 +51,45 @@ def print_diagnosis(diagnosis: Mapping[str, Any], out: Path) -> None:
     console.print(ladder_table(diagnosis))
     if diagnosis.get("effects"):
         console.print(effects_table(diagnosis))
+    console.print(Text(f"report: {out / 'report.html'}"), soft_wrap=True)
+
+
+def joints_table(comparison: Mapping[str, Any]) -> Table:
+    """Error, noise and their ratio of each joint; the torque error too where torque was measured."""
+    found = rows(comparison, "joints")
+    torque = any("torque_error" in row for row in found)
+    columns: list[tuple[str, Any]] = [
+        ("Joint", "left"),
+        ("Error", "right"),
+        ("Noise floor", "right"),
+        ("Times", "right"),
+    ]
+    table = _table(*columns, *([("Torque error", "right")] if torque else []))
+    for row in found:
+        unit = str(row.get("unit") or "")
+        cells = [str(row.get("joint", "?")), quantity(row.get("error"), unit), quantity(row.get("floor"), unit)]
+        cells.append(fold(float(row["times_floor"])) if row.get("times_floor") else "–")
+        table.add_row(*_safe(*cells, *([quantity(row.get("torque_error"), "N m RMS")] if torque else [])))
+    return table
+
+
+def print_comparison(comparison: Mapping[str, Any], out: Path) -> None:
+    """Prints the error in words, joint by joint, where it arises, and where the report lies."""
+    from rich.console import Console
+    from rich.text import Text
+
+    console = Console(highlight=False)
+    console.print(Text(words.fall(comparison)))
+    console.print(joints_table(comparison))
+    worst = [
+        f"{r.get('joint')}, {r.get('regime')} ({100 * r['share']:.0f} %)" for r in rows(comparison, "where_it_fails")
+    ]
+    if comparison.get("chi2", 0.0) <= words.NEAR_FLOOR**2:
+        console.print(Text("the model is at the noise floor: nowhere does it fail"))
+    elif worst:
+        console.print(Text(f"where it fails: {'; '.join(worst[:3])}"))
+    for note in comparison.get("notes") or ():
+        console.print(Text(f"note: {note}"))
     console.print(Text(f"report: {out / 'report.html'}"), soft_wrap=True)
 
 

@@ -15,14 +15,24 @@ from vispeg.report.build import write_report
 
 def write_diagnosis(folder: Path, record: dict[str, Any], world: World, arrays: dict[str, np.ndarray]) -> None:
     """Writes `diagnosis.json`, `evidence.npz`, `model.yaml`, `report.html` and the next motion into an empty folder."""
-    (folder / "diagnosis.json").write_text(
-        json.dumps(_finite(record), indent=1, allow_nan=False) + "\n", encoding="utf-8"
-    )
+    write_json(folder / "diagnosis.json", record)
     (folder / "model.yaml").write_text(model_text(world), encoding="utf-8")
     np.savez_compressed(folder / "evidence.npz", **{k: _compact(v) for k, v in arrays.items()})
     if "next/q_cmd" in arrays:
         _write_motion(folder / "next_experiment", arrays)
     write_report(folder)
+
+
+def write_comparison(folder: Path, record: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    """Writes `compare.json`, `evidence.npz` and `report.html` into an empty folder."""
+    write_json(folder / "compare.json", record)
+    np.savez_compressed(folder / "evidence.npz", **{k: _compact(v) for k, v in arrays.items()})
+    write_report(folder)
+
+
+def write_json(path: Path, record: dict[str, Any]) -> None:
+    """Writes a record into a folder that is not finished yet; what is not finite becomes null."""
+    path.write_text(json.dumps(_finite(record), indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def _write_motion(folder: Path, arrays: dict[str, np.ndarray]) -> None:
