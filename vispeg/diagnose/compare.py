@@ -1,4 +1,4 @@
-"""`compare`: a model against recordings, nothing fitted: how large the error is, at which joint, and in which regime."""
+"""`compare`: a model against recordings, nothing fitted: how far off, at which joint, and in which regime."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def compare(world: World, recordings: Sequence[Recording], *, nthread: int = 1, 
 
 
 def _joints(evidence: Evidence, predicted: list[np.ndarray]) -> list[dict[str, Any]]:
-    """Per joint: RMS error and noise (`unit` of the evidence), their ratio, and RMS torque error where it was measured."""
+    """Per joint: RMS error and noise, their ratio, and RMS torque error where torque was measured."""
     out = []
     for j, joint in enumerate(evidence.items[0].robot.joints):
         error, floor = _rms(evidence, predicted, j), _floor(evidence, j)

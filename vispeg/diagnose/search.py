@@ -14,16 +14,17 @@ from vispeg.diagnose.judge import Gain, Judge, parameters, present
 from vispeg.diagnose.localise import Lack, joint_z, lack, looks
 from vispeg.diagnose.screen import Score, candidates, screen
 from vispeg.identify.evidence import Evidence
-from vispeg.identify.fit import Fit, fit_job
+from vispeg.identify.fit import Fit, Race, fit_job
 from vispeg.identify.pool import run_together
 
-BEST = 9  # candidates fitted at each step
+BEST = 7  # candidates fitted at each step
 MOST = 6  # effects added at most
-AT_FLOOR = 1.2  # held-out noise variances at which there is nothing left to look for
+AT_FLOOR = 1.25  # held-out noise variances at which there is nothing left to look for
 LEAST_GAIN = 0.02  # share of the held-out squared error that a step must remove
 TIE = 0.03  # two fits this close in held-out squared error (above the floor) count as equals
 LEAST_SHARE = 0.001  # of the first held-out excess over noise that a later step must remove
 REFINEMENT = 0.03  # the same for a second effect of the same kind at the same place: no model of friction is exact
+PROMISE = 0.3  # of the gain that a step needs, which the score test must promise for a fit to be tried
 ALPHA = 0.01  # family-wise level of a step, over all places screened (Holm)
 
 
@@ -65,7 +66,7 @@ class Search:
         state = State(world, loss, residual, first=self.judge.mean(loss))
         state.lacks = self.lacks(world)
         given = len(world.effects)
-        while len(state.world.effects) - given < MOST and self.judge.mean(state.loss) > AT_FLOOR:
+        while len(state.world.effects) - given < MOST and self._worth_it(state):
             self.say(f"{state.world.label}: held-out {self.judge.mean(state.loss):.3f} x noise variance; screening")
             trials = self.step(state, given)
             accepted = [t for t in trials if not t.rejected]
@@ -77,6 +78,11 @@ class Search:
             self._take(state, best)
             self._delete(state, given)
         return state
+
+    def _worth_it(self, state: State) -> bool:
+        """Whether enough is left above the floor for a step to be able to pass."""
+        left, first = self.judge.mean(state.loss) - 1.0, state.first - 1.0
+        return left > AT_FLOOR - 1.0 and (state.fit is None or left > LEAST_SHARE * first)
 
     def lacks(self, world: World) -> list[Lack]:
         """Missing torque of every fitted segment under a world."""
@@ -93,7 +99,8 @@ class Search:
         jac = state.fit.jacobian if state.fit is not None else None
         scores = screen(self.evidence, state.world, state.residual, jac, places, looks(lacks, self.evidence.items))
         state.screening = scores
-        if not scores:
+        need = max(LEAST_GAIN * self.judge.mean(state.loss), LEAST_SHARE * max(state.first - 1.0, 0.0))
+        if not scores or scores[0].gain / self.evidence.count < PROMISE * need:
             return []
         return self.try_all(state, shortlist(scores, best), given, len(places))
 
@@ -102,9 +109,9 @@ class Search:
         worlds = [state.world.add(s.placed) for s in scores]
         free = [list(range(given, len(w.effects))) for w in worlds]
         self.say(f"fitting {', '.join(s.placed.label for s in scores)}")
-        fits = run_together(
-            [fit_job(self.evidence, w, f) for w, f in zip(worlds, free, strict=True)], self.evidence.residuals
-        )
+        race = Race()
+        jobs = [fit_job(self.evidence, w, f, race=race) for w, f in zip(worlds, free, strict=True)]
+        fits = run_together(jobs, self.evidence.residuals)
         losses = self.judge.losses([f.world for f in fits])
         trials = []
         for s, f, loss in zip(scores, fits, losses, strict=True):
@@ -182,7 +189,7 @@ def suspects(lacks: list[Lack], joints: Sequence[str], share: float = 0.02, most
 def shortlist(scores: Sequence[Score], best: int) -> list[Score]:
     """The scores worth a fit: the best, none under a tenth of the greatest gain unless few are left."""
     top = scores[0].gain
-    return [s for i, s in enumerate(scores) if i < best and (i < 4 or s.gain > 0.1 * top)]
+    return [s for i, s in enumerate(scores) if i < best and (i < 4 or s.gain > 0.25 * top)]
 
 
 def bic_gain(evidence: Evidence, state: State, fit: Fit) -> float:

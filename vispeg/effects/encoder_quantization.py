@@ -40,8 +40,8 @@ class EncoderQuantization(Effect):
         """
         low, high, best = 2e-5, self.params["step"].high, 0.0
         for lag in (1, 4, 16, 64, 256):
-            moves = raw[lag:] - raw[:-lag]
-            steps = np.linspace(1 / high, 1 / low, 4000) if not best else 1 / best + np.linspace(-1, 1, 400) * width
+            moves = (raw[lag:] - raw[:-lag])[:: max(1, len(raw) // 1500)]
+            steps = np.linspace(1 / high, 1 / low, 2500) if not best else 1 / best + np.linspace(-1, 1, 400) * width
             phase = np.abs([np.mean(np.exp(2j * np.pi * moves * s)) for s in steps])
             slow = 1.0 / max(np.ptp(moves), 1e-12)
             phase[steps < 2 * slow] = 0.0  # a step wider than the motion fits anything

@@ -96,7 +96,7 @@ class Evidence:
         for group in self.groups:
             items = [self.items[i] for i in group]
             responses = simulate(
-                items[0].robot, worlds, [i.segment for i in items], h_max=self.h_max, nthread=self.nthread
+                items[0].robot, worlds, [i.segment for i in items], h_max=self.h_max, nthread=self.nthread, along=True
             )
             for i, item, response in zip(group, items, responses, strict=True):
                 channels = [response.q]

@@ -49,6 +49,24 @@ class Fit:
     cost: float = field(default=0.0)
 
 
+class Race:
+    """Fits that run together and give up when another is far ahead: a hopeless candidate costs as much as a good one.
+
+    Args:
+        ratio: a fit gives up once its mean squared residual, less the noise, is so many times the best one's.
+        laps: iterations that every fit may take.
+    """
+
+    def __init__(self, ratio: float = 4.0, laps: int = 2):
+        self.ratio, self.laps, self.best = ratio, laps, np.inf
+
+    def check(self, mean_square: float, lap: int) -> None:
+        """Raises StopIteration where a fit is out of the race."""
+        self.best = min(self.best, mean_square)
+        if lap >= self.laps and mean_square - 1.0 > self.ratio * max(self.best - 1.0, 0.1):
+            raise StopIteration
+
+
 def fit_job(
     evidence: Evidence,
     world: World,
@@ -58,6 +76,7 @@ def fit_job(
     iterations: int = 8,
     method: Literal["least-squares", "cma"] = "least-squares",
     rng: np.random.Generator | None = None,
+    race: Race | None = None,
 ) -> Callable[[Submit], Fit]:
     """A job for `run_together` that fits the effects at `free` of `world`, from its values and from `starts`."""
 
@@ -73,7 +92,7 @@ def fit_job(
             best = candidates[int(np.argmin(costs))]
         else:
             best = candidates[0]
-        point, u, converged = _least_squares(space, best, submit, iterations)
+        point, u, converged = _least_squares(space, best, submit, iterations, race)
         return _summary(evidence, space, u, converged, point)
 
     return job
@@ -83,12 +102,19 @@ def _cost(r: np.ndarray) -> float:
     return float(np.mean(np.minimum(r * r, ROBUST**2)))
 
 
-def _least_squares(space: Space, u0: np.ndarray, submit: Submit, iterations: int) -> tuple[_Point, np.ndarray, bool]:
+def _least_squares(
+    space: Space, u0: np.ndarray, submit: Submit, iterations: int, race: Race | None
+) -> tuple[_Point, np.ndarray, bool]:
     low, high = space.bounds
     point = _Point(space, submit)
+
+    def lap(intermediate_result: optimize.OptimizeResult) -> None:
+        if race is not None:
+            race.check(2.0 * intermediate_result.cost / len(intermediate_result.fun), intermediate_result.nit)
+
     result = optimize.least_squares(
         lambda u: point.at(u)[0], u0, lambda u: point.at(u)[1], bounds=(low, high), method="trf", x_scale=1.0,
-        max_nfev=iterations, ftol=2e-4, xtol=1e-4, gtol=1e-12,
+        max_nfev=iterations, callback=lap, ftol=5e-4, xtol=1e-4, gtol=1e-12,
     )  # fmt: skip
     return point, result.x, result.status > 0
 

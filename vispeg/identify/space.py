@@ -66,7 +66,12 @@ class Space:
         return World(self.world.robot, self.world.tool, tuple(effects))
 
     def steps(self, u: np.ndarray) -> np.ndarray:
-        """Finite-difference steps, pointing away from the nearer bound."""
+        """Finite-difference steps, pointing away from the nearer bound.
+
+        A rough effect needs longer ones, but not on a log scale, where a unit is long already: 5 % of a ripple's poles
+        is most of a radian of phase.
+        """
         low, high = self.bounds
-        size = np.array([0.02 if effect(self.world.effects[a.index].effect).smooth else 0.05 for a in self.axes])
+        long = [not effect(self.world.effects[a.index].effect).smooth and a.param.scale == "linear" for a in self.axes]
+        size = np.where(long, 0.05, 0.02)
         return np.where(u + size <= high, size, -size)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -24,6 +24,7 @@ class Segment:
         q_raw: (n, nj) measured angles as the controller read them.
         time: (m,) sample times relative to the first tick, s.
         rows: (m,) row numbers in the recording.
+        known: nominal quantities along the motion, computed once (inertia, gravity and its slope).
     """
 
     control: Control
@@ -34,6 +35,7 @@ class Segment:
     q_raw: np.ndarray
     time: np.ndarray
     rows: np.ndarray
+    known: dict = field(default_factory=dict, compare=False, repr=False)
 
     @property
     def ticks(self) -> int:
