@@ -1,0 +1,93 @@
+"""Every effect's parameters are found again in noisy recordings, inside the intervals that the fit states."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from loops import iiwa_segment, recorded
+
+import vispeg.effects  # noqa: F401  (enrols the library)
+from vispeg.core.effect import REGISTRY, Placed
+from vispeg.core.params import Param
+from vispeg.core.seeds import stream
+from vispeg.core.world import World
+from vispeg.diagnose.localise import lack, looks
+from vispeg.identify.evidence import Evidence
+from vispeg.identify.fit import Fit, fit_job
+from vispeg.identify.pool import run_together
+from vispeg.robots.model import load
+
+NAMES = sorted(REGISTRY)
+ROBOT = load("iiwa14")
+TRUTH = {"torque_limit": {"limit": 32.0}}  # one that this motion runs into without dropping the arm
+
+
+def truth_of(name: str) -> dict[str, float]:
+    """Values away from where the fit starts: magnitudes twice the start's distance from null, shapes a little off."""
+
+    def value(p: Param) -> float:
+        if p.scale == "log":
+            return 1.2 * p.start
+        return p.start + 0.02 * (p.high - p.low) if p.shape else p.null + 2 * (p.start - p.null)
+
+    return TRUTH.get(name) or {k: value(p) for k, p in REGISTRY[name].params.items()}
+
+
+@lru_cache
+def fitted(name: str) -> tuple[Fit, float]:
+    """The fit to two noisy 1.6 s recordings and the mean squared whitened residual of the truth itself."""
+    kind = REGISTRY[name]
+    where = kind.targets(ROBOT)[len(kind.targets(ROBOT)) // 2]
+    truth = World().add(Placed.of(name, where, **truth_of(name)))
+    motions = [iiwa_segment("position", 1.6, motion) for motion in ("fourier", "triangle")]
+    evidence = Evidence([recorded(ROBOT, "iiwa14", truth, s, stream(5, name, i)) for i, s in enumerate(motions)])
+    guesses = [{}]
+    if where in ROBOT.joints:
+        lacks = [lack(item, y[0]) for item, y in zip(evidence.items, evidence.simulated([World()]), strict=True)]
+        guesses += kind.guesses(looks(lacks, evidence.items)[ROBOT.joints.index(where)])
+    start = {k: p.start for k, p in kind.params.items()}
+    first, *others = [World().add(Placed.of(name, where, **{**start, **g})) for g in guesses]
+    (fit,) = run_together([fit_job(evidence, first, [0], starts=others, iterations=15)], evidence.residuals)
+    return fit, float(np.mean(evidence.residuals([truth])[0] ** 2))
+
+
+def misses(name: str) -> dict[str, float]:
+    """|estimate - truth| over the half-width of the 95 % interval, parameter by parameter."""
+    fit, _ = fitted(name)
+    out = {}
+    for key, true in truth_of(name).items():
+        v = fit.world.effects[0].params[key]
+        assert v.low is not None and v.high is not None
+        out[key] = abs(v.value - true) / max(0.5 * (v.high - v.low), 1e-12)
+    return out
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_truth_is_recovered(name):
+    """Every parameter within 1.5 half-widths (three standard errors), and no worse a fit than the truth."""
+    fit, cost = fitted(name)
+    assert fit.converged and not fit.at_bound and not fit.weak
+    assert fit.cost <= (1.01 if REGISTRY[name].smooth else 1.5) * cost  # an encoder's roundings never repeat
+    assert max(misses(name).values()) < 1.5, misses(name)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_intervals_say_something(name):
+    """A magnitude's interval excludes null and is narrower than half of the value's distance from it."""
+    fit, _ = fitted(name)
+    kind, params = REGISTRY[name], fit.world.effects[0].params
+    for key in kind.magnitudes:
+        v, null = params[key], kind.params[key].null
+        if key == "motor_inertia":
+            continue  # zero is a value among others there
+        assert v.low is not None and v.high is not None
+        assert v.high - v.low < 0.5 * abs(v.value - null), key
+        assert not v.low <= null <= v.high, key
+
+
+def test_intervals_cover_the_truth():
+    """Over all parameters of all effects, the 95 % intervals hold the truth about as often as they say."""
+    inside = [miss <= 1.0 for name in NAMES for miss in misses(name).values()]
+    assert np.mean(inside) > 0.85, f"{np.mean(inside):.2f} of {len(inside)}"
