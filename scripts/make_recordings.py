@@ -1,0 +1,74 @@
+#!/usr/bin/env python3
+"""Makes the bundled recordings, assets/recordings/{rig-a,rig-b,rig-c}: a robot with friction and a payload nobody declared.
+
+    python scripts/make_recordings.py [--out FOLDER]
+
+The robot is the hidden plant of scripts/bench/hidden_effects, which shares no code with the project's own effects and
+simulation: what the demo finds in them, it finds in another program's robot. `truth.json` says what is hidden.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / "scripts/bench/hidden_effects")]
+
+import pyarrow as pa  # noqa: E402
+import pyarrow.parquet as pq  # noqa: E402
+from arm import Arm  # noqa: E402
+from folder import write as write_csv  # noqa: E402
+from hidden import Hide  # noqa: E402
+from loop import RATE, Run, simulate  # noqa: E402
+
+from vispeg.core.files import new_folder  # noqa: E402
+from vispeg.core.seeds import stream  # noqa: E402
+from vispeg.identify.excitation import motion  # noqa: E402
+from vispeg.recordings.load import load  # noqa: E402
+from vispeg.recordings.write import write  # noqa: E402
+
+SEED, SECONDS = 14, 5.0
+HIDDEN = (
+    Hide("coulomb_friction", "joint4", {"torque": 1.2}),
+    Hide("payload", "flange", {"mass": 0.6, "x": 0.01, "y": 0.0, "z": 0.06}),
+)
+RIGS = {"rig-a": "fourier", "rig-b": "mix", "rig-c": "fourier"}
+
+
+def main() -> int:
+    """Makes the three folders and truth.json."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=ROOT / "assets" / "recordings")
+    out = parser.parse_args().out
+    motions = {rig: motion(name, Arm, RATE, SECONDS, stream(SEED, rig)) for rig, name in RIGS.items()}
+    runs = [Run(HIDDEN, m, "position", int(stream(SEED, "noise", rig).integers(2**31))) for rig, m in motions.items()]
+    readme = out / "README.md"
+    words = readme.read_text(encoding="utf-8") if readme.is_file() else ""
+    with new_folder(out, overwrite=True) as part:
+        for (rig, m), signals in zip(motions.items(), simulate(runs), strict=True):
+            write_csv(part / rig, m.time, "position", m.name, signals)
+            rec = replace(load(part / rig), notes="simulated by a program that shares no code with vispeg's effects")
+            write(rec, part / rig, overwrite=True, table="parquet")
+            shrink(part / rig / "samples.parquet")
+        hidden = [{"effect": h.effect, "where": h.where, "params": h.params} for h in HIDDEN]
+        (part / "truth.json").write_text(json.dumps({"robot": "iiwa14", "hidden": hidden}, indent=1) + "\n")
+        if words:
+            (part / "README.md").write_text(words, encoding="utf-8")
+    print(f"{out}: {', '.join(RIGS)}, {sum(f.stat().st_size for f in out.rglob('*') if f.is_file()) / 1e6:.2f} MB")
+    return 0
+
+
+def shrink(file: Path) -> None:
+    """Single precision (1e-7 rad, far under the noise) and a tight encoding: a third of the size."""
+    table = pq.read_table(file)
+    narrow = {n: table[n] if n == "time" else table[n].cast(pa.float32(), safe=False) for n in table.column_names}
+    options = {"compression": "zstd", "compression_level": 19, "use_dictionary": False, "use_byte_stream_split": True}
+    pq.write_table(pa.table(narrow), file, **options)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

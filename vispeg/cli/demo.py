@@ -1,0 +1,91 @@
+"""Shows the main job on bundled recordings: what is this robot's model missing? Takes about three minutes on two cores.
+
+Checks the recordings, compares the nominal model with them, diagnoses on two and judges on the third, and writes a report.
+
+Example:
+    vispeg demo
+    vispeg demo --out demo --overwrite
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+FITTED, HELD_OUT = ("rig-a", "rig-b"), ("rig-c",)
+
+
+@dataclass(frozen=True)
+class Args:
+    """Arguments of `vispeg demo`."""
+
+    out: Path = Path("vispeg-demo")
+    """Folder for the results."""
+    seed: int = 0
+    """Seed of whatever is drawn."""
+    threads: int = 2
+    """Threads of the simulation."""
+    overwrite: bool = False
+    """Replace OUT if it is there."""
+    quiet: bool = False
+    """No progress, only the result."""
+
+    def run(self) -> int:
+        """Runs the demonstration; the table of falling error comes first."""
+        from rich.console import Console
+
+        from vispeg.cli.inputs import read_inputs
+        from vispeg.core.assets import assets
+        from vispeg.core.files import new_folder
+        from vispeg.core.provenance import provenance
+        from vispeg.diagnose.compare import compare
+        from vispeg.diagnose.run import diagnose
+        from vispeg.report import words
+        from vispeg.report.write import write_comparison, write_diagnosis
+
+        start, folder_of = time.monotonic(), assets() / "recordings"
+        inputs = [folder_of / name for name in (*FITTED, *HELD_OUT)]
+        paths = inputs[: len(FITTED)], inputs[len(FITTED) :]
+        progress = Console(stderr=True, highlight=False, quiet=self.quiet)
+        with new_folder(self.out, overwrite=self.overwrite) as folder, progress.status("reading") as status:
+            world, fitted, held_out = read_inputs("iiwa14", *paths)
+            for rec in (*fitted, *held_out):
+                role = "fitted" if rec in fitted else "held out"
+                progress.print(f"{rec.name}: {rec.motion}, {rec.time[-1]:.0f} s at {rec.rate_hz:g} Hz, {role}")
+            before = compare(world, held_out, nthread=self.threads)
+            stamp = provenance(sys.argv, self.seed, inputs)
+            progress.print(f"the nominal model, as it is: {words.fall(before.record)}")
+            found = diagnose(
+                world, fitted, held_out, seed=self.seed, nthread=self.threads, say=lambda text: status.update(text)
+            )
+            write_diagnosis(folder, {**found.record, "provenance": stamp}, found.world, found.arrays)
+            (folder / "compared").mkdir()
+            write_comparison(folder / "compared", {**before.record, "provenance": stamp}, before.arrays)
+        self._print(json.loads((folder_of / "truth.json").read_text(encoding="utf-8")), time.monotonic() - start)
+        return 0
+
+    def _print(self, truth: dict, seconds: float) -> None:
+        from rich.console import Console
+        from rich.text import Text
+
+        from vispeg.report import words
+        from vispeg.report.terminal import effects_table, ladder_table
+
+        diagnosis = json.loads((self.out / "diagnosis.json").read_text(encoding="utf-8"))
+        console = Console(highlight=False)
+        console.print(ladder_table(diagnosis))
+        console.print(Text(words.fall(diagnosis)))
+        console.print(
+            Text(f"{diagnosis['verdict']}: ", style="bold").append(words.verdict(diagnosis), style="not bold")
+        )
+        if diagnosis["effects"]:
+            console.print(effects_table(diagnosis))
+        hidden = (
+            f"{h['effect']}({h['where']}) {', '.join(f'{k} {v:g}' for k, v in h['params'].items())}"
+            for h in truth["hidden"]
+        )
+        console.print(Text(f"what was hidden in the robot: {'; '.join(hidden)}"))
+        console.print(Text(f"report: {self.out / 'report.html'}  ({seconds:.0f} s)"), soft_wrap=True)
