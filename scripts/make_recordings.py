@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Makes the bundled recordings, assets/recordings/{rig-a,rig-b,rig-c}: a robot with friction and a payload nobody declared.
+"""Makes the bundled recordings, assets/recordings/{rig-a,rig-b,rig-c}: a robot with friction and a payload.
 
     python scripts/make_recordings.py [--out FOLDER]
 

@@ -1,6 +1,6 @@
-"""Shows the main job on bundled recordings: what is this robot's model missing? Takes about three minutes on two cores.
+"""Shows the main job on bundled recordings: what is this robot's model missing? About three minutes on two cores.
 
-Checks the recordings, compares the nominal model with them, diagnoses on two and judges on the third, and writes a report.
+Compares the nominal model with recordings, diagnoses on two of them, judges on the third, and writes a report.
 
 Example:
     vispeg demo
@@ -53,7 +53,7 @@ class Args:
         with new_folder(self.out, overwrite=self.overwrite) as folder, progress.status("reading") as status:
             world, fitted, held_out = read_inputs("iiwa14", *paths)
             for rec in (*fitted, *held_out):
-                role = "fitted" if rec in fitted else "held out"
+                role = "fitted" if rec.name in FITTED else "held out"
                 progress.print(f"{rec.name}: {rec.motion}, {rec.time[-1]:.0f} s at {rec.rate_hz:g} Hz, {role}")
             before = compare(world, held_out, nthread=self.threads)
             stamp = provenance(sys.argv, self.seed, inputs)
