@@ -135,7 +135,7 @@ def _gripper(grip: float) -> list[Shape]:
 def _solid(body: Any, shapes: list[Shape]) -> None:
     """Gives a body these shapes as geoms and their joint inertia; they touch the scene but not the arm."""
     mass = sum(s.mass for s in shapes)
-    com = sum(s.mass * np.array(s.pos) for s in shapes) / mass
+    com = np.sum([s.mass * np.array(s.pos) for s in shapes], axis=0) / mass
     inertia = np.zeros((3, 3))
     for s in shapes:
         r = np.array(s.pos) - com

@@ -1,0 +1,197 @@
+"""Arms from a user's URDF or MJCF, whole or with files missing."""
+
+import os
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from vispeg.core.errors import UserError
+from vispeg.robots.model import known, load
+
+SHARED = Path(os.environ.get("VISPEG_SHARED", Path(__file__).resolve().parents[3] / "shared"))
+LWR4 = SHARED / "data" / "kuka-lwr4" / "kuka_lwr4.urdf"
+
+LINK = """<link name="{0}"><inertial><origin xyz="0.1 0 0.2" rpy="0.3 0 0"/><mass value="2"/>
+  <inertia ixx="0.02" iyy="0.03" izz="0.04" ixy="0.001" ixz="0" iyz="0"/></inertial>
+  <visual><geometry><mesh filename="{1}"/></geometry></visual>
+  <collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link>"""
+URDF = (
+    """<robot name="two"><link name="world_link"/>"""
+    + LINK.format("upper", "package://two_description/meshes/upper.stl")
+    + LINK.format("lower", "missing.dae")
+    + """<link name="tool0"><collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link>
+  <joint name="shoulder" type="revolute"><parent link="world_link"/><child link="upper"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="2" effort="50" velocity="3"/><dynamics damping="4" friction="5"/></joint>
+  <joint name="elbow" type="continuous"><parent link="upper"/><child link="lower"/><origin xyz="0 0 0.4"/>
+    <axis xyz="0 1 0"/><limit effort="0" velocity="0"/></joint>
+  <joint name="tip" type="fixed"><parent link="lower"/><child link="tool0"/><origin xyz="0 0 0.3"/></joint></robot>"""
+)
+MJCF = """<mujoco><compiler meshdir="meshes"/><asset><mesh name="skin" file="skin.stl"/></asset>
+  <worldbody><body name="a">{inertial}<joint name="j" axis="0 1 0" damping="3" armature="0.2" range="-90 90"/>
+    <geom type="mesh" mesh="skin"/><geom name="own" type="sphere" size="0.1"/>
+    <body name="b" pos="0 0 0.5"><inertial pos="0 0 0.1" mass="1" diaginertia="0.01 0.01 0.01"/>
+      <joint name="k" axis="0 1 0"/><geom name="near" type="sphere" size="0.5"/>
+      <site name="attachment_site" pos="0 0 0.2" euler="90 0 0"/>
+      <body name="finger"><inertial pos="0 0 0.1" mass="0.1" diaginertia="0.001 0.001 0.001"/>
+        <joint name="slide" type="slide" range="0 0.04"/></body></body></body></worldbody>
+  <equality><joint joint1="slide" polycoef="0.01 0 0 0 0"/></equality>
+  <actuator><position name="servo" joint="j" kp="100" forcerange="-60 60"/>
+    <motor name="m" joint="k" gear="10" ctrlrange="-2 2"/></actuator>
+  <keyframe><key qpos="0 0 0" ctrl="0 0"/></keyframe></mujoco>"""
+INERTIAL = '<inertial pos="0 0 0.1" mass="4" diaginertia="0.1 0.1 0.1"/>'
+
+
+def write(folder, text, name):
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+def test_urdf_keeps_every_link_and_guesses_no_mass(tmp_path):
+    arm = load(write(tmp_path, URDF, "two.urdf"))
+    model = arm.compile()
+    assert arm.joints == ("shoulder", "elbow") and arm.links == ("upper", "lower") and arm.base == "world_link"
+    assert model.body("tool0").mass[0] == 0.0  # it has a shape, but states no mass
+    assert model.body_mass.sum() == 4.0
+    np.testing.assert_array_equal(arm.torque_limit, [50, np.inf])
+    np.testing.assert_array_equal(arm.velocity_limit, [3, np.inf])
+    np.testing.assert_array_equal(arm.range, [[-1, 2], [-np.inf, np.inf]])
+    assert not model.dof_damping.any() and not model.dof_frictionloss.any() and not model.jnt_actfrclimited.any()
+
+
+def test_urdf_inertia_is_turned_as_stated(tmp_path):
+    """The shoulder's inertia at rest, by hand: both links about the y axis, R I R' and parallel axes."""
+    model = load(write(tmp_path, URDF, "two.urdf")).compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    full = np.zeros((2, 2))
+    mujoco.mj_fullM(model, data, full)
+    c, s = np.cos(0.3), np.sin(0.3)
+    about_y = 0.03 * c**2 + 0.04 * s**2
+    lower = about_y + 2 * (0.1**2 + 0.2**2)
+    assert full[1, 1] == pytest.approx(lower)
+    assert full[0, 0] == pytest.approx(lower + about_y + 2 * (0.1**2 + 0.6**2))
+
+
+def test_urdf_flange_is_its_tool0_frame(tmp_path):
+    arm = load(write(tmp_path, URDF, "two.urdf"))
+    model = arm.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    np.testing.assert_allclose(data.site(arm.flange).xpos, [0, 0, 0.7], atol=1e-15)
+
+
+def test_urdf_mesh_found_through_its_package(tmp_path, monkeypatch):
+    from vispeg.core.assets import assets
+
+    folder = tmp_path / "two_description"
+    (folder / "meshes").mkdir(parents=True)
+    (folder / "urdf").mkdir()
+    (folder / "meshes" / "upper.stl").write_bytes((assets() / "iiwa14" / "link1.stl").read_bytes())
+    assert load(write(folder / "urdf", URDF, "two.urdf")).compile().nmesh == 1  # by the parent folders
+    other = tmp_path / "elsewhere"
+    other.mkdir()
+    assert load(write(other, URDF.replace("two_desc", "no_desc"), "two.urdf")).compile().nmesh == 0
+    deep = tmp_path / "x"
+    deep.mkdir()
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path))
+    assert load(write(deep, URDF, "two.urdf")).compile().nmesh == 1
+
+
+@pytest.mark.skipif(not LWR4.is_file(), reason="the shared LWR4 recordings are not here")
+def test_lwr4_loads_without_its_meshes():
+    arm = load(LWR4)
+    model = arm.compile()
+    assert arm.joints == tuple(f"lwr_{i}_joint" for i in range(7))
+    np.testing.assert_array_equal(arm.torque_limit, [176, 176, 100, 100, 100, 38, 38])
+    moving = [model.body(b).mass[0] for b in arm.links]
+    np.testing.assert_array_equal(moving, [2.7, 2.7, 2.7, 2.7, 1.7, 1.1, 0.25])
+    assert model.nmesh == 0 and not model.dof_frictionloss.any()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert data.ncon == 0  # its shapes overlap
+
+
+def test_mjcf_keeps_what_it_states_and_gets_motors(tmp_path):
+    arm = load(write(tmp_path, MJCF.format(inertial=INERTIAL), "arm.xml"))
+    model = arm.compile()
+    assert arm.joints == ("j", "k")
+    assert model.nv == 2 and model.neq == 0 and model.nkey == 0  # the finger is fixed
+    np.testing.assert_array_equal(model.dof_damping, [3, 0])
+    np.testing.assert_array_equal(model.dof_armature, [0.2, 0])
+    np.testing.assert_array_equal(arm.torque_limit, [60, 20])  # force range; control range times gear
+    np.testing.assert_allclose(arm.range, [[-np.pi / 2, np.pi / 2], [-np.inf, np.inf]])
+    assert [model.actuator(i).name for i in range(model.nu)] == ["j", "k"]
+    np.testing.assert_array_equal(model.actuator_gear[:, 0], 1)
+    data = mujoco.MjData(model)
+    data.ctrl[:] = [500, 700]
+    mujoco.mj_forward(model, data)
+    np.testing.assert_array_equal(data.qfrc_actuator, [500, 700])
+    assert data.ncon == 0
+    site = data.site(arm.flange)
+    np.testing.assert_allclose(site.xpos, [0, 0, 0.7])
+    np.testing.assert_allclose(site.xmat.reshape(3, 3)[:, 2], [0, -1, 0], atol=1e-15)
+
+
+def test_mjcf_whose_mass_is_in_a_missing_mesh_is_refused(tmp_path):
+    with pytest.raises(UserError, match="mass of body 'a' comes from a mesh that is missing"):
+        load(write(tmp_path, MJCF.format(inertial=""), "arm.xml"))
+
+
+def test_an_edited_file_is_read_again(tmp_path):
+    path = write(tmp_path, URDF, "two.urdf")
+    first = load(path)
+    assert load(path) is first
+    path.write_text(URDF.replace('mass value="2"', 'mass value="3"'))
+    os.utime(path, ns=(1, 1))
+    assert load(path).compile().body_mass.sum() == 6.0
+
+
+def test_menagerie_by_folder_name(tmp_path, monkeypatch):
+    folder = tmp_path / "acme_arm_7"
+    folder.mkdir()
+    write(folder, MJCF.format(inertial=INERTIAL), "arm7.xml")
+    write(folder, "<mujoco/>", "scene.xml")
+    write(folder, "<mujoco/>", "aa_hand.xml")
+    monkeypatch.setenv("MENAGERIE_ROOT", str(tmp_path))
+    assert known() == ["iiwa14", "acme_arm_7"]
+    assert load("acme_arm_7").joints == ("j", "k")
+
+
+FREE = '<mujoco><worldbody><body name="a"><freejoint/><geom size="1"/></body></worldbody></mujoco>'
+BARE = '<mujoco><worldbody><geom size="1"/></worldbody></mujoco>'
+TIP = URDF.replace('<mass value="2"/>', '<mass value="0"/>')
+FLAT = URDF.replace('izz="0.04"', 'izz="0.4"')
+
+
+@pytest.mark.parametrize(
+    "name, text, says",
+    [
+        ("a.xml", FREE, "fixed-base"),
+        ("a.xml", BARE, "no hinge"),
+        ("a.xml", "<mujoco", "MuJoCo cannot read"),
+        ("a.urdf", "<robot", "well-formed"),
+        ("a.urdf", "<mujoco/>", "not a URDF"),
+        ("a.urdf", URDF.replace('effort="50"', 'effort="lots"'), "shoulder.effort"),
+        ("a.urdf", TIP, "a.urdf"),
+        ("a.urdf", FLAT, "inertia"),
+    ],
+)
+def test_bad_files_are_named_in_one_line(tmp_path, name, text, says):
+    with pytest.raises(UserError) as error:
+        load(write(tmp_path, text, name))
+    assert says in str(error.value) and "\n" not in str(error.value) and name in str(error.value)
+
+
+@pytest.mark.parametrize("robot, says", [("iiwa15", "did you mean 'iiwa14'"), ("no/a.urdf", "no/a.urdf: no such")])
+def test_unknown_robots(robot, says, monkeypatch):
+    monkeypatch.delenv("MENAGERIE_ROOT", raising=False)
+    with pytest.raises(UserError, match=says):
+        load(robot)
+
+
+def test_bad_tilt():
+    with pytest.raises(UserError, match="roll and pitch"):
+        load("iiwa14", base_tilt=(0.1, float("nan")))
