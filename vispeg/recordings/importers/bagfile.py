@@ -1,0 +1,98 @@
+"""Reads messages out of ROS 1 bags, ROS 2 bags and MCAP files."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import yaml
+
+from vispeg.core.errors import UserError
+
+STORAGES = {".db3": "sqlite3", ".mcap": "mcap"}
+
+
+@contextmanager
+def open_bag(path: Path) -> Iterator[Any]:
+    """An open `rosbags.highlevel.AnyReader`; whatever goes wrong while it is read becomes a UserError.
+
+    Args:
+        path: a .bag file, a ROS 2 bag folder, or a .db3 or .mcap file with or without its folder's metadata.yaml.
+    """
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise UserError("ROS bags need the package rosbags: pip install 'vispeg[logs]'", file=path) from error
+    if not path.exists():
+        raise UserError("does not exist", file=path)
+    with TemporaryDirectory() as scratch:
+        try:
+            folder = _with_metadata(path, Path(scratch)) if path.suffix in STORAGES else path
+            with AnyReader([folder], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+                yield reader
+        except UserError:
+            raise
+        except Exception as error:  # a damaged binary file fails in the reader in any way there is
+            said = str(error).splitlines()[0] if str(error) else type(error).__name__
+            raise UserError(f"is not a bag that can be read: {said}", file=path) from error
+
+
+def _with_metadata(path: Path, scratch: Path) -> Path:
+    """A ROS 2 bag folder around one storage file: a link to it, and the metadata that the file itself gives."""
+    from rosbags.rosbag2.storage_mcap import McapReader
+    from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
+
+    storage = (Sqlite3Reader if path.suffix == ".db3" else McapReader)(path)
+    storage.open()
+    try:
+        head, topics = storage.metadata, []
+        for connection in storage.connections:
+            about = {"name": connection.topic, "type": connection.msgtype, "serialization_format": "cdr"}
+            topics.append(
+                {"topic_metadata": about | {"offered_qos_profiles": ""}, "message_count": connection.msgcount}
+            )
+        info = {
+            "version": 5,
+            "storage_identifier": STORAGES[path.suffix],
+            "relative_file_paths": [path.name],
+            "duration": {"nanoseconds": max(head.duration - 1, 0)},
+            "starting_time": {"nanoseconds_since_epoch": head.start_time},
+            "message_count": head.message_count,
+            "topics_with_message_count": topics,
+            "compression_format": "",
+            "compression_mode": "",
+        }
+    finally:
+        storage.close()
+    os.symlink(path.resolve(), scratch / path.name)
+    (scratch / "metadata.yaml").write_text(yaml.safe_dump({"rosbag2_bagfile_information": info}), encoding="utf-8")
+    return scratch
+
+
+def topics_of(reader: Any, kind: str) -> list[str]:
+    """Topics with messages of a type such as `sensor_msgs/msg/JointState`, sorted."""
+    return sorted({c.topic for c in reader.connections if c.msgtype == kind and c.msgcount > 0})
+
+
+def messages(reader: Any, topic: str, kind: str, path: Path) -> Iterator[tuple[float, float, Any]]:
+    """(header stamp in ns, bag time in ns, message) of one topic, in the bag's order. Raises UserError without any."""
+    connections = [c for c in reader.connections if c.topic == topic]
+    if not connections:
+        raise UserError("no such topic", file=path, got=topic, choices=sorted({c.topic for c in reader.connections}))
+    if any(c.msgtype != kind for c in connections):
+        raise UserError(f"topic {topic} has another type", file=path, expected=kind, got=connections[0].msgtype)
+    count = 0
+    for connection, at, raw in reader.messages(connections=connections):
+        count += 1
+        message = reader.deserialize(raw, connection.msgtype)
+        stamp = message.header.stamp
+        yield int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec), int(at), message
+    promised = sum(c.msgcount for c in connections)
+    if count != promised:
+        warnings.warn(f"{path}: {topic} holds {count} of the {promised} messages that its index names", stacklevel=2)

@@ -1,0 +1,108 @@
+"""A map from a file's own names and units to those of a recording."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from vispeg.core.errors import UserError
+from vispeg.recordings.columns import SIGNALS, columns_of
+from vispeg.recordings.schema import read_yaml
+
+FACTORS = {
+    **{"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+    **{"rad": 1.0, "deg": math.pi / 180, "turn": 2 * math.pi},
+    **{"rad/s": 1.0, "deg/s": math.pi / 180, "rpm": math.pi / 30},
+    **{"m": 1.0, "mm": 1e-3, "N": 1.0, "N m": 1.0, "Nm": 1.0, "mNm": 1e-3, "kg cm": 9.80665e-2},
+}
+OTHER = ("joints", "recording")
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a column or array comes from: value = factor * raw + offset, the offset in SI units."""
+
+    name: str
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class ColumnMap:
+    """A map file.
+
+    Attributes:
+        file: the file, or None where names are taken as they are.
+        columns: `time`, `episode`, `q.joint1`, or (for arrays) `q` -> where it comes from.
+        joints: joint name -> its name in the source, where they differ.
+        recording: further keys of recording.yaml (control, tool, torque_sensor, noise, ...).
+    """
+
+    file: Path | None = None
+    columns: Mapping[str, Source] = field(default_factory=dict)
+    joints: Mapping[str, str] = field(default_factory=dict)
+    recording: Mapping[str, Any] = field(default_factory=dict)
+
+
+def read_map(file: Path | None, joints: Sequence[str]) -> ColumnMap:
+    """Reads a map file for a robot with these joints; without one every name stands for itself.
+
+    A value is the source's name, or {column: .., unit: deg, scale: -1, offset: 0.1}: scale and unit multiply, the
+    offset (SI) is added last.
+
+    Raises:
+        UserError: an unknown target, unit or key, or a value of the wrong kind.
+    """
+    if file is None:
+        return ColumnMap()
+    data = read_yaml(file)
+    if not isinstance(data, dict):
+        raise UserError("is not a mapping", file=file, expected="lines like 'q.joint1: pos_1'", got=data)
+    recording = _section(data, "recording", file)
+    own = recording.get("joints", joints)
+    names = own if isinstance(own, list) else list(joints)
+    renamed = {str(key): str(value) for key, value in _section(data, "joints", file).items()}
+    for joint in renamed:
+        if joint not in names:
+            raise UserError("no such joint", file=file, key="joints", got=joint, choices=map(str, names))
+    targets = ["time", "episode", *SIGNALS, *(c for s in SIGNALS for c in columns_of(s, list(map(str, names))))]
+    columns = {}
+    for target, value in data.items():
+        if target in OTHER:
+            continue
+        if target not in targets:
+            raise UserError("is no column of a recording", file=file, got=target, choices=[*targets, *OTHER])
+        columns[target] = _source(value, target, file)
+    return ColumnMap(file, columns, renamed, recording)
+
+
+def _section(data: dict, key: str, file: Path) -> dict:
+    value = data.get(key) or {}
+    if not isinstance(value, dict):
+        raise UserError("is not a mapping", file=file, key=key, got=value)
+    return value
+
+
+def _source(value: Any, target: str, file: Path) -> Source:
+    if isinstance(value, str | int):
+        return Source(str(value))
+    if not isinstance(value, dict) or "column" not in value:
+        raise UserError("says no column", file=file, key=target, expected="a name or {column: .., unit: ..}", got=value)
+    known = ("column", "unit", "scale", "offset")
+    for key in value:
+        if key not in known:
+            raise UserError("unknown key", file=file, key=target, got=key, choices=known)
+    unit = value.get("unit")
+    if unit is not None and str(unit) not in FACTORS:
+        raise UserError("unknown unit", file=file, key=target, got=unit, choices=FACTORS)
+    factor = 1.0 if unit is None else FACTORS[str(unit)]
+    numbers = {}
+    for key, default in (("scale", 1.0), ("offset", 0.0)):
+        number = value.get(key, default)
+        if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
+            raise UserError("is not a number", file=file, key=f"{target}.{key}", got=number)
+        numbers[key] = float(number)
+    return Source(str(value["column"]), numbers["scale"] * factor, numbers["offset"])

@@ -1,0 +1,81 @@
+"""Imports a NumPy archive: arrays `time` (n,), `q` (n, nj), and whatever else there is of a recording's signals."""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.recordings.columns import SIGNALS, columns_of
+from vispeg.recordings.importers.build import build, convert, joints_of
+from vispeg.recordings.importers.mapping import ColumnMap, Source
+from vispeg.recordings.recording import Recording
+from vispeg.recordings.table import MAX_BYTES
+
+
+def import_npz(
+    source: Path, robot: str, joints: Sequence[str], mapping: ColumnMap | None = None, **header: Any
+) -> Recording:
+    """A recording from an .npz file; nothing in it is ever unpickled.
+
+    Arrays are `time`, `episode` (n,), `q`, `dq`, `tau`, `tau_cmd`, `q_cmd`, `dq_cmd` (n, nj), `ee`, `ee_cmd` (n, 7),
+    `ft` (n, 6), under these names or those that the map gives, and `joints` (nj,), the names of the columns.
+
+    Args:
+        source: the .npz file.
+        robot: a name or a path.
+        joints: the robot's joints; an array `joints` in the archive says otherwise.
+        mapping: names and units of the arrays.
+        header: further keys of recording.yaml.
+
+    Raises:
+        UserError: the file is damaged, an array has the wrong shape or kind, or the recording would not pass `load`.
+    """
+    mapping = mapping or ColumnMap()
+    arrays = _read(source)
+    named = arrays.get("joints")
+    if named is not None and "joints" not in mapping.recording:
+        joints = [str(name) for name in np.atleast_1d(named)]
+    names = joints_of(joints, mapping)
+    columns: dict[str, np.ndarray] = {}
+    for target in ("time", "episode", *SIGNALS):
+        origin = mapping.columns.get(target, Source(target))
+        if origin.name not in arrays:
+            if target in mapping.columns or target in ("time", "q"):
+                raise UserError("no such array", file=source, key=target, got=origin.name, choices=arrays)
+            continue
+        values = _numbers(arrays[origin.name], origin.name, source)
+        tails = [target] if target in ("time", "episode") else columns_of(target, names)
+        values = values.reshape(-1, 1) if values.ndim == 1 and len(tails) == 1 else values
+        rows = len(columns["time"]) if columns else len(values)
+        if values.shape != (rows, len(tails)):
+            shape = (rows, len(tails))
+            raise UserError("has the wrong shape", file=source, key=origin.name, expected=shape, got=values.shape)
+        columns |= dict(zip(tails, convert(values, origin).T, strict=True))
+    return build(columns, source, robot, joints, mapping, **header)
+
+
+def _read(source: Path) -> dict[str, np.ndarray]:
+    try:
+        with zipfile.ZipFile(source) as archive:
+            size = sum(entry.file_size for entry in archive.infolist())
+        if size > MAX_BYTES:
+            raise UserError("is too large", file=source, expected=f"at most {MAX_BYTES} bytes unpacked", got=size)
+        with np.load(source, allow_pickle=False) as data:
+            return {name: data[name] for name in data.files}
+    except OSError as error:
+        raise UserError(f"cannot be read: {error.strerror or error}", file=source) from error
+    except (zipfile.BadZipFile, zlib.error, ValueError, KeyError, EOFError, NotImplementedError, MemoryError) as error:
+        what = "holds Python objects" if "allow_pickle" in str(error) else "is not a NumPy archive that can be read"
+        raise UserError(what, file=source, expected="plain numeric arrays") from error
+
+
+def _numbers(array: np.ndarray, name: str, source: Path) -> np.ndarray:
+    if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiub":
+        raise UserError("is not numeric", file=source, key=name, got=str(getattr(array, "dtype", type(array).__name__)))
+    return np.atleast_1d(array.astype(float))

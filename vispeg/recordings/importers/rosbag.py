@@ -1,0 +1,189 @@
+"""Imports a ROS 1 bag, a ROS 2 bag or an MCAP file: joint states, and where there are any commands, poses, wrenches."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.recordings.columns import columns_of
+from vispeg.recordings.importers.bagfile import messages, open_bag, topics_of
+from vispeg.recordings.importers.build import build, joints_of
+from vispeg.recordings.importers.mapping import ColumnMap
+from vispeg.recordings.importers.resample import hold, linear, poses
+from vispeg.recordings.recording import Recording
+
+JOINTS, POSE, WRENCH = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped"
+FIELDS = ("position", "velocity", "effort")
+MEASURED, COMMANDED = ("q", "dq", "tau"), ("q_cmd", "dq_cmd", "tau_cmd")
+
+
+@dataclass(frozen=True)
+class Topics:
+    """Which topics to read; None takes the only one of its type, if there is just one. A command is never guessed.
+
+    Attributes:
+        joints: JointState with what was measured; its stamps are the recording's times.
+        command: JointState with what was commanded.
+        pose: PoseStamped of the flange in the base.
+        wrench: WrenchStamped at the flange, in the flange frame.
+    """
+
+    joints: str | None = None
+    command: str | None = None
+    pose: str | None = None
+    wrench: str | None = None
+
+
+def import_rosbag(
+    source: Path,
+    robot: str,
+    joints: Sequence[str],
+    mapping: ColumnMap | None = None,
+    topics: Topics = Topics(),
+    **header: Any,
+) -> Recording:
+    """A recording on the clock of the measured joint states.
+
+    Times are the messages' header stamps, or the bag's where a topic's headers are empty. Joints are found by name;
+    what a message does not hold is missing. Poses and wrenches are interpolated (positions and wrenches linearly,
+    orientations along the arc); the last command at or before a reading holds, or the nearest within half a period.
+
+    Args:
+        source: a .bag, .db3 or .mcap file, or a ROS 2 bag's folder.
+        robot: a name or a path.
+        joints: the robot's joints.
+        mapping: its `joints` gives the bag's name of a joint, its `recording` further keys.
+        topics: which topics to read.
+        header: further keys of recording.yaml.
+
+    Raises:
+        UserError: no or several candidate topics, joints that no message names, or a damaged bag.
+    """
+    mapping = mapping or ColumnMap()
+    names = joints_of(joints, mapping)
+    columns: dict[str, np.ndarray] = {}
+    with open_bag(source) as reader:
+        topic = topics.joints or _only(reader, JOINTS, topics.command, source)
+        time, states = _joint_states(reader, topic, names, mapping, source)
+        time, states = _once(time, states)
+        origin = time[0]
+        clock = (time - origin) * 1e-9
+        columns["time"] = clock
+        for name, values in zip(MEASURED, np.split(states, 3, axis=1), strict=True):
+            _add(columns, name, names, values)
+        if topics.command is not None:
+            at, values = _once(*_joint_states(reader, topics.command, names, mapping, source))
+            held = _overlapping(hold, clock, (at - origin) * 1e-9, values, topics.command, source)
+            for name, part in zip(COMMANDED, np.split(held, 3, axis=1), strict=True):
+                _add(columns, name, names, part)
+        for name, kind, given, row, onto in (
+            ("ee", POSE, topics.pose, _pose, poses),
+            ("ft", WRENCH, topics.wrench, _wrench, linear),
+        ):
+            found = topics_of(reader, kind)
+            chosen = given or (found[0] if len(found) == 1 else None)
+            if chosen is not None:
+                at, values = _once(*_rows(reader, chosen, kind, row, source))
+                values = _overlapping(onto, clock, (at - origin) * 1e-9, values, chosen, source)
+                _add(columns, name, names, values)
+    return build(columns, source, robot, joints, mapping, **header)
+
+
+def _only(reader: Any, kind: str, not_this: str | None, source: Path) -> str:
+    found = [topic for topic in topics_of(reader, kind) if topic != not_this]
+    if len(found) != 1:
+        said = f"holds {'several topics' if found else 'no topic'} of type {kind}"
+        raise UserError(said + ("; name one with --topic" if found else ""), file=source, choices=found)
+    return found[0]
+
+
+def _joint_states(
+    reader: Any, topic: str, names: list[str], mapping: ColumnMap, source: Path
+) -> tuple[np.ndarray, np.ndarray]:
+    """Times (n,) ns and [position, velocity, effort] (n, 3 nj), NaN for what a message does not hold."""
+    wanted = [mapping.joints.get(name, name) for name in names]
+    places: dict[tuple[str, ...], tuple[list[int], list[int]]] = {}
+    seen: set[str] = set()
+
+    def row(message: Any) -> np.ndarray | None:
+        heard = tuple(message.name)
+        if heard not in places:
+            seen.update(heard)
+            pairs = [(j, heard.index(name)) for j, name in enumerate(wanted) if name in heard]
+            places[heard] = ([j for j, _ in pairs], [k for _, k in pairs])
+        ours, theirs = places[heard]
+        if not ours:
+            return None  # a gripper's, on the same topic
+        out = np.full((3, len(wanted)), np.nan)
+        for line, field in zip(out, FIELDS, strict=True):
+            values = np.asarray(getattr(message, field), float)
+            if len(values) == len(heard):
+                line[ours] = values[theirs]
+        return out.ravel()
+
+    time, values = _rows(reader, topic, JOINTS, row, source, allow_none=True)
+    absent = [name for name in wanted if name not in seen]
+    if absent:
+        raise UserError(f"no message on {topic} names this joint", file=source, got=absent[0], choices=sorted(seen))
+    return time, values
+
+
+def _rows(
+    reader: Any,
+    topic: str,
+    kind: str,
+    row: Callable[[Any], np.ndarray | None],
+    source: Path,
+    allow_none: bool = False,
+) -> tuple[np.ndarray, np.ndarray]:
+    stamps, bag_times, rows = [], [], []
+    for stamp, at, message in messages(reader, topic, kind, source):
+        values = row(message)
+        if values is not None:
+            stamps.append(stamp)
+            bag_times.append(at)
+            rows.append(values)
+    if not rows and not allow_none:
+        raise UserError("topic holds no messages", file=source, got=topic)
+    chosen = stamps if all(stamp > 0 for stamp in stamps) else bag_times
+    return np.array(chosen, np.int64), np.array(rows)
+
+
+def _once(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """In order of time, the first of equal stamps."""
+    time, first = np.unique(time, return_index=True)
+    return time, values[first]
+
+
+def _overlapping(
+    onto: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray],
+    clock: np.ndarray,
+    time: np.ndarray,
+    values: np.ndarray,
+    topic: str,
+    source: Path,
+) -> np.ndarray:
+    if time[0] > clock[-1] or time[-1] < clock[0]:
+        raise UserError(f"{topic} does not overlap the joint states in time (another clock?)", file=source)
+    return onto(clock, time, values)
+
+
+def _add(columns: dict[str, np.ndarray], signal: str, joints: list[str], values: np.ndarray) -> None:
+    """Adds a signal unless nothing of it was ever sent."""
+    if np.isfinite(values).any():
+        columns |= dict(zip(columns_of(signal, joints), values.T, strict=True))
+
+
+def _pose(message: Any) -> np.ndarray:
+    p, o = message.pose.position, message.pose.orientation
+    return np.array([p.x, p.y, p.z, o.w, o.x, o.y, o.z], float)
+
+
+def _wrench(message: Any) -> np.ndarray:
+    f, t = message.wrench.force, message.wrench.torque
+    return np.array([f.x, f.y, f.z, t.x, t.y, t.z], float)
