@@ -11,6 +11,7 @@ from scipy import optimize, stats
 
 from vispeg.core.effect import Placed, Value
 from vispeg.core.world import World
+from vispeg.identify.checkpoint import Trace
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.pool import Submit
 from vispeg.identify.space import Space
@@ -77,22 +78,28 @@ def fit_job(
     method: Literal["least-squares", "cma"] = "least-squares",
     rng: np.random.Generator | None = None,
     race: Race | None = None,
+    trace: Trace | None = None,
 ) -> Callable[[Submit], Fit]:
-    """A job for `run_together` that fits the effects at `free` of `world`, from its values and from `starts`."""
+    """A job for `run_together` that fits the effects at `free` of `world`, from its values and from `starts`.
+
+    `trace` is told of each step, and a fit goes on from where a given trace ends.
+    """
 
     def job(submit: Submit) -> Fit:
         space = Space(world, free)
         low, high = space.bounds
         candidates = [space.start] + [Space(w, free).start for w in starts]
         candidates = [np.clip(u, low + 1e-9, high - 1e-9) for u in candidates]
-        if method == "cma":
-            candidates.append(_cma(space, candidates[0], submit, iterations * 10, rng))
+        if trace is not None and trace.u is not None and len(trace.u) == len(low):
+            candidates = [np.clip(trace.u, low + 1e-9, high - 1e-9)]
+        elif method == "cma":
+            candidates.append(_cma(space, candidates[0], submit, iterations * 10, rng, trace))
         if len(candidates) > 1:
             costs = [_cost(r) for r in submit([space.at(u) for u in candidates])]
             best = candidates[int(np.argmin(costs))]
         else:
             best = candidates[0]
-        point, u, converged = _least_squares(space, best, submit, iterations, race)
+        point, u, converged = _least_squares(space, best, submit, iterations, race, trace)
         return _summary(evidence, space, u, converged, point)
 
     return job
@@ -103,14 +110,17 @@ def _cost(r: np.ndarray) -> float:
 
 
 def _least_squares(
-    space: Space, u0: np.ndarray, submit: Submit, iterations: int, race: Race | None
+    space: Space, u0: np.ndarray, submit: Submit, iterations: int, race: Race | None, trace: Trace | None
 ) -> tuple[_Point, np.ndarray, bool]:
     low, high = space.bounds
     point = _Point(space, submit)
 
     def lap(intermediate_result: optimize.OptimizeResult) -> None:
+        cost = 2.0 * intermediate_result.cost / len(intermediate_result.fun)
+        if trace is not None:
+            trace.lap(intermediate_result.x, cost)
         if race is not None:
-            race.check(2.0 * intermediate_result.cost / len(intermediate_result.fun), intermediate_result.nit)
+            race.check(cost, intermediate_result.nit)
 
     result = optimize.least_squares(
         lambda u: point.at(u)[0], u0, lambda u: point.at(u)[1], bounds=(low, high), method="trf", x_scale=1.0,
@@ -139,8 +149,13 @@ class _Point:
         return self.known[key]
 
 
-def _cma(space: Space, u0: np.ndarray, submit: Submit, budget: int, rng: np.random.Generator | None) -> np.ndarray:
-    """Global search by CMA-ES (Hansen, `cma`), a population at a time in one batch of rollouts."""
+def _cma(
+    space: Space, u0: np.ndarray, submit: Submit, budget: int, rng: np.random.Generator | None, trace: Trace | None
+) -> np.ndarray:
+    """Global search by CMA-ES (Hansen, `cma`), a population at a time in one batch of rollouts.
+
+    Populations whose costs a trace knows are drawn again but not simulated: the search stands where it stood.
+    """
     import cma
 
     if rng is None:
@@ -149,11 +164,18 @@ def _cma(space: Space, u0: np.ndarray, submit: Submit, budget: int, rng: np.rand
     span = high - low
     options = {"bounds": [0.0, 1.0], "seed": int(rng.integers(1, 2**31)), "verbose": -9, "maxfevals": 40 * budget}
     search = cma.CMAEvolutionStrategy((u0 - low) / span, 0.2, options)
-    for _ in range(budget):
+    known = list(trace.generations) if trace is not None else []
+    for k in range(budget):
         if search.stop():
             break
         points = search.ask()
-        search.tell(points, [_cost(r) for r in submit([space.at(low + span * np.asarray(x)) for x in points])])
+        if k < len(known):
+            search.tell(points, known[k])
+            continue
+        costs = [_cost(r) for r in submit([space.at(low + span * np.asarray(x)) for x in points])]
+        search.tell(points, costs)
+        if trace is not None:
+            trace.generation(costs)
     return low + span * np.asarray(search.result.xbest)
 
 

@@ -25,17 +25,14 @@ def ladder_table(diagnosis: Mapping[str, Any]) -> Table:
 
 def effects_table(diagnosis: Mapping[str, Any]) -> Table:
     """What was found: effect, parameter, value with its 95 % interval, unit, what it cannot be told from."""
-    table = _table(
-        ("Effect", "left"),
-        ("Parameter", "left"),
-        ("Value", "right"),
-        ("95 % interval", "left"),
-        ("Unit", "left"),
-        ("Or else", "left"),
-    )
-    for row in effect_rows(_record(diagnosis)):
-        cells = (row["effect"], row["param"], row["value"], row["interval"] or "–", row["unit"], row["rivals"] or "–")
-        table.add_row(*_safe(*cells))
+    found = effect_rows(_record(diagnosis))
+    rivals = any(row["rivals"] for row in found)  # most often there are none, and lines are short
+    names: list[tuple[str, Any]] = [("Effect", "left"), ("Parameter", "left"), ("Value", "right")]
+    names += [("95 % interval", "left"), ("Unit", "left")]
+    table = _table(*names, *([("Or else", "left")] if rivals else []))
+    for row in found:
+        cells = (row["effect"], row["param"], row["value"], row["interval"] or "–", row["unit"])
+        table.add_row(*_safe(*cells, *([row["rivals"] or "–"] if rivals else [])))
     return table
 
 
@@ -105,7 +102,7 @@ def _table(*columns: tuple[str, Any]) -> Table:
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
     for name, side in columns:
-        table.add_column(name, justify=side, overflow="fold")
+        table.add_column(name, justify=side, overflow="fold", no_wrap=name == "Effect")
     return table
 
 

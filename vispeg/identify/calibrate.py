@@ -1,0 +1,124 @@
+"""Fitting named effects to recordings from several starts: what `vispeg fit` does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from vispeg.core.effect import Placed, effect
+from vispeg.core.seeds import stream
+from vispeg.core.world import World
+from vispeg.identify.checkpoint import Checkpoint
+from vispeg.identify.evidence import Evidence
+from vispeg.identify.fit import Fit, fit_job
+from vispeg.identify.pool import run_together
+from vispeg.identify.space import Axis, Space
+
+Method = Literal["auto", "least-squares", "cma"]
+ITERATIONS = 15  # least-squares steps at most; ten times as many CMA-ES generations
+SHRINK = (
+    0.3,
+    0.1,
+    0.03,
+    0.003,
+)  # of the way from null: a typical size for the shoulder may be far too much for the wrist
+STRONG = 0.95  # correlation from which on two parameters are reported as hardly told apart
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """The best fit, and the mean squared whitened residual that each start ended at (the first is the model's own)."""
+
+    fit: Fit
+    costs: tuple[float, ...]
+    method: str
+
+
+def chosen(method: Method, effects: Sequence[Placed]) -> Literal["least-squares", "cma"]:
+    """`auto`: CMA-ES, then least squares, where the residual is not smooth in some effect; else least squares alone."""
+    if method != "auto":
+        return method
+    return "least-squares" if all(effect(e.effect).smooth for e in effects) else "cma"
+
+
+def calibrate(
+    evidence: Evidence,
+    world: World,
+    free: Sequence[int],
+    *,
+    seed: int,
+    method: Method = "auto",
+    starts: int = 1,
+    checkpoint: Checkpoint | None = None,
+    say: Callable[[str], None] | None = None,
+) -> Calibration:
+    """Fits the effects at `free` (indices into `world.effects`); the rest of the world stays.
+
+    Args:
+        evidence: of the fitted recordings.
+        world: with the values to start from.
+        free: which effects.
+        seed: of the random starts and of CMA-ES.
+        method: see `chosen`.
+        starts: optimizers; the first begins at the world's values, the others at random ones.
+        checkpoint: keeps their traces.
+        say: is told what is simulated.
+    """
+    how = chosen(method, [world.effects[i] for i in free])
+    space, jobs = Space(world, free), []
+    for i in range(starts):
+        begin = world if i == 0 else space.at(_draw(space, stream(seed, "fit", "start", i)))
+        trace = checkpoint.traces[i] if checkpoint is not None else None
+        rng, gentler = stream(seed, "fit", "cma", i), [_shrunk(begin, free, share) for share in SHRINK]
+        options = {"iterations": ITERATIONS, "method": how, "rng": rng, "trace": trace}
+        jobs.append(fit_job(evidence, begin, free, starts=gentler, **options))
+    fits = run_together(jobs, evidence.residuals, say)
+    best = min(fits, key=lambda f: f.cost)
+    return Calibration(best, tuple(f.cost for f in fits), how)
+
+
+def strong_pairs(fit: Fit) -> list[tuple[str, str, float]]:
+    """Parameters that these recordings hardly tell apart: labels and correlation."""
+    names = labels(fit)
+    c = fit.correlation
+    return [
+        (names[i], names[j], float(c[i, j]))
+        for i in range(len(names))
+        for j in range(i + 1, len(names))
+        if abs(c[i, j]) >= STRONG
+    ]
+
+
+def labels(fit: Fit) -> list[str]:
+    """`coulomb_friction(joint4).torque` of each coordinate."""
+    return [f"{fit.space.world.effects[a.index].label}.{a.name}" for a in fit.space.axes]
+
+
+def _shrunk(world: World, free: Sequence[int], share: float) -> World:
+    """The world with the free effects' magnitudes at `share` of their way from null; shapes stay."""
+    effects = list(world.effects)
+    for i in free:
+        kind, placed = effect(effects[i].effect), effects[i]
+        nulls = {m: kind.params[m].null for m in kind.magnitudes if kind.params[m].scale == "linear"}
+        moved = {m: null + share * (placed.params[m].value - null) for m, null in nulls.items()}
+        inside = {m: float(np.clip(v, kind.params[m].low, kind.params[m].high)) for m, v in moved.items()}
+        effects[i] = placed.with_values(**inside)
+    return World(world.robot, world.tool, tuple(effects))
+
+
+def _draw(space: Space, rng: np.random.Generator) -> np.ndarray:
+    """Coordinates of a random start: magnitudes up to four typical sizes from null, shapes anywhere."""
+    low, high = space.bounds
+    return np.array([_one(space, a, lo, hi, rng) for a, lo, hi in zip(space.axes, low, high, strict=True)])
+
+
+def _one(space: Space, axis: Axis, low: float, high: float, rng: np.random.Generator) -> float:
+    if axis.param.shape or axis.param.scale == "log":
+        return float(rng.uniform(low, high))
+    null, typical = axis.param.null, axis.param.start - axis.param.null
+    reach = 4.0 * abs(typical) / axis.unit if typical else 0.25 * (high - low)
+    centre = space.forward(null, axis)
+    return float(rng.uniform(max(low, centre - reach), min(high, centre + reach)))

@@ -1,0 +1,103 @@
+"""The record of a fit and its tables on the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.world import World
+from vispeg.effects.model_file import placed_dict
+from vispeg.identify.calibrate import Calibration, labels, strong_pairs
+from vispeg.identify.evidence import Evidence
+from vispeg.report import words
+from vispeg.report.terminal import effects_table, ladder_table
+
+HOPELESS = 5e5  # noise variances: where most readings are counted at the cap of a diverged rollout
+
+
+def fit_record(
+    given: World, found: Calibration, free: Sequence[int], evidence: Evidence, judged: Evidence | None
+) -> tuple[dict[str, Any], World]:
+    """What fit.json says, and the fitted world with where its values come from.
+
+    Args:
+        given: the user's model.
+        found: the fit.
+        free: the fitted effects in the fitted world.
+        evidence: of the fitted recordings.
+        judged: of the held-out ones, or None.
+    """
+    fit = found.fit
+    worlds = [given, fit.world]
+    fitted = [evidence.angle_rms(r) for r in evidence.residuals(worlds)]
+    held = [judged.angle_rms(r) for r in judged.residuals(worlds)] if judged is not None else [None, None]
+    unit, floor = f"{evidence.unit} RMS", (judged or evidence).floor
+    effects = list(fit.world.effects)
+    for i in free:
+        origin: dict[str, Any] = {"fitted_on": [r.name for r in evidence.recordings]}
+        if judged is not None:
+            origin |= {"validated_on": [r.name for r in judged.recordings]}
+            origin |= {"heldout_error_before": held[0], "heldout_error_after": held[1]}
+        effects[i] = replace(effects[i], origin=origin)
+    final = replace(fit.world, effects=tuple(effects))
+    names = labels(fit)
+    record = {
+        "format": "vispeg-fit/1",
+        "method": found.method,
+        "converged": bool(fit.converged),
+        "effects": [{k: v for k, v in placed_dict(final.effects[i]).items() if k != "origin"} for i in free],
+        "ladder": [
+            {"model": label, "fit_error": f, "heldout_error": h, "unit": unit}
+            for label, f, h in zip(("given", "fitted"), fitted, held, strict=True)
+        ],
+        "noise_floor": {"value": floor, "unit": unit},
+        "chi2": fit.cost,
+        "starts": [{"chi2": c} for c in found.costs],
+        "correlations": {"labels": names, "matrix": np.round(fit.correlation, 4).tolist()},
+        "hardly_told_apart": [{"a": a, "b": b, "correlation": round(c, 4)} for a, b, c in strong_pairs(fit)],
+        "at_bound": list(fit.at_bound),
+        "unidentifiable": list(fit.weak),
+        "notes": list(evidence.notes),
+    }
+    return record, final
+
+
+def print_fit(record: Mapping[str, Any], out: Path) -> None:
+    """Prints errors before and after, values with intervals, and every doubt there is about them."""
+    from rich.console import Console
+    from rich.text import Text
+
+    console = Console(highlight=False)
+    console.print(ladder_table(record))
+    held = record["ladder"][-1]["heldout_error"] is not None
+    console.print(
+        Text(words.fall(record) if held else "Errors are on the fitted recordings; --validate gives honest ones.")
+    )
+    console.print(effects_table(record))
+    for line in doubts(record):
+        console.print(Text(line))
+    console.print(Text(f"model: {out / 'model.yaml'}"), soft_wrap=True)
+
+
+def doubts(record: Mapping[str, Any]) -> list[str]:
+    """One line for each reason not to trust a value."""
+    found = []
+    if record["chi2"] >= HOPELESS:
+        found.append(
+            "every rollout left the measured motion: the values mean nothing; start nearer or fit fewer effects"
+        )
+    if not record["converged"]:
+        found.append("the optimizer stopped before it converged: fit again from OUT/model.yaml")
+    found += [f"at its bound: {name}" for name in record["at_bound"]]
+    found += [f"not determined by these recordings: {name}" for name in record["unidentifiable"]]
+    pairs = record["hardly_told_apart"]
+    found += [f"hardly told apart: {p['a']} and {p['b']} (correlation {p['correlation']:.2f})" for p in pairs]
+    costs = [row["chi2"] for row in record["starts"]]
+    if len(costs) > 1:
+        same = sum(c <= 1.05 * min(costs) + 0.05 for c in costs)
+        found.append(f"{same} of {len(costs)} starts ended at the best fit")
+    return found + [f"note: {note}" for note in record["notes"]]
