@@ -86,7 +86,7 @@ BAD_ARCHIVES = {
     "text": (lambda f: save_npz(f, q=np.array([["a", "b"]] * 10)), "numeric"),
     "another shape": (lambda f: save_npz(f, q=np.zeros((10, 3))), r"expected \(10, 2\)"),
     "another length": (lambda f: save_npz(f, tau=np.zeros((9, 2))), "tau"),
-    "a scalar": (lambda f: save_npz(f, time=np.array(1.0)), "time"),
+    "a scalar": (lambda f: save_npz(f, time=np.array(1.0)), r"expected \(1, 2\)"),
     "no angles": (lambda f: np.savez(f, time=np.arange(3.0)), "choices: time"),
     "no archive": (lambda f: f.write_bytes(b"PK\x03\x04 nothing"), "archive"),
     "empty": (lambda f: f.write_bytes(b""), "archive"),
