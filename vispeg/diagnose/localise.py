@@ -56,7 +56,7 @@ def lack(item: Item, predicted: np.ndarray, seed: int = 0) -> Lack:
     """
     seg, nj, m = item.segment, item.nj, len(item.segment.time)
     if item.space == "torque":
-        valid = seg.time >= 0.4
+        valid = item.valid.any(axis=1)
         gap = _filled(item.measured - predicted)
         load = predicted[valid]
         return Lack(seg.time[valid], seg.q[valid], seg.dq[valid], load, load, gap[valid], item.sigma)
@@ -76,7 +76,7 @@ def lack(item: Item, predicted: np.ndarray, seed: int = 0) -> Lack:
 
     difference = _filled(item.measured[:, :nj] - predicted[:, :nj])
     noise = np.random.default_rng(seed).normal(size=(m, nj)) * item.sigma[:nj]
-    valid = seg.time >= 0.4
+    valid = item.valid.any(axis=1)
     sigma = torque(noise)[valid].std(axis=0)
     raw = seg.q_raw if len(seg.q_raw) == m else item.measured[:, :nj]
     tau = _motor_torque(item, raw, dq, gravity)
@@ -115,7 +115,7 @@ def looks(lacks: list[Lack], items: list[Item]) -> list[Look]:
     def column(get, j):
         return np.concatenate([get(k)[:, j] for k in lacks])
 
-    raw = [i.measured[i.segment.time >= 0.4] for i in items]
+    raw = [i.measured[i.valid.any(axis=1)] for i in items]
     return [
         Look(
             column(lambda k: k.q, j),

@@ -38,7 +38,7 @@ def find_rivals(search: Search, state: State, given: int, say: Callable[[str], N
         reduced = State(fit.world, search.judge.losses([fit.world])[0], fit.residual, fit, state.first)
         joints = search.evidence.items[0].robot.joints
         near = [placed.where] if placed.where in joints else list(joints)[:0]
-        places = [c for c in candidates(search.evidence.items[0], fit.world, near) if c != (placed.effect, placed.where)]
+        places = [c for c in candidates(search.evidence, fit.world, near) if c != (placed.effect, placed.where)]
         view = looks(search.lacks(fit.world), search.evidence.items)
         scores = screen(search.evidence, fit.world, fit.residual, fit.jacobian, places, view)
         trials = search.try_all(reduced, shortlist(scores, 5), given, len(places)) if scores else []

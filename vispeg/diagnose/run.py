@@ -77,7 +77,7 @@ def diagnose(
         "reason": verdict.reason,
         "effects": [] if verdict.verdict == "unexplained" else _effects(final, given, rivals),
         "ladder": _ladder(evidence, judged, state, before_fit, before_held),
-        "noise_floor": {"value": judged.floor, "unit": f"{judged.unit} RMS", "from": _floor_source(held_out, judged)},
+        "noise_floor": {"value": judged.floor, "unit": f"{judged.unit} RMS", "from": judged.floor_from if judged.floor_from != "estimated" else evidence.floor_from},
         "where_it_fails": where_it_fails(before_lacks, joints),
         "unexplained": verdict.unexplained,
         "next_experiment": upcoming,
@@ -218,10 +218,6 @@ def _moved(state: State) -> list[dict[str, Any]]:
                          "after": later.params[name].value}
                     )  # fmt: skip
     return out
-
-
-def _floor_source(recs: Sequence[Recording], evidence: Evidence) -> str:
-    return "stated noise" if all(("q" if evidence.unit == "rad" else "tau") in r.noise for r in recs) else "estimated"
 
 
 def _arrays(evidence: Evidence, predicted: list[np.ndarray]) -> dict[str, np.ndarray]:

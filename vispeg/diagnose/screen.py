@@ -34,12 +34,12 @@ class Score:
         return self.placed.effect, self.placed.where
 
 
-def candidates(item: Item, world: World, joints: Sequence[str]) -> list[tuple[str, str]]:
+def candidates(evidence: Evidence, world: World, joints: Sequence[str]) -> list[tuple[str, str]]:
     """Every (effect, place) of the library that is not yet in the world; joint places only among `joints`."""
     taken = {(e.effect, e.where) for e in world.effects}
-    out = []
+    item, out = evidence.items[0], []
     for name, kind in sorted(REGISTRY.items()):
-        if kind.kind not in ("joint", "drive", "body"):
+        if kind.kind not in ("joint", "drive", "body") or not evidence.sees(kind):
             continue
         places = [t for t in kind.targets(item.robot) if t not in item.robot.joints or t in joints]
         if kind.shared:

@@ -18,7 +18,6 @@ from vispeg.identify.fit import Fit, Race, fit_job
 from vispeg.identify.pool import run_together
 
 BEST = 7  # candidates fitted at each step
-MOST = 6  # effects added at most
 AT_FLOOR = 1.25  # held-out noise variances at which there is nothing left to look for
 LEAST_GAIN = 0.02  # share of the held-out squared error that a step must remove
 TIE = 0.03  # two fits this close in held-out squared error (above the floor) count as equals
@@ -66,7 +65,7 @@ class Search:
         state = State(world, loss, residual, first=self.judge.mean(loss))
         state.lacks = self.lacks(world)
         given = len(world.effects)
-        while len(state.world.effects) - given < MOST and self._worth_it(state):
+        while len(state.world.effects) - given < self.evidence.most_effects and self._worth_it(state):
             self.say(f"{state.world.label}: held-out {self.judge.mean(state.loss):.3f} x noise variance; screening")
             trials = self.step(state, given)
             accepted = [t for t in trials if not t.rejected]
@@ -95,7 +94,7 @@ class Search:
         item = self.evidence.items[0]
         if joints is None:
             joints = suspects(lacks, item.robot.joints)
-        places = candidates(item, state.world, joints)
+        places = candidates(self.evidence, state.world, joints)
         jac = state.fit.jacobian if state.fit is not None else None
         scores = screen(self.evidence, state.world, state.residual, jac, places, looks(lacks, self.evidence.items))
         state.screening = scores

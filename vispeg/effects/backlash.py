@@ -13,7 +13,6 @@ from vispeg.core.effect import Effect
 from vispeg.core.params import Param
 from vispeg.effects._gear import free_step, motor_step
 
-TOOTH_COMPLIANCE = 2e-5  # rad/(N m): stiff against everything else in the arm
 TOOTH_RELAXATION = 2e-3  # s
 
 
@@ -29,12 +28,15 @@ class Backlash(Effect):
         "motor_inertia": Param(
             0.2, 0.005, 3.0, "kg m2", start=0.2, shape=True, scale="log", doc="rotor inertia at the link side"
         ),
+        "compliance": Param(
+            3e-5, 5e-6, 2e-4, "rad/(N m)", start=3e-5, shape=True, scale="log", doc="of the teeth in contact"
+        ),
     }
 
     def start(self, x, p):
         side = np.where(x.tau >= 0, 0.5, -0.5)
         loose = p["gap"] > 0
-        return {"theta": x.q + side * p["gap"] + loose * TOOTH_COMPLIANCE * x.tau, "omega": x.dq.copy()}
+        return {"theta": x.q + side * p["gap"] + loose * p["compliance"] * x.tau, "omega": x.dq.copy()}
 
     def drive(self, state, tau, x, p):
         loose, inertia, half = p["gap"] > 0, p["motor_inertia"], 0.5 * p["gap"]
@@ -42,7 +44,7 @@ class Backlash(Effect):
         theta, omega = free_step(theta0, omega0, tau, x, inertia)
         reach = theta - x.q - x.h * x.dq  # where the teeth would be at the end of a free step
         offset = np.where(reach > half, half, -half)
-        hit = motor_step(theta0, omega0, tau, x, offset, TOOTH_COMPLIANCE, TOOTH_RELAXATION, inertia)
+        hit = motor_step(theta0, omega0, tau, x, offset, p["compliance"], TOOTH_RELAXATION, inertia)
         touching = (np.abs(reach) > half) & (hit[2] * offset > 0)  # teeth push, they never pull
         state["theta"] = np.where(touching, hit[0], theta)
         state["omega"] = np.where(touching, hit[1], omega)
@@ -53,4 +55,4 @@ class Backlash(Effect):
         return np.where(loose, q + (state["theta"] - x.q), q), np.where(loose, dq + (state["omega"] - x.dq), dq)
 
     def guesses(self, look):
-        return [{"gap": 1e-3, "motor_inertia": 0.05}, {"gap": 1e-3, "motor_inertia": 0.5}]
+        return [{"gap": g, "motor_inertia": i} for g in (3e-4, 1.5e-3) for i in (0.05, 0.4)]

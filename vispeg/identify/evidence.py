@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from vispeg.core.effect import Effect
 from vispeg.core.errors import UserError
 from vispeg.core.world import World
 from vispeg.recordings.noise import noise_of
@@ -21,6 +22,7 @@ from vispeg.sim.rollout import simulate
 from vispeg.sim.segment import Segment, segments
 
 SETTLE = 0.4  # s at the start of a segment that no comparison uses: the unmeasured start state fades there
+OBSERVED = 1.2  # the same where an observer of 8 rad/s holds the rollout: its memory of a wrong start velocity is longer
 MODEL_SIGMA = 4e-6  # rad: what the integrator itself is sure of
 PENALTY = 1e4  # whitened residual of a rollout that diverged
 
@@ -77,8 +79,15 @@ class Evidence:
             groups.setdefault(key, []).append(i)
         self.groups = list(groups.values())
         self.unit, self.notes = "rad", []
+        self.floor_from = "stated noise" if all("q" in r.noise for r in recordings) else "estimated"
         self._recent: list[tuple[tuple[World, ...], list[np.ndarray]]] = []
         self.rollouts = 0.0  # simulated seconds, for the record
+
+    most_effects = 6  # that a search may add: rollouts are dear
+
+    def sees(self, kind: Effect) -> bool:
+        """Whether an effect leaves a trace in this evidence."""
+        return True
 
     def simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
         """Per item, the channels (nworld, m, nch) that the worlds predict; recent answers are remembered."""
@@ -175,16 +184,17 @@ def robot_of(rec: Recording) -> RobotModel:
 def _items(rec: Recording) -> list[Item]:
     robot, noise = robot_of(rec), noise_of(rec)
     out = []
+    settle = SETTLE if rec.control.mode in ("position", "osc") else OBSERVED
     for segment in segments(rec):
-        if segment.time[-1] <= 2 * SETTLE:
+        if segment.time[-1] <= 2 * settle:
             continue
         channels, sigma = [rec.q[segment.rows]], [np.hypot(noise["q"], MODEL_SIGMA)]
         if rec.tau is not None and rec.torque_sensor != "none":
             channels.append(rec.tau[segment.rows])
             sigma.append(noise["tau"])
         measured = np.concatenate(channels, axis=1)
-        valid = np.isfinite(measured) & (segment.time >= SETTLE)[:, None]
+        valid = np.isfinite(measured) & (segment.time >= settle)[:, None]
         out.append(Item(rec, segment, robot, measured, np.concatenate(sigma), valid))
     if not out:
-        raise UserError(f"too short to compare: every episode lasts under {2 * SETTLE} s", file=rec.path)
+        raise UserError(f"too short to compare: every episode lasts under {2 * settle} s", file=rec.path)
     return out

@@ -12,14 +12,14 @@ import mujoco
 import numpy as np
 from mujoco import batch as mjb
 
-from vispeg.core.effect import Effect
+from vispeg.core.effect import Effect, effect
 from vispeg.core.errors import UserError
 from vispeg.core.world import World
 from vispeg.identify.evidence import Evidence, Item, robot_of
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.noise import highpass_sigma
 from vispeg.recordings.recording import Control, Recording
-from vispeg.sim.nominal import Nominal, dense
+from vispeg.sim.nominal import dense
 from vispeg.sim.placement import activate
 from vispeg.sim.rollout import compiled
 from vispeg.sim.segment import Segment
@@ -27,6 +27,8 @@ from vispeg.sim.state import DriveState, Fields
 
 MOTION_HZ = 8.0  # bandwidth of the motion whose acceleration is believed
 STICK = 0.01  # rad/s over which dry friction changes sign: velocity noise makes a sharper edge meaningless
+REPEATABILITY = 0.02  # of a joint torque's spread: what a torque sensor is trusted to where nothing is known
+RIGID = frozenset({"body_mass", "body_ipos", "body_inertia", "body_iquat", "opt.gravity"})
 CAVEATS = (
     "the controller is unknown: worlds were compared by inverse dynamics, in which delays, gear play and encoder errors "
     "leave no trace",
@@ -41,16 +43,67 @@ class TorqueEvidence(Evidence):
         self.recordings = list(recordings)
         self.unit, self.notes, self.rollouts = "N m", list(CAVEATS), 0.0
         self._recent = []
-        sigma = _noise(self.recordings)
+        sigma, self.floor_from = _noise(self.recordings)
         self.items = [_item(rec, sigma) for rec in recordings]
         self._ddq = [smooth(i.segment.time, i.segment.q_raw, MOTION_HZ)[2] for i in self.items]
+        self._rigid: dict[tuple[int, str], tuple[np.ndarray, np.ndarray]] = {}
+
+    most_effects = 24  # inverse dynamics is cheap, and friction sits in every joint
+
+    def sees(self, kind: Effect) -> bool:
+        """Whether an effect leaves a trace in this evidence."""
+        return measurable(kind)
 
     def _simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
         """Per item, the torques (nworld, m, nj) that the worlds say the sensor would read."""
-        return [
-            np.stack([_needed(item, ddq, world) for world in worlds])
-            for item, ddq in zip(self.items, self._ddq, strict=True)
-        ]
+        return [np.stack([self._needed(i, world) for world in worlds]) for i in range(len(self.items))]
+
+    def _needed(self, i: int, world: World) -> np.ndarray:
+        """Sensor torque (m, nj) of one world along one measured motion."""
+        item, seg, ddq = self.items[i], self.items[i].segment, self._ddq[i]
+        robot, active = item.robot, activate(item.robot, [world])
+        one = mjb.Batch(compiled(robot), 1, nthread=1)
+        fields = Fields(one, robot)
+        for a in active:
+            a.effect.write(fields, a.p)
+        mass, bias = self._body(i, world)
+        dof, joint, spring = fields.dofs, fields.joints, fields.qposes
+        inertia = fields["dof_armature"][0, dof] - compiled(robot).dof_armature[dof]
+        needed = np.einsum("nij,nj->ni", mass, ddq) + inertia * ddq + bias + fields["dof_damping"][0, dof] * seg.dq
+        needed += fields["jnt_stiffness"][0, joint] * (seg.q - fields["qpos_spring"][0, spring])
+        x = DriveState(1e-3, 1e-3, seg.q, seg.dq, ddq, needed.copy(), np.ones_like(needed))
+        dry = np.broadcast_to(fields["dof_frictionloss"][0, dof], needed.shape).copy()
+        for a in active:
+            if a.effect.overrides("friction"):
+                dry += a.effect.friction(None, x, a.p)
+        needed = needed + dry * np.tanh(seg.dq / STICK)
+        for a in active:
+            if a.effect.overrides("torque"):
+                needed = needed - a.effect.torque(None, x, a.p)
+        for a in active:
+            if a.effect.overrides("inverse"):
+                needed = a.effect.inverse(needed, item.recording.torque_sensor, a.p)
+        return needed
+
+    def _body(self, i: int, world: World) -> tuple[np.ndarray, np.ndarray]:
+        """Inertia (m, nj, nj) and bias torque (m, nj) along a motion: each sample is a row of one batch; remembered."""
+        rigid = World(effects=tuple(e for e in world.effects if effect(e.effect).writes & RIGID))
+        key = (i, repr([(e.label, e.params) for e in rigid.effects]))
+        if key not in self._rigid:
+            item = self.items[i]
+            model, seg = compiled(item.robot), item.segment
+            batch = mjb.Batch(model, len(seg.time), nthread=1)
+            fields = Fields(batch, item.robot)
+            for a in activate(item.robot, [rigid]):
+                a.effect.write(fields, {k: np.repeat(v, len(seg.time), axis=0) for k, v in a.p.items()})
+            batch.bind("qpos")[:, fields.qposes], batch.bind("qvel")[:, fields.dofs] = seg.q, seg.dq
+            bias, mass = batch.bind("qfrc_bias"), batch.bind("M")
+            batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
+            v = fields.dofs
+            if len(self._rigid) > 64:
+                self._rigid.clear()
+            self._rigid[key] = dense(model, mass)[:, v][:, :, v], bias[:, v].copy()
+        return self._rigid[key]
 
 
 def evidence_for(world: World, recordings: Sequence[Recording], nthread: int = 1, h_max: float = 2e-3) -> Evidence:
@@ -64,57 +117,9 @@ def evidence_for(world: World, recordings: Sequence[Recording], nthread: int = 1
 
 
 def measurable(kind: Effect) -> bool:
-    """Whether an effect leaves a trace in inverse dynamics."""
-    return any(kind.overrides(hook) for hook in ("write", "friction", "torque", "inverse"))
-
-
-def _needed(item: Item, ddq: np.ndarray, world: World) -> np.ndarray:
-    """Sensor torque (m, nj) of one world along the measured motion: each sample is a row of one batch."""
-    robot, seg = item.robot, item.segment
-    model, m = compiled(robot), len(seg.time)
-    active = activate(robot, [world] * m)
-    batch = mjb.Batch(model, m, nthread=1)
-    fields = Fields(batch, robot)
-    for a in active:
-        a.effect.write(fields, a.p)
-    nominal = Nominal(model, robot.joints, robot.flange, 1, 1)
-    batch.bind("qpos")[:, nominal.qadr] = seg.q
-    batch.bind("qvel")[:, nominal.vadr] = seg.dq
-    bias, mass = batch.bind("qfrc_bias"), batch.bind("M")
-    spring, damper = batch.bind("qfrc_spring"), batch.bind("qfrc_damper")
-    batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
-    v = nominal.vadr
-    full = np.zeros((m, model.nv))
-    full[:, v] = ddq
-    needed = (np.einsum("nij,nj->ni", dense(model, mass), full) + bias - spring - damper)[:, v]
-    x = DriveState(1e-3, 1e-3, seg.q, seg.dq, ddq, needed.copy(), np.ones_like(needed))
-    level = batch.expanded("dof_frictionloss")
-    dry = level[:, v].copy() if level is not None else np.zeros_like(needed)
-    for a in active:
-        if a.effect.overrides("friction"):
-            dry += a.effect.friction(None, x, a.p)
-    needed = needed + dry * np.tanh(seg.dq / STICK)
-    for a in active:
-        if a.effect.overrides("torque"):
-            needed = needed - _along(a, x, seg)
-    for a in active:
-        if a.effect.overrides("inverse"):
-            needed = a.effect.inverse(needed, item.recording.torque_sensor, a.p)
-    return needed
-
-
-def _along(active, x: DriveState, seg: Segment) -> np.ndarray:
-    """An effect's own torque along the motion; one with a state is carried through time sample by sample."""
-    state = active.effect.start(_row(x, 0), {k: v[:1] for k, v in active.p.items()})
-    if state is None:
-        return active.effect.torque(None, x, active.p)
-    p = {k: v[:1] for k, v in active.p.items()}
-    return np.concatenate([active.effect.torque(state, _row(x, i), p) for i in range(len(seg.time))])
-
-
-def _row(x: DriveState, i: int) -> DriveState:
-    one = slice(i, i + 1)
-    return DriveState(x.h, x.tick, x.q[one], x.dq[one], x.ddq[one], x.tau[one], np.full_like(x.q[one], 1e9))
+    """Whether an effect leaves a trace in inverse dynamics, sample by sample."""
+    stateless = not kind.overrides("start")
+    return any(kind.overrides(hook) for hook in ("write", "friction", "inverse")) or (kind.overrides("torque") and stateless)
 
 
 def _item(rec: Recording, sigma: np.ndarray) -> Item:
@@ -130,16 +135,35 @@ def _item(rec: Recording, sigma: np.ndarray) -> Item:
     return Item(rec, segment, robot, rec.tau, sigma, valid, "torque")
 
 
-def _noise(recordings: Sequence[Recording]) -> np.ndarray:
-    """(nj,) N m: half the variance between two runs of one trajectory, else as stated, else the high-pass estimate."""
+def _noise(recordings: Sequence[Recording]) -> tuple[np.ndarray, str]:
+    """(nj,) N m and where it is from: two runs of one trajectory, what is stated, or a share of the torque."""
     for i, a in enumerate(recordings):
         for b in recordings[i + 1 :]:
-            n = min(len(a.time), len(b.time))
-            if a.tau is None or b.tau is None or a.q.shape[1] != b.q.shape[1]:
-                continue
-            if np.nanmax(np.abs(a.q[:n] - b.q[:n])) < 0.02:
-                return np.nanstd(a.tau[:n] - b.tau[:n], axis=0) / np.sqrt(2.0)
+            gap = _repeat_gap(a, b)
+            if gap is not None:
+                return gap, "repeats"
     first = recordings[0]
     if "tau" in first.noise:
-        return np.full(first.q.shape[1], float(first.noise["tau"]))
-    return np.maximum(highpass_sigma(first.tau), 1e-3) if first.tau is not None else np.ones(first.q.shape[1])
+        return np.full(first.q.shape[1], float(first.noise["tau"])), "stated noise"
+    tau = first.tau if first.tau is not None else np.zeros_like(first.q)
+    share = REPEATABILITY * np.nanstd(tau, axis=0)
+    return np.maximum(np.maximum(highpass_sigma(tau), share), 1e-3), "estimated"
+
+
+def _repeat_gap(a: Recording, b: Recording, longest: float = 2.0) -> np.ndarray | None:
+    """Torque noise from two runs of one trajectory, aligned in time; None where the motions differ."""
+    if a.tau is None or b.tau is None or a.q.shape[1] != b.q.shape[1]:
+        return None
+    most = int(longest * a.rate_hz)
+    n = min(len(a.time), len(b.time)) - 2 * most
+    if n < a.rate_hz:
+        return None
+    core = a.q[most : most + n]
+    shifts = range(0, 2 * most + 1, max(1, most // 100))
+    gaps = [float(np.nanmax(np.nanstd(core - b.q[s : s + n], axis=0))) for s in shifts]
+    coarse = list(shifts)[int(np.argmin(gaps))]
+    near = range(max(0, coarse - most // 100), min(2 * most, coarse + most // 100) + 1)
+    best = min(near, key=lambda s: float(np.nanmax(np.nanstd(core - b.q[s : s + n], axis=0))))
+    if np.nanmax(np.nanstd(core - b.q[best : best + n], axis=0)) > 0.02:
+        return None
+    return np.nanstd(a.tau[most : most + n] - b.tau[best : best + n], axis=0) / np.sqrt(2.0)

@@ -126,7 +126,8 @@ class _Run:
         self.drives = [a for a in self.active if a.effect.overrides("drive")]
         self.extra = [a for a in self.active if a.effect.overrides("torque")]
         self.senses = [a for a in self.active if a.effect.overrides("observe")]
-        self.armature = self._row_field("dof_armature")
+        self.armature, self.damping = self._row_field("dof_armature"), self._row_field("dof_damping")
+        self.damped = bool(self.damping.any())
 
     def _row_field(self, name):
         value = self.batch.expanded(name)
@@ -318,6 +319,8 @@ class _Run:
         self.ctrl[:, self.u] = 0.5 * (tau + self.last)  # the kick spans half of the last step and half of this one
         self.last = tau
         self.applied[:, self.vadr] = drive_side + link_side
+        if self.damped:  # MuJoCo damps at the end of the step, which is stable but a step late: give that step back
+            self.applied[:, self.vadr] += self.damping * self.h * self.x.ddq
         half = 0.5 * self.h * self.x.ddq  # velocity forces act at the whole step, the position moves with the half step's
         self.qvel[:, self.vadr] += half
         self.batch.step()
