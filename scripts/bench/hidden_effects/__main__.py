@@ -2,6 +2,7 @@
 
     python scripts/bench/hidden_effects --make DIR --only "coulomb_friction/joint4/*" --dev
     python scripts/bench/hidden_effects --make DIR --run --limit 20 --out report.md
+    python scripts/bench/hidden_effects --make DIR --run --reference --baseline --out report.md
 
 Cases are deterministic by seed. `--dev` uses seeds that are never scored: tune only on those.
 """
@@ -28,24 +29,43 @@ def main() -> int:
     parser.add_argument("--limit", type=int, default=None, help="at most so many cases, spread evenly over the list")
     parser.add_argument("--dev", action="store_true", help="development seeds, not the scored ones")
     parser.add_argument("--list", action="store_true", help="print the chosen cases and stop")
+    parser.add_argument("--run", action="store_true", help="diagnose the chosen cases and print the score")
+    parser.add_argument("--reference", action="store_true", help="also fit the true effects, as an oracle")
+    parser.add_argument("--baseline", action="store_true", help="with --reference: also fit a fixed parameter set")
+    parser.add_argument("--workers", type=int, default=2, help="diagnoses at a time")
+    parser.add_argument("--results", type=Path, default=None, help="JSON lines; those that are there are not run again")
+    parser.add_argument("--out", type=Path, default=None, help="also write the score, as Markdown")
     args = parser.parse_args()
     from cases import choose
     from make import folders, make
+    from runner import run
+    from score import report
 
     from vispeg.core.errors import UserError
 
+    root = args.make / ("dev" if args.dev else "scored")
     try:
+        if args.workers < 1:
+            raise UserError("--workers must be at least 1", got=args.workers)
         chosen = choose(tuple(args.only), args.dev, args.limit)
         if args.list:
             print("\n".join(f"{c.name}  [{c.mode}]" for c in chosen))
             return 0
-        root = args.make / ("dev" if args.dev else "scored")
-        make(root, chosen)
+        make(root, chosen, say=lambda text: print(text, file=sys.stderr))
     except UserError as error:
         print(error, file=sys.stderr)
         return 2
-    for case in chosen:
-        print(case.name, case.mode, folders(root, case)[0].parent)
+    if not args.run:
+        for case in chosen:
+            print(case.name, case.mode, folders(root, case)[0].parent)
+        return 0
+    results = args.results or root / "results.jsonl"
+    text = report(run(root, chosen, results, args.workers, args.reference, args.baseline))
+    print(text)
+    if args.out is not None:
+        part = args.out.with_name(args.out.name + ".part")
+        part.write_text(text)
+        part.replace(args.out)
     return 0
 
 

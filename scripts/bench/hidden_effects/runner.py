@@ -1,0 +1,84 @@
+"""Runs `vispeg diagnose` on every case in a process of its own, a few at a time; a killed run resumes."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict
+from pathlib import Path
+
+from cases import Case
+from make import folders
+
+HERE = Path(__file__).resolve().parent
+TIMEOUT = 1800.0  # s a process
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+
+
+def _call(arguments: list[str]) -> tuple[int, str]:
+    """Exit status, and stdout or (where it failed) stderr."""
+    environment = os.environ | ONE_THREAD | {"PYTHONPATH": str(HERE.parents[2])}
+    try:
+        done = subprocess.run(
+            [sys.executable, *arguments], capture_output=True, text=True, timeout=TIMEOUT, env=environment, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return 124, f"no answer within {TIMEOUT:.0f} s"
+    return done.returncode, done.stdout if done.returncode == 0 else done.stderr
+
+
+def diagnose(root: Path, case: Case, reference: bool, baseline: bool) -> dict:
+    """The record of one case, which `score.report` reads."""
+    first, second, last = folders(root, case)
+    out = root / "diagnosis" / case.key
+    begin = time.monotonic()
+    status, text = _call([
+        "-m", "vispeg", "diagnose", "iiwa14", "--recording", str(first), "--recording", str(second),
+        "--validate", str(last), "--out", str(out), "--overwrite", "--quiet", "--threads", "1",
+    ])  # fmt: skip
+    record: dict = {"case": case.name, "kind": case.kind, "mode": case.mode, "hidden": [asdict(h) for h in case.hidden]}
+    record["seconds"] = round(time.monotonic() - begin, 1)
+    if status != 0:
+        return record | {"verdict": "failed", "effects": [], "message": text[-2000:]}
+    found = json.loads((out / "diagnosis.json").read_text())
+    record |= {key: found[key] for key in ("verdict", "effects", "ladder", "unexplained")}
+    record["floor"] = found["noise_floor"]["value"]
+    if reference and case.kind in ("single", "pair"):
+        extra = ["--baseline"] if baseline and case.kind == "single" else []
+        status, text = _call([str(HERE / "reference.py"), str(first.parent), json.dumps(record["hidden"]), *extra])
+        record |= json.loads(text.splitlines()[-1]) if status == 0 else {"reference_failed": text[-500:]}
+    return record
+
+
+def run(root: Path, chosen: list[Case], results: Path, workers: int, reference: bool, baseline: bool) -> list[dict]:
+    """Records of the chosen cases: each is appended to `results` as it comes; those there are not run again."""
+    known: dict[str, dict] = {}
+    if results.exists():  # a line cut short by a kill is run again
+        for line in results.read_text().splitlines():
+            try:
+                record = json.loads(line)
+            except json.JSONDecodeError:
+                continue
+            known[record["case"]] = record
+    missing = [c for c in chosen if c.name not in known]
+    lock, results_parent = threading.Lock(), results.parent
+    results_parent.mkdir(parents=True, exist_ok=True)
+
+    def work(case: Case) -> None:
+        record = diagnose(root, case, reference, baseline)
+        with lock:
+            known[case.name] = record
+            with results.open("a") as file:
+                file.write(json.dumps(record) + "\n")
+            named = ", ".join(f"{e['effect']}({e['where']})" for e in record["effects"]) or "-"
+            left = sum(c.name not in known for c in missing)
+            print(f"{left:4d} left  {case.name}: {record['verdict']}: {named}", file=sys.stderr, flush=True)
+
+    with ThreadPoolExecutor(workers) as pool:
+        list(pool.map(work, missing))
+    return [known[c.name] for c in chosen if c.name in known]

@@ -1,0 +1,180 @@
+"""Scores of diagnoses against the hidden truth, with Wilson intervals. Reads plain records only."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import permutations
+from math import sqrt
+from typing import Any
+
+Record = dict[str, Any]
+
+# Effects that no recording, or no recording of this kind, can tell apart at the same place.
+CLASSES = (
+    {"command_delay", "actuator_lag", "sensor_delay"},
+    {"coulomb_friction", "stribeck_friction", "hysteresis"},
+    {"joint_bias", "encoder_offset"},
+    {"backlash", "joint_elasticity"},
+)
+BODIES = {"payload", "link_mass", "link_com"}  # what a neighbour's mass or centre of mass can stand in for
+ABOVE_FLOOR = 1.05  # nominal held-out error over noise floor from which an effect shows at all
+
+
+def wilson(hits: int, n: int, z: float = 1.96) -> tuple[float, float]:
+    """95 % interval of a share (Wilson 1927); (0, 1) without trials."""
+    if n == 0:
+        return 0.0, 1.0
+    p, d = hits / n, 1.0 + z * z / n
+    half = z * sqrt(p * (1.0 - p) / n + z * z / (4.0 * n * n)) / d
+    centre = (p + z * z / (2.0 * n)) / d
+    return max(0.0, centre - half), min(1.0, centre + half)
+
+
+def share(flags: Iterable[bool]) -> str:
+    """`83 % [74, 90] of 96`."""
+    values = [bool(f) for f in flags]
+    if not values:
+        return "-"
+    low, high = wilson(sum(values), len(values))
+    return f"{100 * sum(values) / len(values):.0f} % [{100 * low:.0f}, {100 * high:.0f}] of {len(values)}"
+
+
+def _link(where: str) -> int:
+    return 7 if where == "flange" else int(where[-1]) if where[-1:].isdigit() else -1
+
+
+def same_class(truth: Record, named: Record) -> bool:
+    """Whether `named` is the truth, has it among its declared rivals, or is a theoretical twin of it."""
+    rivals = [named, *named.get("indistinguishable_from", [])]
+    if any((r["effect"], r["where"]) == (truth["effect"], truth["where"]) for r in rivals):
+        return True
+    if truth["effect"] in BODIES and named["effect"] in BODIES:
+        return abs(_link(truth["where"]) - _link(named["where"])) <= 1
+    pair = {truth["effect"], named["effect"]}
+    return truth["where"] == named["where"] and any(pair <= group for group in CLASSES)
+
+
+def _matched(truth: Sequence[Record], named: Sequence[Record]) -> int:
+    """Greatest number of truths that can each be given a named effect of its own class."""
+    if not truth or not named:
+        return 0
+    short, long, flip = (truth, named, False) if len(truth) <= len(named) else (named, truth, True)
+    return max(
+        sum(same_class(b, a) if flip else same_class(a, b) for a, b in zip(short, order, strict=True))
+        for order in permutations(long[:6], len(short[:6]))
+    )
+
+
+def judge(r: Record) -> Record:
+    """What one diagnosis got right.
+
+    Adds: exact, right_class (nothing missed, nothing invented), right_place, found (all there, perhaps more), extras,
+    confident (the verdict claims to know), error_fall, to_oracle, shows.
+    """
+    truth, named = r["hidden"] if r["kind"] != "unknown" else [], r["effects"]
+    hits = _matched(truth, named)
+    key = lambda e: (e["effect"], e["where"])  # noqa: E731
+    ladder, floor = r["ladder"], r["floor"]
+    before, after = ladder[0]["heldout_error"], ladder[-1]["heldout_error"]
+    oracle = (r.get("oracle") or {}).get("heldout_error")
+    return r | {
+        "exact": sorted(map(key, truth)) == sorted(map(key, named)),
+        "right_class": hits == len(truth) == len(named),
+        "right_place": {e["where"] for e in truth} == {e["where"] for e in named},
+        "found": hits == len(truth),
+        "extras": len(named) - hits,
+        "confident": r["verdict"] == "identified",
+        "error_fall": before / after if after > 0.0 else float("inf"),
+        "to_oracle": after / oracle if oracle else None,
+        "shows": before > ABOVE_FLOOR * floor,
+    }
+
+
+def coverage(records: Sequence[Record]) -> list[bool]:
+    """For every parameter of every effect that was named exactly: does its 95 % interval hold the truth?"""
+    out = []
+    for r in records:
+        for e in r["effects"]:
+            for t in r["hidden"]:
+                if (e["effect"], e["where"]) != (t["effect"], t["where"]):
+                    continue
+                for name, got in e["params"].items():
+                    if name in t["params"] and got.get("low") is not None:
+                        out.append(got["low"] <= t["params"][name] <= got["high"])
+    return out
+
+
+def _median(values: Iterable[float | None]) -> str:
+    known = sorted(v for v in values if v is not None)
+    return f"{known[len(known) // 2]:.3g}" if known else "-"
+
+
+def _row(*cells: object) -> str:
+    return "| " + " | ".join(str(c) for c in cells) + " |"
+
+
+def report(records: Sequence[Record]) -> str:
+    """The whole score as Markdown."""
+    failed = [r for r in records if r["verdict"] == "failed"]
+    done = [judge(r) for r in records if r["verdict"] != "failed"]
+    known, pairs = [r for r in done if r["kind"] == "single"], [r for r in done if r["kind"] == "pair"]
+    none, unknown = [r for r in done if r["kind"] == "none"], [r for r in done if r["kind"] == "unknown"]
+    seen = [r for r in known if r["shows"]]
+    head = f"{len(done)} diagnoses, {len(failed)} runs failed; [..]: 95 % Wilson interval."
+    lines = ["# Hidden effects", "", head, ""]
+    lines += [_row("measure", "result"), _row("---", "---")]
+    lines += [
+        _row("one effect: exact name and place", share(r["exact"] for r in known)),
+        _row("one effect: class and place, nothing invented", share(r["right_class"] for r in known)),
+        _row("... of those whose error shows above the noise", share(r["right_class"] for r in seen)),
+        _row("one effect: rivals listed beside it, on average",
+             f"{sum(len(e.get('indistinguishable_from', [])) for r in known for e in r['effects']) / max(len(known), 1):.2f}"),
+        _row("one effect: place", share(r["right_place"] for r in known)),
+        _row("one effect: confidently wrong", share(r["confident"] and not r["right_class"] for r in known)),
+        _row("pairs: both classes, nothing invented", share(r["right_class"] for r in pairs)),
+        _row("pairs: both found, perhaps more", share(r["found"] for r in pairs)),
+        _row("no effect: false alarms (an effect named)", share(bool(r["effects"]) for r in none)),
+        _row("no effect: verdict adequate", share(r["verdict"] == "adequate" for r in none)),
+        _row("unknown disturbance: verdict unexplained", share(r["verdict"] == "unexplained" for r in unknown)),
+        _row("unknown disturbance: confidently given a name", share(r["confident"] for r in unknown)),
+        _row("95 % intervals that hold the truth", share(coverage(known + pairs))),
+        _row("median fall of held-out error", _median(r["error_fall"] for r in known) + "-fold"),
+        _row("held-out error within 10 % of the oracle's",
+             share(r["to_oracle"] <= 1.1 for r in known + pairs if r["to_oracle"] is not None)),
+        _row("fixed parameter set: largest z names effect and place",
+             share(r["baseline"]["named"] == [r["hidden"][0]["effect"], r["hidden"][0]["where"]]
+                   for r in known if r.get("baseline"))),
+        _row("fixed parameter set: held-out error within 10 % of the oracle's",
+             share(r["baseline"]["heldout_error"] <= 1.1 * r["oracle"]["heldout_error"]
+                   for r in known if r.get("baseline") and r.get("oracle"))),
+        _row("median seconds a diagnosis", _median(r["seconds"] for r in done)),
+    ]  # fmt: skip
+    lines += ["", "## By effect", "", _row("effect", "exact", "class", "extras", "fall", "to oracle", "verdicts")]
+    lines.append(_row(*["---"] * 7))
+    for effect in dict.fromkeys(r["hidden"][0]["effect"] for r in known + unknown):
+        rows = [r for r in known + unknown if r["hidden"][0]["effect"] == effect]
+        exact, right = (f"{sum(r[k] for r in rows)}/{len(rows)}" for k in ("exact", "right_class"))
+        lines.append(_row(
+            effect, exact, right,
+            sum(r["extras"] for r in rows), _median(r["error_fall"] for r in rows),
+            _median(r["to_oracle"] for r in rows), _verdicts(rows)))  # fmt: skip
+    lines += ["", "## By size", "", _row("size", "exact", "class"), _row("---", "---", "---")]
+    for size in ("small", "medium", "large"):
+        rows = [r for r in known if r["case"].endswith(size)]
+        lines.append(_row(size, share(r["exact"] for r in rows), share(r["right_class"] for r in rows)))
+    lines += ["", "## What went wrong", ""]
+    lines.append(_row("case", "verdict", "named", "held-out error / floor, before and after"))
+    lines.append(_row(*["---"] * 4))
+    for r in done:
+        good = r["verdict"] == "unexplained" if r["kind"] == "unknown" else r["right_class"]
+        if not good:
+            ratio = [f"{step['heldout_error'] / r['floor']:.3g}" for step in (r["ladder"][0], r["ladder"][-1])]
+            names = ", ".join(f"{e['effect']}({e['where']})" for e in r["effects"]) or "nothing"
+            lines.append(_row(r["case"], r["verdict"], names, " to ".join(ratio)))
+    lines += [_row(r["case"], "failed", str(r.get("message", ""))[-120:].replace("\n", " "), "") for r in failed]
+    return "\n".join(lines) + "\n"
+
+
+def _verdicts(rows: Sequence[Record]) -> str:
+    names = [r["verdict"] for r in rows]
+    return ", ".join(f"{names.count(v)} {v}" for v in dict.fromkeys(names))

@@ -1,0 +1,81 @@
+"""The scorer on hand-made diagnoses whose marks are known."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts" / "bench" / "hidden_effects"))
+
+from score import coverage, judge, report, wilson  # noqa: E402
+
+
+def named(effect, where, rivals=(), **params):
+    return {"effect": effect, "where": where, "params": params,
+            "indistinguishable_from": [{"effect": e, "where": w} for e, w in rivals]}  # fmt: skip
+
+
+def record(hidden, effects, verdict="identified", kind="single", errors=(1e-3, 4e-5)):
+    ladder = [{"heldout_error": e, "fit_error": e} for e in errors]
+    return {"case": "x/y/small", "kind": kind, "mode": "position", "hidden": hidden, "effects": effects,
+            "verdict": verdict, "ladder": ladder, "floor": 2e-5, "seconds": 1.0}  # fmt: skip
+
+
+TRUTH = {"effect": "coulomb_friction", "where": "joint4", "params": {"torque": 1.0}}
+
+
+@pytest.mark.parametrize(
+    ("effects", "exact", "right_class", "place", "extras"),
+    [
+        ([named("coulomb_friction", "joint4")], True, True, True, 0),
+        ([named("stribeck_friction", "joint4")], False, True, True, 0),
+        ([named("coulomb_friction", "joint3")], False, False, False, 1),
+        ([named("load_friction", "joint4")], False, False, True, 1),
+        ([named("load_friction", "joint4", [("coulomb_friction", "joint4")])], False, True, True, 0),
+        ([named("coulomb_friction", "joint4"), named("payload", "flange")], False, False, False, 1),
+        ([], False, False, False, 0),
+    ],
+)
+def test_one_effect(effects, exact, right_class, place, extras):
+    j = judge(record([TRUTH], effects))
+    assert (j["exact"], j["right_class"], j["right_place"], j["extras"]) == (exact, right_class, place, extras)
+    assert j["error_fall"] == pytest.approx(25.0)
+
+
+def test_a_pair_needs_a_match_for_each_of_its_members():
+    other = {"effect": "stribeck_friction", "where": "joint4", "params": {}}
+    one = named("hysteresis", "joint4")
+    assert not judge(record([TRUTH, other], [one], kind="pair"))["right_class"]
+    assert judge(record([TRUTH, other], [one, named("coulomb_friction", "joint4")], kind="pair"))["right_class"]
+
+
+def test_neighbouring_bodies_stand_in_for_each_other_but_not_distant_ones():
+    truth = {"effect": "payload", "where": "flange", "params": {}}
+    assert judge(record([truth], [named("link_mass", "link6")]))["right_class"]
+    assert not judge(record([truth], [named("link_mass", "link4")]))["right_class"]
+
+
+def test_naming_anything_for_an_unknown_is_an_invention():
+    truth = {"effect": "vibration", "where": "joint4", "params": {}}
+    j = judge(record([truth], [named("cogging", "joint4")], kind="unknown"))
+    assert j["extras"] == 1 and j["confident"]
+
+
+def test_coverage_counts_only_parameters_of_rightly_named_effects():
+    inside, outside = {"value": 1.1, "low": 0.9, "high": 1.3}, {"value": 1.5, "low": 1.2, "high": 1.8}
+    rows = [record([TRUTH], [named(e, "joint4", torque=t)]) for e, t in
+            (("coulomb_friction", inside), ("coulomb_friction", outside), ("hysteresis", inside))]  # fmt: skip
+    assert coverage(rows) == [True, False]
+
+
+def test_wilson_matches_the_textbook_and_stays_inside():
+    assert wilson(8, 10) == pytest.approx((0.490, 0.943), abs=1e-3)
+    assert wilson(0, 40)[0] == 0.0 and wilson(0, 40)[1] == pytest.approx(0.0876, abs=1e-3)
+
+
+def test_report_counts_false_alarms_and_failures():
+    none = [record([], [], "adequate", "none"), record([], [named("cogging", "joint1")], "identified", "none")]
+    broken = {"case": "a/b/small", "kind": "single", "hidden": [TRUTH], "effects": [], "verdict": "failed"}
+    text = report([record([TRUTH], [named("coulomb_friction", "joint4")]), *none, broken])
+    assert "| no effect: false alarms (an effect named) | 50 % [9, 91] of 2 |" in text
+    assert "1 runs failed" in text and "| one effect: exact name and place | 100 %" in text
