@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -89,21 +88,27 @@ def _csv(file: Path) -> Table:
         raise UserError(f"header line cannot be read: {error}", file=file) from error
     if body.count("\n") > MAX_ROWS:
         raise UserError("has too many rows", file=file, expected=f"at most {MAX_ROWS}; split it")
-    quick = _all_numbers(body, len(names))
-    if quick is not None:
-        return Table(file, dict(zip(names, np.ascontiguousarray(quick.T), strict=True)), names, len(quick), 2)
-    return _cell_by_cell(file, names, body)
+    if not body.strip():
+        return Table(file, {}, names, 0, 2)
+    quick = _all_numbers(body, names)
+    return Table(file, quick, names, len(quick[names[0]]), 2) if quick else _cell_by_cell(file, names, body)
 
 
-def _all_numbers(body: str, width: int) -> np.ndarray | None:
-    """The samples (n, width) where every cell is a number; None where a closer look is needed."""
-    if not body.strip() or "\n\n" in body.rstrip() or "_" in body:
-        return None  # loadtxt skips blank lines, after which row numbers would be wrong
+def _all_numbers(body: str, names: list[str]) -> dict[str, np.ndarray] | None:
+    """The columns where every cell is a number or empty; None where a closer look is needed."""
+    import pyarrow as pa
+    from pyarrow import csv as arrow
+
     try:
-        values = np.loadtxt(io.StringIO(body), delimiter=",", comments=None, ndmin=2)
-    except ValueError:
+        table = arrow.read_csv(
+            pa.BufferReader(body.rstrip().encode()),
+            arrow.ReadOptions(column_names=names, use_threads=False),
+            arrow.ParseOptions(ignore_empty_lines=False),
+            arrow.ConvertOptions(column_types=dict.fromkeys(names, pa.float64()), null_values=[""]),
+        )
+    except pa.ArrowException:
         return None
-    return values if values.shape[1] == width else None
+    return {name: table.column(name).to_numpy(zero_copy_only=False).copy() for name in names}
 
 
 def _cell_by_cell(file: Path, names: list[str], body: str) -> Table:
