@@ -1,6 +1,7 @@
 """Arms from a user's URDF or MJCF, whole or with files missing."""
 
 import os
+import re
 from pathlib import Path
 
 import mujoco
@@ -73,6 +74,25 @@ def test_urdf_inertia_is_turned_as_stated(tmp_path):
     lower = about_y + 2 * (0.1**2 + 0.2**2)
     assert full[1, 1] == pytest.approx(lower)
     assert full[0, 0] == pytest.approx(lower + about_y + 2 * (0.1**2 + 0.6**2))
+
+
+def test_urdf_massless_link_between_joints_changes_nothing(tmp_path):
+    """A dummy link that splits a joint in two is kept, and the arm around it weighs and swings as before."""
+    dummy = """<link name="dummy"/><joint name="twist" type="revolute"><parent link="upper"/><child link="dummy"/>
+      <axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="5" velocity="1"/></joint><link name="tool0">"""
+    text = URDF.replace('<parent link="upper"/>', '<parent link="dummy"/>').replace('<link name="tool0">', dummy)
+    arm, plain = load(write(tmp_path, text, "d.urdf")), load(write(tmp_path, URDF, "two.urdf"))
+    assert arm.joints == ("shoulder", "twist", "elbow")
+    found = []
+    for model, keep in ((arm.compile(), [0, 2]), (plain.compile(), [0, 1])):
+        data = mujoco.MjData(model)
+        data.qpos[keep] = 0.4, -0.7
+        mujoco.mj_forward(model, data)
+        full = np.zeros((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, full)
+        found.append((full[np.ix_(keep, keep)], data.qfrc_bias[keep]))
+    np.testing.assert_allclose(found[0][0], found[1][0], atol=1e-8)
+    np.testing.assert_allclose(found[0][1], found[1][1], atol=1e-7)
 
 
 def test_urdf_flange_is_its_tool0_frame(tmp_path):
@@ -162,7 +182,7 @@ def test_menagerie_by_folder_name(tmp_path, monkeypatch):
 
 FREE = '<mujoco><worldbody><body name="a"><freejoint/><geom size="1"/></body></worldbody></mujoco>'
 BARE = '<mujoco><worldbody><geom size="1"/></worldbody></mujoco>'
-TIP = URDF.replace('<mass value="2"/>', '<mass value="0"/>')
+TIP = re.sub(r"<inertial>.*?</inertial>", "", URDF, flags=re.DOTALL)
 FLAT = URDF.replace('izz="0.04"', 'izz="0.4"')
 
 
@@ -175,7 +195,7 @@ FLAT = URDF.replace('izz="0.04"', 'izz="0.4"')
         ("a.urdf", "<robot", "well-formed"),
         ("a.urdf", "<mujoco/>", "not a URDF"),
         ("a.urdf", URDF.replace('effort="50"', 'effort="lots"'), "shoulder.effort"),
-        ("a.urdf", TIP, "a.urdf"),
+        ("a.urdf", TIP, "turns no mass"),
         ("a.urdf", FLAT, "inertia"),
     ],
 )

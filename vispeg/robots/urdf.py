@@ -11,10 +11,12 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import mujoco
+import numpy as np
 
 from vispeg.core.errors import UserError
 
 READABLE = (".stl", ".obj", ".msh")
+SPECK = 1e-9, 1e-12  # kg, kg m^2: what a massless link between joints gets, as MuJoCo asks for some
 
 
 def read_urdf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]]:
@@ -45,6 +47,11 @@ def read_urdf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]
     for joint in spec.joints:
         joint.damping, joint.frictionloss = [0.0, 0.0, 0.0], 0.0
         joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
+        body = joint.parent
+        if body.mass == 0.0:
+            body.mass, body.explicitinertial = SPECK[0], True
+            if not np.any(body.inertia) and not np.any(np.nan_to_num(body.fullinertia)):  # NaN: not given
+                body.inertia = [SPECK[1]] * 3
     for geom in spec.geoms:
         visual = geom.contype == 0 and geom.conaffinity == 0
         geom.group = 2 if visual else 3
