@@ -86,9 +86,7 @@ def test_another_row_is_not_touched(name):
 def test_finite_at_every_bound(name, request):
     """At each bound of each parameter, at each place: an answer, or a divergence that is said to be one."""
     if name == "viscous_friction":
-        reason = (
-            "the half-step correction takes MuJoCo's explicit qacc, which is unstable beyond damping of 2 inertia / h"
-        )
+        reason = "the half-step correction takes the explicit qacc: unstable beyond damping of 2 inertia / h"
         request.applymarker(pytest.mark.xfail(reason=reason, strict=False))
     kind = REGISTRY[name]
     start = {k: p.start for k, p in kind.params.items()}
