@@ -71,7 +71,7 @@ def _fit(room: Room, dq: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def fourier(room: Room, rng: np.random.Generator, harmonics: int = 5, base_hz: float | None = None) -> tuple:
-    """Sums of sines: `harmonics` of a base frequency (default: one period a recording, 0.1 Hz at least), by lot."""
+    """Sums of `harmonics` sines, random in phase; base frequency by default one period a recording, 0.1 Hz at least."""
     t, nj = room.time, len(room.joints)
     base = max(0.1, 1.0 / room.duration) if base_hz is None else base_hz
     k = np.arange(1, harmonics + 1)

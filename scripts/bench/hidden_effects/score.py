@@ -120,6 +120,7 @@ def report(records: Sequence[Record]) -> str:
     known, pairs = [r for r in done if r["kind"] == "single"], [r for r in done if r["kind"] == "pair"]
     none, unknown = [r for r in done if r["kind"] == "none"], [r for r in done if r["kind"] == "unknown"]
     seen = [r for r in known if r["shows"]]
+    rivals = sum(len(e.get("indistinguishable_from", [])) for r in known for e in r["effects"])
     head = f"{len(done)} diagnoses, {len(failed)} runs failed; [..]: 95 % Wilson interval."
     lines = ["# Hidden effects", "", head, ""]
     lines += [_row("measure", "result"), _row("---", "---")]
@@ -127,8 +128,7 @@ def report(records: Sequence[Record]) -> str:
         _row("one effect: exact name and place", share(r["exact"] for r in known)),
         _row("one effect: class and place, nothing invented", share(r["right_class"] for r in known)),
         _row("... of those whose error shows above the noise", share(r["right_class"] for r in seen)),
-        _row("one effect: rivals listed beside it, on average",
-             f"{sum(len(e.get('indistinguishable_from', [])) for r in known for e in r['effects']) / max(len(known), 1):.2f}"),
+        _row("one effect: rivals listed beside it, on average", f"{rivals / max(len(known), 1):.2f}"),
         _row("one effect: place", share(r["right_place"] for r in known)),
         _row("one effect: confidently wrong", share(r["confident"] and not r["right_class"] for r in known)),
         _row("pairs: both classes, nothing invented", share(r["right_class"] for r in pairs)),
@@ -149,7 +149,7 @@ def report(records: Sequence[Record]) -> str:
                    for r in known if r.get("baseline") and r.get("oracle"))),
         _row("median seconds a diagnosis", _median(r["seconds"] for r in done)),
     ]  # fmt: skip
-    lines += ["", "## By effect", "", _row("effect", "exact", "class", "extras", "fall", "to oracle", "verdicts")]
+    lines += ["", "## By effect", "", _row("hidden", "exact (unknown: no name)", "class", "extras", "fall", "to oracle", "verdicts")]
     lines.append(_row(*["---"] * 7))
     for effect in dict.fromkeys(r["hidden"][0]["effect"] for r in known + unknown):
         rows = [r for r in known + unknown if r["hidden"][0]["effect"] == effect]
