@@ -149,7 +149,8 @@ def report(records: Sequence[Record]) -> str:
                    for r in known if r.get("baseline") and r.get("oracle"))),
         _row("median seconds a diagnosis", _median(r["seconds"] for r in done)),
     ]  # fmt: skip
-    lines += ["", "## By effect", "", _row("hidden", "exact (unknown: no name)", "class", "extras", "fall", "to oracle", "verdicts")]
+    columns = ("hidden", "exact (unknown: no name)", "class", "extras", "fall", "to oracle", "verdicts")
+    lines += ["", "## By effect", "", _row(*columns)]
     lines.append(_row(*["---"] * 7))
     for effect in dict.fromkeys(r["hidden"][0]["effect"] for r in known + unknown):
         rows = [r for r in known + unknown if r["hidden"][0]["effect"] == effect]
