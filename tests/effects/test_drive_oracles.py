@@ -1,0 +1,116 @@
+"""Drive and sensor effects: what they do to a torque or a reading, in closed form on a pendulum without weight."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from loops import SWING, drive, hinge, one, pendulum
+
+from vispeg.core.world import World
+from vispeg.effects._delay import DelayLine
+
+FLOATING = pendulum(0.0)
+TICK = 1e-3
+
+
+def angle(world, torque, **options):
+    """Time, measured angle and response of the pendulum from rest under a motor torque (n,) or a number."""
+    command = np.atleast_1d(np.asarray(torque, float))[:, None]
+    segment = drive(FLOATING, "torque", command=command, seconds=0.4, **options)
+    y = one(FLOATING, world, segment, observer=False, want_ee=True)
+    return segment.time, y.q[0, :, 0], y
+
+
+@pytest.mark.parametrize(
+    ("world", "delivered"),
+    [
+        (hinge("torque_gain", gain=1.2), 1.2 * 2.0),
+        (hinge("joint_bias", torque=-0.5), 2.0 - 0.5),
+        (hinge("torque_limit", limit=1.5), 1.5),
+        (hinge("torque_limit", limit=2.5), 2.0),
+        (hinge("torque_gain", gain=1.2).add(*hinge("joint_bias", torque=-0.5).effects), 1.2 * 2.0 - 0.5),
+        (hinge("torque_limit", limit=1.5).add(*hinge("joint_bias", torque=-0.5).effects), 1.5 - 0.5),
+    ],
+    ids=["gain", "bias", "limit", "limit out of reach", "gain before bias", "limit before bias"],
+)
+def test_static_drive(world, delivered):
+    time, q, y = angle(world, 2.0)
+    np.testing.assert_allclose(y.tau_motor[0, 5:, 0], delivered, rtol=1e-12)
+    acceleration = delivered / SWING
+    from_rest = q - q[20] - (y.dq[0, 20, 0] * (time - time[20]))
+    np.testing.assert_allclose(from_rest[20:], acceleration * (time[20:] - time[20]) ** 2 / 2, atol=1e-6)
+
+
+def test_torque_limit_is_two_sided():
+    _, q, y = angle(hinge("torque_limit", limit=1.5), -2.0)
+    np.testing.assert_allclose(y.tau_motor[0, 5:, 0], -1.5)
+    assert q[-1] < 0
+
+
+def test_actuator_lag_approaches_its_command_exponentially():
+    constant, torque = 0.02, 2.0
+    step = np.where(np.arange(400) >= 50, torque, 0.0)
+    time, q, y = angle(hinge("actuator_lag", time_constant=constant), step)
+    t = np.maximum(time - 0.05, 0.0)
+    reached = torque * (1 - np.exp(-t / constant))
+    exact = torque / SWING * (t**2 / 2 - constant * t + constant**2 * (1 - np.exp(-t / constant)))
+    np.testing.assert_allclose(q, exact, atol=1e-5)
+    np.testing.assert_allclose(y.tau_motor[0, 51:, 0], (reached[50:-1] + reached[51:]) / 2, atol=0.003 * torque)
+
+
+@pytest.mark.parametrize("delay", [0.004, 0.0065, 0.03])
+def test_command_delay_is_dead_time(delay):
+    """The torque's mean over each step is the command's of `delay` ago, for whole and for broken numbers of steps."""
+    torque = 2.0
+    step = np.where(np.arange(400) >= 50, torque, 0.0)
+    time, q, y = angle(hinge("command_delay", delay=delay), step)
+    t = np.maximum(time - 0.05 - delay, 0.0)
+    np.testing.assert_allclose(q, torque / SWING * t**2 / 2, atol=3e-6)
+    assert not y.tau_motor[0, time < 0.05 + delay - TICK, 0].any()
+    np.testing.assert_array_equal(y.tau_motor[0, time > 0.05 + delay + 2 * TICK, 0], torque)
+
+
+@pytest.mark.parametrize("delay", [0.005, 0.0123])
+def test_sensor_delay_shows_the_past(delay):
+    torque = 3.0 * np.sin(np.arange(400) / 30.0)
+    time, true, _ = angle(World(), torque)
+    _, late, y = angle(hinge("sensor_delay", delay=delay), torque)
+    np.testing.assert_allclose(late, np.interp(time - delay, time, true), atol=1e-9)
+    assert y.ee is not None  # the link itself is not late
+    np.testing.assert_allclose(np.arctan2(-y.ee[0, :, 0], -y.ee[0, :, 2]), true, atol=1e-9)
+
+
+@given(
+    values=st.lists(st.floats(-10, 10), min_size=3, max_size=30),
+    whole=st.integers(0, 7),
+    part=st.floats(0, 1, exclude_max=True),
+)
+def test_delay_line_is_linear_interpolation(values, whole, part):
+    line, got = DelayLine(0.5, 4.5), []
+    for v in values:
+        got.append(line(np.array([[v]]), np.array([[0.5 * (whole + part)]]))[0, 0])
+    at = np.arange(len(values)) - whole - part
+    np.testing.assert_allclose(got, np.interp(at, np.arange(len(values)), values), atol=1e-9)
+
+
+def test_encoder_offset_is_measured_minus_true():
+    """A servo brings the reading to its command, so the link ends `offset` short of it."""
+    offset, goal = 0.03, 0.4
+    segment = drive(FLOATING, "position", goal, seconds=1.5, kp=100.0, kd=9.0)
+    y = one(FLOATING, hinge("encoder_offset", offset=offset), segment, want_ee=True)
+    assert y.ee is not None
+    true = np.arctan2(-y.ee[0, :, 0], -y.ee[0, :, 2])
+    np.testing.assert_allclose(y.q[0, :, 0] - true, offset, atol=1e-12)
+    np.testing.assert_allclose(y.q[0, -1, 0], goal, atol=1e-6)
+
+
+def test_encoder_quantization_rounds_to_its_grid():
+    step = 2e-3
+    torque = 3.0 * np.sin(np.arange(400) / 30.0)
+    _, true, _ = angle(World(), torque)
+    _, read, y = angle(hinge("encoder_quantization", step=step), torque)
+    np.testing.assert_allclose(read / step, np.round(read / step), atol=1e-9)
+    assert np.abs(read - true).max() <= 0.5 * step + 1e-12
+    assert len(np.unique(read)) > 20
