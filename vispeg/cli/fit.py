@@ -1,7 +1,7 @@
 """Fits the parameters of named effects to recordings, with 95 % intervals.
 
-Effects are EFFECT:WHERE; WHERE `all` fits one value for all places, `each` one for each. Without --effects, those in the
-model file are fitted. Writes OUT/fit.json and OUT/model.yaml. A fit that was stopped goes on with --resume.
+Effects are EFFECT:WHERE; WHERE `all` fits one value for all places, `each` one for each. Without --effects, those in
+the model file are fitted. Writes OUT/fit.json and OUT/model.yaml. A fit that was stopped goes on with --resume.
 
 `--protocol paper` fits link masses, joint damping and the direction of gravity by CMA-ES to the flange's path in short
 sub-trajectories of one recording under operational space control (`vispeg record --motion osc`).
@@ -39,6 +39,8 @@ class Args:
     """What to fit, each EFFECT:WHERE[:param=start,...]."""
     method: Literal["auto", "least-squares", "cma"] = "auto"
     """auto: CMA-ES before least squares where an effect is not smooth, else least squares."""
+    iterations: int | None = None
+    """Steps at most; 15 (and ten times as many generations of CMA-ES), or 120 generations for the paper's protocol."""
     starts: int = 1
     """Optimizers that start at different values; the best one counts."""
     protocol: Literal["effects", "paper"] = "effects"
@@ -60,6 +62,8 @@ class Args:
 
         if self.starts < 1:
             raise UserError("nothing to fit", key="--starts", expected="1 or more", got=self.starts)
+        if self.iterations is not None and self.iterations < 1:
+            raise UserError("nothing to fit", key="--iterations", expected="1 or more", got=self.iterations)
         if self.protocol == "paper":
             from vispeg.cli.fit_paper import run_paper
 
@@ -72,7 +76,7 @@ class Args:
         from vispeg.core.files import new_folder
         from vispeg.core.provenance import provenance
         from vispeg.effects.model_file import model_text
-        from vispeg.identify.calibrate import calibrate
+        from vispeg.identify.calibrate import ITERATIONS, calibrate
         from vispeg.identify.checkpoint import Checkpoint
         from vispeg.identify.inverse import evidence_for
         from vispeg.report.fitted import fit_record, print_fit
@@ -85,13 +89,13 @@ class Args:
         key = [model_text(world), list(free), self.method, self.starts, self.seed, stamp["inputs"]]
         part = self.out.with_name(self.out.name + ".part")
         with new_folder(self.out, overwrite=self.overwrite) as folder:
-            with following(self.starts, self.quiet) as told:
+            steps = self.iterations or ITERATIONS
+            with following(self.starts, steps, self.quiet) as told:
                 checkpoint = Checkpoint(part / "checkpoint.json", key, self.starts, self.resume, told)
                 evidence = evidence_for(world, fitted, self.threads)
                 judged = evidence_for(world, held_out, self.threads, h_max=1e-3) if held_out else None
-                found = calibrate(
-                    evidence, world, free, seed=self.seed, method=self.method, starts=self.starts, checkpoint=checkpoint
-                )
+                options = {"method": self.method, "starts": self.starts, "iterations": steps}
+                found = calibrate(evidence, world, free, seed=self.seed, checkpoint=checkpoint, **options)
             record, final = fit_record(given, found, free, evidence, judged)
             record |= {"provenance": stamp}
             write_json(folder / "fit.json", record)

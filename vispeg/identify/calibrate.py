@@ -52,6 +52,7 @@ def calibrate(
     seed: int,
     method: Method = "auto",
     starts: int = 1,
+    iterations: int = ITERATIONS,
     checkpoint: Checkpoint | None = None,
     say: Callable[[str], None] | None = None,
 ) -> Calibration:
@@ -64,6 +65,7 @@ def calibrate(
         seed: of the random starts and of CMA-ES.
         method: see `chosen`.
         starts: optimizers; the first begins at the world's values, the others at random ones.
+        iterations: least-squares steps at most, and a tenth of the CMA-ES generations.
         checkpoint: keeps their traces.
         say: is told what is simulated.
     """
@@ -73,7 +75,7 @@ def calibrate(
         begin = world if i == 0 else space.at(_draw(space, stream(seed, "fit", "start", i)))
         trace = checkpoint.traces[i] if checkpoint is not None else None
         rng, gentler = stream(seed, "fit", "cma", i), [_shrunk(begin, free, share) for share in SHRINK]
-        options = {"iterations": ITERATIONS, "method": how, "rng": rng, "trace": trace}
+        options = {"iterations": iterations, "method": how, "rng": rng, "trace": trace}
         jobs.append(fit_job(evidence, begin, free, starts=gentler, **options))
     fits = run_together(jobs, evidence.residuals, say)
     best = min(fits, key=lambda f: f.cost)

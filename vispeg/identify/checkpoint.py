@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -72,17 +73,22 @@ class Checkpoint:
         self.file, self.told = file, told
         self.key = hashlib.sha256(json.dumps(key, sort_keys=True, default=str).encode()).hexdigest()
         self.traces = _read(file, self.key, starts) if resume and file.is_file() else [Trace() for _ in range(starts)]
+        self._lock = threading.Lock()  # starts run in threads of their own
         for i, trace in enumerate(self.traces):
             trace.told = lambda i=i: self._told(i)
 
     def _told(self, i: int) -> None:
+        with self._lock:
+            self._write()
+        self.told(i, self.traces[i])
+
+    def _write(self) -> None:
         rows = [
             {"u": None if t.u is None else t.u.tolist(), "generations": t.generations, "laps": t.laps, "cost": t.cost}
             for t in self.traces
         ]
         text = json.dumps({"format": FORMAT, "key": self.key, "traces": rows})
         write_text_atomic(self.file, text, overwrite=True)
-        self.told(i, self.traces[i])
 
     def remove(self) -> None:
         """The fit is done: nothing is left behind."""

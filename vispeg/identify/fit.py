@@ -12,6 +12,7 @@ from scipy import optimize, stats
 from vispeg.core.effect import Placed, Value
 from vispeg.core.world import World
 from vispeg.identify.checkpoint import Trace
+from vispeg.identify.cmaes import minimise
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.pool import Submit
 from vispeg.identify.space import Space
@@ -152,31 +153,18 @@ class _Point:
 def _cma(
     space: Space, u0: np.ndarray, submit: Submit, budget: int, rng: np.random.Generator | None, trace: Trace | None
 ) -> np.ndarray:
-    """Global search by CMA-ES (Hansen, `cma`), a population at a time in one batch of rollouts.
-
-    Populations whose costs a trace knows are drawn again but not simulated: the search stands where it stood.
-    """
-    import cma
-
+    """Global search by CMA-ES, in coordinates that run from 0 to 1 over the bounds."""
     if rng is None:
         raise ValueError("CMA-ES needs a random generator")
     low, high = space.bounds
     span = high - low
-    options = {"bounds": [0.0, 1.0], "seed": int(rng.integers(1, 2**31)), "verbose": -9, "maxfevals": 40 * budget}
-    search = cma.CMAEvolutionStrategy((u0 - low) / span, 0.2, options)
-    known = list(trace.generations) if trace is not None else []
-    for k in range(budget):
-        if search.stop():
-            break
-        points = search.ask()
-        if k < len(known):
-            search.tell(points, known[k])
-            continue
-        costs = [_cost(r) for r in submit([space.at(low + span * np.asarray(x)) for x in points])]
-        search.tell(points, costs)
-        if trace is not None:
-            trace.generation(costs)
-    return low + span * np.asarray(search.result.xbest)
+
+    def costs(points: list[np.ndarray]) -> list[float]:
+        return [_cost(r) for r in submit([space.at(low + span * x) for x in points])]
+
+    zero, one = np.zeros(len(span)), np.ones(len(span))
+    start = (u0 - low) / span
+    return low + span * minimise(costs, start, zero, one, sigma=0.2, generations=budget, rng=rng, trace=trace)
 
 
 def _summary(evidence: Evidence, space: Space, u: np.ndarray, converged: bool, point: _Point) -> Fit:

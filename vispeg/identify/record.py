@@ -160,8 +160,8 @@ def declared(world: World) -> dict[str, Any] | None:
         turn = turn.reshape(3, 3)
         at = model.body_ipos[b] + (0 if b == root else model.body_pos[b])
         parts.append((model.body_mass[b], at, turn @ np.diag(model.body_inertia[b]) @ turn.T))
-    mass = sum(p[0] for p in parts)
-    com = sum(p[0] * p[1] for p in parts) / mass
+    mass = float(sum(p[0] for p in parts))
+    com = np.sum([p[0] * p[1] for p in parts], axis=0) / mass
     inertia = np.zeros((3, 3))
     for m, at, own in parts:
         d = at - com

@@ -1,0 +1,52 @@
+"""CMA-ES over a box, a population at a time, able to go on where a trace ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from vispeg.identify.checkpoint import Trace
+
+
+def minimise(
+    costs: Callable[[list[np.ndarray]], Sequence[float]],
+    start: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    *,
+    sigma: float,
+    generations: int,
+    rng: np.random.Generator,
+    trace: Trace | None = None,
+) -> np.ndarray:
+    """The best point found (Hansen's `cma`; N. Hansen, The CMA Evolution Strategy: A Tutorial, arXiv:1604.00772).
+
+    Populations whose costs a trace knows are drawn again but not evaluated: the search stands where it stood.
+
+    Args:
+        costs: of a whole population of points (n,), finite.
+        start: where to begin.
+        low, high: bounds (n,).
+        sigma: first step, in the coordinates' own unit.
+        generations: populations at most.
+        rng: the only source of chance.
+        trace: what is known already, and is told of each new population.
+    """
+    import cma
+
+    options = {"bounds": [low.tolist(), high.tolist()], "seed": int(rng.integers(1, 2**31)), "verbose": -9}
+    search = cma.CMAEvolutionStrategy(start, sigma, options)
+    known = list(trace.generations) if trace is not None else []
+    for k in range(generations):
+        if search.stop():
+            break
+        points = search.ask()
+        if k < len(known):
+            search.tell(points, known[k])
+            continue
+        found = [float(c) for c in costs([np.asarray(x) for x in points])]
+        search.tell(points, found)
+        if trace is not None:
+            trace.generation(found)
+    return np.asarray(search.result.xbest)

@@ -1,0 +1,165 @@
+"""The sub-trajectory protocol: link masses, joint damping and gravity fitted to the flange's path by CMA-ES.
+
+A recording under operational space control is cut into short pieces. Each is simulated from its own measured start, so
+that an error does not grow along the whole motion. The cost is the sum over the pieces of the 2-norm of measured less
+simulated flange positions. This is how insertion policies have been transferred to this arm; it gives no intervals and
+sees only the flange, which is why `vispeg fit --effects` exists beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vispeg.core.effect import Placed, effect
+from vispeg.core.errors import UserError
+from vispeg.core.world import World
+from vispeg.identify.checkpoint import Trace
+from vispeg.identify.cmaes import minimise
+from vispeg.identify.evidence import robot_of
+from vispeg.recordings.recording import Recording
+from vispeg.robots.model import RobotModel
+from vispeg.sim.nominal import Nominal
+from vispeg.sim.rollout import compiled, flange_pose, simulate
+from vispeg.sim.segment import Segment, segments
+
+PIECES, STEPS = 9, 50
+TILT, MASS, DECAY = 0.01, 0.3, 2.0  # rad, kg, 1/s: a typical size of each parameter; damping is DECAY times inertia
+WORST = 1.0  # m: cost of a piece whose rollout diverged, a step
+GENERATIONS = 120
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """Sub-trajectories of one recording.
+
+    Attributes:
+        robot: the nominal robot.
+        segments: as `simulate` takes them, with `STEPS` sample times each.
+        measured: (npiece, nstep, 3) m, flange positions in the base frame.
+    """
+
+    robot: RobotModel
+    segments: tuple[Segment, ...]
+    measured: np.ndarray
+
+    @property
+    def time(self) -> np.ndarray:
+        """(npiece * nstep,) s, the pieces laid end to end."""
+        length = self.segments[0].ticks * self.segments[0].tick
+        return np.concatenate([k * length + s.time for k, s in enumerate(self.segments)])
+
+
+def cut(rec: Recording, pieces: int = PIECES, steps: int = STEPS) -> Pieces:
+    """Cuts a recording into equal pieces, or takes its episodes where there are as many.
+
+    Raises:
+        UserError: another controller than osc, or too few samples.
+    """
+    if rec.control.mode != "osc":
+        expected = "osc, such as from `vispeg record --motion osc`"
+        raise UserError(
+            "another controller", file=rec.path, key="control.mode", expected=expected, got=rec.control.mode
+        )
+    robot, whole = robot_of(rec), segments(rec)
+    if len(whole) not in (1, pieces):
+        raise UserError(
+            "cannot be cut", file=rec.path, key="episode", expected=f"1 or {pieces} episodes", got=len(whole)
+        )
+    parts = pieces // len(whole)
+    ticks = min(s.ticks for s in whole) // parts
+    if ticks < steps:
+        raise UserError(
+            "is too short", file=rec.path, expected=f"{parts * steps} control ticks or more", got=parts * ticks
+        )
+    out = [_piece(s, k * ticks, ticks, steps) for s in whole for k in range(parts)]
+    path = rec.ee[:, :3] if rec.ee is not None else flange_pose(robot, rec.q)[:, :3]
+    measured = np.stack(
+        [np.stack([np.interp(s.rows, np.arange(len(path)), column) for column in path.T], 1) for s in out]
+    )
+    return Pieces(robot, tuple(out), measured)
+
+
+def _piece(whole: Segment, first: int, ticks: int, steps: int) -> Segment:
+    rows = slice(first, first + ticks)
+    at = (
+        np.arange(1, steps + 1) * ticks
+    ) // steps - 1  # ticks at which the flange is compared; the last one is the end
+    grid = np.interp((first + at) * whole.tick, whole.time, whole.rows)  # row numbers, whole where the clocks agree
+    command = {name: values[rows] for name, values in whole.command.items()}
+    q, dq, raw = whole.q[rows], whole.dq[rows], whole.q_raw[rows]
+    return Segment(whole.control, whole.tick, command, q, dq, raw, at * whole.tick, grid)
+
+
+def paths(pieces: Pieces, worlds: Sequence[World], nthread: int = 1) -> np.ndarray:
+    """Flange positions (nworld, npiece, nstep, 3) m of simulated worlds; NaN where a rollout diverged."""
+    found = simulate(pieces.robot, worlds, pieces.segments, h_max=2e-3, nthread=nthread, want_ee=True)
+    out = np.stack([r.ee[:, :, :3] for r in found if r.ee is not None], axis=1)
+    out[np.stack([r.diverged for r in found], axis=1)] = np.nan
+    return out
+
+
+def cost(pieces: Pieces, simulated: np.ndarray) -> float:
+    """Sum over the pieces of the 2-norm of measured less simulated positions (npiece, nstep, 3), m."""
+    gap = np.nan_to_num(pieces.measured - simulated, nan=WORST)
+    return float(np.linalg.norm(gap.reshape(len(gap), -1), axis=1).sum())
+
+
+class Coordinates:
+    """The protocol's parameters as a vector in units of a typical size: tilt (2), link masses (nj), damping (nj)."""
+
+    def __init__(self, world: World, pieces: Pieces):
+        robot = pieces.robot
+        nominal = Nominal(compiled(robot), robot.joints, robot.flange, 1, 1)
+        mass = nominal.operational(pieces.segments[0].q[:1])[0][0]
+        inertia = 1.0 / np.diagonal(np.linalg.inv(mass))
+        self.world = world
+        self.axes: list[tuple[str, str, str, float]] = [("gravity_tilt", "base", k, TILT) for k in ("roll", "pitch")]
+        self.axes += [("link_mass", link, "mass", MASS) for link in robot.links]
+        self.axes += [("viscous_friction", j, "damping", DECAY * i) for j, i in zip(robot.joints, inertia, strict=True)]
+        here = {(e.effect, e.where): e for e in world.effects}
+        places = dict.fromkeys((name, where) for name, where, _, _ in self.axes)
+        self.placed = {at: here.get(at, Placed.of(*at)) for at in places}
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper bounds."""
+        params = [effect(name).params[key] for name, _, key, _ in self.axes]
+        unit = np.array([a[3] for a in self.axes])
+        return np.array([p.low for p in params]) / unit, np.array([p.high for p in params]) / unit
+
+    @property
+    def start(self) -> np.ndarray:
+        """The given model's values (null where it has no such effect)."""
+        return np.array([self.placed[name, where].params[key].value / unit for name, where, key, unit in self.axes])
+
+    def at(self, x: np.ndarray) -> World:
+        """The world at a point."""
+        low, high = self.bounds
+        values: dict[tuple[str, str], dict[str, float]] = {}
+        for (name, where, key, unit), v in zip(self.axes, np.clip(x, low, high), strict=True):
+            values.setdefault((name, where), {})[key] = float(v * unit)
+        return self.world.add(*(self.placed[at].with_values(**v) for at, v in values.items()))
+
+
+def fit_paper(
+    world: World,
+    pieces: Pieces,
+    *,
+    rng: np.random.Generator,
+    generations: int = GENERATIONS,
+    nthread: int = 1,
+    trace: Trace | None = None,
+) -> World:
+    """The world with masses, damping and gravity that bring the flange's path nearest to the measured one."""
+    space = Coordinates(world, pieces)
+    low, high = space.bounds
+
+    def costs(points: list[np.ndarray]) -> list[float]:
+        return [cost(pieces, y) for y in paths(pieces, [space.at(x) for x in points], nthread)]
+
+    start = np.clip(space.start, low, high)
+    best = minimise(costs, start, low, high, sigma=0.5, generations=generations, rng=rng, trace=trace)
+    return space.at(best)
