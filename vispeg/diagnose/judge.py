@@ -13,7 +13,7 @@ from vispeg.core.world import World
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit
 
-CAP = 1e4  # squared whitened residual beyond which a reading counts no more: one bad row must not decide
+CAP = 1e7  # squared whitened residual beyond which a reading counts no more: one wild row must not decide
 
 
 @dataclass(frozen=True)

@@ -129,6 +129,9 @@ def _score(probe: Placed, names: list[str], s: np.ndarray, base: np.ndarray, bas
     values = {}
     for m, c in zip(names, fit.x, strict=True):
         p, reach = kind.params[m], probe.params[m].value - kind.params[m].null
+        if p.scale == "log":  # its null lies at the end of the range, and no line leads there: the guess stands
+            values[m] = probe.params[m].value
+            continue
         c = c if abs(c) > 0.02 else 0.02
         values[m] = float(np.clip(p.null + c * reach, p.low, p.high))
     return Score(probe.with_values(**values), gain, (explained / size).astype(np.float32))

@@ -19,7 +19,6 @@ from vispeg.identify.pool import run_together
 
 BEST = 7  # candidates fitted at each step
 AT_FLOOR = 1.25  # held-out noise variances at which there is nothing left to look for
-LEAST_GAIN = 0.02  # share of the held-out squared error that a step must remove
 TIE = 0.03  # two fits this close in held-out squared error (above the floor) count as equals
 LEAST_SHARE = 0.001  # of the first held-out excess over noise that a later step must remove
 REFINEMENT = 0.03  # the same for a second effect of the same kind at the same place: no model of friction is exact
@@ -58,6 +57,7 @@ class Search:
 
     def __init__(self, evidence: Evidence, judge: Judge, say: Callable[[str], None] = lambda _: None):
         self.evidence, self.judge, self.say = evidence, judge, say
+        self.least_share = min(LEAST_SHARE, evidence.least_gain)
 
     def run(self, world: World) -> State:
         """Adds effects until none earns its place on the held-out recordings."""
@@ -81,7 +81,7 @@ class Search:
     def _worth_it(self, state: State) -> bool:
         """Whether enough is left above the floor for a step to be able to pass."""
         left, first = self.judge.mean(state.loss) - 1.0, state.first - 1.0
-        return left > AT_FLOOR - 1.0 and (state.fit is None or left > LEAST_SHARE * first)
+        return left > AT_FLOOR - 1.0 and (state.fit is None or left > self.least_share * first)
 
     def lacks(self, world: World) -> list[Lack]:
         """Missing torque of every fitted segment under a world."""
@@ -93,12 +93,12 @@ class Search:
         lacks = self.lacks(state.world)
         item = self.evidence.items[0]
         if joints is None:
-            joints = suspects(lacks, item.robot.joints)
+            joints = suspects(lacks, item.robot.joints) if self.evidence.unit == "rad" else item.robot.joints
         places = candidates(self.evidence, state.world, joints)
         jac = state.fit.jacobian if state.fit is not None else None
         scores = screen(self.evidence, state.world, state.residual, jac, places, looks(lacks, self.evidence.items))
         state.screening = scores
-        need = max(LEAST_GAIN * self.judge.mean(state.loss), LEAST_SHARE * max(state.first - 1.0, 0.0))
+        need = max(self.evidence.least_gain * self.judge.mean(state.loss), self.least_share * max(state.first - 1.0, 0.0))
         if not scores or scores[0].gain / self.evidence.count < PROMISE * need:
             return []
         return self.try_all(state, shortlist(scores, best), given, len(places))
@@ -127,10 +127,10 @@ class Search:
             alike = next((e for e in state.world.effects if _alike(e, t.score.placed)), None)
             if alike is not None and share < REFINEMENT:
                 why = f"only refines {alike.label} at the same place ({100 * share:.2g} % of the first excess)"
-            elif share < LEAST_SHARE:
-                why = f"removes {100 * share:.2g} % of the first excess, under {100 * LEAST_SHARE:.1g} %"
-            elif t.gain.relative < LEAST_GAIN:
-                why = f"held-out gain {100 * t.gain.relative:.1f} % is under {100 * LEAST_GAIN:.0f} %"
+            elif share < self.least_share:
+                why = f"removes {100 * share:.2g} % of the first excess, under {100 * self.least_share:.1g} %"
+            elif t.gain.relative < self.evidence.least_gain:
+                why = f"held-out gain {100 * t.gain.relative:.1f} % is under {100 * self.evidence.least_gain:.0f} %"
             elif t.gain.z < level:
                 why = f"held-out gain is {t.gain.z:.1f} standard errors, under {level:.1f}"
             elif not present(t.fit, len(t.fit.world.effects) - 1):
@@ -166,7 +166,7 @@ class Search:
             losses = self.judge.losses([f.world for f in fits])
             gains = [self.judge.gain(loss, state.loss) for loss in losses]
             k = int(np.argmin([g.mean for g in gains]))
-            if gains[k].relative >= LEAST_GAIN and gains[k].z >= 2.0:
+            if gains[k].relative >= self.evidence.least_gain and gains[k].z >= 2.0:
                 return
             self.say(f"{state.world.effects[given + k].label} is no longer needed")
             state.world, state.fit, state.loss, state.residual = fits[k].world, fits[k], losses[k], fits[k].residual

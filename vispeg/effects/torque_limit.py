@@ -26,6 +26,6 @@ class TorqueLimit(Effect):
 
     def guesses(self, look):
         """The greatest torques that the motion shows: a drive that saturates delivers its limit and no more."""
-        tops = np.quantile(np.abs(look.needed), (0.99, 0.95, 0.9))
+        tops = np.append(np.quantile(np.abs(look.needed), (1.0, 0.97, 0.9)), 1.1 * np.max(np.abs(look.needed)))
         asked = float(np.max(np.abs(look.tau)))
         return [{"limit": float(t)} for t in tops if self.params["limit"].low < t < asked]

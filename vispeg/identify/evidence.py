@@ -83,6 +83,7 @@ class Evidence:
         self._recent: list[tuple[tuple[World, ...], list[np.ndarray]]] = []
         self.rollouts = 0.0  # simulated seconds, for the record
 
+    least_gain = 0.02  # share of the held-out squared error that a step must remove
     most_effects = 6  # that a search may add: rollouts are dear
 
     def sees(self, kind: Effect) -> bool:

@@ -26,6 +26,7 @@ from vispeg.sim.segment import Segment
 from vispeg.sim.state import DriveState, Fields
 
 MOTION_HZ = 8.0  # bandwidth of the motion whose acceleration is believed
+SAMPLES_HZ = 50.0  # six times that bandwidth: more samples would only repeat it
 STICK = 0.01  # rad/s over which dry friction changes sign: velocity noise makes a sharper edge meaningless
 REPEATABILITY = 0.02  # of a joint torque's spread: what a torque sensor is trusted to where nothing is known
 RIGID = frozenset({"body_mass", "body_ipos", "body_inertia", "body_iquat", "opt.gravity"})
@@ -43,11 +44,14 @@ class TorqueEvidence(Evidence):
         self.recordings = list(recordings)
         self.unit, self.notes, self.rollouts = "N m", list(CAVEATS), 0.0
         self._recent = []
-        sigma, self.floor_from = _noise(self.recordings)
+        noise, self.floor_from = _noise(self.recordings)
+        # one weight for all joints: what the rigid model lacks exceeds sensor noise by far, so newton metres count alike
+        sigma = np.full_like(noise, np.sqrt(np.mean(noise**2)))
         self.items = [_item(rec, sigma) for rec in recordings]
-        self._ddq = [smooth(i.segment.time, i.segment.q_raw, MOTION_HZ)[2] for i in self.items]
+        self._ddq = [i.segment.known["ddq"] for i in self.items]
         self._rigid: dict[tuple[int, str], tuple[np.ndarray, np.ndarray]] = {}
 
+    least_gain = 0.002
     most_effects = 24  # inverse dynamics is cheap, and friction sits in every joint
 
     def sees(self, kind: Effect) -> bool:
@@ -127,12 +131,15 @@ def _item(rec: Recording, sigma: np.ndarray) -> Item:
         raise UserError("the controller is unknown and no torque was measured", file=rec.path, key="tau.*", expected="torque columns")
     robot = robot_of(rec)
     time = rec.time - rec.time[0]
-    q, dq, _ = smooth(time, rec.q, MOTION_HZ)
+    thin = slice(None, None, max(1, round(rec.rate_hz / SAMPLES_HZ)))
+    q, dq, ddq = (v[thin] for v in smooth(time, rec.q, MOTION_HZ))
+    time, tau, raw = time[thin], rec.tau[thin], rec.q[thin]
     control = Control("unknown", rec.rate_hz)
-    segment = Segment(control, 1.0 / rec.rate_hz, {}, q, dq, np.where(np.isfinite(rec.q), rec.q, q), time, np.arange(len(time)))
+    segment = Segment(control, 1.0 / rec.rate_hz, {}, q, dq, np.where(np.isfinite(raw), raw, q), time, np.arange(len(time)))
+    segment.known["ddq"] = ddq
     inside = (time >= 0.5) & (time <= time[-1] - 0.5)  # the ends are where a zero-phase filter guesses
-    valid = np.isfinite(rec.tau) & inside[:, None]
-    return Item(rec, segment, robot, rec.tau, sigma, valid, "torque")
+    valid = np.isfinite(tau) & inside[:, None]
+    return Item(rec, segment, robot, tau, sigma, valid, "torque")
 
 
 def _noise(recordings: Sequence[Recording]) -> tuple[np.ndarray, str]:

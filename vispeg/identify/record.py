@@ -7,13 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
-import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.world import World
 from vispeg.identify.excitation import Motion, room_of
 from vispeg.recordings.recording import Control, Nullspace, Recording
+from vispeg.robots.declared import declared
 from vispeg.robots.model import RobotModel, load
 from vispeg.sim.nominal import Nominal
 from vispeg.sim.rollout import compiled, flange_pose, simulate
@@ -130,7 +130,7 @@ def record(
         rate_hz=control.rate_hz,
         control=bare,
         time=np.tile(motion.time, repeat),
-        tool=declared(world),
+        tool=declared(world.robot, world.tool),
         torque_sensor=torque_sensor,
         noise=stated,
         motion=motion.name,
@@ -142,40 +142,6 @@ def record(
 def centre_of(robot: RobotModel) -> np.ndarray:
     """The posture (nj,) rad about which motions move."""
     return room_of(robot, 100.0, 1.0).centre
-
-
-def declared(world: World) -> dict[str, Any] | None:
-    """The world's tool as a recording states it: mass, centre and diagonal inertia in the flange frame."""
-    if world.tool is None or world.tool == "none":
-        return None
-    if not isinstance(world.tool, str):
-        return dict(world.tool)
-    model = load(world.robot, tool=world.tool).compile()
-    bodies = [b for b in range(model.nbody) if model.body(b).name == "tool" or _parent(model, b) == "tool"]
-    root = model.body("tool").id
-    parts = []
-    for b in bodies:
-        turn = np.empty(9)
-        mujoco.mju_quat2Mat(turn, model.body_iquat[b])
-        turn = turn.reshape(3, 3)
-        at = model.body_ipos[b] + (0 if b == root else model.body_pos[b])
-        parts.append((model.body_mass[b], at, turn @ np.diag(model.body_inertia[b]) @ turn.T))
-    mass = float(sum(p[0] for p in parts))
-    com = np.sum([p[0] * p[1] for p in parts], axis=0) / mass
-    inertia = np.zeros((3, 3))
-    for m, at, own in parts:
-        d = at - com
-        inertia += own + m * (d @ d * np.eye(3) - np.outer(d, d))
-    return {
-        "mass_kg": float(mass),
-        "com_m": [float(v) for v in com],
-        "inertia_kgm2": [float(v) for v in np.diag(inertia)],
-        "name": world.tool,
-    }
-
-
-def _parent(model: mujoco.MjModel, body: int) -> str:
-    return model.body(int(model.body_parentid[body])).name
 
 
 def _segment(robot: RobotModel, motion: Motion, control: Control) -> Segment:

@@ -1,0 +1,40 @@
+"""A tool as a recording states it: mass, centre and diagonal inertia, whether it was given so or by name."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from vispeg.robots.model import Tool, load
+
+
+def declared(robot: str, tool: Tool) -> dict[str, Any] | None:
+    """`tool` in RECORDING.md's form: kg, m and kg m^2 about the centre of mass, along the flange's axes.
+
+    The bodies of a named tool are joined by Steiner's theorem; products of inertia, which the form cannot state, are
+    dropped (they vanish for the tools there are).
+    """
+    if tool is None or tool == "none":
+        return None
+    if not isinstance(tool, str):
+        return dict(tool)
+    model = load(robot, tool=tool).compile()
+    root = model.body("tool").id
+    parts = []
+    for b in range(model.nbody):
+        if b != root and int(model.body_parentid[b]) != root:
+            continue
+        turn = np.empty(9)
+        mujoco.mju_quat2Mat(turn, model.body_iquat[b])
+        turn = turn.reshape(3, 3)
+        at = model.body_ipos[b] + (0.0 if b == root else model.body_pos[b])
+        parts.append((model.body_mass[b], at, turn @ np.diag(model.body_inertia[b]) @ turn.T))
+    mass = float(sum(p[0] for p in parts))
+    com = np.sum([p[0] * p[1] for p in parts], axis=0) / mass
+    inertia = np.zeros((3, 3))
+    for m, at, own in parts:
+        d = at - com
+        inertia += own + m * (d @ d * np.eye(3) - np.outer(d, d))
+    return {"mass_kg": mass, "com_m": com.tolist(), "inertia_kgm2": np.diag(inertia).tolist(), "name": tool}
