@@ -1,0 +1,50 @@
+"""`vispeg add`: a model file grows or changes by exactly what was asked."""
+
+import pytest
+
+from vispeg.effects.model_file import load_model
+
+
+def test_add_then_replace_then_keep(vispeg, tmp_path):
+    assert vispeg("add", "iiwa14", "stribeck_friction", "joint4", "--set", "coulomb=1.5", "--out", "a.yaml")[0] == 0
+    code, out, _ = vispeg("add", "a.yaml", "payload", "flange", "--set", "mass=0.6", "z=0.07", "--out", "b.yaml")
+    assert code == 0 and "stribeck_friction(joint4) + payload(flange)" in out
+    assert vispeg("add", "b.yaml", "stribeck_friction", "joint4", "--set", "velocity=0.1", "--out", "c.yaml")[0] == 0
+    a, b, c = (load_model(tmp_path / f"{name}.yaml") for name in "abc")
+    assert [e.label for e in a.effects] == ["stribeck_friction(joint4)"]
+    assert b.effects[0] == a.effects[0]
+    assert {k: v.value for k, v in b.effects[1].params.items()}.items() >= {"mass": 0.6, "z": 0.07}.items()
+    was, now = b.effects[0].params, c.effects[0].params
+    assert len(c.effects) == 2 and c.effects[1] == b.effects[1]
+    assert now["velocity"].value == pytest.approx(0.1) and now["coulomb"] == was["coulomb"]
+
+
+def test_the_given_file_is_not_touched(vispeg, refused, tmp_path):
+    vispeg("add", "iiwa14", "joint_bias", "joint1", "--set", "torque=1", "--out", "m.yaml")
+    before = (tmp_path / "m.yaml").read_bytes()
+    refused(["add", "m.yaml", "payload", "flange", "--out", "m.yaml"], "exists already")
+    assert (tmp_path / "m.yaml").read_bytes() == before
+    assert vispeg("add", "m.yaml", "payload", "flange", "--out", "m.yaml", "--overwrite")[0] == 0
+    assert len(load_model(tmp_path / "m.yaml").effects) == 2
+
+
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        (["iiwa14", "payloads", "flange"], ["unknown effect", "did you mean 'payload'"]),
+        (["iiwa14", "payload", "joint4"], ["no such place", "flange"]),
+        (["iiwa14", "cogging", "joint8"], ["no such place", "joint7"]),
+        (["iiwa14", "payload", "flange", "--set", "mas=1"], ["no such parameter", "'mass'"]),
+        (["iiwa14", "payload", "flange", "--set", "mass=99"], ["out of bounds", "15 kg"]),
+        (["iiwa14", "payload", "flange", "--set", "mass=nan"], ["out of bounds"]),
+        (["iiwa14", "payload", "flange", "--set", "mass"], ["name=number"]),
+        (["iiwa15", "payload", "flange"], ["unknown robot", "iiwa14"]),
+        (["gone.yaml", "payload", "flange"], ["no such model file"]),
+    ],
+)
+def test_mistakes(refused, args, words):
+    refused(["add", *args, "--out", "m.yaml"], *words)
+
+
+def test_out_must_be_a_model_file(refused):
+    refused(["add", "iiwa14", "payload", "flange", "--out", "m.json"], "--out", ".yaml")

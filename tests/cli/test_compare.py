@@ -1,0 +1,44 @@
+"""`vispeg compare`: a right model stands at the noise floor, a wrong one is caught at the right joint."""
+
+import json
+
+import numpy as np
+import pytest
+
+from vispeg.recordings.load import load
+
+
+def test_missing_friction_is_seen_at_its_joint(vispeg, rigs, tmp_path):
+    code, out, _ = vispeg("compare", "iiwa14", "--recording", rigs["friction"], "--out", "c")
+    assert code == 0 and "joint4" in out and "where it fails: joint4" in out
+    record = json.loads((tmp_path / "c" / "compare.json").read_text())
+    assert record["format"] == "vispeg-compare/1" and record["ladder"][0]["fit_error"] is None
+    worst = max(record["joints"], key=lambda row: row["error"])
+    assert worst["joint"] == "joint4" and worst["times_floor"] > 20
+    assert record["where_it_fails"][0]["joint"] == "joint4"
+    total = np.sqrt(np.mean([row["error"] ** 2 for row in record["joints"]]))
+    assert record["ladder"][0]["heldout_error"] == pytest.approx(total, rel=1e-6)
+    page = (tmp_path / "c" / "report.html").read_text()
+    assert "comparison" in page and "joint4" in page
+    rec = load(rigs["friction"])
+    with np.load(tmp_path / "c" / "evidence.npz", allow_pickle=False) as arrays:
+        assert np.allclose(arrays["0/measured"], rec.q, atol=1e-6)
+
+
+def test_the_right_model_is_at_the_floor(vispeg, rigs, tmp_path):
+    vispeg("add", "iiwa14", "coulomb_friction", "joint4", "--set", "torque=1.2", "--out", "m.yaml")
+    both = ["--recording", rigs["friction"], "--recording", rigs["friction2"]]
+    code, out, _ = vispeg("compare", "m.yaml", *both, "--out", "c")
+    assert code == 0 and "noise floor" in out
+    record = json.loads((tmp_path / "c" / "compare.json").read_text())
+    assert record["chi2"] < 1.5
+    assert set(record["provenance"]["inputs"]) == {str(rigs["friction"]), str(rigs["friction2"])}
+
+
+def test_mistakes(refused, rigs, tmp_path):
+    refused(["compare", "iiwa14", "--out", "c"], "no recording")
+    refused(["compare", "iiwa14", "--recording", "gone", "--out", "c"], "does not exist")
+    refused(["compare", "gone.yaml", "--recording", rigs["nominal"], "--out", "c"], "no such model file")
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "mine").write_text("mine")
+    refused(["compare", "iiwa14", "--recording", rigs["nominal"], "--out", "full"], "not empty")

@@ -1,0 +1,50 @@
+"""`vispeg effects`: every effect is listed with what a user needs, and one is drawn without overwriting."""
+
+import json
+
+import numpy as np
+import pytest
+
+from vispeg.core.effect import REGISTRY
+from vispeg.identify.signature import signature
+
+
+def test_every_effect_is_listed_with_its_parameters(vispeg):
+    code, out, _ = vispeg("effects")
+    assert code == 0
+    listed = {line.split()[0] for line in out.splitlines() if line.strip()}
+    assert set(REGISTRY) <= listed
+    code, out, _ = vispeg("effects", "--json")
+    found = {row["name"]: row for row in json.loads(out)}
+    assert set(found) == set(REGISTRY)
+    for name, row in found.items():
+        assert row["summary"] and row["description"] and row["where"]
+        assert set(row["params"]) == set(REGISTRY[name].params)
+        for key, p in row["params"].items():
+            param = REGISTRY[name].params[key]
+            assert (p["low"], p["high"], p["unit"]) == (param.low, param.high, param.unit)
+            assert p["null"] == (None if param.shape else param.null)
+
+
+def test_one_effect_is_explained_and_drawn_once(vispeg, refused, tmp_path):
+    code, out, _ = vispeg("effects", "coulomb_friction")
+    picture = tmp_path / "effect-coulomb_friction.png"
+    assert code == 0 and "sign(dq)" in out and "N m" in out
+    first = picture.read_bytes()
+    assert first.startswith(b"\x89PNG")
+    refused(["effects", "coulomb_friction"], "exists already", "--overwrite")
+    assert picture.read_bytes() == first
+
+
+def test_picture_of_friction_shows_the_servo_deflected_by_friction():
+    """At constant speed a servo lags by friction / stiffness: 0.5 N m over the joint's 400 N m/rad, either way."""
+    s = signature("coulomb_friction", "joint4")
+    assert s.joint == "joint4"
+    size = np.abs(s.deviation[500:])
+    assert np.median(size) == pytest.approx(0.5 / 400.0, rel=0.15)
+    assert s.deviation.min() < -1e-3 and s.deviation.max() > 1e-3
+
+
+def test_no_effect_no_picture(refused):
+    refused(["effects", "coulomb"], "unknown effect", "did you mean 'coulomb_friction'")
+    refused(["effects", "payload", "--where", "joint3"], "no such place", "flange")

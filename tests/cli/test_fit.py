@@ -1,0 +1,160 @@
+"""`vispeg fit`: known values come back with intervals, doubts are said, and a killed fit goes on."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vispeg.effects.model_file import load_model
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def fitted(out: Path) -> dict:
+    return json.loads((out / "fit.json").read_text())
+
+
+def test_known_friction_comes_back_and_the_held_out_error_falls(vispeg, rigs, tmp_path):
+    both = ["--recording", rigs["friction"], "--validate", rigs["friction2"]]
+    code, out, _ = vispeg("fit", "iiwa14", *both, "--effects", "coulomb_friction:joint4", "--out", "f", "--quiet")
+    assert code == 0 and "coulomb_friction(joint4)" in out
+    record = fitted(tmp_path / "f")
+    torque = record["effects"][0]["params"]["torque"]
+    assert torque["low"] <= 1.2 <= torque["high"] and torque["high"] - torque["low"] < 0.1
+    given, final = (row["heldout_error"] for row in record["ladder"])
+    assert final < 0.05 * given and final < 1.5 * record["noise_floor"]["value"]
+    assert record["converged"] and record["method"] == "least-squares" and not record["unidentifiable"]
+    model = load_model(tmp_path / "f" / "model.yaml")
+    assert model.effects[0].params["torque"].value == pytest.approx(torque["value"])
+    assert model.effects[0].origin["validated_on"] == ["friction2"]
+    assert not (tmp_path / "f.part").exists()
+
+
+def test_all_is_one_value_and_each_is_seven(vispeg, rigs, tmp_path):
+    rec = ["--recording", rigs["friction"], "--quiet"]
+    assert vispeg("fit", "iiwa14", *rec, "--effects", "viscous_friction:all", "--out", "a", "--iterations", "2")[0] == 0
+    assert (
+        vispeg("fit", "iiwa14", *rec, "--effects", "viscous_friction:each", "--out", "e", "--iterations", "2")[0] == 0
+    )
+    assert [e["where"] for e in fitted(tmp_path / "a")["effects"]] == ["all"]
+    assert [e["where"] for e in fitted(tmp_path / "e")["effects"]] == [f"joint{i}" for i in range(1, 8)]
+
+
+def test_only_named_effects_move(vispeg, rigs, tmp_path):
+    vispeg("add", "iiwa14", "joint_bias", "joint2", "--set", "torque=0.7", "--out", "m.yaml")
+    args = ["--recording", rigs["friction"], "--effects", "coulomb_friction:joint4", "--iterations", "3", "--quiet"]
+    assert vispeg("fit", "m.yaml", *args, "--out", "f")[0] == 0
+    model = {e.label: e for e in load_model(tmp_path / "f" / "model.yaml").effects}
+    assert model["joint_bias(joint2)"].params["torque"].value == 0.7
+    assert [e["effect"] for e in fitted(tmp_path / "f")["effects"]] == ["coulomb_friction"]
+
+
+def test_what_the_recording_cannot_tell_is_said(vispeg, rigs, tmp_path):
+    """Friction that is not there has no speed at which it falls; constant friction and constant loss are one."""
+    args = ["--recording", rigs["nominal"], "--effects", "stribeck_friction:joint4", "--quiet", "--starts", "2"]
+    code, out, _ = vispeg("fit", "iiwa14", *args, "--out", "f")
+    record = fitted(tmp_path / "f")
+    assert code == 0 and (record["unidentifiable"] or record["at_bound"] or record["hardly_told_apart"])
+    assert "of 2 starts" in out
+    params = record["effects"][0]["params"]
+    assert params["coulomb"]["low"] <= 1e-3 and params["excess"]["low"] <= 1e-3
+
+
+def test_an_effect_that_is_not_smooth_is_searched_by_cma(vispeg, rigs, tmp_path):
+    args = ["--effects", "backlash:joint2", "--iterations", "1", "--quiet", "--recording", rigs["nominal"]]
+    assert vispeg("fit", "iiwa14", *args, "--out", "f")[0] == 0
+    record = fitted(tmp_path / "f")
+    assert record["method"] == "cma"
+    assert record["effects"][0]["params"]["gap"]["value"] < 1e-3
+
+
+def test_killed_fit_leaves_what_was_there_and_goes_on(rigs, tmp_path):
+    (tmp_path / "f").mkdir()
+    (tmp_path / "f" / "mine").write_text("mine")
+    args = [
+        *["fit", "iiwa14", "--recording", rigs["nominal"], "--effects", "backlash:joint2", "--iterations", "4"],
+        *["--out", "f", "--overwrite", "--quiet"],
+    ]
+    command = [sys.executable, "-m", "vispeg", *map(str, args)]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+    checkpoint = tmp_path / "f.part" / "checkpoint.json"
+    running = subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=subprocess.DEVNULL)
+    deadline = time.monotonic() + 60
+
+    def generations() -> list[list[float]]:
+        return json.loads(checkpoint.read_text())["traces"][0]["generations"] if checkpoint.exists() else []
+
+    while len(generations()) < 3 and time.monotonic() < deadline and running.poll() is None:
+        time.sleep(0.05)
+    running.send_signal(signal.SIGKILL)
+    running.wait()
+    known = generations()
+    assert len(known) >= 3
+    assert [p.name for p in (tmp_path / "f").iterdir()] == ["mine"]
+
+    whole = subprocess.run(
+        [*command[:-3], "g", "--quiet"], cwd=tmp_path, env=environment, capture_output=True, text=True
+    )
+    resumed = subprocess.run([*command, "--resume"], cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert whole.returncode == 0 and resumed.returncode == 0, (whole.stderr, resumed.stderr)
+    one, two = fitted(tmp_path / "f"), fitted(tmp_path / "g")
+    assert one["effects"] == two["effects"] and one["chi2"] == two["chi2"]  # as if nothing had happened
+    assert not checkpoint.exists()
+
+
+def test_resume_refuses_another_fit(refused, rigs, tmp_path):
+    (tmp_path / "f.part").mkdir()
+    text = '{"format": "vispeg-checkpoint/1", "key": "other", "traces": []}'
+    (tmp_path / "f.part" / "checkpoint.json").write_text(text)
+    args = ["fit", "iiwa14", "--recording", rigs["nominal"], "--effects", "joint_bias:joint2", "--out", "f", "--resume"]
+    refused([*args, "--quiet"], "another fit", "checkpoint.json")
+
+
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        ([], ["nothing to fit", "--effects"]),
+        (["--effects", "friction:joint4"], ["unknown effect"]),
+        (["--effects", "joint_bias:joint9"], ["no such place"]),
+        (["--effects", "joint_bias:joint1", "--starts", "0"], ["--starts"]),
+        (["--protocol", "paper"], ["control.mode", "osc"]),
+        (["--protocol", "paper", "--effects", "joint_bias:joint1"], ["--effects"]),
+    ],
+)
+def test_mistakes(refused, rigs, args, words):
+    refused(["fit", "iiwa14", "--recording", rigs["nominal"], *args, "--out", "f", "--quiet"], *words)
+
+
+def test_one_recording_cannot_be_fitted_and_held_out(refused, rigs):
+    same = ["--recording", rigs["nominal"], "--validate", rigs["nominal"]]
+    refused(["fit", "iiwa14", *same, "--effects", "joint_bias:joint1", "--out", "f"], "fitted and held out")
+
+
+def test_paper_protocol_brings_the_flange_nearer(vispeg, rigs, tmp_path):
+    args = ["--protocol", "paper", "--recording", rigs["osc"], "--iterations", "25", "--quiet"]
+    code, out, _ = vispeg("fit", "iiwa14", *args, "--out", "p")
+    assert code == 0 and "gravity_tilt(base)" in out
+    record = fitted(tmp_path / "p")
+    row = record["recordings"][0]
+    assert row["cost_after"] < 0.6 * row["cost_before"]
+    assert {e["effect"] for e in record["effects"]} == {"gravity_tilt", "link_mass", "viscous_friction"}
+    assert (tmp_path / "p" / "paths-osc.png").read_bytes().startswith(b"\x89PNG")
+    assert len(load_model(tmp_path / "p" / "model.yaml").effects) == 15
+
+
+def test_paper_cost_is_the_sum_of_norms():
+    from vispeg.identify.paper import Pieces, cost
+
+    measured = np.zeros((2, 3, 3))
+    measured[0, :, 0], measured[1, 0, 1] = 0.03, 0.04
+    pieces = Pieces(None, (), measured)
+    assert cost(pieces, np.zeros((2, 3, 3))) == pytest.approx(0.03 * np.sqrt(3) + 0.04)
+    lost = np.zeros((2, 3, 3))
+    lost[1] = np.nan
+    assert np.isfinite(cost(pieces, lost)) and cost(pieces, lost) > 1.0

@@ -1,0 +1,128 @@
+"""`vispeg record`: what is written is a recording whose own model explains it to the noise."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vispeg.core.effect import Placed
+from vispeg.core.seeds import stream
+from vispeg.core.world import World
+from vispeg.identify.evidence import Evidence
+from vispeg.identify.excitation import motion
+from vispeg.identify.record import NOISE, centre_of, controller, record, servo
+from vispeg.recordings.load import load
+from vispeg.robots.declared import declared
+from vispeg.robots.model import load as robot_load
+
+FRICTION = Placed.of("coulomb_friction", "joint4", torque=1.2)
+
+
+def chi2(rec, world=None):
+    """Mean squared whitened residual: 1 for the world that made the recording."""
+    evidence = Evidence([rec], h_max=1e-3)
+    return float(np.sum(evidence.residuals([world or World()])[0] ** 2) / evidence.count)
+
+
+def test_the_hidden_world_explains_the_recording_to_the_noise(rigs):
+    rec = load(rigs["friction"])
+    assert chi2(rec, World().add(FRICTION)) < 1.5 and chi2(rec) > 100
+    assert rec.control.mode == "position" and rec.rate_hz == 500 and len(rec.time) == 1000
+    assert rec.noise == {k: NOISE[k] for k in ("q", "dq", "tau")}
+
+
+def test_torque_recording_replays_its_own_commands(vispeg, tmp_path):
+    args = ["--motion", "fourier", "--duration", "4", "--control", "torque", "--out", "t"]
+    assert vispeg("record", "iiwa14", *args)[0] == 0
+    rec = load(tmp_path / "t")
+    assert rec.tau_cmd is not None and rec.q_cmd is None and rec.control.kp is None
+    assert chi2(rec) < 3
+
+
+def test_same_seed_same_bytes_other_seed_other_motion(vispeg, tmp_path):
+    for name, seed in (("a", 3), ("b", 3), ("c", 4)):
+        vispeg("record", "iiwa14", "--motion", "chirp", "--duration", "1", "--seed", seed, "--out", name)
+    a, b, c = ((tmp_path / n / "samples.csv").read_bytes() for n in "abc")
+    assert a == b and a != c
+
+
+def test_noise_is_what_was_asked_and_repeats_differ_by_it_alone(vispeg, tmp_path):
+    options = ["--noise", "q=1e-3", "dq=0", "tau=0.5", "--repeat", "2", "--table", "parquet"]
+    vispeg("record", "iiwa14", "--motion", "fourier", "--duration", "2", "--out", "n", *options)
+    rec = load(tmp_path / "n")
+    first, second = (rec.episode == 0), (rec.episode == 1)
+    assert np.std(rec.q[first] - rec.q[second]) / np.sqrt(2) == pytest.approx(1e-3, rel=0.05)
+    assert np.std(rec.tau[first] - rec.tau[second]) / np.sqrt(2) == pytest.approx(0.5, rel=0.05)
+    assert np.array_equal(rec.dq[first], rec.dq[second]) and np.array_equal(rec.q_cmd[first], rec.q_cmd[second])
+    assert set(rec.noise) == {"q", "tau"}
+
+
+def test_a_proposed_motion_is_replayed_as_it_stands(vispeg, tmp_path, rigs):
+    source = load(rigs["nominal"])
+    columns = ["time", *(f"q_cmd.{j}" for j in source.joints), *(f"dq_cmd.{j}" for j in source.joints)]
+    values = np.column_stack([source.time, source.q_cmd, source.dq_cmd])
+    np.savetxt(tmp_path / "samples.csv", values, "%.9g", ",", header=",".join(columns), comments="")
+    assert vispeg("record", "iiwa14", "--motion", "samples.csv", "--out", "again")[0] == 0
+    again = load(tmp_path / "again")
+    assert np.allclose(again.q_cmd, source.q_cmd, atol=1e-8) and np.allclose(again.dq_cmd, source.dq_cmd, atol=1e-8)
+    assert vispeg("record", "iiwa14", "--motion", "samples.csv", "--rate", "250", "--out", "slow")[0] == 0
+    slow = load(tmp_path / "slow")
+    assert slow.rate_hz == 250 and np.allclose(slow.q_cmd, source.q_cmd[::2], atol=1e-6)
+
+
+def test_osc_recording_follows_its_flange_targets(rigs):
+    rec = load(rigs["osc"])
+    assert rec.control.mode == "osc" and rec.control.nullspace is not None
+    assert np.sqrt(np.mean((rec.ee[:, :3] - rec.ee_cmd[:, :3]) ** 2)) < 0.03
+
+
+def test_declared_tool_moves_the_arm_as_the_named_one():
+    mapping = declared("iiwa14", "meg50+peg40")
+    full = []
+    for tool in ("meg50+peg40", {k: v for k, v in mapping.items() if k != "name"}):
+        robot = robot_load("iiwa14", tool=tool)
+        m = motion("fourier", robot, 500.0, 1.0, stream(0, "tool"))
+        control = controller(robot, "position", 500.0, centre_of(robot))
+        full.append(record(World("iiwa14", tool), m, control, {}, stream(0, "none")))
+    assert np.abs(full[0].q - full[1].q).max() < 1e-9
+    assert full[0].tool == mapping
+
+
+def test_servo_of_an_arm_without_a_table_is_stable_and_damped(tmp_path):
+    """Natural frequency 25 rad/s and critical damping at the apparent inertia, where the rate allows it."""
+    robot = replace(robot_load("iiwa14"), name="other")
+    kp, kd = servo(robot, centre_of(robot), 500.0)
+    assert np.allclose(kd / (2 * np.sqrt(kp * kp / 25.0**2)), 1.0)
+    slow_kp, slow_kd = servo(robot, centre_of(robot), 50.0)
+    inertia = kp / 25.0**2
+    assert np.all(slow_kd <= 0.3 * inertia * 50.0 + 1e-12) and np.all(slow_kp <= kp)
+
+
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        (["--motion", "foriur"], ["unknown motion", "fourier"]),
+        (["--motion", "gone.csv"], ["no such motion file"]),
+        (["--motion", "fourier", "--effects", "payload"], ["needs a place", "flange"]),
+        (["--motion", "fourier", "--effects", "payload:flange:mass=-1"], ["out of bounds"]),
+        (["--motion", "fourier", "--noise", "p=1"], ["unknown noise"]),
+        (["--motion", "fourier", "--noise", "q=-1"], ["not a noise level"]),
+        (["--motion", "fourier", "--kp", "1", "2"], ["wrong gains", "7 numbers"]),
+        (["--motion", "fourier", "--repeat", "0"], ["--repeat"]),
+        (["--motion", "osc", "--control", "position"], ["--control", "osc"]),
+        (["--motion", "fourier", "--tool", "spoon"], ["unknown tool"]),
+    ],
+)
+def test_mistakes(refused, args, words):
+    refused(["record", "iiwa14", "--duration", "1", *args, "--out", "r"], *words)
+
+
+def test_an_unstable_loop_is_said_and_nothing_is_kept(refused):
+    gains = ["--kp", *["1e6"] * 7, "--kd", *["1e4"] * 7]
+    refused(["record", "iiwa14", "--motion", "fourier", "--duration", "1", *gains, "--out", "r"], "unstable")
+
+
+def test_nothing_is_overwritten(refused, rigs):
+    before = (rigs["nominal"] / "samples.csv").read_bytes()
+    refused(["record", "iiwa14", "--motion", "steps", "--out", rigs["nominal"]], "exists already")
+    assert (rigs["nominal"] / "samples.csv").read_bytes() == before
