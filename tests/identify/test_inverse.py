@@ -1,0 +1,116 @@
+"""Evidence in torque space against MuJoCo's own inverse dynamics."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from loops import iiwa_segment, recorded
+
+import vispeg.effects  # noqa: F401  (enrols the library)
+from vispeg.core.effect import REGISTRY, Placed
+from vispeg.core.seeds import stream
+from vispeg.core.world import World
+from vispeg.identify.fit import fit_job
+from vispeg.identify.inverse import evidence_for, measurable
+from vispeg.identify.pool import run_together
+from vispeg.recordings.differentiate import smooth
+from vispeg.recordings.recording import Control
+from vispeg.robots.model import load
+
+ROBOT = load("iiwa14")
+
+
+def passively(world: World, seed: int = 0, seconds: float = 3.0):
+    """A recording that says nothing of its controller."""
+    rec = recorded(ROBOT, "iiwa14", world, iiwa_segment("position", seconds, seed=seed), stream(seed, "torque"))
+    return replace(rec, control=Control("unknown", rec.rate_hz), q_cmd=None, dq_cmd=None)
+
+
+@pytest.fixture(scope="module")
+def evidence():
+    return evidence_for(World(), [passively(World(), s) for s in (0, 1)])
+
+
+def accelerations(item):
+    return item.segment.known["ddq"]
+
+
+def test_nominal_torque_is_mujocos_inverse(evidence):
+    model = ROBOT.compile()
+    data = mujoco.MjData(model)
+    for item, predicted in zip(evidence.items, evidence.simulated([World()]), strict=True):
+        ddq = accelerations(item)
+        for k in range(10, len(ddq) - 10, 13):
+            data.qpos[:], data.qvel[:], data.qacc[:] = item.segment.q[k], item.segment.dq[k], ddq[k]
+            mujoco.mj_inverse(model, data)
+            np.testing.assert_allclose(predicted[0, k], data.qfrc_inverse, atol=1e-8)
+
+
+def test_nominal_torque_is_what_the_sensor_read(evidence):
+    """Measured torques less predicted ones are the sensor's noise, and little more from the differentiation."""
+    for item, predicted in zip(evidence.items, evidence.simulated([World()]), strict=True):
+        gap = (item.measured - predicted[0])[item.valid.all(axis=1)]
+        assert np.sqrt(np.mean(gap**2)) < 0.4  # noise is 0.2 N m
+
+
+@pytest.mark.parametrize(
+    ("name", "where", "values", "extra"),
+    [
+        ("viscous_friction", "joint3", {"damping": 2.0}, lambda q, dq, ddq: 2.0 * dq[:, 2]),
+        ("rotor_inertia", "joint3", {"inertia": 0.3}, lambda q, dq, ddq: 0.3 * ddq[:, 2]),
+        ("cable_spring", "joint3", {"stiffness": 5.0, "reference": 0.2}, lambda q, dq, ddq: 5.0 * (q[:, 2] - 0.2)),
+        ("cogging", "joint3", {"amplitude": 0.5, "poles": 9.0}, lambda q, dq, ddq: -0.5 * np.sin(9.0 * q[:, 2])),
+        ("joint_bias", "joint3", {"torque": 0.7}, lambda q, dq, ddq: 0.7 + 0.0 * dq[:, 2]),
+    ],
+)
+def test_an_effect_adds_its_own_torque_at_its_own_joint(evidence, name, where, values, extra):
+    world = World().add(Placed.of(name, where, **values))
+    for item, y in zip(evidence.items, evidence.simulated([World(), world]), strict=True):
+        s = item.segment
+        change = y[1] - y[0]
+        np.testing.assert_allclose(change[:, 2], extra(s.q, s.dq, accelerations(item)), atol=1e-8)
+        assert not np.delete(change, 2, axis=1).any()
+
+
+def test_dry_friction_is_against_the_motion(evidence):
+    world = World().add(Placed.of("coulomb_friction", "joint3", torque=1.5))
+    for item, y in zip(evidence.items, evidence.simulated([World(), world]), strict=True):
+        fast = np.abs(item.segment.dq[:, 2]) > 0.05
+        expected = 1.5 * np.sign(item.segment.dq[fast, 2])
+        np.testing.assert_allclose((y[1] - y[0])[fast, 2], expected, atol=1e-3)
+
+
+@pytest.mark.parametrize("name", sorted(n for n, e in REGISTRY.items() if measurable(e)))
+def test_every_measurable_effect_can_be_asked(evidence, name):
+    """Null changes nothing and the start value something, for each effect that is said to leave a trace."""
+    kind = REGISTRY[name]
+    where = kind.targets(ROBOT)[len(kind.targets(ROBOT)) // 2]
+    start = World().add(Placed.of(name, where, **{k: p.start for k, p in kind.params.items()}))
+    null = World().add(Placed.of(name, where))
+    plain, zero, strong = evidence.simulated([World(), null, start])[0]
+    np.testing.assert_allclose(zero, plain, atol=1e-12)
+    assert np.isfinite(strong).all() and np.abs(strong - plain).max() > 1e-4
+
+
+def test_friction_is_recovered_without_a_controller():
+    truth = World().add(
+        Placed.of("viscous_friction", "joint4", damping=3.0), Placed.of("coulomb_friction", "joint4", torque=2.0)
+    )
+    # the motor's side of the gear, where friction is part of what is read
+    recs = []
+    for s in (0, 1):
+        rec = passively(truth, s)
+        dq = smooth(rec.time, rec.q, 8.0)[1][:, 3]
+        tau = rec.tau.copy()
+        tau[:, 3] += 3.0 * dq + 2.0 * np.tanh(dq / 0.01)
+        recs.append(replace(rec, tau=tau, torque_sensor="motor"))
+    ev = evidence_for(World(), recs)
+    start = World().add(
+        Placed.of("viscous_friction", "joint4", damping=1.0), Placed.of("coulomb_friction", "joint4", torque=0.5)
+    )
+    (result,) = run_together([fit_job(ev, start, [0, 1])], ev.residuals)
+    found = [v.value for e in result.world.effects for v in e.params.values()]
+    np.testing.assert_allclose(found, [3.0, 2.0], atol=0.15)
