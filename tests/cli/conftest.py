@@ -41,17 +41,19 @@ def refused(vispeg, tmp_path):
 
 @pytest.fixture(scope="session")
 def rigs(tmp_path_factory) -> dict[str, Path]:
-    """Recordings of 2 s each: two of an arm with friction in joint4, one of the nominal arm, one under osc."""
+    """Recordings of 2 s: two of an arm with friction in joint4, one of the nominal arm, one under osc."""
     root = tmp_path_factory.mktemp("rigs")
     hidden = ["--effects", "coulomb_friction:joint4:torque=1.2"]
     commands = {
         "friction": ["--motion", "fourier", "--seed", "1", *hidden],
         "friction2": ["--motion", "fourier", "--seed", "2", *hidden],
         "nominal": ["--motion", "triangle"],
+        "short": ["--motion", "fourier", "--duration", "1.2"],
         "osc": ["--motion", "osc", "--effects", "link_mass:link4:mass=0.8", "viscous_friction:joint4:damping=2"],
     }
     here = os.getcwd()
     for name, args in commands.items():
-        assert main(["record", "iiwa14", "--duration", "2", "--out", str(root / name), *args]) == 0
+        args = args if "--duration" in args else [*args, "--duration", "2"]
+        assert main(["record", "iiwa14", "--out", str(root / name), *args]) == 0
     assert os.getcwd() == here
     return {name: root / name for name in commands}

@@ -66,19 +66,11 @@ def test_what_the_recording_cannot_tell_is_said(vispeg, rigs, tmp_path):
     assert params["coulomb"]["low"] <= 1e-3 and params["excess"]["low"] <= 1e-3
 
 
-def test_an_effect_that_is_not_smooth_is_searched_by_cma(vispeg, rigs, tmp_path):
-    args = ["--effects", "backlash:joint2", "--iterations", "1", "--quiet", "--recording", rigs["nominal"]]
-    assert vispeg("fit", "iiwa14", *args, "--out", "f")[0] == 0
-    record = fitted(tmp_path / "f")
-    assert record["method"] == "cma"
-    assert record["effects"][0]["params"]["gap"]["value"] < 1e-3
-
-
 def test_killed_fit_leaves_what_was_there_and_goes_on(rigs, tmp_path):
     (tmp_path / "f").mkdir()
     (tmp_path / "f" / "mine").write_text("mine")
     args = [
-        *["fit", "iiwa14", "--recording", rigs["nominal"], "--effects", "backlash:joint2", "--iterations", "4"],
+        *["fit", "iiwa14", "--recording", rigs["short"], "--effects", "backlash:joint2", "--iterations", "1"],
         *["--out", "f", "--overwrite", "--quiet"],
     ]
     command = [sys.executable, "-m", "vispeg", *map(str, args)]
@@ -90,12 +82,12 @@ def test_killed_fit_leaves_what_was_there_and_goes_on(rigs, tmp_path):
     def generations() -> list[list[float]]:
         return json.loads(checkpoint.read_text())["traces"][0]["generations"] if checkpoint.exists() else []
 
-    while len(generations()) < 3 and time.monotonic() < deadline and running.poll() is None:
+    while len(generations()) < 2 and time.monotonic() < deadline and running.poll() is None:
         time.sleep(0.05)
     running.send_signal(signal.SIGKILL)
     running.wait()
     known = generations()
-    assert len(known) >= 3
+    assert 2 <= len(known) < 10
     assert [p.name for p in (tmp_path / "f").iterdir()] == ["mine"]
 
     whole = subprocess.run(
@@ -106,6 +98,8 @@ def test_killed_fit_leaves_what_was_there_and_goes_on(rigs, tmp_path):
     one, two = fitted(tmp_path / "f"), fitted(tmp_path / "g")
     assert one["effects"] == two["effects"] and one["chi2"] == two["chi2"]  # as if nothing had happened
     assert not checkpoint.exists()
+    assert one["method"] == "cma"  # backlash is not smooth
+    assert one["effects"][0]["params"]["gap"]["value"] < 1e-3
 
 
 def test_resume_refuses_another_fit(refused, rigs, tmp_path):
@@ -137,12 +131,12 @@ def test_one_recording_cannot_be_fitted_and_held_out(refused, rigs):
 
 
 def test_paper_protocol_brings_the_flange_nearer(vispeg, rigs, tmp_path):
-    args = ["--protocol", "paper", "--recording", rigs["osc"], "--iterations", "25", "--quiet"]
+    args = ["--protocol", "paper", "--recording", rigs["osc"], "--iterations", "12", "--quiet"]
     code, out, _ = vispeg("fit", "iiwa14", *args, "--out", "p")
     assert code == 0 and "gravity_tilt(base)" in out
     record = fitted(tmp_path / "p")
     row = record["recordings"][0]
-    assert row["cost_after"] < 0.6 * row["cost_before"]
+    assert row["cost_after"] < 0.8 * row["cost_before"]
     assert {e["effect"] for e in record["effects"]} == {"gravity_tilt", "link_mass", "viscous_friction"}
     assert (tmp_path / "p" / "paths-osc.png").read_bytes().startswith(b"\x89PNG")
     assert len(load_model(tmp_path / "p" / "model.yaml").effects) == 15

@@ -92,7 +92,7 @@ class Args:
             steps = self.iterations or ITERATIONS
             with following(self.starts, steps, self.quiet) as told:
                 checkpoint = Checkpoint(part / "checkpoint.json", key, self.starts, self.resume, told)
-                evidence = evidence_for(world, fitted, self.threads)
+                evidence = evidence_for(world, fitted, self.threads, h_max=1e-3)
                 judged = evidence_for(world, held_out, self.threads, h_max=1e-3) if held_out else None
                 options = {"method": self.method, "starts": self.starts, "iterations": steps}
                 found = calibrate(evidence, world, free, seed=self.seed, checkpoint=checkpoint, **options)

@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from vispeg.core.effect import Placed
 from vispeg.core.world import World
+from vispeg.diagnose.run import widened
 from vispeg.effects.model_file import placed_dict
 from vispeg.identify.calibrate import Calibration, labels, strong_pairs
 from vispeg.identify.evidence import Evidence
@@ -33,10 +35,15 @@ def fit_record(
     """
     fit = found.fit
     worlds = [given, fit.world]
-    fitted = [evidence.angle_rms(r) for r in evidence.residuals(worlds)]
-    held = [judged.angle_rms(r) for r in judged.residuals(worlds)] if judged is not None else [None, None]
+    residuals = evidence.residuals(worlds)
+    fitted = [evidence.angle_rms(r) for r in residuals]
+    held, judge, judging = [None, None], evidence, residuals
+    if judged is not None:
+        judge, judging = judged, judged.residuals(worlds)
+        held = [judged.angle_rms(r) for r in judging]
+    before, after = (float(np.sum(r * r) / max(judge.count, 1)) for r in judging)
     unit, floor = f"{evidence.unit} RMS", (judged or evidence).floor
-    effects = list(fit.world.effects)
+    effects = _honest(fit.world, free, before, after)
     for i in free:
         origin: dict[str, Any] = {"fitted_on": [r.name for r in evidence.recordings]}
         if judged is not None:
@@ -64,6 +71,16 @@ def fit_record(
         "notes": list(evidence.notes),
     }
     return record, final
+
+
+def _honest(world: World, free: Sequence[int], before: float, after: float) -> list[Placed]:
+    """The effects, fitted intervals widened by the share of the error that the fit leaves (see `widened`)."""
+    fixed = [i for i in range(len(world.effects)) if i not in free]
+    order = [*fixed, *free]
+    if after <= 1.0 or before <= max(1.0, after):  # nothing is left, or the fit had nothing to explain
+        return list(world.effects)
+    wide = widened(replace(world, effects=tuple(world.effects[i] for i in order)), len(fixed), before, after)
+    return [wide.effects[order.index(i)] for i in range(len(order))]
 
 
 def print_fit(record: Mapping[str, Any], out: Path) -> None:
