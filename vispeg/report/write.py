@@ -17,7 +17,7 @@ def write_diagnosis(folder: Path, record: dict[str, Any], world: World, arrays: 
     """Writes `diagnosis.json`, `evidence.npz`, `model.yaml`, `report.html` and the next motion into an empty folder."""
     write_json(folder / "diagnosis.json", record)
     (folder / "model.yaml").write_text(model_text(world), encoding="utf-8")
-    np.savez_compressed(folder / "evidence.npz", **{k: _compact(v) for k, v in arrays.items()})
+    _write_arrays(folder / "evidence.npz", arrays)
     if "next/q_cmd" in arrays:
         _write_motion(folder / "next_experiment", arrays)
     write_report(folder)
@@ -26,13 +26,18 @@ def write_diagnosis(folder: Path, record: dict[str, Any], world: World, arrays: 
 def write_comparison(folder: Path, record: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
     """Writes `compare.json`, `evidence.npz` and `report.html` into an empty folder."""
     write_json(folder / "compare.json", record)
-    np.savez_compressed(folder / "evidence.npz", **{k: _compact(v) for k, v in arrays.items()})
+    _write_arrays(folder / "evidence.npz", arrays)
     write_report(folder)
 
 
 def write_json(path: Path, record: dict[str, Any]) -> None:
     """Writes a record into a folder that is not finished yet; what is not finite becomes null."""
     path.write_text(json.dumps(_finite(record), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def _write_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
+    named: dict[str, Any] = {k: _compact(v) for k, v in arrays.items()}
+    np.savez_compressed(path, **named)
 
 
 def _write_motion(folder: Path, arrays: dict[str, np.ndarray]) -> None:
