@@ -83,11 +83,8 @@ def test_another_row_is_not_touched(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_finite_at_every_bound(name, request):
+def test_finite_at_every_bound(name):
     """At each bound of each parameter, at each place: an answer, or a divergence that is said to be one."""
-    if name == "viscous_friction":
-        reason = "the half-step correction takes the explicit qacc: unstable beyond damping of 2 inertia / h"
-        request.applymarker(pytest.mark.xfail(reason=reason, strict=False))
     kind = REGISTRY[name]
     start = {k: p.start for k, p in kind.params.items()}
     worlds = [

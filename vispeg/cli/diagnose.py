@@ -1,7 +1,7 @@
 """Names the physical effect that a model lacks, adds it, and shows the error fall on recordings that were not fitted.
 
-Writes OUT/diagnosis.json, OUT/report.html and OUT/model.yaml (the model with what was found), and the next motion to record.
-Exits 0 with a verdict: adequate, identified, ambiguous or unexplained.
+Writes OUT/diagnosis.json, OUT/report.html and OUT/model.yaml (the model with what was found), and the next motion to
+record. Exits 0 with a verdict: adequate, identified, ambiguous or unexplained.
 
 Example:
     vispeg diagnose iiwa14 --recording rig-a --recording rig-b --validate rig-c --out found
@@ -56,7 +56,12 @@ class Args:
 
                 with Console(stderr=True).status("simulating") as status:
                     found = diagnose(
-                        world, fitted, held_out, seed=self.seed, nthread=self.threads, say=lambda text: status.update(text)
+                        world,
+                        fitted,
+                        held_out,
+                        seed=self.seed,
+                        nthread=self.threads,
+                        say=lambda text: status.update(text),
                     )
             inputs = [*self.recording, *self.validate]
             record = {**found.record, "provenance": provenance(sys.argv, self.seed, inputs)}

@@ -40,5 +40,11 @@ def read_inputs(
 def _named(rec: Recording, world: World, path: Path) -> Recording:
     is_file = Path(world.robot).suffix != ""
     if not is_file and Path(rec.robot).suffix == "" and rec.robot != world.robot:
-        raise UserError("another robot than the model's", file=path / "recording.yaml", key="robot", expected=world.robot, got=rec.robot)
+        raise UserError(
+            "another robot than the model's",
+            file=path / "recording.yaml",
+            key="robot",
+            expected=world.robot,
+            got=rec.robot,
+        )
     return replace(rec, robot=world.robot)

@@ -95,8 +95,8 @@ class Effect(ABC):
         Args:
             look: what is known at the place: `q`, `dq`, `tau`, `needed` (n,) measured angle, velocity, commanded motor
                 torque and the torque that the nominal arm needs for the motion,
-                `excess` (n,) the torque in N m that the present model lacks there, `raw` the unsmoothed angle. Effects that
-                do not sit at a joint get None.
+                `excess` (n,) the torque in N m that the present model lacks there, `raw` the unsmoothed angle.
+                Effects that do not sit at a joint get None.
         """
         return [{}]
 

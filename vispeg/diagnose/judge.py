@@ -1,4 +1,4 @@
-"""Judging on held-out recordings: paired differences of squared residuals with an interval that knows autocorrelation."""
+"""Judging on held-out recordings: paired differences of squared residuals, tested over blocks of time."""
 
 from __future__ import annotations
 

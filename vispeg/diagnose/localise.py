@@ -8,8 +8,8 @@ import numpy as np
 
 from vispeg.identify.evidence import Evidence, Item
 from vispeg.recordings.differentiate import smooth
-from vispeg.sim.rollout import OBSERVER, compiled
 from vispeg.sim.nominal import Nominal
+from vispeg.sim.rollout import OBSERVER, compiled
 
 CUTOFF_HZ = 15.0
 SLOW, FAST, LOADED = 0.1, 0.6, 0.7  # fractions of a joint's peak speed and torque

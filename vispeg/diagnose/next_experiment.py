@@ -1,7 +1,7 @@
 """The next motion to record: the one on which the leading explanations would differ most (T-optimal design).
 
-Over a menu of motions, maximise `sqrt(sum ((y_A - y_B) / sigma)^2)`, the distance in sigma between the predictions of the two
-best explanations (Atkinson and Fedorov, Biometrika 62(1), 1975).
+Over a menu of motions, maximise `sqrt(sum ((y_A - y_B) / sigma)^2)`, the distance in sigma between the predictions
+of the two best explanations (Atkinson and Fedorov, Biometrika 62(1), 1975).
 """
 
 from __future__ import annotations
@@ -50,14 +50,29 @@ def next_experiment(
         sigma = float(np.sqrt(np.nansum(gap**2)))
         if np.isfinite(gap).all() and sigma > best[0]:
             why = f"separates {names[0]} from {names[1]}"
-            record = {"motion": name, "why": why, "expected_separation_sigma": round(sigma, 2), "seed": seed,
-                      "duration_s": SECONDS, "rate_hz": control.rate_hz, "file": "next_experiment/samples.csv"}  # fmt: skip
-            best = (sigma, record, {"next/time": m.time, "next/q_cmd": m.q_cmd, "next/dq_cmd": m.dq_cmd,
-                                    "next/A": y[0], "next/B": y[1]})  # fmt: skip
+            record = {
+                "motion": name,
+                "why": why,
+                "expected_separation_sigma": round(sigma, 2),
+                "seed": seed,
+                "duration_s": SECONDS,
+                "rate_hz": control.rate_hz,
+                "file": "next_experiment/samples.csv",
+            }
+            arrays = {
+                "next/time": m.time,
+                "next/q_cmd": m.q_cmd,
+                "next/dq_cmd": m.dq_cmd,
+                "next/A": y[0],
+                "next/B": y[1],
+            }
+            best = (sigma, record, arrays)
     return (best[1], best[2]) if best[0] >= 0 else (_by_hand(search, verdict), {})
 
 
-def _explanations(state: State, rivals: Sequence[Rivals], verdict: str) -> tuple[World | None, World | None, tuple[str, str]]:
+def _explanations(
+    state: State, rivals: Sequence[Rivals], verdict: str
+) -> tuple[World | None, World | None, tuple[str, str]]:
     """The two worlds to tell apart: the final one and its closest rival, equal or not."""
     pairs = [(t, r.label) for r in rivals for t in (r.equals or r.tried)]
     if verdict == "adequate" or not pairs:

@@ -14,7 +14,7 @@ CONVINCING = 0.15  # share of the held-out missing torque that a curve must pred
 
 @dataclass(frozen=True)
 class Dependence:
-    """How much of the held-out missing torque a curve over `input` predicts (1 = all), and the joint it is strongest in."""
+    """Share of the held-out missing torque that a curve over `input` predicts, and the joint it is strongest in."""
 
     input: str
     share: float

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from vispeg.core.effect import effect
 from vispeg.diagnose.judge import present
-from vispeg.diagnose.search import Search, State, Trial, shortlist
-from vispeg.diagnose.screen import candidates, screen
 from vispeg.diagnose.localise import looks
+from vispeg.diagnose.screen import candidates, screen
+from vispeg.diagnose.search import Search, State, Trial, shortlist
 from vispeg.identify.fit import fit_job
 from vispeg.identify.pool import run_together
 

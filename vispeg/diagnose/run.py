@@ -63,7 +63,14 @@ def diagnose(
     joints = judged.items[0].robot.joints
     depends = dependences(after_lacks, held[1], joints)
     verdict = decide(before, after, len(state.world.effects) - given, rivals, depends)
-    final = _with_origin(widened(state.world, given, before, after), given, fitted, held_out, judged.angle_rms(before_held), judged.angle_rms(after_held))
+    final = _with_origin(
+        widened(state.world, given, before, after),
+        given,
+        fitted,
+        held_out,
+        judged.angle_rms(before_held),
+        judged.angle_rms(after_held),
+    )
     arrays = _arrays(judged, predicted)
     for axis, (edges, grid) in maps(judged, held[0]).items():
         arrays[f"map/{axis}/edges"], arrays[f"map/{axis}/before"] = edges, grid
@@ -77,7 +84,11 @@ def diagnose(
         "reason": verdict.reason,
         "effects": [] if verdict.verdict == "unexplained" else _effects(final, given, rivals),
         "ladder": _ladder(evidence, judged, state, before_fit, before_held),
-        "noise_floor": {"value": judged.floor, "unit": f"{judged.unit} RMS", "from": judged.floor_from if judged.floor_from != "estimated" else evidence.floor_from},
+        "noise_floor": {
+            "value": judged.floor,
+            "unit": f"{judged.unit} RMS",
+            "from": judged.floor_from if judged.floor_from != "estimated" else evidence.floor_from,
+        },
         "where_it_fails": where_it_fails(before_lacks, joints),
         "unexplained": verdict.unexplained,
         "next_experiment": upcoming,
@@ -100,7 +111,8 @@ def _screening(state: State):
 
 
 def widened(world: World, given: int, before: float, after: float) -> World:
-    """Fitted intervals widened by what the model's form leaves: no fit is truer than the share of error that it removes.
+    """Fitted intervals widened by what the model's form leaves: no fit is truer than the share of error that it
+    removes.
 
     The amplitude of the held-out excess that remains over the one there was is taken as a relative standard error.
     """
@@ -148,7 +160,14 @@ def _effects(world: World, given: int, rivals: Sequence[Rivals]) -> list[dict[st
 
 def _ladder(evidence: Evidence, judged: Evidence, state: State, fit0, held0) -> list[dict[str, Any]]:
     unit = f"{judged.unit} RMS"
-    rungs = [{"model": "nominal", "fit_error": evidence.angle_rms(fit0), "heldout_error": judged.angle_rms(held0), "unit": unit}]
+    rungs = [
+        {
+            "model": "nominal",
+            "fit_error": evidence.angle_rms(fit0),
+            "heldout_error": judged.angle_rms(held0),
+            "unit": unit,
+        }
+    ]
     worlds = [best.fit.world for best, _ in state.steps]
     if state.steps and state.world.label != worlds[-1].label:
         worlds.append(state.world)
@@ -178,7 +197,9 @@ def _candidates(state: State, rivals: Sequence[Rivals]) -> list[dict[str, Any]]:
     seen = {(c["effect"], c["where"]) for c in out}
     for r in rivals:
         out += [
-            _candidate(t, t.rejected or ("indistinguishable from" if t in r.equals else "explains less than") + f" {r.label}")
+            _candidate(
+                t, t.rejected or ("indistinguishable from" if t in r.equals else "explains less than") + f" {r.label}"
+            )
             for t in r.tried
             if t.score.key not in seen
         ]

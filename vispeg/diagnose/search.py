@@ -98,7 +98,9 @@ class Search:
         jac = state.fit.jacobian if state.fit is not None else None
         scores = screen(self.evidence, state.world, state.residual, jac, places, looks(lacks, self.evidence.items))
         state.screening = scores
-        need = max(self.evidence.least_gain * self.judge.mean(state.loss), self.least_share * max(state.first - 1.0, 0.0))
+        need = max(
+            self.evidence.least_gain * self.judge.mean(state.loss), self.least_share * max(state.first - 1.0, 0.0)
+        )
         if not scores or scores[0].gain / self.evidence.count < PROMISE * need:
             return []
         return self.try_all(state, shortlist(scores, best), given, len(places))
@@ -194,7 +196,8 @@ def shortlist(scores: Sequence[Score], best: int) -> list[Score]:
 def bic_gain(evidence: Evidence, state: State, fit: Fit) -> float:
     """Drop of the Bayesian information criterion `n log(mean r^2) + k log n` from the state to a fit.
 
-    n is the number of independent readings N / (2 tau_int) of the state's residual: the more structured it is, the fewer.
+    n is the number of independent readings N / (2 tau_int) of the state's residual: the more structured it is, the
+    fewer.
     """
     n = max(2.0, evidence.count / (2.0 * correlation_time(evidence, state.residual)))
     more = parameters(fit.world) - parameters(state.world)

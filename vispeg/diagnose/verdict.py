@@ -44,7 +44,10 @@ def decide(before: float, after: float, found: int, rivals: Sequence[Rivals], de
     names = {r.label for r in rivals if r.equals}
     if names:
         return Verdict("ambiguous", f"these recordings cannot tell {', '.join(sorted(names))} from other effects")
-    remainder = "" if at_floor else f"; {100 * explained:.1f} % of the excess is explained" + (
-        f", the rest depends most on {top.input}" if top is not None and top.share >= CONVINCING else ""
+    remainder = (
+        ""
+        if at_floor
+        else f"; {100 * explained:.1f} % of the excess is explained"
+        + (f", the rest depends most on {top.input}" if top is not None and top.share >= CONVINCING else "")
     )
     return Verdict("identified", f"held-out error fell from {before:.1f} to {after:.2f} noise variances{remainder}")

@@ -1,21 +1,27 @@
 """The motor side of a gear: one implicit step of a rotor coupled to the link by a spring and damper.
 
-Shared by elasticity and backlash. MuJoCo's own mechanism is a second coaxial hinge; it changes the structure of the model
-and needs a step far below 1 ms on a light wrist, where this scheme stays stable because it foresees the link's response.
+Shared by elasticity and backlash. MuJoCo's own mechanism is a second coaxial hinge; it changes the structure of the
+model and needs a step far below 1 ms on a light wrist, where this scheme stays stable because it foresees the link's
+response.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-WEIGHT = 0.55  # of the end of the step in the spring's mean stretch: second order nearly, and damped at the grid's frequency
+WEIGHT = (
+    0.55  # of the end of the step in the spring's mean stretch: second order nearly, and damped at the grid's frequency
+)
 
 
 def motor_step(theta, omega, tau, x, offset, compliance, relaxation, inertia):
-    """One step of `J d(omega)/dt = tau - s`, `s = (delta + relaxation d(delta)/dt) / compliance`, delta = theta - q - offset.
+    """One step of `J d(omega)/dt = tau - s`, `s = (delta + relaxation d(delta)/dt) / compliance`, delta = theta - q
+    - offset.
 
-    Args: (nsim, nj) arrays: motor angle (rad, link units) and velocity, motor torque (N m), the free play `offset` (rad),
-        compliance (rad/(N m), > 0), relaxation time of the gear's damping (s), reflected motor inertia (kg m^2, may be 0).
+    Args: (nsim, nj) arrays: motor angle (rad, link units) and velocity, motor torque (N m), the free play `offset`
+    (rad),
+        compliance (rad/(N m), > 0), relaxation time of the gear's damping (s), reflected motor inertia (kg m^2, may
+        be 0).
 
     Returns:
         the new angle and velocity, and the gear torque s on the link, N m.

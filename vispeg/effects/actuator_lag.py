@@ -1,7 +1,7 @@
 """Actuator lag: the torque follows its command as a first-order low-pass, `T dtau/dt = tau_cmd - tau`.
 
-MuJoCo's own mechanism is `dyntype="filterexact"`; the same exact step, `1 - exp(-h/T)`, is taken in the drive chain here.
-Source: MuJoCo 4.0 manual, actuator dynamics "filterexact".
+MuJoCo's own mechanism is `dyntype="filterexact"`; the same exact step, `1 - exp(-h/T)`, is taken in the drive chain
+here. Source: MuJoCo 4.0 manual, actuator dynamics "filterexact".
 """
 
 from __future__ import annotations

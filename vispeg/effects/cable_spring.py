@@ -1,7 +1,7 @@
 """Cable spring: a dress pack or umbilical that pulls the joint home, `tau = -stiffness (q - reference)`.
 
-Native mechanism: `jnt_stiffness` with `qpos_spring`. It acts on the link, outside the gear, so a joint torque sensor feels
-it as load. Source: MuJoCo 4.0 manual, body/joint/stiffness and springref.
+Native mechanism: `jnt_stiffness` with `qpos_spring`. It acts on the link, outside the gear, so a joint torque sensor
+feels it as load. Source: MuJoCo 4.0 manual, body/joint/stiffness and springref.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ class EncoderQuantization(Effect):
 
         Differences over longer and longer lags span more steps and so pin the step down more finely.
         """
-        low, high, best = 2e-5, self.params["step"].high, 0.0
+        low, high, best, width = 2e-5, self.params["step"].high, 0.0, 0.0
         for lag in (1, 4, 16, 64, 256):
             moves = (raw[lag:] - raw[:-lag])[:: max(1, len(raw) // 1500)]
             steps = np.linspace(1 / high, 1 / low, 2500) if not best else 1 / best + np.linspace(-1, 1, 400) * width

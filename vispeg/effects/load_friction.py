@@ -1,8 +1,8 @@
 """Load-dependent friction: the gear's dry friction grows with the torque it carries.
 
 `level = coefficient |tau|`, tau the torque handed to the link. Own code on MuJoCo's dry-friction constraint, the level
-following the load of the last physics step. Source: Duclusaud et al., "Extended friction models for the physics simulation
-of servo actuators" (BAM), 2024, model M4's load term.
+following the load of the last physics step. Source: Duclusaud et al., "Extended friction models for the physics
+simulation of servo actuators" (BAM), 2024, model M4's load term.
 """
 
 from __future__ import annotations

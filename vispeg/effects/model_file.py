@@ -63,7 +63,9 @@ def _placed(entry: Any, file: Path, key: str) -> Placed:
         raise UserError("wrong entry", file=file, key=key, expected="a mapping with effect, where, params", got=entry)
     unknown = sorted(str(k) for k in set(entry) - {"effect", "where", "params", "origin"})
     if unknown:
-        raise UserError("unknown key", file=file, key=f"{key}.{unknown[0]}", choices=["effect", "where", "params", "origin"])
+        raise UserError(
+            "unknown key", file=file, key=f"{key}.{unknown[0]}", choices=["effect", "where", "params", "origin"]
+        )
     name = entry.get("effect")
     if not isinstance(name, str) or name not in REGISTRY:
         raise UserError("unknown effect", file=file, key=f"{key}.effect", got=name, choices=sorted(REGISTRY))
@@ -100,7 +102,11 @@ def _value(value: Any, param: Any, file: Path, key: str) -> Value:
         numbers[part] = float(number)
     if not param.low <= numbers["value"] <= param.high:
         raise UserError(
-            "out of bounds", file=file, key=key, expected=f"{param.low:g} to {param.high:g} {param.unit}", got=numbers["value"]
+            "out of bounds",
+            file=file,
+            key=key,
+            expected=f"{param.low:g} to {param.high:g} {param.unit}",
+            got=numbers["value"],
         )
     low, high = numbers["low"], numbers["high"]
     if low is not None and high is not None and low > high:

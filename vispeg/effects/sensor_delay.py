@@ -1,7 +1,7 @@
 """Sensor delay: encoder readings are `delay` old when the controller and the log get them.
 
-MuJoCo's own mechanism is a sensor's `delay`; controllers here read angles, not sensors, so the ring buffer is kept in the
-measurement chain. Between control ticks the past is interpolated linearly.
+MuJoCo's own mechanism is a sensor's `delay`; controllers here read angles, not sensors, so the ring buffer is kept
+in the measurement chain. Between control ticks the past is interpolated linearly.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Torque gain: the drive delivers `gain` times the torque it is asked for (torque constant, calibration, gear loss).
 
-MuJoCo's own mechanism is `gear`/`gainprm`; the product is taken in the drive chain, before bias and limits, here. Source:
-De Luca and Albu-Schaeffer's drive-gain calibration, e.g. Gautier and Briot, ICRA 2014, eq. (1).
+MuJoCo's own mechanism is `gear`/`gainprm`; the product is taken in the drive chain, before bias and limits, here.
+Source: De Luca and Albu-Schaeffer's drive-gain calibration, e.g. Gautier and Briot, ICRA 2014, eq. (1).
 """
 
 from __future__ import annotations

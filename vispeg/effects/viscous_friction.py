@@ -1,6 +1,7 @@
 """Viscous friction: `tau = -damping dq`, the lubricant's share of a gear's loss.
 
-Native mechanism: `dof_damping`, integrated implicitly. Source: Armstrong-Helouvry et al., Automatica 30(7), 1994, eq. (2).
+Native mechanism: `dof_damping`, integrated implicitly. Source: Armstrong-Helouvry et al., Automatica 30(7), 1994,
+eq. (2).
 """
 
 from __future__ import annotations

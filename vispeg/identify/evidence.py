@@ -1,7 +1,7 @@
 """Recordings as evidence: rollouts of many candidate worlds against them, as whitened residuals.
 
-A residual is (measured - simulated) / sigma. Angles are always compared; measured torques too where the sensor says what
-they measure.
+A residual is (measured - simulated) / sigma. Angles are always compared; measured torques too where the sensor says
+what they measure.
 """
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ from vispeg.sim.rollout import simulate
 from vispeg.sim.segment import Segment, segments
 
 SETTLE = 0.4  # s at the start of a segment that no comparison uses: the unmeasured start state fades there
-OBSERVED = 1.2  # the same where an observer of 8 rad/s holds the rollout: its memory of a wrong start velocity is longer
+OBSERVED = (
+    1.2  # the same where an observer of 8 rad/s holds the rollout: its memory of a wrong start velocity is longer
+)
 MODEL_SIGMA = 4e-6  # rad: what the integrator itself is sure of
 PENALTY = 1e4  # whitened residual of a rollout that diverged
 
@@ -111,7 +113,9 @@ class Evidence:
             for i, item, response in zip(group, items, responses, strict=True):
                 channels = [response.q]
                 if item.measured.shape[1] > item.nj:
-                    channels.append(response.tau_joint if item.recording.torque_sensor == "joint" else response.tau_motor)
+                    channels.append(
+                        response.tau_joint if item.recording.torque_sensor == "joint" else response.tau_motor
+                    )
                 out[i] = np.concatenate(channels, axis=2)
         self.rollouts += len(worlds) * sum(i.segment.time[-1] for i in self.items)
         return out

@@ -31,8 +31,8 @@ STICK = 0.01  # rad/s over which dry friction changes sign: velocity noise makes
 REPEATABILITY = 0.02  # of a joint torque's spread: what a torque sensor is trusted to where nothing is known
 RIGID = frozenset({"body_mass", "body_ipos", "body_inertia", "body_iquat", "opt.gravity"})
 CAVEATS = (
-    "the controller is unknown: worlds were compared by inverse dynamics, in which delays, gear play and encoder errors "
-    "leave no trace",
+    "the controller is unknown: worlds were compared by inverse dynamics, in which delays, gear play and encoder "
+    "errors leave no trace",
     "presliding cannot be told from Coulomb friction where velocities were low-passed",
 )
 
@@ -45,7 +45,7 @@ class TorqueEvidence(Evidence):
         self.unit, self.notes, self.rollouts = "N m", list(CAVEATS), 0.0
         self._recent = []
         noise, self.floor_from = _noise(self.recordings)
-        # one weight for all joints: what the rigid model lacks exceeds sensor noise by far, so newton metres count alike
+        # one weight for all joints: what the rigid model lacks exceeds sensor noise by far, newton metres count alike
         sigma = np.full_like(noise, np.sqrt(np.mean(noise**2)))
         self.items = [_item(rec, sigma) for rec in recordings]
         self._ddq = [i.segment.known["ddq"] for i in self.items]
@@ -114,7 +114,13 @@ def evidence_for(world: World, recordings: Sequence[Recording], nthread: int = 1
     """Rollouts where every controller is known, inverse dynamics where one is not."""
     for rec in recordings:
         if rec.robot != recordings[0].robot:
-            raise UserError("recordings of different robots", file=rec.path, key="robot", expected=recordings[0].robot, got=rec.robot)
+            raise UserError(
+                "recordings of different robots",
+                file=rec.path,
+                key="robot",
+                expected=recordings[0].robot,
+                got=rec.robot,
+            )
     if any(rec.control.mode == "unknown" for rec in recordings):
         return TorqueEvidence(recordings)
     return Evidence(recordings, h_max=h_max, nthread=nthread)
@@ -123,19 +129,28 @@ def evidence_for(world: World, recordings: Sequence[Recording], nthread: int = 1
 def measurable(kind: Effect) -> bool:
     """Whether an effect leaves a trace in inverse dynamics, sample by sample."""
     stateless = not kind.overrides("start")
-    return any(kind.overrides(hook) for hook in ("write", "friction", "inverse")) or (kind.overrides("torque") and stateless)
+    return any(kind.overrides(hook) for hook in ("write", "friction", "inverse")) or (
+        kind.overrides("torque") and stateless
+    )
 
 
 def _item(rec: Recording, sigma: np.ndarray) -> Item:
     if rec.tau is None:
-        raise UserError("the controller is unknown and no torque was measured", file=rec.path, key="tau.*", expected="torque columns")
+        raise UserError(
+            "the controller is unknown and no torque was measured",
+            file=rec.path,
+            key="tau.*",
+            expected="torque columns",
+        )
     robot = robot_of(rec)
     time = rec.time - rec.time[0]
     thin = slice(None, None, max(1, round(rec.rate_hz / SAMPLES_HZ)))
     q, dq, ddq = (v[thin] for v in smooth(time, rec.q, MOTION_HZ))
     time, tau, raw = time[thin], rec.tau[thin], rec.q[thin]
     control = Control("unknown", rec.rate_hz)
-    segment = Segment(control, 1.0 / rec.rate_hz, {}, q, dq, np.where(np.isfinite(raw), raw, q), time, np.arange(len(time)))
+    segment = Segment(
+        control, 1.0 / rec.rate_hz, {}, q, dq, np.where(np.isfinite(raw), raw, q), time, np.arange(len(time))
+    )
     segment.known["ddq"] = ddq
     inside = (time >= 0.5) & (time <= time[-1] - 0.5)  # the ends are where a zero-phase filter guesses
     valid = np.isfinite(tau) & inside[:, None]

@@ -44,7 +44,13 @@ class Nominal:
         pos = self.xpos[:, self.site].copy()
         jacp, jacr = self.batch.jac(self.body, pos)
         jac = np.concatenate([jacp, jacr], axis=1)[:, :, self.vadr]
-        return dense(self.batch.model, self.mass)[:, self.vadr][:, :, self.vadr], jac, pos, quat(self.xmat[:, self.site]), gravity
+        return (
+            dense(self.batch.model, self.mass)[:, self.vadr][:, :, self.vadr],
+            jac,
+            pos,
+            quat(self.xmat[:, self.site]),
+            gravity,
+        )
 
 
 def dense(model: mujoco.MjModel, sparse: np.ndarray) -> np.ndarray:

@@ -18,8 +18,8 @@ from mujoco import batch as mjb
 from vispeg.control.laws import osc, position, rotation_vector
 from vispeg.core.world import World
 from vispeg.robots.model import RobotModel
-from vispeg.sim.placement import Active, activate
 from vispeg.sim.nominal import Nominal, dense, quat
+from vispeg.sim.placement import Active, activate
 from vispeg.sim.segment import Segment
 from vispeg.sim.state import DriveState, Fields
 
@@ -168,7 +168,9 @@ class _Run:
         if self.along and self.comp.any():
             self.gravity0 = self._rows(lambda s: self._once(s, self._tangent)[0])
             self.gravity1 = self._rows(lambda s: self._once(s, self._tangent)[1])
-        self.inertia = np.concatenate([np.repeat(self._once(s, self._apparent)[None], self.nworld, 0) for s in self.segments])
+        self.inertia = np.concatenate(
+            [np.repeat(self._once(s, self._apparent)[None], self.nworld, 0) for s in self.segments]
+        )
         if self.holds:
             self.mass = self._rows(lambda s: self._once(s, self._inertia))
 
@@ -211,14 +213,21 @@ class _Run:
     def _start(self):
         b = self.batch
         self.qpos, self.qvel = b.bind("qpos"), b.bind("qvel")
-        self.qacc, self.ctrl, self.applied = b.bind("qacc"), b.bind("ctrl"), b.bind("qfrc_applied")
+        self.ctrl, self.applied = b.bind("ctrl"), b.bind("qfrc_applied")
+        self.acc = np.zeros((self.nsim, len(self.robot.joints)))  # what the last step really did
         self.damper, self.constraint = b.bind("qfrc_damper"), b.bind("qfrc_constraint")
         self.qpos[:, self.qadr] = self.reference[0][0]
         self.qvel[:, self.vadr] = self.reference[1][0]
         self.last = self.nominal.gravity(self.reference[0][0]).copy()
         zeros = np.zeros((self.nsim, len(self.robot.joints)))
         self.x = DriveState(
-            self.h, self.tick, self.reference[0][0].copy(), self.reference[1][0].copy(), zeros.copy(), zeros.copy(), self.inertia
+            self.h,
+            self.tick,
+            self.reference[0][0].copy(),
+            self.reference[1][0].copy(),
+            zeros.copy(),
+            zeros.copy(),
+            self.inertia,
         )
         # a robot that starts in equilibrium carries its weight
         self.x.tau[:] = self.nominal.gravity(self.x.q)
@@ -234,7 +243,7 @@ class _Run:
     def _read(self):
         """True joint motion at this instant."""
         self.x.q = self.qpos[:, self.qadr].copy()
-        self.x.ddq = self.qacc[:, self.vadr].copy()
+        self.x.ddq = self.acc
         self.x.dq = self.qvel[:, self.vadr] + 0.5 * self.h * self.x.ddq
 
     def _measure(self):
@@ -321,13 +330,17 @@ class _Run:
         self.applied[:, self.vadr] = drive_side + link_side
         if self.damped:  # MuJoCo damps at the end of the step, which is stable but a step late: give that step back
             self.applied[:, self.vadr] += self.damping * self.h * self.x.ddq
-        half = 0.5 * self.h * self.x.ddq  # velocity forces act at the whole step, the position moves with the half step's
-        self.qvel[:, self.vadr] += half
+        # velocity forces act at the whole step, the position moves with the half step's
+        half = 0.5 * self.h * self.x.ddq
+        before = self.qvel[:, self.vadr] + half
+        self.qvel[:, self.vadr] = before
         self.batch.step()
+        # not qacc, which leaves out the implicit damping and so diverges past 2 J / h
+        self.acc = (self.qvel[:, self.vadr] - before) / self.h
         self.qvel[:, self.vadr] -= half
         self.qpos[:, self.qadr] -= self.h * half
         self.x.tau = (
-            tau + drive_side + self.damper[:, self.vadr] + self.constraint[:, self.vadr] - self.armature * self.qacc[:, self.vadr]
+            tau + drive_side + self.damper[:, self.vadr] + self.constraint[:, self.vadr] - self.armature * self.acc
         )
         return motor
 
@@ -346,7 +359,11 @@ class _Run:
             return values[:, left] * (1 - w) + values[:, left + 1] * w
 
         q, dq, joint, motor = (sampled(out[c][:, rows]) for c in range(4))
-        bad = ~np.all(np.isfinite(q), axis=(1, 2)) | (np.abs(q).max(axis=(1, 2)) > 1e3) | self.batch.warning[rows, :, 1].any(axis=1)
+        bad = (
+            ~np.all(np.isfinite(q), axis=(1, 2))
+            | (np.abs(q).max(axis=(1, 2)) > 1e3)
+            | self.batch.warning[rows, :, 1].any(axis=1)
+        )
         for values in (q, dq, joint, motor):
             values[bad] = np.nan
         ee = None

@@ -18,7 +18,8 @@ class DriveState:
         tick: control period, s.
         q, dq, ddq: true link-side angle, velocity and (last substep's) acceleration.
         tau: torque the drive handed to the link in the last substep, N m.
-        inertia: apparent inertia 1 / (M^-1)_jj, the least over the motion, kg m^2: what a stiff spring at the joint feels.
+        inertia: apparent inertia 1 / (M^-1)_jj, the least over the motion, kg m^2: what a stiff spring at the joint
+        feels.
     """
 
     h: float
