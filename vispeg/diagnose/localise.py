@@ -8,8 +8,9 @@ import numpy as np
 
 from vispeg.identify.evidence import Evidence, Item
 from vispeg.recordings.differentiate import smooth
+from vispeg.recordings.recording import Control
 from vispeg.sim.nominal import Nominal
-from vispeg.sim.rollout import OBSERVER, compiled
+from vispeg.sim.rollout import OBSERVER, compiled, observer_spring
 
 CUTOFF_HZ = 15.0
 SLOW, FAST, LOADED = 0.1, 0.6, 0.7  # fractions of a joint's peak speed and torque
@@ -65,14 +66,16 @@ def lack(item: Item, predicted: np.ndarray, seed: int = 0) -> Lack:
     mass, _, _, _, gravity = nominal.operational(q)
     control = seg.control
 
+    inertia = np.min(1.0 / np.diagonal(np.linalg.inv(mass[:: max(1, m // 16)]), axis1=1, axis2=2), axis=0)
+
     def torque(d: np.ndarray) -> np.ndarray:
         d, rate, acc = smooth(seg.time, d, CUTOFF_HZ)
         if control.mode == "position":
             return np.einsum("nij,nj->ni", mass, acc) + control.kd * rate + control.kp * d
-        kp, kd = OBSERVER**2, 2 * OBSERVER
+        kp, kd, spring, damper = OBSERVER**2, 2 * OBSERVER, *observer_spring(item.robot, inertia)
         if control.mode == "osc":
-            kp, kd = float(np.mean(control.kp)), float(np.mean(control.kd))
-        return np.einsum("nij,nj->ni", mass, acc + kd * rate + kp * d)
+            kp, kd, spring, damper = *_means(control), 0.0, 0.0
+        return np.einsum("nij,nj->ni", mass, acc + kd * rate + kp * d) + damper * rate + spring * d
 
     difference = _filled(item.measured[:, :nj] - predicted[:, :nj])
     noise = np.random.default_rng(seed).normal(size=(m, nj)) * item.sigma[:nj]
@@ -83,6 +86,13 @@ def lack(item: Item, predicted: np.ndarray, seed: int = 0) -> Lack:
     needed = np.einsum("nij,nj->ni", mass, ddq) + gravity
     gap = torque(difference)[valid]
     return Lack(seg.time[valid], q[valid], dq[valid], tau[valid], needed[valid], gap, np.maximum(sigma, 1e-9))
+
+
+def _means(control: Control) -> tuple[float, float]:
+    """Mean gains of an operational-space loop: close enough to turn a difference of angles into torques."""
+    if control.kp is None or control.kd is None:
+        return OBSERVER**2, 2 * OBSERVER
+    return float(np.mean(control.kp)), float(np.mean(control.kd))
 
 
 def _motor_torque(item: Item, q: np.ndarray, dq: np.ndarray, gravity: np.ndarray) -> np.ndarray:

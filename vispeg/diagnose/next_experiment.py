@@ -7,7 +7,6 @@ of the two best explanations (Atkinson and Fedorov, Biometrika 62(1), 1975).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from vispeg.core.world import World
 from vispeg.diagnose.rivals import Rivals
 from vispeg.diagnose.search import Search, State
 from vispeg.identify.excitation import motion
+from vispeg.identify.record import controller
 from vispeg.sim.rollout import simulate
 from vispeg.sim.segment import Segment
 
@@ -33,11 +33,7 @@ def next_experiment(
     item = search.evidence.items[0]
     control = item.segment.control
     if control.mode != "position":
-        control = replace(
-            control, mode="position", gravity_compensation="model",
-            kp=600.0 * np.ones(item.nj), kd=None, nullspace=None,
-        )  # fmt: skip
-        control = replace(control, kd=_damping(search, control.kp))
+        control = controller(item.robot, "position", control.rate_hz, item.segment.q[0])
     best: tuple[float, dict, dict[str, np.ndarray]] = (-1.0, {}, {})
     for name in MENU:
         m = motion(name, item.robot, control.rate_hz, SECONDS, stream(seed, "next experiment", name))
@@ -88,15 +84,3 @@ def _by_hand(search: Search, verdict: str) -> dict | None:
     if search.evidence.unit != "rad":
         why = "a known controller (position mode, gains stated) lets rollouts decide what inverse dynamics cannot"
     return {"motion": "triangle", "why": why, "expected_separation_sigma": 0.0}
-
-
-def _damping(search: Search, kp: np.ndarray) -> np.ndarray:
-    """Critical damping on the apparent inertias, bounded for a 500 Hz loop."""
-    from vispeg.sim.nominal import Nominal
-    from vispeg.sim.rollout import compiled
-
-    item = search.evidence.items[0]
-    nominal = Nominal(compiled(item.robot), item.robot.joints, item.robot.flange, 1, 1)
-    mass = nominal.operational(item.segment.q[:1])[0]
-    inertia = 1.0 / np.diagonal(np.linalg.inv(mass), axis1=1, axis2=2)[0]
-    return np.minimum(1.4 * np.sqrt(kp * inertia), 0.3 * inertia * item.segment.control.rate_hz)

@@ -231,7 +231,9 @@ def _moved(state: State) -> list[dict[str, Any]]:
         now: dict[tuple[str, str], Placed] = {(e.effect, e.where): e for e in after.effects}
         for e in before.effects:
             later = now.get((e.effect, e.where))
-            for name, v in e.params.items() if later is not None else ():
+            if later is None:
+                continue
+            for name, v in e.params.items():
                 p = effect(e.effect).params[name]
                 if not p.shape and abs(later.params[name].value - v.value) > 0.1 * abs(p.start - p.null):
                     out.append(

@@ -93,7 +93,8 @@ class Search:
         lacks = self.lacks(state.world)
         item = self.evidence.items[0]
         if joints is None:
-            joints = suspects(lacks, item.robot.joints) if self.evidence.unit == "rad" else item.robot.joints
+            everywhere = list(item.robot.joints)
+            joints = suspects(lacks, everywhere) if self.evidence.unit == "rad" else everywhere
         places = candidates(self.evidence, state.world, joints)
         jac = state.fit.jacobian if state.fit is not None else None
         scores = screen(self.evidence, state.world, state.residual, jac, places, looks(lacks, self.evidence.items))
@@ -179,7 +180,7 @@ def _alike(a: Placed, b: Placed) -> bool:
     return a.where == b.where and effect(a.effect).kind == effect(b.effect).kind == "joint"
 
 
-def suspects(lacks: list[Lack], joints: Sequence[str], share: float = 0.02, most: int = 4) -> list[str]:
+def suspects(lacks: list[Lack], joints: list[str], share: float = 0.02, most: int = 4) -> list[str]:
     """Joints that carry a visible share of the missing torque: an effect in one joint lacks torque at that joint."""
     z = joint_z(lacks) ** 2
     order = np.argsort(-z)
@@ -188,7 +189,7 @@ def suspects(lacks: list[Lack], joints: Sequence[str], share: float = 0.02, most
 
 
 def shortlist(scores: Sequence[Score], best: int) -> list[Score]:
-    """The scores worth a fit: the best, none under a tenth of the greatest gain unless few are left."""
+    """The scores worth a fit: the best, none under a quarter of the greatest gain unless few are left."""
     top = scores[0].gain
     return [s for i, s in enumerate(scores) if i < best and (i < 4 or s.gain > 0.25 * top)]
 

@@ -55,7 +55,8 @@ def styled() -> Iterator[None]:
     """Matplotlib as every figure here wants it, and no word about glyphs that only the browser has."""
     import matplotlib
 
-    with matplotlib.rc_context(STYLE), warnings.catch_warnings():
+    rc: Any = STYLE
+    with matplotlib.rc_context(rc), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")
         warnings.filterwarnings("ignore", message="constrained_layout not applied")
         yield
@@ -106,10 +107,11 @@ def legend(figure: Figure, entries: dict[str, tuple[str, str]]) -> None:
     """One line above the figure: name -> (colour, line style or the marker "|")."""
     from matplotlib.lines import Line2D
 
+    draw: Any = Line2D  # style names come from a table
     lines = [
         Line2D([], [], color=colour, marker="|", linestyle="", markersize=9, markeredgewidth=1.6)
         if style == "|"
-        else Line2D([], [], color=colour, linestyle=style, linewidth=2)
+        else draw([], [], color=colour, linestyle=style, linewidth=2)
         for colour, style in entries.values()
     ]
     figure.legend(lines, list(entries), loc="outside upper left", ncols=len(entries), handlelength=1.4)

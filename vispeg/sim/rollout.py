@@ -75,6 +75,17 @@ def simulate(
         return run.responses(want_ee)
 
 
+def observer_spring(robot: RobotModel, inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness N m/rad and damping N m s/rad that the observer adds at each joint of apparent `inertia` (..., nj).
+
+    A light wrist held by its inertia alone would be thrown a radian off by half a newton metre; what a drive can be
+    wrong by goes with its torque limit, so half of that a radian is added, and the damping that goes with it.
+    """
+    limit = np.where(np.isfinite(robot.torque_limit), robot.torque_limit, 100.0)
+    stiffness = np.minimum(0.5 * limit, (40.0**2) * inertia)
+    return stiffness, 1.4 * np.sqrt(stiffness * inertia)
+
+
 @contextmanager
 def _quiet() -> Iterator[None]:
     """MuJoCo's instability warnings held back; divergence is reported in `Response.diverged`."""
@@ -171,6 +182,7 @@ class _Run:
         self.inertia = np.concatenate(
             [np.repeat(self._once(s, self._apparent)[None], self.nworld, 0) for s in self.segments]
         )
+        self.spring = observer_spring(self.robot, self.inertia)
         if self.holds:
             self.mass = self._rows(lambda s: self._once(s, self._inertia))
 
@@ -278,10 +290,12 @@ class _Run:
         return osc(error, twist, mass, jac, self.kp, self.kd, posture) + self.comp * gravity
 
     def _hold(self, k):
-        """Soft observer M (w^2 e + 2 w de): keeps an open-loop rollout near the motion that it is compared with."""
+        """Soft observer M (w^2 e + 2 w de) + K e + D de: keeps an open-loop rollout near the measured motion."""
         e = self.reference[0][k] - self._encoder[0]
         de = self.reference[1][k] - self._encoder[1]
-        return np.einsum("nij,nj->ni", self.mass[k], OBSERVER**2 * e + 2 * OBSERVER * de)
+        return np.einsum("nij,nj->ni", self.mass[k], OBSERVER**2 * e + 2 * OBSERVER * de) + (
+            self.spring[0] * e + self.spring[1] * de
+        )
 
     def responses(self, want_ee: bool) -> list[Response]:
         self._start()

@@ -9,7 +9,7 @@ import numpy as np
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.recording import Control, Recording
 
-SMOOTHING_HZ = 20.0  # the observer and the start state need a velocity; effects live below this
+SMOOTHING_HZ = 40.0  # the observer and the start state need a velocity; what a joint does lies below this
 
 
 @dataclass(frozen=True)
