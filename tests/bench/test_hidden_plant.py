@@ -184,6 +184,7 @@ def _xml(model):
     """The arm again as text, from the compiled numbers (an independent path to the same bodies)."""
     text = "<mujoco><option/><worldbody>"
     for i in range(1, 8):
+
         def f(values):
             return " ".join(f"{x:.12g}" for x in values)
 

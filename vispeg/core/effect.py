@@ -33,6 +33,7 @@ class Effect(ABC):
         smooth: False where the residual is not smooth in the parameters (a global search is then used).
         telling: magnitudes without which this effect is only another one under its name (default: any of them).
         contains: simpler effects that this one turns into at some of its values; it rivals them only by being better.
+        torqueless: True where no torque is missing at the joint, so that the effect is looked for at every joint.
         shared: True where one value for all joints (`where: all`) is the natural first guess.
     """
 
@@ -43,6 +44,7 @@ class Effect(ABC):
     order: ClassVar[int] = 50
     smooth: ClassVar[bool] = True
     shared: ClassVar[bool] = False
+    torqueless: ClassVar[bool] = False
     telling: ClassVar[tuple[str, ...]] = ()
     contains: ClassVar[tuple[str, ...]] = ()
 

@@ -59,7 +59,7 @@ def _compare(search: Search, state: State, label: str, trials: list[Trial]) -> R
     equals = [
         t
         for t in others
-        if search.equal(t.loss, state.loss)
+        if search.equal(t.loss, state.loss, state.first)
         and present(t.fit, len(t.fit.world.effects) - 1)
         and t.gain.relative > 0
         and not _merely_richer(search, t, state, label)

@@ -41,7 +41,7 @@ def candidates(evidence: Evidence, world: World, joints: Sequence[str]) -> list[
     for name, kind in sorted(REGISTRY.items()):
         if kind.kind not in ("joint", "drive", "body") or not evidence.sees(kind):
             continue
-        places = [t for t in kind.targets(item.robot) if t not in item.robot.joints or t in joints]
+        places = [t for t in kind.targets(item.robot) if t not in item.robot.joints or t in joints or kind.torqueless]
         if kind.shared:
             places.append("all")
         everywhere = (name, "all") in taken
@@ -129,7 +129,7 @@ def _score(probe: Placed, names: list[str], s: np.ndarray, base: np.ndarray, bas
     values = {}
     for m, c in zip(names, fit.x, strict=True):
         p, reach = kind.params[m], probe.params[m].value - kind.params[m].null
-        if p.scale == "log":  # its null lies at the end of the range, and no line leads there: the guess stands
+        if p.scale == "log" or kind.torqueless:  # no line leads from null to such a value: the guess stands
             values[m] = probe.params[m].value
             continue
         c = c if abs(c) > 0.02 else 0.02

@@ -18,6 +18,7 @@ class EncoderQuantization(Effect):
     kind = "drive"
     order = 95
     smooth = False
+    torqueless = True
     params = {"step": Param(0.0, 0.0, 0.01, "rad", start=5e-4, doc="angle of one count")}
 
     def observe(self, state, q, dq, x, p):
