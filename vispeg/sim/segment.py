@@ -9,7 +9,8 @@ import numpy as np
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.recording import Control, Recording
 
-SMOOTHING_HZ = 40.0  # the observer and the start state need a velocity; what a joint does lies below this
+START_HZ = 20.0  # bandwidth of the motion that gives a closed loop its start state
+HELD_HZ = 40.0  # of the motion that an observer holds a rollout to: its corners must not be rounded
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,8 @@ def _segment(rec: Recording, rows: np.ndarray) -> Segment:
     if "ee_cmd" in command:
         command["ee_cmd"][:, 3:] /= np.linalg.norm(command["ee_cmd"][:, 3:], axis=1, keepdims=True)
     raw = on_grid(rec.q)
-    q, dq, _ = smooth(grid, raw, SMOOTHING_HZ)
+    closed = rec.control.mode in ("position", "osc")
+    q, dq, _ = smooth(grid, raw, START_HZ if closed else HELD_HZ)
     return Segment(rec.control, tick, command, q, dq, raw, time, rows)
 
 
