@@ -27,7 +27,7 @@ def find_rivals(search: Search, state: State, given: int, say: Callable[[str], N
     """Rivals of every accepted effect, all the others kept and refitted."""
     chosen = state.world.effects[given:]
     if len(chosen) == 1 and len(state.steps) == 1:
-        return [_compare(search, state, chosen[0].label, list(state.steps[0][1]))]
+        return [_compare(search, state, chosen[0].label, list(state.steps[0][1]), state.first)]
     out = []
     for placed in chosen:
         say(f"looking for rivals of {placed.label}")
@@ -42,7 +42,7 @@ def find_rivals(search: Search, state: State, given: int, say: Callable[[str], N
         view = looks(search.lacks(fit.world), search.evidence.items)
         scores = screen(search.evidence, fit.world, fit.residual, fit.jacobian, places, view)
         trials = search.try_all(reduced, shortlist(scores, 5), given, len(places)) if scores else []
-        out.append(_compare(search, state, placed.label, trials))
+        out.append(_compare(search, state, placed.label, trials, search.judge.mean(reduced.loss)))
     return out
 
 
@@ -54,12 +54,12 @@ def _merely_richer(search: Search, trial: Trial, state: State, label: str) -> bo
     return nested and search.judge.gain(state.loss, trial.loss).z < 3.0
 
 
-def _compare(search: Search, state: State, label: str, trials: list[Trial]) -> Rivals:
+def _compare(search: Search, state: State, label: str, trials: list[Trial], without: float) -> Rivals:
     others = [t for t in trials if t.score.placed.label != label]
     equals = [
         t
         for t in others
-        if search.equal(t.loss, state.loss, state.first)
+        if search.equal(t.loss, state.loss, without)
         and present(t.fit, len(t.fit.world.effects) - 1)
         and t.gain.relative > 0
         and not _merely_richer(search, t, state, label)

@@ -144,21 +144,21 @@ class Search:
         passed = sorted((t for t in out if not t.rejected), key=lambda t: float(t.loss.sum()))
         if passed:
             best = passed[0]
-            equal = [t for t in passed if self.equal(t.loss, best.loss, state.first)]
+            equal = [t for t in passed if self.equal(t.loss, best.loss, self.judge.mean(state.loss))]
             first = min(equal, key=lambda t: (parameters(t.fit.world), float(t.loss.sum())))
             passed.remove(first)
             passed.insert(0, first)
         refused = sorted((t for t in out if t.rejected), key=lambda t: float(t.loss.sum()))
         return passed + refused
 
-    def equal(self, loss: np.ndarray, best: np.ndarray, first: float = 1.0) -> bool:
+    def equal(self, loss: np.ndarray, best: np.ndarray, without: float = 1.0) -> bool:
         """Whether held-out data cannot tell a world from a better one: not significantly worse, or hardly worse.
 
-        Hardly is measured on what is left above the floor and on the first excess, for no model's form is exact.
+        Hardly is measured on what is left above the floor, and on the excess `without` either: no model's form is exact.
         """
         gain = self.judge.gain(loss, best)
         excess = max(self.judge.mean(best) - 1.0, 0.0)
-        return gain.mean <= max(TIE * (excess + 0.3), LEAST_SHARE * (first - 1.0)) or gain.z < 2.0
+        return gain.mean <= max(TIE * (excess + 0.3), LEAST_SHARE * (without - 1.0)) or gain.z < 2.0
 
     def _take(self, state: State, trial: Trial) -> None:
         state.world, state.fit, state.loss, state.residual = trial.fit.world, trial.fit, trial.loss, trial.fit.residual
