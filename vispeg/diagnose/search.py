@@ -154,7 +154,7 @@ class Search:
     def equal(self, loss: np.ndarray, best: np.ndarray, without: float = 1.0) -> bool:
         """Whether held-out data cannot tell a world from a better one: not significantly worse, or hardly worse.
 
-        Hardly is measured on what is left above the floor, and on the excess `without` either: no model's form is exact.
+        Hardly is measured on what is left above the floor and on the excess `without` either: no model is exact.
         """
         gain = self.judge.gain(loss, best)
         excess = max(self.judge.mean(best) - 1.0, 0.0)
