@@ -16,6 +16,14 @@ from vispeg.core.world import World
 FORMAT = "vispeg-model/1"
 
 
+class _Plain(yaml.SafeDumper):
+    """Writes what two effects share (an origin) twice: a reader should not need to know YAML's aliases."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        """Never."""
+        return True
+
+
 def load_model(source: str | Path) -> World:
     """A World from a model file; a robot's name or a path to an MJCF or URDF gives that robot with no effects."""
     text = str(source)
@@ -135,4 +143,4 @@ def model_text(world: World) -> str:
         "tool": "none" if tool is None else tool,
         "effects": [placed_dict(e) for e in world.effects],
     }
-    return yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
+    return yaml.dump(data, Dumper=_Plain, sort_keys=False, allow_unicode=True)
