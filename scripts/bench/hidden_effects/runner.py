@@ -65,7 +65,8 @@ def run(root: Path, chosen: list[Case], results: Path, workers: int, reference: 
             except json.JSONDecodeError:
                 continue
             known[record["case"]] = record
-    missing = [c for c in chosen if c.name not in known]
+    # in the order of their hashes, so that a run cut short is still an even sample of the list
+    missing = sorted((c for c in chosen if c.name not in known), key=lambda c: c.key)
     lock, results_parent = threading.Lock(), results.parent
     results_parent.mkdir(parents=True, exist_ok=True)
 
