@@ -16,9 +16,9 @@ from vispeg.core.seeds import stream
 from vispeg.core.world import World
 from vispeg.recordings.recording import Control
 from vispeg.robots.model import RobotModel, load
+from vispeg.sim.compiled import compiled
 from vispeg.sim.nominal import dense
 from vispeg.sim.placement import activate
-from vispeg.sim.rollout import compiled
 from vispeg.sim.state import Fields
 
 ROBOT = load("iiwa14")

@@ -11,14 +11,17 @@ from loops import iiwa_segment, one
 from mujoco import batch as mjb
 
 import vispeg.effects  # noqa: F401  (enrols the library)
-from vispeg.core.effect import REGISTRY, Placed, Value
+from vispeg.core.effect import Placed, Value, of_kind
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
 from vispeg.effects.model_file import load_model, model_text
 from vispeg.robots.model import load
+from vispeg.sim.compiled import compiled
 from vispeg.sim.placement import activate
-from vispeg.sim.rollout import compiled, simulate
+from vispeg.sim.rollout import simulate
 from vispeg.sim.state import Fields
+
+REGISTRY = of_kind()  # what an arm alone can show
 
 NAMES = sorted(REGISTRY)
 MODES = ("position", "torque", "osc")

@@ -10,7 +10,7 @@ import pytest
 from loops import iiwa_segment, recorded
 
 import vispeg.effects  # noqa: F401  (enrols the library)
-from vispeg.core.effect import REGISTRY, Placed
+from vispeg.core.effect import Placed, of_kind
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
 from vispeg.identify.fit import fit_job
@@ -19,6 +19,8 @@ from vispeg.identify.pool import run_together
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.recording import Control
 from vispeg.robots.model import load
+
+REGISTRY = of_kind()  # what an arm alone can show
 
 ROBOT = load("iiwa14")
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from abc import ABC
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.core.frame import Frame
 from vispeg.core.params import Param
 
 Kind = Literal["joint", "drive", "body", "contact", "camera", "appearance"]
+ARM = ("joint", "drive", "body")  # kinds that an arm alone can show; the others need a scene
 Values = Mapping[str, np.ndarray]  # parameter name -> (nsim, ntarget)
 REGISTRY: dict[str, Effect] = {}
 
@@ -60,7 +62,9 @@ class Effect(ABC):
 
     # Where ------------------------------------------------------------------------------------------------------
     def targets(self, model: Any) -> list[str]:
-        """Names this effect can act on (default: every joint of the RobotModel)."""
+        """Names this effect can act on (default: every joint). `model` is a RobotModel or a Scene; an effect that needs
+        a scene's parts, cameras or lights has no target on a bare robot.
+        """
         return list(model.joints)
 
     # How --------------------------------------------------------------------------------------------------------
@@ -86,6 +90,18 @@ class Effect(ABC):
     def observe(self, state: Any, q: np.ndarray, dq: np.ndarray, x: Any, p: Values) -> tuple[np.ndarray, np.ndarray]:
         """What the encoders make of joint angles and velocities, both (nsim, nj)."""
         return q, dq
+
+    def believe(self, goal: np.ndarray, p: Values) -> np.ndarray:
+        """Where the task's goal (nsim, 3) in m is believed to be, given where it is. Base frame."""
+        return goal
+
+    def image(self, state: Any, frame: Frame, p: Values, rng: Sequence[np.random.Generator]) -> None:
+        """What a camera makes of `frame`, changed in place; `rng` holds one stream an image.
+
+        `p[name]` is (frame.n,). `state` is a dict of the effect's own, empty when the episode begins and kept from
+        frame to frame (temporal correlation, latency).
+        """
+        raise NotImplementedError
 
     def inverse(self, needed: np.ndarray, sensor: str, p: Values) -> np.ndarray:
         """What a torque sensor reads (n, nj) when the link needs `needed`: a drive effect's static inverse, N m."""
@@ -114,6 +130,11 @@ class Effect(ABC):
     def magnitudes(self) -> list[str]:
         """The parameters whose null makes the effect vanish (all but the shape parameters)."""
         return [name for name, param in self.params.items() if not param.shape]
+
+
+def of_kind(*kinds: Kind) -> dict[str, Effect]:
+    """The registered effects of these kinds (default: those of an arm alone), by name."""
+    return {name: e for name, e in sorted(REGISTRY.items()) if e.kind in (kinds or ARM)}
 
 
 def effect(name: str) -> Effect:

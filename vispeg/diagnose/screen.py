@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from vispeg.core.effect import REGISTRY, Placed, effect
+from vispeg.core.effect import Placed, effect, of_kind
 from vispeg.core.world import World
 from vispeg.diagnose.localise import Look
 from vispeg.identify.evidence import Evidence, Item
@@ -38,8 +38,8 @@ def candidates(evidence: Evidence, world: World, joints: Sequence[str]) -> list[
     """Every (effect, place) of the library that is not yet in the world; joint places only among `joints`."""
     taken = {(e.effect, e.where) for e in world.effects}
     item, out = evidence.items[0], []
-    for name, kind in sorted(REGISTRY.items()):
-        if kind.kind not in ("joint", "drive", "body") or not evidence.sees(kind):
+    for name, kind in of_kind().items():
+        if not evidence.sees(kind):
             continue
         places = [t for t in kind.targets(item.robot) if t not in item.robot.joints or t in joints or kind.torqueless]
         if kind.shared:

@@ -1,0 +1,128 @@
+"""What a parameter may be drawn from. Each draw maps one uniform number in (0, 1), so that draws can be correlated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.stats import norm
+
+from vispeg.core.errors import UserError
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """Flat between `low` and `high`."""
+
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        _ordered(self.low, self.high)
+
+    def at(self, u: float) -> float:
+        """The quantile at u in (0, 1)."""
+        return self.low + (self.high - self.low) * u
+
+
+@dataclass(frozen=True)
+class LogUniform:
+    """Flat in the logarithm between `low` > 0 and `high`."""
+
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        _ordered(self.low, self.high)
+        if self.low <= 0:
+            raise UserError("a log_uniform range must be above 0", got=self.low)
+
+    def at(self, u: float) -> float:
+        """The quantile at u in (0, 1)."""
+        return float(np.exp(np.log(self.low) + (np.log(self.high) - np.log(self.low)) * u))
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Gaussian, cut at `low` and `high` (the mass beyond is redistributed, so that no value piles up there)."""
+
+    mean: float
+    sd: float
+    low: float = -np.inf
+    high: float = np.inf
+
+    def __post_init__(self) -> None:
+        _ordered(self.low, self.high)
+        if not self.sd >= 0:
+            raise UserError("a standard deviation below 0", got=self.sd)
+
+    def at(self, u: float) -> float:
+        """The quantile at u in (0, 1)."""
+        if self.sd == 0:
+            return min(max(self.mean, self.low), self.high)
+        a, b = norm.cdf((self.low - self.mean) / self.sd), norm.cdf((self.high - self.mean) / self.sd)
+        value = self.mean + self.sd * norm.ppf(a + (b - a) * u)
+        return float(min(max(value, self.low), self.high))
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of the values, all equally likely."""
+
+    values: tuple[float, ...]
+
+    def at(self, u: float) -> float:
+        """The value at u in (0, 1)."""
+        return self.values[min(int(u * len(self.values)), len(self.values) - 1)]
+
+
+Distribution = Uniform | LogUniform | Normal | Choice
+KINDS = ("uniform", "log_uniform", "normal", "choice")
+
+
+def parse(raw: Any, file: str | None = None, key: str | None = None) -> float | Distribution:
+    """A number, or one of {uniform: [a, b]}, {log_uniform: [a, b]}, {normal: [mean, sd]}, {choice: [..]}.
+
+    Raises:
+        UserError: anything else, and ranges that invert.
+    """
+    if isinstance(raw, (int, float)) and not isinstance(raw, bool) and np.isfinite(raw):
+        return float(raw)
+    where: dict[str, Any] = {"file": file, "key": key}
+    if not isinstance(raw, Mapping) or len(raw) != 1:
+        raise UserError("not a value", **where, expected="a number or a distribution", got=raw, choices=KINDS)
+    ((kind, numbers),) = raw.items()
+    if kind not in KINDS:
+        raise UserError("unknown distribution", **where, got=kind, choices=KINDS)
+    ok = isinstance(numbers, (list, tuple)) and len(numbers) > 0
+    ok = ok and all(isinstance(x, (int, float)) and not isinstance(x, bool) and np.isfinite(x) for x in numbers)
+    if not ok or (kind != "choice" and len(numbers) != 2):
+        expected = "numbers" if kind == "choice" else "two numbers"
+        raise UserError(f"{kind} takes {expected}", **where, got=numbers)
+    try:
+        if kind == "choice":
+            return Choice(tuple(float(x) for x in numbers))
+        cls = {"uniform": Uniform, "log_uniform": LogUniform, "normal": Normal}[kind]
+        return cls(float(numbers[0]), float(numbers[1]))
+    except UserError as error:
+        raise UserError(str(error), **where) from error
+
+
+def written(value: float | Distribution) -> Any:
+    """The inverse of `parse`, for YAML."""
+    if isinstance(value, Uniform):
+        return {"uniform": [value.low, value.high]}
+    if isinstance(value, LogUniform):
+        return {"log_uniform": [value.low, value.high]}
+    if isinstance(value, Normal):
+        return {"normal": [value.mean, value.sd]}
+    if isinstance(value, Choice):
+        return {"choice": list(value.values)}
+    return float(value)
+
+
+def _ordered(low: float, high: float) -> None:
+    if not low <= high:
+        raise UserError("a range that inverts", expected="low <= high", got=f"[{low}, {high}]")

@@ -1,0 +1,43 @@
+"""What passes through a camera's pipeline: a stack of images of one camera, with what is known about them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass
+class Frame:
+    """n images of one camera. Effects of kind `camera` change them in place or replace their arrays.
+
+    Attributes:
+        rgb: (n, H, W, 3) float32 in [0, 1], sRGB-encoded, or None where no colour is asked for.
+        depth: (n, H, W) float32, planar distance along the optical axis in m, 0 = no reading; or None.
+        K: (n, 3, 3) intrinsics in px that the user believes, pixel centres at integer coordinates.
+        truth: (n, H, W) float32 depth as rendered, m, never changed; or None. What a sensor's geometry looks at.
+        normals: (n, H, W, 3) float32 surface normals in the camera's OpenCV axes where the renderer gave them, or None.
+        velocity: (n, 6) linear (m/s) and angular (rad/s) velocity of the camera in its own OpenCV axes, or None.
+        time: (n,) s since the episode began: what latency and dropped frames go by.
+    """
+
+    rgb: np.ndarray | None
+    depth: np.ndarray | None
+    K: np.ndarray
+    truth: np.ndarray | None = None
+    normals: np.ndarray | None = None
+    velocity: np.ndarray | None = None
+    time: np.ndarray = field(default_factory=lambda: np.zeros(1))
+
+    @property
+    def n(self) -> int:
+        """Images in the stack."""
+        return len(self.K)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width, px."""
+        image = self.rgb if self.rgb is not None else self.depth
+        if image is None:
+            raise ValueError("a frame without an image")
+        return image.shape[1], image.shape[2]
