@@ -20,7 +20,8 @@ from vispeg.core.world import World
 from vispeg.identify.excitation import motion
 from vispeg.identify.record import centre_of, controller
 from vispeg.robots.model import load
-from vispeg.sim.rollout import compiled, simulate
+from vispeg.sim.compiled import compiled
+from vispeg.sim.rollout import simulate
 from vispeg.sim.segment import Segment
 
 

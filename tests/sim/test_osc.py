@@ -18,8 +18,9 @@ from vispeg.core.world import World
 from vispeg.identify.excitation import SEVEN_AXIS_CENTRE
 from vispeg.recordings.recording import Nullspace
 from vispeg.robots.model import load
+from vispeg.sim.compiled import compiled, flange_pose
 from vispeg.sim.nominal import Nominal
-from vispeg.sim.rollout import compiled, flange_pose, simulate
+from vispeg.sim.rollout import simulate
 
 ROBOT = load("iiwa14")
 HOME = np.array(SEVEN_AXIS_CENTRE)

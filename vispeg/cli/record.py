@@ -89,7 +89,7 @@ class Args:
         from vispeg.core.seeds import stream
         from vispeg.identify.excitation import motion
         from vispeg.identify.replay import replay
-        from vispeg.sim.rollout import compiled
+        from vispeg.sim.compiled import compiled
 
         if Path(self.motion).suffix:
             return replay(Path(self.motion), robot, self.rate)

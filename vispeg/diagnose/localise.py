@@ -9,8 +9,9 @@ import numpy as np
 from vispeg.identify.evidence import Evidence, Item
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.recording import Control
+from vispeg.sim.compiled import compiled
 from vispeg.sim.nominal import Nominal
-from vispeg.sim.rollout import OBSERVER, compiled, observer_spring
+from vispeg.sim.observer import OBSERVER, observer_spring
 
 CUTOFF_HZ = 15.0
 SLOW, FAST, LOADED = 0.1, 0.6, 0.7  # fractions of a joint's peak speed and torque

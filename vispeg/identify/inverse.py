@@ -19,9 +19,9 @@ from vispeg.identify.evidence import Evidence, Item, robot_of
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.noise import highpass_sigma
 from vispeg.recordings.recording import Control, Recording
+from vispeg.sim.compiled import compiled
 from vispeg.sim.nominal import dense
 from vispeg.sim.placement import activate
-from vispeg.sim.rollout import compiled
 from vispeg.sim.segment import Segment
 from vispeg.sim.state import DriveState, Fields
 

@@ -21,8 +21,9 @@ from vispeg.identify.cmaes import minimise
 from vispeg.identify.evidence import robot_of
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel
+from vispeg.sim.compiled import compiled, flange_pose
 from vispeg.sim.nominal import Nominal
-from vispeg.sim.rollout import compiled, flange_pose, simulate
+from vispeg.sim.rollout import simulate
 from vispeg.sim.segment import Segment, segments
 
 PIECES, STEPS = 9, 50

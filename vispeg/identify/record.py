@@ -15,8 +15,9 @@ from vispeg.identify.excitation import Motion, room_of
 from vispeg.recordings.recording import Control, Nullspace, Recording
 from vispeg.robots.declared import declared
 from vispeg.robots.model import RobotModel, load
+from vispeg.sim.compiled import compiled, flange_pose
 from vispeg.sim.nominal import Nominal
-from vispeg.sim.rollout import compiled, flange_pose, simulate
+from vispeg.sim.rollout import simulate
 from vispeg.sim.segment import Segment
 
 NOISE = {"q": 2e-5, "dq": 1e-3, "tau": 0.2, "ee": 1e-4}  # rad, rad/s, N m, m: a good torque-controlled arm

@@ -1,0 +1,57 @@
+"""What the nominal arm weighs along a segment's measured motion: computed once a segment and robot, then remembered."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from vispeg.robots.model import RobotModel
+from vispeg.sim.compiled import nominal_of
+from vispeg.sim.segment import Segment
+
+
+def once(s: Segment, robot: RobotModel, get: Callable[[Segment, RobotModel], np.ndarray]) -> np.ndarray:
+    """`get(s, robot)`, remembered with the segment."""
+    key = (get.__name__, id(robot))
+    if key not in s.known:
+        s.known[key] = get(s, robot)
+    return s.known[key]
+
+
+def measured_gravity(s: Segment, robot: RobotModel) -> np.ndarray:
+    """Gravity torque (n, nj) N m that the robot itself added below `tau_cmd`, from the angles that it read."""
+    if s.control.gravity_compensation != "model":
+        return np.zeros_like(s.q)
+    return nominal_of(robot, s.ticks).gravity(s.q_raw).copy()
+
+
+def gravity(s: Segment, robot: RobotModel) -> np.ndarray:
+    """Nominal gravity torque (n, nj) N m along the motion."""
+    return nominal_of(robot, len(s.q)).gravity(s.q).copy()
+
+
+def gravity_slope(s: Segment, robot: RobotModel, step: float = 1e-4) -> np.ndarray:
+    """Its derivative (n, nj, nj) N m/rad to the angles, by central differences."""
+    n, nj = s.q.shape
+    nominal = nominal_of(robot, n)
+    slope = np.empty((n, nj, nj))
+    for j in range(nj):
+        move = np.eye(nj)[j] * step
+        slope[:, :, j] = (nominal.gravity(s.q + move).copy() - nominal.gravity(s.q - move)) / (2 * step)
+    return slope
+
+
+def inertia(s: Segment, robot: RobotModel) -> np.ndarray:
+    """Nominal joint-space inertia (n, nj, nj) kg m^2 along the motion."""
+    return _inertia_at(s.q, robot)
+
+
+def apparent_inertia(s: Segment, robot: RobotModel) -> np.ndarray:
+    """Apparent inertia 1 / (M^-1)_jj (nj,) kg m^2, the least over the motion."""
+    some = s.q[:: max(1, s.ticks // 16)]
+    return np.min(1.0 / np.diagonal(np.linalg.inv(_inertia_at(some, robot)), axis1=1, axis2=2), axis=0)
+
+
+def _inertia_at(q: np.ndarray, robot: RobotModel) -> np.ndarray:
+    return nominal_of(robot, len(q)).operational(q)[0]

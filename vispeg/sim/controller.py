@@ -1,0 +1,69 @@
+"""The recorded controller, for all rows at once: from what the encoders read to the torque that it asks for."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.control.laws import osc, position, rotation_vector
+from vispeg.robots.model import RobotModel
+from vispeg.sim.along import gravity, gravity_slope, measured_gravity, once
+from vispeg.sim.nominal import Nominal
+from vispeg.sim.rows import ByTick, Rows
+
+
+class Controller:
+    """Joint impedance, operational space control, or recorded torques, as RECORDING.md states them.
+
+    Args:
+        robot: the nominal robot, which is all that the controller knows.
+        rows: segments of the rollout.
+        nominal: its quantities, one row a simulation.
+        reference: measured angles by tick, (nsim, nj) rad.
+        along: take nominal gravity to first order about the measured motion (position control only).
+    """
+
+    def __init__(self, robot: RobotModel, rows: Rows, nominal: Nominal, reference: ByTick, along: bool):
+        nj = len(robot.joints)
+        self.nominal, self.reference = nominal, reference
+        self.mode = rows.segments[0].control.mode
+        self.null = rows.segments[0].control.nullspace
+        self.compensation = rows.constant(lambda s: float(s.control.gravity_compensation == "model"), 1)
+        self.along = along and self.mode == "position" and bool(self.compensation.any())
+        if self.mode in ("position", "osc"):
+            width = nj if self.mode == "position" else 6
+            self.kp = rows.constant(lambda s: s.control.kp, width)
+            self.kd = rows.constant(lambda s: s.control.kd, width)
+        if self.mode == "position":
+            self.q_cmd = rows.by_tick(lambda s: s.command["q_cmd"])
+            self.dq_cmd = rows.by_tick(lambda s: s.command.get("dq_cmd", np.zeros_like(s.q)))
+        elif self.mode == "osc":
+            self.ee_cmd = rows.by_tick(lambda s: s.command["ee_cmd"])
+        elif self.mode == "torque":
+            self.tau_cmd = rows.by_tick(lambda s: s.command["tau_cmd"] + once(s, robot, measured_gravity))
+        if self.along:
+            self.gravity0 = rows.by_tick(lambda s: once(s, robot, gravity))
+            self.gravity1 = rows.by_tick(lambda s: once(s, robot, gravity_slope))
+
+    def torque(self, k: int, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
+        """Commanded torque (nsim, nj) N m at tick k for measured q (rad) and dq (rad/s)."""
+        if self.mode == "position":
+            tau = position(self.q_cmd[k], self.dq_cmd[k], q, dq, self.kp, self.kd)
+            return tau + self.compensation * self._gravity(k, q) if self.compensation.any() else tau
+        if self.mode == "osc":
+            return self._osc(k, q, dq)
+        return self.tau_cmd[k] if self.mode == "torque" else np.zeros_like(q)
+
+    def _gravity(self, k: int, q: np.ndarray) -> np.ndarray:
+        if not self.along:
+            return self.nominal.gravity(q)
+        return self.gravity0[k] + np.einsum("nij,nj->ni", self.gravity1[k], q - self.reference[k])
+
+    def _osc(self, k: int, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
+        mass, jac, pos, rot, weight = self.nominal.operational(q)
+        goal = self.ee_cmd[k]
+        error = np.concatenate([goal[:, :3] - pos, rotation_vector(rot, goal[:, 3:])], axis=1)
+        twist = np.einsum("nij,nj->ni", jac, dq)
+        posture = None
+        if self.null is not None:
+            posture = np.einsum("nij,nj->ni", mass, self.null.kp * (self.null.q - q) - self.null.kd * dq)
+        return osc(error, twist, mass, jac, self.kp, self.kd, posture) + self.compensation * weight

@@ -1,0 +1,156 @@
+"""Batched physics with effects: what the torques of a controller do to arms that are not the nominal one.
+
+The physics is stepped as leapfrog: MuJoCo's semi-implicit Euler positions are second order when its velocity is read as
+that of the half step, so velocities are corrected by half a step of acceleration where they are read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from mujoco import batch as mjb
+
+from vispeg.core.world import World
+from vispeg.robots.model import RobotModel
+from vispeg.sim.compiled import compiled
+from vispeg.sim.placement import activate
+from vispeg.sim.state import DriveState, Fields
+
+GEAR = 80  # drive stages from here on lie behind the motor, where its current no longer tells
+STIFF_FRICTION = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # impedance at which dry friction stops a joint within one step
+
+
+class Plant:
+    """Arms with effects, one a row.
+
+    Args:
+        robot: the nominal robot.
+        worlds: one a row.
+        h: physics step, s.
+        tick: control period, s.
+        nthread: threads of the batch.
+
+    Attributes:
+        x: the state that effects read.
+    """
+
+    x: DriveState
+
+    def __init__(self, robot: RobotModel, worlds: Sequence[World], h: float, tick: float, nthread: int):
+        self.robot, self.h, self.tick, self.nsim = robot, h, tick, len(worlds)
+        self.model = compiled(robot)
+        self.batch = mjb.Batch(self.model, self.nsim, nthread=nthread)
+        self.qadr = np.array([self.model.joint(j).qposadr[0] for j in robot.joints])
+        self.vadr = np.array([self.model.joint(j).dofadr[0] for j in robot.joints])
+        self.u = np.array([self.model.actuator(j).id for j in robot.joints])
+        self.active = activate(robot, worlds)
+        self.batch.expand("opt.timestep")[:] = h
+        self._write()
+
+    def _write(self) -> None:
+        """Effects that are numbers in the model."""
+        fields = Fields(self.batch, self.robot)
+        for a in self.active:
+            a.effect.write(fields, a.p)
+        if fields.touched:
+            keep = {n: self.batch.expand(n).copy() for n in fields.touched if n.startswith("qpos")}
+            self.batch.set_const()
+            for name, values in keep.items():  # set_const derives the spring references anew
+                self.batch.expand(name)[:] = values
+        self.friction = [a for a in self.active if a.effect.overrides("friction")]
+        if self.friction or "dof_frictionloss" in fields.touched:
+            self.loss = self.batch.expand("dof_frictionloss")
+            self.dry = self.loss[:, self.vadr].copy()
+            self.batch.expand("dof_solref")[:, self.vadr] = (2 * self.h, 1.0)
+            self.batch.expand("dof_solimp")[:, self.vadr] = STIFF_FRICTION
+        self.drives = [a for a in self.active if a.effect.overrides("drive")]
+        self.extra = [a for a in self.active if a.effect.overrides("torque")]
+        self.senses = [a for a in self.active if a.effect.overrides("observe")]
+        self.armature, self.damping = self._row_field("dof_armature"), self._row_field("dof_damping")
+        self.damped = bool(self.damping.any())
+
+    def _row_field(self, name: str) -> np.ndarray:
+        value = self.batch.expanded(name)
+        if value is None:
+            value = np.broadcast_to(getattr(self.model, name), (self.nsim, self.model.nv))
+        return value[:, self.vadr]
+
+    def start(self, q: np.ndarray, dq: np.ndarray, weight: np.ndarray, inertia: np.ndarray) -> None:
+        """Puts the arms where their encoders read q (nsim, nj) rad, moving at dq rad/s.
+
+        Args:
+            q, dq: measured motion at the first tick.
+            weight: (nsim, nj) N m, what a drive in equilibrium carries there.
+            inertia: (nsim, nj) apparent inertia for effects, kg m^2.
+        """
+        b = self.batch
+        self.qpos, self.qvel = b.bind("qpos"), b.bind("qvel")
+        self.ctrl, self.applied = b.bind("ctrl"), b.bind("qfrc_applied")
+        self.acc = np.zeros((self.nsim, len(self.robot.joints)))  # what the last step really did
+        self.damper, self.constraint = b.bind("qfrc_damper"), b.bind("qfrc_constraint")
+        self.qpos[:, self.qadr] = q
+        self.qvel[:, self.vadr] = dq
+        self.last = weight.copy()
+        self.x = DriveState(self.h, self.tick, q.copy(), dq.copy(), np.zeros_like(self.acc), weight.copy(), inertia)
+        self._begin()
+        if self.senses:  # the encoders, not the links, start at the measured angles
+            self.qpos[:, self.qadr] += q - self.measure()[0]
+            self.x.q = self.qpos[:, self.qadr].copy()
+            self._begin()
+
+    def _begin(self) -> None:
+        self.states = {a.effect.name: a.effect.start(self.x, a.p) for a in self.active}
+
+    def read(self) -> None:
+        """True joint motion at this instant, into `x`."""
+        self.x.q = self.qpos[:, self.qadr].copy()
+        self.x.ddq = self.acc
+        self.x.dq = self.qvel[:, self.vadr] + 0.5 * self.h * self.x.ddq
+
+    def measure(self) -> tuple[np.ndarray, np.ndarray]:
+        """What the encoders make of `x`: (nsim, nj) rad and rad/s."""
+        q, dq = self.x.q, self.x.dq
+        for a in self.senses:
+            q, dq = a.effect.observe(self.states[a.effect.name], q, dq, self.x, a.p)
+        return q, dq
+
+    def step(self, command: np.ndarray, hold: np.ndarray | float) -> np.ndarray:
+        """One physics step under `command` (nsim, nj) N m and a torque `hold` at the links; gives the motor torque."""
+        tau = command
+        motor = None
+        for a in self.drives:
+            if motor is None and a.effect.order >= GEAR:
+                motor = tau
+            tau = a.effect.drive(self.states[a.effect.name], tau, self.x, a.p)
+        motor = tau if motor is None else motor
+        if self.friction:
+            level = self.dry.copy()
+            for a in self.friction:
+                level += a.effect.friction(self.states[a.effect.name], self.x, a.p)
+            self.loss[:, self.vadr] = level
+        drive_side, link_side = np.zeros_like(tau), hold
+        for a in self.extra:
+            t = a.effect.torque(self.states[a.effect.name], self.x, a.p)
+            if a.effect.side() == "drive":
+                drive_side = drive_side + t
+            else:
+                link_side = link_side + t
+        self.ctrl[:, self.u] = 0.5 * (tau + self.last)  # the kick spans half of the last step and half of this one
+        self.last = tau
+        self.applied[:, self.vadr] = drive_side + link_side
+        if self.damped:  # MuJoCo damps at the end of the step, which is stable but a step late: give that step back
+            self.applied[:, self.vadr] += self.damping * self.h * self.x.ddq
+        # velocity forces act at the whole step, the position moves with the half step's
+        half = 0.5 * self.h * self.x.ddq
+        before = self.qvel[:, self.vadr] + half
+        self.qvel[:, self.vadr] = before
+        self.batch.step()
+        # not qacc, which leaves out the implicit damping and so diverges past 2 J / h
+        self.acc = (self.qvel[:, self.vadr] - before) / self.h
+        self.qvel[:, self.vadr] -= half
+        self.qpos[:, self.qadr] -= self.h * half
+        self.x.tau = (
+            tau + drive_side + self.damper[:, self.vadr] + self.constraint[:, self.vadr] - self.armature * self.acc
+        )
+        return motor

@@ -1,0 +1,48 @@
+"""Segments side by side as the rows of one batch: row = segment * nworld + world, columns by control tick."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from vispeg.sim.segment import Segment
+
+
+class ByTick:
+    """`rows[k]` is (nsim, ...) at tick k, from (ticks, nsegment, ...); repeated for every world only when read."""
+
+    def __init__(self, values: np.ndarray, nworld: int):
+        self.values, self.nworld = values, nworld
+
+    def __getitem__(self, k: int) -> np.ndarray:
+        return np.repeat(self.values[k], self.nworld, axis=0)
+
+
+class Rows:
+    """How the segments and worlds of a rollout lie in its batch.
+
+    Attributes:
+        segments: one control mode and tick for all.
+        nworld: worlds that each is run with.
+        ticks: of the longest segment; the shorter ones are held at their end.
+        nsim: rows.
+    """
+
+    def __init__(self, segments: Sequence[Segment], nworld: int):
+        self.segments, self.nworld = segments, nworld
+        self.ticks = max(s.ticks for s in segments)
+        self.nsim = nworld * len(segments)
+
+    def by_tick(self, get: Callable[[Segment], np.ndarray]) -> ByTick:
+        """What `get` says of each segment, (n, ...), by tick."""
+        held = []
+        for s in self.segments:
+            value = get(s)
+            held.append(np.concatenate([value, np.repeat(value[-1:], self.ticks - len(value), axis=0)]))
+        return ByTick(np.stack(held, axis=1), self.nworld)
+
+    def constant(self, get: Callable[[Segment], np.ndarray | float | None], width: int) -> np.ndarray:
+        """What `get` says of each segment, (width,) or a number, as (nsim, width)."""
+        rows = [np.broadcast_to(np.asarray(get(s), float), (self.nworld, width)) for s in self.segments]
+        return np.concatenate(rows)
