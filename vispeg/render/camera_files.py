@@ -1,0 +1,181 @@
+"""Cameras on disk: this project's YAML, OpenCV's FileStorage YAML, and ROS's camera_info YAML.
+
+The other two hold intrinsics and a lens only; a camera read from them sits at its parent's origin until it is moved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import yaml
+
+from vispeg.core.errors import UserError
+from vispeg.core.files import write_text_atomic
+from vispeg.render.camera import FIELDS, Camera
+
+FORMAT = "vispeg-camera/1"
+Style = Literal["vispeg", "opencv", "ros"]
+REQUIRED = FIELDS[:7]
+
+
+def load_cameras(path: str | Path) -> tuple[Camera, ...]:
+    """All cameras of a file, whichever of the three formats it has.
+
+    Raises:
+        UserError: no such file, none of the formats, or values that no camera can have; names file and key.
+    """
+    try:
+        text = Path(path).expanduser().read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not text"
+        raise UserError(f"cannot be read: {reason}", file=path, expected="a camera file (YAML)") from error
+    opencv = text.startswith("%YAML:1.0")  # what FileStorage writes; no YAML parser but OpenCV's takes that line
+    if opencv:
+        text = text.partition("\n")[2].replace("!!opencv-matrix", "")
+    try:
+        record = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise UserError("is not YAML", file=path, got=str(error).partition("\n")[0]) from error
+    if not isinstance(record, dict):
+        raise UserError("is no camera file", file=path, expected=f"'format: {FORMAT}', OpenCV's or ROS's YAML")
+    if opencv or "camera_matrix" in record:
+        return (_from_matrix(record, path),)
+    if record.get("format") != FORMAT:
+        raise UserError("unknown format", file=path, key="format", expected=FORMAT, got=record.get("format"))
+    many = record["cameras"] if "cameras" in record else [{k: v for k, v in record.items() if k != "format"}]
+    if not isinstance(many, list) or not many:
+        raise UserError("not a list of cameras", file=path, key="cameras", got=many)
+    cameras = tuple(_from_record(one, path) for one in many)
+    names = [camera.name for camera in cameras]
+    if len(set(names)) < len(names):
+        raise UserError("two cameras of one name", file=path, key="cameras", got=names)
+    return cameras
+
+
+def load_camera(path: str | Path, name: str | None = None) -> Camera:
+    """One camera of a file: the one called `name`, or the only one. Raises UserError as `load_cameras` does."""
+    cameras = {camera.name: camera for camera in load_cameras(path)}
+    if name is None and len(cameras) == 1:
+        return next(iter(cameras.values()))
+    if name not in cameras:
+        raise UserError("which camera?", file=path, expected="the name of one", got=name, choices=cameras)
+    return cameras[name]
+
+
+def save_cameras(
+    path: str | Path, cameras: Camera | Sequence[Camera], *, style: Style = "vispeg", overwrite: bool = False
+) -> Path:
+    """Writes cameras; `opencv` and `ros` files take one camera and drop its pose. Every number comes back bit for bit.
+
+    Raises:
+        UserError: the file exists and `overwrite` is False, cannot be written, or cannot hold these cameras.
+    """
+    many = [cameras] if isinstance(cameras, Camera) else list(cameras)
+    if not many:
+        raise UserError("no camera to save", file=path)
+    if style not in ("vispeg", "opencv", "ros"):
+        raise UserError("unknown style of camera file", got=style, choices=("vispeg", "opencv", "ros"))
+    if style != "vispeg" and len(many) > 1:
+        raise UserError(f"a camera file of style '{style}' holds one camera", file=path, got=[c.name for c in many])
+    records = [to_record(camera) for camera in many]
+    if style == "vispeg":
+        whole = {"format": FORMAT, **records[0]} if len(many) == 1 else {"format": FORMAT, "cameras": records}
+        text = yaml.safe_dump(whole, sort_keys=False, default_flow_style=None)
+    else:
+        text = (_ros if style == "ros" else _opencv)(many[0])
+    return write_text_atomic(path, text, overwrite=overwrite)
+
+
+def to_record(camera: Camera) -> dict[str, Any]:
+    """A camera as plain JSON or YAML values."""
+    values = {key: getattr(camera, key) for key in FIELDS}
+    return {key: list(value) if isinstance(value, tuple) else value for key, value in values.items()}
+
+
+def _from_record(record: Any, path: str | Path) -> Camera:
+    if not isinstance(record, Mapping):
+        raise UserError("not a camera", file=path, key="cameras", got=record)
+    for key in record:
+        if key not in FIELDS:
+            raise UserError("unknown key", file=path, key=str(key), got=key, choices=FIELDS)
+    if missing := [key for key in REQUIRED if key not in record]:
+        raise UserError("is missing", file=path, key=missing[0], expected=", ".join(REQUIRED))
+    return _checked(path, dict(record))
+
+
+def _from_matrix(record: Mapping[str, Any], path: str | Path) -> Camera:
+    """OpenCV's and ROS's form: matrices with rows, cols and data."""
+    matrix = _matrix(record, "camera_matrix", path)
+    lens = _matrix(record, "distortion_coefficients", path, 0.0)
+    model = record.get("distortion_model", "plumb_bob")
+    if matrix.size != 9 or abs(matrix[1]) > 1e-9 * abs(matrix[0]):
+        raise UserError("not a camera matrix without skew", file=path, key="camera_matrix", got=matrix.tolist())
+    if model not in ("plumb_bob", "none", "") or np.any(lens[5:]):
+        key = "distortion_model" if model not in ("plumb_bob", "none", "") else "distortion_coefficients"
+        raise UserError("unknown lens", file=path, key=key, expected="k1, k2, p1, p2, k3 (plumb_bob)", got=model)
+    for key in ("image_width", "image_height"):
+        if key not in record:
+            raise UserError("is missing", file=path, key=key)
+    return _checked(
+        path,
+        {
+            "name": str(record.get("camera_name") or Path(path).stem),
+            "width": record["image_width"],
+            "height": record["image_height"],
+            **dict(zip(("fx", "fy", "cx", "cy"), matrix[[0, 4, 2, 5]], strict=True)),
+            "distortion": tuple(np.pad(lens[:5], (0, 5 - len(lens[:5])))),
+        },
+    )
+
+
+def _checked(path: str | Path, values: dict[str, Any]) -> Camera:
+    try:
+        return Camera(**values)
+    except UserError as error:
+        raise UserError(str(error), file=path) from error
+
+
+def _matrix(record: Mapping[str, Any], key: str, path: str | Path, default: float | None = None) -> np.ndarray:
+    entry = record.get(key)
+    if entry is None and default is not None:
+        return np.full(5, default)
+    data = entry.get("data") if isinstance(entry, Mapping) else None
+    try:
+        values = np.asarray(data, float).reshape(-1)
+    except (TypeError, ValueError):
+        values = np.array([np.nan])
+    if not np.isfinite(values).all():
+        raise UserError("not a matrix", file=path, key=key, expected="rows, cols and data of finite numbers", got=entry)
+    return values
+
+
+def _opencv(camera: Camera) -> str:
+    def matrix(values: np.ndarray) -> str:
+        rows, cols = values.shape
+        data = ", ".join(map(repr, values.ravel().tolist()))
+        return f"!!opencv-matrix\n   rows: {rows}\n   cols: {cols}\n   dt: d\n   data: [ {data} ]\n"
+
+    return (
+        f'%YAML:1.0\n---\ncamera_name: "{camera.name}"\nimage_width: {camera.width}\nimage_height: {camera.height}\n'
+        f"camera_matrix: {matrix(camera.K)}distortion_coefficients: {matrix(np.array([camera.distortion]))}"
+    )
+
+
+def _ros(camera: Camera) -> str:
+    def matrix(values: np.ndarray) -> dict[str, Any]:
+        return {"rows": values.shape[0], "cols": values.shape[1], "data": values.ravel().tolist()}
+
+    record = {
+        "image_width": camera.width,
+        "image_height": camera.height,
+        "camera_name": camera.name,
+        "camera_matrix": matrix(camera.K),
+        "distortion_model": "plumb_bob",
+        "distortion_coefficients": matrix(np.array([camera.distortion])),
+        "rectification_matrix": matrix(np.eye(3)),
+        "projection_matrix": matrix(np.column_stack([camera.K, np.zeros(3)])),
+    }
+    return yaml.safe_dump(record, sort_keys=False, default_flow_style=None)

@@ -1,0 +1,63 @@
+"""Brown's lens model, OpenCV's order of coefficients (k1, k2, p1, p2, k3), on normalised image coordinates.
+
+With x = X/Z, y = Y/Z and r2 = x^2 + y^2 (D. C. Brown, "Close-range camera calibration", 1971; OpenCV's calib3d):
+    x' = x (1 + k1 r2 + k2 r2^2 + k3 r2^3) + 2 p1 x y + p2 (r2 + 2 x^2)
+    y' = y (1 + k1 r2 + k2 r2^2 + k3 r2^3) + p1 (r2 + 2 y^2) + 2 p2 x y
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+STEPS, TOLERANCE = 50, 1e-9  # Newton converges in 4 to 6 steps where the lens can be inverted
+
+
+def distort(xy: np.ndarray, coefficients: Sequence[float]) -> np.ndarray:
+    """Where the lens puts ideal points, (..., 2) -> (..., 2), both X/Z and Y/Z."""
+    k1, k2, p1, p2, k3 = coefficients
+    x, y = xy[..., 0], xy[..., 1]
+    r2 = x * x + y * y
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    return np.stack(
+        [x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x), y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y], -1
+    )
+
+
+def undistort(xy: np.ndarray, coefficients: Sequence[float]) -> np.ndarray:
+    """The ideal points that the lens puts at `xy`, (..., 2) -> (..., 2); NaN where no ideal point leads there.
+
+    Newton's method from the identity. A point where the lens folds back (its Jacobian's determinant is not positive) is
+    no solution: two directions would then share a pixel.
+    """
+    target, ideal = np.asarray(xy, float), np.array(xy, float)
+    if not np.any(coefficients):
+        return ideal
+    with np.errstate(all="ignore"):
+        for _ in range(STEPS):
+            error = distort(ideal, coefficients) - target
+            (a, b), (c, d) = _jacobian(ideal, coefficients)
+            det = a * d - b * c
+            ideal -= (
+                np.stack([d * error[..., 0] - b * error[..., 1], a * error[..., 1] - c * error[..., 0]], -1)
+                / (det[..., None])
+            )
+            if not np.abs(error).max() > TOLERANCE * 1e-3:
+                break
+        (a, b), (c, d) = _jacobian(ideal, coefficients)
+        wrong = ~(np.abs(distort(ideal, coefficients) - target).max(-1) < TOLERANCE) | ~(a * d - b * c > 0) | ~(a > 0)
+    ideal[wrong] = np.nan
+    return ideal
+
+
+def _jacobian(xy: np.ndarray, coefficients: Sequence[float]) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
+    k1, k2, p1, p2, k3 = coefficients
+    x, y = xy[..., 0], xy[..., 1]
+    r2 = x * x + y * y
+    radial, slope = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)), 2 * (k1 + r2 * (2 * k2 + 3 * r2 * k3))
+    cross = x * y * slope + 2 * p1 * x + 2 * p2 * y
+    return (radial + x * x * slope + 2 * p1 * y + 6 * p2 * x, cross), (
+        cross,
+        radial + y * y * slope + 6 * p1 * y + 2 * p2 * x,
+    )
