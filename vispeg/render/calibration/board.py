@@ -1,0 +1,111 @@
+"""The flat board that a camera is calibrated with: a chessboard or a ChArUco board."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+
+KINDS = ("chessboard", "charuco")
+
+
+@dataclass(frozen=True)
+class Board:
+    """A board's pattern and size. Its frame: origin at the first corner, x along a row, y along a column, z into it.
+
+    Args:
+        kind: `chessboard`, or `charuco` (a chessboard with an ArUco marker in every light square).
+        columns, rows: for a chessboard the *inner corners* in a row and in a column, for ChArUco the *squares*: the
+            field's habit in both cases, and OpenCV's.
+        square: side of a square, m.
+        marker: side of a marker, m; ChArUco only.
+        dictionary: OpenCV's name of the markers' dictionary, as in `DICT_4X4_50`; ChArUco only.
+        legacy: ChArUco as printed by OpenCV before 4.6, which began boards of an even number of rows with a marker.
+
+    Raises:
+        UserError: sizes or counts of no real board, or a dictionary that OpenCV does not have.
+    """
+
+    kind: Literal["chessboard", "charuco"]
+    columns: int
+    rows: int
+    square: float
+    marker: float = 0.0
+    dictionary: str = ""
+    legacy: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuses what no real board has."""
+        if self.kind not in KINDS:
+            raise UserError("unknown board", key="--board", got=self.kind, choices=KINDS)
+        if min(self.columns, self.rows) < 3 or max(self.columns, self.rows) > 100:
+            raise UserError("no such pattern", key="--pattern", expected="3x3 to 100x100", got=self.pattern)
+        if not 1e-4 <= self.square <= 1.0:
+            raise UserError("no size of a square", key="--square", expected="0.0001 to 1 m", got=self.square)
+        if self.kind == "chessboard" and self.columns == self.rows:
+            raise UserError(
+                "a square chessboard has no top, so its corners cannot be told apart",
+                key="--pattern",
+                expected="different numbers of columns and rows, best one odd and one even, or a ChArUco board",
+                got=self.pattern,
+            )
+        if self.kind == "charuco":
+            if not 0.0 < self.marker < self.square:
+                raise UserError(
+                    "no size of a marker", key="--marker", expected=f"0 to {self.square} m", got=self.marker
+                )
+            self.opencv()
+
+    @property
+    def pattern(self) -> str:
+        """As in `9x6`."""
+        return f"{self.columns}x{self.rows}"
+
+    @property
+    def two_ways(self) -> bool:
+        """Whether the board looks the same turned by half a turn about its centre, colours included."""
+        return self.kind == "chessboard" and (self.columns + self.rows) % 2 == 0
+
+    @property
+    def grid(self) -> tuple[int, int]:
+        """Inner corners (a row, a column)."""
+        less = 1 if self.kind == "charuco" else 0
+        return self.columns - less, self.rows - less
+
+    @property
+    def points(self) -> np.ndarray:
+        """The inner corners in the board's frame, row after row, shape (n, 3), m."""
+        columns, rows = self.grid
+        y, x = np.mgrid[:rows, :columns]
+        return self.square * np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
+
+    def opencv(self) -> Any:
+        """The `cv2.aruco.CharucoBoard`. Raises UserError for a dictionary that is unknown or too small."""
+        import cv2
+
+        names = sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_"))
+        if self.dictionary not in names:
+            raise UserError("unknown dictionary", key="--dictionary", got=self.dictionary, choices=names)
+        words = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
+        if len(words.bytesList) < self.columns * self.rows // 2:
+            raise UserError(
+                "has fewer markers than the board shows",
+                key="--dictionary",
+                expected=f"{self.columns * self.rows // 2}",
+                got=f"{self.dictionary}: {len(words.bytesList)}",
+            )
+        board = cv2.aruco.CharucoBoard((self.columns, self.rows), self.square, self.marker, words)
+        board.setLegacyPattern(self.legacy)
+        return board
+
+
+def parse_pattern(text: str) -> tuple[int, int]:
+    """Columns and rows of a text as `9x6`. Raises UserError."""
+    match = re.fullmatch(r"(\d{1,3})\s*[xX]\s*(\d{1,3})", text.strip())
+    if match is None:
+        raise UserError("not a pattern", key="--pattern", expected="COLUMNSxROWS, as in 9x6", got=text)
+    return int(match[1]), int(match[2])

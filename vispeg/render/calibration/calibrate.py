@@ -1,0 +1,166 @@
+"""A camera from views: intrinsics, where it sits, and how far each number can be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.render.calibration.board import Board
+from vispeg.render.calibration.detect import View
+from vispeg.render.calibration.hand_eye import HandEye, Mount, check_motion, solve
+from vispeg.render.calibration.intervals import half_widths, leave_out
+from vispeg.render.calibration.intrinsics import (
+    NAMES,
+    Distortion,
+    Intrinsics,
+    IntrinsicsFit,
+    board_pose,
+    estimate,
+    view_error,
+)
+from vispeg.render.calibration.orientation import turn_views
+from vispeg.render.calibration.rigid import difference
+
+MIN_VIEWS = 4  # three fix the answer, and leaving one out must leave three
+SUSPICIOUS = 5.0  # px of reprojection through the robot
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What was found.
+
+    Args:
+        camera: the intrinsics, fitted or given.
+        intrinsics: the fit; None where they were given.
+        intrinsics_half: half widths of the 95 % intervals of fx, fy, cx, cy, k1, k2, p1, p2, k3, shape (9,): the larger
+            of pixel noise's and the jackknife's; 0 for a term held at 0; None where intrinsics were given.
+        mount: what the camera is fixed to, `flange` or `base`; None without poses.
+        hand_eye: where it sits; None without poses.
+        hand_eye_half: half widths of the 95 % intervals of its place, shape (6,): m along the mount's axes, rad about
+            the camera's. Given intrinsics count as exact.
+        views: the views used, with one numbering of corners.
+        fit_pixels: RMS reprojection of each view, its board pose free, px, shape (n,).
+    """
+
+    camera: Intrinsics
+    intrinsics: IntrinsicsFit | None
+    intrinsics_half: np.ndarray | None
+    mount: Mount | None
+    hand_eye: HandEye | None
+    hand_eye_half: np.ndarray | None
+    views: tuple[View, ...]
+    fit_pixels: np.ndarray
+
+
+def calibrate(
+    views: Sequence[View],
+    board: Board,
+    *,
+    distortion: Distortion = "brown4",
+    camera: Intrinsics | None = None,
+    flange: np.ndarray | None = None,
+    mount: Mount = "flange",
+) -> Calibration:
+    """Calibrates a camera.
+
+    Args:
+        views: the pictures in which the board was found.
+        board: what it is.
+        distortion: which terms of the lens to fit; of no account where `camera` is given.
+        camera: known intrinsics; fitted to the views where None.
+        flange: base_T_flange of each view, shape (n, 4, 4), m; None for intrinsics alone.
+        mount: `flange` for eye in hand, `base` for eye to base with the board on the flange.
+
+    Raises:
+        UserError: images or motion that do not fix the answer, sizes or poses that do not fit the views.
+    """
+    if len(views) < MIN_VIEWS:
+        raise UserError(
+            "too few images show the board", expected=f"{MIN_VIEWS} or more, from different directions", got=len(views)
+        )
+    if camera is not None and camera.size != views[0].size:
+        raise UserError("intrinsics of another image size", expected=views[0].size, got=camera.size)
+    if flange is not None:
+        if len(flange) != len(views):
+            raise UserError("poses and views do not pair", expected=len(views), got=len(flange))
+        check_motion(flange)
+    fit: IntrinsicsFit | None = None
+    if camera is None:
+        fit = estimate(views, board, distortion)
+        camera = fit.intrinsics
+    seen = np.stack([board_pose(view, board, camera) for view in views])
+    whole: HandEye | None = None
+    if flange is not None:
+        views, seen = turn_views(views, seen, flange, board)
+        whole = solve(views, board, camera, flange, mount)
+        _refuse_other_way(whole, views, board, camera, flange, mount)
+    inner, outer = _half_widths(views, board, camera, fit, distortion, flange, mount, whole)
+    return Calibration(
+        camera,
+        fit,
+        inner,
+        mount if whole is not None else None,
+        whole,
+        outer,
+        tuple(views),
+        np.array([view_error(view, board, camera, pose) for view, pose in zip(views, seen, strict=True)]),
+    )
+
+
+def _half_widths(
+    views: Sequence[View],
+    board: Board,
+    camera: Intrinsics,
+    fit: IntrinsicsFit | None,
+    distortion: Distortion,
+    flange: np.ndarray | None,
+    mount: Mount,
+    whole: HandEye | None,
+) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Of the intrinsics (9,) and of the camera's place (6,), each None where it was not estimated."""
+
+    def shift(kept: np.ndarray) -> np.ndarray:
+        some, lens, out = [views[i] for i in kept], camera, []
+        try:
+            if fit is not None:
+                lens = estimate(some, board, distortion, start=camera).intrinsics
+                out.append(lens.values - camera.values)
+            if whole is not None and flange is not None:
+                near = solve(some, board, lens, flange[kept], mount, start=whole)
+                out.append(difference(near.camera, whole.camera))
+        except UserError as error:
+            left = ", ".join(view.name for i, view in enumerate(views) if i not in kept)
+            raise UserError(f"all rests on {left}; take more images: without it, {error}") from error
+        return np.concatenate(out)
+
+    if fit is None and whole is None:
+        return None, None
+    half = half_widths(leave_out(len(views), shift))
+    inner = None if fit is None else np.maximum(half[: len(NAMES)], 1.96 * fit.std)
+    outer = None if whole is None else np.maximum(half[-6:], 1.96 * whole.std)
+    return inner, outer
+
+
+def _refuse_other_way(
+    found: HandEye, views: Sequence[View], board: Board, camera: Intrinsics, flange: np.ndarray, mount: Mount
+) -> None:
+    """Refuses poses that fit far better the other way round: inverses, or a camera that sits on the other end.
+
+    Base-in-flange poses of a camera on the flange make the equations of a camera on the base, so one trial finds both.
+    """
+    off = float(np.median(found.pixels))
+    if off < SUSPICIOUS:
+        return
+    try:
+        other = float(np.median(solve(views, board, camera, flange, "base" if mount == "flange" else "flange").pixels))
+    except UserError:
+        return
+    if other < off / 5:
+        raise UserError(
+            "the poses fit the other way round: --mount is wrong, or they are the base's in the flange's frame",
+            expected="base_T_flange",
+            got=f"{off:.3g} px off, {other:.3g} px the other way",
+        )

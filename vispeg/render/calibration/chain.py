@@ -1,0 +1,95 @@
+"""The misfit between a robot's poses and a camera's, each weighted by what is known of its errors.
+
+Every view gives the pose C_i of the board in the camera, with a covariance from its pixels, and so says where the
+flange was,
+
+    in hand   F_i = Z C_i^-1 X^-1        to base   F_i = X C_i Z^-1,
+
+to compare with where the robot says it was. The difference (m, rad) has the covariance
+
+    S_i = diag(s_t^2 I, s_r^2 I) + J_i cov(C_i) J_i^T
+
+with s_t, s_r the robot's own errors. This is the reprojection error with a free, penalised error of the robot in every
+pose, the board poses eliminated to first order. Plain reprojection is the case of an exact robot, s_t = s_r = 0; with a
+real arm, whose millimetres exceed a pixel's worth by far, it weighs the views by how large the board looks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from vispeg.render.calibration.board import Board
+from vispeg.render.calibration.detect import View
+from vispeg.render.calibration.intrinsics import Intrinsics
+from vispeg.render.calibration.rigid import inverse, move, shifted
+
+STEP = 1e-6  # of the finite differences, m and rad: far above rounding, far below any curvature
+FLOOR = np.array([1e-5, 1e-5])  # m, rad: no arm is better, and the weights stay finite
+
+
+class Chain:
+    """Differences between the flange as the camera and as the robot have it, as a function of X and Z.
+
+    Args:
+        seen: camera_T_board of each view, shape (n, 4, 4).
+        noise: covariance of `seen`, shape (n, 6, 6): translation in the camera's frame, rotation in the board's.
+        flange: base_T_flange as the robot reports it, shape (n, 4, 4).
+        in_hand: whether the camera is on the flange.
+    """
+
+    def __init__(self, seen: np.ndarray, noise: np.ndarray, flange: np.ndarray, in_hand: bool):
+        self.seen, self.noise, self.flange, self.in_hand = seen, noise, flange, in_hand
+        self.robot = FLOOR.copy()  # s_t m, s_r rad
+        self.whiten = np.broadcast_to(np.eye(6), (len(seen), 6, 6))
+
+    def differences(self, x: np.ndarray, z: np.ndarray, seen: np.ndarray | None = None) -> np.ndarray:
+        """Shape (n, 6): m on the base's axes, rad on the flange's."""
+        seen = self.seen if seen is None else seen
+        predicted = z @ inverse(seen) @ inverse(x) if self.in_hand else x @ seen @ inverse(z)
+        turn = np.swapaxes(self.flange[:, :3, :3], 1, 2) @ predicted[:, :3, :3]
+        shift = predicted[:, :3, 3] - self.flange[:, :3, 3]
+        return np.concatenate([shift, Rotation.from_matrix(turn).as_rotvec()], axis=1)
+
+    def weigh(self, x: np.ndarray, z: np.ndarray, trust: np.ndarray) -> None:
+        """Sets the robot's errors to what the differences at X, Z show, and the weights of the views by them.
+
+        Args:
+            trust: weight of each view in the estimate of the errors, 0 to 1, shape (n,).
+        """
+        now = self.differences(x, z)
+        jacobian = np.empty((len(now), 6, 6))
+        for axis, step in enumerate(STEP * np.eye(6)):
+            jacobian[:, :, axis] = (self.differences(x, z, shifted(self.seen, step)) - now) / STEP
+        camera = jacobian @ self.noise @ np.swapaxes(jacobian, 1, 2)
+        share = 1 - 2 / len(now)  # X and Z take what two views give
+        variance = np.average(now**2, axis=0, weights=trust) / share
+        left = variance - np.average(np.diagonal(camera, axis1=1, axis2=2), axis=0, weights=trust)
+        self.robot = np.maximum(np.sqrt(np.maximum(left.reshape(2, 3).mean(axis=1), 0)), FLOOR)
+        total = camera + np.diag(np.repeat(self.robot**2, 3))
+        self.whiten = np.linalg.inv(np.linalg.cholesky(total))
+
+    def whitened(self, x: np.ndarray, z: np.ndarray) -> np.ndarray:
+        """Shape (n, 6), without unit; standard normal where the errors are as assumed."""
+        return np.einsum("nij,nj->ni", self.whiten, self.differences(x, z))
+
+
+def pose_noise(views: Sequence[View], board: Board, camera: Intrinsics, seen: np.ndarray) -> np.ndarray:
+    """Covariance of each camera_T_board from its pixels, s^2 (J^T J)^-1, shape (n, 6, 6).
+
+    s is one for all views: their pooled residual, six degrees of freedom a view less.
+    """
+    normal, squares, count = np.empty((len(views), 6, 6)), 0.0, 0
+    for number, (view, pose) in enumerate(zip(views, seen, strict=True)):
+        points = board.points[view.ids]
+        at = camera.project(move(pose, points))
+        columns = []
+        for step in STEP * np.eye(6):
+            columns.append(((camera.project(move(shifted(pose, step), points)) - at) / STEP).ravel())
+        jacobian = np.stack(columns, axis=1)
+        normal[number] = jacobian.T @ jacobian
+        squares += float(np.sum((at - view.pixels) ** 2))
+        count += at.size - 6
+    return np.linalg.inv(normal) * max(squares / max(count, 1), 1e-6)

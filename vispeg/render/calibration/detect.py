@@ -1,0 +1,161 @@
+"""Finds a board's corners in pictures, to a fraction of a pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.render.calibration.board import Board
+
+PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm")
+MIN_CORNERS = 6  # of a ChArUco board seen in part: four fix a pose, two more judge it
+
+
+@dataclass(frozen=True)
+class View:
+    """The corners found in one picture.
+
+    Args:
+        name: the picture's file name.
+        size: (width, height), px.
+        ids: which corners of `Board.points`, shape (n,).
+        pixels: where they are, OpenCV's convention (the centre of the first pixel is (0, 0)), shape (n, 2).
+    """
+
+    name: str
+    size: tuple[int, int]
+    ids: np.ndarray
+    pixels: np.ndarray
+
+
+def pictures(folder: str | Path) -> list[Path]:
+    """The picture files of a folder, `2.png` before `10.png`. Raises UserError where there are none."""
+    root = Path(folder)
+    if not root.is_dir():
+        raise UserError("no such folder of images", file=folder)
+    found = [p for p in root.iterdir() if p.suffix.lower() in PICTURES and not p.name.startswith(".")]
+    if not found:
+        raise UserError("no image here", file=folder, expected=f"files ending in {' '.join(PICTURES)}")
+    return sorted(found, key=lambda p: [int(s) if s.isdigit() else s for s in _pieces(p.name)])
+
+
+def read_grey(path: Path) -> np.ndarray:
+    """A picture as grey values, uint8, shape (height, width). Raises UserError where it is not one."""
+    import cv2
+
+    try:
+        image = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_GRAYSCALE)
+    except (OSError, cv2.error):
+        image = None
+    if image is None:
+        raise UserError("cannot be read as an image", file=path)
+    return image
+
+
+def detect(folder: str | Path, board: Board) -> tuple[list[View], list[str]]:
+    """The views of a folder in which the board was found, and the names of the other pictures.
+
+    Raises:
+        UserError: no picture, pictures of different sizes, or none that shows the board.
+    """
+    files = pictures(folder)
+    views: list[View] = []
+    missed: list[str] = []
+    size: tuple[int, int] | None = None
+    for path in files:
+        image = read_grey(path)
+        now = (image.shape[1], image.shape[0])
+        if size is not None and now != size:
+            raise UserError("another size than the images before it", file=path, expected=_by(size), got=_by(now))
+        size = now
+        view = find(image, board, path.name)
+        if view is None:
+            missed.append(path.name)
+        else:
+            views.append(view)
+    if not views:
+        many = "the image" if len(files) == 1 else f"any of {len(files)} images"
+        hint = _other_pattern(read_grey(files[0]), board)
+        raise UserError(f"no {board.pattern} {board.kind} found in {many}{hint}", file=folder)
+    return views, missed
+
+
+def find(image: np.ndarray, board: Board, name: str = "image") -> View | None:
+    """The board in one grey picture, uint8 (height, width), or None where it is not found."""
+    found = _chessboard(image, board) if board.kind == "chessboard" else _charuco(image, board)
+    if found is None:
+        return None
+    ids, pixels = found
+    return View(name, (image.shape[1], image.shape[0]), ids, pixels.astype(float))
+
+
+def _chessboard(image: np.ndarray, board: Board) -> tuple[np.ndarray, np.ndarray] | None:
+    import cv2
+
+    columns, rows = board.grid
+    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
+    ok, corners = cv2.findChessboardCorners(image, (columns, rows), flags=flags)
+    if ok:  # the window stays well inside a square, or a neighbour's edge pulls the corner
+        grid = corners.reshape(rows, columns, 2)
+        side = min(np.linalg.norm(np.diff(grid, axis=axis), axis=-1).min() for axis in (0, 1))
+        half = int(np.clip(side / 4, 2, 5))
+        stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-4)
+        corners = cv2.cornerSubPix(image, corners, (half, half), (-1, -1), stop)
+    else:
+        flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY
+        ok, corners = cv2.findChessboardCornersSB(image, (columns, rows), flags=flags)
+        if not ok:
+            return None
+    return np.arange(rows * columns), _ordered(image, corners.reshape(rows, columns, 2)).reshape(-1, 2)
+
+
+def _ordered(image: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """Corners (rows, columns, 2) in one order, whatever the detector's: seen from the front, dark square first."""
+    along, down = grid[:, -1] - grid[:, 0], grid[-1] - grid[0]
+    (ax, ay), (dx, dy) = along.mean(axis=0), down.mean(axis=0)
+    if ax * dy - ay * dx < 0:
+        grid = grid[::-1]
+    centres = (grid[:-1, :-1] + grid[1:, :-1] + grid[:-1, 1:] + grid[1:, 1:]) / 4
+    x, y = np.rint(centres).astype(int).reshape(-1, 2).T
+    values = image[np.clip(y, 0, image.shape[0] - 1), np.clip(x, 0, image.shape[1] - 1)].reshape(centres.shape[:2])
+    first = np.indices(values.shape).sum(axis=0) % 2 == 0
+    return grid[::-1, ::-1] if values[first].mean() > values[~first].mean() else grid
+
+
+def _charuco(image: np.ndarray, board: Board) -> tuple[np.ndarray, np.ndarray] | None:
+    import cv2
+
+    corners, ids, _, _ = cv2.aruco.CharucoDetector(board.opencv()).detectBoard(image)
+    if ids is None or len(ids) < MIN_CORNERS:
+        return None
+    ids = np.ravel(ids).astype(int)
+    if np.linalg.matrix_rank(board.points[ids, :2] - board.points[ids[0], :2]) < 2:
+        return None  # corners on one line fix no pose
+    return ids, corners.reshape(-1, 2)
+
+
+def _other_pattern(image: np.ndarray, board: Board) -> str:
+    """A hint where the board is there but was described in another usual way."""
+    if board.kind == "charuco":
+        other = replace(board, legacy=not board.legacy)
+        seen = _charuco(image, other) is not None
+        return f" (it is there {'with' if other.legacy else 'without'} --legacy)" if seen else ""
+    for more in (-1, 1):
+        columns, rows = board.columns + more, board.rows + more
+        if min(columns, rows) >= 3 and _chessboard(image, replace(board, columns=columns, rows=rows)) is not None:
+            return f" (a pattern of {columns}x{rows} inner corners is there: count corners, not squares)"
+    return ""
+
+
+def _pieces(name: str) -> Sequence[str]:
+    import re
+
+    return re.split(r"(\d+)", name)
+
+
+def _by(size: tuple[int, int]) -> str:
+    return f"{size[0]}x{size[1]}"

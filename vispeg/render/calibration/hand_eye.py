@@ -1,0 +1,187 @@
+"""Where the camera sits on the flange (eye in hand) or on the base (eye to base), from views and flange poses.
+
+X is the camera's pose and Z the board's: flange_T_camera and base_T_board in hand, base_T_camera and flange_T_board to
+base. `cv2.calibrateHandEye` starts the search from the relative motions (AX = XB); then X and Z together are refined on
+the whole chain, robustly, with the robot's errors estimated along the way (`chain.py`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from vispeg.core.errors import UserError
+from vispeg.render.calibration.board import Board
+from vispeg.render.calibration.chain import Chain, pose_noise
+from vispeg.render.calibration.detect import View
+from vispeg.render.calibration.intrinsics import Intrinsics, board_pose, view_error
+from vispeg.render.calibration.rigid import inverse, shifted, transform
+
+Mount = Literal["flange", "base"]
+MOUNTS = ("flange", "base")
+METHODS = ("TSAI", "PARK", "HORAUD", "ANDREFF", "DANIILIDIS")
+MIN_POSES = 4  # three fix X and Z (two motions about different axes); leaving one out needs the fourth
+MIN_TURN = np.radians(3.0)  # RMS turn about the second axis
+ROUNDS = 6  # of weights and solution in turn
+KNEE = 2.5  # standard deviations from which a view's misfit counts linearly, not squared: one bad pose does not rule
+
+
+@dataclass(frozen=True)
+class HandEye:
+    """A solution.
+
+    Args:
+        camera: X, shape (4, 4): the camera (OpenCV's axes) on the flange or on the base.
+        board: Z, shape (4, 4): the board on the base or on the flange.
+        std: of X from the fit's own covariance, m and rad, shape (6,).
+        robot: the robot's errors as estimated, RMS an axis: m, rad.
+        pixels: reprojection error through the robot, RMS of each view, px, shape (n,).
+        misfit: of each view, RMS of its six whitened differences, shape (n,); about 1, and above 3 suspect.
+        scatter: RMS distance of the board's origin, as each view sees it, from its mean, m.
+        methods: X of each closed-form method, before refinement.
+    """
+
+    camera: np.ndarray
+    board: np.ndarray
+    std: np.ndarray
+    robot: np.ndarray
+    pixels: np.ndarray
+    misfit: np.ndarray
+    scatter: float
+    methods: dict[str, np.ndarray]
+
+
+def check_motion(flange: np.ndarray) -> None:
+    """Refuses motions from which no method can tell the camera's place: fewer than two axes of rotation.
+
+    Args:
+        flange: base_T_flange of each view, shape (n, 4, 4).
+
+    Raises:
+        UserError: too few poses, or all turned about one axis or not at all.
+    """
+    if len(flange) < MIN_POSES:
+        raise UserError("too few poses with the board in view", expected=f"{MIN_POSES} or more", got=len(flange))
+    turns = Rotation.from_matrix(flange[:, :3, :3])
+    turned = (turns.mean().inv() * turns).as_rotvec()  # (n, 3)
+    spread = np.linalg.svd(turned, compute_uv=False) / np.sqrt(len(flange))
+    if spread[1] < MIN_TURN:
+        how = "hardly turned" if spread[0] < MIN_TURN else "turned about one axis only"
+        raise UserError(
+            f"the flange {how}, so the camera's place cannot be told",
+            expected="poses turned 15 degrees or more about two different axes",
+            got=f"{np.degrees(spread[0]):.1f} and {np.degrees(spread[1]):.1f} degrees RMS about the first and second",
+        )
+
+
+def solve(
+    views: Sequence[View],
+    board: Board,
+    camera: Intrinsics,
+    flange: np.ndarray,
+    mount: Mount,
+    start: HandEye | None = None,
+) -> HandEye:
+    """The camera's and the board's poses of least robust misfit.
+
+    Args:
+        flange: base_T_flange of each view, shape (n, 4, 4), m.
+        mount: what the camera is fixed to.
+        start: a solution nearby, which saves the closed-form methods.
+
+    Raises:
+        UserError: degenerate motion, an unknown mount, or poses and views that do not belong together.
+    """
+    if mount not in MOUNTS:
+        raise UserError("unknown mount", key="--mount", got=mount, choices=MOUNTS)
+    in_hand = mount == "flange"
+    seen = np.stack([board_pose(view, board, camera) for view in views])
+    outer = flange if in_hand else inverse(flange)  # of the body that carries the camera
+    if start is None:
+        check_motion(flange)
+        methods = closed_forms(outer, seen)
+        starts = [(x, _mean(outer @ x @ seen)) for x in methods.values()]
+    else:
+        methods, starts = start.methods, [(start.camera, start.board)]
+    chain = Chain(seen, pose_noise(views, board, camera, seen), flange, in_hand)
+    x, z, std = refine(chain, starts, ROUNDS if start is None else 2)
+    path = inverse(x) @ inverse(outer) @ z  # (n, 4, 4) camera_T_board through the robot
+    origins = (outer @ x @ seen)[:, :3, 3]
+    return HandEye(
+        camera=x,
+        board=z,
+        std=std,
+        robot=chain.robot,
+        pixels=np.array([view_error(view, board, camera, pose) for view, pose in zip(views, path, strict=True)]),
+        misfit=np.sqrt(np.mean(chain.whitened(x, z) ** 2, axis=1)),
+        scatter=float(np.sqrt(np.mean(np.sum((origins - origins.mean(axis=0)) ** 2, axis=1)))),
+        methods=methods,
+    )
+
+
+def closed_forms(outer: np.ndarray, seen: np.ndarray) -> dict[str, np.ndarray]:
+    """X by each of OpenCV's methods.
+
+    Args:
+        outer: pose of the body that carries the camera, in the frame in which the board rests, shape (n, 4, 4).
+        seen: camera_T_board, shape (n, 4, 4).
+
+    Raises:
+        UserError: none of them finds one.
+    """
+    import cv2
+
+    out: dict[str, np.ndarray] = {}
+    for name in METHODS:
+        try:
+            turn, shift = cv2.calibrateHandEye(
+                list(outer[:, :3, :3]),
+                list(outer[:, :3, 3]),
+                list(seen[:, :3, :3]),
+                list(seen[:, :3, 3]),
+                method=getattr(cv2, f"CALIB_HAND_EYE_{name}"),
+            )
+        except cv2.error:
+            continue
+        if np.isfinite(turn).all() and np.isfinite(shift).all() and np.linalg.det(turn) > 0.5:
+            out[name] = transform(Rotation.from_matrix(turn).as_rotvec(), shift)
+    if not out:
+        raise UserError("no method finds the camera from these poses", expected="poses turned about two axes")
+    return out
+
+
+def refine(
+    chain: Chain, starts: Sequence[tuple[np.ndarray, np.ndarray]], rounds: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """X, Z and the standard deviations (6,) of X: weights and robust least squares in turn, from the best start."""
+    from scipy.optimize import least_squares
+
+    x, z = min(starts, key=lambda pair: float(np.median(np.linalg.norm(chain.differences(*pair), axis=1))))
+    trust, covariance = np.ones(len(chain.seen)), np.eye(12)
+    for _ in range(rounds):
+        chain.weigh(x, z, trust)
+        found = least_squares(
+            lambda by, x, z: chain.whitened(shifted(x, by[:6]), shifted(z, by[6:])).ravel(),
+            np.zeros(12),
+            args=(x, z),
+            loss="soft_l1",
+            f_scale=KNEE,
+            x_scale="jac",
+            max_nfev=50,
+        )
+        x, z = shifted(x, found.x[:6]), shifted(z, found.x[6:])
+        trust = 1 / (1 + np.mean(chain.whitened(x, z) ** 2, axis=1) / KNEE**2)
+        covariance = np.linalg.pinv(found.jac.T @ found.jac)
+    return x, z, np.sqrt(np.diag(covariance)[:6])
+
+
+def _mean(poses: np.ndarray) -> np.ndarray:
+    """The middle of poses (n, 4, 4)."""
+    out = np.eye(4)
+    out[:3, :3] = Rotation.from_matrix(poses[:, :3, :3]).mean().as_matrix()
+    out[:3, 3] = np.median(poses[:, :3, 3], axis=0)
+    return out

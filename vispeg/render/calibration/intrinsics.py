@@ -1,0 +1,147 @@
+"""A camera's intrinsics from views of a board: Zhang's method as OpenCV has it (`cv2.calibrateCameraExtended`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.render.calibration.board import Board
+from vispeg.render.calibration.detect import View
+from vispeg.render.calibration.rigid import move, transform
+
+LOOSE = 0.05  # relative standard deviation of the focal length above which the views do not fix it
+TERMS = ("k1", "k2", "p1", "p2", "k3")
+FREE = {"none": (), "radial": ("k1", "k2"), "brown4": TERMS[:4], "brown5": TERMS}
+Distortion = Literal["none", "radial", "brown4", "brown5"]
+
+
+@dataclass(frozen=True)
+class Intrinsics:
+    """A pinhole camera with Brown's distortion, OpenCV's conventions.
+
+    Args:
+        size: (width, height), px.
+        focal: (fx, fy), px.
+        centre: (cx, cy), px; the centre of the first pixel is (0, 0).
+        distortion: k1, k2, p1, p2, k3.
+    """
+
+    size: tuple[int, int]
+    focal: tuple[float, float]
+    centre: tuple[float, float]
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        """Refuses numbers that no camera has."""
+        numbers = (*self.focal, *self.centre, *self.distortion)
+        if not np.isfinite(numbers).all() or min(self.focal) <= 0 or min(self.size) < 1:
+            raise UserError("no camera's intrinsics", expected="finite numbers, fx and fy above 0", got=numbers)
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """K, shape (3, 3), px."""
+        return np.array([[self.focal[0], 0, self.centre[0]], [0, self.focal[1], self.centre[1]], [0, 0, 1.0]])
+
+    @property
+    def values(self) -> np.ndarray:
+        """fx, fy, cx, cy, k1, k2, p1, p2, k3, shape (9,)."""
+        return np.array([*self.focal, *self.centre, *self.distortion])
+
+    def project(self, points: np.ndarray) -> np.ndarray:
+        """Pixels (n, 2) of points (n, 3) in the camera's frame, m."""
+        import cv2
+
+        lens = np.array(self.distortion)
+        out, _ = cv2.projectPoints(np.ascontiguousarray(points), np.zeros(3), np.zeros(3), self.matrix, lens)
+        return out.reshape(-1, 2)
+
+
+NAMES = ("fx", "fy", "cx", "cy", *TERMS)
+
+
+@dataclass(frozen=True)
+class IntrinsicsFit:
+    """Intrinsics with the standard deviations that pixel noise alone leaves, order of `NAMES`, shape (9,)."""
+
+    intrinsics: Intrinsics
+    std: np.ndarray
+    rms: float
+
+
+def estimate(
+    views: Sequence[View], board: Board, distortion: Distortion, start: Intrinsics | None = None
+) -> IntrinsicsFit:
+    """Fits the intrinsics to all corners of all views.
+
+    Args:
+        views: pictures of one size.
+        distortion: which of Brown's terms are free; the others are 0.
+        start: where the search begins; OpenCV's own guess without.
+
+    Raises:
+        UserError: views that do not fix the focal length: fewer than three directions (Zhang 2000, section 3.1).
+    """
+    import cv2
+
+    points = board.points.astype(np.float32)
+    objects = [points[view.ids] for view in views]
+    pixels = [view.pixels.astype(np.float32).reshape(-1, 1, 2) for view in views]
+    flags, matrix, lens = _fixed(distortion), np.eye(3), np.zeros(5)
+    if start is not None:
+        flags |= cv2.CALIB_USE_INTRINSIC_GUESS
+        matrix, lens = start.matrix, np.array(start.distortion)
+    try:
+        rms, matrix, lens, _, _, std, _, _ = cv2.calibrateCameraExtended(
+            objects, pixels, views[0].size, matrix, lens, flags=flags
+        )
+    except cv2.error as error:
+        raise _undetermined() from error
+    values, std = np.concatenate([matrix[[0, 1, 0, 1], [0, 1, 2, 2]], np.ravel(lens)[:5]]), np.ravel(std)[:9]
+    if not np.isfinite(values).all() or not np.isfinite(std).all() or values[:2].min() <= 0:
+        raise _undetermined()
+    if (std[:2] / values[:2]).max() > LOOSE:
+        raise _undetermined(f"fx {values[0]:.4g} +- {2 * std[0]:.2g} px")
+    fx, fy, cx, cy, k1, k2, p1, p2, k3 = values.tolist()
+    return IntrinsicsFit(Intrinsics(views[0].size, (fx, fy), (cx, cy), (k1, k2, p1, p2, k3)), std, float(rms))
+
+
+def board_pose(view: View, board: Board, camera: Intrinsics) -> np.ndarray:
+    """camera_T_board of one view: the pose of least squared reprojection, shape (4, 4). Raises UserError."""
+    import cv2
+
+    points, lens = board.points[view.ids], np.array(camera.distortion)
+    ok, turn, shift = cv2.solvePnP(points, view.pixels, camera.matrix, lens, flags=cv2.SOLVEPNP_IPPE)
+    if not ok or not np.isfinite(shift).all():
+        raise UserError("the board's pose cannot be found from its corners", key=view.name)
+    turn, shift = cv2.solvePnPRefineLM(points, view.pixels, camera.matrix, lens, turn, shift)
+    return transform(turn, shift)
+
+
+def view_error(view: View, board: Board, camera: Intrinsics, pose: np.ndarray) -> float:
+    """RMS distance, px, of a view's corners from where a board at camera_T_board `pose` has them."""
+    return rms(camera.project(move(pose, board.points[view.ids])) - view.pixels)
+
+
+def rms(pixels: np.ndarray) -> float:
+    """Root mean square length of vectors (n, 2)."""
+    return float(np.sqrt(np.mean(np.sum(pixels**2, axis=1))))
+
+
+def _fixed(distortion: Distortion) -> int:
+    import cv2
+
+    if distortion not in FREE:
+        raise UserError("unknown distortion", key="--distortion", got=distortion, choices=FREE)
+    free, flags = FREE[distortion], 0
+    for term, flag in (("k1", cv2.CALIB_FIX_K1), ("k2", cv2.CALIB_FIX_K2), ("k3", cv2.CALIB_FIX_K3)):
+        flags |= 0 if term in free else flag
+    return flags if "p1" in free else flags | cv2.CALIB_ZERO_TANGENT_DIST
+
+
+def _undetermined(got: str | None = None) -> UserError:
+    message = "the images do not fix the focal length: take some with the board tilted 20 to 45 degrees, both ways"
+    return UserError(message, got=got)

@@ -1,0 +1,54 @@
+"""Intrinsics that are known already, from a file: the project's, OpenCV's, ROS's, or ViSP's."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from vispeg.core.errors import UserError
+from vispeg.render.calibration.intrinsics import Intrinsics
+
+
+def read_intrinsics(path: str | Path) -> Intrinsics:
+    """The intrinsics in a file.
+
+    Args:
+        path: a camera file as `vispeg.render.camera` reads them (YAML: the project's, OpenCV's, ROS camera_info), or
+            the XML of ViSP's vpXmlParserCamera with its distortion 0.
+
+    Raises:
+        UserError: no such file, or none of these.
+    """
+    file = Path(path)
+    if file.suffix.lower() != ".xml":
+        from vispeg.render.camera import load
+
+        camera = load(file)
+        size, focal, centre = (camera.width, camera.height), (camera.fx, camera.fy), (camera.cx, camera.cy)
+        return Intrinsics(size, focal, centre, camera.distortion)
+    try:
+        text = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError("cannot be read", file=path) from error
+    return _visp(text, file)
+
+
+def _visp(text: str, file: Path) -> Intrinsics:
+    """The one flat table that ViSP writes, read by its tags alone: an XML reader would follow entities as well."""
+    text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL)
+
+    def value(tag: str, default: float | None = None) -> float:
+        found = re.findall(rf"<{tag}>\s*([-+.\deE]+)\s*</{tag}>", text)
+        if not found and default is not None:
+            return default
+        if len(found) != 1:
+            raise UserError("not the XML of one ViSP camera model", file=file, key=tag, expected="once", got=len(found))
+        try:
+            return float(found[0])
+        except ValueError as error:
+            raise UserError("not a number", file=file, key=tag, got=found[0]) from error
+
+    if value("kud", 0.0) != 0:
+        raise UserError("ViSP's distortion is not Brown's", file=file, key="kud", expected=0, got=value("kud"))
+    width, height = int(value("image_width")), int(value("image_height"))
+    return Intrinsics((width, height), (value("px"), value("py")), (value("u0"), value("v0")))

@@ -1,0 +1,103 @@
+"""Reads where the flange was in each picture: ViSP's one file a picture, or one CSV table."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.render.calibration.rigid import from_quaternion, transform
+
+COLUMNS = ("file", "x", "y", "z", "qw", "qx", "qy", "qz")
+FAR = 20.0  # m: farther than any arm reaches, so millimetres
+
+
+def read_poses(path: str | Path, names: Sequence[str]) -> np.ndarray:
+    """The flange's pose on the base for each picture of `names`, base_T_flange, shape (n, 4, 4), m.
+
+    Args:
+        path: a CSV file with the columns file, x, y, z (m), qw, qx, qy, qz; or a folder of YAML files as ViSP writes
+            them (`rows: 6, cols: 1, data:` x y z in m, then the rotation vector in rad), each joined to the picture
+            with the same last number in its name.
+        names: file names of the pictures.
+
+    Raises:
+        UserError: a picture without a pose, a pose that is none, or millimetres.
+    """
+    root = Path(path)
+    if root.is_dir():
+        return np.stack([_visp(root, name) for name in names])
+    if not root.is_file():
+        raise UserError("no such poses", file=path, expected="a CSV file, or a folder of YAML files")
+    table = _table(root)
+    for name in names:
+        if name not in table:
+            raise UserError("no pose for the image", file=path, key=name, expected=f"a row '{name},x,y,z,qw,qx,qy,qz'")
+    return np.stack([table[name] for name in names])
+
+
+def _table(path: Path) -> dict[str, np.ndarray]:
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            rows = list(csv.DictReader(file, skipinitialspace=True))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise UserError("cannot be read as CSV", file=path) from error
+    missing = [column for column in COLUMNS if not rows or column not in rows[0]]
+    if missing:
+        raise UserError(f"no column {missing[0]}", file=path, expected=", ".join(COLUMNS))
+    out: dict[str, np.ndarray] = {}
+    for number, row in enumerate(rows, start=2):
+        name, where = Path(row["file"] or "").name, f"line {number}"
+        if name in out:
+            raise UserError("the image has two poses", file=path, key=where, got=name)
+        values = _numbers([row[column] for column in COLUMNS[1:]], 7, path, where)
+        norm = float(np.linalg.norm(values[3:]))
+        if abs(norm - 1) > 1e-2:
+            raise UserError("not a unit quaternion", file=path, key=where, expected="length 1", got=round(norm, 4))
+        out[name] = _near(from_quaternion(values[:3], values[3:]), path, where)
+    return out
+
+
+def _visp(folder: Path, name: str) -> np.ndarray:
+    import yaml
+
+    number = _number(name)
+    files = [p for p in sorted(folder.iterdir()) if p.suffix.lower() in (".yaml", ".yml") and _number(p.name) == number]
+    if number is None or len(files) != 1:
+        what = "no pose" if not files else "several poses"
+        raise UserError(
+            f"{what} for the image '{name}'", file=folder, expected="one YAML file with the image's last number"
+        )
+    try:
+        tree = yaml.safe_load(files[0].read_text(encoding="utf-8"))
+        data = np.ravel(tree["data"])
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, TypeError, KeyError, ValueError) as error:
+        raise UserError("not a pose as ViSP writes it", file=files[0], expected="rows: 6, cols: 1, data") from error
+    values = _numbers(data, 6, files[0], "data")
+    return _near(transform(values[3:], values[:3]), files[0], "data")
+
+
+def _numbers(values: Sequence[object] | np.ndarray, count: int, path: Path, where: str) -> np.ndarray:
+    try:
+        out = np.array([float(value) for value in values])  # type: ignore[arg-type]
+    except (TypeError, ValueError) as error:
+        raise UserError("not a pose", file=path, key=where, expected=f"{count} numbers", got=list(values)) from error
+    if out.shape != (count,) or not np.isfinite(out).all():
+        raise UserError("not a pose", file=path, key=where, expected=f"{count} finite numbers", got=out.tolist())
+    return out
+
+
+def _near(pose: np.ndarray, path: Path, where: str) -> np.ndarray:
+    reach = float(np.linalg.norm(pose[:3, 3]))
+    if reach > FAR:
+        raise UserError("farther than any arm reaches", file=path, key=where, expected="metres", got=f"{reach:.4g}")
+    return pose
+
+
+def _number(name: str) -> int | None:
+    found = re.findall(r"\d+", Path(name).stem)
+    return int(found[-1]) if found else None

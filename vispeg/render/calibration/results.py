@@ -1,0 +1,112 @@
+"""A calibration as records: the numbers with their intervals, and what a person should know before using them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from vispeg.render.calibration.board import Board
+from vispeg.render.calibration.calibrate import Calibration
+from vispeg.render.calibration.intrinsics import NAMES
+from vispeg.render.calibration.rigid import quaternion
+
+FORMAT = "vispeg-calibration/1"
+ODD = 3.0  # standard deviations from which a view is named
+FAR_OFF = 3.0  # times the median reprojection error from which a view is named
+COVER = 0.5  # of width and of height
+UNITS = {"fx": "px", "fy": "px", "cx": "px", "cy": "px"}
+PLACE = (("x", "mm"), ("y", "mm"), ("z", "mm"), ("turn x", "deg"), ("turn y", "deg"), ("turn z", "deg"))
+PER_UNIT = np.array([1e3] * 3 + [180 / np.pi] * 3)  # m to mm, rad to deg
+
+
+def record(found: Calibration, board: Board, missed: list[str]) -> dict[str, Any]:
+    """What results.json holds, provenance aside: SI and degrees as the names say, intervals as half widths.
+
+    Args:
+        missed: names of the pictures in which the board was not found.
+    """
+    out: dict[str, Any] = {
+        "format": FORMAT,
+        "board": {"kind": board.kind, "pattern": board.pattern, "square_m": board.square},
+        "images": {"used": len(found.views), "without_board": missed},
+        "intrinsics": _intrinsics(found),
+        "hand_eye": _hand_eye(found),
+        "views": views(found),
+        "notes": notes(found, missed),
+    }
+    if board.kind == "charuco":
+        out["board"] |= {"marker_m": board.marker, "dictionary": board.dictionary, "legacy": board.legacy}
+    return out
+
+
+def views(found: Calibration) -> list[dict[str, Any]]:
+    """One record a view: corners, reprojection px with a free board pose and through the robot, misfit."""
+    out = []
+    for number, (view, error) in enumerate(zip(found.views, found.fit_pixels, strict=True)):
+        row: dict[str, Any] = {"file": view.name, "corners": len(view.ids), "reprojection_px": float(error)}
+        if found.hand_eye is not None:
+            row["through_robot_px"] = float(found.hand_eye.pixels[number])
+            row["misfit"] = float(found.hand_eye.misfit[number])
+        out.append(row)
+    return out
+
+
+def notes(found: Calibration, missed: list[str]) -> list[str]:
+    """Warnings, a line each."""
+    out = []
+    if missed:
+        out.append(f"board not found in {len(missed)}: {', '.join(missed)}")
+    middle = float(np.median(found.fit_pixels))
+    for view, error in zip(found.views, found.fit_pixels, strict=True):
+        if error > FAR_OFF * middle:
+            out.append(f"{view.name}: reprojection {error:.2f} px against {middle:.2f} px elsewhere; blurred?")
+    if found.hand_eye is not None:
+        for view, misfit in zip(found.views, found.hand_eye.misfit, strict=True):
+            if misfit > ODD:
+                out.append(f"{view.name}: the flange pose is {misfit:.1f} standard deviations off; moving, or swapped?")
+        spread = np.ptp(np.stack([x[:3, 3] for x in found.hand_eye.methods.values()]), axis=0).max()
+        if found.hand_eye_half is not None and spread > 3 * found.hand_eye_half[:3].max():
+            out.append(f"closed-form methods differ by {1e3 * spread:.1f} mm: turn the flange farther")
+    if found.intrinsics is not None:
+        pixels = np.concatenate([view.pixels for view in found.views])
+        cover = np.ptp(pixels, axis=0) / np.array(found.camera.size)
+        if cover.min() < COVER:
+            width, height = (f"{100 * part:.0f} %" for part in cover)
+            out.append(f"corners cover {width} of the width and {height} of the height: distortion is a guess outside")
+    return out
+
+
+def _intrinsics(found: Calibration) -> dict[str, Any]:
+    half, fit = found.intrinsics_half, found.intrinsics
+    out: dict[str, Any] = {"width": found.camera.size[0], "height": found.camera.size[1], "fitted": fit is not None}
+    out["values"] = dict(zip(NAMES, found.camera.values.tolist(), strict=True))
+    if half is not None and fit is not None:
+        out["half_width_95"] = dict(zip(NAMES, half.tolist(), strict=True))
+        out["half_width_95_pixel_noise"] = dict(zip(NAMES, (1.96 * fit.std).tolist(), strict=True))
+    out["reprojection_px"] = float(np.sqrt(np.mean(found.fit_pixels**2)))
+    return out
+
+
+def _hand_eye(found: Calibration) -> dict[str, Any] | None:
+    eye, half = found.hand_eye, found.hand_eye_half
+    if eye is None or half is None:
+        return None
+    return {
+        "parent": found.mount,
+        "pos_m": eye.camera[:3, 3].tolist(),
+        "quat_wxyz": quaternion(eye.camera).tolist(),
+        "half_width_95": {"pos_m": half[:3].tolist(), "turn_rad": half[3:].tolist()},
+        "half_width_95_one_fit": {"pos_m": (1.96 * eye.std[:3]).tolist(), "turn_rad": (1.96 * eye.std[3:]).tolist()},
+        "board": {
+            "parent": "base" if found.mount == "flange" else "flange",
+            "pos_m": eye.board[:3, 3].tolist(),
+            "quat_wxyz": quaternion(eye.board).tolist(),
+        },
+        "board_scatter_mm": 1e3 * eye.scatter,
+        "robot_error": {"mm": 1e3 * float(eye.robot[0]), "deg": float(np.degrees(eye.robot[1]))},
+        "through_robot_px": float(np.sqrt(np.mean(eye.pixels**2))),
+        "methods": {
+            name: {"pos_m": x[:3, 3].tolist(), "quat_wxyz": quaternion(x).tolist()} for name, x in eye.methods.items()
+        },
+    }

@@ -1,0 +1,57 @@
+"""Rigid transforms as 4x4 matrices: `a_T_b` takes coordinates in frame b to coordinates in frame a, metres."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+
+def transform(rotation_vector: np.ndarray, translation: np.ndarray) -> np.ndarray:
+    """The 4x4 transform of a rotation vector (3,) rad and a translation (3,) m."""
+    out = np.eye(4)
+    out[:3, :3] = Rotation.from_rotvec(np.ravel(rotation_vector)).as_matrix()
+    out[:3, 3] = np.ravel(translation)
+    return out
+
+
+def from_quaternion(translation: np.ndarray, wxyz: np.ndarray) -> np.ndarray:
+    """The 4x4 transform of a translation (3,) m and a unit quaternion (w, x, y, z)."""
+    return transform(Rotation.from_quat(wxyz, scalar_first=True).as_rotvec(), translation)
+
+
+def quaternion(matrix: np.ndarray) -> np.ndarray:
+    """The unit quaternion (w, x, y, z), w >= 0, of a 4x4 or 3x3 matrix."""
+    return Rotation.from_matrix(matrix[:3, :3]).as_quat(canonical=True, scalar_first=True)
+
+
+def inverse(matrix: np.ndarray) -> np.ndarray:
+    """The inverse of rigid transforms, shape (..., 4, 4)."""
+    out = np.zeros_like(matrix)
+    turned = np.swapaxes(matrix[..., :3, :3], -1, -2)
+    out[..., :3, :3] = turned
+    out[..., :3, 3] = -np.einsum("...ij,...j->...i", turned, matrix[..., :3, 3])
+    out[..., 3, 3] = 1.0
+    return out
+
+
+def difference(matrix: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    """From a reference to a transform, shape (6,): m in the outer frame, then rad in the inner."""
+    turn = reference[:3, :3].T @ matrix[:3, :3]
+    return np.concatenate([matrix[:3, 3] - reference[:3, 3], Rotation.from_matrix(turn).as_rotvec()])
+
+
+def angles(rotations: np.ndarray) -> np.ndarray:
+    """Rotation angles (n,), rad, of matrices (n, 3, 3)."""
+    return Rotation.from_matrix(rotations).magnitude()
+
+
+def move(pose: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Points (n, 3) taken through a 4x4 transform."""
+    return points @ pose[:3, :3].T + pose[:3, 3]
+
+
+def shifted(pose: np.ndarray, by: np.ndarray) -> np.ndarray:
+    """The inverse of `difference`: a transform moved by (6,), m in the outer frame and rad in the inner."""
+    out = pose @ transform(by[3:], np.zeros(3))
+    out[..., :3, 3] += by[:3]
+    return out
