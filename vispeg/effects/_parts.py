@@ -1,0 +1,46 @@
+"""The cell's parts that touch: their collision shapes in a compiled model.
+
+Two touching shapes of equal priority share one contact: MuJoCo takes the greater friction of the two and the mean of
+their solver parameters. A shape of higher priority has its own way in both (MuJoCo 4.0 manual, Modeling, Contact
+parameters). In the cell that is the peg, so an effect at `peg` is felt wherever the peg touches, one at another part
+where the gripper touches it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+
+BODIES = {"peg": "peg", "fixture": "fixture", "gripper": "tool"}  # the table stands in the world itself
+TOUCHING = ("peg", "fixture", "gripper", "table")
+
+
+def touching(model: Any) -> list[str]:
+    """Parts of a Scene that have collision shapes; [] for an arm alone."""
+    return [part for part in TOUCHING if part in getattr(model, "parts", ())]
+
+
+def in_scene(model: Any, *places: str) -> list[str]:
+    """`places` for a Scene, [] for an arm alone."""
+    return list(places) if hasattr(model, "parts") else []
+
+
+def shapes(model: mujoco.MjModel, part: str) -> np.ndarray:
+    """Ids (n,) of a part's geoms that can touch something."""
+    collides = (model.geom_contype | model.geom_conaffinity) != 0
+    if part in BODIES:
+        return np.flatnonzero(collides & (model.geom_bodyid == model.body(BODIES[part]).id))
+    geom = model.geom(part).id
+    return np.array([geom]) if collides[geom] else np.empty(0, int)
+
+
+def changed(fields: Any, p: np.ndarray, null: float) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """(rows, geoms, value (rows, 1)) for each touching part whose parameter `p` (nsim, npart) differs from null."""
+    out = []
+    for column in range(p.shape[1]):
+        rows = np.flatnonzero(p[:, column] != null)
+        if len(rows):
+            out.append((rows, shapes(fields.model, TOUCHING[column]), p[rows, column][:, None]))
+    return out

@@ -1,0 +1,36 @@
+"""Hole clearance: the hole is `width` wider than nominal, measured across (diametral).
+
+Native mechanism: `geom_pos` of the hole's walls, each moved outwards along its own normal by half of `width`; no
+recompile, so clearance can be drawn per episode or tightened while a policy learns. What a camera sees of the hole
+stays nominal. A hole made narrower than the peg is one that the peg does not fit.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.effect import Effect
+from vispeg.core.params import Param
+from vispeg.effects._parts import in_scene
+
+
+class HoleClearance(Effect):
+    """A wider or tighter hole."""
+
+    name = "hole_clearance"
+    kind = "contact"
+    params = {"width": Param(0.0, -0.005, 0.005, "m", start=0.001, doc="added to the hole's diameter")}
+    writes = frozenset({"geom_pos"})
+
+    def targets(self, model):
+        return in_scene(model, "fixture")
+
+    def write(self, fields, p):
+        rows = np.flatnonzero(p["width"][:, 0])
+        if not len(rows):
+            return
+        model = fields.model
+        walls = [g for g in range(model.ngeom) if model.geom(g).name.startswith("hole_wall")]
+        angle = 2 * np.pi / len(walls) * np.array([int(model.geom(g).name[len("hole_wall") :]) for g in walls])
+        outwards = np.stack([np.cos(angle), np.sin(angle), np.zeros(len(walls))], axis=1)
+        fields["geom_pos"][np.ix_(rows, walls)] += 0.5 * p["width"][rows, 0][:, None, None] * outwards

@@ -1,0 +1,44 @@
+"""Hole tilt: the fixture is turned about the centre of the hole's mouth by `Rz(yaw) Ry(pitch) Rx(roll)`, base axes.
+
+Native mechanism: `body_quat` of the body `fixture`, whose frame sits at the mouth. Source: roll, pitch and yaw about
+fixed axes, Craig, Introduction to Robotics, section 2.8.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.effect import Effect
+from vispeg.core.params import Param
+from vispeg.effects._parts import in_scene
+
+
+def turned(fields, body: int, rows: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Quaternions (n, 4) wxyz of `body` in `rows` after a turn by (n, 3) roll, pitch, yaw in its parent's axes."""
+    from scipy.spatial.transform import Rotation
+
+    now = Rotation.from_quat(fields["body_quat"][rows, body], scalar_first=True)
+    return (Rotation.from_euler("xyz", angles) * now).as_quat(scalar_first=True)
+
+
+class HoleTilt(Effect):
+    """A fixture that does not stand upright, or is turned."""
+
+    name = "hole_tilt"
+    kind = "contact"
+    params = {
+        "roll": Param(0.0, -0.5, 0.5, "rad", start=0.02, doc="about the base's x axis"),
+        "pitch": Param(0.0, -0.5, 0.5, "rad", start=0.02, doc="then about its y axis"),
+        "yaw": Param(0.0, -3.1416, 3.1416, "rad", start=0.1, doc="then about its z axis"),
+    }
+    writes = frozenset({"body_quat"})
+
+    def targets(self, model):
+        return in_scene(model, "fixture")
+
+    def write(self, fields, p):
+        angles = np.stack([p[k][:, 0] for k in ("roll", "pitch", "yaw")], axis=1)
+        rows = np.flatnonzero((angles != 0).any(axis=1))
+        if len(rows):
+            body = fields.model.body("fixture").id
+            fields["body_quat"][rows, body] = turned(fields, body, rows, angles[rows])
