@@ -26,6 +26,7 @@ COMMANDS: dict[str, str] = {
     "add": "vispeg.cli.add",
     "effects": "vispeg.cli.effects",
     "record": "vispeg.cli.record",
+    "camera": "vispeg.cli.camera",
     "report": "vispeg.cli.report",
     "doctor": "vispeg.cli.doctor",
 }

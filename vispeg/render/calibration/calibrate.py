@@ -22,7 +22,8 @@ from vispeg.render.calibration.intrinsics import (
     view_error,
 )
 from vispeg.render.calibration.orientation import turn_views
-from vispeg.render.calibration.rigid import difference
+from vispeg.render.calibration.rigid import difference, quaternion
+from vispeg.render.camera import Camera
 
 MIN_VIEWS = 4  # three fix the answer, and leaving one out must leave three
 SUSPICIOUS = 5.0  # px of reprojection through the robot
@@ -53,6 +54,16 @@ class Calibration:
     hand_eye_half: np.ndarray | None
     views: tuple[View, ...]
     fit_pixels: np.ndarray
+
+    def to_camera(self, name: str) -> Camera:
+        """The project's camera: on its mount, or at the base's origin without poses. Raises UserError for a lens that
+        shows one direction twice inside the image, which more distortion terms than the views can fix may make."""
+        lens, (width, height) = self.camera, self.camera.size
+        camera = Camera(name, width, height, *lens.focal, *lens.centre, lens.distortion)
+        if self.hand_eye is None or self.mount is None:
+            return camera
+        place = self.hand_eye.camera
+        return camera.moved(parent=self.mount, pos=tuple(place[:3, 3]), quat=tuple(quaternion(place)))
 
 
 def calibrate(

@@ -7,13 +7,14 @@ from pathlib import Path
 
 from vispeg.core.errors import UserError
 from vispeg.render.calibration.intrinsics import Intrinsics
+from vispeg.render.camera_files import load_camera
 
 
 def read_intrinsics(path: str | Path) -> Intrinsics:
     """The intrinsics in a file.
 
     Args:
-        path: a camera file as `vispeg.render.camera` reads them (YAML: the project's, OpenCV's, ROS camera_info), or
+        path: a file as `vispeg.render.camera_files` reads them (YAML: the project's, OpenCV's, ROS camera_info), or
             the XML of ViSP's vpXmlParserCamera with its distortion 0.
 
     Raises:
@@ -21,11 +22,10 @@ def read_intrinsics(path: str | Path) -> Intrinsics:
     """
     file = Path(path)
     if file.suffix.lower() != ".xml":
-        from vispeg.render.camera import load
-
-        camera = load(file)
+        camera = load_camera(file)
+        k1, k2, p1, p2, k3 = camera.distortion
         size, focal, centre = (camera.width, camera.height), (camera.fx, camera.fy), (camera.cx, camera.cy)
-        return Intrinsics(size, focal, centre, camera.distortion)
+        return Intrinsics(size, focal, centre, (k1, k2, p1, p2, k3))
     try:
         text = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

@@ -1,0 +1,29 @@
+"""Calibrates a camera from images of a board, or shows what is in a camera file.
+
+Example:
+    vispeg camera calibrate images --pattern 9x6 --square 0.0236 --poses images/poses.csv --out wrist
+    vispeg camera show wrist/camera.yaml
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import tyro
+
+from vispeg.cli.camera_calibrate import Calibrate
+from vispeg.cli.camera_show import Show
+
+
+@dataclass(frozen=True)
+class Args:
+    """Arguments of `vispeg camera`."""
+
+    command: tyro.conf.OmitSubcommandPrefixes[
+        Annotated[Calibrate, tyro.conf.subcommand("calibrate")] | Annotated[Show, tyro.conf.subcommand("show")]
+    ]
+
+    def run(self) -> int:
+        """Runs the sub-command."""
+        return self.command.run()
