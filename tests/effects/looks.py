@@ -1,0 +1,60 @@
+"""A compiled scene whose fields looks can be written to, and worlds of looks."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import mujoco
+import numpy as np
+
+import vispeg.effects  # noqa: F401  (enrols the library)
+from vispeg.core.effect import Placed, effect
+from vispeg.core.world import World
+from vispeg.robots.scene import Scene, build
+
+SCENE: Scene = build()
+
+
+@lru_cache
+def nominal() -> mujoco.MjModel:
+    return SCENE.compile()
+
+
+class Fields:
+    """One model's fields with a leading axis of one, written in place."""
+
+    def __init__(self, model: mujoco.MjModel, scene: Any = SCENE):
+        self.model, self.scene, self.touched = model, scene, set[str]()
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        self.touched.add(name)
+        return field(self.model, name)[None]
+
+
+def field(model: mujoco.MjModel, name: str) -> np.ndarray:
+    value: Any = model
+    for part in name.split("."):
+        value = getattr(value, part)
+    return value
+
+
+def written(placed: list[Placed], model: mujoco.MjModel | None = None) -> Fields:
+    """The fields of a copy of the nominal model after these effects, in their order."""
+    import copy
+
+    fields = Fields(copy.copy(model or nominal()))
+    for name in sorted({q.effect for q in placed}, key=lambda n: (effect(n).order, n)):
+        kind = effect(name)
+        targets = kind.targets(SCENE)
+        p = {k: np.full((1, len(targets)), v.start if v.shape else v.null) for k, v in kind.params.items()}
+        for one in (q for q in placed if q.effect == name):
+            for k, value in one.params.items():
+                p[k][0, slice(None) if one.where == "all" else targets.index(one.where)] = value.value
+        kind.write(fields, p)
+    return fields
+
+
+def dressed(world: World) -> mujoco.MjModel:
+    """The nominal model in a sampled world's looks."""
+    return written([q for q in world.effects if effect(q.effect).kind == "appearance"]).model

@@ -1,0 +1,134 @@
+"""The images that looks are made of: the user's own where there are any, otherwise those that come with the program.
+
+`VISPEG_TEXTURES` names a folder of the user's; without it, `textures/user/` of a checkout counts where it holds images
+of the kind asked for, and what `scripts/make_textures.py` made otherwise. Files are counted in the order of their names
+below that folder, so a look that was drawn once stays the same as long as the folder does.
+"""
+
+from __future__ import annotations
+
+import os
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from vispeg.core.assets import PACKAGE
+from vispeg.core.errors import UserError
+
+FOLDER = "VISPEG_TEXTURES"
+PICTURES, ENVIRONMENTS = (".png", ".jpg", ".jpeg"), (".hdr",)
+PIXELS = 40_000_000  # no larger image is read
+RADIANCE = (b"#?RADIANCE", b"#?RGBE")
+
+
+def images(endings: tuple[str, ...]) -> tuple[Path, ...]:
+    """The images with one of these file name endings, sorted.
+
+    Raises:
+        UserError: the folder that `VISPEG_TEXTURES` names is none or has no such image; or the installation lacks its.
+    """
+    named = os.environ.get(FOLDER)
+    if named:
+        folder = Path(named).expanduser()
+        if not folder.is_dir():
+            raise UserError(f"{FOLDER} does not name a folder", file=named)
+        found = _below(folder, endings)
+        if not found:
+            raise UserError(f"no image in the folder that {FOLDER} names", file=named, expected=" ".join(endings))
+        return found
+    for root in (PACKAGE / "_textures", PACKAGE.parent / "textures"):
+        user = _below(root / "user", endings) if root.is_dir() else ()
+        found = user or (_below(root, endings) if root.is_dir() else ())
+        if found:
+            return found
+    raise UserError("the textures folder is missing; install vispeg again", file=PACKAGE)
+
+
+def picked(endings: tuple[str, ...], share: float) -> Path:
+    """The image at `share` (0 to 1) of the sorted list."""
+    found = images(endings)
+    return found[min(int(share * len(found)), len(found) - 1)]
+
+
+@lru_cache(maxsize=64)
+def picture(path: Path, size: int) -> np.ndarray:
+    """A PNG's or JPEG's middle square, (size, size, 3) float32 in [0, 1], sRGB.
+
+    Raises:
+        UserError: it cannot be read, or is larger than `PIXELS`.
+    """
+    import cv2
+
+    head = _head(path)
+    if not head.startswith((b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff")):
+        raise UserError("is not an image", file=path, expected="a PNG or JPEG")
+    refuse_huge(path, _area(path, head))
+    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    if image is None:
+        raise UserError("cannot be read as an image", file=path, expected="a PNG or JPEG")
+    h, w = image.shape[:2]
+    edge = min(h, w)
+    top, left = (h - edge) // 2, (w - edge) // 2
+    square = image[top : top + edge, left : left + edge, ::-1]
+    way = cv2.INTER_AREA if edge > size else cv2.INTER_LINEAR
+    return cv2.resize(np.ascontiguousarray(square), (size, size), interpolation=way).astype(np.float32) / 255
+
+
+@lru_cache(maxsize=16)
+def environment(path: Path, rows: int = 128) -> np.ndarray:
+    """A Radiance .hdr's linear light, (rows, 2 rows, 3) float32 RGB; its top row is the zenith.
+
+    Raises:
+        UserError: it is not a Radiance file, is damaged, or is larger than `PIXELS`.
+    """
+    import cv2
+
+    head = _head(path)
+    if not head.startswith(RADIANCE):
+        raise UserError("is not a Radiance HDR image", file=path, expected="a file that begins with #?RADIANCE")
+    refuse_huge(path, _radiance_area(path, head))
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if image is None or image.dtype != np.float32 or image.ndim != 3 or not np.isfinite(image).all():
+        raise UserError("cannot be read as a Radiance HDR image", file=path)
+    return np.maximum(cv2.resize(image[..., 2::-1], (2 * rows, rows), interpolation=cv2.INTER_AREA), 0)
+
+
+def refuse_huge(path: Path, area: int) -> None:
+    """A UserError where an image has more pixels than anybody needs for a texture."""
+    if area > PIXELS:
+        raise UserError("is too large for a texture", file=path, expected=f"at most {PIXELS:,} pixels", got=area)
+
+
+def _below(folder: Path, endings: tuple[str, ...]) -> tuple[Path, ...]:
+    found = (p for p in folder.rglob("*") if p.suffix.lower() in endings and p.is_file())
+    return tuple(sorted(found, key=lambda p: p.relative_to(folder).as_posix()))
+
+
+def _head(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            return file.read(65536)
+    except OSError as error:
+        raise UserError(f"cannot be read: {error.strerror}", file=path) from error
+
+
+def _area(path: Path, head: bytes) -> int:
+    """Pixels of a PNG (its IHDR) or a JPEG (its frame header: ITU-T T.81, B.2.2), known before anything is unpacked."""
+    if head.startswith(b"\x89PNG"):
+        return int.from_bytes(head[16:20], "big") * int.from_bytes(head[20:24], "big")
+    data, at = path.read_bytes(), 2
+    while at + 9 < len(data) and data[at] == 0xFF:
+        marker = data[at + 1]
+        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
+            return int.from_bytes(data[at + 5 : at + 7], "big") * int.from_bytes(data[at + 7 : at + 9], "big")
+        at += 2 + int.from_bytes(data[at + 2 : at + 4], "big")
+    raise UserError("cannot be read as an image", file=path, expected="a PNG or JPEG")
+
+
+def _radiance_area(path: Path, head: bytes) -> int:
+    try:
+        line = head.split(b"\n\n", 1)[1].split(b"\n", 1)[0].split()
+        return int(line[1]) * int(line[3])
+    except (IndexError, ValueError) as error:
+        raise UserError("is a Radiance file without a resolution", file=path) from error

@@ -1,0 +1,119 @@
+"""Procedural patterns that tile without a seam, each (128, 128) in [0, 1], from a generator alone.
+
+Sources: gradient noise, K. Perlin, Improving noise, SIGGRAPH 2002 (fade polynomial); simplex noise on a sheared grid
+whose periods fit a square, S. Gustavson and I. McEwan, JCGT 11(1), 2022. A cell is one feature; there are `CELLS` of
+them along an edge, so a tile that is `CELLS` times as wide as a feature should be has features of that size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+
+SIZE = 128  # px along an edge
+CELLS = 8  # features along an edge
+
+
+def perlin(rng: np.random.Generator, cells: tuple[int, int] = (CELLS, CELLS), octaves: int = 3) -> np.ndarray:
+    """Gradient noise; `cells` are (rows, columns) of the coarsest octave, each further one is twice as fine."""
+    total = np.zeros((SIZE, SIZE), np.float32)
+    for octave in range(octaves):
+        total += _octave(rng, cells[0] << octave, cells[1] << octave) / 2**octave
+    return stretch(total)
+
+
+def simplex(rng: np.random.Generator) -> np.ndarray:
+    """Simplex noise, one octave: kernels (0.8 - r^2)^4 around the corners of a triangular grid."""
+    angle = rng.uniform(0, 2 * np.pi, (CELLS, 2 * CELLS)).astype(np.float32)  # by row and twice the column
+    y, x = _grid(CELLS, CELLS)
+    u = x + 0.5 * y  # sheared, so that triangles are halves of squares
+    i, j = np.floor(u).astype(int), np.floor(y).astype(int)
+    right = (u - i) > (y - j)
+    total = np.zeros((SIZE, SIZE), np.float32)
+    for di, dj in ((0, 0), (np.where(right, 1, 0), np.where(right, 0, 1)), (1, 1)):
+        ci, cj = i + di, j + dj
+        turn = angle[cj % CELLS, (2 * ci - cj) % (2 * CELLS)]
+        dx, dy = x - (ci - 0.5 * cj), y - cj
+        total += np.maximum(0.8 - dx**2 - dy**2, 0) ** 4 * (np.cos(turn) * dx + np.sin(turn) * dy)
+    return stretch(total)
+
+
+def checkerboard(rng: np.random.Generator) -> np.ndarray:
+    """Squares, shifted at random."""
+    y, x = _grid(CELLS, CELLS, rng)
+    return ((np.floor(x) + np.floor(y)) % 2).astype(np.float32)
+
+
+def gradient(rng: np.random.Generator) -> np.ndarray:
+    """A slope to and fro across the tile, in one of eight directions."""
+    return np.abs(2 * (_wave(rng, 1) % 1) - 1).astype(np.float32)
+
+
+def stripes(rng: np.random.Generator) -> np.ndarray:
+    """Stripes in a random direction, between a third and two thirds of them dark."""
+    return (_wave(rng, CELLS) % 1 < rng.uniform(1 / 3, 2 / 3)).astype(np.float32)
+
+
+def wood(rng: np.random.Generator) -> np.ndarray:
+    """Growth rings cut lengthwise: stripes bent by slow noise, with a fine grain along them."""
+    _, x = _grid(CELLS // 2, CELLS // 2, rng)
+    rings = 0.5 + 0.5 * np.sin(2 * np.pi * (x + 0.8 * perlin(rng, (1, 2), 2)))
+    return stretch(rings**2 + 0.5 * perlin(rng, (4, 64), 1))
+
+
+def brushed_metal(rng: np.random.Generator) -> np.ndarray:
+    """Scratches along the rows: noise much longer than wide, with a slow sheen."""
+    spectrum = np.fft.rfft(rng.standard_normal((SIZE, SIZE)), axis=1)
+    spectrum *= 1 / (1 + (np.arange(spectrum.shape[1]) / 2.0) ** 2)  # keeps what is long
+    return stretch(np.fft.irfft(spectrum, SIZE, axis=1).astype(np.float32) + 0.15 * perlin(rng, (1, 4), 1))
+
+
+KINDS: dict[str, Callable[[np.random.Generator], np.ndarray]] = {
+    f.__name__: f for f in (perlin, simplex, checkerboard, gradient, stripes, wood, brushed_metal)
+}
+
+
+def stretch(values: np.ndarray) -> np.ndarray:
+    """The same pattern with its least value at 0 and its greatest at 1, float32."""
+    low, high = values.min(), values.max()
+    return ((values - low) / max(float(high - low), 1e-9)).astype(np.float32)
+
+
+def _grid(rows: int, columns: int, rng: np.random.Generator | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Row and column coordinates (SIZE, SIZE) in cells, at pixel centres, shifted at random with a generator."""
+    shift = rng.uniform(0, 1, 2) * (rows, columns) if rng is not None else (0.0, 0.0)
+    t = (np.arange(SIZE, dtype=np.float32) + 0.5) / SIZE
+    y, x = np.meshgrid(t * rows + shift[0], t * columns + shift[1], indexing="ij")
+    return y.astype(np.float32), x.astype(np.float32)
+
+
+def _wave(rng: np.random.Generator, cells: int) -> np.ndarray:
+    """A phase that grows along a direction that closes on itself; about `cells` turns across the tile."""
+    angle = rng.uniform(0, 2 * np.pi)
+    m, n = round(cells * np.cos(angle)), round(cells * np.sin(angle))
+    y, x = _grid(1, 1)
+    return m * x + n * y + rng.uniform()
+
+
+def _octave(rng: np.random.Generator, rows: int, columns: int) -> np.ndarray:
+    """One octave: sum over a cell's corners of weight(y) weight(x) (slope . offset), as products of matrices."""
+    angle = rng.uniform(0, 2 * np.pi, (rows, columns))
+    (wy, ry), (wx, rx) = _hats(rows), _hats(columns)
+    return (ry @ np.sin(angle) @ wx.T + wy @ np.cos(angle) @ rx.T).astype(np.float32)
+
+
+@lru_cache
+def _hats(cells: int) -> tuple[np.ndarray, np.ndarray]:
+    """(SIZE, cells): how much each pixel of an edge takes from each corner, alone and times its offset from there."""
+    t = (np.arange(SIZE) + 0.5) / SIZE * cells
+    near = t.astype(int)
+    f = t - near
+    s = f**3 * (f * (6 * f - 15) + 10)
+    weight, offset = np.zeros((SIZE, cells)), np.zeros((SIZE, cells))
+    for d, w in ((0, 1 - s), (1, s)):
+        at = np.arange(SIZE), (near + d) % cells
+        np.add.at(weight, at, w)  # with one cell both corners are the same
+        np.add.at(offset, at, w * (f - d))
+    return weight, offset
