@@ -17,13 +17,23 @@ class DelayLine:
         self.step, self.size = step, int(np.ceil(longest / step - 1e-9)) + 2
         self.buffer: np.ndarray | None = None
         self.head = 0
+        self.fresh: np.ndarray | None = None  # rows that begin anew with the next value
+
+    def forget(self, rows: np.ndarray) -> None:
+        """Lets these rows hold their next value for all the past, as at the beginning."""
+        self.fresh = rows if self.fresh is None else np.union1d(self.fresh, rows)
 
     def __call__(self, value: np.ndarray, delay: np.ndarray) -> np.ndarray:
         if self.buffer is None:
             self.buffer = np.repeat(value[None], self.size, axis=0)
+        elif self.fresh is not None:
+            self.buffer[:, self.fresh] = value[self.fresh]
+        self.fresh = None
+        lag = delay / self.step
+        if lag.max(initial=0.0) > self.size - 2:  # rows that began anew may look further back
+            self._grow(int(np.ceil(lag.max())) + 2)
         self.head = (self.head + 1) % self.size
         self.buffer[self.head] = value
-        lag = delay / self.step
         whole = np.minimum(lag.astype(int), self.size - 2)
         part = lag - whole
         flat = self.buffer.reshape(self.size, -1)
@@ -31,3 +41,10 @@ class DelayLine:
         near = flat[(self.head - whole.ravel()) % self.size, cells].reshape(value.shape)
         far = flat[(self.head - whole.ravel() - 1) % self.size, cells].reshape(value.shape)
         return np.where(part > 0, near + part * (far - near), near)
+
+    def _grow(self, size: int) -> None:
+        """Makes room for `size` values; before the oldest one it held the oldest."""
+        order = (self.head + 1 + np.arange(self.size)) % self.size  # oldest first
+        past = self.buffer[order]  # type: ignore[index]
+        self.buffer = np.concatenate([np.repeat(past[:1], size - self.size, axis=0), past])
+        self.size, self.head = size, size - 1

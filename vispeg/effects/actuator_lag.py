@@ -22,12 +22,10 @@ class ActuatorLag(Effect):
     params = {"time_constant": Param(0.0, 0.0, 0.05, "s", start=0.004, doc="of the torque loop")}
 
     def start(self, x, p):
-        return {"act": None}
+        return {"act": np.full_like(x.q, np.nan)}  # the first command finds the drive settled
 
     def drive(self, state, tau, x, p):
-        if state["act"] is None:
-            state["act"] = tau.copy()
-        before, t = state["act"], np.maximum(p["time_constant"], 1e-12)
+        before, t = np.where(np.isnan(state["act"]), tau, state["act"]), np.maximum(p["time_constant"], 1e-12)
         decay = np.exp(-x.h / t)
         state["act"] = tau + (before - tau) * decay
         # the mean over the step is what the physics step should feel: exact for a held command

@@ -138,6 +138,7 @@ def build(config: SceneConfig | None = None) -> Scene:
     parts |= _fixture(spec, config)
     parts |= _room(spec)
     _lights(spec)
+    _sensors(spec)
     base = {f.name: getattr(arm, f.name) for f in fields(RobotModel)}
     # a square peg is declared with its round sister's mass and inertia
     return Scene(**{**base, "build": spec.copy}, config=config, nominal=arm, parts=parts)
@@ -185,6 +186,7 @@ def _hand(spec: mujoco.MjSpec, config: SceneConfig) -> dict[str, tuple[str, ...]
     peg.condim, peg.priority = 3, 1
     slip = body.add_joint(name="peg_slip", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(0, 0, 1), damping=50.0)
     slip.frictionloss = GRIP
+    slip.solref_friction, slip.solimp_friction = (0.002, 1.0), (0.9999, 0.9999, 0.001, 0.5, 2.0)  # no creep below it
     return {"gripper": gripper, "peg": ("peg",)}
 
 
@@ -226,6 +228,21 @@ def _room(spec: mujoco.MjSpec) -> dict[str, tuple[str, ...]]:
         )
     names = tuple(f"distractor{i}" for i in range(len(SHAPES)))
     return {"table": ("table",), "floor": ("floor",), "wall": ("wall",), "distractors": names}
+
+
+def _sensors(spec: mujoco.MjSpec) -> None:
+    """Wrench between flange and tool in the flange frame (N, N m), and the net contact force on the tool (world, N)."""
+    spec.body("tool").add_site(name="wrench", group=4)
+    for name, kind in (("force", mujoco.mjtSensor.mjSENS_FORCE), ("torque", mujoco.mjtSensor.mjSENS_TORQUE)):
+        spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="wrench")
+    found, force, net = 1, 2, 3  # bits of what is reported; mjtConDataField and the reduction of the net force
+    spec.add_sensor(
+        name="contact",
+        type=mujoco.mjtSensor.mjSENS_CONTACT,
+        objtype=mujoco.mjtObj.mjOBJ_XBODY,
+        objname="tool",
+        intprm=[found | force, net, 1],
+    )
 
 
 def _lights(spec: mujoco.MjSpec) -> None:

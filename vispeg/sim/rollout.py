@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 
 from vispeg.core.world import World
@@ -17,6 +15,7 @@ from vispeg.sim.compiled import flange_pose, nominal_of
 from vispeg.sim.controller import Controller
 from vispeg.sim.observer import Observer
 from vispeg.sim.plant import Plant
+from vispeg.sim.quiet import quiet
 from vispeg.sim.rows import Rows
 from vispeg.sim.segment import Segment
 
@@ -64,19 +63,8 @@ def simulate(
         want_ee: also return flange poses.
     """
     run = _Run(robot, worlds, segments, h_max, nthread, observer, along)
-    with _quiet(), np.errstate(all="ignore"):  # a diverging candidate is an answer, not news
+    with quiet(), np.errstate(all="ignore"):  # a diverging candidate is an answer, not news
         return run.responses(want_ee)
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """MuJoCo's instability warnings held back; divergence is reported in `Response.diverged`."""
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(lambda message: None)
-    try:
-        yield
-    finally:
-        mujoco.set_mju_user_warning(before)
 
 
 class _Run:

@@ -1,0 +1,34 @@
+"""Joint angles that put the flange at a pose: damped least squares on many arms at once."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.control.laws import rotation_vector
+from vispeg.sim.nominal import Nominal
+
+
+def reach(
+    nominal: Nominal, pos: np.ndarray, quat: np.ndarray, start: np.ndarray, iterations: int = 15, damping: float = 1e-4
+) -> tuple[np.ndarray, np.ndarray]:
+    """Levenberg-Marquardt steps with fixed damping (Wampler, IEEE Trans. SMC 16(1), 1986).
+
+    Args:
+        nominal: of as many rows as there are poses.
+        pos: (n, 3) flange position in the base, m.
+        quat: (n, 4) flange orientation wxyz.
+        start: (n, nj) rad.
+        iterations: steps, always as many, so that a row's answer does not hang on its neighbours.
+        damping: squared damping factor.
+
+    Returns:
+        q (n, nj) in rad and what is left of the pose error (n,): m and rad together.
+    """
+    q, error = start.copy(), np.zeros((len(start), 6))
+    for _ in range(iterations):
+        _, jac, now, turned, _ = nominal.operational(q)
+        error = np.concatenate([pos - now, rotation_vector(turned, quat)], axis=1)
+        normal = jac @ np.swapaxes(jac, 1, 2) + damping * np.eye(6)
+        q = q + np.einsum("nij,ni->nj", jac, np.linalg.solve(normal, error[..., None])[..., 0])
+        damping *= 0.3
+    return q, np.linalg.norm(error, axis=1)

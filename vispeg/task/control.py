@@ -1,0 +1,52 @@
+"""The policy's controller: operational space control that holds the flange at a commanded pose, like a spring."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.control.laws import osc, rotation_vector
+from vispeg.robots.model import RobotModel
+from vispeg.sim.compiled import nominal_of
+
+POSTURE = 20.0  # 1/s^2 per unit inertia, pull towards the home posture in the null space
+
+
+class PoseControl:
+    """Khatib's law on the nominal arm, for all rows at once.
+
+    Args:
+        robot: what the controller knows: arm, tool, peg.
+        nsim: rows.
+        stiffness: (translation, rotation), 1/s^2 per unit mass; damping is critical.
+        force_limit: greatest commanded force, N.
+        home: (nj,) posture for the null space, rad.
+        nthread: threads.
+    """
+
+    def __init__(
+        self,
+        robot: RobotModel,
+        nsim: int,
+        stiffness: tuple[float, float],
+        force_limit: float,
+        home: np.ndarray,
+        nthread: int,
+    ):
+        self.nominal = nominal_of(robot, nsim, nthread)
+        self.kp = np.repeat(np.repeat(stiffness, 3)[None], nsim, axis=0)
+        self.kd = 2 * np.sqrt(self.kp)
+        self.force_limit, self.home, self.limit = force_limit, home, robot.torque_limit
+
+    def pose(self, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Flange position (n, 3), quaternion (n, 4) and twist (n, 6) that the controller believes at q, dq."""
+        _, jac, pos, rot, _ = self.nominal.operational(q)
+        return pos, rot, np.einsum("nij,nj->ni", jac, dq)
+
+    def torque(self, q: np.ndarray, dq: np.ndarray, pos: np.ndarray, rot: np.ndarray) -> np.ndarray:
+        """Joint torque (nsim, nj) N m towards the flange pose pos (nsim, 3), rot (nsim, 4)."""
+        mass, jac, now, turned, weight = self.nominal.operational(q)
+        error = np.concatenate([pos - now, rotation_vector(turned, rot)], axis=1)
+        twist = np.einsum("nij,nj->ni", jac, dq)
+        posture = np.einsum("nij,nj->ni", mass, POSTURE * (self.home - q) - 2 * np.sqrt(POSTURE) * dq)
+        tau = osc(error, twist, mass, jac, self.kp, self.kd, posture, force_limit=self.force_limit) + weight
+        return np.clip(tau, -self.limit, self.limit)

@@ -1,0 +1,59 @@
+"""The task as a single gymnasium environment: one row of the vector environment."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from vispeg.core.world import World
+
+
+class PegInHoleEnv(gym.Env):
+    """One peg-in-hole environment; arguments as PegInHoleVec."""
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 6}
+
+    def __init__(
+        self,
+        world: World | str | Path | None = None,
+        obs_mode: str = "state",
+        render_mode: str | None = None,
+        **settings: Any,
+    ):
+        from vispeg.task.vector import PegInHoleVec
+
+        self._made = {"world": world, "obs_mode": obs_mode, "render_mode": render_mode, **settings}
+        self.vec = PegInHoleVec(1, **self._made)
+        self.render_mode = render_mode
+        self.observation_space, self.action_space = self.vec.single_observation_space, self.vec.single_action_space
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
+        """Begins an episode."""
+        super().reset(seed=seed)
+        obs, _ = self.vec.reset(seed=seed)
+        return {k: v[0] for k, v in obs.items()}, {"seed": int(self.vec.sim.seeds[0])}
+
+    def step(self, action: np.ndarray):
+        """One policy step of 160 ms."""
+        self.vec._ended[:] = False  # the caller resets
+        reward, terminated, truncated, (record,) = self.vec.sim.step(np.asarray(action, float)[None])
+        obs = {k: v[0] for k, v in self.vec._observe().items()}
+        return obs, float(reward[0]), bool(terminated[0]), bool(truncated[0]), record or {}
+
+    def render(self):
+        """An RGB image (H, W, 3) uint8 from outside, or None."""
+        images = self.vec.render()
+        return None if images is None else images[0]
+
+    def close(self) -> None:
+        """Frees the renderers."""
+        self.vec.close()
+
+    def __getstate__(self):
+        return self._made
+
+    def __setstate__(self, made):
+        self.__init__(**made)

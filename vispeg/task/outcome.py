@@ -1,0 +1,76 @@
+"""How an episode went: success by depth, lateral error, force and dwell, and a failure's category by a fixed rule."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from vispeg.task.config import TaskConfig
+
+CATEGORIES = ("success", "approach", "search", "jam", "wedge", "slip", "force limit", "timeout", "diverged")
+TOUCH = 0.5  # N, contact force from which the peg counts as touching
+ENTERED = 0.002  # m, depth from which the tip counts as in the hole
+SLIPPED = 0.003  # m, slip along the peg that counts as lost
+MOVING = 0.0005  # m a policy step, progress that counts as still going in
+
+
+@dataclass
+class Track:
+    """What one row has seen so far in its episode.
+
+    Attributes:
+        touched: whether the peg ever touched.
+        deepest: greatest depth of the tip below the mouth, m.
+        dwell: policy steps in a row at the goal.
+        peak: greatest contact force, N.
+        forces: contact force at every control tick, N.
+        depths: depth after every policy step, m.
+        tilt: angle between peg and hole, rad.
+        slip: along the peg, m.
+    """
+
+    touched: bool = False
+    deepest: float = -1.0
+    dwell: int = 0
+    peak: float = 0.0
+    lateral: float = 0.0
+    tilt: float = 0.0
+    slip: float = 0.0
+    forces: list[np.ndarray] = field(default_factory=list)
+    depths: list[float] = field(default_factory=list)
+
+    def add(self, config: TaskConfig, forces: np.ndarray, tip: np.ndarray, tilt: float, slip: float) -> None:
+        """One policy step: contact forces at its ticks (N), tip in the hole's frame (3,) m, tilt (rad), slip (m)."""
+        depth = float(-tip[2])
+        self.lateral, self.tilt, self.slip = float(np.hypot(tip[0], tip[1])), tilt, slip
+        inside = depth >= config.success_depth * config.depth and self.lateral <= 0.5 * config.diameter
+        self.dwell = self.dwell + 1 if inside else 0
+        self.deepest = max(self.deepest, depth)
+        self.touched |= bool(forces.max() > TOUCH)
+        self.peak = max(self.peak, float(forces.max()))
+        self.forces.append(forces)
+        self.depths.append(depth)
+
+    def verdict(self, config: TaskConfig) -> str | None:
+        """The category once the episode is over by itself (success, force limit, slip), else None."""
+        if self.peak > config.force_abort:
+            return "force limit"
+        if abs(self.slip) > SLIPPED:
+            return "slip"
+        return "success" if self.dwell >= config.dwell else None
+
+    def at_time(self, config: TaskConfig) -> str:
+        """The category of an episode that ran out of time.
+
+        `wedge` and `jam` follow Whitney (J. Dyn. Sys. Meas. Control 104, 1982): a peg is wedged when it stands across
+        the hole at two points, which takes a tilt of clearance over depth; stuck below that tilt it is jammed by the
+        direction of its forces. A peg that was still going in is neither.
+        """
+        if self.deepest > ENTERED:
+            recent = self.depths[-4:]
+            if len(recent) > 1 and (recent[-1] - recent[0]) / (len(recent) - 1) > MOVING:
+                return "timeout"
+            touching = config.clearance_mm * 1e-3 / max(self.deepest, 1e-6)
+            return "wedge" if self.tilt >= 0.9 * touching else "jam"
+        return "search" if self.touched else "approach"

@@ -1,0 +1,255 @@
+"""The peg-in-hole task on a batch of cells: start rows, move them by actions, say what each policy may see."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.core.seeds import stream
+from vispeg.core.world import World
+from vispeg.robots.scene import build
+from vispeg.sim.quiet import quiet
+from vispeg.sim.reach import reach
+from vispeg.task.cell import Cell
+from vispeg.task.config import DOF, TaskConfig
+from vispeg.task.control import PoseControl
+from vispeg.task.observe import Stack, policy_size
+from vispeg.task.outcome import Track
+from vispeg.task.reward import BONUS, reward
+
+DOWN = np.array([0.0, 1.0, 0.0, 0.0])  # flange z straight down, wxyz
+HOME = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])  # rad, from where inverse kinematics starts
+TARGET_KNOWN = ("state",)  # observation modes whose policy is told a believed target; the others get the nominal hole
+
+
+class PegSimulation:
+    """nsim independent episodes of the task; rows end and begin one by one.
+
+    Args:
+        world: effects and ranges; its robot is the cell of `config`.
+        config: the task.
+        nsim: rows.
+        obs_mode: decides which target the policy's part of the observation is relative to.
+        nthread: threads of the physics.
+    """
+
+    def __init__(self, world: World, config: TaskConfig, nsim: int, obs_mode: str = "state", nthread: int = 1):
+        self.world, self.config, self.nsim, self.obs_mode = world, config, nsim, obs_mode
+        self.scene = build(config.scene())
+        self.levels: Mapping[str, float] | float = 1.0
+        self.radius = config.start_radius
+        h = config.control_period / config.substeps
+        names = {e.effect for e in world.effects} | {r.effect for r in world.ranges}
+        self.drawn = [world.sample(0, self.scene)] * nsim
+        self.cell = Cell(self.scene, self.drawn, h, config.control_period, nthread, sorted(names))
+        self.control = PoseControl(self.scene.nominal, nsim, config.stiffness, config.force_limit, HOME, nthread)
+        self.move = np.array([d in config.dof for d in DOF])
+        self.nominal_hole = np.array(self.scene.config.fixture)
+        tip = self.nominal_hole + [0, 0, 0.03 + self.scene.tip]
+        rest = np.tile(tip, (nsim, 1)), np.tile(DOWN, (nsim, 1))
+        self.home = reach(self.control.nominal, *rest, np.tile(HOME, (nsim, 1)))[0]
+        self.control.home = self.home[0]
+        weight = self.control.nominal.gravity(self.home).copy()
+        mass = self.control.nominal.operational(self.home)[0]
+        apparent = 1.0 / np.diagonal(np.linalg.inv(mass), axis1=1, axis2=2)
+        self.cell.start(self.home, np.zeros_like(self.home), weight, apparent)
+        self.tare = self._tool_weight()
+        n = nsim
+        self.goal, self.rot = np.zeros((n, 3)), np.tile(DOWN, (n, 1))  # flange pose that is commanded
+        self.believed, self.seeds = np.zeros((n, 3)), np.zeros(n, dtype=np.int64)
+        self.action, self.count = np.zeros((n, len(config.dof))), np.zeros(n, dtype=int)
+        self.wrench, self.tracks = np.zeros((n, 6)), [Track() for _ in range(n)]
+        self.stack = Stack(config.stack, n, policy_size(config))
+        self.diverged = np.zeros(n, dtype=bool)
+        self.push: list[Any] = [None] * n
+
+    def _tool_weight(self) -> np.ndarray:
+        """Weight (3,) N in the world frame that the wrench sensor carries at rest, as the controller knows it."""
+        model = self.scene.nominal.compile()
+        tool = [b for b in range(model.nbody) if model.body(b).name in ("tool", "peg")]
+        return float(model.body_mass[tool].sum()) * model.opt.gravity
+
+    # Episodes -------------------------------------------------------------------------------------------------
+    def reset(self, rows: np.ndarray, seeds: Sequence[int]) -> None:
+        """Rows (indices) begin the episodes of these seeds."""
+        if not len(rows):
+            return
+        c = self.config
+        pos, q0 = np.tile(self.nominal_hole + [0, 0, 0.1], (self.nsim, 1)), self.home.copy()
+        worlds = []
+        for row, seed in zip(rows, seeds, strict=True):
+            rng = stream(int(seed), "start")
+            aside = rng.uniform(-self.radius, self.radius, 2)
+            pos[row] = self.nominal_hole + [*aside, rng.uniform(*c.start_height)]
+            worlds.append(self.world.sample(int(seed), self.scene, self.levels))
+            self.drawn[row], self.seeds[row] = worlds[-1], seed
+            self.tracks[row], self.push[row] = Track(), None
+        pos[:, 2] += self.scene.tip
+        q, error = reach(self.control.nominal, pos, np.tile(DOWN, (self.nsim, 1)), q0)
+        if error[rows].max() > 1e-4:
+            raise UserError("the start is out of the arm's reach", got=pos[rows[int(error[rows].argmax())]].round(3))
+        weight = self.control.nominal.gravity(q).copy()
+        self.cell.begin(rows, worlds, q[rows], weight[rows])
+        self.goal[rows], self.rot[rows] = pos[rows], DOWN
+        self.action[rows], self.count[rows], self.wrench[rows], self.diverged[rows] = 0.0, 0, 0.0, False
+        self._believe(rows)
+        self.cell.read()
+        self.measured = self.cell.x.q.copy(), self.cell.x.dq.copy()
+        self.stack.fill(rows, self._policy_part())
+
+    def _believe(self, rows: np.ndarray) -> None:
+        if self.obs_mode not in TARGET_KNOWN:
+            self.believed[rows] = self.nominal_hole
+            return
+        hole = self.cell.site_position("hole")
+        for a in self.cell.active:
+            if a.effect.overrides("believe"):
+                hole = a.effect.believe(hole, a.p)
+        self.believed[rows] = hole[rows]
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any] | None]]:
+        """One policy step of every row.
+
+        Args:
+            action: (nsim, len(dof)) in [-1, 1].
+
+        Returns:
+            reward (nsim,), terminated and truncated (nsim,) bool, and for every row that ended its episode's record.
+        """
+        c, cell = self.config, self.cell
+        self.action = np.clip(np.nan_to_num(np.asarray(action, float)), -1.0, 1.0)
+        pos, rot, _ = self.control.pose(*self.measured)
+        whole = np.zeros((self.nsim, 6))
+        whole[:, self.move] = self.action
+        moved = pos + c.offset * whole[:, :3]
+        self.goal = np.where(self.move[:3], moved, self.goal)
+        if self.move[3:].any():
+            self.rot = turned(rot, c.turn * whole[:, 3:])
+        forces, wrenches = np.empty((c.ticks, self.nsim)), np.empty((c.ticks, self.nsim, 6))
+        with quiet(), np.errstate(all="ignore"):
+            for k in range(c.ticks):
+                cell.read()
+                q, dq = cell.measure()
+                self._pushes(k)
+                cell.advance(self.control.torque(q, dq, self.goal, self.rot), c.substeps)
+                wrenches[k] = cell.sensors[:, :6]
+                forces[k] = np.linalg.norm(cell.sensors[:, 7:10], axis=1)
+            cell.read()
+            self.measured = cell.measure()
+            return self._settle(forces, wrenches)
+
+    def _pushes(self, k: int) -> None:
+        for row, push in enumerate(self.push):
+            if push is not None:
+                t = (self.count[row] * self.config.ticks + k) * self.config.control_period
+                self.cell.external[row] = push.force if push.start <= t < push.start + push.duration else 0.0
+
+    def _settle(self, forces, wrenches):
+        c, cell = self.config, self.cell
+        self.count += 1
+        tip = self.tip_in_hole()
+        bad = ~np.isfinite(cell.qpos).all(axis=1) | ~np.isfinite(forces).all(axis=0) | (np.abs(tip).max(axis=1) > 2.0)
+        bad |= ~np.isfinite(tip).all(axis=1)
+        self.diverged |= bad
+        forces = np.where(bad, 0.0, forces)
+        tip = np.where(bad[:, None], 0.5, tip)
+        recent = np.nan_to_num(wrenches[-4:].mean(axis=0))
+        site = cell.site_rotation("flange")
+        self.wrench[:, :3] = -np.einsum("nij,nj->ni", site, recent[:, :3]) - self.tare
+        self.wrench[:, 3:] = -np.einsum("nij,nj->ni", site, recent[:, 3:])
+        gain = reward(tip, c.success_depth * c.depth, forces.max(axis=0), c.reward_scale)
+        tilt, slip = self.tilt(), cell.qpos[:, cell.slip]
+        terminated, truncated = np.zeros(self.nsim, dtype=bool), self.count >= c.steps
+        records: list[dict[str, Any] | None] = [None] * self.nsim
+        for i, track in enumerate(self.tracks):
+            track.add(c, forces[:, i], tip[i], float(np.nan_to_num(tilt[i])), float(np.nan_to_num(slip[i])))
+            category = "diverged" if self.diverged[i] else track.verdict(c)
+            terminated[i] = category is not None
+            if category is not None:
+                gain[i] += BONUS if category == "success" else -BONUS
+            elif truncated[i]:
+                category = track.at_time(c)
+            if category is not None:
+                records[i] = self._record(i, category)
+        self.stack.push(np.nan_to_num(self._policy_part(), posinf=0.0, neginf=0.0))
+        return gain, terminated, truncated & ~terminated, records
+
+    def _record(self, i: int, category: str) -> dict[str, Any]:
+        t = self.tracks[i]
+        return {
+            "success": category == "success",
+            "category": category,
+            "seed": int(self.seeds[i]),
+            "time": float(self.count[i] * self.config.policy_period),
+            "peak_force": t.peak,
+            "lateral_error": t.lateral,
+            "depth": t.depths[-1],
+            "force_profile": np.concatenate(t.forces).astype(np.float32),
+            "world": {e.label: {k: v.value for k, v in e.params.items()} for e in self.drawn[i].effects},
+        }
+
+    # What can be seen -----------------------------------------------------------------------------------------
+    def tip_in_hole(self) -> np.ndarray:
+        """True tip (nsim, 3) m in the hole's frame; z is negative inside."""
+        offset = self.cell.site_position("peg_tip") - self.cell.site_position("hole")
+        return np.einsum("nji,nj->ni", self.cell.site_rotation("hole"), offset)
+
+    def tilt(self) -> np.ndarray:
+        """Angle (nsim,) rad between the peg's axis and the hole's."""
+        along = np.einsum(
+            "nj,nj->n", self.cell.site_rotation("peg_tip")[:, :, 2], self.cell.site_rotation("hole")[:, :, 2]
+        )
+        return np.arccos(np.clip(np.abs(along), 0.0, 1.0))
+
+    def _policy_part(self) -> np.ndarray:
+        """(nsim, d): measured tip relative to the believed hole, twist, wrench and the last action, all near 1."""
+        pos, _, twist = self.control.pose(*self.measured)
+        tip = pos - [0, 0, self.scene.tip]
+        parts = [(tip - self.believed) / 0.03, twist[:, :3] / 0.1, self.wrench[:, :3] / 20.0, self.wrench[:, 3:] / 2.0]
+        return np.concatenate([*parts, self.action], axis=1)
+
+    def observation(self) -> dict[str, np.ndarray]:
+        """`policy` (nsim, stack d) and `privileged` (nsim, PRIVILEGED), float32."""
+        tip, hole = np.nan_to_num(self.tip_in_hole()), self.cell.site_position("hole")
+        force = np.nan_to_num(self.cell.sensors[:, 7:10])
+        twist = self.control.pose(*self.measured)[2]
+        truth = [
+            tip / 0.03,
+            (hole - self.nominal_hole) / 0.03,
+            (self.believed - hole) / 0.003,
+            np.nan_to_num(twist[:, :3]) / 0.1,
+            force / 20.0,
+            np.nan_to_num(self.cell.qpos[:, [self.cell.slip]]) / 0.003,
+            np.nan_to_num(self.tilt())[:, None] / 0.05,
+            (self.count / self.config.steps)[:, None],
+            self.physics,
+        ]
+        privileged = np.clip(np.concatenate(truth, axis=1), -20, 20).astype(np.float32)
+        return {"policy": np.clip(self.stack.flat(), -20, 20).astype(np.float32), "privileged": privileged}
+
+    @property
+    def physics(self) -> np.ndarray:
+        """Physics (nsim, 4) that a critic may know: friction and mass scale, latency, clearance; near 1."""
+        p = {a.effect.name: a.p for a in self.cell.active}
+        out = np.zeros((self.nsim, 4))
+        for column, (name, key, scale) in enumerate(
+            (("surface_friction", "scale", 1.0), ("object_mass", "scale", 1.0), ("command_delay", "delay", 0.02))
+        ):
+            if name in p and key in p[name]:
+                out[:, column] = p[name][key].mean(axis=1) / scale
+        out[:, 3] = self.config.clearance_mm / 3.0
+        return out
+
+
+def turned(quat: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """Quaternions (n, 4) wxyz turned by rotation vectors (n, 3) rad given in the base frame."""
+    angle = np.linalg.norm(vector, axis=1, keepdims=True)
+    axis = vector / np.maximum(angle, 1e-12)
+    w1, v1 = np.cos(angle / 2), axis * np.sin(angle / 2)
+    w0, v0 = quat[:, :1], quat[:, 1:]
+    return np.concatenate(
+        [w1 * w0 - np.sum(v1 * v0, axis=1, keepdims=True), w1 * v0 + w0 * v1 + np.cross(v1, v0)], axis=1
+    )

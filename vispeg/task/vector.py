@@ -1,0 +1,177 @@
+"""The task as gymnasium's vector environment: every environment is a row of one batched simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from vispeg.core.errors import UserError
+from vispeg.core.seeds import stream
+from vispeg.core.world import World
+from vispeg.task.config import TaskConfig
+from vispeg.task.eyes import MODES, Eyes, image_spaces
+from vispeg.task.observe import PRIVILEGED, policy_size
+from vispeg.task.simulation import PegSimulation
+
+
+def spaces(config: TaskConfig, obs_mode: str, cameras: Sequence[Any]) -> tuple[gym.spaces.Dict, gym.spaces.Box]:
+    """Observation and action space of one environment."""
+    box = gym.spaces.Box
+    parts: dict[str, gym.Space] = {
+        "policy": box(-20.0, 20.0, (config.stack * policy_size(config),), np.float32),
+        "privileged": box(-20.0, 20.0, (PRIVILEGED,), np.float32),
+    }
+    parts |= image_spaces(obs_mode, cameras)
+    return gym.spaces.Dict(parts), box(-1.0, 1.0, (len(config.dof),), np.float32)
+
+
+def world_of(world: World | str | Path | None, given: dict[str, Any]) -> tuple[World, TaskConfig, Any]:
+    """A world, the task it states with `given` on top, and its file (None for a World object)."""
+    if isinstance(world, World):
+        return world, TaskConfig.of(given), None
+    from vispeg.task.world_file import load_world
+
+    file = load_world(world if world is not None else "nominal")
+    return file.world, TaskConfig.of({**file.task, **given}, str(file.path)), file
+
+
+TOLD = ("success", "category", "seed", "time", "peak_force", "lateral_error", "depth")  # as arrays in `infos`
+
+
+class PegInHoleVec(VectorEnv):
+    """`num_envs` peg-in-hole environments, stepped together.
+
+    Args:
+        num_envs: rows.
+        world: a World, a built-in world's name, or a world file; `nominal` if not given.
+        obs_mode: `state`, `proprio`, `depth`, `rgb` or `rgbd`.
+        seed: of the episodes until `reset` is given one.
+        autoreset_mode: NEXT_STEP (gymnasium's default: the step after an end begins the next episode) or SAME_STEP
+            (the end's observation is in `infos["final_obs"]`).
+        nthread: threads of the physics.
+        backend: of the renderer, for image modes.
+        render_mode: None or `rgb_array`.
+        **task: TaskConfig fields that replace the world's.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        world: World | str | Path | None = None,
+        obs_mode: str = "state",
+        seed: int | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        nthread: int = 1,
+        backend: str = "auto",
+        render_mode: str | None = None,
+        **task: Any,
+    ):
+        if obs_mode not in MODES:
+            raise UserError("unknown observation mode", key="obs_mode", got=obs_mode, choices=MODES)
+        if num_envs < 1:
+            raise UserError("must be at least 1", key="num_envs", got=num_envs)
+        self.world, self.config, self.file = world_of(world, task)
+        self.num_envs, self.obs_mode, self.render_mode = num_envs, obs_mode, render_mode
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.metadata = {"render_modes": ["rgb_array"], "render_fps": 6, "autoreset_mode": self.autoreset_mode}
+        self.sim = PegSimulation(self.world, self.config, num_envs, obs_mode, nthread)
+        self.eyes = Eyes(self.sim, obs_mode, self.file, backend)
+        self.single_observation_space, self.single_action_space = spaces(self.config, obs_mode, self.eyes.cameras)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._base = np.arange(num_envs, dtype=np.int64) + (0 if seed is None else seed)
+        self._episode = np.zeros(num_envs, dtype=np.int64)
+        self._ended = np.zeros(num_envs, dtype=bool)
+        self._started = False
+
+    # Episodes -------------------------------------------------------------------------------------------------
+    def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None):
+        """Begins an episode in every row, or in those of `options["reset_mask"]`; row i of seed s has seed s + i."""
+        mask = np.ones(self.num_envs, dtype=bool)
+        if options and "reset_mask" in options:
+            mask = np.asarray(options["reset_mask"], dtype=bool)
+        if isinstance(seed, (int, np.integer)):
+            seed = [int(seed) + i for i in range(self.num_envs)]
+        for i in np.flatnonzero(mask):
+            given = seed[i] if seed is not None else None
+            if given is not None:
+                self._base[i], self._episode[i] = given, 0
+            elif self._started:
+                self._episode[i] += 1
+        self._started = True
+        self._begin(np.flatnonzero(mask))
+        return self._observe(), {"seed": self.sim.seeds.copy()}
+
+    def _begin(self, rows: np.ndarray) -> None:
+        self.sim.reset(rows, [episode_seed(self._base[i], self._episode[i]) for i in rows])
+        self.eyes.begin(rows)
+        self._ended[rows] = False
+
+    def step(self, actions: np.ndarray):
+        """One policy step of every row; ended episodes come with their record in `infos`."""
+        actions = np.asarray(actions, dtype=float).reshape(self.num_envs, -1)
+        waiting = np.flatnonzero(self._ended)
+        rewards, terminated, truncated, records = self.sim.step(actions)
+        infos: dict[str, Any] = {}
+        if len(waiting) and self.autoreset_mode == AutoresetMode.NEXT_STEP:
+            rewards[waiting], terminated[waiting], truncated[waiting] = 0.0, False, False
+            self._episode[waiting] += 1
+            self._begin(waiting)
+            for i in waiting:
+                records[i] = None
+        for i, record in enumerate(records):
+            if record is not None:  # profiles differ in length, so the whole record travels as one object
+                infos = self._add_info(infos, {k: record[k] for k in TOLD}, i)
+                infos.setdefault("record", np.full(self.num_envs, None, dtype=object))[i] = record
+                infos["_record"] = infos["_success"]
+        self._ended = terminated | truncated
+        if self._ended.any() and self.autoreset_mode == AutoresetMode.SAME_STEP:
+            rows, final = np.flatnonzero(self._ended), self._observe()
+            infos["final_obs"] = {k: v.copy() for k, v in final.items()}
+            infos["_final_obs"] = self._ended.copy()
+            self._episode[rows] += 1
+            self._begin(rows)
+        return self._observe(), rewards, terminated, truncated, infos
+
+    def _observe(self) -> dict[str, np.ndarray]:
+        return {**self.sim.observation(), **self.eyes.see()}
+
+    # Knobs ----------------------------------------------------------------------------------------------------
+    def set_level(self, level: float | dict[str, float], radius: float | None = None) -> None:
+        """How far the next episodes' draws may leave nominal (0 to 1, for all or by label), and the start's radius, m."""
+        self.sim.levels = level
+        if radius is not None:
+            self.sim.radius = radius
+
+    def push(self, rows: Sequence[int], force: Sequence[float], start: float, duration: float) -> None:
+        """Pushes the flange of these rows in their present episode with `force` (3,) N for `duration` s from `start` s."""
+        from vispeg.task.push import Push
+
+        for i in rows:
+            self.sim.push[i] = Push(np.asarray(force, float), start, duration)
+
+    def render(self):
+        """One RGB image (H, W, 3) uint8 a row, from outside."""
+        if self.render_mode is None:
+            return None
+        return tuple(self.eyes.picture(i) for i in range(self.num_envs))
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Frees the renderers."""
+        self.eyes.close()
+
+    def __getstate__(self):
+        raise TypeError("a running batch cannot be pickled; pickle how it was made instead")
+
+
+def episode_seed(base: int, episode: int) -> int:
+    """Seed of a row's k-th episode; the first one's is the base itself."""
+    if episode == 0:
+        return int(base)
+    return int(stream(int(base), "episode", int(episode)).integers(2**31))
