@@ -1,45 +1,39 @@
-"""Random numbers for a running batch: one stream a row, so that a row draws the same whatever the batch around it."""
+"""Random numbers without a generator: a hash of (seed, tick, lane), so that a row draws the same in any batch.
+
+Counter-based, as in Salmon et al. 2011, Parallel random numbers: as easy as 1, 2, 3; the mixing function is that of
+SplitMix64 (Steele, Lea and Flood 2014, Fast splittable pseudorandom number generators).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import zlib
 
 import numpy as np
-
-from vispeg.core.seeds import stream
-
-BLOCK = 64  # ticks drawn at once: a generator's call costs more than its numbers
+from scipy.special import ndtri
 
 
-class RowNoise:
-    """`noise()` gives (nsim, width) numbers a tick, from a stream keyed by the row's seeds.
+def uniform(name: str, seed: np.ndarray, tick: np.ndarray, lane: np.ndarray | int) -> np.ndarray:
+    """Numbers in (0, 1), shape of `seed`, independent over seeds, ticks, lanes and names.
 
     Args:
-        name: of the effect, so that two effects with one seed differ.
-        seeds: (nsim, n) whole numbers.
-        width: numbers a row and tick.
-        draw: what is called on a row's generator with a shape.
-        active: (nsim,) rows that need numbers; the others get zeros.
+        name: of the effect.
+        seed: (nsim, n) whole numbers >= 0.
+        tick: (nsim,) since the episode began.
+        lane: (n,) which of the numbers of a tick.
     """
+    x = np.broadcast_to(np.uint64(zlib.crc32(name.encode())), seed.shape)
+    for key in (seed, np.broadcast_to(tick[:, None], seed.shape), np.broadcast_to(lane, seed.shape)):
+        x = _mixed(x + key.astype(np.uint64))
+    return ((x >> np.uint64(11)).astype(float) + 0.5) * 2.0**-53
 
-    def __init__(
-        self,
-        name: str,
-        seeds: np.ndarray,
-        width: int,
-        draw: Callable[[np.random.Generator, tuple[int, int]], np.ndarray],
-        active: np.ndarray,
-    ):
-        self.rngs = {
-            int(row): stream(int(seeds[row, 0]), name, *seeds[row].astype(np.int64)) for row in np.flatnonzero(active)
-        }
-        self.block = np.zeros((len(seeds), BLOCK, width))
-        self.draw, self.tick = draw, 0
 
-    def __call__(self) -> np.ndarray:
-        at = self.tick % BLOCK
-        if at == 0:
-            for row, rng in self.rngs.items():
-                self.block[row] = self.draw(rng, self.block.shape[1:])
-        self.tick += 1
-        return self.block[:, at]
+def normal(name: str, seed: np.ndarray, tick: np.ndarray, lane: np.ndarray | int) -> np.ndarray:
+    """Standard normal numbers, as `uniform`."""
+    return ndtri(uniform(name, seed, tick, lane))
+
+
+def _mixed(x: np.ndarray) -> np.ndarray:
+    x = x + np.uint64(0x9E3779B97F4A7C15)
+    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return x ^ (x >> np.uint64(31))

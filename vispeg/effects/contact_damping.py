@@ -26,6 +26,7 @@ class ContactDamping(Effect):
         return touching(model)
 
     def write(self, fields, p):
+        solref = fields["geom_solref"]
         for rows, geoms, scale in changed(fields, p["scale"], 1.0):
-            fields["geom_solref"][np.ix_(rows, geoms, [0])] /= scale[:, :, None]
-            fields["geom_solref"][np.ix_(rows, geoms, [1])] *= scale[:, :, None]
+            solref[np.ix_(rows, geoms, [0])] /= scale[:, :, None]
+            solref[np.ix_(rows, geoms, [1])] *= scale[:, :, None]

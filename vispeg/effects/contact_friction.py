@@ -26,5 +26,6 @@ class ContactFriction(Effect):
         return touching(model)
 
     def write(self, fields, p):
+        friction = fields["geom_friction"]
         for rows, geoms, scale in changed(fields, p["scale"], 1.0):
-            fields["geom_friction"][np.ix_(rows, geoms, [0])] *= scale[:, :, None]
+            friction[np.ix_(rows, geoms, [0])] *= scale[:, :, None]

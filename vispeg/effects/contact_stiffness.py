@@ -27,5 +27,6 @@ class ContactStiffness(Effect):
         return touching(model)
 
     def write(self, fields, p):
+        solref = fields["geom_solref"]
         for rows, geoms, scale in changed(fields, p["scale"], 1.0):
-            fields["geom_solref"][np.ix_(rows, geoms, [0])] /= np.sqrt(scale)[:, :, None]
+            solref[np.ix_(rows, geoms, [0])] /= np.sqrt(scale)[:, :, None]

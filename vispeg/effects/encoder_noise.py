@@ -1,6 +1,6 @@
 """Encoder noise: every reading of angle and velocity is off by a Gaussian of its own, white from tick to tick.
 
-No MuJoCo mechanism: controllers here read angles, not sensors. Each simulation draws from one stream
+No MuJoCo mechanism: controllers here read angles, not sensors. Each simulation draws from a stream
 keyed by the shape parameter `seed`, so a world replays and a row does not depend on its neighbours. Source of the
 range: 0.001 to 0.01 rad, practitioners' sim-to-real article.
 """
@@ -11,8 +11,8 @@ import numpy as np
 
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
-from vispeg.effects._row_noise import RowNoise
 from vispeg.effects._parts import in_scene
+from vispeg.effects._row_noise import normal
 
 
 class EncoderNoise(Effect):
@@ -32,11 +32,14 @@ class EncoderNoise(Effect):
         return in_scene(model, *model.joints)
 
     def start(self, x, p):
-        active = (p["sd"] > 0).any(axis=1) | (p["velocity"] > 0).any(axis=1)
-        return RowNoise(self.name, p["seed"], 2 * p["sd"].shape[1], lambda g, shape: g.standard_normal(shape), active)
+        return {"tick": np.zeros(len(p["sd"]), int)}
 
     def observe(self, state, q, dq, x, p):
-        noise = state()
-        nj = q.shape[1]
-        q = np.where(p["sd"] > 0, q + p["sd"] * noise[:, :nj], q)
-        return q, np.where(p["velocity"] > 0, dq + p["velocity"] * noise[:, nj:], dq)
+        tick, lane = state["tick"], np.arange(q.shape[1])
+        if (p["sd"] > 0).any():
+            q = np.where(p["sd"] > 0, q + p["sd"] * normal("encoder_noise.sd", p["seed"], tick, lane), q)
+        if (p["velocity"] > 0).any():
+            noise = normal("encoder_noise.velocity", p["seed"], tick, lane)
+            dq = np.where(p["velocity"] > 0, dq + p["velocity"] * noise, dq)
+        state["tick"] = tick + 1
+        return q, dq

@@ -23,6 +23,4 @@ class GravityScale(Effect):
         return in_scene(model, "scene")
 
     def write(self, fields, p):
-        rows = p["scale"][:, 0] != 1.0
-        if rows.any():
-            fields["opt.gravity"][rows] *= p["scale"][rows]
+        fields["opt.gravity"][:] *= p["scale"]

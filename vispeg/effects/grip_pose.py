@@ -33,14 +33,9 @@ class GripPose(Effect):
     def write(self, fields, p):
         shift = np.stack([p[axis][:, 0] for axis in "xyz"], axis=1)
         angles = np.stack([p["roll"][:, 0], p["pitch"][:, 0], np.zeros(len(shift))], axis=1)
-        body = fields.model.body("peg").id
+        pos, quat, body = fields["body_pos"], fields["body_quat"], fields.model.body("peg").id
         rows = np.flatnonzero((angles != 0).any(axis=1))
-        if len(rows):
-            centre = fields["body_ipos"][rows, body]
-            before = rotation(fields["body_quat"][rows, body])
-            fields["body_quat"][rows, body] = turned(fields, body, rows, angles[rows])
-            after = rotation(fields["body_quat"][rows, body])
-            fields["body_pos"][rows, body] += np.einsum("nij,nj->ni", before - after, centre)
-        rows = np.flatnonzero((shift != 0).any(axis=1))
-        if len(rows):
-            fields["body_pos"][rows, body] += shift[rows]
+        before = rotation(quat[rows, body])
+        quat[rows, body] = turned(quat[rows, body], angles[rows])
+        pos[rows, body] += (before - rotation(quat[rows, body])) @ fields.model.body("peg").ipos
+        pos[:, body] += shift

@@ -6,8 +6,6 @@ fingers, `2 mu F`, whose product is what `grip` scales.
 
 from __future__ import annotations
 
-import numpy as np
-
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
 from vispeg.effects._parts import in_scene
@@ -25,6 +23,4 @@ class GripperSlip(Effect):
         return in_scene(model, "peg")
 
     def write(self, fields, p):
-        rows = np.flatnonzero(p["grip"][:, 0] != 1.0)
-        if len(rows):
-            fields["dof_frictionloss"][rows, fields.model.joint("peg_slip").dofadr[0]] *= p["grip"][rows, 0]
+        fields["dof_frictionloss"][:, fields.model.joint("peg_slip").dofadr[0]] *= p["grip"][:, 0]

@@ -26,11 +26,8 @@ class HoleClearance(Effect):
         return in_scene(model, "fixture")
 
     def write(self, fields, p):
-        rows = np.flatnonzero(p["width"][:, 0])
-        if not len(rows):
-            return
-        model = fields.model
+        pos, model = fields["geom_pos"], fields.model
         walls = [g for g in range(model.ngeom) if model.geom(g).name.startswith("hole_wall")]
         angle = 2 * np.pi / len(walls) * np.array([int(model.geom(g).name[len("hole_wall") :]) for g in walls])
         outwards = np.stack([np.cos(angle), np.sin(angle), np.zeros(len(walls))], axis=1)
-        fields["geom_pos"][np.ix_(rows, walls)] += 0.5 * p["width"][rows, 0][:, None, None] * outwards
+        pos[:, walls] += 0.5 * p["width"][:, :, None] * outwards

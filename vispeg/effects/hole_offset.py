@@ -27,7 +27,4 @@ class HoleOffset(Effect):
         return in_scene(model, "fixture")
 
     def write(self, fields, p):
-        shift = np.stack([p[axis][:, 0] for axis in "xyz"], axis=1)
-        rows = (shift != 0).any(axis=1)
-        if rows.any():
-            fields["body_pos"][rows, fields.model.body("fixture").id] += shift[rows]
+        fields["body_pos"][:, fields.model.body("fixture").id] += np.stack([p[axis][:, 0] for axis in "xyz"], axis=1)

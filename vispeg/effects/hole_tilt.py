@@ -13,12 +13,13 @@ from vispeg.core.params import Param
 from vispeg.effects._parts import in_scene
 
 
-def turned(fields, body: int, rows: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Quaternions (n, 4) wxyz of `body` in `rows` after a turn by (n, 3) roll, pitch, yaw in its parent's axes."""
+def turned(quat: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Quaternions (n, 4) wxyz after a further turn by `angles` (n, 3), roll, pitch and yaw in the parent's axes."""
     from scipy.spatial.transform import Rotation
 
-    now = Rotation.from_quat(fields["body_quat"][rows, body], scalar_first=True)
-    return (Rotation.from_euler("xyz", angles) * now).as_quat(scalar_first=True)
+    if not len(quat):
+        return quat
+    return (Rotation.from_euler("xyz", angles) * Rotation.from_quat(quat, scalar_first=True)).as_quat(scalar_first=True)
 
 
 class HoleTilt(Effect):
@@ -38,7 +39,6 @@ class HoleTilt(Effect):
 
     def write(self, fields, p):
         angles = np.stack([p[k][:, 0] for k in ("roll", "pitch", "yaw")], axis=1)
+        quat, body = fields["body_quat"], fields.model.body("fixture").id
         rows = np.flatnonzero((angles != 0).any(axis=1))
-        if len(rows):
-            body = fields.model.body("fixture").id
-            fields["body_quat"][rows, body] = turned(fields, body, rows, angles[rows])
+        quat[rows, body] = turned(quat[rows, body], angles[rows])

@@ -22,8 +22,6 @@ class ObjectMass(Effect):
         return in_scene(model, "peg")
 
     def write(self, fields, p):
-        rows = p["scale"][:, 0] != 1.0
-        if rows.any():
-            peg = fields.model.body("peg").id
-            fields["body_mass"][rows, peg] *= p["scale"][rows, 0]
-            fields["body_inertia"][rows, peg] *= p["scale"][rows]
+        peg = fields.model.body("peg").id
+        fields["body_mass"][:, peg] *= p["scale"][:, 0]
+        fields["body_inertia"][:, peg] *= p["scale"]

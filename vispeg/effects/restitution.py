@@ -48,8 +48,9 @@ class Restitution(Effect):
         return touching(model)
 
     def write(self, fields, p):
+        solref = fields["geom_solref"]
         for rows, geoms, e in changed(fields, p["e"], 0.0):
             at = np.ix_(rows, geoms)
-            time, z = np.moveaxis(fields["geom_solref"][at], -1, 0)
+            time, z = np.moveaxis(solref[at], -1, 0)
             new = np.minimum(z, ratio(e))
-            fields["geom_solref"][at] = np.stack([np.where(new < z, time * z / new, time), new], axis=-1)
+            solref[at] = np.stack([np.where(new < z, time * z / new, time), new], axis=-1)

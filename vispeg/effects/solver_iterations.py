@@ -27,7 +27,5 @@ class SolverIterations(Effect):
         return in_scene(model, "scene")
 
     def write(self, fields, p):
-        rows = p["scale"][:, 0] != 1.0
-        if rows.any():
-            count = fields["opt.iterations"]
-            count[rows] = np.maximum(1, np.round(count[rows] * p["scale"][rows, 0]))
+        count, rows = fields["opt.iterations"], p["scale"][:, 0] != 1.0
+        count[rows] = np.maximum(1, np.round(count[rows] * p["scale"][rows, 0]))
