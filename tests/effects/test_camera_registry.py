@@ -1,0 +1,135 @@
+"""What every effect of a camera promises, measured by walking the registry: a new file is tested by being there."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+
+import numpy as np
+import pytest
+from camera_images import busy
+
+import vispeg.effects  # noqa: F401  (enrols the library)
+from vispeg.core.effect import Placed, of_kind
+from vispeg.core.frame import Frame
+from vispeg.core.seeds import stream
+from vispeg.core.world import World
+from vispeg.render.pipeline import Pipeline
+from vispeg.robots.model import load
+from vispeg.robots.scene import build
+
+CAMERA = of_kind("camera")
+IMAGE = sorted(n for n, e in CAMERA.items() if e.overrides("image") or hasattr(e, "light"))
+COLOUR_ONLY = {n for n in IMAGE if 50 <= CAMERA[n].order <= 70}
+BOTH = {"lens_distortion", "occlusion", "dropped_frames", "frame_latency"}
+OFTEN = {"dropped_frames": {"chance": 0.5}}  # where the start value shows too seldom for a test
+
+
+def world(name: str, **values: float) -> World:
+    """The effect at every camera; what is not given is at its start."""
+    full = {k: p.start for k, p in CAMERA[name].params.items()} | OFTEN.get(name, {}) | values
+    return World().add(Placed.of(name, "all", **full))
+
+
+def frames(n: int, count: int = 5) -> list[Frame]:
+    """The first frames of an episode, 0.1 s apart, with depth and colour that change."""
+    out = [busy(n) for _ in range(count)]
+    for i, frame in enumerate(out):
+        frame.time = np.full(n, 0.1 * i)
+        frame.rgb = np.roll(frame.rgb, i, axis=2)
+        frame.depth = np.roll(frame.depth, i, axis=2)
+    return out
+
+
+def run(worlds: list[World], given: list[Frame], seeds: list[int] | None = None) -> list[Frame]:
+    """The frames through one pipeline."""
+    pipeline = Pipeline(worlds, "wrist")
+    rng = [stream(s, "images") for s in (seeds or range(len(worlds)))]
+    return [pipeline.run(f, rng) for f in given]
+
+
+def same(a: Frame, b: Frame) -> bool:
+    return np.array_equal(a.rgb, b.rgb) and np.array_equal(a.depth, b.depth)
+
+
+@pytest.mark.parametrize("name", IMAGE)
+def test_null_is_bit_identical(name):
+    """Whatever its shape parameters; also as one image among others that have the effect."""
+    params = CAMERA[name].params
+    null = {k: 0.5 * (p.start + p.high) if p.shape else p.null for k, p in params.items()}
+    given = frames(3)
+    for out, frame in zip(run([world(name, **null)] * 3, given), given, strict=True):
+        assert same(out, frame)
+    mixed = run([world(name), world(name, **null), World()], given)
+    for out, frame in zip(mixed, given, strict=True):
+        np.testing.assert_array_equal(out.rgb[1:], frame.rgb[1:])
+        np.testing.assert_array_equal(out.depth[1:], frame.depth[1:])
+    assert not all(map(same, mixed, given)), "the effect at its start value does nothing"
+    kind, frame = CAMERA[name], busy(2)
+    p = {k: np.full(2, v) for k, v in null.items()}
+    kind.image({}, frame, p, [stream(i, "null") for i in range(2)])  # the hook itself, without a pipeline
+    assert same(frame, busy(2))
+
+
+@pytest.mark.parametrize("name", IMAGE)
+def test_only_its_own_images_and_nothing_given(name):
+    """Colour effects leave depth, depth effects leave colour; K, truth and the caller's arrays never change."""
+    given = frames(2)
+    kept = deepcopy(given)
+    out = run([world(name)] * 2, given)
+    for a, b, o in zip(given, kept, out, strict=True):
+        assert same(a, b) and np.array_equal(a.K, b.K) and np.array_equal(o.K, b.K) and o.truth is b.truth
+        assert o.rgb.dtype == o.depth.dtype == np.float32
+    pairs = list(zip(out, kept, strict=True))
+    changed = {k for k in ("rgb", "depth") if any(not np.array_equal(getattr(a, k), getattr(b, k)) for a, b in pairs)}
+    assert changed == ({"rgb"} if name in COLOUR_ONLY else {"rgb", "depth"} if name in BOTH else {"depth"})
+
+
+@pytest.mark.parametrize("name", IMAGE)
+def test_valid_at_every_bound(name):
+    """At each bound of each parameter: colours in [0, 1], depth finite and never below 0, nothing seen in nothing."""
+    params = CAMERA[name].params
+    worlds = [world(name, **{k: bound}) for k, p in params.items() for bound in (p.low, p.high)]
+    strongest = {k: (p.low if abs(p.low - p.null) > abs(p.high - p.null) else p.high) for k, p in params.items()}
+    worlds.append(world(name, **{k: v for k, v in strongest.items() if not params[k].shape}))
+    given = frames(len(worlds))
+    for out in run(worlds, given):
+        assert np.isfinite(out.rgb).all() and out.rgb.min() >= 0 and out.rgb.max() <= 1
+        assert np.isfinite(out.depth).all() and out.depth.min() >= 0 and out.depth.max() < 100
+    if name not in BOTH | {"edge_fattening", "lateral_jitter"}:  # these move readings to other pixels
+        assert (run(worlds, given)[0].depth[:, :6, :6] == 0).all()
+
+
+@pytest.mark.parametrize("name", IMAGE)
+def test_an_image_depends_on_its_own_seed_and_world_only(name):
+    """The same bytes again, alone or among others, on a size that no vector instruction divides."""
+    others = [world("disparity_noise"), world(name), world(name), world("rgb_noise")]
+    given = frames(4)
+    together = run(others, given, [5, 7, 8, 9])
+    again = run(others, given, [5, 7, 8, 9])
+    alone = [Frame(f.rgb[1:2], f.depth[1:2], f.K[1:2], velocity=f.velocity[1:2], time=f.time[1:2]) for f in given]
+    for a, b, c in zip(together, again, run([world(name)], alone, [7]), strict=True):
+        assert same(a, b)
+        np.testing.assert_array_equal(a.rgb[1:2], c.rgb)
+        np.testing.assert_array_equal(a.depth[1:2], c.depth)
+
+
+@pytest.mark.parametrize("name", IMAGE)
+def test_colour_or_depth_alone(name):
+    """A camera that gives only one of the two is no mistake."""
+    given = frames(1)
+    for lacking in ("rgb", "depth"):
+        cut = deepcopy(given)
+        for frame in cut:
+            setattr(frame, lacking, None)
+        assert all(getattr(out, lacking) is None for out in run([world(name)], cut))
+
+
+@pytest.mark.parametrize("name", sorted(CAMERA))
+def test_stated_well(name):
+    kind = CAMERA[name]
+    for key, p in kind.params.items():
+        assert p.shape or (p.low <= p.null <= p.high and p.start != p.null), key
+        assert p.unit and p.doc and (p.scale == "linear" or p.low > 0), key
+    assert kind.magnitudes and type(kind).__doc__
+    assert kind.targets(load("iiwa14")) == []
+    assert kind.targets(build()) == list(build().cameras)

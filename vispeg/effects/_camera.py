@@ -1,0 +1,36 @@
+"""What the effects of kind `camera` share: where they act, and which images of a stack they are at work in."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.effect import Effect, Values
+from vispeg.core.params import Param
+
+SEED_MAX = float(2**31 - 1)
+
+
+class CameraEffect(Effect):
+    """A fault of a camera. A bare robot carries none, so it has no target there."""
+
+    kind = "camera"
+
+    def targets(self, model: Any) -> list[str]:
+        return list(model.cameras) if getattr(model, "parts", None) else []
+
+    def rows(self, p: Values) -> np.ndarray:
+        """Indices of the images in which some magnitude is away from null; only those are touched."""
+        at_work = [np.asarray(p[name]) != self.params[name].null for name in self.magnitudes]
+        return np.flatnonzero(np.any(at_work, axis=0))
+
+
+def seed_param(doc: str) -> Param:
+    """A shape parameter that picks one of the random forms an effect can take, so that a drawn world replays."""
+    return Param(0.0, 0.0, SEED_MAX, "1", start=0.0, shape=True, doc=doc)
+
+
+def column(values: np.ndarray, rows: np.ndarray, axes: int) -> np.ndarray:
+    """Values of some images as float32, with `axes` trailing axes of length 1 to broadcast over their pixels."""
+    return np.asarray(values, np.float32)[rows].reshape(-1, *(1,) * axes)

@@ -1,0 +1,47 @@
+"""Camera pose error: the camera sits elsewhere than its calibration says.
+
+A displacement and a rotation vector in the camera's own OpenCV axes (x right, y down, z forward), written to MuJoCo's
+`cam_pos` and `cam_quat`, whose axes are (x, -y, -z). What the user believes of the camera stays. Ranges: 2 to 10 mm and
+1 to 3 deg for a careful hand-eye calibration; +-3 cm and +-5 deg to +-10 cm and +-10 deg in practitioners' recipes.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from vispeg.core.params import Param
+from vispeg.effects._camera import CameraEffect
+
+AXES = np.array([1.0, -1.0, -1.0])  # OpenCV's axes in MuJoCo's
+
+
+class CameraPose(CameraEffect):
+    """A camera that is not quite where it was calibrated."""
+
+    name = "camera_pose"
+    writes = frozenset({"cam_pos", "cam_quat"})
+    params = {
+        "x": Param(0.0, -0.1, 0.1, "m", start=0.005, doc="to the right"),
+        "y": Param(0.0, -0.1, 0.1, "m", start=0.005, doc="downwards"),
+        "z": Param(0.0, -0.1, 0.1, "m", start=0.005, doc="forwards"),
+        "rx": Param(0.0, -0.2, 0.2, "rad", start=0.02, doc="about the axis to the right"),
+        "ry": Param(0.0, -0.2, 0.2, "rad", start=0.02, doc="about the axis downwards"),
+        "rz": Param(0.0, -0.2, 0.2, "rad", start=0.02, doc="about the optical axis"),
+    }
+
+    def write(self, fields, p):
+        for column, name in enumerate(fields.scene.cameras):
+            i = fields.model.camera(name).id
+            for row in self.rows({k: v[:, column] for k, v in p.items()}):
+                shift, turn = (
+                    np.array([p[k][row, column] for k in keys]) * AXES for keys in ("xyz", ("rx", "ry", "rz"))
+                )
+                pos, quat = fields["cam_pos"][row, i], fields["cam_quat"][row, i]
+                moved, step, turned = np.zeros(3), np.zeros(4), np.zeros(4)
+                angle = float(np.linalg.norm(turn))
+                mujoco.mju_rotVecQuat(moved, shift, np.asarray(quat, float))
+                mujoco.mju_axisAngle2Quat(step, turn / angle if angle else np.array([1.0, 0, 0]), angle)
+                mujoco.mju_mulQuat(turned, np.asarray(quat, float), step)
+                pos += moved
+                quat[:] = turned if angle else quat

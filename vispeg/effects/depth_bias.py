@@ -1,0 +1,43 @@
+"""Depth bias: a wrong scale, a plane that leans, and the ripple of a matcher that favours whole pixels.
+
+z' = z (1 + scale) + tilt_x x + tilt_y y + ripple z^2 / (f B) sin(2 pi d), with (x, y) the normalised pixel and d = f
+B / z the disparity; ripple is its error in px. Source of the ripple: Grunnet-Jepsen et al., Subpixel linearity
+improvement for RealSense depth cameras D400, white paper; reported as rings on a plane (librealsense #3210). Ranges:
+scale +-1 %, ripple 0.02 to 0.08 px.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.params import Param
+from vispeg.effects._camera import CameraEffect, column
+from vispeg.effects._disparity import PARAMS, disparity, gauge
+from vispeg.effects._rays import rays
+
+
+class DepthBias(CameraEffect):
+    """Depth wrong in the same way in every frame."""
+
+    name = "depth_bias"
+    order = 34
+    params = {
+        "scale": Param(0.0, -0.1, 0.1, "1", start=0.01, doc="relative error of every distance"),
+        "tilt_x": Param(0.0, -0.05, 0.05, "m", start=0.002, doc="error at 45 deg to the right"),
+        "tilt_y": Param(0.0, -0.05, 0.05, "m", start=0.002, doc="error at 45 deg downwards"),
+        "ripple": Param(0.0, -0.3, 0.3, "px", start=0.05, doc="of the disparity between whole pixels"),
+        **PARAMS,
+    }
+
+    def image(self, state, frame, p, rng):
+        rows = self.rows(p)
+        if frame.depth is None or not len(rows):
+            return
+        depth, fb = frame.depth[rows], gauge(p, rows)
+        x, y = rays(frame.K[rows], frame.shape)
+        out = depth * (1 + column(p["scale"], rows, 2))
+        out += column(p["tilt_x"], rows, 2) * x + column(p["tilt_y"], rows, 2) * y
+        if np.any(p["ripple"]):
+            wave = np.sin(np.float32(2 * np.pi) * disparity(depth, fb))
+            out += column(p["ripple"], rows, 2) * depth * depth / fb * wave
+        frame.depth[rows] = np.where((depth > 0) & (out > 0), out, 0)

@@ -1,0 +1,54 @@
+"""Edge fattening: a matching window that straddles an edge answers with the nearer surface, or not at all.
+
+With a window of `window` px at the matcher's size, a nearer thing grows by half of that on each side; here the least
+depth within the half window replaces what lies behind it by more than `contrast` px of disparity, and a share `reject`
+of such pixels has none. What of the half window is less than a pixel of the image is given to that share of the pixels.
+Source: Scharstein and Szeliski, A taxonomy of dense two-frame stereo algorithms, IJCV 47, 2002, section 3.2. Range:
+windows of 5 to 9 px.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.params import Param
+from vispeg.effects._camera import CameraEffect
+from vispeg.effects._disparity import PARAMS, disparity, gauge
+from vispeg.effects._field import words
+
+FAR = np.float32(1e6)
+
+
+class EdgeFattening(CameraEffect):
+    """Near things grow over what is behind them."""
+
+    name = "edge_fattening"
+    order = 18
+    params = {
+        "window": Param(0.0, 0.0, 31.0, "px", start=7.0, doc="side of the matcher's window, at its native size"),
+        "reject": Param(0.3, 0.0, 1.0, "1", start=0.3, shape=True, doc="share of straddling pixels that are lost"),
+        "contrast": Param(2.0, 0.2, 50.0, "px", start=2.0, shape=True, doc="step in disparity that makes an edge"),
+        **PARAMS,
+    }
+
+    def image(self, state, frame, p, rng):
+        import cv2
+
+        rows = self.rows(p)
+        if frame.depth is None or not len(rows):
+            return
+        fb = gauge(p, rows)
+        for i, row in enumerate(rows):
+            depth = frame.depth[row]
+            radius = float(p["window"][row]) / 2 * float(frame.K[row, 0, 0]) / float(p["focal"][row])
+            radius = min(radius, min(frame.shape) / 2)
+            whole, part = int(radius), radius - int(radius)
+            solid = np.where(depth > 0, depth, FAR)
+            near = cv2.erode(solid, np.ones((2 * whole + 1,) * 2, np.uint8))
+            wider = cv2.erode(solid, np.ones((2 * whole + 3,) * 2, np.uint8))
+            dice = words(rng[row], (2, *frame.shape))
+            near = np.where(dice[0] < 65536 * part, wider, near)
+            step = disparity(np.minimum(near, FAR), fb[i]) - disparity(depth, fb[i])
+            straddles = (step > np.float32(p["contrast"][row])) & (depth > 0)
+            lost = dice[1] < 65536 * float(p["reject"][row])
+            frame.depth[row] = np.where(straddles, np.where(lost, 0, near), depth)

@@ -1,0 +1,31 @@
+"""Vignetting: light falls off from the optical axis as `1 - amount (1 - cos^4 a)`, a the angle of the ray.
+
+With amount 1 the natural law of a simple lens: cos^4 a = (1 + x^2 + y^2)^-2 at the normalised point (x, y). Beyond 1
+the mount's own shading. Source: Goldman, Vignette and exposure calibration and compensation, TPAMI 32(12), 2010.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.params import Param
+from vispeg.effects._light import LightEffect
+from vispeg.effects._rays import rays
+
+
+class Vignette(LightEffect):
+    """Corners darker than the centre."""
+
+    name = "vignette"
+    order = 52
+    params = {"amount": Param(0.0, 0.0, 1.5, "1", start=1.0, doc="of the fall-off by cos^4; 1 is a simple lens")}
+
+    def light(self, frame, p, rng):
+        x, y = rays(frame.K, frame.shape)
+        amount = np.asarray(p["amount"], np.float32)
+
+        def shade(light, row):
+            fall = (1 + x[row] * x[row] + y[row] * y[row]) ** -2
+            return light * np.maximum(1 - amount[row] * (1 - fall), 0)[..., None]
+
+        return shade
