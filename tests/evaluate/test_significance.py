@@ -4,6 +4,7 @@ from math import comb
 
 import numpy as np
 import pytest
+from scipy.stats import pearsonr, spearmanr
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
@@ -83,6 +84,14 @@ def test_pearson_does_not_see_a_bias_and_the_mean_difference_does():
     found = predict(y + 0.3, y, stream(0, "bias"))
     assert found.pearson.value == pytest.approx(1) and found.spearman.value == pytest.approx(1)
     assert found.mmrv.value == 0 and found.mean_difference.value == pytest.approx(0.3) and found.enough
+
+
+def test_correlations_are_scipys_with_ties():
+    rng = stream(0, "ties")
+    x, y = rng.integers(5, size=(2, 12)) / 4
+    found = predict(x, y, rng)
+    assert found.pearson.value == pytest.approx(pearsonr(x, y)[0])
+    assert found.spearman.value == pytest.approx(spearmanr(x, y)[0])
 
 
 def test_equals_predict_nothing():

@@ -9,11 +9,10 @@ into the comparison: among equals there is nothing to predict.
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import pearsonr, spearmanr
+from scipy.stats import rankdata
 
 from vispeg.core.errors import UserError
 from vispeg.evaluate.intervals import LEVEL, Estimate
@@ -63,20 +62,20 @@ def predict(reference: np.ndarray, target: np.ndarray, rng: np.random.Generator,
             "not a comparison over policies", expected="two or more, in both worlds", got=(x.shape, y.shape)
         )
     rows = rng.integers(len(x), size=(draws, len(x)))
-    measures = (lambda a, b: _correlation(pearsonr, a, b), lambda a, b: _correlation(spearmanr, a, b))
-    measures += (lambda a, b: mmrv(b, a), lambda a, b: float(np.mean(a - b)))
+    xs, ys = np.vstack([x, x[rows]]), np.vstack([y, y[rows]])  # (1 + draws, n), the data first
+    violations = np.array([mmrv(b, a) for a, b in zip(xs, ys, strict=True)])
+    ranks = [rankdata(z, axis=1) for z in (xs, ys)]
+    measures = (_pearson(xs, ys), _pearson(ranks[0], ranks[1]), violations, np.mean(xs - ys, axis=1))
     found = []
-    for measure in measures:
-        values = np.array([measure(x[row], y[row]) for row in rows])
-        finite = values[np.isfinite(values)]
+    for values in measures:
+        finite = values[1:][np.isfinite(values[1:])]
         low, high = np.quantile(finite, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2]) if len(finite) else (math.nan, math.nan)
-        found.append(Estimate(measure(x, y), float(low), float(high), len(x)))
+        found.append(Estimate(float(values[0]), float(low), float(high), len(x)))
     return Prediction(*found, n=len(x))
 
 
-def _correlation(measure, x: np.ndarray, y: np.ndarray) -> float:  # type: ignore[no-untyped-def]
-    if np.ptp(x) < 1e-12 or np.ptp(y) < 1e-12:
-        return math.nan
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return float(measure(x, y)[0])
+def _pearson(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Correlation (m,) along the rows of two (m, n) arrays, NaN where one does not vary."""
+    x, y = x - x.mean(axis=1, keepdims=True), y - y.mean(axis=1, keepdims=True)
+    scale = np.sqrt(np.sum(x * x, axis=1) * np.sum(y * y, axis=1))
+    return np.divide(np.sum(x * y, axis=1), scale, out=np.full(len(x), np.nan), where=scale > 1e-12)

@@ -1,0 +1,46 @@
+"""When a difference is called one, when none, and when these data cannot tell.
+
+The rule, the same in every table: with d the difference of two success rates and its 95 % interval,
+
+* different: the interval excludes 0, and where several comparisons stand side by side, Holm's adjusted p is below 5
+%; * equal: the interval lies within +-5 points (the margin); * otherwise these data cannot tell, and the number of
+paired episodes that would find a difference as large as the margin with 80 % power (from the share of discordant
+pairs that was seen) is said.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from vispeg.evaluate.intervals import Estimate
+from vispeg.evaluate.significance import ALPHA, pairs_needed
+
+MARGIN = 0.05
+CANNOT_TELL = "these data cannot tell"
+Verdict = Literal["different", "equal", "these data cannot tell"]
+
+
+def decide(difference: Estimate, p: float | None = None, margin: float = MARGIN) -> Verdict:
+    """The verdict on a difference; `p` is the adjusted p-value where there is one."""
+    if difference.excludes(0.0) and (p is None or p < ALPHA):
+        return "different"
+    if -margin <= difference.low and difference.high <= margin:
+        return "equal"
+    return CANNOT_TELL
+
+
+def needed(discordant: float, margin: float = MARGIN) -> int:
+    """Paired episodes after which the margin would be found with 80 % power, given the share of discordant pairs."""
+    return pairs_needed(margin, discordant)
+
+
+def gap_words(gap: Estimate, margin: float = MARGIN) -> str:
+    """A gap (reference minus target) in plain words, in points of success."""
+    verdict, size = decide(gap, margin=margin), f"{100 * abs(gap.value):.0f}"
+    ends = sorted((100 * gap.low, 100 * gap.high), key=abs)
+    if verdict == "equal":
+        return f"holds, to within {100 * max(abs(gap.low), abs(gap.high)):.0f} points"
+    if verdict == "different":
+        word = "loses" if gap.value > 0 else "gains"
+        return f"{word} {size} points ({abs(ends[0]):.0f} to {abs(ends[1]):.0f})"
+    return f"{CANNOT_TELL} ({-100 * gap.high:+.0f} to {-100 * gap.low:+.0f} points)"
