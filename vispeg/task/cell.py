@@ -80,7 +80,7 @@ class Cell(Plant):
         self.qpos[np.ix_(rows, self.qadr)] = q
         self.qvel[rows] = 0.0
         self.external[rows] = 0.0
-        self.acc[rows], self.last[rows] = 0.0, weight
+        self.acc[rows] = 0.0
         self.x.q[rows], self.x.dq[rows], self.x.ddq[rows], self.x.tau[rows] = q, 0.0, 0.0, weight
         for a in self.active:
             name = a.effect.name
