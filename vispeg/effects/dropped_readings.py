@@ -24,7 +24,7 @@ class DroppedReadings(Effect):
     smooth = False
     params = {
         "chance": Param(0.0, 0.0, 0.5, "1", start=0.01, doc="probability that a reading is lost"),
-        "seed": Param(0.0, 0.0, 2.0**31, "1", start=0.0, shape=True, doc="of the stream"),
+        "seed": Param(0.0, 0.0, 2.0**31 - 1, "1", start=0.0, shape=True, doc="of the stream"),
     }
 
     def targets(self, model):

@@ -25,7 +25,7 @@ class EncoderNoise(Effect):
     params = {
         "sd": Param(0.0, 0.0, 0.02, "rad", start=1e-3, doc="standard deviation of an angle"),
         "velocity": Param(0.0, 0.0, 0.5, "rad/s", start=0.01, doc="standard deviation of a velocity"),
-        "seed": Param(0.0, 0.0, 2.0**31, "1", start=0.0, shape=True, doc="of the stream"),
+        "seed": Param(0.0, 0.0, 2.0**31 - 1, "1", start=0.0, shape=True, doc="of the stream"),
     }
 
     def targets(self, model):

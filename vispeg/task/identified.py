@@ -1,0 +1,41 @@
+"""What identification found, as what training randomizes: the fitted value is the centre, its interval the width."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from vispeg.core.distribution import Distribution, Normal
+from vispeg.core.effect import Placed, effect
+from vispeg.core.errors import UserError
+from vispeg.core.world import Ranged
+from vispeg.effects.model_file import load_model
+
+WIDTH = 2 * 1.96  # standard deviations in a 95 % interval
+
+
+def ranges_of(path: Path, robot: str) -> tuple[Ranged, ...]:
+    """A range for each effect of a model file: normal where a value has an interval, fixed where it has none.
+
+    Args:
+        path: of the `vispeg-model/1` file.
+        robot: the cell's arm.
+
+    Raises:
+        UserError: the file cannot be used, or is of another robot.
+    """
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        raise UserError("not a model file", file=path, expected="a .yaml file of the format vispeg-model/1")
+    model = load_model(path)
+    if model.robot != robot:
+        raise UserError("a model of another robot", file=path, key="robot", expected=robot, got=model.robot)
+    return tuple(_ranged(placed, path) for placed in model.effects)
+
+
+def _ranged(placed: Placed, path: Path) -> Ranged:
+    params: dict[str, float | Distribution] = {}
+    for name, v in placed.params.items():
+        bounds = effect(placed.effect).params[name]
+        fitted = v.low is not None and v.high is not None and v.high > v.low
+        sd = (v.high - v.low) / WIDTH if fitted else 0.0  # type: ignore[operator]
+        params[name] = Normal(v.value, sd, bounds.low, bounds.high) if fitted else v.value
+    return Ranged(placed.effect, placed.where, params, source=f"identified: {path.name}")

@@ -1,0 +1,125 @@
+"""One entry of a world file's `effects`: an effect, a place, and what its parameters are drawn from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import vispeg.effects  # noqa: F401  (names must be enrolled)
+from vispeg.core.distribution import Choice, Distribution, LogUniform, Normal, Uniform, parse, written
+from vispeg.core.effect import REGISTRY, Effect
+from vispeg.core.errors import UserError
+from vispeg.core.params import Param
+from vispeg.core.world import Ranged
+
+KEYS = ("effect", "where", "params", "chance", "group", "rho", "source")
+
+
+def ranged(entry: Any, model: Any, file: Path, key: str) -> Ranged:
+    """The entry as a Ranged, every name, place, range and bound checked.
+
+    A parameter called `seed` that is not given is drawn from all its values.
+
+    Args:
+        entry: from YAML.
+        model: the Scene whose places count.
+        file, key: where the entry stands, for errors.
+
+    Raises:
+        UserError: naming file, key, what came and what there is to choose from.
+    """
+    if not isinstance(entry, Mapping):
+        raise UserError("wrong entry", file=file, key=key, expected="a mapping with effect, where, params", got=entry)
+    for name in entry:
+        if name not in KEYS:
+            raise UserError("unknown key", file=file, key=f"{key}.{name}", got=name, choices=KEYS)
+    kind = _kind(entry.get("effect"), file, key)
+    given = entry.get("params") or {}
+    if not isinstance(given, Mapping):
+        raise UserError("wrong params", file=file, key=f"{key}.params", expected="a mapping", got=given)
+    params = {str(name): _param(kind, name, raw, file, f"{key}.params.{name}") for name, raw in given.items()}
+    if not set(params) & set(kind.magnitudes):
+        expected = f"one or more of {', '.join(kind.magnitudes)}"
+        raise UserError(
+            f"{kind.name} would change nothing", file=file, key=f"{key}.params", expected=expected, got=given
+        )
+    seed = kind.params.get("seed")
+    if seed is not None and seed.shape and "seed" not in params:
+        params["seed"] = Uniform(seed.low, seed.high)
+    group = entry.get("group", "")
+    if not isinstance(group, str):
+        raise UserError("wrong group", file=file, key=f"{key}.group", expected="a name", got=group)
+    rho = _number(entry.get("rho", 0.0), -1.0, 1.0, file, f"{key}.rho")
+    if rho and not group:
+        raise UserError("a correlation needs a group", file=file, key=f"{key}.rho", expected="group: NAME", got=rho)
+    return Ranged(
+        kind.name,
+        _place(kind, entry.get("where", "all"), model, file, key),
+        params,
+        source=str(entry.get("source", "")),
+        group=group,
+        rho=rho,
+        chance=_number(entry.get("chance", 1.0), 0.0, 1.0, file, f"{key}.chance"),
+    )
+
+
+def entry_dict(r: Ranged) -> dict[str, Any]:
+    """The entry of a Ranged, for YAML and for hashing."""
+    out: dict[str, Any] = {"effect": r.effect, "where": r.where}
+    out["params"] = {name: written(value) for name, value in r.params.items()}
+    out |= {"chance": r.chance} if r.chance != 1.0 else {}
+    out |= {"group": r.group, "rho": r.rho} if r.group else {}
+    return out | ({"source": r.source} if r.source else {})
+
+
+def within(value: float | Distribution, param: Param) -> bool:
+    """Whether every value that may be drawn lies in the parameter's bounds (a normal is cut there: its mean)."""
+    ends: tuple[float, ...]
+    match value:
+        case Uniform(low, high) | LogUniform(low, high):
+            ends = (low, high)
+        case Normal(mean):
+            ends = (mean,)
+        case Choice(values):
+            ends = values
+        case _:
+            ends = (float(value),)
+    return all(param.low <= x <= param.high for x in ends)
+
+
+def _kind(name: Any, file: Path, key: str) -> Effect:
+    if not isinstance(name, str) or name not in REGISTRY:
+        raise UserError("unknown effect", file=file, key=f"{key}.effect", got=name, choices=sorted(REGISTRY))
+    return REGISTRY[name]
+
+
+def _place(kind: Effect, where: Any, model: Any, file: Path, key: str) -> str:
+    places = kind.targets(model)
+    if not isinstance(where, str) or where not in (*places, "all", "each"):
+        choices = [*places, "all", "each"]
+        raise UserError(f"{kind.name} has no such place", file=file, key=f"{key}.where", got=where, choices=choices)
+    if not places:
+        raise UserError(f"{kind.name} has no place in this cell", file=file, key=f"{key}.effect", got=kind.name)
+    return where
+
+
+def _param(kind: Effect, name: Any, raw: Any, file: Path, key: str) -> float | Distribution:
+    if name not in kind.params:
+        raise UserError(f"{kind.name} has no such parameter", file=file, key=key, got=name, choices=kind.params)
+    param, value = kind.params[name], parse(raw, str(file), key)
+    if not within(value, param):
+        expected = f"{param.low:g} to {param.high:g} {param.unit}"
+        raise UserError("out of bounds", file=file, key=key, expected=expected, got=raw)
+    return replace(value, low=param.low, high=param.high) if isinstance(value, Normal) else value
+
+
+def _number(value: Any, low: float, high: float, file: Path, key: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+        raise UserError("not a number", file=file, key=key, expected=f"{low:g} to {high:g}", got=value)
+    if not low <= value <= high:
+        raise UserError("out of bounds", file=file, key=key, expected=f"{low:g} to {high:g}", got=value)
+    return float(value)

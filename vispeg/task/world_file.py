@@ -1,0 +1,215 @@
+"""World files, `vispeg-world/1`: which effects a world has, what they are drawn from, and the task in it.
+
+See docs/worlds.md for the keys. `load_world` takes a built-in world's name or a path.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from vispeg.core.effect import Placed
+from vispeg.core.errors import UserError
+from vispeg.core.world import Ranged, World
+from vispeg.effects.model_file import placed_dict
+from vispeg.robots.scene import build
+from vispeg.task.config import TaskConfig
+from vispeg.task.identified import ranges_of
+from vispeg.task.world_entry import entry_dict, ranged
+
+FORMAT = "vispeg-world/1"
+BUILT_IN = Path(__file__).parent / "worlds"
+KEYS = ("format", "name", "about", "base", "model", "task", "cameras", "renderer", "effects")
+RENDERER = {"backend": ("auto", "classic", "raycast", "filament"), "shadows": (False, True)}
+
+
+@dataclass(frozen=True)
+class WorldFile:
+    """A world as its file states it.
+
+    Attributes:
+        name: of the world.
+        world: robot, effects and ranges.
+        task: TaskConfig fields that differ from their defaults.
+        cameras: by name, a camera file's path or a mapping of what differs from the standard camera.
+        renderer: `backend` and `shadows`, where given.
+        hash: SHA-256 of all that decides what an episode may be; not of names, comments and citations.
+        path: of the file.
+    """
+
+    name: str
+    world: World
+    task: dict[str, Any]
+    cameras: dict[str, Any]
+    renderer: dict[str, Any]
+    hash: str
+    path: Path
+
+
+@dataclass
+class _Parts:
+    """What a file and the files it is based on add up to."""
+
+    ranges: dict[tuple[str, str], Ranged] = field(default_factory=dict)
+    identified: tuple[Ranged, ...] = ()
+    task: dict[str, Any] = field(default_factory=dict)
+    cameras: dict[str, Any] = field(default_factory=dict)
+    renderer: dict[str, Any] = field(default_factory=dict)
+
+
+def built_in() -> list[str]:
+    """Names of the worlds that come with the package."""
+    return sorted(p.stem for p in BUILT_IN.glob("*.yaml"))
+
+
+def load_world(source: str | Path) -> WorldFile:
+    """A world by name or by file.
+
+    Raises:
+        UserError: naming the file, the key, what came and what there is to choose from.
+    """
+    path = _path(source, None)
+    parts, name = _Parts(), _read(path).get("name", path.stem)
+    if not isinstance(name, str):
+        raise UserError("wrong name", file=path, key="name", expected="a text", got=name)
+    _collect(path, parts, ())
+    # what was identified wins over ranges for many places, a range for the very place over what was identified
+    own = set(parts.ranges)
+    identified = tuple(r for r in parts.identified if (r.effect, r.where) not in own)
+    broad = [r for r in parts.ranges.values() if r.where in ("all", "each")]
+    narrow = [r for r in parts.ranges.values() if r.where not in ("all", "each")]
+    world = World(ranges=(*broad, *identified, *narrow))
+    TaskConfig.of(parts.task, str(path))
+    digest = world_hash(world, parts.task, parts.cameras, parts.renderer)
+    return WorldFile(name, world, parts.task, parts.cameras, parts.renderer, digest, path)
+
+
+def world_hash(
+    world: World,
+    task: Mapping[str, Any] | TaskConfig | None = None,
+    cameras: Mapping[str, Any] | None = None,
+    renderer: Mapping[str, Any] | None = None,
+) -> str:
+    """SHA-256 (hex) of all that decides what an episode in this world may be."""
+    config = task if isinstance(task, TaskConfig) else TaskConfig.of(task or {})
+    entries = [{k: v for k, v in entry_dict(r).items() if k != "source"} for r in world.ranges]
+    fixed = [{k: v for k, v in placed_dict(e).items() if k != "origin"} for e in world.effects]
+    seen = {n: _digest(c) if isinstance(c, str) else c for n, c in (cameras or {}).items()}
+    content = [world.robot, world.tool, fixed, entries, asdict(config), seen, dict(renderer or {})]
+    return hashlib.sha256(json.dumps(content, sort_keys=True, default=list).encode()).hexdigest()
+
+
+def world_text(file: WorldFile) -> str:
+    """The file that gives this world back, whatever it was put together from."""
+    entries = [entry_dict(r) for r in file.world.ranges]
+    entries += [_fixed(e) for e in file.world.effects]
+    data = {"format": FORMAT, "name": file.name, "task": file.task, "cameras": file.cameras, "renderer": file.renderer}
+    return yaml.safe_dump(data | {"effects": entries}, sort_keys=False, allow_unicode=True)
+
+
+def _fixed(e: Placed) -> dict[str, Any]:
+    return {"effect": e.effect, "where": e.where, "params": {k: v.value for k, v in e.params.items()}}
+
+
+def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> None:
+    """Adds what a file says to `parts`, after what its bases say."""
+    if path in above:
+        raise UserError("a world that is based on itself", file=path, key="base", got=path.stem)
+    data = _read(path)
+    bases = data.get("base") or []
+    for base in [bases] if isinstance(bases, str) else _typed(bases, list, path, "base"):
+        _collect(_path(base, path), parts, (*above, path))
+    task = _typed(data.get("task") or {}, Mapping, path, "task")
+    TaskConfig.of(task, str(path))
+    parts.task |= task
+    parts.cameras |= _cameras(data.get("cameras") or {}, path)
+    parts.renderer |= _renderer(data.get("renderer") or {}, path)
+    if data.get("model") is not None:
+        parts.identified = ranges_of(_beside(_typed(data["model"], str, path, "model"), path), World().robot)
+    scene = build(TaskConfig.of(parts.task, str(path)).scene())
+    seen: set[tuple[str, str]] = set()
+    for i, entry in enumerate(_typed(data.get("effects") or [], list, path, "effects")):
+        r = ranged(entry, scene, path, f"effects[{i}]")
+        if (r.effect, r.where) in seen:
+            raise UserError(f"{r.label} is given twice", file=path, key=f"effects[{i}]")
+        seen.add((r.effect, r.where))
+        parts.ranges.pop((r.effect, r.where), None)
+        parts.ranges[r.effect, r.where] = r
+
+
+def _read(path: Path) -> Mapping[str, Any]:
+    try:
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
+        raise UserError(f"not readable as YAML ({str(error).splitlines()[0]})", file=path) from None
+    except OSError as error:
+        raise UserError(f"cannot be read ({error.strerror})", file=path) from None
+    if not isinstance(data, Mapping):
+        raise UserError("not a world file", file=path, expected="a mapping", got=type(data).__name__)
+    if data.get("format") != FORMAT:
+        raise UserError("unknown format", file=path, key="format", expected=FORMAT, got=data.get("format"))
+    for key in data:
+        if key not in KEYS:
+            raise UserError("unknown key", file=path, key=str(key), got=key, choices=KEYS)
+    return data
+
+
+def _path(source: str | Path, beside: Path | None) -> Path:
+    """A built-in world's file, or the file named, seen from the file that names it."""
+    text = str(source)
+    if not isinstance(source, str | Path) or not text:
+        raise UserError("not a world", file=beside, key="base", expected="a name or a path", got=source)
+    if Path(text).suffix.lower() not in (".yaml", ".yml"):
+        if text in built_in():
+            return BUILT_IN / f"{text}.yaml"
+        expected = "a built-in world's name or a .yaml file"
+        raise UserError("unknown world", file=beside, expected=expected, got=text, choices=built_in())
+    path = Path(text).expanduser() if beside is None else _beside(text, beside)
+    if not path.is_file():
+        raise UserError("no such world file", file=path)
+    return path
+
+
+def _beside(text: str, file: Path) -> Path:
+    path = Path(text).expanduser()
+    return path if path.is_absolute() else file.parent / path
+
+
+def _typed(value: Any, kind: type, path: Path, key: str) -> Any:
+    if not isinstance(value, kind):
+        what = {list: "a list", str: "a text"}.get(kind, "a mapping")
+        raise UserError(f"wrong {key}", file=path, key=key, expected=what, got=value)
+    return value
+
+
+def _cameras(given: Any, path: Path) -> dict[str, Any]:
+    """Camera files are named from the world file's folder; a mapping is checked by whoever builds the camera."""
+    out = {}
+    for name, camera in _typed(given, Mapping, path, "cameras").items():
+        if not isinstance(camera, str | Mapping):
+            expected = "a camera file or a mapping"
+            raise UserError("wrong camera", file=path, key=f"cameras.{name}", expected=expected, got=camera)
+        if isinstance(camera, str) and not _beside(camera, path).is_file():
+            raise UserError("no such camera file", file=path, key=f"cameras.{name}", got=camera)
+        out[str(name)] = str(_beside(camera, path)) if isinstance(camera, str) else dict(camera)
+    return out
+
+
+def _renderer(given: Any, path: Path) -> dict[str, Any]:
+    for key, value in _typed(given, Mapping, path, "renderer").items():
+        if key not in RENDERER:
+            raise UserError("unknown key", file=path, key=f"renderer.{key}", got=key, choices=RENDERER)
+        if value not in RENDERER[key] or isinstance(value, bool) != (key == "shadows"):
+            choices = [str(c).lower() for c in RENDERER[key]]
+            raise UserError("unknown choice", file=path, key=f"renderer.{key}", got=value, choices=choices)
+    return dict(given)
+
+
+def _digest(file: str) -> str:
+    return hashlib.sha256(Path(file).read_bytes()).hexdigest()
