@@ -1,8 +1,12 @@
-"""A calibrated camera: intrinsics, lens, and where it sits. OpenCV's axes: x right, y down, z along the optical axis."""
+"""A calibrated camera: intrinsics, lens, and where it sits.
+
+OpenCV's axes: x right, y down, z along the optical axis.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -71,7 +75,7 @@ class Camera:
         object.__setattr__(self, "quat", tuple(value / norm for value in self.quat))
         if any(self.distortion):
             u, v = np.linspace(-0.5, self.width - 0.5, 9), np.linspace(-0.5, self.height - 0.5, 9)
-            if not np.isfinite(self._ideal(np.stack(np.meshgrid(u, v), -1))).all():
+            if not np.isfinite(self.ideal(np.stack(np.meshgrid(u, v), -1))).all():
                 raise self._wrong("distortion", "a lens that shows every pixel one direction", self.distortion)
 
     @property
@@ -96,15 +100,15 @@ class Camera:
         return xy * (self.fx, self.fy) + (self.cx, self.cy)
 
     def rays(self) -> np.ndarray:
-        """(H, W, 3) where each pixel's centre looks, in camera axes, scaled to z = 1, the lens undone."""
-        pixels = np.stack(np.meshgrid(np.arange(self.width), np.arange(self.height)), -1)
-        return np.concatenate([self._ideal(pixels), np.ones((self.height, self.width, 1))], -1)
+        """(H, W, 3) where each pixel's centre looks, in camera axes, scaled to z = 1, the lens undone; read only."""
+        return _rays(self.moved(name="any", parent="any", pos=(0, 0, 0), quat=(1, 0, 0, 0)))
 
     def points(self, depth: np.ndarray) -> np.ndarray:
         """(H, W, 3) points in camera axes, m, of planar depth (H, W) in m; (0, 0, 0) where there is no reading."""
         return self.rays() * np.asarray(depth, float)[..., None]
 
-    def _ideal(self, pixels: np.ndarray) -> np.ndarray:
+    def ideal(self, pixels: np.ndarray) -> np.ndarray:
+        """(..., 2) X/Z and Y/Z of what pixels (..., 2) show; NaN where the lens shows nothing."""
         return undistort((pixels - (self.cx, self.cy)) / (self.fx, self.fy), self.distortion)
 
     def _numbers(self, key: str, given: Any, size: int) -> tuple[float, ...]:
@@ -121,6 +125,14 @@ class Camera:
 
 
 FIELDS = tuple(f.name for f in fields(Camera))
+
+
+@lru_cache(maxsize=64)
+def _rays(camera: Camera) -> np.ndarray:
+    pixels = np.stack(np.meshgrid(np.arange(camera.width), np.arange(camera.height)), -1)
+    out = np.concatenate([camera.ideal(pixels), np.ones((camera.height, camera.width, 1))], -1)
+    out.flags.writeable = False
+    return out
 
 
 def rotation(quat: tuple[float, ...] | np.ndarray) -> np.ndarray:

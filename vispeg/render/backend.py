@@ -1,0 +1,234 @@
+"""One renderer for all backends: cameras in, colour, depth and labels out."""
+
+from __future__ import annotations
+
+import copy
+import warnings
+import weakref
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import mujoco
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.render import model_camera
+from vispeg.render.camera import Camera
+from vispeg.render.labels import Parts, normals_of, part_table, poses
+from vispeg.render.picture import Backend, Picture
+from vispeg.render.pristine import Pristine
+from vispeg.render.view import View, parent_of, view_of
+from vispeg.render.warp import Warp
+
+BACKENDS = ("auto", "classic", "raycast", "filament")
+BackendName = Literal["auto", "classic", "raycast", "filament"]
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """What one camera sees at one moment.
+
+    Attributes:
+        rgb: (H, W, 3) uint8, sRGB.
+        depth: (H, W) float32, planar distance along the optical axis, m, 0 where nothing is.
+        pose: (4, 4) the camera's OpenCV axes in the base frame, m.
+        segmentation: (H, W) int32, 0 for nothing, else 1 + the part's place among the renderer's parts; or None.
+        normals: (H, W, 3) float32 surface normals in camera axes, 0 where there is none; or None.
+        poses: (4, 4) poses of the peg's tip and the hole in camera axes, m; or None.
+    """
+
+    rgb: np.ndarray
+    depth: np.ndarray
+    pose: np.ndarray
+    segmentation: np.ndarray | None = None
+    normals: np.ndarray | None = None
+    poses: Mapping[str, np.ndarray] | None = None
+
+
+class Renderer:
+    """Draws a model as cameras see it. Colour and depth come from one render, so their pixels agree.
+
+    Args:
+        model: a Scene, or a compiled model, which is copied. Its `renderer.model` may be edited (colours, lights),
+            textures with a `refresh` after. From a Scene it gets a row for each camera, which camera effects need.
+        cameras: what looks; `place` changes them.
+        backend: `classic` (OpenGL), `raycast` (no graphics driver, plain colours), `filament` (Vulkan, physically
+            based) or `auto`: classic where it works, else ray casting with a warning.
+        labels: whether shots carry segmentation, normals and poses.
+        shadows: whether lights with `light_castshadow` cast shadows; without, none costs anything.
+        parts: geom names of each part, what segmentation counts; default: the Scene's, else every geom.
+
+    Attributes:
+        model, data: its own; `render` moves `data`.
+        nominal: the cameras as placed, what a user believes; `cameras` are those drawn, which a look may have moved.
+        pristine: the model's visual fields as they were at the start.
+
+    Raises:
+        UserError: a backend that does not work here, cameras on nothing or of one name, unknown geoms in parts.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel | Any,
+        cameras: Sequence[Camera] = (),
+        backend: BackendName = "auto",
+        *,
+        labels: bool = False,
+        shadows: bool = False,
+        parts: Parts | None = None,
+    ):
+        if backend not in BACKENDS:
+            raise UserError("unknown renderer", key="backend", got=backend, choices=BACKENDS)
+        if isinstance(model, mujoco.MjModel):
+            self.model = copy.copy(model)
+        else:
+            spec, parts = model.spec(), model.parts if parts is None else parts
+            model_camera.add(spec, tuple(cameras))
+            self.model = spec.compile()
+        self.data = mujoco.MjData(self.model)
+        self.pristine = Pristine(self.model)
+        self.labels, self.shadows = labels, shadows
+        self._table = part_table(self.model, parts)
+        self._uploaded = self.model.tex_data.copy()
+        self._backend: Backend | None = None
+        self._wanted: BackendName = backend
+        self._size = (0, 0)
+        self._warps: dict[Camera, Warp] = {}
+        self.place(cameras)
+
+    @property
+    def backend(self) -> str:
+        """The backend at work; the one asked for as long as nothing has been drawn."""
+        return self._backend.name if self._backend else self._wanted
+
+    def place(self, cameras: Sequence[Camera]) -> None:
+        """Looks through these cameras from now on; cheap unless a picture is larger than any before."""
+        self.aim(cameras)
+        self.nominal = self.cameras
+
+    def aim(self, cameras: Sequence[Camera]) -> None:
+        """Draws through these cameras while `nominal` stays: what a look does to cameras that were placed."""
+        names = [camera.name for camera in cameras]
+        if len(set(names)) < len(names):
+            raise UserError("two cameras of one name", key="cameras", got=names)
+        parents = [parent_of(self.model, camera.parent) for camera in cameras]
+        warps = {c: self._warps.get(c) or Warp(c) for c in cameras if any(c.distortion)}
+        self.cameras, self._parents, self._warps = tuple(cameras), parents, warps
+        drawn = [self._pinhole(camera) for camera in cameras]
+        width = max((camera.width for camera in drawn), default=1)
+        height = max((camera.height for camera in drawn), default=1)
+        if width > self._size[0] or height > self._size[1] or self._backend is None:
+            self._open(max(width, self._size[0]), max(height, self._size[1]))
+
+    def refresh(self, textures: Sequence[int] | None = None) -> list[int]:
+        """Takes over edited texture pixels; other edits of the model need nothing. Returns the textures uploaded.
+
+        Args:
+            textures: ids to upload; default: those whose pixels differ from what was uploaded last.
+        """
+        starts = self.model.tex_adr
+        ends = np.append(starts[1:], len(self.model.tex_data))
+        data, done = self.model.tex_data.reshape(-1), []
+        last = self._uploaded.reshape(-1)
+        for i in range(self.model.ntex) if textures is None else textures:
+            part = slice(int(starts[i]), int(ends[i]))
+            if textures is not None or not np.array_equal(data[part], last[part]):
+                last[part] = data[part]
+                self._live().upload(i)
+                done.append(int(i))
+        return done
+
+    def render(
+        self, qpos: np.ndarray | None = None, bodies: Mapping[str, Sequence[float] | np.ndarray] | None = None
+    ) -> dict[str, Shot]:
+        """What every camera sees.
+
+        Args:
+            qpos: (nq,) joint positions, rad and m; default: as they were.
+            bodies: positions (3,) m, or (7,) with a quaternion w x y z, of bodies in their parents, from now on.
+
+        Returns:
+            A shot by camera name.
+        """
+        backend = self._live()
+        if qpos is not None:
+            if np.shape(qpos) != (self.model.nq,):
+                raise UserError("not a configuration", key="qpos", expected=f"({self.model.nq},)", got=np.shape(qpos))
+            self.data.qpos[:] = qpos
+        for name, pose in (bodies or {}).items():
+            self._move(name, np.asarray(pose, float))
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
+        mujoco.mj_camlight(self.model, self.data)
+        true = [view_of(c, parent, self.data) for c, parent in zip(self.cameras, self._parents, strict=True)]
+        drawn = [View(self._pinhole(view.camera), view.pos, view.rot) for view in true]
+        pictures = backend.draw(self.data, drawn, self.labels)
+        return {v.camera.name: self._shot(v, picture) for v, picture in zip(true, pictures, strict=True)}
+
+    def close(self) -> None:
+        """Frees driver memory. A closed renderer draws no more."""
+        if self._backend is not None:
+            self._free()
+            self._backend = None
+
+    def __enter__(self) -> Renderer:
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.close()
+
+    def _shot(self, view: View, picture: Picture) -> Shot:
+        if warp := self._warps.get(view.camera):
+            picture = warp(picture)
+        if not self.labels or picture.ids is None:
+            return Shot(picture.rgb, picture.depth, view.matrix)
+        normals = normals_of(picture.depth, view.camera) if picture.normals is None else picture.normals
+        found = poses(self.model, self.data, view)
+        return Shot(picture.rgb, picture.depth, view.matrix, self._table[picture.ids], normals, found)
+
+    def _pinhole(self, camera: Camera) -> Camera:
+        warp = self._warps.get(camera)
+        return warp.pinhole if warp else camera
+
+    def _move(self, name: str, pose: np.ndarray) -> None:
+        body = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name)
+        if body < 0 or pose.shape not in ((3,), (7,)):
+            names = [self.model.body(i).name for i in range(1, self.model.nbody)]
+            what = "a body's position (3,), or pose (7,)"
+            raise UserError("cannot move that", key="bodies", expected=what, got=name, choices=names)
+        self.model.body_pos[body] = pose[:3]
+        self.model.body_quat[body] = pose[3:] if len(pose) == 7 else self.model.body_quat[body]
+
+    def _live(self) -> Backend:
+        if self._backend is None:
+            raise UserError("this renderer was closed")
+        return self._backend
+
+    def _open(self, width: int, height: int) -> None:
+        self.close()
+        self._backend, self._size = open_backend(self._wanted, self.model, width, height, self.shadows), (width, height)
+        self._free = weakref.finalize(self, self._backend.close)  # also when the last reference goes
+        self._free.atexit = False  # by then the driver has gone
+        self._uploaded = self.model.tex_data.copy()
+
+
+def open_backend(name: BackendName, model: mujoco.MjModel, width: int, height: int, shadows: bool) -> Backend:
+    """The backend of that name for pictures up to width x height px. Raises UserError where it does not work."""
+    from vispeg.render.raycast import Raycast
+
+    if name == "raycast":
+        return Raycast(model)
+    if name == "filament":
+        from vispeg.render.filament import Filament
+
+        return Filament(model, width, height, shadows)
+    from vispeg.render.classic import Classic
+
+    try:
+        return Classic(model, width, height, shadows)
+    except UserError as error:
+        if name == "classic":
+            raise
+        warnings.warn(f"pictures by ray casting, with plain colours: {error}", stacklevel=4)
+        return Raycast(model)

@@ -1,0 +1,120 @@
+"""MuJoCo's OpenGL renderer, without what makes it slow by default.
+
+One render gives colour and depth. No multisampling, no reflections, no haze; shadows only where asked, on a small map;
+what a camera cannot see is not sent to the driver (unless it may cast a shadow into the picture).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.render.gl import offscreen
+from vispeg.render.picture import HIDDEN, Picture, shown
+from vispeg.render.view import View, planar
+
+SHADOW_MAP = 512  # px
+ZERO_FAR = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR.value
+OFFSCREEN = mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value
+R, V = mujoco.mjtRndFlag, mujoco.mjtVisFlag
+
+
+class Classic:
+    """Draws with OpenGL. Every call makes its own context current first, so that several can take turns.
+
+    Args:
+        model: what is drawn; its visual fields may change between calls.
+        width, height: of the largest picture, px.
+        shadows: whether lights with `light_castshadow` cast them.
+    """
+
+    name = "classic"
+
+    def __init__(self, model: mujoco.MjModel, width: int, height: int, shadows: bool):
+        self.model, self.shadows = model, shadows
+        self._gl: Any = offscreen(width, height)
+        self._gl.make_current()
+        settings = model.vis.quality, model.vis.global_
+        kept = settings[0].offsamples, settings[0].shadowsize, settings[1].offwidth, settings[1].offheight
+        settings[0].offsamples, settings[0].shadowsize = 0, SHADOW_MAP if shadows else 0
+        settings[1].offwidth, settings[1].offheight = width, height
+        try:
+            self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50.value)
+        except mujoco.FatalError as error:
+            self._gl.free()
+            raise UserError(f"OpenGL cannot draw {width} x {height} px here", got=str(error)) from error
+        settings[0].offsamples, settings[0].shadowsize, settings[1].offwidth, settings[1].offheight = kept
+        mujoco.mjr_setBuffer(OFFSCREEN, self._context)
+        self._context.readDepthMap = ZERO_FAR  # pyright: ignore[reportAttributeAccessIssue]
+        self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom + 16)
+        self._option, self._camera = mujoco.MjvOption(), mujoco.MjvCamera()
+        self._camera.type = mujoco.mjtCamera.mjCAMERA_USER.value
+        self._option.flags[:] = 0
+        self._option.flags[[V.mjVIS_STATIC.value, V.mjVIS_TEXTURE.value, V.mjVIS_SKIN.value]] = 1
+        self._option.sitegroup[:] = 0
+        self._option.geomgroup[:] = 1
+        self._option.geomgroup[HIDDEN] = 0
+        self._scene.flags[:] = 0
+        self._scene.flags[[R.mjRND_SKYBOX.value, R.mjRND_CULL_FACE.value]] = 1
+        self._scene.flags[R.mjRND_SHADOW.value] = shadows
+
+    def draw(self, data: mujoco.MjData, views: Sequence[View], ids: bool) -> list[Picture]:
+        """One picture a view, in order; `data` has its kinematics and lights done."""
+        self._gl.make_current()
+        groups = self.model.geom_group.copy()
+        show, lit = (
+            shown(self.model),
+            self.shadows and bool((self.model.light_castshadow & self.model.light_active).any()),
+        )
+        try:
+            return [self._one(data, view, show, lit, ids) for view in views]
+        finally:
+            self.model.geom_group[:] = groups
+
+    def upload(self, texture: int) -> None:
+        """Hands a texture's changed pixels to the driver."""
+        self._gl.make_current()
+        mujoco.mjr_uploadTexture(self.model, self._context, texture)
+
+    def close(self) -> None:
+        """Frees context and driver memory; further calls do nothing."""
+        if self._gl is not None:
+            self._gl.make_current()
+            self._context.free()
+            self._gl.free()
+            self._gl = None
+
+    def _one(self, data: mujoco.MjData, view: View, show: np.ndarray, lit: bool, ids: bool) -> Picture:
+        seen = show if lit else show & view.in_sight(data.geom_xpos, self.model.geom_rbound)
+        self.model.geom_group[:] = np.where(seen, 0, HIDDEN)
+        frustum = view.frustum()
+        for camera in self._scene.camera:  # one an eye; both alike
+            for key, value in frustum.items():
+                setattr(camera, key, value)
+        every = mujoco.mjtCatBit.mjCAT_ALL.value
+        mujoco.mjv_updateScene(self.model, data, self._option, None, self._camera, every, self._scene)
+        height, width = view.camera.height, view.camera.width
+        rect = mujoco.MjrRect(0, 0, width, height)
+        rgb, buffer = np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32)
+        mujoco.mjr_render(rect, self._scene, self._context)
+        mujoco.mjr_readPixels(rgb, buffer, rect, self._context)
+        found = self._ids(rect, width, height) if ids else None
+        return Picture(np.ascontiguousarray(rgb[::-1]), planar(buffer[::-1]), found)
+
+    def _ids(self, rect: mujoco.MjrRect, width: int, height: int) -> np.ndarray:
+        """(H, W) int32 geom ids, -1 where there is none: a second render, each geom in a flat colour of its own."""
+        kept, coded = self._scene.flags.copy(), np.empty((height, width, 3), np.uint8)
+        self._scene.flags[[R.mjRND_SEGMENT.value, R.mjRND_IDCOLOR.value]] = 1
+        mujoco.mjr_render(rect, self._scene, self._context)
+        mujoco.mjr_readPixels(coded, None, rect, self._context)
+        self._scene.flags[:] = kept
+        table = np.full(self._scene.ngeom + 1, -1, np.int32)
+        for geom in self._scene.geoms[: self._scene.ngeom]:
+            if geom.segid >= 0 and geom.objtype == mujoco.mjtObj.mjOBJ_GEOM.value:
+                table[geom.segid + 1] = geom.objid
+        code = coded[::-1].astype(np.int32) @ np.array([1, 256, 65536], np.int32)
+        return table[np.minimum(code, len(table) - 1)]

@@ -1,0 +1,116 @@
+"""A sampled world's look, put on a renderer: colours, textures, lights, things in the background, camera geometry.
+
+Every look starts from the renderer's pristine fields, so that nothing is left of the one before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from vispeg.core.effect import Effect, Placed, effect
+from vispeg.core.errors import UserError
+from vispeg.core.world import World
+from vispeg.render import model_camera
+from vispeg.render.backend import Renderer
+from vispeg.render.camera import Camera
+from vispeg.render.pristine import place
+
+KINDS = ("appearance", "camera")
+
+
+class Fields:
+    """A model's fields as an effect's `write` sees them, for the one simulation that a renderer draws.
+
+    `fields[name]` is a view of shape (1, ...): an array of MjModel by its name, or a dotted one below it such as
+    `vis.headlight.ambient`. Cameras are the model's `cam_*` rows, in MuJoCo's axes.
+
+    Attributes:
+        model: the renderer's own model; writing to a view changes it.
+        scene: the Scene it was compiled from: names of parts, lights and cameras.
+    """
+
+    def __init__(self, model: mujoco.MjModel, scene: Any):
+        self.model, self.scene = model, scene
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return place(self.model, name)[None]
+
+
+def dress(renderer: Renderer, scene: Any, world: World) -> list[int]:
+    """Puts the looks of a world on a renderer: its effects of kind `appearance`, and what of `camera` moves a camera.
+
+    Args:
+        renderer: drawn with from now on; made from a Scene where camera effects shall show.
+        scene: what the effects name their targets by.
+        world: without ranges (`world.sample` draws them).
+
+    Returns:
+        The textures whose pixels had to be handed to the driver.
+
+    Raises:
+        UserError: a world with ranges left, an effect at a place that the scene does not have, or a camera effect for a
+            camera that the renderer's model has no row for.
+    """
+    if world.ranges:
+        raise UserError("a look needs a drawn world", expected="world.sample(seed, scene)", got=world.ranges[0].label)
+    renderer.pristine.restore(renderer.model)
+    rows = _rows(renderer)
+    for i, camera in rows.values():
+        model_camera.write(renderer.model, i, camera)
+    before = {name: _camera_row(renderer.model, i) for name, (i, _) in rows.items()}
+    fields = Fields(renderer.model, scene)
+    for writer, placed in writers(world):
+        if writer.kind == "camera":
+            _need_rows(renderer, placed)
+        writer.write(fields, values(writer, placed, scene))
+    seen = []
+    for camera in renderer.nominal:
+        i, _ = rows.get(camera.name, (None, None))
+        same = i is None or np.array_equal(before[camera.name], _camera_row(renderer.model, i))
+        seen.append(camera if same or i is None else model_camera.read(renderer.model, i, camera))
+    renderer.aim(seen)
+    return renderer.refresh()
+
+
+def writers(world: World) -> list[tuple[Effect, list[Placed]]]:
+    """The effects of a world that write a look, each with its places, in the order in which they act."""
+    found: dict[str, list[Placed]] = {}
+    for placed in world.effects:
+        one = effect(placed.effect)
+        if one.kind in KINDS and one.overrides("write"):
+            found.setdefault(placed.effect, []).append(placed)
+    return sorted(((effect(name), at) for name, at in found.items()), key=lambda e: (e[0].order, e[0].name))
+
+
+def values(one: Effect, placed: Sequence[Placed], scene: Any) -> Mapping[str, np.ndarray]:
+    """(1, ntarget) values of an effect's parameters, null where it is not placed; `all` means every target."""
+    targets = one.targets(scene)
+    out = {k: np.full((1, len(targets)), p.start if p.shape else p.null) for k, p in one.params.items()}
+    for at in placed:
+        if at.where != "all" and at.where not in targets:
+            raise UserError(f"{one.name} has no such place", key="where", got=at.where, choices=["all", *targets])
+        columns = slice(None) if at.where == "all" else targets.index(at.where)
+        for key, value in at.params.items():
+            out[key][0, columns] = value.value
+    return out
+
+
+def _rows(renderer: Renderer) -> dict[str, tuple[int, Camera]]:
+    found = ((c, model_camera.row_of(renderer.model, c)) for c in renderer.nominal)
+    return {c.name: (i, c) for c, i in found if i is not None}
+
+
+def _camera_row(model: mujoco.MjModel, i: int) -> np.ndarray:
+    return np.concatenate([model.cam_pos[i], model.cam_quat[i], model.cam_intrinsic[i]])
+
+
+def _need_rows(renderer: Renderer, placed: Sequence[Placed]) -> None:
+    names = [renderer.model.camera(i).name for i in range(renderer.model.ncam)]
+    for at in placed:
+        if at.where != "all" and at.where not in names:
+            what = "a renderer made from the Scene, with that camera"
+            raise UserError(f"{at.effect} moves a camera that is not there", expected=what, got=at.where, choices=names)

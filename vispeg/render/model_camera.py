@@ -1,0 +1,76 @@
+"""Cameras as rows of a MuJoCo model, so that effects can write them like any other field of it.
+
+MuJoCo's camera looks along -z with y up; its principal point is an offset from the middle of the sensor in lengths,
+c = size / 2 - principal / pixel, counted from the corner of the first pixel rather than its centre.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from vispeg.render.camera import Camera, quaternion, rotation
+from vispeg.render.view import parent_of
+
+FLIP = np.diag([1.0, -1.0, -1.0])  # OpenCV's axes in MuJoCo's, and back
+PIXEL = 1e-5  # m, size of a pixel on the sensor: any will do
+
+
+def add(spec: mujoco.MjSpec, cameras: tuple[Camera, ...]) -> None:
+    """Gives a spec a row for each camera; `write` fills it once the spec is compiled."""
+    there = {camera.name for camera in spec.cameras}
+    for camera in cameras:
+        if camera.name not in there:
+            site = spec.site(camera.parent)
+            body = site.parent if site is not None else spec.body(camera.parent)
+            size = [PIXEL * camera.width, PIXEL * camera.height]
+            (body or spec.worldbody).add_camera(
+                name=camera.name, sensor_size=size, focal_pixel=[1, 1], resolution=[camera.width, camera.height]
+            )
+
+
+def row_of(model: mujoco.MjModel, camera: Camera) -> int | None:
+    """The row of a camera, or None where the model has none of that name on that body."""
+    row = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, camera.name)
+    body, _, _ = _mount(model, camera.parent)
+    return row if row >= 0 and model.cam_bodyid[row] == body else None
+
+
+def write(model: mujoco.MjModel, row: int, camera: Camera) -> None:
+    """Puts a camera into its row."""
+    _, pos, rot = _mount(model, camera.parent)
+    size = np.array([camera.width, camera.height])
+    principal = size / 2 - 0.5 - (camera.cx, camera.cy)
+    model.cam_mode[row] = mujoco.mjtCamLight.mjCAMLIGHT_FIXED.value
+    model.cam_resolution[row], model.cam_sensorsize[row] = size, PIXEL * size
+    model.cam_intrinsic[row] = PIXEL * np.array([camera.fx, camera.fy, *principal])
+    model.cam_fovy[row] = np.degrees(2 * np.arctan(camera.height / 2 / camera.fy))
+    model.cam_pos[row] = pos + rot @ camera.pos
+    model.cam_quat[row] = quaternion(rot @ camera.rotation @ FLIP)
+
+
+def read(model: mujoco.MjModel, row: int, camera: Camera) -> Camera:
+    """The camera that a row says, its name, size, lens and parent those of `camera`."""
+    _, pos, rot = _mount(model, camera.parent)
+    size = np.array([camera.width, camera.height])
+    focal, principal = np.split(
+        model.cam_intrinsic[row].astype(float) / np.tile(model.cam_sensorsize[row] / size, 2), 2
+    )
+    centre = size / 2 - 0.5 - principal
+    quat = model.cam_quat[row] / np.linalg.norm(model.cam_quat[row])
+    return camera.moved(
+        fx=focal[0],
+        fy=focal[1],
+        cx=centre[0],
+        cy=centre[1],
+        pos=rot.T @ (model.cam_pos[row] - pos),
+        quat=quaternion(rot.T @ rotation(quat) @ FLIP),
+    )
+
+
+def _mount(model: mujoco.MjModel, parent: str) -> tuple[int, np.ndarray, np.ndarray]:
+    """Body that carries a parent, and the parent's place (3,) and axes (3, 3) in it."""
+    kind, i = parent_of(model, parent)
+    if kind == "site":
+        return int(model.site_bodyid[i]), model.site_pos[i], rotation(model.site_quat[i])
+    return i, np.zeros(3), np.eye(3)

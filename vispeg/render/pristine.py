@@ -1,0 +1,38 @@
+"""The fields of a model that a look may change, as they were."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+
+PREFIXES = ("geom_", "mat_", "light_", "cam_", "tex_data")
+BELOW = tuple(f"vis.headlight.{x}" for x in ("ambient", "diffuse", "specular"))
+
+
+def place(model: mujoco.MjModel, name: str) -> np.ndarray:
+    """The array of a model by its name, dotted below the top level; a view."""
+    found = model
+    for part in name.split("."):
+        found = getattr(found, part)
+    return np.asarray(found)
+
+
+class Pristine:
+    """A copy of every visual field of a model. `restore` writes it back; about half a megabyte for the cell."""
+
+    def __init__(self, model: mujoco.MjModel):
+        self._kept = {name: array.copy() for name, array in _visual(model)}
+
+    def restore(self, model: mujoco.MjModel) -> None:
+        """Makes the visual fields of `model` what they were, bit for bit."""
+        for name, kept in self._kept.items():
+            place(model, name)[...] = kept
+
+
+def _visual(model: mujoco.MjModel) -> Iterator[tuple[str, np.ndarray]]:
+    for name in (*(n for n in dir(model) if n.startswith(PREFIXES)), *BELOW):
+        array = place(model, name)
+        if array.dtype != object and array.size:
+            yield name, array

@@ -1,0 +1,70 @@
+"""Pictures by casting a ray through each pixel's centre: no graphics driver needed, and the oracle for those that do.
+
+Depth, normals and ids are exact. Colour is plain: Lambert's law with the model's lights, material and texture colours,
+no shadows, no highlights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from vispeg.render.picture import HIDDEN, Picture, shown
+from vispeg.render.shading import shade
+from vispeg.render.view import NEAR, REACH, View
+
+SEEN = np.array([1, 1, 1, 0, 0, 0], np.uint8)
+
+
+class Raycast:
+    """Draws by ray casting; arguments as for `Classic`, of which size and shadows do not matter here."""
+
+    name = "raycast"
+
+    def __init__(self, model: mujoco.MjModel, width: int = 0, height: int = 0, shadows: bool = False):
+        self.model = model
+
+    def draw(self, data: mujoco.MjData, views: Sequence[View], ids: bool) -> list[Picture]:
+        """One picture a view, in order; `data` has its kinematics and lights done."""
+        return [self._one(data, view) for view in views]
+
+    def upload(self, texture: int) -> None:
+        """Nothing: pixels are read from the model."""
+
+    def close(self) -> None:
+        """Nothing: no driver memory is held."""
+
+    def _one(self, data: mujoco.MjData, view: View) -> Picture:
+        depth, found, normals = cast(self.model, data, view)
+        rays = view.camera.rays()
+        points = view.pos + (rays * depth[..., None]) @ view.rot.T
+        rgb = shade(self.model, data, found, points, normals, view)
+        return Picture(rgb, depth.astype(np.float32), found, (normals @ view.rot).astype(np.float32))
+
+
+def cast(model: mujoco.MjModel, data: mujoco.MjData, view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What the rays through the pixels' centres meet first, the lens included.
+
+    Returns:
+        Planar depth (H, W) in m, 0 where nothing is; geom ids (H, W) int32, -1 there; outward normals (H, W, 3) in the
+        world frame, 0 there.
+    """
+    rays = view.camera.rays()
+    shape, n = rays.shape[:2], rays.shape[0] * rays.shape[1]
+    length = np.linalg.norm(rays, axis=-1)
+    directions = ((rays / length[..., None]) @ view.rot.T).reshape(-1, 1)
+    ids, distance, normals = np.empty((n, 1), np.int32), np.empty((n, 1)), np.zeros((3 * n, 1))
+    groups = model.geom_group.copy()
+    model.geom_group[~shown(model)] = HIDDEN
+    try:
+        pos = np.array(view.pos, float).reshape(3, 1)
+        mujoco.mj_multiRay(model, data, pos, directions, SEEN[:, None], True, -1, ids, distance, normals, n, 20 * REACH)
+    finally:
+        model.geom_group[:] = groups
+    depth = distance.reshape(shape) / length
+    none = (distance.reshape(shape) < 0) | (depth < NEAR) | (depth > REACH)
+    found, normals = ids.reshape(shape), normals.reshape(*shape, 3)
+    depth[none], found[none], normals[none] = 0, -1, 0
+    return depth, found, normals
