@@ -13,7 +13,7 @@ K = np.array([[F, 0, 31.5], [0, F, 31.5], [0, 0, 1.0]])
 
 
 def plane(z: float, n: int = 1, size: int = SIZE) -> Frame:
-    """n images of a plane at z m, all grey."""
+    """Images (n of them) of a plane at z m, all grey."""
     depth = np.full((n, size, size), z, np.float32)
     return Frame(rgb=np.full((n, size, size, 3), 0.5, np.float32), depth=depth, K=np.repeat(K[None], n, 0))
 
@@ -38,12 +38,12 @@ def busy(n: int = 3, shape: tuple[int, int] = (61, 64)) -> Frame:
     return Frame(rgb=rgb, depth=depth, K=np.repeat(K[None], n, 0), velocity=velocity, time=np.zeros(n))
 
 
-def apply(name: str, frame: Frame, *, state: dict | None = None, seed: int = 0, **values: float) -> Frame:
+def apply(name: str, frame: Frame, *, state: dict | None = None, draw: int = 0, **values: float) -> Frame:
     """The frame, changed in place by one effect; what is not given is at null, or at its start for a shape."""
     kind = effect(name)
     full = {k: values.get(k, q.start if q.shape else q.null) for k, q in kind.params.items()}
     assert set(values) <= set(full)
     p = {k: np.full(frame.n, float(v)) for k, v in full.items()}
     frame.truth = frame.depth.copy() if frame.truth is None and frame.depth is not None else frame.truth
-    kind.image({} if state is None else state, frame, p, [stream(seed, name, i) for i in range(frame.n)])
+    kind.image({} if state is None else state, frame, p, [stream(draw, name, i) for i in range(frame.n)])
     return frame
