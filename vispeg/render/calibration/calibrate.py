@@ -19,6 +19,7 @@ from vispeg.render.calibration.intrinsics import (
     IntrinsicsFit,
     board_pose,
     estimate,
+    undetermined,
     view_error,
 )
 from vispeg.render.calibration.orientation import turn_views
@@ -26,6 +27,7 @@ from vispeg.render.calibration.rigid import difference, quaternion
 from vispeg.render.camera import Camera
 
 MIN_VIEWS = 4  # three fix the answer, and leaving one out must leave three
+LOOSE = 0.06  # of the focal length: a half width from which on the views do not fix it
 SUSPICIOUS = 5.0  # px of reprojection through the robot
 
 
@@ -109,6 +111,8 @@ def calibrate(
         whole = solve(views, board, camera, flange, mount)
         _refuse_other_way(whole, views, board, camera, flange, mount)
     inner, outer = _half_widths(views, board, camera, fit, distortion, flange, mount, whole)
+    if inner is not None and (inner[:2] / camera.focal).max() > LOOSE:
+        raise undetermined(f"fx {camera.focal[0]:.4g} +- {inner[0]:.2g} px")
     return Calibration(
         camera,
         fit,

@@ -27,6 +27,7 @@ from vispeg.render.calibration.intrinsics import Intrinsics
 from vispeg.render.calibration.rigid import inverse, move, shifted
 
 STEP = 1e-6  # of the finite differences, m and rad: far above rounding, far below any curvature
+STEPS = STEP * np.concatenate([np.eye(6), -np.eye(6)])
 FLOOR = np.array([1e-5, 1e-5])  # m, rad: no arm is better, and the weights stay finite
 
 
@@ -44,25 +45,26 @@ class Chain:
         self.seen, self.noise, self.flange, self.in_hand = seen, noise, flange, in_hand
         self.robot = FLOOR.copy()  # s_t m, s_r rad
         self.whiten = np.broadcast_to(np.eye(6), (len(seen), 6, 6))
+        self.trust = np.ones(len(seen))
 
     def differences(self, x: np.ndarray, z: np.ndarray, seen: np.ndarray | None = None) -> np.ndarray:
-        """Shape (n, 6): m on the base's axes, rad on the flange's."""
+        """Shape (..., n, 6): m on the base's axes, rad on the flange's; X and Z may be many, shape (..., 1, 4, 4)."""
         seen = self.seen if seen is None else seen
         predicted = z @ inverse(seen) @ inverse(x) if self.in_hand else x @ seen @ inverse(z)
-        turn = np.swapaxes(self.flange[:, :3, :3], 1, 2) @ predicted[:, :3, :3]
-        shift = predicted[:, :3, 3] - self.flange[:, :3, 3]
-        return np.concatenate([shift, Rotation.from_matrix(turn).as_rotvec()], axis=1)
+        turn = np.swapaxes(self.flange[:, :3, :3], 1, 2) @ predicted[..., :3, :3]
+        turned = Rotation.from_matrix(turn.reshape(-1, 3, 3)).as_rotvec().reshape(*turn.shape[:-2], 3)
+        return np.concatenate([predicted[..., :3, 3] - self.flange[:, :3, 3], turned], axis=-1)
 
     def weigh(self, x: np.ndarray, z: np.ndarray, trust: np.ndarray) -> None:
-        """Sets the robot's errors to what the differences at X, Z show, and the weights of the views by them.
+        """Sets the robot's errors to what the differences at X, Z show, and the views' covariances by them.
 
         Args:
-            trust: weight of each view in the estimate of the errors, 0 to 1, shape (n,).
+            trust: weight of each view, 0 to 1, shape (n,).
         """
         now = self.differences(x, z)
-        jacobian = np.empty((len(now), 6, 6))
-        for axis, step in enumerate(STEP * np.eye(6)):
-            jacobian[:, :, axis] = (self.differences(x, z, shifted(self.seen, step)) - now) / STEP
+        moved = shifted(self.seen, STEPS[:, None])  # (12, n, 4, 4)
+        forth, back = np.split(self.differences(x, z, moved), 2)
+        jacobian = np.moveaxis(forth - back, 0, -1) / (2 * STEP)  # (n, 6, 6)
         camera = jacobian @ self.noise @ np.swapaxes(jacobian, 1, 2)
         share = 1 - 2 / len(now)  # X and Z take what two views give
         variance = np.average(now**2, axis=0, weights=trust) / share
@@ -70,10 +72,22 @@ class Chain:
         self.robot = np.maximum(np.sqrt(np.maximum(left.reshape(2, 3).mean(axis=1), 0)), FLOOR)
         total = camera + np.diag(np.repeat(self.robot**2, 3))
         self.whiten = np.linalg.inv(np.linalg.cholesky(total))
+        self.trust = trust
 
-    def whitened(self, x: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """Shape (n, 6), without unit; standard normal where the errors are as assumed."""
-        return np.einsum("nij,nj->ni", self.whiten, self.differences(x, z))
+    def standard(self, x: np.ndarray, z: np.ndarray) -> np.ndarray:
+        """Shape (..., n, 6), without unit; standard normal where the errors are as assumed."""
+        return np.einsum("nij,...nj->...ni", self.whiten, self.differences(x, z))
+
+    def weighted(self, x: np.ndarray, z: np.ndarray) -> np.ndarray:
+        """The same with each view as far as it is trusted: what least squares sees."""
+        return np.sqrt(self.trust)[:, None] * self.standard(x, z)
+
+    def slopes(self, x: np.ndarray, z: np.ndarray) -> np.ndarray:
+        """Derivative of the flat weighted differences by small shifts of X, then Z, shape (6 n, 12): central steps."""
+        by_x = self.weighted(shifted(x, STEPS)[:, None], z)
+        by_z = self.weighted(x, shifted(z, STEPS)[:, None])
+        both = np.concatenate([by_x[:6] - by_x[6:], by_z[:6] - by_z[6:]]) / (2 * STEP)
+        return both.reshape(12, -1).T
 
 
 def pose_noise(views: Sequence[View], board: Board, camera: Intrinsics, seen: np.ndarray) -> np.ndarray:
@@ -84,12 +98,9 @@ def pose_noise(views: Sequence[View], board: Board, camera: Intrinsics, seen: np
     normal, squares, count = np.empty((len(views), 6, 6)), 0.0, 0
     for number, (view, pose) in enumerate(zip(views, seen, strict=True)):
         points = board.points[view.ids]
-        at = camera.project(move(pose, points))
-        columns = []
-        for step in STEP * np.eye(6):
-            columns.append(((camera.project(move(shifted(pose, step), points)) - at) / STEP).ravel())
-        jacobian = np.stack(columns, axis=1)
-        normal[number] = jacobian.T @ jacobian
-        squares += float(np.sum((at - view.pixels) ** 2))
-        count += at.size - 6
+        moved = camera.project(move(shifted(pose, STEPS), points).reshape(-1, 3)).reshape(12, -1)
+        jacobian = (moved[:6] - moved[6:]) / (2 * STEP)  # (6, 2 corners)
+        normal[number] = jacobian @ jacobian.T
+        squares += float(np.sum((camera.project(move(pose, points)) - view.pixels) ** 2))
+        count += 2 * len(points) - 6
     return np.linalg.inv(normal) * max(squares / max(count, 1), 1e-6)

@@ -14,6 +14,8 @@ from vispeg.render.calibration.board import Board
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm")
 MIN_CORNERS = 6  # of a ChArUco board seen in part: four fix a pose, two more judge it
 
+ALIKE = 1.0  # px
+
 
 @dataclass(frozen=True)
 class View:
@@ -56,15 +58,17 @@ def read_grey(path: Path) -> np.ndarray:
     return image
 
 
-def detect(folder: str | Path, board: Board) -> tuple[list[View], list[str]]:
-    """The views of a folder in which the board was found, and the names of the other pictures.
+def detect(folder: str | Path, board: Board) -> tuple[list[View], dict[str, str]]:
+    """The views of a folder in which the board was found, and the other pictures' names with the reason.
+
+    A picture that repeats another within a pixel is left out: it adds nothing, and intervals would take it for proof.
 
     Raises:
         UserError: no picture, pictures of different sizes, or none that shows the board.
     """
     files = pictures(folder)
     views: list[View] = []
-    missed: list[str] = []
+    missed: dict[str, str] = {}
     size: tuple[int, int] | None = None
     for path in files:
         image = read_grey(path)
@@ -74,7 +78,9 @@ def detect(folder: str | Path, board: Board) -> tuple[list[View], list[str]]:
         size = now
         view = find(image, board, path.name)
         if view is None:
-            missed.append(path.name)
+            missed[path.name] = "board not found"
+        elif (twin := next((v.name for v in views if _alike(view, v)), None)) is not None:
+            missed[path.name] = f"repeats {twin}"
         else:
             views.append(view)
     if not views:
@@ -82,6 +88,14 @@ def detect(folder: str | Path, board: Board) -> tuple[list[View], list[str]]:
         hint = _other_pattern(read_grey(files[0]), board)
         raise UserError(f"no {board.pattern} {board.kind} found in {many}{hint}", file=folder)
     return views, missed
+
+
+def _alike(a: View, b: View) -> bool:
+    """Whether the corners that both show are within `ALIKE` of each other."""
+    _, in_a, in_b = np.intersect1d(a.ids, b.ids, return_indices=True)
+    if len(in_a) < 4:
+        return False
+    return float(np.median(np.linalg.norm(a.pixels[in_a] - b.pixels[in_b], axis=1))) < ALIKE
 
 
 def find(image: np.ndarray, board: Board, name: str = "image") -> View | None:

@@ -27,7 +27,7 @@ METHODS = ("TSAI", "PARK", "HORAUD", "ANDREFF", "DANIILIDIS")
 MIN_POSES = 4  # three fix X and Z (two motions about different axes); leaving one out needs the fourth
 MIN_TURN = np.radians(3.0)  # RMS turn about the second axis
 ROUNDS = 6  # of weights and solution in turn
-KNEE = 2.5  # standard deviations from which a view's misfit counts linearly, not squared: one bad pose does not rule
+KNEE = 2.5  # misfit at which a view counts half: one bad pose does not rule
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class HandEye:
         std: of X from the fit's own covariance, m and rad, shape (6,).
         robot: the robot's errors as estimated, RMS an axis: m, rad.
         pixels: reprojection error through the robot, RMS of each view, px, shape (n,).
-        misfit: of each view, RMS of its six whitened differences, shape (n,); about 1, and above 3 suspect.
+        misfit: RMS of each view's six differences in standard deviations, shape (n,); 1 is usual, 3 suspect.
         scatter: RMS distance of the board's origin, as each view sees it, from its mean, m.
         methods: X of each closed-form method, before refinement.
     """
@@ -117,7 +117,7 @@ def solve(
         std=std,
         robot=chain.robot,
         pixels=np.array([view_error(view, board, camera, pose) for view, pose in zip(views, path, strict=True)]),
-        misfit=np.sqrt(np.mean(chain.whitened(x, z) ** 2, axis=1)),
+        misfit=np.sqrt(np.mean(chain.standard(x, z) ** 2, axis=1)),
         scatter=float(np.sqrt(np.mean(np.sum((origins - origins.mean(axis=0)) ** 2, axis=1)))),
         methods=methods,
     )
@@ -148,7 +148,7 @@ def closed_forms(outer: np.ndarray, seen: np.ndarray) -> dict[str, np.ndarray]:
         except cv2.error:
             continue
         if np.isfinite(turn).all() and np.isfinite(shift).all() and np.linalg.det(turn) > 0.5:
-            out[name] = transform(Rotation.from_matrix(turn).as_rotvec(), shift)
+            out[name] = transform(Rotation.from_matrix(turn).as_rotvec(), np.ravel(shift))
     if not out:
         raise UserError("no method finds the camera from these poses", expected="poses turned about two axes")
     return out
@@ -157,7 +157,11 @@ def closed_forms(outer: np.ndarray, seen: np.ndarray) -> dict[str, np.ndarray]:
 def refine(
     chain: Chain, starts: Sequence[tuple[np.ndarray, np.ndarray]], rounds: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """X, Z and the standard deviations (6,) of X: weights and robust least squares in turn, from the best start."""
+    """X, Z and the standard deviations (6,) of X: weights and least squares in turn, from the best start.
+
+    A view's weight is 1 / (1 + m^2 / KNEE^2) with m its misfit (Cauchy's loss on the six differences as one, so that no
+    choice of axes matters).
+    """
     from scipy.optimize import least_squares
 
     x, z = min(starts, key=lambda pair: float(np.median(np.linalg.norm(chain.differences(*pair), axis=1))))
@@ -165,16 +169,15 @@ def refine(
     for _ in range(rounds):
         chain.weigh(x, z, trust)
         found = least_squares(
-            lambda by, x, z: chain.whitened(shifted(x, by[:6]), shifted(z, by[6:])).ravel(),
+            lambda by, x, z: chain.weighted(shifted(x, by[:6]), shifted(z, by[6:])).ravel(),
             np.zeros(12),
+            jac=lambda by, x, z: chain.slopes(shifted(x, by[:6]), shifted(z, by[6:])),
             args=(x, z),
-            loss="soft_l1",
-            f_scale=KNEE,
             x_scale="jac",
             max_nfev=50,
         )
         x, z = shifted(x, found.x[:6]), shifted(z, found.x[6:])
-        trust = 1 / (1 + np.mean(chain.whitened(x, z) ** 2, axis=1) / KNEE**2)
+        trust = 1 / (1 + np.mean(chain.standard(x, z) ** 2, axis=1) / KNEE**2)
         covariance = np.linalg.pinv(found.jac.T @ found.jac)
     return x, z, np.sqrt(np.diag(covariance)[:6])
 

@@ -20,16 +20,16 @@ PLACE = (("x", "mm"), ("y", "mm"), ("z", "mm"), ("turn x", "deg"), ("turn y", "d
 PER_UNIT = np.array([1e3] * 3 + [180 / np.pi] * 3)  # m to mm, rad to deg
 
 
-def record(found: Calibration, board: Board, missed: list[str]) -> dict[str, Any]:
+def record(found: Calibration, board: Board, missed: dict[str, str]) -> dict[str, Any]:
     """What results.json holds, provenance aside: SI and degrees as the names say, intervals as half widths.
 
     Args:
-        missed: names of the pictures in which the board was not found.
+        missed: names of the pictures that were not used, and why.
     """
     out: dict[str, Any] = {
         "format": FORMAT,
         "board": {"kind": board.kind, "pattern": board.pattern, "square_m": board.square},
-        "images": {"used": len(found.views), "without_board": missed},
+        "images": {"used": len(found.views), "left_out": missed},
         "intrinsics": _intrinsics(found),
         "hand_eye": _hand_eye(found),
         "views": views(found),
@@ -52,11 +52,11 @@ def views(found: Calibration) -> list[dict[str, Any]]:
     return out
 
 
-def notes(found: Calibration, missed: list[str]) -> list[str]:
+def notes(found: Calibration, missed: dict[str, str]) -> list[str]:
     """Warnings, a line each."""
     out = []
     if missed:
-        out.append(f"board not found in {len(missed)}: {', '.join(missed)}")
+        out.append("left out: " + "; ".join(f"{name} {why}" for name, why in missed.items()))
     middle = float(np.median(found.fit_pixels))
     for view, error in zip(found.views, found.fit_pixels, strict=True):
         if error > FAR_OFF * middle:

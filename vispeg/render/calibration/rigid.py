@@ -7,10 +7,12 @@ from scipy.spatial.transform import Rotation
 
 
 def transform(rotation_vector: np.ndarray, translation: np.ndarray) -> np.ndarray:
-    """The 4x4 transform of a rotation vector (3,) rad and a translation (3,) m."""
-    out = np.eye(4)
-    out[:3, :3] = Rotation.from_rotvec(np.ravel(rotation_vector)).as_matrix()
-    out[:3, 3] = np.ravel(translation)
+    """Transforms (..., 4, 4) of rotation vectors (..., 3) rad and translations (..., 3) m."""
+    turn = np.asarray(rotation_vector, float)
+    out = np.zeros((*turn.shape[:-1], 4, 4))
+    out[..., :3, :3] = Rotation.from_rotvec(turn.reshape(-1, 3)).as_matrix().reshape(*turn.shape[:-1], 3, 3)
+    out[..., :3, 3] = translation
+    out[..., 3, 3] = 1.0
     return out
 
 
@@ -46,12 +48,12 @@ def angles(rotations: np.ndarray) -> np.ndarray:
 
 
 def move(pose: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Points (n, 3) taken through a 4x4 transform."""
-    return points @ pose[:3, :3].T + pose[:3, 3]
+    """Points (n, 3) taken through transforms (..., 4, 4): shape (..., n, 3)."""
+    return points @ np.swapaxes(pose[..., :3, :3], -1, -2) + pose[..., None, :3, 3]
 
 
 def shifted(pose: np.ndarray, by: np.ndarray) -> np.ndarray:
-    """The inverse of `difference`: a transform moved by (6,), m in the outer frame and rad in the inner."""
-    out = pose @ transform(by[3:], np.zeros(3))
-    out[..., :3, 3] += by[:3]
+    """The inverse of `difference`: transforms (..., 4, 4) moved by (..., 6), m outside and rad inside."""
+    out = pose @ transform(by[..., 3:], np.zeros(3))
+    out[..., :3, 3] += by[..., :3]
     return out

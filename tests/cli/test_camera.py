@@ -1,0 +1,76 @@
+"""`vispeg camera`: from drawn images of a board to a camera file that says where the camera is."""
+
+import json
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from vispeg.core.seeds import stream
+from vispeg.render.camera_files import load_camera
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "render"))
+from board_views import BOARD, LENS, X, flange, picture, place  # noqa: E402
+
+
+@pytest.fixture(scope="module")
+def images(tmp_path_factory):
+    """Seven images of the board, the flange's poses beside them, exact."""
+    folder, rng = tmp_path_factory.mktemp("images"), stream(1, "cli")
+    poses = [place(rng) for _ in range(7)]
+    rows = ["file,x,y,z,qw,qx,qy,qz"]
+    for number, (at, arm) in enumerate(zip(poses, flange(poses), strict=True)):
+        cv2.imwrite(str(folder / f"{number}.png"), picture(BOARD, at))
+        quat = Rotation.from_matrix(arm[:3, :3]).as_quat(scalar_first=True)
+        rows.append(",".join([f"{number}.png", *map(repr, map(float, (*arm[:3, 3], *quat)))]))
+    (folder / "poses.csv").write_text("\n".join(rows) + "\n")
+    return folder
+
+
+def test_calibrate_and_show(vispeg, images, tmp_path):
+    args = ["--pattern", "9x6", "--square", 0.0236, "--distortion", "none", "--name", "wrist", "--out", "w"]
+    code, out, err = vispeg("camera", "calibrate", images, "--poses", images / "poses.csv", *args)
+    assert code == 0, err
+    assert "x on flange" in out and "board origin scatter" in out and "6.png" in out
+    results = json.loads((tmp_path / "w" / "results.json").read_text())
+    assert results["format"] == "vispeg-calibration/1" and results["images"] == {"used": 7, "left_out": {}}
+    eye = results["hand_eye"]
+    assert np.all(np.abs(np.array(eye["pos_m"]) - X[:3, 3]) < np.maximum(eye["half_width_95"]["pos_m"], 5e-4))
+    assert eye["board_scatter_mm"] < 0.5 and results["intrinsics"]["reprojection_px"] < 0.1
+    assert abs(results["intrinsics"]["values"]["fx"] - LENS.focal[0]) < 2
+    camera = load_camera(tmp_path / "w" / "camera.yaml")
+    assert (camera.name, camera.parent, camera.width) == ("wrist", "flange", 640)
+    assert np.allclose(camera.pos, eye["pos_m"]) and np.allclose(camera.rotation, X[:3, :3], atol=0.01)
+    assert len(list((tmp_path / "w" / "corners").glob("*.png"))) == 7
+    code, out, _ = vispeg("camera", "show", "w/camera.yaml")
+    assert code == 0 and "wrist" in out and "640x480" in out and "flange" in out
+    code, out, _ = vispeg("camera", "show", "w/camera.yaml", "--json")
+    assert code == 0 and json.loads(out)[0]["fx"] == camera.fx
+
+
+def test_given_intrinsics_and_json(vispeg, images, tmp_path):
+    from vispeg.render.camera import Camera
+    from vispeg.render.camera_files import save_cameras
+
+    save_cameras(tmp_path / "k.yaml", Camera("k", 640, 480, *LENS.focal, *LENS.centre))
+    args = ["--pattern", "9x6", "--square", 0.0236, "--intrinsics", "k.yaml", "--out", "w", "--json"]
+    code, out, _ = vispeg("camera", "calibrate", images, "--poses", images / "poses.csv", *args)
+    results = json.loads(out)
+    assert code == 0 and not results["intrinsics"]["fitted"] and "half_width_95" not in results["intrinsics"]
+    assert np.abs(np.array(results["hand_eye"]["pos_m"]) - X[:3, 3]).max() < 1e-3
+
+
+def test_mistakes(refused, images, tmp_path):
+    given = ["--square", "0.0236", "--out", "w"]
+    refused(["camera", "calibrate", images, "--pattern", "9by6", *given], "COLUMNSxROWS")
+    refused(["camera", "calibrate", images, "--pattern", "10x7", *given], "9x6 inner corners is there")
+    refused(["camera", "calibrate", "gone", "--pattern", "9x6", *given], "no such folder")
+    refused(["camera", "calibrate", images, "--pattern", "9x6", "--poses", "gone.csv", *given], "no such poses")
+    refused(["camera", "calibrate", images, "--pattern", "9x6", "--intrinsics", "k.yaml", *given], "nothing is left")
+    refused(["camera", "show", "gone.yaml"], "cannot be read")
+    (tmp_path / "w").mkdir()
+    (tmp_path / "w" / "mine").write_text("mine")
+    refused(["camera", "calibrate", images, "--pattern", "9x6", *given], "not empty")

@@ -1,0 +1,81 @@
+"""Flange poses and known intrinsics are read as their formats say, and a wrong file is said in a line."""
+
+import numpy as np
+import pytest
+from board_views import LENS, X, Z
+from scipy.spatial.transform import Rotation
+
+from vispeg.core.errors import UserError
+from vispeg.render.calibration import read_poses
+from vispeg.render.calibration.known import read_intrinsics
+from vispeg.render.camera import Camera
+from vispeg.render.camera_files import save_cameras
+
+HEAD = "file,x,y,z,qw,qx,qy,qz\n"
+SIZE = "<image_width>640</image_width><image_height>480</image_height>"
+VISP = "<root><!-- <px>1</px> --><camera>" + SIZE + "<model>{}</model></camera></root>"
+
+
+def _row(name, pose):
+    quat = Rotation.from_matrix(pose[:3, :3]).as_quat(scalar_first=True)
+    return ",".join([name, *(repr(float(v)) for v in (*pose[:3, 3], *quat))]) + "\n"
+
+
+def test_csv_in_any_order(tmp_path):
+    file = tmp_path / "poses.csv"
+    file.write_text(HEAD + _row("b.png", Z) + _row("a.png", X) + _row("unused.png", X))
+    assert np.allclose(read_poses(file, ["a.png", "b.png"]), [X, Z], atol=1e-12)
+
+
+def test_visp_joins_the_last_number(tmp_path):
+    for number, pose in ((2, X), (12, Z)):
+        values = [*pose[:3, 3], *Rotation.from_matrix(pose[:3, :3]).as_rotvec()]
+        data = "".join(f"  - [{float(v)!r}]\n" for v in values)
+        (tmp_path / f"pose_rPe_{number}.yaml").write_text(f"rows: 6\ncols: 1\ndata:\n{data}")
+    assert np.allclose(read_poses(tmp_path, ["image-12.png", "image-2.png"]), [Z, X], atol=1e-12)
+    with pytest.raises(UserError, match="no pose for the image 'image-3.png'"):
+        read_poses(tmp_path, ["image-3.png"])
+    (tmp_path / "again_2.yaml").write_text("data: []")
+    with pytest.raises(UserError, match="several poses"):
+        read_poses(tmp_path, ["image-2.png"])
+    (tmp_path / "pose_4.yaml").write_text("data: [[1], [2]]")
+    with pytest.raises(UserError, match="6 finite numbers"):
+        read_poses(tmp_path, ["4.png"])
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (HEAD + _row("b.png", X), "no pose for the image.*a.png"),
+        (HEAD + _row("a.png", X) * 2, "two poses"),
+        (HEAD + "a.png,0,0,0,1,1,0,0\n", "line 2.*unit quaternion"),
+        (HEAD + "a.png,335,32,308,1,0,0,0\n", "expected metres"),
+        (HEAD + "a.png,0,0,nan,1,0,0,0\n", "7 finite numbers"),
+        (HEAD + "a.png,0,0,0,1,0\n", "not a pose"),
+        ("file,x,y,z,qx,qy,qz\na.png,0,0,0,0,0,0\n", "no column qw"),
+        ("", "no column file"),
+    ],
+)
+def test_wrong_tables(tmp_path, text, words):
+    file = tmp_path / "poses.csv"
+    file.write_text(text)
+    with pytest.raises(UserError, match=words):
+        read_poses(file, ["a.png"])
+
+
+def test_known_intrinsics(tmp_path):
+    camera = Camera("eye", 640, 480, *LENS.focal, *LENS.centre, LENS.distortion)
+    for style in ("vispeg", "opencv", "ros"):
+        read = read_intrinsics(save_cameras(tmp_path / f"{style}.yaml", camera, style=style))
+        assert read == LENS
+    visp = tmp_path / "visp.xml"
+    visp.write_text(VISP.format("<px>600</px><py>602</py><u0>322</u0><v0>243</v0><kud>-0</kud><kdu>0</kdu>"))
+    assert read_intrinsics(visp).values.tolist() == [600, 602, 322, 243, 0, 0, 0, 0, 0]
+    visp.write_text(VISP.format("<px>600</px><py>602</py><u0>322</u0><v0>243</v0><kud>-0.1</kud>"))
+    with pytest.raises(UserError, match="not Brown's"):
+        read_intrinsics(visp)
+    visp.write_text(VISP.format("<px>600</px>"))
+    with pytest.raises(UserError, match="py"):
+        read_intrinsics(visp)
+    with pytest.raises(UserError, match="cannot be read"):
+        read_intrinsics(tmp_path / "gone.xml")

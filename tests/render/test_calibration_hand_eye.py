@@ -1,0 +1,127 @@
+"""The camera's place: exact from exact poses, equivariant, within its interval, unmoved by one bad pose."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from board_views import BOARD, LENS, SIZE, X, Z, flange, pose, project, seen
+from scipy.spatial.transform import Rotation
+
+from vispeg.core.errors import UserError
+from vispeg.core.seeds import stream
+from vispeg.render.calibration import Board, View, calibrate
+from vispeg.render.calibration.hand_eye import solve
+from vispeg.render.calibration.results import notes
+
+
+def off(found, truth=X):
+    """(m on the mount's axes, rad about the camera's), shape (6,)."""
+    turn = Rotation.from_matrix(truth[:3, :3].T @ found[:3, :3]).as_rotvec()
+    return np.concatenate([found[:3, 3] - truth[:3, 3], turn])
+
+
+@pytest.mark.parametrize("mount", ["flange", "base"])
+def test_exact_poses_give_camera_and_board_back(mount):
+    views, poses = seen(stream(1, "exact"), 6, noise=0.0)
+    found = solve(views, BOARD, LENS, flange(poses, mount), mount)
+    assert np.abs(off(found.camera)).max() < 1e-6 and np.abs(off(found.board, Z)).max() < 1e-6
+    assert found.pixels.max() < 1e-3 and found.scatter < 1e-6
+
+
+def test_the_base_may_be_anywhere():
+    """Another base frame B moves the board to B Z and leaves the camera on the flange where it is."""
+    rng = stream(2, "equivariance")
+    views, poses = seen(rng, 7)
+    arm = flange(poses, rng=rng, robot=(1e-3, 3e-3))
+    moved = pose([30, -50, 120], [1.0, -2.0, 0.5])
+    a, b = solve(views, BOARD, LENS, arm, "flange"), solve(views, BOARD, LENS, moved @ arm, "flange")
+    assert np.abs(off(b.camera, a.camera)).max() < 1e-5
+    assert np.abs(off(b.board, moved @ a.board)).max() < 1e-5
+    assert np.allclose(a.pixels, b.pixels, atol=1e-2) and np.isclose(a.scatter, b.scatter, rtol=1e-3)
+
+
+@pytest.mark.parametrize(("mount", "count"), [("flange", 7), ("base", 10)])
+def test_intervals_hold_the_truth(mount, count):
+    """About 95 % of them under a robot's errors, which pixel noise alone would not tell."""
+    inside, half = [], []
+    for seed in range(14):
+        rng = stream(seed, "hand-eye", mount)
+        views, poses = seen(rng, count)
+        arm = flange(poses, mount, rng, (1e-3, 3e-3))
+        kept = arm.copy()
+        found = calibrate(views, BOARD, camera=LENS, flange=arm, mount=mount)
+        assert found.hand_eye is not None and found.hand_eye_half is not None
+        assert np.array_equal(arm, kept)
+        inside.append(np.abs(off(found.hand_eye.camera)) < found.hand_eye_half)
+        half.append(found.hand_eye_half)
+    assert 0.89 <= np.mean(inside) <= 1.0
+    assert np.median(half, axis=0)[:3].max() < 5e-3 and np.median(half, axis=0)[3:].max() < 0.012
+
+
+def test_the_robots_errors_are_told():
+    """The estimate of the robot's own errors follows them over a factor of thirty."""
+    for size in (1e-4, 3e-3):
+        errors = []
+        for seed in range(6):
+            rng = stream(seed, "robot", size)
+            views, poses = seen(rng, 12, noise=0.02)
+            errors.append(solve(views, BOARD, LENS, flange(poses, rng=rng, robot=(size, 2 * size)), "flange").robot)
+        told = np.sqrt(np.mean(np.square(errors), axis=0))
+        assert np.all(told / np.array([size, 2 * size]) > 0.6) and np.all(told / np.array([size, 2 * size]) < 1.6)
+
+
+def test_one_bad_pose_does_not_rule_and_is_named():
+    rng = stream(5, "bad")
+    views, poses = seen(rng, 14)
+    arm = flange(poses, rng=rng, robot=(3e-4, 1e-3))
+    arm[3, :3, 3] += [0.03, -0.02, 0.01]
+    found = calibrate(views, BOARD, camera=LENS, flange=arm)
+    assert found.hand_eye is not None
+    assert np.linalg.norm(off(found.hand_eye.camera)[:3]) < 3e-3  # a plain mean would be off by 0.037 / 14 and more
+    named = [line for line in notes(found, {}) if "standard deviations off" in line]
+    assert len(named) == 1 and named[0].startswith("3.png")
+
+
+def test_a_board_that_looks_the_same_both_ways():
+    board = Board("chessboard", 9, 5, 0.0236)
+    assert board.two_ways and not BOARD.two_ways
+    rng = stream(6, "two ways")
+    views, poses = seen(rng, 8, board)
+    arm = flange(poses, rng=rng, robot=(5e-4, 1e-3))
+    turned = [replace(v, ids=44 - v.ids) if i in (1, 4, 6) else v for i, v in enumerate(views)]
+    a = calibrate(views, board, camera=LENS, flange=arm).hand_eye
+    b = calibrate(turned, board, camera=LENS, flange=arm).hand_eye
+    assert a is not None and b is not None
+    assert np.abs(off(b.camera, a.camera)).max() < 1e-6 and np.abs(off(a.camera)[:3]).max() < 5e-3
+
+
+def _views(poses):
+    return [
+        View(f"{i}.png", SIZE, np.arange(54), project(LENS, BOARD.points @ at[:3, :3].T + at[:3, 3]))
+        for i, at in enumerate(poses)
+    ]
+
+
+def test_degenerate_motion_is_refused():
+    start = flange(seen(stream(7, "start"), 1)[1])[0]
+    slides = [start @ pose([0, 0, 0], [0.01 * i, 0.005 * i * i, 0]) for i in range(6)]
+    turns = [start @ pose([0, 0, 8 * i], [0.01 * i, 0, 0.002 * i]) for i in range(6)]
+    for arm, words in ((slides, "hardly turned"), (turns, "turned about one axis only")):
+        seen_at = [np.linalg.inv(X) @ np.linalg.inv(at) @ Z for at in arm]
+        with pytest.raises(UserError, match=words):
+            calibrate(_views(seen_at), BOARD, camera=LENS, flange=np.stack(arm))
+
+
+def test_mistakes():
+    views, poses = seen(stream(8, "mistakes"), 6)
+    arm = flange(poses)
+    with pytest.raises(UserError, match="other way round.*--mount"):
+        calibrate(views, BOARD, camera=LENS, flange=np.linalg.inv(arm))
+    with pytest.raises(UserError, match="other way round.*--mount"):
+        calibrate(views, BOARD, camera=LENS, flange=arm, mount="base")
+    with pytest.raises(UserError, match="choices: flange, base"):
+        calibrate(views, BOARD, camera=LENS, flange=arm, mount="wrist")  # type: ignore[arg-type]
+    with pytest.raises(UserError, match="too few"):
+        calibrate(views[:3], BOARD, camera=LENS, flange=arm[:3])
+    with pytest.raises(UserError, match="do not pair"):
+        calibrate(views, BOARD, camera=LENS, flange=arm[:5])

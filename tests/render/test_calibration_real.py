@@ -1,0 +1,45 @@
+"""A real camera on a real flange: the figures that others have published for the same eight images."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vispeg.render.calibration import Board, calibrate, detect, read_poses
+from vispeg.render.calibration.known import read_intrinsics
+
+SHARED = Path(os.environ.get("VISPEG_SHARED", Path(__file__).resolve().parents[3] / "shared"))
+IMAGES = SHARED / "data" / "franka-handeye"
+pytestmark = pytest.mark.skipif(not IMAGES.is_dir(), reason="the shared images are not here")
+BOARD = Board("chessboard", 9, 6, 0.0236)
+
+
+@pytest.fixture(scope="module")
+def views():
+    found, missed = detect(IMAGES, BOARD)
+    assert len(found) == 8 and not missed and all(len(view.ids) == 54 for view in found)
+    return found
+
+
+def test_reference_figures(views):
+    """Factory intrinsics: reprojection 0.28-0.55 px, the camera at (0.057, -0.034, -0.042) m, scatter 5.4 mm RMS."""
+    flange = read_poses(IMAGES, [view.name for view in views])
+    found = calibrate(views, BOARD, camera=read_intrinsics(IMAGES / "franka_camera.xml"), flange=flange)
+    eye, half = found.hand_eye, found.hand_eye_half
+    assert eye is not None and half is not None
+    assert 0.27 < found.fit_pixels.min() and found.fit_pixels.max() < 0.56
+    assert np.abs(eye.camera[:3, 3] - [0.057, -0.034, -0.042]).max() < 1.5e-3
+    assert 1e3 * eye.scatter == pytest.approx(5.4, abs=0.05)
+    assert eye.misfit.max() < 2 and 2e-3 < half[:3].max() < 8e-3
+    for name in ("PARK", "HORAUD", "DANIILIDIS", "TSAI"):  # the closed forms lie inside the interval
+        assert np.all(np.abs(eye.methods[name][:3, 3] - eye.camera[:3, 3]) < half[:3])
+
+
+def test_own_intrinsics_come_near_the_factorys(views):
+    """Within two of the intervals, which say nothing of the factory's own errors; the board fits better with them."""
+    found = calibrate(views, BOARD)
+    factory = read_intrinsics(IMAGES / "franka_camera.xml")
+    assert found.intrinsics_half is not None
+    assert np.all(np.abs(found.camera.values - factory.values)[:4] < 2 * found.intrinsics_half[:4])
+    assert found.fit_pixels.max() < 0.4
