@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from vispeg.core.effect import Effect, Values
@@ -19,6 +21,14 @@ class CameraEffect(Effect):
 
     def targets(self, model: Any) -> list[str]:
         return list(model.cameras) if getattr(model, "parts", None) else []
+
+    def moved(self, fields: Any, p: Values) -> Iterator[tuple[int, int, dict[str, float]]]:
+        """Row of the batch, camera of the model and values, where the effect is at work on a camera there is."""
+        for column, name in enumerate(fields.scene.cameras):
+            camera = mujoco.mj_name2id(fields.model, mujoco.mjtObj.mjOBJ_CAMERA, name)
+            here = {k: np.asarray(v)[:, column] for k, v in p.items()}
+            for row in self.rows(here) if camera >= 0 else ():
+                yield int(row), camera, {k: float(v[row]) for k, v in here.items()}
 
     def rows(self, p: Values) -> np.ndarray:
         """Indices of the images in which some magnitude is away from null; only those are touched."""

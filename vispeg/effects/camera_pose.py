@@ -31,17 +31,15 @@ class CameraPose(CameraEffect):
     }
 
     def write(self, fields, p):
-        for column, name in enumerate(fields.scene.cameras):
-            i = fields.model.camera(name).id
-            for row in self.rows({k: v[:, column] for k, v in p.items()}):
-                shift, turn = (
-                    np.array([p[k][row, column] for k in keys]) * AXES for keys in ("xyz", ("rx", "ry", "rz"))
-                )
-                pos, quat = fields["cam_pos"][row, i], fields["cam_quat"][row, i]
-                moved, step, turned = np.zeros(3), np.zeros(4), np.zeros(4)
-                angle = float(np.linalg.norm(turn))
-                mujoco.mju_rotVecQuat(moved, shift, np.asarray(quat, float))
-                mujoco.mju_axisAngle2Quat(step, turn / angle if angle else np.array([1.0, 0, 0]), angle)
-                mujoco.mju_mulQuat(turned, np.asarray(quat, float), step)
-                pos += moved
-                quat[:] = turned if angle else quat
+        for row, camera, v in self.moved(fields, p):
+            shift, turn = (np.array([v[k] for k in keys]) * AXES for keys in ("xyz", ("rx", "ry", "rz")))
+            pos, quat = fields["cam_pos"][row, camera], fields["cam_quat"][row, camera]
+            before, moved, turned = np.array(quat, float), np.zeros(3), np.zeros(4)
+            mujoco.mju_rotVecQuat(moved, shift, before)
+            pos += moved
+            angle = float(np.linalg.norm(turn))
+            if angle:
+                step = np.zeros(4)
+                mujoco.mju_axisAngle2Quat(step, turn / angle, angle)
+                mujoco.mju_mulQuat(turned, before, step)
+                quat[:] = turned

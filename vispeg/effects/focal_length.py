@@ -21,7 +21,5 @@ class FocalLength(CameraEffect):
     }
 
     def write(self, fields, p):
-        for column, name in enumerate(fields.scene.cameras):
-            i = fields.model.camera(name).id
-            for row in self.rows({k: v[:, column] for k, v in p.items()}):
-                fields["cam_intrinsic"][row, i, :2] *= (1 + p["fx"][row, column], 1 + p["fy"][row, column])
+        for row, camera, v in self.moved(fields, p):
+            fields["cam_intrinsic"][row, camera, :2] *= (1 + v["fx"], 1 + v["fy"])

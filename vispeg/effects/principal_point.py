@@ -22,9 +22,6 @@ class PrincipalPoint(CameraEffect):
     }
 
     def write(self, fields, p):
-        for column, name in enumerate(fields.scene.cameras):
-            i = fields.model.camera(name).id
-            pixel = fields.model.cam_sensorsize[i] / fields.model.cam_resolution[i]  # m
-            for row in self.rows({k: v[:, column] for k, v in p.items()}):
-                shift = (p["x"][row, column], p["y"][row, column])
-                fields["cam_intrinsic"][row, i, 2:] -= pixel * shift
+        for row, camera, v in self.moved(fields, p):
+            pixel = fields.model.cam_sensorsize[camera] / fields.model.cam_resolution[camera]  # m
+            fields["cam_intrinsic"][row, camera, 2:] -= pixel * (v["x"], v["y"])
