@@ -40,7 +40,7 @@ class TaskConfig:
     friction: float = 0.3
     solref: tuple[float, float] = (0.004, 1.0)
     control_period: float = 0.005
-    substeps: int = 4
+    substeps: int = 3
     policy_period: float = 0.160
     steps: int = 50
     dof: tuple[str, ...] = ("x", "y", "z")

@@ -236,7 +236,7 @@ class PegSimulation:
         p = {a.effect.name: a.p for a in self.cell.active}
         out = np.zeros((self.nsim, 4))
         for column, (name, key, scale) in enumerate(
-            (("surface_friction", "scale", 1.0), ("object_mass", "scale", 1.0), ("command_delay", "delay", 0.02))
+            (("contact_friction", "scale", 1.0), ("object_mass", "scale", 1.0), ("command_delay", "delay", 0.02))
         ):
             if name in p and key in p[name]:
                 out[:, column] = p[name][key].mean(axis=1) / scale

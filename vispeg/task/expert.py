@@ -1,0 +1,52 @@
+"""A scripted policy that sees what a `state` policy sees: hover, lower, feel around in a spiral, push down.
+
+Errors that the student can see are all that it acts on, so that what it does can be imitated. Spiral search after
+Chhatpar and Branicky, "Search strategies for peg-in-hole assemblies with position uncertainty", IROS 2001.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.task.config import TaskConfig
+
+HOVER = 0.004  # m, height at which the lateral error is removed before lowering
+TOUCHING = 2.0  # N
+PITCH, STEP = 0.0008, 0.0008  # m between turns of the spiral, m along it a policy step
+
+
+class Expert:
+    """The scripted policy for n rows.
+
+    Args:
+        config: the task.
+        nsim: rows.
+    """
+
+    def __init__(self, config: TaskConfig, nsim: int):
+        self.config = config
+        self.angle, self.searching = np.zeros(nsim), np.zeros(nsim, dtype=bool)
+
+    def reset(self, rows: np.ndarray) -> None:
+        """These rows begin a new episode."""
+        self.angle[rows], self.searching[rows] = 0.0, False
+
+    def act(self, observation: dict[str, np.ndarray]) -> np.ndarray:
+        """Actions (n, 3) in [-1, 1] from `policy` (n, ..): see PegSimulation for its layout."""
+        seen = observation["policy"]
+        tip, force = 0.03 * seen[:, :3].astype(float), 20.0 * seen[:, 6:9].astype(float)
+        up = force[:, 2]
+        inside = tip[:, 2] < -0.003
+        self.searching |= (up > TOUCHING) & (np.abs(tip[:, 2]) < 0.003)
+        self.searching &= ~inside
+        radius = PITCH * self.angle / (2 * np.pi)
+        self.angle = np.where(self.searching, self.angle + STEP / np.maximum(radius, STEP), self.angle)
+        spiral = np.where(self.searching, radius, 0.0)[:, None] * np.stack([np.cos(self.angle), np.sin(self.angle)], 1)
+        error = spiral - tip[:, :2]
+        aligned = np.hypot(*(tip[:, :2]).T) < 0.0015
+        away = tip[:, 2] > HOVER + 0.002
+        down = np.where(away, np.where(aligned, -0.006, HOVER - tip[:, 2]), np.where(aligned, -0.003, 0.0))
+        down = np.where(self.searching, -0.002, np.where(inside, -0.006, down))
+        lateral = np.where(inside[:, None], np.clip(-0.5 * force[:, :2] / 20.0 * -0.003, -0.002, 0.002), error)
+        move = np.concatenate([lateral, down[:, None]], axis=1) / self.config.offset
+        return np.clip(move, -1.0, 1.0).astype(np.float32)
