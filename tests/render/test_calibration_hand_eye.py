@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from board_views import BOARD, LENS, SIZE, X, Z, flange, pose, project, seen
+from board_views import BOARD, CHARUCO, LENS, SIZE, X, Z, flange, pose, project, seen
 from scipy.spatial.transform import Rotation
 
 from vispeg.core.errors import UserError
@@ -125,3 +125,13 @@ def test_mistakes():
         calibrate(views[:3], BOARD, camera=LENS, flange=arm[:3])
     with pytest.raises(UserError, match="do not pair"):
         calibrate(views, BOARD, camera=LENS, flange=arm[:5])
+
+
+def test_charuco_boards_seen_in_part_count_for_what_they_show():
+    rng = stream(9, "part")
+    views, poses = seen(rng, 8, CHARUCO, noise=0.0)
+    part = [replace(v, ids=v.ids[: 12 + 3 * i], pixels=v.pixels[: 12 + 3 * i]) for i, v in enumerate(views)]
+    found = calibrate(part, CHARUCO, flange=flange(poses, "base"), mount="base")
+    assert found.hand_eye is not None
+    assert np.allclose(found.camera.focal, LENS.focal, rtol=1e-4)
+    assert np.abs(off(found.hand_eye.camera)).max() < 1e-4

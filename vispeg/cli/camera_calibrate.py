@@ -71,13 +71,14 @@ class Calibrate:
         marks = (self.marker, self.dictionary, self.legacy) if charuco else (0.0, "", False)
         board = Board(self.board, *parse_pattern(self.pattern), self.square, *marks)
         known = None if self.intrinsics is None else read_intrinsics(self.intrinsics)
+        inputs = [path for path in (self.images, self.poses, self.intrinsics) if path is not None and path.exists()]
+        origin = provenance(sys.argv, None, inputs)
         with new_folder(self.out, self.overwrite) as folder:
             views, missed = detect(self.images, board)
             flange = None if self.poses is None else read_poses(self.poses, [view.name for view in views])
             found = calibrate(views, board, distortion=self.distortion, camera=known, flange=flange, mount=self.mount)
             save_cameras(folder / "camera.yaml", found.to_camera(self.name))
-            inputs = [path for path in (self.images, self.poses, self.intrinsics) if path is not None]
-            results = {**record(found, board, missed), "provenance": provenance(sys.argv, None, inputs)}
+            results = {**record(found, board, missed), "provenance": origin}
             text = json.dumps(results, indent=2, allow_nan=False) + "\n"
             (folder / "results.json").write_text(text, encoding="utf-8")
             (folder / "corners").mkdir()
