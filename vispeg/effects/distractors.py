@@ -17,7 +17,7 @@ from vispeg.effects._appearance import SEEDS, SceneLook
 from vispeg.effects._colour import rgb_of_hsv
 
 KEEP_OUT = 0.09  # m, from the hole's axis to the nearest point of a thing
-AREA = np.array([[0.30, 0.95], [-0.55, 0.55]])  # m, of the table, x and y in the base frame
+AREA = np.array([[0.35, 0.90], [-0.35, 0.35]])  # m, of the table around the hole, x and y in the base frame
 TRIES = 50
 G = mujoco.mjtGeom
 

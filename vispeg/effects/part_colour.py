@@ -26,7 +26,7 @@ class PartColour(Effect):
     writes = frozenset({"mat_rgba", "geom_rgba"})
 
     def targets(self, model):
-        return list(getattr(model, "parts", {}))
+        return [part for part in getattr(model, "parts", {}) if part != "distractors"]  # they bring their own
 
     def write(self, fields, p):
         colour = rgb_of_hsv(p["hue"], p["saturation"], p["value"])

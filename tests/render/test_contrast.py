@@ -1,0 +1,146 @@
+"""The guard: colours in CIELAB, looks refused and kept, what a redraw may change, what it costs in draws."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+import vispeg.effects  # noqa: F401  (enrols the library)
+from vispeg.core.distribution import Choice, Uniform
+from vispeg.core.effect import Placed, effect
+from vispeg.core.seeds import stream
+from vispeg.core.world import Ranged, World
+from vispeg.render.backend import Renderer
+from vispeg.render.contrast import Rule, contrast, lab, measure, redraw
+from vispeg.render.look import dress
+from vispeg.render.standard import standard_cameras
+from vispeg.robots.scene import build
+
+SCENE = build()
+ABOVE = np.array([0.0, 0.7774, 0.0, -1.4955, 0.0, 0.8687, 0.0, 0.0])  # rad: the tip 40 mm above the hole's mouth
+GREYS = Choice((0.15, 0.35, 0.6))
+PLAIN = {"amount": 1.0, "saturation": 0.0}
+
+
+@pytest.fixture(scope="module")
+def renderer() -> Iterator[Renderer]:
+    cameras = standard_cameras(SCENE.tip, SCENE.config.fixture)
+    with Renderer(SCENE.compile(), cameras, labels=True, shadows=True, parts=SCENE.parts) as made:
+        made.render(ABOVE)
+        yield made
+
+
+def score(renderer: Renderer, world: World, rule: Rule | None = None) -> float:
+    dress(renderer, SCENE, world)
+    return contrast(renderer.render(ABOVE), renderer.cameras, SCENE, rule)
+
+
+def grey(**values: float) -> World:
+    return World(effects=tuple(Placed.of("part_colour", part, **PLAIN, value=v) for part, v in values.items()))
+
+
+def test_lab_equals_opencv_and_is_100_for_white():
+    rgb = stream(0, "lab").integers(0, 256, (20, 30, 3), dtype=np.uint8)
+    theirs = cv2.cvtColor(rgb.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
+    np.testing.assert_allclose(lab(rgb), theirs, atol=0.4)
+    np.testing.assert_allclose(lab(np.full((1, 3), 255, np.uint8)), [[100, 0, 0]], atol=0.01)
+    assert lab(np.zeros((1, 3), np.uint8)).tolist() == [[0, 0, 0]]
+
+
+def test_the_nominal_cell_can_be_seen(renderer):
+    assert score(renderer, World()) == 1
+
+
+def test_hole_and_rim_are_found_where_they_are(renderer):
+    """With the hole's radius doubled in the ask, nothing outside the fixture counts; the rim is the level top."""
+    dress(renderer, SCENE, World())
+    found = measure(renderer.render(ABOVE), renderer.cameras, SCENE)
+    assert len(found["hole"]) >= 10 and len(found["rim"]) > 5 * len(found["hole"])
+    assert len(found["hole"]) + len(found["rim"]) <= len(found["fixture"])
+    assert found["rim"][:, 0].std() < found["fixture"][:, 0].std()  # one level surface against all of its sides
+
+
+def test_parts_of_one_colour_are_refused_and_apart_are_not(renderer):
+    apart = {"peg": 0.15, "fixture": 0.35, "table": 0.6}
+    assert score(renderer, grey(**apart)) == 1
+    assert score(renderer, grey(**{**apart, "fixture": 0.6})) < 1
+    # what counts is the colour in the picture: an upright peg lit from above needs a lighter one to look alike
+    assert score(renderer, grey(**{**apart, "peg": 0.75})) < 0.2 < score(renderer, grey(**{**apart, "peg": 0.9}))
+
+
+def test_black_and_white_are_refused(renderer):
+    """A black peg and a dazzling table stand out, but show no shape."""
+    assert score(renderer, grey(peg=0.0, fixture=0.35, table=0.6)) < 0.5
+    lit = [Placed.of("light_intensity", "all", gain=4.0), Placed.of("ambient_light", "scene", level=0.6)]
+    assert score(renderer, grey(peg=0.15, fixture=0.35, table=1.0).add(*lit)) < 1
+
+
+def test_a_stricter_rule_never_scores_higher(renderer):
+    for seed in range(4):
+        world = look().sample(seed, SCENE)
+        scores = [score(renderer, world, Rule(distance=d, mouth=d / 2)) for d in (5, 15, 40, 90)]
+        assert scores == sorted(scores, reverse=True)
+
+
+def by_label(world: World) -> dict[str, Placed]:
+    return {e.label: e for e in world.effects}
+
+
+def look(value: float | Choice = GREYS) -> World:
+    """Three parts of one grey or another (two thirds of the draws confuse some), and an effect that is no look."""
+    colours = tuple(Ranged("part_colour", part, {**PLAIN, "value": value}) for part in ("peg", "fixture", "table"))
+    scale = next(iter(effect("object_mass").params))
+    return World(ranges=(*colours, Ranged("object_mass", "peg", {scale: Uniform(0.7, 1.3)})))
+
+
+def test_a_redraw_ends_at_the_first_good_look_and_keeps_all_else(renderer):
+    world, counts = look(), []
+    for seed in range(12):
+        drawn, redraws = redraw(world, SCENE, renderer, seed, qpos=ABOVE)
+        plain = world.sample(seed, SCENE)
+        assert drawn.ranges == () and score(renderer, drawn) == 1
+        assert (redraws == 0) == (score(renderer, plain) == 1)
+        assert redraws > 0 or by_label(drawn) == by_label(plain)
+
+        def physics(w: World) -> list[Placed]:
+            return [e for e in w.effects if effect(e.effect).kind != "appearance"]
+
+        assert physics(drawn) == physics(plain)
+        counts.append(redraws)
+    assert 0 in counts and max(counts) > 0, "some looks are good at once, some are not"
+
+
+def test_a_redraw_follows_from_the_seed_and_leaves_the_renderer_dressed(renderer):
+    drawn, redraws = redraw(look(), SCENE, renderer, 3, qpos=ABOVE)
+    seen = renderer.render(ABOVE)
+    redraw(look(), SCENE, renderer, 4, qpos=ABOVE)  # something else in between
+    assert redraw(look(), SCENE, renderer, 3, qpos=ABOVE) == (drawn, redraws)
+    dress(renderer, SCENE, drawn)
+    again = renderer.render(ABOVE)
+    for name, shot in seen.items():
+        np.testing.assert_array_equal(shot.rgb, again[name].rgb)
+
+
+def test_a_hopeless_world_takes_its_best_look_and_says_so(renderer):
+    """Peg and fixture of one fixed colour: every try is spent, and the best of them stands."""
+    world = replace(
+        look(0.5), ranges=(*look(0.5).ranges, Ranged("ambient_light", "scene", {"level": Uniform(-0.1, 0.1)}))
+    )
+    drawn, redraws = redraw(world, SCENE, renderer, 0, qpos=ABOVE, tries=4)
+    assert redraws == 4
+    best = score(renderer, drawn)
+    fixed = {e.label: e for e in drawn.effects}
+    seeds = [0, *(int(stream(0, "look", k).integers(2**31)) for k in range(1, 4))]
+    tried = [score(renderer, world.sample(s, SCENE)) for s in seeds]
+    assert best < 1 and len(fixed) == 5 and best == pytest.approx(max(tried), rel=0.05)
+
+
+def test_a_world_without_looks_is_drawn_once_and_not_rendered(renderer):
+    world = World(ranges=look().ranges[3:])
+    before = renderer.model.mat_rgba.copy()
+    assert redraw(world, SCENE, renderer, 5) == (world.sample(5, SCENE), 0)
+    np.testing.assert_array_equal(renderer.model.mat_rgba, before)

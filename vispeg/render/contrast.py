@@ -1,0 +1,152 @@
+"""The contrast guard: a look is drawn again until peg, fixture, hole and background can be told apart.
+
+Colours are compared as CIELAB means over the pixels of each of them (CIE 15:2004, D65), their distance being CIE76's.
+A look is also refused when one of them is hardly seen at all, or is nearly all black or white: then there is nothing
+left to see an edge by. Only looks (effects of kind `appearance`) are drawn again; the physics of an episode, its
+cameras and its sensor stay what its seed says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vispeg.core.effect import effect
+from vispeg.core.seeds import stream
+from vispeg.core.world import World
+from vispeg.effects._light import to_linear
+from vispeg.render.backend import Renderer, Shot
+from vispeg.render.camera import Camera
+from vispeg.render.look import dress
+
+if TYPE_CHECKING:
+    from vispeg.robots.scene import Scene
+
+PARTS = {"peg": ("peg",), "fixture": ("fixture",), "background": ("table", "wall", "floor")}
+PAIRS = (("peg", "fixture"), ("peg", "background"), ("fixture", "background"), ("hole", "rim"))
+TRIES = 20
+TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])  # IEC 61966-2-1
+DARK, BRIGHT = 6.0, 98.0  # L*: darker or brighter pixels show no shape
+DEEP, FLAT = 2e-3, 0.5e-3  # m: how far below the mouth the hole's inside begins, and how level its rim is
+
+
+@dataclass(frozen=True)
+class Rule:
+    """When pictures are good enough.
+
+    Attributes:
+        distance: CIE76 distance that peg, fixture and background must keep from each other.
+        mouth: the same between the hole's inside and its rim, where both are seen.
+        pixels: how many pixels of each part must show, in all pictures together.
+        lost: the greatest share of a part's pixels that may be black or white.
+    """
+
+    distance: float = 12.0
+    mouth: float = 8.0
+    pixels: int = 20
+    lost: float = 0.7
+
+
+def lab(rgb: np.ndarray) -> np.ndarray:
+    """CIELAB (..., 3) of encoded sRGB (..., 3) uint8."""
+    xyz = to_linear(rgb.astype(np.float32) / 255).astype(float) @ TO_XYZ.T / TO_XYZ.sum(axis=1)
+    f = np.where(xyz > (6 / 29) ** 3, np.cbrt(xyz), xyz / (3 * (6 / 29) ** 2) + 4 / 29)
+    return np.stack([116 * f[..., 1] - 16, 500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])], axis=-1)
+
+
+def contrast(shots: Mapping[str, Shot], cameras: Sequence[Camera], scene: Scene, rule: Rule | None = None) -> float:
+    """How well peg, fixture, hole and background can be told apart, 0 to 1; 1 is good enough.
+
+    The least of: distances over the rule's, pixels seen over the rule's, and shares of pixels that show something.
+
+    Args:
+        shots: with labels, of one moment.
+        cameras: that took them.
+        scene: whose parts the segmentation counts, in their order, from 1.
+        rule: what is good enough.
+    """
+    rule = rule or Rule()
+    found = measure(shots, cameras, scene)
+    score = 1.0
+    for name in PARTS:
+        own = found[name]
+        if not len(own):
+            return 0.0
+        kept = float(np.mean((own[:, 0] > DARK) & (own[:, 0] < BRIGHT)))
+        score = min(score, len(own) / rule.pixels, kept / (1 - rule.lost))
+    for a, b in PAIRS:
+        if len(found[a]) and len(found[b]):
+            apart = float(np.linalg.norm(found[a].mean(axis=0) - found[b].mean(axis=0)))
+            score = min(score, apart / (rule.mouth if a == "hole" else rule.distance))
+    return score
+
+
+def measure(shots: Mapping[str, Shot], cameras: Sequence[Camera], scene: Scene) -> dict[str, np.ndarray]:
+    """CIELAB colours (n, 3) of the pixels of peg, fixture, background, the hole's inside and its rim."""
+    number = {part: i for i, part in enumerate(scene.parts, start=1)}
+    radius = scene.config.apothem + scene.config.chamfer
+    out: dict[str, list[np.ndarray]] = {name: [] for name in (*PARTS, "hole", "rim")}
+    for camera in cameras:
+        shot = shots[camera.name]
+        if shot.segmentation is None or shot.poses is None:
+            raise ValueError("contrast needs a renderer with labels")
+        colour, pose = lab(shot.rgb), shot.poses["hole"]
+        for name, members in PARTS.items():
+            out[name].append(colour[np.isin(shot.segmentation, [number[m] for m in members])])
+        at = (camera.points(shot.depth) - pose[:3, 3]) @ pose[:3, :3]  # in the hole's frame
+        own = shot.segmentation == number["fixture"]
+        reach, height = np.hypot(at[..., 0], at[..., 1]), at[..., 2]
+        out["hole"].append(colour[own & (reach < radius) & (height < -DEEP)])
+        out["rim"].append(colour[own & (reach < 3 * radius) & (np.abs(height) < FLAT)])
+    return {name: np.concatenate(found) for name, found in out.items()}
+
+
+def redraw(
+    world: World,
+    scene: Scene,
+    renderer: Renderer,
+    seed: int,
+    levels: Mapping[str, float] | float = 1.0,
+    *,
+    qpos: np.ndarray | None = None,
+    rule: Rule | None = None,
+    tries: int = TRIES,
+) -> tuple[World, int]:
+    """`world.sample(seed, scene, levels)`, with another look wherever that one hides the task.
+
+    The first look is the one that `sample` draws; the k-th redraw takes its looks from a stream of its own, so the
+    result follows from the seed alone. If none of `tries` looks will do, the best of them stands.
+
+    Args:
+        world: with ranges.
+        scene: whose targets they walk.
+        renderer: with labels and the scene's parts; it is left dressed in the world returned.
+        seed: of the episode.
+        levels: as for `sample`.
+        qpos: (nq,) configuration to look at; default: the renderer's present one.
+        rule: when a look is good enough.
+        tries: looks drawn at most.
+
+    Returns:
+        The world with every range drawn, and how many looks were refused: `tries` where none would do.
+    """
+    looks = tuple(r for r in world.ranges if effect(r.effect).kind == "appearance")
+    others = tuple(r for r in world.ranges if r not in looks)
+    fixed = replace(world, ranges=others).sample(seed, scene, levels)
+    if not looks:
+        return fixed, 0
+    best, best_score = fixed, -1.0
+    for k in range(tries):
+        look_seed = seed if k == 0 else int(stream(seed, "look", k).integers(2**31))
+        drawn = fixed.add(*World(ranges=looks).sample(look_seed, scene, levels).effects)
+        dress(renderer, scene, drawn)
+        score = contrast(renderer.render(qpos), renderer.cameras, scene, rule)
+        if score > best_score:
+            best, best_score = drawn, score
+        if score >= 1:
+            return drawn, k
+    dress(renderer, scene, best)
+    return best, tries
