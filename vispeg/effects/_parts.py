@@ -36,11 +36,11 @@ def shapes(model: mujoco.MjModel, part: str) -> np.ndarray:
     return np.array([geom]) if collides[geom] else np.empty(0, int)
 
 
-def changed(fields: Any, p: np.ndarray, null: float) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """(rows, geoms, value (rows, 1)) for each touching part whose parameter `p` (nsim, npart) differs from null."""
+def changed(fields: Any, p: np.ndarray, null: float) -> list[tuple[tuple[np.ndarray, ...], np.ndarray]]:
+    """Index of (rows, geoms) and value (rows, 1) for each touching part whose `p` (nsim, npart) differs from null."""
     out = []
     for column in range(p.shape[1]):
         rows = np.flatnonzero(p[:, column] != null)
         if len(rows):
-            out.append((rows, shapes(fields.model, TOUCHING[column]), p[rows, column][:, None]))
+            out.append((np.ix_(rows, shapes(fields.model, TOUCHING[column])), p[rows, column][:, None]))
     return out

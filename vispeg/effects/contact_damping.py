@@ -26,7 +26,7 @@ class ContactDamping(Effect):
         return touching(model)
 
     def write(self, fields, p):
-        solref = fields["geom_solref"]
-        for rows, geoms, scale in changed(fields, p["scale"], 1.0):
-            solref[np.ix_(rows, geoms, [0])] /= scale[:, :, None]
-            solref[np.ix_(rows, geoms, [1])] *= scale[:, :, None]
+        time_constant, ratio = np.moveaxis(fields["geom_solref"], -1, 0)
+        for at, scale in changed(fields, p["scale"], 1.0):
+            time_constant[at] /= scale
+            ratio[at] *= scale

@@ -7,8 +7,6 @@ parts is heard.
 
 from __future__ import annotations
 
-import numpy as np
-
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
 from vispeg.effects._parts import changed, touching
@@ -26,6 +24,6 @@ class ContactFriction(Effect):
         return touching(model)
 
     def write(self, fields, p):
-        friction = fields["geom_friction"]
-        for rows, geoms, scale in changed(fields, p["scale"], 1.0):
-            friction[np.ix_(rows, geoms, [0])] *= scale[:, :, None]
+        sliding = fields["geom_friction"][..., 0]
+        for at, scale in changed(fields, p["scale"], 1.0):
+            sliding[at] *= scale

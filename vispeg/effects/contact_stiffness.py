@@ -27,6 +27,6 @@ class ContactStiffness(Effect):
         return touching(model)
 
     def write(self, fields, p):
-        solref = fields["geom_solref"]
-        for rows, geoms, scale in changed(fields, p["scale"], 1.0):
-            solref[np.ix_(rows, geoms, [0])] /= np.sqrt(scale)[:, :, None]
+        time_constant = fields["geom_solref"][..., 0]
+        for at, scale in changed(fields, p["scale"], 1.0):
+            time_constant[at] /= np.sqrt(scale)

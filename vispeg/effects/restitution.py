@@ -49,8 +49,7 @@ class Restitution(Effect):
 
     def write(self, fields, p):
         solref = fields["geom_solref"]
-        for rows, geoms, e in changed(fields, p["e"], 0.0):
-            at = np.ix_(rows, geoms)
+        for at, e in changed(fields, p["e"], 0.0):
             time, z = np.moveaxis(solref[at], -1, 0)
             new = np.minimum(z, ratio(e))
             solref[at] = np.stack([np.where(new < z, time * z / new, time), new], axis=-1)
