@@ -1,18 +1,37 @@
-"""What the cameras of every row see; nothing in the modes without images."""
+"""What the cameras of every row see: a renderer a row, dressed in its episode's look, and a pipeline a camera."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 import numpy as np
 
+from vispeg.core.effect import effect
+from vispeg.core.errors import UserError
+from vispeg.core.frame import Frame
+from vispeg.core.seeds import stream
+from vispeg.render.backend import Renderer, Shot
+from vispeg.render.camera import Camera
+from vispeg.render.camera_files import load_camera
+from vispeg.render.contrast import redraw
+from vispeg.render.look import dress
+from vispeg.render.pipeline import Pipeline
+from vispeg.render.standard import standard_cameras
+
+if TYPE_CHECKING:
+    from vispeg.task.simulation import PegSimulation
+
 MODES = ("state", "proprio", "depth", "rgb", "rgbd")
+IMAGE_MODES = ("depth", "rgb", "rgbd")
+DEFAULT = ("wrist_wide", "wrist_crop")
 FAR = 4.0  # m, greatest depth that is told apart
+FILM = (320, 240)  # px, width and height of pictures for people
 
 
-def image_spaces(obs_mode: str, cameras: Sequence[Any]) -> dict[str, gym.Space]:
+def image_spaces(obs_mode: str, cameras: Sequence[Camera]) -> dict[str, gym.Space]:
     """Spaces `depth_<camera>` (1, H, W) float32 m, 0 = no reading, and `rgb_<camera>` (3, H, W) uint8."""
     out: dict[str, gym.Space] = {}
     for c in cameras:
@@ -23,23 +42,176 @@ def image_spaces(obs_mode: str, cameras: Sequence[Any]) -> dict[str, gym.Space]:
     return out
 
 
-class Eyes:
-    """Renders the rows of a simulation; see `see`."""
+def task_cameras(
+    sim: PegSimulation, given: Mapping[str, Any], names: Sequence[str] | None, size: int | None
+) -> tuple[Camera, ...]:
+    """The cameras that a task is seen through.
 
-    def __init__(self, sim: Any, obs_mode: str, file: Any, backend: str):
-        self.sim, self.obs_mode, self.backend = sim, obs_mode, backend
-        self.cameras: tuple[Any, ...] = ()
+    Args:
+        sim: whose scene they stand in.
+        given: a world file's `cameras`: a file, or a mapping of what differs from the standard camera of that name.
+        names: of those that are wanted; default: those of the world file, else the two wrist cameras.
+        size: px of both sides, the field of view kept; default: as the cameras are.
+    """
+    known = {c.name: c for c in standard_cameras(sim.scene.tip, sim.scene.config.fixture)}
+    for name, change in given.items():
+        if isinstance(change, str):
+            known[name] = load_camera(change).moved(name=name)
+        else:
+            try:
+                known[name] = known.get(name, known["external"]).moved(name=name, **change)
+            except TypeError as error:
+                raise UserError(f"unknown key of a camera ({error})", key=f"cameras.{name}", got=list(change)) from None
+    wanted = tuple(names) if names else tuple(given) or DEFAULT
+    for name in wanted:
+        if name not in known:
+            raise UserError("unknown camera", key="cameras", got=name, choices=known)
+    return tuple(resized(known[n], size) if size else known[n] for n in wanted)
+
+
+def resized(camera: Camera, size: int) -> Camera:
+    """The camera with `size` px along its shorter side and the same field of view."""
+    s = size / min(camera.width, camera.height)
+    return camera.moved(
+        width=round(camera.width * s),
+        height=round(camera.height * s),
+        fx=camera.fx * s,
+        fy=camera.fy * s,
+        cx=(camera.cx + 0.5) * s - 0.5,
+        cy=(camera.cy + 0.5) * s - 0.5,
+    )
+
+
+class Eyes:
+    """The cameras of a simulation.
+
+    Args:
+        sim: whose rows are seen.
+        obs_mode: what of the pictures an observation holds.
+        file: the world's file, for its cameras and renderer; or None.
+        backend: of the renderer, where the file names none.
+        cameras, size: see `task_cameras`.
+
+    Attributes:
+        redrawn: looks that the contrast guard refused so far, in all rows.
+    """
+
+    def __init__(
+        self,
+        sim: PegSimulation,
+        obs_mode: str,
+        file: Any = None,
+        backend: str = "auto",
+        cameras: Sequence[str] | None = None,
+        size: int | None = None,
+    ):
+        self.sim, self.obs_mode, self.redrawn = sim, obs_mode, 0
+        chosen = dict(file.renderer) if file is not None else {}
+        self.backend, self.shadows = chosen.get("backend", backend), bool(chosen.get("shadows", False))
+        self._camera_file = dict(file.cameras) if file is not None else {}
+        self.cameras: tuple[Camera, ...] = ()
+        self._film: Renderer | None = None
+        self._guard: Renderer | None = None
+        self._renderers: list[Renderer] = []
+        if obs_mode not in IMAGE_MODES:
+            return
+        self.cameras = task_cameras(sim, self._camera_file, cameras, size)
+        self._renderers = [self._renderer(self.cameras) for _ in range(sim.nsim)]
+        self._pipelines = {
+            c.name: Pipeline([replace(sim.world, effects=(), ranges=())] * sim.nsim, c.name) for c in self.cameras
+        }
+        self._shots: list[dict[str, Shot] | None] = [None] * sim.nsim
+        self._varied = any(effect(r.effect).kind == "appearance" for r in sim.world.ranges)
+
+    def _renderer(self, cameras: Sequence[Camera], labels: bool = False) -> Renderer:
+        return Renderer(self.sim.scene, cameras, self.backend, labels=labels, shadows=self.shadows)  # type: ignore[arg-type]
 
     def begin(self, rows: np.ndarray) -> None:
-        """New episodes: new looks."""
+        """New episodes in these rows: new looks, and sensors that remember nothing."""
+        if not self.cameras:
+            return
+        for row in rows:
+            world = self.sim.drawn[row]
+            if self._varied:
+                self._guard = self._guard or self._renderer(self.cameras, labels=True)
+                world, refused = redraw(
+                    self.sim.world,
+                    self.sim.scene,
+                    self._guard,
+                    int(self.sim.seeds[row]),
+                    self.sim.levels,
+                    qpos=self.sim.cell.qpos[row],
+                )
+                self.redrawn += refused
+                self.sim.drawn[row] = world
+            dress(self._renderers[row], self.sim.scene, world)
+            self._shots[row] = None
+        for pipeline in self._pipelines.values():
+            pipeline.place(rows.tolist(), [self.sim.drawn[row] for row in rows])
+
+    def look(self, rows: Sequence[int] | np.ndarray) -> None:
+        """Draws these rows as they stand now."""
+        for row in rows if self.cameras else ():
+            self._shots[row] = self._renderers[row].render(self.sim.cell.qpos[row], self.sim.bodies(row))
 
     def see(self) -> dict[str, np.ndarray]:
-        """The images of every row, as `image_spaces` states."""
-        return {}
+        """The images of every row, as `image_spaces` states; rows are drawn anew by `look`."""
+        out: dict[str, np.ndarray] = {}
+        sim = self.sim
+        for i, c in enumerate(self.cameras):
+            shots = [shots[c.name] for shots in self._shots if shots is not None]
+            rng = [stream(int(s), "image", c.name, int(k)) for s, k in zip(sim.seeds, sim.count, strict=True)]
+            frame = self._pipelines[c.name].run(self._frame(i, c, shots), rng)
+            if frame.depth is not None:
+                out[f"depth_{c.name}"] = np.clip(np.nan_to_num(frame.depth), 0, FAR)[:, None].astype(np.float32)
+            if frame.rgb is not None:
+                image = np.round(255 * np.clip(frame.rgb, 0, 1)).astype(np.uint8)
+                out[f"rgb_{c.name}"] = np.ascontiguousarray(np.moveaxis(image, -1, 1))
+        return out
+
+    def _frame(self, i: int, camera: Camera, shots: Sequence[Shot]) -> Frame:
+        rgb = depth = None
+        truth = np.stack([s.depth for s in shots])
+        if self.obs_mode in ("rgb", "rgbd"):
+            rgb = np.stack([s.rgb for s in shots]).astype(np.float32) / 255
+        if self.obs_mode in ("depth", "rgbd"):
+            depth = truth
+        poses = np.stack([s.pose for s in shots])
+        return Frame(
+            rgb=rgb,
+            depth=depth,
+            K=np.repeat(camera.K[None], len(shots), axis=0),
+            truth=truth,
+            velocity=self._velocity(camera, poses),
+            time=self.sim.count * self.sim.config.policy_period,
+        )
+
+    def _velocity(self, camera: Camera, pose: np.ndarray) -> np.ndarray:
+        """(n, 6) velocity of the camera in its own axes; 0 for one that stands."""
+        if camera.parent == "base":
+            return np.zeros((len(pose), 6))
+        twist, flange = self.sim.twist, self.sim.cell.site_position("flange")
+        arm = pose[:, :3, 3] - flange
+        linear = twist[:, :3] + np.cross(twist[:, 3:], arm)
+        turn = np.swapaxes(pose[:, :3, :3], 1, 2)
+        return np.concatenate(
+            [np.einsum("nij,nj->ni", turn, linear), np.einsum("nij,nj->ni", turn, twist[:, 3:])], axis=1
+        )
 
     def picture(self, row: int) -> np.ndarray:
-        """An image of a row from outside, (H, W, 3) uint8."""
-        raise NotImplementedError
+        """A row from outside, (240, 320, 3) uint8, in its episode's look."""
+        if self._film is None:
+            side = standard_cameras(self.sim.scene.tip, self.sim.scene.config.fixture)[2]
+            width, height = FILM
+            film = resized(side, height).moved(name="film", width=width, cx=(width - 1) / 2)
+            self._film = self._renderer([film])
+        world = self.sim.drawn[row]
+        looks = [e for e in world.effects if effect(e.effect).kind == "appearance"]
+        dress(self._film, self.sim.scene, replace(world, effects=tuple(looks)))
+        return self._film.render(self.sim.cell.qpos[row], self.sim.bodies(row))["film"].rgb
 
     def close(self) -> None:
         """Frees the renderers."""
+        for r in (*self._renderers, self._film, self._guard):
+            if r is not None:
+                r.close()

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
@@ -22,6 +24,7 @@ from vispeg.task.reward import BONUS, reward
 
 DOWN = np.array([0.0, 1.0, 0.0, 0.0])  # flange z straight down, wxyz
 HOME = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])  # rad, from where inverse kinematics starts
+PHYSICS = ("joint", "drive", "body", "contact")  # kinds of effects that the cell feels; the others are only seen
 TARGET_KNOWN = ("state",)  # observation modes whose policy is told a believed target; the others get the nominal hole
 
 
@@ -42,9 +45,9 @@ class PegSimulation:
         self.levels: Mapping[str, float] | float = 1.0
         self.radius = config.start_radius
         h = config.control_period / config.substeps
-        names = {e.effect for e in world.effects} | {r.effect for r in world.ranges}
+        names = {e.effect for e in (*world.effects, *world.ranges) if effect(e.effect).kind in PHYSICS}
         self.drawn = [world.sample(0, self.scene)] * nsim
-        self.cell = Cell(self.scene, self.drawn, h, config.control_period, nthread, sorted(names))
+        self.cell = Cell(self.scene, [felt(w) for w in self.drawn], h, config.control_period, nthread, sorted(names))
         self.control = PoseControl(self.scene.nominal, nsim, config.stiffness, config.force_limit, HOME, nthread)
         self.move = np.array([d in config.dof for d in DOF])
         self.nominal_hole = np.array(self.scene.config.fixture)
@@ -92,7 +95,7 @@ class PegSimulation:
         if error[rows].max() > 1e-4:
             raise UserError("the start is out of the arm's reach", got=pos[rows[int(error[rows].argmax())]].round(3))
         weight = self.control.nominal.gravity(q).copy()
-        self.cell.begin(rows, worlds, q[rows], weight[rows])
+        self.cell.begin(rows, [felt(w) for w in worlds], q[rows], weight[rows])
         self.goal[rows], self.rot[rows] = pos[rows], DOWN
         self.action[rows], self.count[rows], self.wrench[rows], self.diverged[rows] = 0.0, 0, 0.0, False
         self._believe(rows)
@@ -231,6 +234,22 @@ class PegSimulation:
         return {"policy": np.clip(self.stack.flat(), -20, 20).astype(np.float32), "privileged": privileged}
 
     @property
+    def twist(self) -> np.ndarray:
+        """Measured velocity of the flange (nsim, 6), m/s and rad/s, base axes."""
+        return self.control.pose(*self.measured)[2]
+
+    def bodies(self, row: int) -> dict[str, np.ndarray]:
+        """Where this row's fixture and peg are placed in their parents, (7,) each, for whoever draws them."""
+        out = {}
+        for name in ("fixture", "peg"):
+            body = self.cell.model.body(name).id
+            pos, quat = self.cell.batch.expanded("body_pos"), self.cell.batch.expanded("body_quat")
+            pos = self.cell.model.body_pos[body] if pos is None else pos[row, body]
+            quat = self.cell.model.body_quat[body] if quat is None else quat[row, body]
+            out[name] = np.concatenate([pos, quat])
+        return out
+
+    @property
     def physics(self) -> np.ndarray:
         """Physics (nsim, 4) that a critic may know: friction and mass scale, latency, clearance; near 1."""
         p = {a.effect.name: a.p for a in self.cell.active}
@@ -242,6 +261,11 @@ class PegSimulation:
                 out[:, column] = p[name][key].mean(axis=1) / scale
         out[:, 3] = self.config.clearance_mm / 3.0
         return out
+
+
+def felt(world: World) -> World:
+    """The world without what is only seen."""
+    return replace(world, effects=tuple(e for e in world.effects if effect(e.effect).kind in PHYSICS))
 
 
 def turned(quat: np.ndarray, vector: np.ndarray) -> np.ndarray:

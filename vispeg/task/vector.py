@@ -56,6 +56,8 @@ class PegInHoleVec(VectorEnv):
             (the end's observation is in `infos["final_obs"]`).
         nthread: threads of the physics.
         backend: of the renderer, for image modes.
+        cameras: names of those to look through, in image modes; default: the world's, else both wrist cameras.
+        image_size: px of a camera's shorter side; default: as the cameras are.
         render_mode: None or `rgb_array`.
         **task: TaskConfig fields that replace the world's.
     """
@@ -69,6 +71,8 @@ class PegInHoleVec(VectorEnv):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         nthread: int = 1,
         backend: str = "auto",
+        cameras: Sequence[str] | None = None,
+        image_size: int | None = None,
         render_mode: str | None = None,
         **task: Any,
     ):
@@ -81,7 +85,7 @@ class PegInHoleVec(VectorEnv):
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": 6, "autoreset_mode": self.autoreset_mode}
         self.sim = PegSimulation(self.world, self.config, num_envs, obs_mode, nthread)
-        self.eyes = Eyes(self.sim, obs_mode, self.file, backend)
+        self.eyes = Eyes(self.sim, obs_mode, self.file, backend, cameras, image_size)
         self.single_observation_space, self.single_action_space = spaces(self.config, obs_mode, self.eyes.cameras)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -111,6 +115,7 @@ class PegInHoleVec(VectorEnv):
     def _begin(self, rows: np.ndarray) -> None:
         self.sim.reset(rows, [episode_seed(self._base[i], self._episode[i]) for i in rows])
         self.eyes.begin(rows)
+        self.eyes.look(rows)
         self._ended[rows] = False
 
     def step(self, actions: np.ndarray):
@@ -118,6 +123,7 @@ class PegInHoleVec(VectorEnv):
         actions = np.asarray(actions, dtype=float).reshape(self.num_envs, -1)
         waiting = np.flatnonzero(self._ended)
         rewards, terminated, truncated, records = self.sim.step(actions)
+        self.eyes.look(np.setdiff1d(np.arange(self.num_envs), waiting))
         infos: dict[str, Any] = {}
         if len(waiting) and self.autoreset_mode == AutoresetMode.NEXT_STEP:
             rewards[waiting], terminated[waiting], truncated[waiting] = 0.0, False, False
@@ -144,13 +150,13 @@ class PegInHoleVec(VectorEnv):
 
     # Knobs ----------------------------------------------------------------------------------------------------
     def set_level(self, level: float | dict[str, float], radius: float | None = None) -> None:
-        """How far the next episodes' draws may leave nominal (0 to 1, for all or by label), and the start's radius, m."""
+        """How far the next episodes' draws may leave nominal (0 to 1, for all or by label); the start's radius, m."""
         self.sim.levels = level
         if radius is not None:
             self.sim.radius = radius
 
     def push(self, rows: Sequence[int], force: Sequence[float], start: float, duration: float) -> None:
-        """Pushes the flange of these rows in their present episode with `force` (3,) N for `duration` s from `start` s."""
+        """Pushes these rows' flanges in their present episode: `force` (3,) N for `duration` s from `start` s on."""
         from vispeg.task.push import Push
 
         for i in rows:
