@@ -28,6 +28,7 @@ COMMANDS: dict[str, str] = {
     "record": "vispeg.cli.record",
     "camera": "vispeg.cli.camera",
     "report": "vispeg.cli.report",
+    "train": "vispeg.cli.train",
     "doctor": "vispeg.cli.doctor",
 }
 EXIT_USAGE, EXIT_INTERRUPT, EXIT_PIPE = 2, 130, 141

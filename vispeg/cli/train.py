@@ -1,0 +1,102 @@
+"""Trains a policy for the peg-in-hole task.
+
+TASK is peg-state, peg-proprio, peg-depth, peg-rgb or peg-rgbd. The run's folder holds config.yaml, progress.csv, tensorboard/ and
+checkpoints/best and checkpoints/last; either checkpoint is a policy that `vispeg play` and `vispeg evaluate` take.
+
+Example:
+    vispeg train peg-state --world nominal --seed 0
+    vispeg train peg-state --clearance 0.5 --curriculum 3 1 --target 0.98
+    vispeg train peg-depth --recipe distill+sac --teacher runs/peg-state/best
+    vispeg train --resume runs/peg-state/20261121-0900_s0 --steps 200000
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import tyro
+
+
+@dataclass(frozen=True)
+class Args:
+    """Arguments of `vispeg train`."""
+
+    task: tyro.conf.Positional[str | None] = None
+    """peg-state, peg-proprio, peg-depth, peg-rgb or peg-rgbd; not needed with --resume."""
+    recipe: Literal["sac", "distill", "distill+sac"] = "sac"
+    """Reinforcement learning, imitation of a teacher that knows the state, or the one after the other."""
+    world: str = "nominal"
+    """A built-in world's name or a world file."""
+    clearance: float | None = None
+    """Diametral clearance in mm; the world's where not given."""
+    curriculum: tuple[float, ...] = ()
+    """Wider clearances (mm) to begin with, widest first; the run moves on when an evaluation reaches 80 %."""
+    steps: int | None = None
+    """Environment steps in all; 100000 where not given. With --resume: up to where to go on."""
+    target: float = 0.995
+    """Stops early once this success rate was reached in two evaluations in a row; 2 never stops early."""
+    seed: int = 0
+    """Seed of networks, exploration and episodes."""
+    envs: int = 16
+    """Environments that are stepped together."""
+    threads: int = 1
+    """Threads of the physics."""
+    utd: float | None = None
+    """Critic updates per environment step."""
+    recurrent: int = 0
+    """Width of an LSTM in place of stacked observations; 0 for none."""
+    teacher: Path | None = None
+    """Policy folder of the teacher, for the distill recipes."""
+    every: int = 5000
+    """Environment steps between evaluations and checkpoints."""
+    episodes: int = 50
+    """Episodes of an evaluation."""
+    device: Literal["cpu", "cuda", "auto"] = "cpu"
+    """Where networks run."""
+    out: Path | None = None
+    """Folder of the run; runs/TASK/TIME_sSEED where not given."""
+    resume: Path | None = None
+    """Goes on with the run in this folder, from its last checkpoint, as if it had never stopped."""
+
+    def run(self) -> int:
+        """Trains and says where the policy is."""
+        from vispeg.core.errors import UserError
+        from vispeg.learn.config import TrainConfig
+        from vispeg.learn.curriculum import clearances
+        from vispeg.learn.modalities import modality, names
+        from vispeg.learn.settings import defaults
+        from vispeg.learn.train import resume, train
+
+        if self.resume is not None:
+            print(f"best policy: {resume(self.resume, self.steps)}")
+            return 0
+        if self.task is None or not self.task.startswith("peg-"):
+            raise UserError("no such task", got=self.task, choices=[f"peg-{name}" for name in names()])
+        seen = modality(self.task.removeprefix("peg-"))
+        sac = defaults(bool(seen.kinds))
+        sac = replace(sac, recurrent=self.recurrent, utd=sac.utd if self.utd is None else self.utd)
+        own = () if self.clearance is None else (self.clearance,)
+        config = TrainConfig(
+            self.task,
+            self.recipe,
+            self.world,
+            self.steps or 100_000,
+            self.seed,
+            self.envs,
+            self.every,
+            self.episodes,
+            self.target,
+            stages=clearances((*self.curriculum, *(own or ((3.0,) if self.curriculum else ())))),
+            settings={} if self.clearance is None else {"clearance_mm": self.clearance},
+            sac=sac,
+            teacher=None if self.teacher is None else str(self.teacher),
+            device=self.device,
+            threads=self.threads,
+        )
+        out = self.out or Path("runs") / self.task / f"{time.strftime('%Y%m%d-%H%M%S')}_s{self.seed}"
+        best = train(config, out)
+        print(f"best policy: {best}")
+        return 0

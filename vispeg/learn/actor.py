@@ -1,0 +1,85 @@
+"""The actor: image encoders and a perceptron or LSTM, ending in a squashed Gaussian over actions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from vispeg.learn.layout import VECTOR, Layout
+from vispeg.learn.modalities import Modality
+from vispeg.learn.nets import Scale, mlp, random_shift
+
+LOG_STD = (-10.0, 2.0)
+State = tuple[Tensor, Tensor]  # an LSTM's hidden and cell state, (1, n, width) each
+
+
+class Actor(nn.Module):
+    """pi(a | o): a = tanh(u), u ~ N(mean(o), std(o)), and an estimate of the peg's offset from the hole.
+
+    Args:
+        layout: shapes of the observation and action.
+        modality: says which encoder an image gets.
+        hidden: widths of the perceptron.
+        recurrent: width of an LSTM before the perceptron; 0 for none.
+    """
+
+    def __init__(self, layout: Layout, modality: Modality, hidden: Sequence[int] = (256, 256), recurrent: int = 0):
+        super().__init__()
+        self.layout, self.hidden, self.recurrent = layout, tuple(hidden), recurrent
+        self.scale = Scale(layout.vector)
+        self.encoders = nn.ModuleDict({key: modality.encoder(key, shape) for key, shape in layout.images.items()})
+        inputs = layout.vector + sum(int(encoder.features) for encoder in self.encoders.values())  # type: ignore[arg-type]
+        self.memory = nn.LSTM(inputs, recurrent) if recurrent else None
+        self.body = mlp(recurrent or inputs, hidden)
+        self.mean = nn.Linear(hidden[-1], layout.action)
+        self.log_std = nn.Linear(hidden[-1], layout.action)
+        self.offset = nn.Linear(hidden[-1], 3) if layout.images else None
+
+    def features(self, obs: Mapping[str, Tensor], shift: int = 0) -> Tensor:
+        """(n, inputs): scaled vector and image features. `shift` moves images at random, in pixels."""
+        parts = [self.scale(obs[VECTOR])]
+        parts += [encoder(random_shift(obs[key], shift)) for key, encoder in self.encoders.items()]
+        return torch.cat(parts, dim=-1) if len(parts) > 1 else parts[0]
+
+    def latent(self, features: Tensor, state: State | None = None) -> tuple[Tensor, State | None]:
+        """(n, inputs) -> (n, hidden) and the state after it; with an LSTM also (time, n, ...) sequences."""
+        if self.memory is None:
+            return self.body(features), None
+        steps = features if features.ndim == 3 else features[None]
+        out, state = self.memory(steps, state)
+        return self.body(out if features.ndim == 3 else out[0]), state
+
+    def act(
+        self, obs: Mapping[str, Tensor], state: State | None = None, deterministic: bool = True
+    ) -> tuple[Tensor, State | None]:
+        """(n, action) within +-1 and the state to hand in at the next step."""
+        latent, state = self.latent(self.features(obs), state)
+        mean = self.mean(latent)
+        if deterministic:
+            return torch.tanh(mean), state
+        std = self.log_std(latent).clamp(*LOG_STD).exp()
+        return torch.tanh(mean + std * torch.randn_like(mean)), state
+
+    def sample(self, latent: Tensor) -> tuple[Tensor, Tensor]:
+        """Actions (..., action) drawn with a gradient, and their log density (...).
+
+        log pi(a) = sum_i [log N(u_i) - log(1 - tanh(u_i)^2)], the last term as 2 (log 2 - u - softplus(-2 u)), which stays
+        finite (Haarnoja et al. 2018, arXiv:1812.05905, appendix C).
+        """
+        mean, log_std = self.mean(latent), self.log_std(latent).clamp(*LOG_STD)
+        noise = torch.randn_like(mean)
+        u = mean + log_std.exp() * noise
+        gauss = -0.5 * noise.square() - log_std - 0.5 * math.log(2 * math.pi)
+        squash = 2 * (math.log(2) - u - F.softplus(-2 * u))
+        return torch.tanh(u), (gauss - squash).sum(-1)
+
+    def initial(self, n: int) -> State | None:
+        """The state before the first step of n episodes."""
+        if not self.recurrent:
+            return None
+        zero = torch.zeros(1, n, self.recurrent, device=self.mean.weight.device)
+        return zero, zero.clone()

@@ -1,0 +1,125 @@
+"""What a training run was asked to do, as `config.yaml` in its folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from vispeg.core.errors import UserError
+from vispeg.learn.settings import SacSettings
+
+FORMAT = "vispeg-train/1"
+RECIPES = ("sac", "distill", "distill+sac")
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One step of a curriculum.
+
+    Attributes:
+        clearance_mm: diametral; None for the task's own.
+        radius: lateral range of starts, m; None for the task's own.
+        level: how far draws may leave nominal, 0 to 1.
+    """
+
+    clearance_mm: float | None = None
+    radius: float | None = None
+    level: float = 1.0
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """A run.
+
+    Attributes:
+        task: `peg-<modality>`.
+        recipe: `sac`, `distill` or `distill+sac`.
+        world: built-in name or path of a world file.
+        steps: environment steps in all.
+        seed: of everything random.
+        envs: environments stepped together.
+        every: environment steps between evaluations, which are also where a killed run can go on from.
+        episodes: of an evaluation, on seeds that training never draws.
+        target: success rate at which training may stop, reached twice in a row at the last stage; above 1 never.
+        pass_rate: success rate in an evaluation that moves the curriculum on.
+        stages: of the curriculum; the last one is what is trained for.
+        settings: TaskConfig fields that replace the world's.
+        sac: the algorithm's numbers.
+        teacher: policy folder of the teacher, for `distill`.
+        distill: DistillSettings fields that replace the defaults.
+        device: `cpu`, `cuda` or `auto`.
+        threads: of the physics.
+    """
+
+    task: str
+    recipe: str = "sac"
+    world: str = "nominal"
+    steps: int = 100_000
+    seed: int = 0
+    envs: int = 16
+    every: int = 5_000
+    episodes: int = 50
+    target: float = 2.0
+    pass_rate: float = 0.8
+    stages: tuple[Stage, ...] = (Stage(),)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    sac: SacSettings = SacSettings()
+    teacher: str | None = None
+    distill: Mapping[str, Any] = field(default_factory=dict)
+    device: str = "cpu"
+    threads: int = 1
+
+    def __post_init__(self) -> None:
+        for key in ("steps", "envs", "every", "episodes", "threads"):
+            if getattr(self, key) < 1:
+                raise UserError("must be at least 1", key=key, got=getattr(self, key))
+        if self.recipe not in RECIPES:
+            raise UserError("no such recipe", key="recipe", got=self.recipe, choices=RECIPES)
+        if not self.task.startswith("peg-"):
+            raise UserError("no such task", key="task", got=self.task, expected="peg-<modality>")
+        if not self.stages:
+            raise UserError("a curriculum needs a stage", key="stages")
+
+    @property
+    def modality(self) -> str:
+        """What the policy sees."""
+        return self.task.removeprefix("peg-")
+
+    def write(self, path: Path) -> None:
+        """Writes YAML."""
+        data = {"format": FORMAT, **asdict(self)}
+        data["settings"] = {k: list(v) if isinstance(v, tuple) else v for k, v in self.settings.items()}
+        data["stages"] = [asdict(stage) for stage in self.stages]
+        data["sac"]["hidden"] = list(self.sac.hidden)
+        path.write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
+
+
+def read_config(path: Path) -> TrainConfig:
+    """Reads what `TrainConfig.write` wrote.
+
+    Raises:
+        UserError: no such file, not YAML, an unknown key, or a value that a run cannot have.
+    """
+    try:
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UserError("not a training run's folder", file=path, expected="config.yaml in it") from error
+    except yaml.YAMLError as error:
+        raise UserError("not YAML", file=path) from error
+    if not isinstance(data, dict) or data.pop("format", None) != FORMAT:
+        raise UserError("not a training run's configuration", file=path, expected=FORMAT)
+    known = [f.name for f in fields(TrainConfig)]
+    for key in data:
+        if key not in known:
+            raise UserError("unknown key", file=path, got=key, choices=known)
+    try:
+        sac = data.pop("sac", {})
+        sac["hidden"] = tuple(sac.get("hidden", (256, 256)))
+        stages = tuple(Stage(**stage) for stage in data.pop("stages", [{}]))
+        return TrainConfig(**data, sac=SacSettings(**sac), stages=stages)
+    except TypeError as error:
+        raise UserError(str(error), file=path) from error

@@ -1,0 +1,42 @@
+"""The environments that a run learns in and is judged in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from gymnasium.vector import AutoresetMode, VectorEnv
+
+from vispeg.learn.modalities import Modality
+from vispeg.learn.settings import SacSettings
+
+MakeEnv = Callable[[int, Mapping[str, Any]], VectorEnv]  # (rows, task settings) -> environment that resets when told
+HELD_OUT = 2**31  # seeds from here on are never drawn by training, whose seeds are below it
+
+
+def peg_maker(modality: Modality, world: str, sac: SacSettings, threads: int) -> MakeEnv:
+    """Makes peg-in-hole environments of a modality in a world; a policy with a memory is given no stack of observations."""
+
+    def make(rows: int, settings: Mapping[str, Any]) -> VectorEnv:
+        from vispeg.task.vector import PegInHoleVec
+
+        own = {"stack": 1, **settings} if sac.recurrent else dict(settings)
+        mode = AutoresetMode.DISABLED
+        return PegInHoleVec(rows, world, modality.obs_mode, autoreset_mode=mode, nthread=threads, **own)
+
+    return make
+
+
+def describe(env: VectorEnv) -> dict[str, Any]:
+    """What a policy's record says of the world and task it was trained in; empty for other environments."""
+    config = getattr(env, "config", None)
+    if config is None:
+        return {}
+    from dataclasses import asdict
+
+    from vispeg.task.world_file import world_hash
+
+    file = getattr(env, "file", None)
+    if file is not None:
+        return {"world": file.name, "world_hash": file.hash, "task": asdict(config)}
+    return {"world": env.world.label, "world_hash": world_hash(env.world, config), "task": asdict(config)}  # type: ignore[attr-defined]

@@ -1,0 +1,88 @@
+"""Episodes of a policy on given seeds, as many at a time as the environment has rows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from gymnasium.vector import VectorEnv
+
+from vispeg.learn.sb3_env import row_info
+
+
+class Acts(Protocol):
+    """What can be evaluated: something with a memory of n rows that may be cleared row by row."""
+
+    def reset(self, n: int, rows: np.ndarray | None = None) -> None:
+        """Forgets the episodes so far, of `rows` (bool mask) or of all."""
+        ...
+
+    def act(self, obs: dict[str, np.ndarray]) -> np.ndarray:
+        """Observation arrays (n, ...) -> actions (n, action) float32 within +-1."""
+        ...
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How one episode ended; `info` holds the environment's record of it."""
+
+    seed: int
+    success: bool
+    category: str
+    reward: float
+    steps: int
+    info: dict[str, Any]
+
+
+def run_episodes(
+    policy: Acts, env: VectorEnv, seeds: Sequence[int], watch: Callable[[Outcome], None] | None = None
+) -> list[Outcome]:
+    """One episode for every seed, in the order of `seeds`.
+
+    A row that ends begins the next seed; every episode is waited for, so that short ones are not over-represented.
+
+    Args:
+        policy: acts on all rows at once.
+        env: takes `reset(seed=[...], options={"reset_mask": ...})`; its own way of resetting must be `DISABLED`.
+        seeds: of the episodes.
+        watch: called with each outcome as it comes.
+    """
+    n, todo = env.num_envs, list(enumerate(seeds))
+    number = np.full(n, -1)  # which episode each row plays, -1 for none
+    out: list[Outcome | None] = [None] * len(todo)
+    given: list[int] = [0] * n
+    for row in range(n):
+        number[row], given[row] = todo.pop(0) if todo else (-1, int(seeds[0]))
+    obs, _ = env.reset(seed=given)
+    policy.reset(n)
+    total, steps = np.zeros(n), np.zeros(n, int)
+    while (number >= 0).any():
+        obs, reward, terminated, truncated, info = env.step(policy.act(obs))
+        ended = terminated | truncated
+        total, steps = total + reward, steps + 1
+        for row in np.flatnonzero(ended):
+            if number[row] >= 0:
+                told = row_info(info, row)
+                out[number[row]] = Outcome(
+                    int(given[row]),
+                    bool(told.get("success", False)),
+                    str(told.get("category", "timeout")),
+                    float(total[row]),
+                    int(steps[row]),
+                    told,
+                )
+                if watch is not None:
+                    watch(out[number[row]])  # type: ignore[arg-type]
+            number[row], given[row] = todo.pop(0) if todo else (-1, given[row])
+            total[row], steps[row] = 0.0, 0
+        if ended.any() and (number >= 0).any():
+            obs, _ = env.reset(seed=given, options={"reset_mask": ended})
+            policy.reset(n, ended)
+    return [outcome for outcome in out if outcome is not None]
+
+
+def success_rate(outcomes: Sequence[Outcome]) -> float:
+    """Share of successes, 0 to 1."""
+    return float(np.mean([outcome.success for outcome in outcomes])) if outcomes else 0.0

@@ -1,0 +1,95 @@
+"""What a policy sees and does: names, shapes and units of its observation, checked before anything is learnt or loaded."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from vispeg.core.errors import UserError
+
+VECTOR, PRIVILEGED = "policy", "privileged"  # keys of the observation: what the actor may see, and what critics may
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The shapes of a policy's observation and action.
+
+    Attributes:
+        vector: length of the observation's `policy` part.
+        images: shape (C, H, W) of every image the policy sees, by key: `depth_<camera>` in metres, `rgb_<camera>` in 0-255.
+        action: length of the action.
+    """
+
+    vector: int
+    images: Mapping[str, tuple[int, int, int]]
+    action: int = 3
+
+    @classmethod
+    def of(cls, observation_space: Any, action_space: Any, kinds: tuple[str, ...]) -> Layout:
+        """The layout of an environment's spaces for one environment, of which images of these kinds are seen.
+
+        Args:
+            observation_space: gymnasium Dict with `policy` and perhaps images.
+            action_space: gymnasium Box.
+            kinds: any of `depth`, `rgb`.
+
+        Raises:
+            UserError: no `policy` key, or no image of a kind.
+        """
+        spaces = getattr(observation_space, "spaces", {})
+        if VECTOR not in spaces:
+            raise UserError("the environment's observation lacks a part", expected=VECTOR, got=sorted(spaces))
+        images = {}
+        for kind in kinds:
+            found = {key: tuple(space.shape) for key, space in spaces.items() if key.startswith(f"{kind}_")}
+            if not found:
+                raise UserError("the environment gives no such images", expected=f"{kind}_<camera>", got=sorted(spaces))
+            images |= found
+        return cls(spaces[VECTOR].shape[0], images, action_space.shape[-1])
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Keys of the observation that the policy reads, in order."""
+        return (VECTOR, *self.images)
+
+    def check(self, obs: Mapping[str, Any]) -> None:
+        """Refuses an observation of another layout. `obs` holds arrays with one leading axis.
+
+        Raises:
+            UserError: a key is missing or has another shape.
+        """
+        for key, shape in self.shapes.items():
+            if key not in obs:
+                raise UserError("the observation lacks a part that the policy needs", key=key, got=sorted(obs))
+            if tuple(obs[key].shape[1:]) != shape:
+                raise UserError("made for another observation", key=key, expected=shape, got=tuple(obs[key].shape[1:]))
+
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Shape of every part, without the leading axis."""
+        return {VECTOR: (self.vector,), **{key: tuple(shape) for key, shape in self.images.items()}}
+
+    def to_json(self) -> dict[str, Any]:
+        """Ready for JSON; `from_json` reads it."""
+        return {
+            "vector": self.vector,
+            "images": {key: list(shape) for key, shape in self.images.items()},
+            "action": self.action,
+        }
+
+    @classmethod
+    def from_json(cls, found: Mapping[str, Any]) -> Layout:
+        """The inverse of `to_json`. Raises UserError where an entry is missing or no shape."""
+        try:
+            images = {str(key): _chw(shape) for key, shape in found["images"].items()}
+            return cls(int(found["vector"]), images, int(found["action"]))
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise UserError(
+                "not a policy's layout", key="layout", expected="vector, images, action", got=found
+            ) from error
+
+
+def _chw(shape: Any) -> tuple[int, int, int]:
+    channels, height, width = (int(size) for size in shape)
+    return channels, height, width

@@ -1,0 +1,65 @@
+"""What a policy may see. One file a modality; a new file here is all it takes to add one."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from torch import nn
+
+from vispeg.core.errors import UserError
+
+_REGISTRY: dict[str, Modality] = {}
+
+
+@dataclass(frozen=True)
+class Modality:
+    """One way of seeing the task.
+
+    Attributes:
+        name: as in `vispeg train peg-<name>`.
+        obs_mode: what the environment is asked to observe.
+        kinds: prefixes of the image keys that are read: `depth`, `rgb`.
+        encoder: (key, (C, H, W)) -> a module from raw images (n, C, H, W) to (n, features) with an attribute `features`.
+        summary: one line for people.
+    """
+
+    name: str
+    obs_mode: str
+    kinds: tuple[str, ...]
+    encoder: Callable[[str, tuple[int, int, int]], nn.Module]
+    summary: str
+
+
+def enrol(modality: Modality) -> Modality:
+    """Makes a modality known by its name. Raises UserError where another has it."""
+    if modality.name in _REGISTRY:
+        raise UserError("two modalities share a name", got=modality.name)
+    _REGISTRY[modality.name] = modality
+    return modality
+
+
+def names() -> tuple[str, ...]:
+    """All modalities."""
+    _load()
+    return tuple(sorted(_REGISTRY))
+
+
+def modality(name: str) -> Modality:
+    """The modality of that name. Raises UserError that lists the choices."""
+    _load()
+    if name not in _REGISTRY:
+        raise UserError("no such modality", got=name, choices=names())
+    return _REGISTRY[name]
+
+
+def _load() -> None:
+    for found in pkgutil.iter_modules(__path__):
+        importlib.import_module(f"{__name__}.{found.name}")
+
+
+def blind(key: str, shape: tuple[int, int, int]) -> nn.Module:
+    """The encoder of a modality without images."""
+    raise UserError("this modality sees no images", key=key, got=shape)

@@ -1,0 +1,133 @@
+"""Policies as everything else knows them: a folder with `policy.safetensors` and `policy.json`, no pickle."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load as load_tensors
+from safetensors.torch import save as save_tensors
+
+from vispeg.core.errors import UserError
+from vispeg.core.files import write_bytes_atomic, write_text_atomic
+from vispeg.learn.actor import Actor, State
+from vispeg.learn.layout import Layout
+from vispeg.learn.modalities import modality as modality_of
+
+FORMAT = "vispeg-policy/1"
+WEIGHTS, META = "policy.safetensors", "policy.json"
+
+
+class Policy(Protocol):
+    """What can be played and evaluated.
+
+    Attributes:
+        modality: what it sees: `state`, `proprio`, `depth`, `rgb`, `rgbd`, or one of a user's own.
+        meta: where it comes from; see `save`.
+    """
+
+    modality: str
+    meta: Mapping[str, Any]
+
+    def reset(self, n: int, rows: np.ndarray | None = None) -> None:
+        """Forgets the past of n episodes: of all, or of the rows (n,) bool that begin anew."""
+        ...
+
+    def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Observation arrays (n, ...) -> actions (n, action) float32 within +-1."""
+        ...
+
+
+class NetPolicy:
+    """A trained actor that acts without exploring.
+
+    Attributes:
+        actor: the network.
+        estimate: (n, 3) m, where the last `act` thought the peg's tip to be in the hole's frame; None for actors that do not say.
+    """
+
+    def __init__(self, actor: Actor, modality: str, meta: Mapping[str, Any] | None = None):
+        self.actor, self.modality, self.meta = actor, modality, dict(meta or {})
+        self.estimate: np.ndarray | None = None
+        self._state: State | None = None
+
+    def reset(self, n: int, rows: np.ndarray | None = None) -> None:
+        """See Policy."""
+        if self._state is None or rows is None:
+            self._state = self.actor.initial(n)
+        else:
+            going = torch.from_numpy(~rows).to(self._state[0].device)[None, :, None]
+            self._state = (self._state[0] * going, self._state[1] * going)
+
+    def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
+        """See Policy. Raises UserError for an observation of another layout."""
+        self.actor.layout.check(obs)
+        device = self.actor.mean.weight.device
+        parts = {key: torch.as_tensor(np.ascontiguousarray(obs[key]), device=device) for key in self.actor.layout.keys}
+        with torch.inference_mode():
+            latent, self._state = self.actor.latent(self.actor.features(parts), self._state)
+            if self.actor.offset is not None:
+                self.estimate = OFFSET_M * self.actor.offset(latent).cpu().numpy()
+            return torch.tanh(self.actor.mean(latent)).cpu().numpy().astype(np.float32)
+
+
+OFFSET_M = 0.03  # a unit of the offset that actors estimate: `privileged[:3]` is the tip in the hole's frame over this
+
+
+def save(folder: str | Path, actor: Actor, modality: str, meta: Mapping[str, Any]) -> None:
+    """Writes policy.safetensors and policy.json, over what an earlier `save` left there.
+
+    Args:
+        folder: made if need be.
+        meta: JSON; by convention `command`, `seed`, `world`, `world_hash`, `task`, `steps`, `success`, `versions`.
+    """
+    weights = {name: value.detach().cpu().contiguous() for name, value in actor.state_dict().items()}
+    net = {"hidden": list(actor.hidden), "recurrent": actor.recurrent}
+    record = {"format": FORMAT, "modality": modality, "layout": actor.layout.to_json(), "net": net, "meta": dict(meta)}
+    write_bytes_atomic(Path(folder) / WEIGHTS, save_tensors(weights), overwrite=True)
+    write_text_atomic(Path(folder) / META, json.dumps(record, indent=2, allow_nan=False) + "\n", overwrite=True)
+
+
+def load(folder: str | Path, device: str = "cpu") -> NetPolicy:
+    """Reads a policy's folder; nothing in it is executed.
+
+    Raises:
+        UserError: no such folder, a file is missing or damaged, weights that do not fit what the JSON says, or a modality that this
+            installation does not have.
+    """
+    path = Path(folder)
+    record = _record(path / META)
+    modality = modality_of(str(record.get("modality")))
+    net = record.get("net") or {}
+    actor = Actor(
+        Layout.from_json(record.get("layout") or {}),
+        modality,
+        tuple(int(width) for width in net.get("hidden") or (256, 256)),
+        int(net.get("recurrent") or 0),
+    )
+    try:
+        actor.load_state_dict(load_tensors((path / WEIGHTS).read_bytes()))
+    except OSError as error:
+        raise UserError("cannot be read", file=path / WEIGHTS, got=error.strerror) from error
+    except (SafetensorError, RuntimeError) as error:
+        reason = str(error).splitlines()[0]
+        raise UserError(f"not the weights of the policy beside it: {reason}", file=path / WEIGHTS) from error
+    return NetPolicy(actor.to(device).eval().requires_grad_(False), modality.name, record.get("meta") or {})
+
+
+def _record(path: Path) -> dict[str, Any]:
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UserError("not a policy's folder", file=path, expected=f"{WEIGHTS} and {META}") from error
+    except ValueError as error:
+        raise UserError("not JSON", file=path) from error
+    if not isinstance(record, dict) or record.get("format") != FORMAT:
+        got = record.get("format") if isinstance(record, dict) else record
+        raise UserError("not a policy", file=path, expected=FORMAT, got=got)
+    return record

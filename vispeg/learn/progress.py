@@ -1,0 +1,137 @@
+"""What a run tells while it goes: progress.csv, TensorBoard, and a bar or lines on the terminal."""
+
+from __future__ import annotations
+
+import csv
+import sys
+import time
+from collections import Counter, deque
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import Logger
+
+from vispeg.core.files import write_text_atomic
+
+COLUMNS = (
+    "steps",
+    "seconds",
+    "updates",
+    "stage",
+    "success",
+    "reward",
+    "peak_force",
+    "episode_steps",
+    "train_success",
+    "failures",
+    "critic_loss",
+    "actor_loss",
+    "entropy",
+    "temperature",
+)
+
+
+class Table:
+    """progress.csv: a row an evaluation. Rows past the step from which a run goes on are dropped."""
+
+    def __init__(self, path: Path, upto: int):
+        self.path, self.rows = path, []
+        self.rows: list[dict[str, Any]]
+        if path.is_file():
+            with path.open(newline="", encoding="utf-8") as stream:
+                self.rows = [row for row in csv.DictReader(stream) if int(row["steps"]) <= upto]
+
+    @property
+    def seconds(self) -> float:
+        """Wall clock of the rows so far."""
+        return float(self.rows[-1]["seconds"]) if self.rows else 0.0
+
+    def add(self, row: Mapping[str, Any]) -> None:
+        """Adds a row and writes the whole file anew."""
+        self.rows.append({name: _cell(row.get(name)) for name in COLUMNS})
+        lines = [",".join(COLUMNS), *(",".join(str(row[name]) for name in COLUMNS) for row in self.rows)]
+        write_text_atomic(self.path, "\n".join(lines) + "\n", overwrite=True)
+
+
+class Watch(BaseCallback):
+    """Follows the training episodes: their success rate, categories and how fast it goes."""
+
+    def __init__(self, bar: Bar):
+        super().__init__()
+        self.bar, self.recent = bar, deque(maxlen=100)
+        self.recent: deque[tuple[bool, str]]
+
+    def _on_step(self) -> bool:
+        for row in np.flatnonzero(self.locals["dones"]):
+            info = self.locals["infos"][row]
+            self.recent.append((bool(info.get("success", False)), str(info.get("category", "timeout"))))
+        self.bar.at(self.num_timesteps, self.success)
+        return True
+
+    @property
+    def success(self) -> float:
+        """Share of successes among the last 100 training episodes."""
+        return float(np.mean([success for success, _ in self.recent])) if self.recent else 0.0
+
+
+class Bar:
+    """A progress bar on a terminal; a line an evaluation elsewhere."""
+
+    def __init__(self, total: int, show: bool):
+        self.total, self.show, self.live, self.shown = total, show, None, 0.0
+        if show and sys.stderr.isatty():
+            from rich.console import Console
+            from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+            columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+            self.live = Progress(*columns, console=Console(stderr=True))
+            self.job = self.live.add_task("training", total=total)
+
+    def __enter__(self) -> Bar:
+        if self.live is not None:
+            self.live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.live is not None:
+            self.live.stop()
+
+    def at(self, steps: int, success: float) -> None:
+        """Where the run is."""
+        if self.live is not None and time.monotonic() - self.shown > 0.2:
+            self.shown = time.monotonic()
+            self.live.update(
+                self.job, completed=min(steps, self.total), description=f"training, success {success:4.0%}"
+            )
+
+    def say(self, line: str) -> None:
+        """A line that stays."""
+        if self.live is not None:
+            self.live.console.print(line, highlight=False)
+        elif self.show:
+            print(line, file=sys.stderr, flush=True)
+
+
+def tensorboard(folder: Path) -> Logger:
+    """A logger into TensorBoard files, or into nothing where TensorBoard is not installed."""
+    try:
+        from stable_baselines3.common.logger import TensorBoardOutputFormat
+
+        return Logger(str(folder), [TensorBoardOutputFormat(str(folder))])
+    except (ImportError, AssertionError):
+        return Logger(str(folder), [])
+
+
+def failures(categories: list[str]) -> str:
+    """`jam 3 search 1`, most frequent first; successes left out."""
+    counted = Counter(category for category in categories if category != "success")
+    return " ".join(f"{name} {number}" for name, number in counted.most_common())
+
+
+def _cell(value: Any) -> Any:
+    if value is None:
+        return ""
+    return f"{value:.5g}" if isinstance(value, float) else value

@@ -1,0 +1,236 @@
+"""Replay of dictionaries of observations, in which every frame stands once.
+
+Each of N environments owns a ring of T entries (observation, action, reward). The observation after entry i is entry i + 1, so
+a frame is not stored again as its predecessor's successor; an episode's last observation gets an entry of its own, from which
+no transition starts. Entries of one episode lie in order, so that sequences for recurrent policies are slices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from vispeg.core.errors import UserError
+from vispeg.core.seeds import stream
+
+DEPTH_STEP_M = 5e-5  # a unit of stored depth: 0.05 mm, up to 3.27 m in 16 bits
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Transitions. Arrays have leading axes (n,), or (time, n) for sequences.
+
+    Attributes:
+        obs, next_obs: by key.
+        action: (..., action) within +-1.
+        reward: (...).
+        done: (...), 1 where the episode ended for good, 0 where it went on or was cut by its time limit.
+        weight: (...), 1 where there is a transition; 0 past an episode's end in a sequence.
+    """
+
+    obs: dict[str, Tensor]
+    next_obs: dict[str, Tensor]
+    action: Tensor
+    reward: Tensor
+    done: Tensor
+    weight: Tensor
+
+
+class Replay:
+    """A ring of transitions with the constructor and `add` that Stable-Baselines3 expects of a replay buffer.
+
+    Args:
+        buffer_size: entries over all environments.
+        observation_space: gymnasium Dict: vectors, `depth_*` (float32 metres, kept in steps of 0.05 mm), `rgb_*` (uint8).
+        action_space: gymnasium Box.
+        device: where batches go.
+        n_envs: environments.
+        optimize_memory_usage: of no effect; memory is always used once.
+        seed: of the draws.
+    """
+
+    def __init__(
+        self,
+        buffer_size: int,
+        observation_space: Any,
+        action_space: Any,
+        device: torch.device | str = "cpu",
+        n_envs: int = 1,
+        optimize_memory_usage: bool = False,
+        seed: int = 0,
+    ):
+        self.length, self.n_envs, self.device = max(buffer_size // n_envs, 2), n_envs, torch.device(device)
+        self.observation_space, self.rng = observation_space, stream(seed, "replay")
+        rows = (self.length, n_envs)
+        self.obs = {
+            key: np.zeros((*rows, *space.shape), _stored(key, space.dtype))
+            for key, space in observation_space.spaces.items()
+        }
+        self.action = np.zeros((*rows, *action_space.shape), np.float32)
+        self.reward = np.zeros(rows, np.float32)
+        self.done = np.zeros(rows, np.float32)
+        self.starts = np.zeros(rows, bool)  # whether a transition starts here whose end is stored too
+        self.head = np.zeros(n_envs, np.int64)  # where the next entry goes
+        self.open = np.full(n_envs, -1, np.int64)  # the entry that waits for its successor, -1 for none
+        self.full, self.refused = False, 0
+
+    def add(
+        self,
+        obs: Mapping[str, np.ndarray],
+        next_obs: Mapping[str, np.ndarray],
+        action: np.ndarray,
+        reward: np.ndarray,
+        done: np.ndarray,
+        infos: Sequence[Mapping[str, Any]],
+    ) -> None:
+        """One step of every environment. `next_obs` holds the terminal observation where `done`.
+
+        A transition with anything in it that is not finite is refused, and counted in `refused`; so is one into a
+        simulation that `diverged`, whatever its numbers look like.
+        """
+        fine = np.isfinite(action).all(-1) & np.isfinite(reward)
+        fine &= np.array([info.get("category") != "diverged" for info in infos])
+        fine &= _finite(obs, self.n_envs) & _finite(next_obs, self.n_envs)
+        self.refused += int((~fine).sum())
+        envs = np.arange(self.n_envs)
+        here = self._write(obs, envs)
+        went_on = self.open >= 0
+        self.starts[self.open[went_on], envs[went_on]] = True
+        self.action[here, envs], self.reward[here, envs] = np.nan_to_num(action), np.nan_to_num(reward)
+        cut = np.array([bool(info.get("TimeLimit.truncated", False)) for info in infos])
+        self.done[here, envs] = done & ~cut
+        self.open = np.where(fine & ~done, here, -1)
+        if done.any():
+            over = np.flatnonzero(done)
+            self._write({key: value[over] for key, value in next_obs.items()}, over)
+            self.starts[here[over], over] = fine[over]
+
+    def cut(self) -> None:
+        """Ends the episodes in progress without their last transition: what follows is another episode."""
+        self.open[:] = -1
+
+    def _write(self, obs: Mapping[str, np.ndarray], envs: np.ndarray) -> np.ndarray:
+        at = self.head[envs]
+        for key, kept in self.obs.items():
+            kept[at, envs] = _pack(key, obs[key])
+        self.starts[at, envs] = False
+        self.head[envs] = (at + 1) % self.length
+        self.full |= bool((self.head[envs] == 0).any())
+        return at
+
+    @property
+    def _used(self) -> int:
+        """Rows that have ever been written; the ring has gone round where `full`."""
+        return self.length if self.full else int(self.head.max())
+
+    def __len__(self) -> int:
+        """Number of transitions that can be drawn."""
+        return int(self.starts.sum())
+
+    def sample(self, n: int, rng: np.random.Generator | None = None) -> Batch:
+        """N transitions drawn uniformly with replacement, by the ring's own generator unless one is given.
+
+        Raises:
+            UserError: there is none yet.
+        """
+        at, env = self._draw(n, self.starts, rng or self.rng)
+        return self._batch(at, env)
+
+    def sequences(self, n: int, steps: int, rng: np.random.Generator | None = None) -> Batch:
+        """N sequences (steps, n, ...) that begin at random transitions; what follows an episode's end has weight 0."""
+        at, env = self._draw(n, self.starts, rng or self.rng)
+        at = (at + np.arange(steps)[:, None]) % self.length  # (steps, n)
+        weight = np.logical_and.accumulate(self.starts[at, env], axis=0)
+        return self._batch(at, np.broadcast_to(env, at.shape), weight)
+
+    def _draw(self, n: int, allowed: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        if not allowed.any():
+            raise UserError("nothing to learn from: the replay holds no transition")
+        found = np.empty(0, np.int64)
+        while len(found) < n:  # nearly all entries are allowed once the ring is full, so this draws twice at most
+            drawn = rng.integers(0, self._used * self.n_envs, 2 * n)
+            found = np.concatenate([found, drawn[allowed.reshape(-1)[drawn]]])
+        return np.divmod(found[:n], self.n_envs)
+
+    def _batch(self, at: np.ndarray, env: np.ndarray, weight: np.ndarray | None = None) -> Batch:
+        after = (at + 1) % self.length
+        ones = np.ones(at.shape, np.float32) if weight is None else weight.astype(np.float32)
+        return Batch(
+            {key: self._tensor(key, kept[at, env]) for key, kept in self.obs.items()},
+            {key: self._tensor(key, kept[after, env]) for key, kept in self.obs.items()},
+            *(
+                torch.from_numpy(a).to(self.device)
+                for a in (self.action[at, env], self.reward[at, env], self.done[at, env], ones)
+            ),
+        )
+
+    def _tensor(self, key: str, packed: np.ndarray) -> Tensor:
+        if packed.dtype == np.uint16:
+            packed = packed.astype(np.float32) * np.float32(DEPTH_STEP_M)
+        return torch.from_numpy(packed).to(self.device)
+
+    def save(self, folder: Path) -> None:
+        """Writes the ring as one .npy an array, so that no more than the file's own size is in memory."""
+        for name, array in self._arrays().items():
+            np.save(folder / f"{name}.npy", array[: self._used] if array.ndim > 1 else array)
+
+    def load(self, folder: Path) -> None:
+        """Reads what `save` wrote into a ring of the same shapes.
+
+        Raises:
+            UserError: a file is missing, or is from a ring of other shapes.
+        """
+        for name, array in self._arrays().items():
+            path = folder / f"{name}.npy"
+            try:
+                found = np.load(path, mmap_mode="r", allow_pickle=False)
+            except (OSError, ValueError) as error:
+                raise UserError("not a stored replay", file=path) from error
+            if found.shape[1:] != array.shape[1:] or len(found) > len(array) or found.dtype != array.dtype:
+                raise UserError("from a replay of another shape", file=path, expected=array.shape, got=found.shape)
+            array[: len(found)] = found
+        self.full = len(np.load(folder / "reward.npy", mmap_mode="r", allow_pickle=False)) == self.length
+
+    def _arrays(self) -> dict[str, np.ndarray]:
+        own = {name: getattr(self, name) for name in ("action", "reward", "done", "starts", "head", "open")}
+        return own | {f"obs.{key}": kept for key, kept in self.obs.items()}
+
+
+def mixed(first: Batch, second: Batch) -> Batch:
+    """Both batches' transitions, first ones first."""
+    axis = first.reward.ndim - 1  # of transitions; before it may stand an axis of time
+
+    def join(a: Tensor, b: Tensor) -> Tensor:
+        return torch.cat([a, b], dim=axis)
+
+    return Batch(
+        {key: join(value, second.obs[key]) for key, value in first.obs.items()},
+        {key: join(value, second.next_obs[key]) for key, value in first.next_obs.items()},
+        *(join(getattr(first, name), getattr(second, name)) for name in ("action", "reward", "done", "weight")),
+    )
+
+
+def _stored(key: str, dtype: Any) -> Any:
+    return np.uint16 if key.startswith("depth") else dtype
+
+
+def _pack(key: str, value: np.ndarray) -> np.ndarray:
+    if key.startswith("depth"):
+        steps = np.rint(np.nan_to_num(value, nan=0.0, posinf=0.0, neginf=0.0) / DEPTH_STEP_M)
+        return np.clip(steps, 0, 65535).astype(np.uint16)
+    return np.nan_to_num(value) if value.dtype.kind == "f" else value
+
+
+def _finite(obs: Mapping[str, np.ndarray], n: int) -> np.ndarray:
+    """(n,) whether all vectors are finite; a depth image's NaN only means that there is no reading."""
+    fine = np.ones(n, bool)
+    for key, value in obs.items():
+        if value.dtype.kind == "f" and not key.startswith("depth"):
+            fine &= np.isfinite(value.reshape(n, -1)).all(1)
+    return fine

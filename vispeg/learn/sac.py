@@ -1,0 +1,263 @@
+"""Soft actor-critic on Stable-Baselines3's loop, with an actor that sees and critics that know.
+
+The critics read ground truth (`privileged`) and the actor's vector (`policy`), never pixels, so that a critic's update costs
+the same for every modality (asymmetric actor-critic, Pinto et al. 2017, arXiv:1710.06542).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3 import SAC
+from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.sac.policies import SACPolicy
+from torch import Tensor, nn
+
+from vispeg.learn.actor import Actor, State
+from vispeg.learn.critic import Critic
+from vispeg.learn.layout import PRIVILEGED, VECTOR, Layout
+from vispeg.learn.modalities import Modality
+from vispeg.learn.nets import huber, soft_update
+from vispeg.learn.replay import Batch, Replay, mixed
+from vispeg.learn.settings import SacSettings
+
+MEASURED_ON = 4096  # transitions that set the input scales
+
+
+class AsymmetricPolicy(SACPolicy):
+    """Our actor, critics and target critics where Stable-Baselines3 expects its own."""
+
+    def __init__(
+        self, observation_space: Any, action_space: Any, lr_schedule: Any, *, given: Callable[[], Actor], **_: Any
+    ):
+        self._given = given  # a function, because a module cannot be kept before the base class is ready
+        super().__init__(observation_space, action_space, lr_schedule)
+
+    def _build(self, lr_schedule: Any) -> None:
+        lr, device = float(lr_schedule(1)), self.device
+        sizes = {
+            key: int(np.prod(self.observation_space.spaces[key].shape))  # type: ignore[attr-defined]
+            for key in (PRIVILEGED, VECTOR)
+            if key in self.observation_space.spaces  # type: ignore[attr-defined]
+        }
+        self.actor: Any = self._given().to(device)
+        action, hidden = self.actor.layout.action, self.actor.hidden
+        self.critic: Any = Critic(sizes, action, hidden).to(device)
+        self.critic_target: Any = Critic(sizes, action, hidden).to(device)
+        self.critic_target.load_state_dict(self.critic.state_dict())
+        self.critic_target.requires_grad_(False)
+        self.actor.optimizer = torch.optim.Adam(self.actor.parameters(), lr, fused=True)
+        self.critic.optimizer = torch.optim.Adam(self.critic.parameters(), lr, fused=True)
+
+    def set_training_mode(self, mode: bool) -> None:
+        """Nothing here behaves differently while training."""
+        self.training = mode
+
+
+class AsymmetricSAC(SAC):
+    """SAC whose actor sees the layout's parts and whose critics see ground truth.
+
+    Args:
+        env: a Stable-Baselines3 vector environment with Dict observations.
+        modality: what the actor may see.
+        settings: numbers of the algorithm.
+        seed: of networks, exploration and replay.
+        device: `cpu`, `cuda` or `auto`.
+        actor: one to start from; a new one otherwise.
+
+    Attributes:
+        demos: demonstrations, of which each batch takes its share; None for none.
+    """
+
+    def __init__(
+        self,
+        env: VecEnv,
+        modality: Modality,
+        settings: SacSettings,
+        *,
+        seed: int,
+        device: str = "cpu",
+        actor: Actor | None = None,
+    ):
+        layout = Layout.of(env.observation_space, env.action_space, modality.kinds)
+        torch.manual_seed(seed)
+        self.settings, self.measured, self.demos = settings, actor is not None, None
+        self.demos: Replay | None
+        self._owed, self._hidden = 0.0, None
+        self._hidden: State | None
+        super().__init__(
+            AsymmetricPolicy,
+            env,
+            settings.lr,
+            settings.replay,
+            0 if actor is not None else settings.warmup,
+            settings.batch,
+            settings.tau,
+            settings.gamma,
+            ent_coef=f"auto_{settings.entropy}",
+            replay_buffer_class=Replay,  # type: ignore[arg-type]
+            replay_buffer_kwargs={"seed": seed},
+            policy_kwargs={"given": lambda: actor or Actor(layout, modality, settings.hidden, settings.recurrent)},
+            seed=seed,
+            device=device,
+        )
+
+    @property
+    def replay(self) -> Replay:
+        """What has been lived through."""
+        return self.replay_buffer  # type: ignore[return-value]
+
+    def train(self, gradient_steps: int, batch_size: int = 0) -> None:
+        """As many updates as the environment steps since the last call have earned."""
+        self._owed += self.settings.utd * self.n_envs
+        if not self.measured:
+            self.measure()
+        s, told = self.settings, {}
+        while self._owed >= 1:
+            self._owed -= 1
+            self._n_updates += 1
+            batch, demos = self._sample()
+            told["critic_loss"] = self._update_critic(batch)
+            if self._n_updates % s.critic_per_actor == 0 and self._n_updates > s.actor_frozen:
+                told |= self._update_actor(batch, demos)
+            soft_update(self.critic_target, self.critic, s.tau)
+        for name, value in told.items():
+            self.logger.record(f"train/{name}", float(value))
+        self.logger.record("train/updates", self._n_updates)
+
+    def measure(self) -> None:
+        """Sets the input scales of actor and critics from what is in the replay."""
+        batch = self.replay.sample(MEASURED_ON)
+        self.actor.scale.measure(batch.obs[VECTOR])
+        for critic in (self.critic, self.critic_target):
+            critic.scale.measure(critic.inputs(batch.obs))
+        self.measured = True
+
+    def _sample(self) -> tuple[Batch, int]:
+        """A batch and how many of its last rows are demonstrations."""
+        s = self.settings
+        demos = round(s.batch * s.demo_fraction) if self.demos is not None else 0
+        if s.recurrent:
+            rows, demos = max(s.batch // 32, 2), demos // 32
+            draw = lambda ring, n: ring.sequences(n, s.horizon, self.replay.rng)  # noqa: E731
+        else:
+            rows = s.batch
+            draw = lambda ring, n: ring.sample(n, self.replay.rng)  # noqa: E731
+        if self.demos is None or demos == 0:
+            return draw(self.replay, rows), 0
+        if len(self.replay) == 0:
+            return draw(self.demos, rows), rows
+        return mixed(draw(self.replay, rows - demos), draw(self.demos, demos)), demos
+
+    def _latent(self, batch: Batch, after: bool) -> Tensor:
+        """The actor's latent at each transition's start, or at its end where `after`."""
+        s = self.settings
+        if not s.recurrent:
+            return self.actor.latent(self.actor.features(batch.next_obs if after else batch.obs, s.shift))[0]
+        steps, n = batch.reward.shape
+        # An episode is obs[0], next_obs[0], next_obs[1], ...: the memory runs over all of them once.
+        whole = {key: torch.cat([batch.obs[key][:1], batch.next_obs[key]]) for key in self.actor.layout.keys}
+        flat = self.actor.features({key: value.flatten(0, 1) for key, value in whole.items()}, s.shift)
+        latent, _ = self.actor.latent(flat.unflatten(0, (steps + 1, n)))
+        return latent[1:] if after else latent[:-1]
+
+    def _update_critic(self, batch: Batch) -> Tensor:
+        """One step on (Q - (r + gamma (1 - done) (min Q'(s', a') - alpha log pi(a'|s'))))^2 / 2 for both critics."""
+        with torch.no_grad():
+            action, log_prob = self.actor.sample(self._latent(batch, after=True))
+            value = self.critic_target(batch.next_obs, action).amin(-1) - self._temperature() * log_prob
+            target = batch.reward + (1 - batch.done) * self.gamma * value
+        error = self.critic(batch.obs, batch.action) - target[..., None]
+        loss = 0.5 * _mean(error.square().sum(-1), batch.weight)
+        _step(self.critic, loss)
+        return loss.detach()
+
+    def _update_actor(self, batch: Batch, demos: int) -> dict[str, Tensor]:
+        """One step on alpha log pi(a|s) - min Q(s, a), then one of the temperature towards the target entropy."""
+        s = self.settings
+        latent = self._latent(batch, after=False)
+        action, log_prob = self.actor.sample(latent)
+        self.critic.requires_grad_(False)
+        q = self.critic(batch.obs, action).amin(-1)
+        self.critic.requires_grad_(True)
+        loss = _mean(self._temperature() * log_prob - q, batch.weight)
+        if demos:
+            done = min(1.0, (self._n_updates - s.actor_frozen) / s.critic_per_actor / s.clone_updates)
+            weight = s.clone_start + done * (s.clone_end - s.clone_start)
+            loss = loss + weight * huber(
+                torch.tanh(self.actor.mean(latent[..., -demos:, :])), batch.action[..., -demos:, :]
+            )
+        if self.actor.offset is not None and PRIVILEGED in batch.obs:
+            loss = loss + huber(self.actor.offset(latent), batch.obs[PRIVILEGED][..., :3])
+        _step(self.actor, loss)
+        assert_log = self.log_ent_coef
+        entropy = _mean(-log_prob.detach(), batch.weight)
+        if assert_log is not None and self.ent_coef_optimizer is not None:
+            self.ent_coef_optimizer.zero_grad()
+            (assert_log * (entropy - float(self.target_entropy))).sum().backward()
+            self.ent_coef_optimizer.step()
+        return {"actor_loss": loss.detach(), "entropy": entropy, "temperature": self._temperature()}
+
+    def _temperature(self) -> Tensor:
+        return self.log_ent_coef.detach().exp().squeeze()  # type: ignore[union-attr]
+
+    def _sample_action(
+        self, learning_starts: int, action_noise: Any = None, n_envs: int = 1
+    ) -> tuple[np.ndarray, np.ndarray]:
+        if self.num_timesteps < learning_starts:
+            size = (n_envs, self.actor.layout.action)
+            action = self.replay.rng.uniform(-1, 1, size).astype(np.float32)
+        else:
+            obs = tensors(self._last_obs, self.actor.layout, self.device)  # type: ignore[arg-type]
+            if self._hidden is None:
+                self._hidden = self.actor.initial(n_envs)
+            with torch.no_grad():
+                given, self._hidden = self.actor.act(obs, self._hidden, deterministic=False)
+            action = given.cpu().numpy()
+        return action, action
+
+    def _store_transition(
+        self,
+        replay_buffer: Any,
+        buffer_action: np.ndarray,
+        new_obs: Any,
+        reward: np.ndarray,
+        dones: np.ndarray,
+        infos: Any,
+    ) -> None:
+        ends = {key: value.copy() for key, value in new_obs.items()} if dones.any() else new_obs
+        for row in np.flatnonzero(dones):
+            for key, value in infos[row]["terminal_observation"].items():
+                ends[key][row] = value
+        replay_buffer.add(self._last_obs, ends, buffer_action, reward, dones, infos)
+        self._last_obs = new_obs
+        if self._hidden is not None and dones.any():
+            going = torch.from_numpy(~dones).to(self.device)[None, :, None]
+            self._hidden = (self._hidden[0] * going, self._hidden[1] * going)
+
+    def restart(self, seed: int) -> None:
+        """Starts every environment anew from `seed`; episodes in progress end without their last transition.
+
+        A checkpoint is taken at such a cut: what follows depends on the seed and on what is saved, and on nothing else.
+        """
+        self.replay.cut()
+        self.env.seed(seed)  # type: ignore[union-attr]
+        self._last_obs, self._hidden = self.env.reset(), None  # type: ignore[union-attr,assignment]
+
+
+def tensors(obs: Mapping[str, np.ndarray], layout: Layout, device: torch.device | str) -> dict[str, Tensor]:
+    """The parts that the layout names, as tensors."""
+    return {key: torch.as_tensor(np.ascontiguousarray(obs[key]), device=device) for key in layout.keys}
+
+
+def _mean(x: Tensor, weight: Tensor) -> Tensor:
+    return (x * weight).sum() / weight.sum().clamp_min(1)
+
+
+def _step(net: nn.Module, loss: Tensor) -> None:
+    net.optimizer.zero_grad(set_to_none=True)  # type: ignore[union-attr,operator]
+    loss.backward()
+    net.optimizer.step()  # type: ignore[union-attr,operator]

@@ -1,0 +1,91 @@
+"""A Stable-Baselines3 vector environment over a gymnasium one: rows restart within the step that ends them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import VectorEnv
+from stable_baselines3.common.vec_env import VecEnv
+
+
+class Sb3Env(VecEnv):
+    """Adapts a batched environment whose `reset` takes `options={"reset_mask": (n,) bool}`, as gymnasium's own do.
+
+    A row that ends is reset in the same step; its last observation is in its info as `terminal_observation`, and
+    `TimeLimit.truncated` says whether it was only cut.
+    """
+
+    def __init__(self, env: VectorEnv):
+        self.env = env
+        self.render_mode = getattr(env, "render_mode", None)
+        super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
+        self._actions = np.zeros((env.num_envs, 1))
+
+    def reset(self) -> dict[str, np.ndarray]:
+        """All rows anew, from the seed given by `seed` before, if any."""
+        seed = self._seeds[0]
+        obs, info = self.env.reset(seed=seed)
+        self._reset_seeds()
+        self.reset_infos = [row_info(info, row) for row in range(self.num_envs)]
+        return obs
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Keeps the actions (n, action) for `step_wait`."""
+        self._actions = actions
+
+    def step_wait(self) -> Any:
+        """Steps all rows; see the class for what happens to rows that end."""
+        obs, reward, terminated, truncated, info = self.env.step(self._actions)
+        done = np.asarray(terminated | truncated)
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        if done.any():
+            for row in np.flatnonzero(done):
+                infos[row] = row_info(info, row)
+                infos[row]["terminal_observation"] = {key: value[row].copy() for key, value in obs.items()}
+                infos[row]["TimeLimit.truncated"] = bool(truncated[row] and not terminated[row])
+            obs, reset = self.env.reset(options={"reset_mask": done})
+            for row in np.flatnonzero(done):
+                self.reset_infos[row] = row_info(reset, row)
+        return obs, np.asarray(reward, np.float32), done, infos
+
+    def close(self) -> None:
+        """Closes the environment beneath."""
+        self.env.close()
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """The attribute of the one environment beneath, once a row."""
+        return [getattr(self.env, attr_name) for _ in self._rows(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Sets the attribute of the environment beneath, for all rows."""
+        setattr(self.env, attr_name, value)
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+        """Calls the method of the environment beneath, once for all rows."""
+        return [getattr(self.env, method_name)(*args, **kwargs)]
+
+    def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
+        """Never: rows are not environments of their own."""
+        return [False for _ in self._rows(indices)]
+
+    def get_images(self) -> Sequence[np.ndarray | None]:
+        """None a row; videos are made by `vispeg play`."""
+        return [None] * self.num_envs
+
+    def _rows(self, indices: None | int | Iterable[int]) -> Iterable[int]:
+        return range(self.num_envs) if indices is None else [indices] if isinstance(indices, int) else indices
+
+
+def row_info(info: dict[str, Any], row: int) -> dict[str, Any]:
+    """One row of a gymnasium vector info: `name` where its mask `_name` holds, or where there is no mask."""
+    found = {}
+    for name, value in info.items():
+        if name.startswith("_") or not bool(np.asarray(info.get(f"_{name}", np.ones(row + 1, bool)))[row]):
+            continue
+        found[name] = row_info(value, row) if isinstance(value, dict) else value[row]
+    return found
+
+
+Maker = Callable[[int], VectorEnv]  # number of rows -> environment

@@ -1,0 +1,210 @@
+"""A training run of soft actor-critic from first step to exported policy."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from vispeg.core.errors import UserError
+from vispeg.core.files import new_folder
+from vispeg.core.provenance import provenance
+from vispeg.learn.actor import Actor
+from vispeg.learn.checkpoint import load_state, restart_seed, save_state
+from vispeg.learn.config import TrainConfig, read_config
+from vispeg.learn.curriculum import Curriculum
+from vispeg.learn.envs import HELD_OUT, MakeEnv, describe, peg_maker
+from vispeg.learn.evaluation import Outcome, run_episodes, success_rate
+from vispeg.learn.modalities import modality as modality_of
+from vispeg.learn.policy import NetPolicy, save
+from vispeg.learn.progress import Bar, Table, Watch, failures, tensorboard
+from vispeg.learn.replay import Replay
+from vispeg.learn.sac import AsymmetricSAC
+from vispeg.learn.sb3_env import Sb3Env
+
+EVALUATION_ROWS = 25  # environments an evaluation steps together, at most
+
+
+class SacRun:
+    """One run in its folder; see `train` and `resume`.
+
+    Args:
+        config: what to do.
+        folder: of the run.
+        make: environments; peg-in-hole in the configuration's world if not given.
+        actor: to start from, in place of a new one.
+        demos: demonstrations to learn from beside the run's own experience.
+        show: whether to tell of progress on stderr.
+    """
+
+    def __init__(
+        self,
+        config: TrainConfig,
+        folder: Path,
+        make: MakeEnv | None = None,
+        *,
+        actor: Actor | None = None,
+        demos: Callable[[Any], Replay] | None = None,
+        show: bool = True,
+    ):
+        torch.set_num_threads(1)
+        self.config, self.folder, self.show = config, folder, show
+        self.modality = modality_of(config.modality)
+        self.make = make or peg_maker(self.modality, config.world, config.sac, config.threads)
+        self.course = Curriculum(config.stages, config.pass_rate)
+        self.env, self.judge = self._environments()
+        device = ("cuda" if torch.cuda.is_available() else "cpu") if config.device == "auto" else config.device
+        self.model = AsymmetricSAC(self.env, self.modality, config.sac, seed=config.seed, device=device, actor=actor)
+        if demos is not None:
+            self.model.demos = demos(self.model)
+        self.best: tuple[float, float] = (-1.0, 0.0)
+        self.reached = 0
+
+    def _environments(self) -> tuple[Sb3Env, Any]:
+        settings = self.course.settings(self.config.settings)
+        env = self.make(self.config.envs, settings)
+        judge = self.make(min(self.config.episodes, EVALUATION_ROWS), settings)
+        for one in (env, judge):
+            if hasattr(one, "set_level"):
+                one.set_level(self.course.stage.level)  # type: ignore[attr-defined]
+        return Sb3Env(env), judge
+
+    def resume(self) -> None:
+        """Puts everything where the last checkpoint left it. Raises UserError where there is none."""
+        folder = self.folder / "checkpoints" / "last"
+        if not folder.is_dir():
+            raise UserError("there is no checkpoint to go on from", file=folder)
+        # The stage decides the environments, and these must stand before the model's state is put in place.
+        import json
+
+        at = int(json.loads((folder / "state.json").read_text(encoding="utf-8"))["counters"]["stage"])
+        if at != self.course.at:
+            self._move_to(at)
+        counters = load_state(folder, self.model)
+        self.best, self.reached = (counters["best"][0], counters["best"][1]), counters["reached"]
+
+    def _move_to(self, stage: int) -> None:
+        self.env.close()
+        self.judge.close()
+        self.course.at = stage
+        self.env, self.judge = self._environments()
+        self.model.set_env(self.env, force_reset=False)
+
+    def run(self) -> Path:
+        """Trains to the end; returns the folder of the best policy."""
+        c, model = self.config, self.model
+        table = Table(self.folder / "progress.csv", model.num_timesteps)
+        started = time.monotonic() - table.seconds
+        logger = tensorboard(self.folder / "tensorboard")
+        model.set_logger(logger)
+        with Bar(c.steps, self.show) as bar:
+            watch = Watch(bar)
+            model.restart(restart_seed(c.seed, model.num_timesteps))
+            while model.num_timesteps < c.steps and self.reached < 2:
+                goal = min((model.num_timesteps // c.every + 1) * c.every, c.steps)
+                more = goal - model.num_timesteps
+                model.learn(more, watch, log_interval=None, reset_num_timesteps=False)  # type: ignore[arg-type]
+                outcomes = self.evaluate()
+                row = self._row(outcomes, watch, time.monotonic() - started)
+                self._note(row, outcomes)
+                table.add(row)
+                for name in ("success", "reward", "peak_force", "train_success"):
+                    logger.record(f"eval/{name}", row[name])
+                logger.dump(model.num_timesteps)
+                bar.say(
+                    f"{row['steps']:>8} steps {row['seconds']:6.0f} s  success {row['success']:4.0%}  "
+                    f"force {row['peak_force']:5.1f} N  stage {row['stage']}  {row['failures']}"
+                )
+                model.restart(restart_seed(c.seed, model.num_timesteps))
+        self.env.close()
+        self.judge.close()
+        best = self.folder / "checkpoints" / "best"
+        return best if best.is_dir() else self.folder / "checkpoints" / "last"
+
+    def evaluate(self) -> list[Outcome]:
+        """Episodes of the present actor on held-out seeds, without exploring."""
+        policy = NetPolicy(self.model.actor, self.modality.name)
+        return run_episodes(policy, self.judge, range(HELD_OUT, HELD_OUT + self.config.episodes))
+
+    def _row(self, outcomes: list[Outcome], watch: Watch, seconds: float) -> dict[str, Any]:
+        told = self.model.logger.name_to_value
+        return {
+            "steps": self.model.num_timesteps,
+            "seconds": seconds,
+            "updates": self.model._n_updates,
+            "stage": self.course.at,
+            "success": success_rate(outcomes),
+            "reward": float(np.mean([o.reward for o in outcomes])),
+            "peak_force": float(np.mean([o.info.get("peak_force", 0.0) for o in outcomes])),
+            "episode_steps": float(np.mean([o.steps for o in outcomes])),
+            "train_success": watch.success,
+            "failures": failures([o.category for o in outcomes]),
+            **{name: told.get(f"train/{name}") for name in ("critic_loss", "actor_loss", "entropy", "temperature")},
+        }
+
+    def _note(self, row: dict[str, Any], outcomes: list[Outcome]) -> None:
+        """Keeps the best, moves the curriculum on, writes the checkpoint."""
+        success, force = row["success"], row["peak_force"]
+        folder, last = self.folder / "checkpoints", self.course.last
+        meta = self._meta(row)
+        if last and (success, -force) > self.best:
+            self.best = (success, -force)
+            with new_folder(folder / "best", overwrite=True) as best:
+                save(best, self.model.actor, self.modality.name, meta)
+        self.reached = self.reached + 1 if last and success >= self.config.target else 0
+        moved = self.course.after(success)
+        counters = {"stage": self.course.at, "best": list(self.best), "reached": self.reached}
+        with new_folder(folder / "last", overwrite=True) as place:
+            save(place, self.model.actor, self.modality.name, meta)
+            save_state(place, self.model, counters)
+        if moved:
+            self._move_to(self.course.at)
+
+    def _meta(self, row: dict[str, Any]) -> dict[str, Any]:
+        origin = provenance(sys.argv, self.config.seed)
+        record = {
+            "command": shlex.join(map(str, sys.argv)),
+            "seed": self.config.seed,
+            "recipe": self.config.recipe,
+            "steps": row["steps"],
+            "success": row["success"],
+            "versions": origin["versions"] | {"torch": torch.__version__},
+        }
+        return record | describe(self.judge)
+
+
+def train(config: TrainConfig, folder: Path, make: MakeEnv | None = None, show: bool = True) -> Path:
+    """Trains by the configuration's recipe into a new folder; returns the best policy's folder.
+
+    Raises:
+        UserError: the folder holds something already, or the configuration cannot be run.
+    """
+    if folder.exists() and any(folder.iterdir()):
+        raise UserError("exists already; go on with --resume, or name another", file=folder)
+    if config.recipe != "sac":
+        from vispeg.learn.recipes import distilled
+
+        return distilled(config, folder, make, show)
+    run = SacRun(config, folder, make, show=show)
+    folder.mkdir(parents=True, exist_ok=True)
+    config.write(folder / "config.yaml")
+    return run.run()
+
+
+def resume(folder: Path, steps: int | None = None, make: MakeEnv | None = None, show: bool = True) -> Path:
+    """Goes on with the run in a folder, to `steps` if given; returns the best policy's folder."""
+    from dataclasses import replace
+
+    config = read_config(folder / "config.yaml")
+    if steps is not None:
+        config = replace(config, steps=steps)
+        config.write(folder / "config.yaml")
+    run = SacRun(config, folder, make, show=show)
+    run.resume()
+    return run.run()
