@@ -135,3 +135,19 @@ def test_charuco_boards_seen_in_part_count_for_what_they_show():
     assert found.hand_eye is not None
     assert np.allclose(found.camera.focal, LENS.focal, rtol=1e-4)
     assert np.abs(off(found.hand_eye.camera)).max() < 1e-4
+
+
+def test_what_disagrees_is_said():
+    """A square 5 % too large is told from the robot's motion, and so are the poses of other images."""
+    rng = stream(10, "disagree")
+    views, poses = seen(rng, 10)
+    arm = flange(poses, rng=rng, robot=(3e-4, 1e-3))
+    found = calibrate(views, BOARD, camera=LENS, flange=arm)
+    assert found.hand_eye is not None and not notes(found, {})
+    assert abs(found.hand_eye.scale[0] - 1) < 3 * found.hand_eye.scale[1] < 0.03
+    found = calibrate(views, replace(BOARD, square=BOARD.square * 1.05), camera=LENS, flange=arm)
+    assert found.hand_eye is not None
+    assert abs(found.hand_eye.scale[0] - 1 / 1.05) < max(3 * found.hand_eye.scale[1], 0.01)
+    assert any("times as large: --square?" in line for line in notes(found, {}))
+    found = calibrate(views, BOARD, camera=LENS, flange=np.roll(arm, 1, axis=0))
+    assert any("disagree" in line for line in notes(found, {}))

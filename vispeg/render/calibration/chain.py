@@ -89,6 +89,21 @@ class Chain:
         both = np.concatenate([by_x[:6] - by_x[6:], by_z[:6] - by_z[6:]]) / (2 * STEP)
         return both.reshape(12, -1).T
 
+    def board_scale(self, x: np.ndarray, z: np.ndarray) -> tuple[float, float]:
+        """How large the robot's motion says the board is, relative to what was given, and its standard deviation.
+
+        A board s times as large lies s times as far, so one column more in the linear problem at the solution.
+        """
+        larger, smaller = self.seen.copy(), self.seen.copy()
+        larger[:, :3, 3] *= 1 + STEP
+        smaller[:, :3, 3] *= 1 - STEP
+        forth, back = self.differences(x, z, larger), self.differences(x, z, smaller)
+        column = np.sqrt(self.trust)[:, None] * np.einsum("nij,nj->ni", self.whiten, (forth - back) / (2 * STEP))
+        basis = np.linalg.qr(self.slopes(x, z))[0]
+        own = column.ravel() - basis @ (basis.T @ column.ravel())  # what X and Z cannot do as well
+        square = float(own @ own)
+        return 1 - float(own @ self.weighted(x, z).ravel()) / square, square**-0.5
+
 
 def pose_noise(views: Sequence[View], board: Board, camera: Intrinsics, seen: np.ndarray) -> np.ndarray:
     """Covariance of each camera_T_board from its pixels, s^2 (J^T J)^-1, shape (n, 6, 6).

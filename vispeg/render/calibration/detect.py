@@ -50,7 +50,8 @@ def read_grey(path: Path) -> np.ndarray:
     import cv2
 
     try:
-        image = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_GRAYSCALE)
+        how = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION  # as the sensor lies, however it was held
+        image = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), how)
     except (OSError, cv2.error):
         image = None
     if image is None:

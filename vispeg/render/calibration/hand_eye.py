@@ -42,6 +42,7 @@ class HandEye:
         pixels: reprojection error through the robot, RMS of each view, px, shape (n,).
         misfit: RMS of each view's six differences in standard deviations, shape (n,); 1 is usual, 3 suspect.
         scatter: RMS distance of the board's origin, as each view sees it, from its mean, m.
+        scale: the board's size by the robot's motion, relative to what was given, and its standard deviation.
         methods: X of each closed-form method, before refinement.
     """
 
@@ -52,6 +53,7 @@ class HandEye:
     pixels: np.ndarray
     misfit: np.ndarray
     scatter: float
+    scale: tuple[float, float]
     methods: dict[str, np.ndarray]
 
 
@@ -119,6 +121,7 @@ def solve(
         pixels=np.array([view_error(view, board, camera, pose) for view, pose in zip(views, path, strict=True)]),
         misfit=np.sqrt(np.mean(chain.standard(x, z) ** 2, axis=1)),
         scatter=float(np.sqrt(np.mean(np.sum((origins - origins.mean(axis=0)) ** 2, axis=1)))),
+        scale=chain.board_scale(x, z),
         methods=methods,
     )
 

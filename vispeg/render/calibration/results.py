@@ -14,9 +14,8 @@ from vispeg.render.calibration.rigid import quaternion
 FORMAT = "vispeg-calibration/1"
 ODD = 3.0  # standard deviations from which a view is named
 FAR_OFF = 3.0  # times the median reprojection error from which a view is named
+DISAGREE = np.array([8.0, 1.5])  # mm, deg: more than an arm's own errors
 COVER = 0.5  # of width and of height
-UNITS = {"fx": "px", "fy": "px", "cx": "px", "cy": "px"}
-PLACE = (("x", "mm"), ("y", "mm"), ("z", "mm"), ("turn x", "deg"), ("turn y", "deg"), ("turn z", "deg"))
 PER_UNIT = np.array([1e3] * 3 + [180 / np.pi] * 3)  # m to mm, rad to deg
 
 
@@ -65,6 +64,13 @@ def notes(found: Calibration, missed: dict[str, str]) -> list[str]:
         for view, misfit in zip(found.views, found.hand_eye.misfit, strict=True):
             if misfit > ODD:
                 out.append(f"{view.name}: the flange pose is {misfit:.1f} standard deviations off; moving, or swapped?")
+        robot = found.hand_eye.robot * PER_UNIT[[0, 3]]
+        if (robot > DISAGREE).any():
+            told = f"poses and images disagree by {robot[0]:.1f} mm and {robot[1]:.1f} deg"
+            out.append(f"{told}: poses of other images, or taken while moving?")
+        scale, std = found.hand_eye.scale
+        if abs(scale - 1) > max(ODD * std, 0.01):
+            out.append(f"by the robot's motion the board is {scale:.3f} +- {1.96 * std:.2g} times as large: --square?")
         spread = np.ptp(np.stack([x[:3, 3] for x in found.hand_eye.methods.values()]), axis=0).max()
         if found.hand_eye_half is not None and spread > 3 * found.hand_eye_half[:3].max():
             out.append(f"closed-form methods differ by {1e3 * spread:.1f} mm: turn the flange farther")
@@ -103,6 +109,7 @@ def _hand_eye(found: Calibration) -> dict[str, Any] | None:
             "pos_m": eye.board[:3, 3].tolist(),
             "quat_wxyz": quaternion(eye.board).tolist(),
         },
+        "board_scale_by_robot": {"value": eye.scale[0], "half_width_95": 1.96 * eye.scale[1]},
         "board_scatter_mm": 1e3 * eye.scatter,
         "robot_error": {"mm": 1e3 * float(eye.robot[0]), "deg": float(np.degrees(eye.robot[1]))},
         "through_robot_px": float(np.sqrt(np.mean(eye.pixels**2))),
