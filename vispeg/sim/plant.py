@@ -91,7 +91,7 @@ class Plant:
         self.damper, self.constraint = b.bind("qfrc_damper"), b.bind("qfrc_constraint")
         self.qpos[:, self.qadr] = q
         self.qvel[:, self.vadr] = dq
-        self.last = weight.copy()
+        self.first = True
         self.x = DriveState(self.h, self.tick, q.copy(), dq.copy(), np.zeros_like(self.acc), weight.copy(), inertia)
         self._begin()
         if self.senses:  # the encoders, not the links, start at the measured angles
@@ -136,7 +136,8 @@ class Plant:
                 drive_side = drive_side + t
             else:
                 link_side = link_side + t
-        self.ctrl[:, self.u] = 0.5 * (tau + self.last)  # the kick spans half of the last step and half of this one
+        # the kick spans half of the last step and half of this one
+        self.ctrl[:, self.u] = tau if self.first else 0.5 * (tau + self.last)
         self.last = tau
         self.applied[:, self.vadr] = drive_side + link_side
         if self.damped:  # MuJoCo damps at the end of the step, which is stable but a step late: give that step back
@@ -148,6 +149,8 @@ class Plant:
         self.batch.step()
         # not qacc, which leaves out the implicit damping and so diverges past 2 J / h
         self.acc = (self.qvel[:, self.vadr] - before) / self.h
+        if self.first:  # it began at a whole step's velocity: half of its own kick is what the half step has seen
+            half, self.first = 0.5 * self.h * self.acc, False
         self.qvel[:, self.vadr] -= half
         self.qpos[:, self.qadr] -= self.h * half
         self.x.tau = (

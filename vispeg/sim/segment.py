@@ -7,7 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vispeg.recordings.differentiate import smooth
+from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Control, Recording
+from vispeg.sim.start import start_state
 
 START_HZ = 20.0  # bandwidth of the motion that gives a closed loop its start state
 HELD_HZ = 40.0  # of the motion that an observer holds a rollout to: its corners must not be rounded
@@ -72,6 +74,8 @@ def _segment(rec: Recording, rows: np.ndarray) -> Segment:
     raw = on_grid(rec.q)
     closed = rec.control.mode in ("position", "osc")
     q, dq, _ = smooth(grid, raw, START_HZ if closed else HELD_HZ)
+    if rec.control.mode == "osc":  # a redundant arm's null space forgets its start slowly
+        q[0], dq[0] = start_state(grid, raw, noise_of(rec)["q"])
     return Segment(rec.control, tick, command, q, dq, raw, time, rows)
 
 
