@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from vispeg.render.calibration import Board, calibrate, detect, read_poses
+from vispeg.render.calibration.hand_eye import solve
 from vispeg.render.calibration.known import read_intrinsics
+from vispeg.render.calibration.results import notes
 
 SHARED = Path(os.environ.get("VISPEG_SHARED", Path(__file__).resolve().parents[3] / "shared"))
 IMAGES = SHARED / "data" / "franka-handeye"
@@ -34,6 +36,17 @@ def test_reference_figures(views):
     assert eye.misfit.max() < 2 and 2e-3 < half[:3].max() < 8e-3
     for name in ("PARK", "HORAUD", "DANIILIDIS", "TSAI"):  # the closed forms lie inside the interval
         assert np.all(np.abs(eye.methods[name][:3, 3] - eye.camera[:3, 3]) < half[:3])
+
+
+def test_the_robots_motion_doubts_the_stated_square(views):
+    """With squares of 26.8 mm in place of the stated 23.6 the board scatters half as much, and the notes say so."""
+    flange = read_poses(IMAGES, [view.name for view in views])
+    camera = read_intrinsics(IMAGES / "franka_camera.xml")
+    stated = calibrate(views, BOARD, camera=camera, flange=flange)
+    larger = solve(views, Board("chessboard", 9, 6, 0.0268), camera, flange, "flange")
+    assert stated.hand_eye is not None
+    assert any("times as large: --square?" in line for line in notes(stated, {}))
+    assert larger.scatter < 0.6 * stated.hand_eye.scatter and abs(larger.scale[0] - 1) < larger.scale[1]
 
 
 def test_own_intrinsics_come_near_the_factorys(views):
