@@ -18,6 +18,8 @@ from vispeg.render.picture import HIDDEN, Picture, shown
 from vispeg.render.view import View, planar
 
 SHADOW_MAP = 512  # px
+LARGEST_CASTER = 0.5  # m: tables, walls and floors catch shadows, and would cost most as casters
+SLICES = 40  # of a drawn cylinder or sphere: its facets then lie within 0.025 mm of an 8 mm peg's surface
 ZERO_FAR = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR.value
 OFFSCREEN = mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value
 R, V = mujoco.mjtRndFlag, mujoco.mjtVisFlag
@@ -27,7 +29,7 @@ class Classic:
     """Draws with OpenGL. Every call makes its own context current first, so that several can take turns.
 
     Args:
-        model: what is drawn; its visual fields may change between calls.
+        model: what is drawn, the caller's to spare: its quality settings are changed, its visual fields may be.
         width, height: of the largest picture, px.
         shadows: whether lights with `light_castshadow` cast them.
     """
@@ -38,16 +40,14 @@ class Classic:
         self.model, self.shadows = model, shadows
         self._gl: Any = offscreen(width, height)
         self._gl.make_current()
-        settings = model.vis.quality, model.vis.global_
-        kept = settings[0].offsamples, settings[0].shadowsize, settings[1].offwidth, settings[1].offheight
-        settings[0].offsamples, settings[0].shadowsize = 0, SHADOW_MAP if shadows else 0
-        settings[1].offwidth, settings[1].offheight = width, height
+        quality, size = model.vis.quality, model.vis.global_
+        quality.offsamples, quality.shadowsize, quality.numslices = 0, SHADOW_MAP if shadows else 0, SLICES
+        size.offwidth, size.offheight = width, height
         try:
             self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50.value)
         except mujoco.FatalError as error:
             self._gl.free()
             raise UserError(f"OpenGL cannot draw {width} x {height} px here", got=str(error)) from error
-        settings[0].offsamples, settings[0].shadowsize, settings[1].offwidth, settings[1].offheight = kept
         mujoco.mjr_setBuffer(OFFSCREEN, self._context)
         self._context.readDepthMap = ZERO_FAR  # pyright: ignore[reportAttributeAccessIssue]
         self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom + 16)
@@ -66,10 +66,8 @@ class Classic:
         """One picture a view, in order; `data` has its kinematics and lights done."""
         self._gl.make_current()
         groups = self.model.geom_group.copy()
-        show, lit = (
-            shown(self.model),
-            self.shadows and bool((self.model.light_castshadow & self.model.light_active).any()),
-        )
+        lit = self.shadows and bool((self.model.light_castshadow & self.model.light_active).any())
+        show = shown(self.model)
         try:
             return [self._one(data, view, show, lit, ids) for view in views]
         finally:
@@ -89,14 +87,19 @@ class Classic:
             self._gl = None
 
     def _one(self, data: mujoco.MjData, view: View, show: np.ndarray, lit: bool, ids: bool) -> Picture:
-        seen = show if lit else show & view.in_sight(data.geom_xpos, self.model.geom_rbound)
-        self.model.geom_group[:] = np.where(seen, 0, HIDDEN)
+        model = self.model
+        seen = show if lit else show & view.in_sight(data.geom_xpos, model.geom_rbound)
+        model.geom_group[:] = np.where(seen, 0, HIDDEN)
         frustum = view.frustum()
         for camera in self._scene.camera:  # one an eye; both alike
             for key, value in frustum.items():
                 setattr(camera, key, value)
         every = mujoco.mjtCatBit.mjCAT_ALL.value
-        mujoco.mjv_updateScene(self.model, data, self._option, None, self._camera, every, self._scene)
+        mujoco.mjv_updateScene(model, data, self._option, None, self._camera, every, self._scene)
+        if lit:
+            for geom in self._scene.geoms[: self._scene.ngeom]:
+                if not 0 < model.geom_rbound[geom.objid] <= LARGEST_CASTER:
+                    geom.category = mujoco.mjtCatBit.mjCAT_DECOR.value  # drawn and shaded, but casting none
         height, width = view.camera.height, view.camera.width
         rect = mujoco.MjrRect(0, 0, width, height)
         rgb, buffer = np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32)

@@ -7,6 +7,7 @@ where a frustum is handed over.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import mujoco
@@ -44,35 +45,46 @@ class View:
 
     def frustum(self) -> dict[str, Any]:
         """MuJoCo's description of the view: fields of an MjvGLCamera, which realise fx, fy, cx, cy as they are."""
-        c = self.camera
-        left, right = -(c.cx + 0.5) / c.fx * NEAR, (c.width - 0.5 - c.cx) / c.fx * NEAR
-        return {
-            "pos": self.pos.astype(np.float32),
-            "forward": self.rot[:, 2].astype(np.float32),
-            "up": -self.rot[:, 1].astype(np.float32),
-            "frustum_center": (left + right) / 2,
-            "frustum_width": (right - left) / 2,  # half of it: MuJoCo's convention
-            "frustum_bottom": (c.cy + 0.5 - c.height) / c.fy * NEAR,
-            "frustum_top": (c.cy + 0.5) / c.fy * NEAR,
-            "frustum_near": NEAR,
-            "frustum_far": FAR,
-            "orthographic": 0,
-        }
+        place = {"pos": self.pos, "forward": self.rot[:, 2], "up": -self.rot[:, 1]}
+        return {**{k: v.astype(np.float32) for k, v in place.items()}, **_optics(self.camera)[0]}
 
     def in_sight(self, centres: np.ndarray, radii: np.ndarray) -> np.ndarray:
         """(n,) whether spheres (n, 3) with radii (n,) in m, world frame, may show; a radius of 0 means unbounded."""
-        c, at = self.camera, (centres - self.pos) @ self.rot
-        sides = np.array(
-            [
-                (c.fx, 0, c.cx + 0.5),
-                (-c.fx, 0, c.width - 0.5 - c.cx),
-                (0, c.fy, c.cy + 0.5),
-                (0, -c.fy, c.height - 0.5 - c.cy),
-                (0, 0, 1),
-            ]
-        )
-        sides /= np.linalg.norm(sides, axis=1)[:, None]
-        return (at @ sides.T >= -radii[:, None]).all(1) | (radii == 0)
+        inward = (centres - self.pos) @ (self.rot @ _optics(self.camera)[1].T)  # (n, 5), > 0 inside
+        return (inward >= -radii[:, None]).all(1) | (radii == 0)
+
+
+@lru_cache(maxsize=256)
+def _optics(c: Camera) -> tuple[dict[str, Any], np.ndarray]:
+    """What does not change when a camera moves: its frustum, and the inward normals (5, 3) of its sides and front."""
+    left, right = -(c.cx + 0.5) / c.fx * NEAR, (c.width - 0.5 - c.cx) / c.fx * NEAR
+    frustum = {
+        "frustum_center": (left + right) / 2,
+        "frustum_width": (right - left) / 2,  # half of it: MuJoCo's convention
+        "frustum_bottom": (c.cy + 0.5 - c.height) / c.fy * NEAR,
+        "frustum_top": (c.cy + 0.5) / c.fy * NEAR,
+        "frustum_near": NEAR,
+        "frustum_far": FAR,
+        "orthographic": 0,
+    }
+    sides = np.array(
+        [
+            (c.fx, 0, c.cx + 0.5),
+            (-c.fx, 0, c.width - 0.5 - c.cx),
+            (0, c.fy, c.cy + 0.5),
+            (0, -c.fy, c.height - 0.5 - c.cy),
+            (0, 0, 1),
+        ]
+    )
+    return frustum, sides / np.linalg.norm(sides, axis=1)[:, None]
+
+
+@lru_cache(maxsize=256)
+def _place(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """A camera's place (3,) and axes (3, 3) in its parent; read only."""
+    pos, rot = np.array(camera.pos), camera.rotation
+    pos.flags.writeable = rot.flags.writeable = False
+    return pos, rot
 
 
 def parent_of(model: mujoco.MjModel, name: str) -> tuple[str, int]:
@@ -88,12 +100,12 @@ def parent_of(model: mujoco.MjModel, name: str) -> tuple[str, int]:
 
 def view_of(camera: Camera, parent: tuple[str, int], data: mujoco.MjData) -> View:
     """The camera where its parent stands in `data` (kinematics done)."""
-    kind, i = parent
+    (kind, i), (at, axes) = parent, _place(camera)
     if kind == "world":
-        return View(camera, np.array(camera.pos), camera.rotation)
+        return View(camera, at, axes)
     pos, rot = (data.site_xpos[i], data.site_xmat[i]) if kind == "site" else (data.xpos[i], data.xmat[i])
     rot = rot.reshape(3, 3)
-    return View(camera, pos + rot @ camera.pos, rot @ camera.rotation)
+    return View(camera, pos + rot @ at, rot @ axes)
 
 
 def planar(buffer: np.ndarray) -> np.ndarray:
