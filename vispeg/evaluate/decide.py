@@ -43,4 +43,4 @@ def gap_words(gap: Estimate, margin: float = MARGIN) -> str:
     if verdict == "different":
         word = "loses" if gap.value > 0 else "gains"
         return f"{word} {size} points ({abs(ends[0]):.0f} to {abs(ends[1]):.0f})"
-    return f"{CANNOT_TELL} ({-100 * gap.high:+.0f} to {-100 * gap.low:+.0f} points)"
+    return f"{CANNOT_TELL} ({round(-100 * gap.high) or 0:+d} to {round(-100 * gap.low) or 0:+d} points)"

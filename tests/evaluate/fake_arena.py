@@ -1,0 +1,15 @@
+"""An arena that workers can import: success by the toss of a coin."""
+
+from vispeg.core.seeds import stream
+from vispeg.evaluate.jobs import Job
+from vispeg.evaluate.records import Episode
+
+
+def toss(job: Job) -> list[Episode]:
+    """One episode a seed."""
+    found = []
+    for s in job.seeds:
+        ok = bool(stream(s, "coin").uniform() < 0.7)
+        head = (job.entrant.name, job.entrant.modality, 0, job.world_name, job.world_hash, s, ok)
+        found.append(Episode(*head, "success" if ok else "jam", time=1.0))
+    return found

@@ -1,0 +1,126 @@
+"""What one worker does in one go: a policy in a world, on a handful of seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from vispeg.core.seeds import stream
+from vispeg.evaluate.controls import HOLE_FIXED
+from vispeg.evaluate.entrants import Entrant
+from vispeg.evaluate.overlay import Change, overlay
+
+FIRST_SEED = 1_000_000  # evaluation's seeds; training counts from its own seed and never comes here
+STATE_ROWS, IMAGE_ROWS = 50, 20
+
+
+@dataclass(frozen=True)
+class Pushes:
+    """A push in every episode, drawn from the episode's seed.
+
+    Attributes:
+        force: N, range of the force.
+        duration: s.
+        start: s since the episode began, range of the push's beginning.
+    """
+
+    force: tuple[float, float] = (20.0, 60.0)
+    duration: float = 0.2
+    start: tuple[float, float] = (0.3, 3.0)
+
+    def draw(self, seed: int) -> tuple[list[float], float, float]:
+        """Force (3,) N, horizontal, any direction; beginning and duration in s."""
+        import math
+
+        rng = stream(seed, "push")
+        size, angle = rng.uniform(*self.force), rng.uniform(-math.pi, math.pi)
+        return [size * math.cos(angle), size * math.sin(angle), 0.0], float(rng.uniform(*self.start)), self.duration
+
+
+@dataclass(frozen=True)
+class Job:
+    """One policy in one world on some seeds.
+
+    Attributes:
+        entrant: the policy.
+        world: the world file's path or built-in name.
+        world_name, world_hash: under which the episodes stand.
+        seeds: of the episodes.
+        control, configuration: as in Episode.
+        pushes: or None.
+        profile: whether force profiles are kept.
+        rows: episodes side by side.
+    """
+
+    entrant: Entrant
+    world: str
+    world_name: str
+    world_hash: str
+    seeds: tuple[int, ...]
+    control: str = ""
+    configuration: str = ""
+    pushes: Pushes | None = None
+    profile: bool = False
+    rows: int = STATE_ROWS
+
+    def keys(self) -> list[tuple[str, int, str, str, str, int]]:
+        """The keys of the episodes that it makes, see Episode."""
+        e = self.entrant
+        return [(e.name, e.train_seed, self.world_name, self.control, self.configuration, s) for s in self.seeds]
+
+    def split(self, size: int) -> list[Job]:
+        """The same in pieces of `size` seeds."""
+        pieces = [self.seeds[i : i + size] for i in range(0, len(self.seeds), size)]
+        return [replace(self, seeds=piece, rows=min(self.rows, max(2, len(piece)))) for piece in pieces]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A world with changes, before it is a file.
+
+    Attributes:
+        world: built-in name or path.
+        name: under which its episodes stand.
+        configuration: as in Episode.
+        changes, task: what is changed, see `overlay`.
+        pushes: as in Job.
+        control: as in Job; `hole_fixed` adds its change.
+    """
+
+    world: str
+    name: str
+    configuration: str = ""
+    changes: tuple[Change, ...] = ()
+    task: dict[str, Any] = field(default_factory=dict)
+    pushes: Pushes | None = None
+    control: str = ""
+
+
+def make_jobs(
+    who: Sequence[Entrant], settings: Sequence[Setting], seeds: Sequence[int], folder: Path, profile: bool = False
+) -> list[Job]:
+    """A job for every policy in every setting; changed worlds are written into `folder`.
+
+    A control on images is left out for policies that see none. Rows are few where images are rendered.
+    """
+    jobs = []
+    for s in settings:
+        changes = (*s.changes, *HOLE_FIXED) if s.control == "hole_fixed" else s.changes
+        label = "-".join(part for part in (s.name, s.configuration, s.control) if part)
+        made = overlay(s.world, label, folder, changes, s.task)
+        for e in who:
+            sees = e.modality not in ("state", "proprio")
+            if s.control in ("shuffled", "frozen") and not sees:
+                continue
+            rows = IMAGE_ROWS if sees else STATE_ROWS
+            job = Job(e, str(made.path), s.name, made.hash, tuple(seeds), s.control, s.configuration, s.pushes, profile)
+            jobs.append(replace(job, rows=rows))
+    return jobs
+
+
+def seeds_of(episodes: int, seed: int = 0) -> list[int]:
+    """Held-out seeds; `seed` shifts them so that another draw shares none."""
+    start = FIRST_SEED + 100_000 * seed
+    return list(range(start, start + episodes))

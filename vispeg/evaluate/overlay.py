@@ -1,0 +1,52 @@
+"""A world with a few things changed, written as a world file of its own, so that it has a hash and can be run again."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from vispeg.core.files import write_text_atomic
+from vispeg.task.world_file import FORMAT, WorldFile, load_world
+
+
+@dataclass(frozen=True)
+class Change:
+    """An effect set to values.
+
+    Attributes:
+        effect: its name.
+        params: a number or a distribution a parameter, as in a world file.
+        where: the place, or "*": wherever the base world has the effect, else everywhere.
+    """
+
+    effect: str
+    params: Mapping[str, Any] = field(default_factory=dict)
+    where: str = "*"
+
+
+def overlay(
+    base: str | Path, name: str, folder: Path, changes: Sequence[Change] = (), task: Mapping[str, Any] | None = None
+) -> WorldFile:
+    """Writes `folder`/NAME.yaml, based on `base`, and loads it. Without a change, the base itself is loaded.
+
+    Raises:
+        UserError: as `load_world`: unknown effects, places, parameters, task keys, values out of bounds.
+    """
+    world = load_world(base)
+    if not changes and not task:
+        return world
+    entries = []
+    for change in changes:
+        own = [r.where for r in world.world.ranges if r.effect == change.effect]
+        for where in (own or ["all"]) if change.where == "*" else [change.where]:
+            entries.append({"effect": change.effect, "where": where, "params": dict(change.params)})
+    data: dict[str, Any] = {"format": FORMAT, "name": name, "base": str(world.path.resolve())}
+    data |= {"task": dict(task or {}), "effects": entries}
+    slug = re.sub(r"[^\w.+-]+", "_", name)
+    path = write_text_atomic(folder / f"{slug}.yaml", yaml.safe_dump(data, sort_keys=False), overwrite=True)
+    return load_world(path)

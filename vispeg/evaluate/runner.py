@@ -1,0 +1,127 @@
+"""Runs jobs in worker processes of one thread each, and writes every episode down as soon as its batch is done."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from vispeg.core.errors import UserError
+from vispeg.core.files import write_text_atomic
+from vispeg.evaluate.arena import play
+from vispeg.evaluate.jobs import Job
+from vispeg.evaluate.records import Episode, append, read
+
+EPISODES, RUN = "episodes.jsonl", "run.json"
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+Arena = Callable[[Job], list[Episode]]
+Watch = Callable[[list[Episode], int, int], None]
+
+
+def run(
+    jobs: Sequence[Job],
+    out: Path,
+    workers: int = 1,
+    arena: Arena = play,
+    watch: Watch = lambda new, done, total: None,
+) -> list[Episode]:
+    """Plays what is not in OUT/episodes.jsonl yet; returns all episodes of the jobs, in the order of the jobs.
+
+    Args:
+        jobs: what is asked for.
+        out: the folder; a run that was stopped goes on there.
+        workers: processes; 0 or 1: in this one.
+        arena: plays one job. Sent to workers by name.
+        watch: told the new episodes, how many are done, and how many there will be.
+
+    Raises:
+        UserError: OUT holds episodes of other policies or worlds under the same names; whatever a job raises.
+    """
+    path = out / EPISODES
+    _same_run(jobs, out)
+    have = {e.key: e for e in read(path)} if path.exists() else {}
+    total = sum(len(job.seeds) for job in jobs)
+    todo = []
+    for job in jobs:
+        missing = tuple(s for s, key in zip(job.seeds, job.keys(), strict=True) if key not in have)
+        todo += replace(job, seeds=missing).split(job.rows) if missing else []
+    done = total - sum(len(job.seeds) for job in todo)
+    watch([], done, total)
+    for found in _results(todo, workers, arena):
+        append(path, found)
+        have |= {e.key: e for e in found}
+        done += len(found)
+        watch(found, done, total)
+    return [have[key] for job in jobs for key in job.keys()]
+
+
+def _results(todo: Sequence[Job], workers: int, arena: Arena) -> Iterator[list[Episode]]:
+    if workers < 2 or len(todo) < 2:
+        yield from (arena(job) for job in todo)
+        return
+    with one_thread(), ProcessPoolExecutor(min(workers, len(todo)), multiprocessing.get_context("spawn")) as pool:
+        waiting: Iterable[Future[list[Episode]]] = [pool.submit(arena, job) for job in todo]
+        try:
+            while waiting:
+                finished, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+                for future in finished:
+                    yield future.result()
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Processes that start meanwhile compute with one thread each."""
+    before = {key: os.environ.get(key) for key in THREADS}
+    os.environ.update(dict.fromkeys(THREADS, "1"))
+    try:
+        yield
+    finally:
+        for key, value in before.items():
+            if value is None:
+                os.environ.pop(key, None)
+            else:
+                os.environ[key] = value
+
+
+def _same_run(jobs: Sequence[Job], out: Path) -> None:
+    """Writes what the names in OUT stand for, or checks that they still stand for the same."""
+    worlds = {"/".join(filter(None, (j.world_name, j.configuration, j.control))): j.world_hash for j in jobs}
+    now: dict[str, dict[str, str]] = {
+        "policies": {f"{j.entrant.name}/s{j.entrant.train_seed}": j.entrant.digest for j in jobs},
+        "worlds": worlds,
+    }
+    path = out / RUN
+    known = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {"policies": {}, "worlds": {}}
+    for kind, names in now.items():
+        for name, value in names.items():
+            if known[kind].setdefault(name, value) != value:
+                raise UserError(
+                    f"{name} was another one when this folder was begun; name another folder",
+                    file=out,
+                    key=kind,
+                    expected=known[kind][name][:12],
+                    got=value[:12],
+                )
+    write_text_atomic(path, json.dumps(known, indent=2) + "\n", overwrite=True)
+
+
+def failures(episodes: Iterable[Episode], most: int) -> list[Episode]:
+    """Up to `most` failures, every category in turn, so that rare ones are among them."""
+    by: dict[str, list[Any]] = {}
+    for e in episodes:
+        if not e.success:
+            by.setdefault(e.category, []).append(e)
+    found: list[Episode] = []
+    while len(found) < most and any(by.values()):
+        for kind in list(by):
+            if by[kind] and len(found) < most:
+                found.append(by[kind].pop(0))
+    return found

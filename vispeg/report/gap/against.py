@@ -1,0 +1,28 @@
+"""Policies against each other on the same episodes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from vispeg.report.gap import words
+
+TITLE = "One against another"
+
+
+def context(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Rows by world."""
+    worlds: dict[str, list[dict[str, Any]]] = {}
+    for row in values["comparisons"]:
+        needed = f"; {row['needed']} pairs would" if row["needed"] else ""
+        shown = {
+            "pair": f"{row['first']} - {row['second']}",
+            "difference": words.lost(row["difference"]),
+            "n": row["difference"]["n"],
+            "p": words.p_value(row["p"]),
+            "p_holm": words.p_value(row["p_holm"]),
+            "verdict": row["verdict"] + needed,
+            "certain": row["verdict"] == "different",
+        }
+        worlds.setdefault(row["world"], []).append(shown)
+    return {"worlds": worlds}

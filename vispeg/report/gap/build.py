@@ -1,0 +1,50 @@
+"""Builds the page of a gap evaluation from its gap.json and the media beside it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from vispeg.core.errors import UserError
+from vispeg.core.files import write_text_atomic
+from vispeg.report.gap import against, factors, failures, headline, measured, pairs, prediction, success
+from vispeg.report.gap.page import page
+
+FORMAT = "vispeg-gap/1"
+
+
+def render(values: Mapping[str, Any], media: Sequence[Mapping[str, Any]] = (), folder: Path = Path()) -> str:
+    """The page as text; `media` as `pairs.context` takes it."""
+    sections = [(m.__name__.rpartition(".")[2], m.TITLE, m.context(values)) for m in (headline, success)]
+    if values["gaps"]:
+        sections.append(("factors", factors.TITLE, factors.context(values)))
+    if values["comparisons"]:
+        sections.append(("against", against.TITLE, against.context(values)))
+    if values["prediction"]:
+        sections.append(("prediction", prediction.TITLE, prediction.context(values)))
+    sections.append(("failures", failures.TITLE, failures.context(values)))
+    if media:
+        sections.append(("pairs", pairs.TITLE, pairs.context(media, folder)))
+    sections.append(("measured", measured.TITLE, measured.context(values)))
+    return page("vispeg gap", "transfer gap", sections)
+
+
+def write(out: Path, *, overwrite: bool = False) -> Path:
+    """Reads OUT/gap.json and, where there is one, OUT/media.json; writes OUT/gap.html and returns its path.
+
+    Raises:
+        UserError: no gap.json, another format, or a page there already while `overwrite` is False.
+    """
+    path = Path(out) / "gap.json"
+    try:
+        values = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise UserError("cannot be read", file=path, got=str(error)) from None
+    if not isinstance(values, dict) or values.get("format") != FORMAT:
+        got = values.get("format") if isinstance(values, dict) else values
+        raise UserError("not a gap's record", file=path, key="format", expected=FORMAT, got=got)
+    listed = Path(out) / "media.json"
+    media = json.loads(listed.read_text(encoding="utf-8")) if listed.is_file() else []
+    return write_text_atomic(Path(out) / "gap.html", render(values, media, Path(out)), overwrite=overwrite)

@@ -1,0 +1,68 @@
+"""How episodes fail on both sides, and where the distributions of failures part."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from vispeg.report.figures import MEASURED, new_figure, quiet, styled, svg
+from vispeg.report.gap import words
+from vispeg.report.gap.colours import BY_CATEGORY, SPARE
+
+TITLE = "How they fail"
+
+
+def context(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The picture, and a row a policy and target."""
+    rows = []
+    for row in values["categories"]:
+        if row["p"] is None:
+            verdict = "too few failures on a side to tell"
+        elif row["p"] < 0.05:
+            more = "more" if row["residual"] > 0 else "fewer"
+            verdict = f"part at {row['where']}: {more} in {row['world']} ({row['residual']:+.1f} standard deviations)"
+        else:
+            verdict = "no difference seen"
+        counts = [_counts(row["first"], row["n"][0]), _counts(row["second"], row["n"][1])]
+        rows.append({**row, "counts": counts, "p_text": words.p_value(row["p"]), "verdict": verdict})
+    return {"picture": picture(values), "rows": rows, "reference": values["reference"]}
+
+
+def _counts(side: Mapping[str, int], n: int) -> str:
+    order = sorted(side.items(), key=lambda kv: -kv[1])
+    return ", ".join(f"{name} {count}" for name, count in order) + f" of {n}" if order else f"none of {n}"
+
+
+def picture(values: Mapping[str, Any]) -> str:
+    """Stacked shares of failure categories, a panel a policy, a bar a world."""
+    worlds, policies = [w["name"] for w in values["worlds"]], values["policies"]
+    found = {(r["policy"], r["world"]): r["categories"] for r in values["success"] if not r["control"]}
+    names = list(dict.fromkeys(c for known in found.values() for c in known if c != "success"))
+    names.sort(key=lambda c: list(BY_CATEGORY).index(c) if c in BY_CATEGORY else 99)
+    if not names:
+        return ""
+    spare = iter(SPARE * 9)
+    colours = {c: BY_CATEGORY.get(c) or next(spare) for c in names}
+    columns = min(4, len(policies))
+    lines = -(-len(policies) // columns)
+    with styled():
+        figure = new_figure(0.6 + (0.55 + 0.23 * len(worlds)) * lines)
+        axes = figure.subplots(lines, columns, squeeze=False, sharex=True).ravel()
+        for ax in axes[len(policies) :]:
+            ax.set_visible(False)
+        for panel, (ax, policy) in enumerate(zip(axes, policies, strict=False)):
+            for j, world in enumerate(worlds):
+                known, left = found.get((policy["name"], world), {}), 0.0
+                for c in names:
+                    share = 100 * known.get(c, 0) / max(1, sum(known.values()))
+                    ax.barh(j, share, left=left, height=0.72, color=colours[c])
+                    left += share
+            ax.set(title=policy["name"], ylim=(len(worlds) - 0.4, -0.6))
+            ax.set_yticks(range(len(worlds)), worlds if panel % columns == 0 else [""] * len(worlds))
+            ax.tick_params(axis="y", labelcolor=MEASURED)
+            ax.set_xlabel("failed, %")
+            quiet(ax, grid="x")
+        from matplotlib.patches import Patch
+
+        figure.legend(handles=[Patch(color=colours[c], label=c) for c in names], loc="outside upper left", ncols=8)
+        return svg(figure, "failures", "Failure categories by policy and world")

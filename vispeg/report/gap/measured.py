@@ -1,0 +1,19 @@
+"""How it was measured: worlds with their hashes, the rule, the command."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+TITLE = "How this was measured"
+
+
+def context(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Worlds, policies, rule, notes, provenance."""
+    return {
+        "worlds": values["worlds"],
+        "policies": values["policies"],
+        "notes": values["notes"],
+        "rule": values["rule"],
+        "provenance": values.get("provenance") or {},
+    }

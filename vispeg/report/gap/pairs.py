@@ -1,0 +1,46 @@
+"""The same seed in two worlds, side by side: a video each, and what stood before the camera when one of them failed."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from vispeg.core.errors import UserError
+
+TITLE = "The same episode in two worlds"
+TYPES = {".mp4": "video/mp4", ".webm": "video/webm", ".png": "image/png", ".jpg": "image/jpeg"}
+
+
+def context(pairs: Sequence[Mapping[str, Any]], folder: Path) -> dict[str, Any]:
+    """Pairs with their media as data URIs.
+
+    Args:
+        pairs: {policy, seed, sides: [{world, outcome, video, image, view}, ...]}; video: whole episode, image:
+            outside view and
+            view: the policy's own at the moment of failure; paths relative to `folder`, or None.
+        folder: where the media lie.
+    """
+    shown = []
+    for pair in pairs:
+        sides = [
+            {**side, **{k: data_uri(folder, side.get(k)) for k in ("video", "image", "view")}} for side in pair["sides"]
+        ]
+        shown.append({"policy": pair["policy"], "seed": pair["seed"], "sides": sides})
+    return {"pairs": shown}
+
+
+def data_uri(folder: Path, name: str | None) -> str | None:
+    """A file's content as a data URI.
+
+    Raises:
+        UserError: the file is not there, or not a video or picture that a browser shows.
+    """
+    if name is None:
+        return None
+    path = folder / name
+    kind = TYPES.get(path.suffix)
+    if kind is None or not path.is_file():
+        raise UserError("not a video or picture", file=path, expected=", ".join(TYPES))
+    return f"data:{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"

@@ -1,0 +1,69 @@
+"""Success of every policy in every world: bars with intervals, and the table with the controls."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from vispeg.report.figures import MEASURED, MUTED, legend, new_figure, quiet, styled, svg
+from vispeg.report.gap import words
+from vispeg.report.gap.colours import of_policies
+
+TITLE = "Success"
+
+
+def context(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The picture, and rows of policies (then controls) by worlds."""
+    worlds = [w["name"] for w in values["worlds"]]
+    rows: dict[tuple[str, str], dict[str, Any]] = {}
+    for row in values["success"]:
+        key = (row["policy"], row["control"])
+        shown = rows.setdefault(key, {"name": words.name(row), "control": bool(row["control"]), "cells": {}})
+        shown["cells"][row["world"]] = row
+    blind = {p["name"] for p in values["policies"] if p["blind"]}
+    table = []
+    for (policy, _), row in rows.items():
+        cells = [_cell(row["cells"].get(w)) for w in worlds]
+        known = [c["success"]["n"] for c in row["cells"].values()]
+        spread = f"{min(known)}" if min(known) == max(known) else f"{min(known)}-{max(known)}"
+        table.append(
+            {"name": row["name"], "is_control": row["control"] or policy in blind, "cells": cells, "n": spread}
+        )
+    return {"worlds": worlds, "rows": table, "picture": picture(values), "reference": values["reference"]}
+
+
+def _cell(row: Mapping[str, Any] | None) -> dict[str, str]:
+    if row is None:
+        return {"rate": "-", "rest": ""}
+    rest = [f"{row['time']:.1f} s"] if row["time"] is not None else []
+    rest += [f"{row['peak_force']:.0f} N"] if row["peak_force"] is not None else []
+    return {"rate": words.rate(row["success"]), "rest": ", ".join(rest)}
+
+
+def picture(values: Mapping[str, Any]) -> str:
+    """Bars grouped by world, one a policy, with 95 % intervals; blind policies hatched."""
+    worlds, policies = [w["name"] for w in values["worlds"]], values["policies"]
+    colours = of_policies(policies)
+    found = {(r["policy"], r["world"]): r["success"] for r in values["success"] if not r["control"]}
+    width = 0.82 / len(policies)
+    with styled():
+        figure = new_figure(2.9)
+        ax = figure.add_subplot()
+        for i, policy in enumerate(policies):
+            for j, world in enumerate(worlds):
+                e = found.get((policy["name"], world))
+                if e is None:
+                    continue
+                x = j + (i - (len(policies) - 1) / 2) * width
+                style: dict[str, Any] = {"color": colours[policy["name"]], "alpha": 0.45 if policy["blind"] else 0.9}
+                ax.bar(x, 100 * e["value"], 0.88 * width, **style)
+                ax.plot([x, x], [100 * e["low"], 100 * e["high"]], color=MEASURED, linewidth=1.3)
+                if len(policies) * len(worlds) <= 26:
+                    ax.annotate(f"{100 * e['value']:.0f}", (x, 1.5), ha="center", fontsize=7, color="white")
+        ax.set(ylim=(0, 104), ylabel="success, %", xlim=(-0.55, len(worlds) - 0.45))
+        labels = [f"{w}\ntraining" if w == values["reference"] else w for w in worlds]
+        ax.set_xticks(range(len(worlds)), labels)
+        ax.tick_params(axis="x", labelcolor=MUTED, labelsize=9)
+        quiet(ax)
+        legend(figure, {p["name"]: (colours[p["name"]], "-") for p in policies})
+        return svg(figure, "success", "Success by world and policy, with 95 % intervals")

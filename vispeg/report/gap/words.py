@@ -1,0 +1,55 @@
+"""Rates and differences as text: per cent for success, points for differences, always with their interval."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+Row = Mapping[str, Any]
+CONTROLS = {
+    "": "",
+    "shuffled": "images of another episode",
+    "frozen": "first image for ever",
+    "hole_fixed": "hole at its nominal place",
+}
+
+
+def percent(value: float | None) -> str:
+    """0.994 -> 99.4 %; whole numbers without a decimal."""
+    if value is None:
+        return "-"
+    text = f"{100 * value:.1f}"
+    return text.removesuffix(".0") + " %"
+
+
+def rate(e: Row) -> str:
+    """`87 % (81 to 92)`."""
+    return f"{percent(e['value'])} ({100 * e['low']:.0f} to {100 * e['high']:.0f})"
+
+
+def points(value: float | None) -> str:
+    """-0.123 -> -12 points, with a sign."""
+    return "-" if value is None else whole(value, "+")
+
+
+def whole(value: float, sign: str = "") -> str:
+    """-0.123 -> -12 with a typographer's minus; never a negative zero."""
+    return f"{round(100 * value) or 0:{sign}d}".replace("-", "\N{MINUS SIGN}")
+
+
+def lost(e: Row) -> str:
+    """A gap's interval: `+12 (7 to 18)`, in points of success lost."""
+    return f"{points(e['value'])} ({whole(e['low'])} to {whole(e['high'])})"
+
+
+def p_value(p: float | None) -> str:
+    """0.0312 -> 0.031; small ones as < 0.001."""
+    if p is None:
+        return "-"
+    return "< 0.001" if p < 0.001 else f"{p:.3f}" if p < 0.1 else f"{p:.2f}"
+
+
+def name(row: Row) -> str:
+    """`depth`, or `depth, first image for ever` under a control."""
+    control = row.get("control", "")
+    return f"{row['policy']}, {CONTROLS.get(control, control)}" if control else str(row["policy"])
