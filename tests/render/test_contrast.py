@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+import yaml
 
 import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.distribution import Choice, Uniform
-from vispeg.core.effect import Placed, effect
+from vispeg.core.effect import Placed, effect, of_kind
 from vispeg.core.seeds import stream
 from vispeg.core.world import Ranged, World
 from vispeg.render.backend import Renderer
@@ -19,6 +22,7 @@ from vispeg.render.contrast import Rule, contrast, lab, measure, redraw
 from vispeg.render.look import dress
 from vispeg.render.standard import standard_cameras
 from vispeg.robots.scene import build
+from vispeg.task.world_entry import ranged
 
 SCENE = build()
 ABOVE = np.array([0.0, 0.7774, 0.0, -1.4955, 0.0, 0.8687, 0.0, 0.0])  # rad: the tip 40 mm above the hole's mouth
@@ -144,3 +148,18 @@ def test_a_world_without_looks_is_drawn_once_and_not_rendered(renderer):
     before = renderer.model.mat_rgba.copy()
     assert redraw(world, SCENE, renderer, 5) == (world.sample(5, SCENE), 0)
     np.testing.assert_array_equal(renderer.model.mat_rgba, before)
+
+
+def test_the_ranges_that_the_documentation_gives_end_in_good_looks(renderer):
+    page = Path(__file__).parents[2] / "docs" / "looks.md"
+    block = re.search(r"```yaml\n(.*?)```", page.read_text(encoding="utf-8"), re.S)
+    assert block
+    entries = yaml.safe_load(block[1])
+    world = World(ranges=tuple(ranged(e, SCENE, page, f"effects[{i}]") for i, e in enumerate(entries)))
+    assert {r.effect for r in world.ranges} == set(of_kind("appearance"))
+    pictures = set()
+    for seed in range(6):
+        drawn, redraws = redraw(world, SCENE, renderer, seed, qpos=ABOVE)
+        assert redraws < 10 and score(renderer, drawn) == 1
+        pictures.add(renderer.render(ABOVE)["external"].rgb.tobytes())
+    assert len(pictures) == 6

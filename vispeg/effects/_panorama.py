@@ -8,6 +8,8 @@ the sky turned by 90 deg about x so that z is up, as MuJoCo's reference says of 
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from vispeg.effects._colour import rgb_of_hsv
@@ -16,6 +18,7 @@ from vispeg.effects._light import LUMA, to_srgb
 KEY = 0.18  # the middle grey that a picture's average is brought to
 
 
+@lru_cache(maxsize=4)
 def directions(size: int) -> np.ndarray:
     """Unit vectors (6 size, size, 3) in the world frame that the texels of a skybox lie in, faces in MuJoCo's order."""
     t = (np.arange(size) + 0.5) / size * 2 - 1
@@ -24,7 +27,9 @@ def directions(size: int) -> np.ndarray:
     faces = [(one, -y, -x), (-one, -y, x), (x, one, y), (x, -one, -y), (x, -y, one), (-x, -y, -one)]
     sky = np.concatenate([np.stack(f, axis=-1) for f in faces])  # y up
     world = np.stack([sky[..., 0], -sky[..., 2], sky[..., 1]], axis=-1)  # z up
-    return world / np.linalg.norm(world, axis=-1, keepdims=True)
+    world /= np.linalg.norm(world, axis=-1, keepdims=True)
+    world.flags.writeable = False
+    return world
 
 
 def look_up(panorama: np.ndarray, towards: np.ndarray, turn: float = 0.0) -> np.ndarray:

@@ -1,0 +1,79 @@
+"""Draws a world's looks side by side, and counts what the contrast guard refuses: a contact sheet for the eye.
+
+Each tile is a drawn world: wrist view, crop at the peg's tip, external view. The guard's counts are printed.
+
+Example: python scripts/make_looks.py --world docs/looks.md --draws 200 --out docs/img/looks.jpg --overwrite
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import yaml
+
+from vispeg.core.files import write_bytes_atomic
+from vispeg.core.world import World
+from vispeg.render.backend import Renderer
+from vispeg.render.contrast import contrast, redraw
+from vispeg.render.look import dress
+from vispeg.render.standard import standard_cameras
+from vispeg.robots.scene import build
+from vispeg.task.world_entry import ranged
+from vispeg.task.world_file import load_world
+
+ABOVE = np.array([0.0, 0.7774, 0.0, -1.4955, 0.0, 0.8687, 0.0, 0.0])  # rad: the tip 40 mm above the nominal hole
+COLUMNS, TILES, SIZE = 4, 36, 80
+
+
+def world_of(source: str) -> World:
+    """A world by name or file, or the one of the YAML block in a page of the documentation."""
+    if not source.endswith(".md"):
+        return load_world(source).world
+    block = re.search(r"```yaml\n(.*?)```", Path(source).read_text(encoding="utf-8"), re.S)
+    if block is None:
+        raise SystemExit(f"{source} has no YAML block")
+    entries = yaml.safe_load(block[1])
+    return World(ranges=tuple(ranged(e, build(), Path(source), f"effects[{i}]") for i, e in enumerate(entries)))
+
+
+def main() -> None:
+    """Draws, counts, writes the sheet."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--world", default="docs/looks.md", help="a world's name or file, or a page with a YAML block")
+    parser.add_argument("--draws", type=int, default=TILES)
+    parser.add_argument("--out", type=Path, default=Path("looks.jpg"))
+    parser.add_argument("--overwrite", action="store_true")
+    args = parser.parse_args()
+    scene, world = build(), world_of(args.world)
+    cameras = standard_cameras(scene.tip, scene.config.fixture)
+    tiles, redraws, good, took = [], [], 0, 0.0
+    with Renderer(scene.compile(), cameras, labels=True, shadows=True, parts=scene.parts) as renderer:
+        for seed in range(args.draws):
+            began = time.perf_counter()
+            drawn, again = redraw(world, scene, renderer, seed, qpos=ABOVE)
+            took += time.perf_counter() - began
+            redraws.append(again)
+            good += contrast(shots := renderer.render(ABOVE), renderer.cameras, scene) >= 1
+            if seed < TILES:
+                tiles.append(
+                    np.hstack([cv2.resize(s.rgb, (SIZE, SIZE), None, 0, 0, cv2.INTER_CUBIC) for s in shots.values()])
+                )
+            dress(renderer, scene, drawn)
+    looks = sum(redraws) + len(redraws)
+    print(f"{args.draws} worlds, {looks} looks drawn, {100 * np.mean(np.array(redraws) > 0):.0f} % of worlds redrawn,")
+    print(f"at most {max(redraws)} times; {good} good in the end; {1e3 * took / looks:.0f} ms a look with its pictures")
+    tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % COLUMNS)
+    sheet = np.vstack([np.hstack(tiles[i : i + COLUMNS]) for i in range(0, len(tiles), COLUMNS)])
+    ok, data = cv2.imencode(args.out.suffix, sheet[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])
+    if not ok:
+        raise SystemExit(f"cannot write {args.out.suffix} images")
+    write_bytes_atomic(args.out, data.tobytes(), overwrite=args.overwrite)
+
+
+if __name__ == "__main__":
+    main()
