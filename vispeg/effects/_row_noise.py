@@ -12,24 +12,26 @@ import numpy as np
 from scipy.special import ndtri
 
 
-def uniform(name: str, seed: np.ndarray, tick: np.ndarray, lane: np.ndarray | int) -> np.ndarray:
-    """Numbers in (0, 1), shape of `seed`, independent over seeds, ticks, lanes and names.
+def keys(name: str, seed: np.ndarray, lane: np.ndarray | int) -> np.ndarray:
+    """Where the streams of `uniform` and `normal` are, uint64, shape of `seed`.
 
     Args:
-        name: of the effect.
+        name: of the effect, so that two effects with one seed differ.
         seed: (nsim, n) whole numbers >= 0.
-        tick: (nsim,) since the episode began.
         lane: (n,) which of the numbers of a tick.
     """
-    x = np.broadcast_to(np.uint64(zlib.crc32(name.encode())), seed.shape)
-    for key in (seed, np.broadcast_to(tick[:, None], seed.shape), np.broadcast_to(lane, seed.shape)):
-        x = _mixed(x + key.astype(np.uint64))
-    return ((x >> np.uint64(11)).astype(float) + 0.5) * 2.0**-53
+    x = _mixed(np.uint64(zlib.crc32(name.encode())) + seed.astype(np.uint64))
+    return _mixed(x + np.broadcast_to(lane, seed.shape).astype(np.uint64))
 
 
-def normal(name: str, seed: np.ndarray, tick: np.ndarray, lane: np.ndarray | int) -> np.ndarray:
+def uniform(key: np.ndarray, tick: np.ndarray) -> np.ndarray:
+    """Numbers in (0, 1), (nsim, n), for streams (nsim, n) at ticks (nsim,) since the episode began."""
+    return ((_mixed(key + tick.astype(np.uint64)[:, None]) >> np.uint64(11)).astype(float) + 0.5) * 2.0**-53
+
+
+def normal(key: np.ndarray, tick: np.ndarray) -> np.ndarray:
     """Standard normal numbers, as `uniform`."""
-    return ndtri(uniform(name, seed, tick, lane))
+    return ndtri(uniform(key, tick))
 
 
 def _mixed(x: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ import numpy as np
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
 from vispeg.effects._parts import in_scene
-from vispeg.effects._row_noise import uniform
+from vispeg.effects._row_noise import keys, uniform
 
 
 class DroppedReadings(Effect):
@@ -31,11 +31,13 @@ class DroppedReadings(Effect):
         return in_scene(model, *model.joints)
 
     def start(self, x, p):
-        return {"tick": np.zeros(len(x.q), int), "q": np.full_like(x.q, np.nan), "dq": np.full_like(x.q, np.nan)}
+        last = np.full((2, *x.q.shape), np.nan)
+        return {"tick": np.zeros(len(x.q), int), "key": keys(self.name, p["seed"], 0), "q": last[0], "dq": last[1]}
 
     def observe(self, state, q, dq, x, p):
-        lost = uniform(self.name, p["seed"], state["tick"], 0) < p["chance"]
-        lost &= ~np.isnan(state["q"])  # the first reading always arrives
-        q, dq = np.where(lost, state["q"], q), np.where(lost, state["dq"], dq)
+        lost = uniform(state["key"], state["tick"]) < p["chance"]
+        if lost.any():
+            lost &= ~np.isnan(state["q"])  # the first reading always arrives
+            q, dq = np.where(lost, state["q"], q), np.where(lost, state["dq"], dq)
         state["tick"], state["q"], state["dq"] = state["tick"] + 1, q, dq
         return q, dq

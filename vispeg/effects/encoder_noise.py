@@ -12,7 +12,7 @@ import numpy as np
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
 from vispeg.effects._parts import in_scene
-from vispeg.effects._row_noise import normal
+from vispeg.effects._row_noise import keys, normal
 
 
 class EncoderNoise(Effect):
@@ -32,14 +32,15 @@ class EncoderNoise(Effect):
         return in_scene(model, *model.joints)
 
     def start(self, x, p):
-        return {"tick": np.zeros(len(p["sd"]), int)}
+        lane = np.arange(2 * x.q.shape[1])
+        key = keys(self.name, np.concatenate([p["seed"], p["seed"]], axis=1), lane)
+        return {"tick": np.zeros(len(x.q), int), "key": key}
 
     def observe(self, state, q, dq, x, p):
-        tick, lane = state["tick"], np.arange(q.shape[1])
+        nj, tick, key = q.shape[1], state["tick"], state["key"]
         if (p["sd"] > 0).any():
-            q = np.where(p["sd"] > 0, q + p["sd"] * normal("encoder_noise.sd", p["seed"], tick, lane), q)
+            q = np.where(p["sd"] > 0, q + p["sd"] * normal(key[:, :nj], tick), q)
         if (p["velocity"] > 0).any():
-            noise = normal("encoder_noise.velocity", p["seed"], tick, lane)
-            dq = np.where(p["velocity"] > 0, dq + p["velocity"] * noise, dq)
+            dq = np.where(p["velocity"] > 0, dq + p["velocity"] * normal(key[:, nj:], tick), dq)
         state["tick"] = tick + 1
         return q, dq
