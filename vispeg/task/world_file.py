@@ -122,19 +122,19 @@ def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> None:
     if path in above:
         raise UserError("a world that is based on itself", file=path, key="base", got=path.stem)
     data = _read(path)
-    bases = data.get("base") or []
+    bases = _given(data, "base", [])
     for base in [bases] if isinstance(bases, str) else _typed(bases, list, path, "base"):
         _collect(_path(base, path), parts, (*above, path))
-    task = _typed(data.get("task") or {}, Mapping, path, "task")
+    task = _typed(_given(data, "task", {}), Mapping, path, "task")
     TaskConfig.of(task, str(path))
     parts.task |= task
-    parts.cameras |= _cameras(data.get("cameras") or {}, path)
-    parts.renderer |= _renderer(data.get("renderer") or {}, path)
+    parts.cameras |= _cameras(_given(data, "cameras", {}), path)
+    parts.renderer |= _renderer(_given(data, "renderer", {}), path)
     if data.get("model") is not None:
         parts.identified = ranges_of(_beside(_typed(data["model"], str, path, "model"), path), World().robot)
     scene = build(TaskConfig.of(parts.task, str(path)).scene())
     seen: set[tuple[str, str]] = set()
-    for i, entry in enumerate(_typed(data.get("effects") or [], list, path, "effects")):
+    for i, entry in enumerate(_typed(_given(data, "effects", []), list, path, "effects")):
         r = ranged(entry, scene, path, f"effects[{i}]")
         if (r.effect, r.where) in seen:
             raise UserError(f"{r.label} is given twice", file=path, key=f"effects[{i}]")
@@ -179,6 +179,11 @@ def _path(source: str | Path, beside: Path | None) -> Path:
 def _beside(text: str, file: Path) -> Path:
     path = Path(text).expanduser()
     return path if path.is_absolute() else file.parent / path
+
+
+def _given(data: Mapping[str, Any], key: str, otherwise: Any) -> Any:
+    """What a key says; `otherwise` where it is absent or left empty."""
+    return otherwise if data.get(key) is None else data[key]
 
 
 def _typed(value: Any, kind: type, path: Path, key: str) -> Any:

@@ -1,0 +1,224 @@
+"""World files: what is written is what is drawn, and every mistake is one line that names file, key and choices."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from vispeg.core.distribution import Normal, Uniform
+from vispeg.core.effect import effect
+from vispeg.core.errors import UserError
+from vispeg.robots.scene import build
+from vispeg.task.world_file import built_in, load_world, world_hash, world_text
+
+SCENE = build()
+FRICTION = {"effect": "contact_friction", "where": "peg", "params": {"scale": {"uniform": [0.5, 1.5]}}}
+MODEL = """
+format: vispeg-model/1
+robot: iiwa14
+effects:
+  - {effect: viscous_friction, where: joint2, params: {damping: {value: 3.0, low: 2.804, high: 3.196, unit: N m s/rad}}}
+  - {effect: viscous_friction, where: joint3, params: {damping: {value: 0.1, low: -0.3, high: 0.5, unit: N m s/rad}}}
+  - {effect: payload, where: flange, params: {mass: {value: 0.4, unit: kg}}}
+"""
+
+
+def write(path: Path, **data) -> Path:
+    path.write_text(yaml.safe_dump({"format": "vispeg-world/1", **data}), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def world(tmp_path):
+    return lambda stem="w", /, **data: write(tmp_path / f"{stem}.yaml", **data)
+
+
+def values(path, seed: int) -> dict:
+    drawn = load_world(path).world.sample(seed, SCENE)
+    return {e.label: {k: v.value for k, v in e.params.items()} for e in drawn.effects}
+
+
+@pytest.mark.parametrize("name", built_in())
+def test_every_built_in_world_loads_states_its_sources_and_survives_a_round_trip(name, tmp_path):
+    file = load_world(name)
+    assert file.name == name and len(file.hash) == 64
+    assert all(r.source for r in file.world.ranges), "a range says where it comes from"
+    copy = tmp_path / "copy.yaml"
+    copy.write_text(world_text(file), encoding="utf-8")
+    again = load_world(copy)
+    assert again.world == file.world and again.hash == file.hash
+
+
+def test_nominal_draws_nothing():
+    assert load_world("nominal").world.sample(3, SCENE).effects == ()
+
+
+def test_ranges_are_drawn_inside_and_by_seed(world):
+    path = world(effects=[FRICTION])
+    drawn = np.array([values(path, s)["contact_friction(peg)"]["scale"] for s in range(200)])
+    assert 0.5 <= drawn.min() < 0.55 and 1.45 < drawn.max() <= 1.5 and abs(drawn.mean() - 1) < 0.08
+    assert values(path, 7) == values(path, 7) != values(path, 8)
+
+
+def test_another_range_leaves_a_draw_as_it_was(world):
+    offset = {"effect": "hole_offset", "where": "fixture", "params": {"x": {"uniform": [-0.01, 0.01]}}}
+    alone, both = world("a", effects=[FRICTION]), world("b", effects=[offset, FRICTION])
+    for seed in range(5):
+        assert values(both, seed)["contact_friction(peg)"] == values(alone, seed)["contact_friction(peg)"]
+
+
+def test_a_seed_that_is_not_given_is_drawn(world):
+    path = world(effects=[{"effect": "encoder_noise", "params": {"sd": 0.001}}])
+    seeds = {values(path, s)["encoder_noise(all)"]["seed"] for s in range(8)}
+    assert len(seeds) == 8
+
+
+def test_a_group_moves_together_by_its_correlation(world):
+    """Correlation of the Gaussian scores is rho (uniform ranges: 6 / pi asin(rho / 2)); a negative rho mirrors."""
+    entries = [
+        {"effect": e, "where": "peg", "params": {"scale": {"uniform": [0.5, 1.5]}}, "group": "g", "rho": rho}
+        for e, rho in (("contact_friction", 0.8), ("object_mass", 0.8), ("contact_damping", -0.8))
+    ]
+    ranges = load_world(world(effects=entries)).world
+    drawn = [ranges.sample(s, SCENE).effects for s in range(400)]
+    table = np.array([[e.params["scale"].value for e in effects] for effects in drawn])
+    expected = 6 / np.pi * np.arcsin(0.8 / 2)
+    got = np.corrcoef(table.T)
+    np.testing.assert_allclose([got[0, 1], got[0, 2], got[1, 2]], [expected, -expected, -expected], atol=0.06)
+
+
+def test_chance_is_how_often_an_episode_has_the_effect(world):
+    path = load_world(world(effects=[{**FRICTION, "chance": 0.3}]))
+    share = np.mean([len(path.world.sample(s, SCENE).effects) for s in range(500)])
+    assert abs(share - 0.3) < 0.07
+
+
+def test_what_was_identified_is_the_centre_and_its_interval_the_width(world, tmp_path):
+    (tmp_path / "model.yaml").write_text(MODEL, encoding="utf-8")
+    each = {"effect": "viscous_friction", "where": "each", "params": {"damping": {"uniform": [0.0, 1.0]}}}
+    own = {"effect": "payload", "where": "flange", "params": {"mass": 0.7}}
+    path = world(model="model.yaml", effects=[each, own])
+    ranges = {r.label: r for r in load_world(path).world.ranges}
+    fitted, bounds = ranges["viscous_friction(joint2)"].params["damping"], effect("viscous_friction").params["damping"]
+    assert isinstance(fitted, Normal) and (fitted.low, fitted.high) == (bounds.low, bounds.high)
+    assert (fitted.mean, fitted.sd) == (3.0, pytest.approx(0.1))
+    drawn = [values(path, s) for s in range(150)]
+    second = np.array([d["viscous_friction(joint2)"]["damping"] for d in drawn])
+    third = np.array([d["viscous_friction(joint3)"]["damping"] for d in drawn])
+    assert abs(second.mean() - 3) < 0.04 and second.std() == pytest.approx(0.1, rel=0.25)
+    assert third.min() >= 0, "cut where the effect has its bounds"
+    assert max(d["viscous_friction(joint4)"]["damping"] for d in drawn) <= 1.0
+    assert {d["payload(flange)"]["mass"] for d in drawn} == {0.7}, "the file's own word for the very place wins"
+
+
+def test_a_world_builds_on_others_and_replaces_what_it_says_itself(world, tmp_path):
+    world("first", task={"clearance_mm": 1.0, "stack": 4}, effects=[FRICTION])
+    mine = {**FRICTION, "params": {"scale": 0.8}}
+    mass = {"effect": "object_mass", "where": "peg", "params": {"scale": 1.2}}
+    file = load_world(world("second", base="first.yaml", task={"clearance_mm": 2.0}, effects=[mass, mine]))
+    assert file.task == {"clearance_mm": 2.0, "stack": 4}
+    assert {r.label: r.params["scale"] for r in file.world.ranges} == {
+        "contact_friction(peg)": 0.8,
+        "object_mass(peg)": 1.2,
+    }
+    both = load_world(world("third", base=["randomized", "second.yaml"]))
+    assert {r.label: r.params for r in both.world.ranges}["object_mass(peg)"] == {"scale": 1.2}
+    world("loop", base="loop.yaml")
+    with pytest.raises(UserError, match="based on itself"):
+        load_world(tmp_path / "loop.yaml")
+
+
+def test_the_hash_is_of_content_not_of_words(world):
+    plain = load_world(world("a", effects=[FRICTION])).hash
+    assert load_world(world("b", name="other", about="x", effects=[{**FRICTION, "source": "s"}])).hash == plain
+    assert load_world(world("c", effects=[FRICTION], task={"clearance_mm": 3.0})).hash == plain, "3 mm is the default"
+    others = [
+        {"effects": [{**FRICTION, "params": {"scale": {"uniform": [0.5, 1.4]}}}]},
+        {"effects": [{**FRICTION, "chance": 0.5}]},
+        {"effects": [FRICTION], "task": {"clearance_mm": 1.0}},
+        {"effects": [FRICTION], "renderer": {"backend": "raycast"}},
+        {"effects": [FRICTION], "cameras": {"external": {"width": 32}}},
+    ]
+    hashes = {load_world(world(f"o{i}", **data)).hash for i, data in enumerate(others)}
+    assert len(hashes) == len(others) and plain not in hashes
+    file = load_world("randomized")
+    assert world_hash(file.world, file.task, file.cameras, file.renderer) == file.hash
+
+
+WRONG = {
+    "unknown effect": ({"effect": "contact_frictoin"}, "effects[0].effect", "did you mean 'contact_friction'"),
+    "unknown place": ({"where": "pegg"}, "effects[0].where", "choices: peg, fixture, gripper, table, all, each"),
+    "unknown parameter": ({"params": {"scal": 1.0}}, "effects[0].params.scal", "choices: scale"),
+    "inverted": ({"params": {"scale": {"uniform": [2, 1]}}}, "effects[0].params.scale", "low <= high"),
+    "NaN": ({"params": {"scale": {"uniform": [0.5, float("nan")]}}}, "effects[0].params.scale", "two numbers"),
+    "fixed NaN": ({"params": {"scale": float("nan")}}, "effects[0].params.scale", "a number or a distribution"),
+    "three numbers": ({"params": {"scale": {"uniform": [1, 2, 3]}}}, "effects[0].params.scale", "two numbers"),
+    "out of bounds": ({"params": {"scale": {"uniform": [0.5, 9]}}}, "effects[0].params.scale", "0 to 5 1"),
+    "mean out of bounds": ({"params": {"scale": {"normal": [9, 1]}}}, "effects[0].params.scale", "0 to 5 1"),
+    "one choice out": ({"params": {"scale": {"choice": [1, -1]}}}, "effects[0].params.scale", "0 to 5 1"),
+    "negative sd": ({"params": {"scale": {"normal": [1, -1]}}}, "effects[0].params.scale", "below 0"),
+    "log of nought": ({"params": {"scale": {"log_uniform": [0, 1]}}}, "effects[0].params.scale", "above 0"),
+    "unknown law": ({"params": {"scale": {"gauss": [1, 1]}}}, "effects[0].params.scale", "log_uniform"),
+    "nothing": ({"params": {}}, "effects[0].params", "one or more of scale"),
+    "chance": ({"chance": 1.5}, "effects[0].chance", "0 to 1"),
+    "rho alone": ({"rho": 0.5}, "effects[0].rho", "group: NAME"),
+    "rho": ({"rho": 2, "group": "g"}, "effects[0].rho", "-1 to 1"),
+    "key": ({"when": "now"}, "effects[0].when", "choices: effect, where, params"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_wrong_entry_is_one_clear_line(case, world):
+    change, key, says = WRONG[case]
+    path = world(effects=[{**FRICTION, **change}])
+    with pytest.raises(UserError) as error:
+        load_world(path)
+    text = str(error.value)
+    assert str(path) in text and key in text and says in text and "\n" not in text, text
+
+
+@pytest.mark.parametrize(
+    ("data", "says"),
+    [
+        ({"format": "vispeg-model/1"}, "vispeg-world/1"),
+        ({"efects": []}, "did you mean 'effects'"),
+        ({"task": {"clearence_mm": 1}}, "clearance_mm"),
+        ({"task": {"clearance_mm": -1}}, "impossible geometry"),
+        ({"effects": {}}, "a list"),
+        ({"task": []}, "a mapping"),
+        ({"effects": [FRICTION, FRICTION]}, "given twice"),
+        ({"effects": ["contact_friction"]}, "a mapping"),
+        ({"base": "randomised"}, "did you mean 'randomized'"),
+        ({"model": "nowhere.yaml"}, "no such model file"),
+        ({"cameras": {"external": 3}}, "a camera file"),
+        ({"cameras": {"external": "nowhere.yaml"}}, "no such camera file"),
+        ({"renderer": {"backend": "opengl"}}, "raycast"),
+        ({"renderer": {"shadows": 1}}, "true"),
+        ({"name": 3}, "a text"),
+    ],
+)
+def test_a_wrong_file_is_one_clear_line(data, says, world):
+    path = world(**data)
+    with pytest.raises(UserError) as error:
+        load_world(path)
+    text = str(error.value)
+    assert str(path.parent) in text and says in text and "\n" not in text, text
+
+
+def test_names_and_files_that_are_not_there():
+    with pytest.raises(UserError, match="did you mean 'nominal'"):
+        load_world("nominall")
+    with pytest.raises(UserError, match="no such world file"):
+        load_world("nowhere.yaml")
+
+
+def test_yaml_that_is_none_and_a_range_as_a_distribution(tmp_path, world):
+    bad = tmp_path / "bad.yaml"
+    bad.write_text("format: [", encoding="utf-8")
+    with pytest.raises(UserError, match="not readable as YAML"):
+        load_world(bad)
+    (r,) = load_world(world(effects=[FRICTION])).world.ranges
+    assert r.params == {"scale": Uniform(0.5, 1.5)}
