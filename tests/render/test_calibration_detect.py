@@ -38,6 +38,15 @@ def test_the_first_corner_stays_first_however_the_board_is_turned():
         assert np.abs(turned.pixels - np.stack([x, y], axis=1)).max() < 0.1
 
 
+def test_large_images_are_refined_at_their_own_size():
+    at = place(stream(5, "large"))
+    image, times = picture(BOARD, at), 5
+    large = find(cv2.resize(image, None, fx=times, fy=times, interpolation=cv2.INTER_CUBIC), BOARD)
+    assert large is not None
+    off = (large.pixels + 0.5) / times - 0.5 - ideal(BOARD, at)
+    assert np.sqrt(np.mean(np.sum(off**2, axis=1))) < 0.2  # px of the image before it was enlarged, and blurred so
+
+
 def test_charuco_in_part():
     at = place(stream(3, "part"), CHARUCO)
     image = picture(CHARUCO, at)

@@ -15,6 +15,7 @@ PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", "
 MIN_CORNERS = 6  # of a ChArUco board seen in part: four fix a pose, two more judge it
 
 ALIKE = 1.0  # px
+SEARCH = 1600  # px: the longer side of the image in which a chessboard is looked for before its corners are refined
 
 
 @dataclass(frozen=True)
@@ -112,19 +113,22 @@ def _chessboard(image: np.ndarray, board: Board) -> tuple[np.ndarray, np.ndarray
     import cv2
 
     columns, rows = board.grid
+    shrink = min(1.0, SEARCH / max(image.shape))  # no board in a large image takes a quarter of a minute otherwise
+    small = image if shrink == 1 else cv2.resize(image, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)
     flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
-    ok, corners = cv2.findChessboardCorners(image, (columns, rows), flags=flags)
-    if ok:  # the window stays well inside a square, or a neighbour's edge pulls the corner
-        grid = corners.reshape(rows, columns, 2)
-        side = min(np.linalg.norm(np.diff(grid, axis=axis), axis=-1).min() for axis in (0, 1))
-        half = int(np.clip(side / 4, 2, 5))
-        stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-4)
-        corners = cv2.cornerSubPix(image, corners, (half, half), (-1, -1), stop)
-    else:
+    ok, corners = cv2.findChessboardCorners(small, (columns, rows), flags=flags)
+    if not ok:
         flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY
-        ok, corners = cv2.findChessboardCornersSB(image, (columns, rows), flags=flags)
-        if not ok:
-            return None
+        ok, corners = cv2.findChessboardCornersSB(small, (columns, rows), flags=flags)
+    if not ok:
+        return None
+    corners = ((corners.reshape(-1, 2) + 0.5) / shrink - 0.5).astype(np.float32)
+    grid = corners.reshape(rows, columns, 2)
+    # the window stays well inside a square, or a neighbour's edge pulls the corner
+    side = min(np.linalg.norm(np.diff(grid, axis=axis), axis=-1).min() for axis in (0, 1))
+    half = int(np.clip(side / 4, 2, round(5 / shrink)))
+    stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-4)
+    corners = cv2.cornerSubPix(image, corners.reshape(-1, 1, 2), (half, half), (-1, -1), stop)
     return np.arange(rows * columns), _ordered(image, corners.reshape(rows, columns, 2)).reshape(-1, 2)
 
 
