@@ -16,6 +16,10 @@ from vispeg.sim.restart import RowFields, merged
 from vispeg.sim.state import Fields
 
 CONSTANT = frozenset(mujoco.MjModel._setconst_inputs)  # fields that other fields are derived from
+BAD = [
+    int(w)
+    for w in (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+]
 
 
 class Cell(Plant):
@@ -37,6 +41,7 @@ class Cell(Plant):
         self.site_pos, self.site_mat = self.batch.bind("site_xpos"), self.batch.bind("site_xmat")
         self.sensors = self.batch.bind("sensordata")
         self.slip = self.model.joint("peg_slip").qposadr[0]
+        self.warned = np.zeros(self.nsim, dtype=np.int64)
         self.external = np.zeros((self.nsim, 3))  # N, pushes at the flange, world frame
         self.pushed = self.batch.bind("xfrc_applied")
         self.hand = int(self.model.site_bodyid[self.site["flange"]])
@@ -85,7 +90,15 @@ class Cell(Plant):
         for a in self.active:
             name = a.effect.name
             self.states[name] = merged(self.states[name], a.effect.start(self.x, a.p), rows)
+        self.warned[rows] = self._warnings()[rows]
         self.batch.forward(ids=rows)
+
+    def _warnings(self) -> np.ndarray:
+        return self.batch.warning[:, BAD, 1].sum(axis=1)
+
+    def unstable(self) -> np.ndarray:
+        """(nsim,) rows that MuJoCo found not finite and put back to the start since they began."""
+        return self._warnings() > self.warned
 
     def read(self) -> None:
         """True joint motion at this instant, into `x`."""

@@ -155,7 +155,7 @@ class PegSimulation:
         self.count += 1
         tip = self.tip_in_hole()
         bad = ~np.isfinite(cell.qpos).all(axis=1) | ~np.isfinite(forces).all(axis=0) | (np.abs(tip).max(axis=1) > 2.0)
-        bad |= ~np.isfinite(tip).all(axis=1)
+        bad |= ~np.isfinite(tip).all(axis=1) | cell.unstable()
         self.diverged |= bad
         forces = np.where(bad, 0.0, forces)
         tip = np.where(bad[:, None], 0.5, tip)

@@ -1,0 +1,138 @@
+"""The environments: checkers, equality of one and many, seeds, episodes that begin anew row by row."""
+
+import pickle
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from vispeg.core.distribution import Uniform
+from vispeg.core.world import Ranged, World
+from vispeg.task.vector import PegInHoleVec, episode_seed
+
+VARIED = World(
+    ranges=(
+        Ranged("command_delay", "all", {"delay": Uniform(0.0, 0.02)}),
+        Ranged("viscous_friction", "each", {"damping": Uniform(0.0, 1.0)}),
+        Ranged("hysteresis", "joint4", {"torque": Uniform(0.0, 0.5), "stiffness": 100.0}),
+        Ranged("coulomb_friction", "each", {"torque": Uniform(0.0, 0.3)}),
+        Ranged("link_mass", "link7", {"mass": Uniform(-0.1, 0.3)}),
+        Ranged("hole_offset", "fixture", {"x": Uniform(-0.03, 0.03)}),
+        Ranged("goal_imprecision", "hole", {"x": Uniform(-0.002, 0.002)}),
+        Ranged("encoder_noise", "all", {"sd": Uniform(0.0, 0.001)}, chance=0.5),
+    )
+)
+
+
+def actions(n, steps, seed=0):
+    """Downward leaning random actions (steps, n, 3)."""
+    out = np.random.default_rng(seed).uniform(-1, 1, (steps, n, 3))
+    out[..., 2] -= 0.3
+    return np.clip(out, -1, 1)
+
+
+def test_gymnasium_and_sb3_accept_it():
+    """Both checkers, by the registered name."""
+    env = gym.make("vispeg:PegInHole-v0", world="nominal", steps=5)
+    check_env(env.unwrapped, skip_render_check=True)
+    sb3 = pytest.importorskip("stable_baselines3.common.env_checker")
+    sb3.check_env(env.unwrapped)
+
+
+@pytest.mark.parametrize("world", [World(), VARIED], ids=["nominal", "varied"])
+def test_one_environment_is_a_row_of_many_bit_by_bit(world):
+    """Over several episodes, with rows that begin anew at different times."""
+    many, one = PegInHoleVec(3, world=world, steps=6), PegInHoleVec(1, world=world, steps=6)
+    a, _ = many.reset(seed=4)
+    b, _ = one.reset(seed=5)
+    for action in actions(3, 20):
+        for key in a:
+            assert np.array_equal(a[key][1], b[key][0]), key
+        a, r, te, tr, _ = many.step(action)
+        b, s, ue, ur, _ = one.step(action[1:2])
+        assert r[1] == s[0] and te[1] == ue[0] and tr[1] == ur[0]
+
+
+def test_the_seed_decides_everything():
+    """Same seed same episode, another seed another one; later episodes have seeds of their own."""
+    env = gym.make("vispeg:PegInHole-v0", world=VARIED)
+    runs = []
+    for seed in (1, 1, 2):
+        first, _ = env.reset(seed=seed)
+        runs.append([first["policy"], *(env.step(a[0])[0]["policy"] for a in actions(1, 4))])
+    assert all(np.array_equal(x, y) for x, y in zip(runs[0], runs[1], strict=True))
+    assert not np.array_equal(runs[0][0], runs[2][0])
+    assert episode_seed(3, 0) == 3 and len({episode_seed(3, k) for k in range(50)}) == 50
+    _, info = env.reset()
+    assert info["seed"] != 2
+
+
+def test_it_travels_through_pickle():
+    """As it was made, not as it stands."""
+    env = gym.make("vispeg:PegInHole-v0", world=VARIED).unwrapped
+    again = pickle.loads(pickle.dumps(env))
+    a, b = env.reset(seed=8)[0], again.reset(seed=8)[0]
+    assert all(np.array_equal(a[k], b[k]) for k in a)
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+def test_autoreset_follows_gymnasium(mode):
+    """After an end the row's next observation is a start; SAME_STEP hands out the end's observation beside it."""
+    env = PegInHoleVec(2, world="nominal", steps=3, autoreset_mode=mode)
+    start, _ = env.reset(seed=0)
+    for _ in range(3):
+        obs, _, _, truncated, info = env.step(np.zeros((2, 3)))
+    assert truncated.all() and set(info["category"]) == {"approach"}
+    if mode == "SameStep":
+        assert np.abs(info["final_obs"]["privileged"] - obs["privileged"]).max() > 0.1
+        assert env.sim.count.tolist() == [0, 0]
+    else:
+        assert env.sim.count.tolist() == [3, 3]
+        obs, reward, _, truncated, _ = env.step(np.ones((2, 3)))
+        assert env.sim.count.tolist() == [0, 0] and not truncated.any() and not reward.any()
+    assert not np.array_equal(obs["policy"], start["policy"])
+
+
+def test_records_tell_how_it_went():
+    """Category, profile at every control tick, drawn world, seed: enough to play the episode again."""
+    env = PegInHoleVec(1, world=VARIED, steps=4, autoreset_mode="SameStep")
+    env.reset(seed=21)
+    profiles = []
+    for _ in range(2):
+        env.reset(seed=21)
+        for action in actions(1, 4):
+            info = env.step(action)[4]
+            if "_record" in info:
+                record = info["record"][0]
+                break
+        profiles.append(record["force_profile"])
+    assert record["seed"] == 21 and len(profiles[0]) % env.config.ticks == 0
+    assert record["world"]["command_delay(all)"]["delay"] > 0
+    assert np.array_equal(*profiles)
+
+
+def test_a_policy_without_a_target_sees_nothing_of_the_hole():
+    """Two holes 50 mm apart look the same to a blind policy, not to one that is told, and the critic knows."""
+    shifted = [
+        World(ranges=(Ranged("hole_offset", "fixture", {"x": x}),)) for x in (-0.025, 0.025)
+    ]  # fixed numbers: drawn the same for every seed
+    seen = {m: [PegInHoleVec(1, world=w, obs_mode=m).reset(seed=3)[0] for w in shifted] for m in ("proprio", "state")}
+    assert np.array_equal(seen["proprio"][0]["policy"], seen["proprio"][1]["policy"])
+    assert np.abs(seen["state"][0]["policy"] - seen["state"][1]["policy"]).max() > 1.0
+    for a, b in seen.values():
+        assert np.abs(a["privileged"] - b["privileged"]).max() > 1.0
+
+
+def test_a_diverged_row_ends_alone():
+    """NaN ends its episode with its category; its neighbour goes on as if nothing had happened."""
+    env, calm = (PegInHoleVec(2, world="nominal", autoreset_mode="SameStep") for _ in range(2))
+    env.reset(seed=0)
+    calm.reset(seed=0)
+    env.sim.cell.qvel[0, 3] = np.nan
+    obs, reward, terminated, _, info = env.step(np.zeros((2, 3)))
+    other, _, _, _, _ = calm.step(np.zeros((2, 3)))
+    assert terminated.tolist() == [True, False] and info["category"][0] == "diverged"
+    assert np.isfinite(reward).all() and all(np.isfinite(v).all() for v in obs.values())
+    assert all(np.isfinite(v).all() for v in info["final_obs"].values())
+    assert all(np.array_equal(obs[k][1], other[k][1]) for k in obs)

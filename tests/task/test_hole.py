@@ -1,0 +1,98 @@
+"""The clearance that contact geometry really leaves, by pushing, and by the mesh that the eye sees."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from vispeg.core.errors import UserError
+from vispeg.robots import hole
+from vispeg.robots.scene import SceneConfig, build
+
+
+def freed(config: SceneConfig) -> mujoco.MjModel:
+    """A peg of the cell's own shape on three slides inside its fixture: nothing else moves or is in the way."""
+    spec = mujoco.MjSpec()
+    spec.option.gravity, spec.option.timestep = (0, 0, 0), 5e-4
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    n = 4 if config.shape == "square" else hole.sides(config.apothem)
+    fixture = spec.worldbody.add_body(name="fixture")
+    hole.add_walls(spec, fixture, n, config.apothem, config.block, config.depth, config.chamfer)
+    peg = spec.worldbody.add_body(name="peg", pos=(0, 0, -0.01))
+    for axis in np.eye(3):
+        peg.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, damping=5.0)
+    square = config.shape == "square"
+    kind = mujoco.mjtGeom.mjGEOM_BOX if square else mujoco.mjtGeom.mjGEOM_CYLINDER
+    r = config.diameter / 2
+    size = (r, r, 0.008) if square else (r, 0.008, 0)
+    geom = peg.add_geom(type=kind, size=size, mass=0.1, contype=0, conaffinity=1, friction=(0, 0, 0))
+    geom.solref, geom.solimp, geom.priority = (0.001, 1.0), (0.99, 0.999, 1e-5, 0.5, 2.0), 1
+    return spec.compile()
+
+
+def reach(model: mujoco.MjModel, angle: float) -> float:
+    """How far the peg goes when pushed lightly towards `angle`, m along it."""
+    data = mujoco.MjData(model)
+    way = np.array([np.cos(angle), np.sin(angle), 0.0])
+    data.qfrc_applied[:3] = 0.05 * way
+    for _ in range(1500):
+        mujoco.mj_step(model, data)
+    return float(data.qpos[:3] @ way)
+
+
+@pytest.mark.parametrize("clearance", [3.0, 1.0, 0.5, 0.2])
+def test_a_round_peg_travels_half_the_clearance_each_way(clearance):
+    """In every direction, to 0.02 mm, and never less than stated."""
+    model = freed(SceneConfig(clearance_mm=clearance))
+    n = hole.sides(SceneConfig(clearance_mm=clearance).apothem)
+    angles = [0.0, np.pi / n, 0.7, 2.5, 4.0]  # at a wall's middle, at a corner, elsewhere
+    travel = np.array([reach(model, a) for a in angles])
+    assert np.all(travel > clearance / 2000 - 2e-6)
+    assert np.all(travel < clearance / 2000 + hole.ROUND_ERROR + 3e-6)
+
+
+def test_a_square_hole_is_exact():
+    """Along both axes."""
+    model = freed(SceneConfig(clearance_mm=0.5, shape="square"))
+    for angle in (0.0, np.pi / 2, np.pi):
+        assert reach(model, angle) == pytest.approx(0.25e-3, abs=3e-6)
+
+
+@pytest.mark.parametrize("shape", ["round", "square"])
+def test_what_is_seen_is_what_is_felt(shape):
+    """The volume of the mesh is that of the block less the hole and its chamfer (a frustum)."""
+    c = SceneConfig(shape=shape)
+    n = 4 if shape == "square" else hole.sides(c.apothem)
+    v, f = hole.visual(n, c.apothem, c.block, c.depth, c.chamfer)
+    signed = np.einsum("fi,fi->f", v[f[:, 0]], np.cross(v[f[:, 1]], v[f[:, 2]])).sum() / 6
+    # the mesh is open below: close it with the cone from the origin over its lower outline
+    area = n * np.tan(np.pi / n)  # of a polygon with apothem 1
+    bottom = area * c.block**2 * (c.depth + hole.FLOOR) / 3
+    block = area * c.block**2 * (c.depth + hole.FLOOR)
+    bore = area * c.apothem**2 * c.depth
+    bevel = area * (
+        ((c.apothem + c.chamfer) ** 3 - c.apothem**3) / 3 / c.chamfer * c.chamfer - c.apothem**2 * c.chamfer
+    )
+    assert abs(signed) + bottom == pytest.approx(block - bore - bevel, rel=1e-6)
+
+
+def test_impossible_geometry_is_refused():
+    """Each with the key at fault."""
+    for bad in (
+        {"clearance_mm": 0.0},
+        {"clearance_mm": -1.0},
+        {"diameter": 0.05},
+        {"diameter": 0.0123},
+        {"fixture": (2.0, 0.0, 0.05)},
+        {"fixture": (0.6, 0.0, 0.01)},
+        {"shape": "star"},
+        {"depth": 0.2},
+    ):
+        with pytest.raises(UserError) as error:
+            SceneConfig(**bad)
+        assert next(iter(bad)).split("_")[0] in str(error.value) or "reach" in str(error.value)
+
+
+def test_equal_cells_are_built_once():
+    """The cache is by configuration."""
+    assert build(SceneConfig(clearance_mm=0.7)) is build(SceneConfig(clearance_mm=0.7))
+    assert build(SceneConfig(clearance_mm=0.7)) is not build(SceneConfig(clearance_mm=0.8))
