@@ -47,7 +47,7 @@ def checkerboard(rng: np.random.Generator) -> np.ndarray:
 
 
 def gradient(rng: np.random.Generator) -> np.ndarray:
-    """A slope to and fro across the tile, in one of eight directions."""
+    """A slope up and down again across the tile, in one of eight directions."""
     return np.abs(2 * (_wave(rng, 1) % 1) - 1).astype(np.float32)
 
 
