@@ -62,7 +62,7 @@ def test_lasting_errors_are_an_autoregression():
 
 
 def test_an_episode_forgets_the_one_before():
-    """A time that does not go on, or a world put in its place, begins a row anew; other rows go on."""
+    """A time that goes back, or a world put in its place, begins a row anew; other rows go on."""
     world = World().add(Placed.of("frame_latency", "all", delay=0.1))
     for how in ("time", "place"):
         pipeline = Pipeline([world, world], "wrist")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
@@ -11,7 +12,7 @@ import numpy as np
 
 def words(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
     """Independent uint16 numbers, uniform over 0 to 65535."""
-    size = int(np.prod(shape))
+    size = math.prod(shape)
     return rng.integers(0, 2**64, (size + 3) // 4, dtype=np.uint64).view(np.uint16)[:size].reshape(shape)
 
 
@@ -55,14 +56,14 @@ def _low_pass(length: float) -> np.ndarray:
 
 
 def begins(state: dict[str, Any], frame) -> np.ndarray:
-    """Which images (n,) open an episode: the first ever, and those whose time does not go on from the one before.
+    """Which images (n,) open an episode: the first ever, and those whose time is before that of the one before.
 
     To be asked once a frame.
     """
     now = np.broadcast_to(np.asarray(frame.time, float), (frame.n,))
     last = state.get("time")
     state["time"] = now.copy()
-    return np.ones(frame.n, bool) if last is None or len(last) != frame.n else ~(now > last)
+    return np.ones(frame.n, bool) if last is None or len(last) != frame.n else now < last
 
 
 def persistent(

@@ -21,7 +21,10 @@ class BlockMatching(CameraEffect):
     params = {
         "on": Param(0.0, 0.0, 1.0, "1", start=1.0, doc="1: depth is matched, not rendered"),
         "baseline": Param(0.05, 0.005, 0.3, "m", start=0.05, shape=True, doc="to the second eye, on the right"),
-        "scale": Param(4.0, 1.0, 12.0, "1", start=4.0, shape=True, doc="pixels matched for one pixel of the image"),
+        "focal": Param(
+            210.0, 50.0, 1000.0, "px", start=210.0, shape=True, doc="focal length at which is matched, at least"
+        ),
+        "nearest": Param(0.1, 0.04, 0.5, "m", start=0.1, shape=True, doc="depth of the largest disparity searched"),
         "window": Param(5.0, 1.0, 15.0, "px", start=5.0, shape=True, doc="side of the matched blocks"),
         "pattern": Param(0.6, 0.0, 1.0, "1", start=0.6, shape=True, doc="contrast of the projected dots"),
         "noise": Param(0.01, 0.0, 0.1, "1", start=0.01, shape=True, doc="sd of the eyes' read-out noise"),

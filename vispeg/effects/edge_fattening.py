@@ -13,7 +13,7 @@ import numpy as np
 
 from vispeg.core.params import Param
 from vispeg.effects._camera import CameraEffect
-from vispeg.effects._disparity import PARAMS, disparity, gauge
+from vispeg.effects._disparity import PARAMS, gauge
 from vispeg.effects._field import words
 
 FAR = np.float32(1e6)
@@ -39,16 +39,20 @@ class EdgeFattening(CameraEffect):
             return
         fb = gauge(p, rows)
         for i, row in enumerate(rows):
-            depth = frame.depth[row]
+            depth = frame.depth[row].ravel()
             radius = float(p["window"][row]) / 2 * float(frame.K[row, 0, 0]) / float(p["focal"][row])
             radius = min(radius, min(frame.shape) / 2)
             whole, part = int(radius), radius - int(radius)
-            solid = np.where(depth > 0, depth, FAR)
-            near = cv2.erode(solid, np.ones((2 * whole + 1,) * 2, np.uint8))
-            wider = cv2.erode(solid, np.ones((2 * whole + 3,) * 2, np.uint8))
-            dice = words(rng[row], (2, *frame.shape))
-            near = np.where(dice[0] < 65536 * part, wider, near)
-            step = disparity(np.minimum(near, FAR), fb[i]) - disparity(depth, fb[i])
-            straddles = (step > np.float32(p["contrast"][row])) & (depth > 0)
+            solid = np.where(frame.depth[row] > 0, frame.depth[row], FAR)
+            wide = cv2.erode(solid, np.ones((2 * whole + 3,) * 2, np.uint8)).ravel()
+            contrast = np.float32(p["contrast"][row]) / fb[i, 0, 0]
+            at = np.flatnonzero(depth - wide > contrast * depth * wide)  # the step in disparity, by f B z z'
+            if not len(at):
+                continue
+            narrow = cv2.erode(solid, np.ones((2 * whole + 1,) * 2, np.uint8)).ravel()[at] if whole else depth[at]
+            dice = words(rng[row], (2, len(at)))
+            near = np.where(dice[0] < 65536 * part, wide[at], narrow)
+            straddles = depth[at] - near > contrast * depth[at] * near
             lost = dice[1] < 65536 * float(p["reject"][row])
-            frame.depth[row] = np.where(straddles, np.where(lost, 0, near), depth)
+            depth[at] = np.where(straddles, np.where(lost, 0, near), depth[at])
+            frame.depth[row] = depth.reshape(frame.shape)

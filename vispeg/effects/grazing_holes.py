@@ -49,9 +49,9 @@ class GrazingHoles(CameraEffect):
                 odds = np.exp((cos[i] - np.float32(np.cos(p["angle"][row]))) * np.float32(1 / WIDTH))
                 kept *= 1 - np.float32(p["grazing"][row]) / (1 + odds)
             if frame.rgb is not None and (p["dark"][row] or p["shine"][row]):
-                luminance = (frame.rgb[row] @ LUMA) ** 2  # to the accuracy that matters here, sRGB is a square
-                kept *= 1 - np.float32(p["dark"][row]) * np.maximum(0, 1 - luminance * np.float32(1 / DARK))
-                kept *= 1 - np.float32(p["shine"][row]) * (luminance > np.float32(BRIGHT))
+                light = np.square(frame.rgb[row] @ LUMA)  # to the accuracy that matters here, sRGB is a square
+                kept *= 1 - np.float32(p["dark"][row]) * np.maximum(0, 1 - light * np.float32(1 / DARK))
+                kept *= 1 - np.float32(p["shine"][row]) * (light > np.float32(BRIGHT))
             frame.depth[row] *= _normal_cdf(field[i]) <= kept
 
 

@@ -32,11 +32,11 @@ class LensDistortion(CameraEffect):
         import cv2
 
         for row in self.rows(p):
-            values = tuple(float(p[k][row]) for k in ("k1", "k2", "p1", "p2"))
+            k1, k2, p1, p2 = values = tuple(float(p[k][row]) for k in ("k1", "k2", "p1", "p2"))
             key = (values, frame.K[row].tobytes(), frame.shape)
             known = state.get(int(row))
             if known is None or known[0] != key:  # a lens stays as it is for an episode, so its map is kept
-                known = state[int(row)] = (key, *_map(frame.K[row : row + 1], frame.shape, values))
+                known = state[int(row)] = (key, *_map(frame.K[row : row + 1], frame.shape, k1, k2, p1, p2))
             _, u, v = known
             if frame.rgb is not None:
                 frame.rgb[row] = cv2.remap(frame.rgb[row], u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
@@ -44,9 +44,11 @@ class LensDistortion(CameraEffect):
                 frame.depth[row] = cv2.remap(frame.depth[row], u, v, cv2.INTER_NEAREST, borderValue=0)
 
 
-def _map(K: np.ndarray, shape: tuple[int, int], values: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
+def _map(
+    K: np.ndarray, shape: tuple[int, int], k1: float, k2: float, p1: float, p2: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Where in the rendered image (px) each pixel of the distorted one looks; both (H, W) float32."""
     x, y = rays(K, shape)
-    u, v = undistort(x[0].astype(float), y[0].astype(float), *values)
+    u, v = undistort(x[0].astype(float), y[0].astype(float), k1, k2, p1, p2)
     f, c = (K[0, 0, 0], K[0, 1, 1]), (K[0, 0, 2], K[0, 1, 2])
     return (f[0] * u + c[0]).astype(np.float32), (f[1] * v + c[1]).astype(np.float32)

@@ -25,7 +25,7 @@ class Vignette(LightEffect):
         amount = np.asarray(p["amount"], np.float32)
 
         def shade(light, row):
-            fall = (1 + x[row] * x[row] + y[row] * y[row]) ** -2
-            return light * np.maximum(1 - amount[row] * (1 - fall), 0)[..., None]
+            secant = 1 + x[row] * x[row] + y[row] * y[row]  # squared
+            return light * np.maximum(1 - amount[row] * (1 - 1 / (secant * secant)), 0)[..., None]
 
         return shade

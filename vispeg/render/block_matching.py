@@ -1,0 +1,158 @@
+"""The effect `block_matching` carried out: depth from two rendered eyes, as a stereo camera computes it.
+
+Both eyes are drawn larger than the image, at the focal length at which is matched, and wider to the left by the
+largest disparity, so that the whole image has a counterpart. A speckle pattern from a projector half-way between the
+eyes lights the scene; both get read-out noise and 8 bits; OpenCV's semi-global matcher with its left-right check
+gives disparities to 1/16 px, and depth is f B / d. A pixel of the image takes the median of the readings in it, none
+where most are lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+
+import numpy as np
+
+import vispeg.effects  # noqa: F401  (enrols the library)
+from vispeg.core.effect import effect
+from vispeg.core.errors import UserError
+from vispeg.core.seeds import stream
+from vispeg.core.world import World
+from vispeg.effects._field import normal
+from vispeg.effects._light import LUMA, to_linear
+from vispeg.render.backend import Renderer, Shot
+from vispeg.render.camera import PINHOLE, Camera
+
+NAME = "block_matching"
+SPECKLE = 512  # side of the pattern, repeated beyond
+MARGIN = 8  # px on the right, where the matcher's blocks would reach beyond the picture
+GRAIN = 1.5  # px of the matcher from speckle to speckle
+SPURIOUS = 40  # px; smaller islands of disparity are taken for wrong matches
+
+
+def settings(world: World, camera: str) -> dict[str, float] | None:
+    """Values of the effect's parameters for a camera in a sampled world; None where depth is rendered as usual."""
+    found = None
+    for placed in world.effects:
+        if placed.effect == NAME and placed.where in ("all", camera):
+            found = {k: v.value for k, v in placed.params.items()}
+    return found if found and found["on"] > 0.5 else None
+
+
+def depth(
+    renderer: Renderer,
+    camera: str,
+    p: Mapping[str, float],
+    rng: np.random.Generator,
+    qpos: np.ndarray | None = None,
+) -> np.ndarray:
+    """What the matcher makes of the scene as the renderer has it, lens distortion rectified.
+
+    Args:
+        renderer: dressed in the world's look; its cameras are the same afterwards.
+        camera: name of one of its cameras, whose depth image it is; the second eye stands to the right of it.
+        p: the effect's values, as of `settings`.
+        rng: of the eyes' noise.
+        qpos: (nq,) configuration; default: as it was.
+
+    Returns:
+        (H, W) float32 planar depth in m, 0 where there is no match.
+
+    Raises:
+        UserError: no such camera.
+    """
+    known = {c.name: c for c in renderer.cameras}
+    if camera not in known:
+        raise UserError("no such camera", got=camera, choices=known)
+    full = {k: q.start for k, q in effect(NAME).params.items()} | dict(p)
+    scale = max(1, round(full["focal"] / known[camera].fx))
+    left, right, span = eyes(known[camera], scale, full["baseline"], full["nearest"])
+    kept = renderer.cameras
+    renderer.aim([left, right])
+    try:
+        shots = renderer.render(qpos)
+    finally:
+        renderer.aim(kept)
+    offset = {left.name: -full["baseline"] / 2, right.name: full["baseline"] / 2}
+    gray = [_seen(shots[c.name], c, offset[c.name], full, rng) for c in (left, right)]
+    d = _match(gray[0], gray[1], span, int(full["window"]))[:, span:-MARGIN]
+    fine = np.divide(np.float32(left.fx * full["baseline"]), d, out=np.zeros_like(d), where=d > 0)
+    return _median(fine, scale)
+
+
+def eyes(camera: Camera, scale: int, baseline: float, nearest: float) -> tuple[Camera, Camera, int]:
+    """The two eyes, `scale` times as fine as the camera, and how many px wider to the left and searched (whole 16s)."""
+    fx = camera.fx * scale
+    span = 16 * int(np.ceil(fx * baseline / nearest / 16))
+    left = camera.moved(
+        name=f"{camera.name} left eye",
+        width=camera.width * scale + span + MARGIN,
+        height=camera.height * scale,
+        fx=fx,
+        fy=camera.fy * scale,
+        cx=(camera.cx + 0.5) * scale - 0.5 + span,
+        cy=(camera.cy + 0.5) * scale - 0.5,
+        distortion=PINHOLE,
+    )
+    beside = camera.rotation @ np.array([baseline, 0.0, 0.0])
+    right = left.moved(name=f"{camera.name} right eye", pos=tuple((np.array(camera.pos) + beside).tolist()))
+    return left, right, span
+
+
+def _seen(shot: Shot, eye: Camera, offset: float, p: Mapping[str, float], rng: np.random.Generator) -> np.ndarray:
+    """The picture (H, W) uint8 of one eye, `offset` m to the right of the projector."""
+    import cv2
+
+    light = to_linear(shot.rgb.astype(np.float32) / 255) @ LUMA
+    if p["pattern"]:
+        z = np.where(shot.depth > 0, shot.depth, np.float32(1e3))
+        u = np.arange(eye.width, dtype=np.float32) - np.float32(eye.cx)
+        v = np.arange(eye.height, dtype=np.float32)[:, None] - np.float32(eye.cy)
+        # where the projector's ray to the same point goes, on a plane at the matcher's focal length
+        at_u = (u + np.float32(eye.fx * offset) / z) / np.float32(GRAIN)
+        at_v = np.broadcast_to(v * np.float32(eye.fx / eye.fy / GRAIN), z.shape)
+        speckle = cv2.remap(
+            _speckle(int(p["seed"])), at_u % SPECKLE, np.ascontiguousarray(at_v % SPECKLE), cv2.INTER_LINEAR
+        )
+        light *= 1 + np.float32(p["pattern"]) * (2 * speckle - 1)
+    light += np.float32(p["noise"]) * normal(rng, light.shape)
+    return np.round(255 * np.sqrt(np.clip(light, 0, 1))).astype(np.uint8)
+
+
+@lru_cache(maxsize=4)
+def _speckle(seed: int) -> np.ndarray:
+    """Light (513, 513) float32 from 0 to 1 of the pattern, its first row and column repeated at the end."""
+    noise = normal(stream(seed, "speckle"), (SPECKLE, SPECKLE))
+    value = 1 / (1 + np.exp(-2.5 * noise))
+    return np.pad(value, (0, 1), mode="wrap").astype(np.float32)
+
+
+def _match(left: np.ndarray, right: np.ndarray, span: int, window: int) -> np.ndarray:
+    """Disparity (H, W) float32 in px of the left eye's picture; 0 where none is found."""
+    import cv2
+
+    block = max(1, window | 1)
+    matcher = cv2.StereoSGBM_create(
+        minDisparity=0,
+        numDisparities=span,
+        blockSize=block,
+        P1=8 * block**2,
+        P2=32 * block**2,
+        disp12MaxDiff=1,
+        uniquenessRatio=8,
+        speckleWindowSize=SPURIOUS,
+        speckleRange=1,
+        mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
+    )
+    return np.maximum(matcher.compute(left, right), 0).astype(np.float32) / 16
+
+
+def _median(fine: np.ndarray, scale: int) -> np.ndarray:
+    """The lower median of the readings in each block of scale x scale px; 0 where fewer than half have one."""
+    height, width = fine.shape[0] // scale, fine.shape[1] // scale
+    blocks = fine.reshape(height, scale, width, scale).swapaxes(1, 2).reshape(height, width, scale * scale)
+    ordered = np.sort(np.where(blocks > 0, blocks, np.inf), axis=-1)
+    count = np.isfinite(ordered).sum(axis=-1)
+    middle = np.take_along_axis(ordered, np.maximum(count - 1, 0)[..., None] // 2, axis=-1)[..., 0]
+    return np.where(2 * count >= scale * scale, middle, 0).astype(np.float32)

@@ -1,0 +1,60 @@
+"""Sensors that come with the package: the camera effects of a kind of depth camera, each range with its source.
+
+They are world files of their own (`vispeg-world/1`), so that a world can also name one as its `base`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import vispeg.effects  # noqa: F401  (enrols the library)
+from vispeg.core.distribution import Normal, parse
+from vispeg.core.effect import effect
+from vispeg.core.errors import UserError
+from vispeg.core.world import Ranged
+
+PRESETS = Path(__file__).parent / "presets"
+
+
+def sensors() -> list[str]:
+    """Names of the sensors that come with the package."""
+    return sorted(p.stem for p in PRESETS.glob("*.yaml"))
+
+
+def sensor_file(name: str) -> Path:
+    """The file of a sensor. Raises UserError that lists the names."""
+    if name not in sensors():
+        raise UserError("unknown sensor", got=name, choices=sensors())
+    return PRESETS / f"{name}.yaml"
+
+
+def sensor(name: str, where: str | None = None) -> tuple[Ranged, ...]:
+    """The ranges of a sensor, to be added to a World's.
+
+    Args:
+        name: one of `sensors()`.
+        where: a camera or `all`; default: where its file puts it.
+
+    Raises:
+        UserError: no such sensor.
+    """
+    import yaml
+
+    path = sensor_file(name)
+    entries = yaml.safe_load(path.read_text(encoding="utf-8"))["effects"]
+    return tuple(_ranged(entry, where, str(path), f"effects[{i}]") for i, entry in enumerate(entries))
+
+
+def _ranged(entry: Mapping[str, Any], where: str | None, file: str, key: str) -> Ranged:
+    params = {k: parse(v, file, f"{key}.params.{k}") for k, v in entry["params"].items()}
+    known = effect(entry["effect"]).params
+    for k in params:
+        if k not in known:
+            raise UserError(f"{entry['effect']} has no such parameter", file=file, key=key, got=k, choices=known)
+        value = params[k]
+        if isinstance(value, Normal):
+            params[k] = replace(value, low=known[k].low, high=known[k].high)
+    return Ranged(entry["effect"], where or entry.get("where", "all"), params, source=entry["source"])
