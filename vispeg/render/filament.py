@@ -1,7 +1,8 @@
 """MuJoCo's physically based renderer, Filament, without a display: through Vulkan, on a CPU by Mesa's lavapipe.
 
 Materials, lights and reflections are those of real-time PBR, so its pictures differ from OpenGL's as another camera's
-do. Ids and normals come from rays through the same pixels. About ten times slower than OpenGL on a CPU.
+do. Ids and normals come from rays through the same pixels. About ten times slower than OpenGL on a CPU. Colours carry
+a dither of about one level that goes by the number of frames drawn; balls and cylinders are faceted more coarsely.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from vispeg.render.camera import Camera, quaternion, rotation
-from vispeg.render.view import parent_of
+from vispeg.render.view import WORLD, parent_of
 
 FLIP = np.diag([1.0, -1.0, -1.0])  # OpenCV's axes in MuJoCo's, and back
 PIXEL = 1e-5  # m, size of a pixel on the sensor: any will do
@@ -21,8 +21,9 @@ def add(spec: mujoco.MjSpec, cameras: tuple[Camera, ...]) -> None:
     there = {camera.name for camera in spec.cameras}
     for camera in cameras:
         if camera.name not in there:
-            site = spec.site(camera.parent)
-            body = site.parent if site is not None else spec.body(camera.parent)
+            there.add(camera.name)
+            site = None if camera.parent == WORLD else spec.site(camera.parent)
+            body = site.parent if site is not None else None if camera.parent == WORLD else spec.body(camera.parent)
             size = [PIXEL * camera.width, PIXEL * camera.height]
             (body or spec.worldbody).add_camera(
                 name=camera.name, sensor_size=size, focal_pixel=[1, 1], resolution=[camera.width, camera.height]

@@ -1,0 +1,164 @@
+"""Cameras: projection against OpenCV's, lenses that can be undone, files that come back, and what no camera can be."""
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from vispeg.core.errors import UserError
+from vispeg.core.seeds import stream
+from vispeg.render.camera import Camera, looking_at, quaternion, rotation
+from vispeg.render.camera_files import load_camera, load_cameras, save_cameras
+from vispeg.render.standard import CROP_SCALE, WIDE_FOV, standard_cameras
+
+LENS = (-0.12, 0.03, 0.001, -0.002, 0.004)
+CAMERA = Camera("eye", 64, 48, 60.25, 61.5, 30.125, 25.75, LENS, "flange", (0.1, -0.2, 0.3), (0.5, -0.5, 0.5, 0.5))
+
+
+def test_projects_as_opencv_does():
+    points = stream(0, "points").normal(size=(50, 3)) * 0.4 + [0, 0, 2]
+    expected = cv2.projectPoints(points, np.zeros(3), np.zeros(3), CAMERA.K, np.array(LENS))[0][:, 0]
+    np.testing.assert_allclose(CAMERA.project(points), expected, atol=1e-9)
+    assert np.isnan(CAMERA.project(np.array([0.0, 0.0, -1.0]))).all()
+
+
+@given(st.floats(-0.1, 0.1), st.floats(-0.02, 0.02), st.floats(-0.005, 0.005), st.floats(-0.005, 0.005))
+def test_a_lens_undone_is_the_pixel_again(k1, k2, p1, p2):
+    camera = CAMERA.moved(distortion=(k1, k2, p1, p2, 0.0))
+    rays, pixels = camera.rays(), np.stack(np.meshgrid(np.arange(64), np.arange(48)), -1)
+    np.testing.assert_allclose(camera.project(rays * 1.7), pixels, atol=1e-7)
+
+
+def test_the_lens_moves_pixels_and_a_pinhole_does_not():
+    plain = CAMERA.moved(distortion=(0, 0, 0, 0, 0))
+    assert np.abs(CAMERA.rays() - plain.rays()).max() > 2 / 60  # two pixels in a corner
+    np.testing.assert_array_equal(plain.rays()[25, 30, :2] * (60.25, 61.5) + (30.125, 25.75), (30, 25))
+
+
+def test_depth_becomes_points_that_project_back():
+    depth = np.full((48, 64), 0.7, np.float32)
+    depth[3, 4] = 0
+    points = CAMERA.points(depth)
+    assert (points[3, 4] == 0).all() and points[..., 2].max() == np.float32(0.7)
+    np.testing.assert_allclose(CAMERA.project(points[10, 20]), (20, 10), atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_rotations_agree_with_scipy(seed):
+    q = Rotation.random(random_state=seed)
+    w = np.roll(q.as_quat(canonical=True), 1)
+    np.testing.assert_allclose(rotation(w), q.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(quaternion(q.as_matrix()), w, atol=1e-12)
+
+
+def test_looking_at_puts_the_target_on_the_axis_and_up_upwards():
+    at, target, up = np.array([0.3, -0.2, 0.9]), np.array([0.6, 0.1, 0.05]), np.array([0.0, 0.0, 1.0])
+    axes = rotation(looking_at(at, target, up))
+    seen = axes.T @ (target - at)
+    np.testing.assert_allclose(seen[:2], 0, atol=1e-12)
+    assert seen[2] > 0 and (axes.T @ up)[1] < 0 and np.linalg.det(axes) == pytest.approx(1)
+    with pytest.raises(UserError, match="up"):
+        looking_at(np.zeros(3), up, up)
+
+
+def test_standard_cameras_do_what_they_are_for():
+    wide, crop, external = standard_cameras()
+    tip = np.array([0, 0, 0.185])
+    for camera in (wide, crop):
+        seen = camera.rotation.T @ (tip - camera.pos)
+        np.testing.assert_allclose(camera.project(seen), 31.5, atol=1e-9)
+    assert np.linalg.norm(tip - crop.pos) / crop.fx == pytest.approx(CROP_SCALE) and CROP_SCALE <= 0.5e-3
+    assert 2 * np.degrees(np.arctan(32 / wide.fx)) == pytest.approx(WIDE_FOV)
+    assert external.parent == "base" and {c.width for c in (wide, crop, external)} == {64}
+
+
+@pytest.mark.parametrize("style", ["vispeg", "opencv", "ros"])
+def test_files_come_back_bit_for_bit(tmp_path, style):
+    back = load_camera(save_cameras(tmp_path / "camera.yaml", CAMERA, style=style))
+    kept = CAMERA if style == "vispeg" else CAMERA.moved(parent="base", pos=(0, 0, 0), quat=(1, 0, 0, 0))
+    assert back == kept
+    with pytest.raises(UserError, match="exists already"):
+        save_cameras(tmp_path / "camera.yaml", CAMERA, style=style)
+
+
+def test_opencv_reads_what_we_write_and_we_what_it_writes(tmp_path):
+    ours, theirs = str(save_cameras(tmp_path / "ours.yaml", CAMERA, style="opencv")), str(tmp_path / "theirs.yaml")
+    store = cv2.FileStorage(ours, cv2.FILE_STORAGE_READ)
+    np.testing.assert_array_equal(store.getNode("camera_matrix").mat(), CAMERA.K)
+    np.testing.assert_array_equal(store.getNode("distortion_coefficients").mat().ravel(), LENS)
+    store = cv2.FileStorage(theirs, cv2.FILE_STORAGE_WRITE)
+    store.write("image_width", 64)
+    store.write("image_height", 48)
+    store.write("camera_matrix", CAMERA.K)
+    store.write("distortion_coefficients", np.array([LENS]))
+    store.release()
+    back = load_camera(theirs)
+    assert (back.name, back.width, back.height, back.distortion) == ("theirs", 64, 48, LENS)
+    np.testing.assert_array_equal(back.K, CAMERA.K)
+
+
+def test_several_cameras_in_one_file(tmp_path):
+    cameras = standard_cameras()
+    path = save_cameras(tmp_path / "cell.yaml", cameras)
+    assert load_cameras(path) == cameras and load_camera(path, "external") == cameras[2]
+    with pytest.raises(UserError, match="wrist_wide.*external"):
+        load_camera(path, "extrnal")
+    with pytest.raises(UserError, match="holds one camera"):
+        save_cameras(tmp_path / "ros.yaml", cameras, style="ros")
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"fx": -60}, "impossible fx"),
+        ({"fy": float("nan")}, "impossible fy"),
+        ({"fx": 0.5}, "impossible fx"),
+        ({"width": 64.5}, "impossible width"),
+        ({"height": 10**6}, "impossible height"),
+        ({"cx": 900}, "impossible cx"),
+        ({"distortion": (-3, 0, 0, 0, 0)}, "impossible distortion.*one direction"),
+        ({"distortion": (0, 0)}, "impossible distortion"),
+        ({"quat": (0, 0, 0, 0)}, "impossible quat"),
+        ({"pos": ("a", 0, 0)}, "impossible pos"),
+        ({"name": ""}, "impossible name"),
+    ],
+)
+def test_what_no_camera_can_be_is_said_in_one_line(changes, said):
+    with pytest.raises(UserError, match=said) as error:
+        CAMERA.moved(**changes)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("format: vispeg-camera/2\n", "unknown format"),
+        ("- 1\n", "no camera file"),
+        ("a: [\n", "not YAML"),
+        ("format: vispeg-camera/1\nname: a\nwidth: 64\n", "height: is missing"),
+        ("format: vispeg-camera/1\nname: a\nwdith: 64\n", "did you mean 'width'"),
+        ("format: vispeg-camera/1\ncameras: []\n", "not a list of cameras"),
+        ("camera_matrix: {data: [1, 2]}\nimage_width: 4\nimage_height: 4\n", "not a camera matrix"),
+        (
+            "camera_matrix: {data: [60, 0, 32, 0, 60, 32, 0, 0, 1]}\ndistortion_model: equidistant\n"
+            "image_width: 64\nimage_height: 64\n",
+            "unknown lens",
+        ),
+    ],
+)
+def test_a_bad_file_is_named_with_its_key(tmp_path, text, said):
+    path = tmp_path / "camera.yaml"
+    path.write_text(text)
+    with pytest.raises(UserError, match=said) as error:
+        load_cameras(path)
+    assert str(path) in str(error.value)
+
+
+def test_a_missing_or_binary_file(tmp_path):
+    with pytest.raises(UserError, match="cannot be read"):
+        load_cameras(tmp_path / "none.yaml")
+    (tmp_path / "raw.yaml").write_bytes(b"\xff\xfe\x00\x80")
+    with pytest.raises(UserError, match="not text"):
+        load_cameras(tmp_path / "raw.yaml")
