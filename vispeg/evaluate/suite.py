@@ -1,0 +1,154 @@
+"""The regression suite: named configurations in the training world and in the target, tracked over versions of a
+policy.
+
+After the practitioners' article: the correlation of success between simulation and target, over configurations, is
+healthy above 0.8 and an alarm below 0.6. A low correlation means that the training world no longer ranks situations
+as the target does, whatever the averages say. Where success hardly varies there is no correlation to speak of, and
+these data cannot tell.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.core.seeds import stream
+from vispeg.evaluate.crossed import difference, rate
+from vispeg.evaluate.decide import CANNOT_TELL, decide
+from vispeg.evaluate.jobs import Setting
+from vispeg.evaluate.overlay import Change
+from vispeg.evaluate.ranks import FEWEST, predict
+from vispeg.evaluate.records import Episode
+from vispeg.evaluate.significance import holm, mcnemar
+from vispeg.evaluate.stress import HERE, read_list
+from vispeg.evaluate.table import Cell, Table
+
+FORMAT, LIST = "vispeg-suite-result/1", "vispeg-suite/1"
+HEALTHY, ALARM = 0.8, 0.6
+SPREAD = 0.05  # standard deviation of success over configurations below which it does not vary
+KEYS = ("name", "task", "effects", "about")
+
+
+def configurations(path: Path | None = None) -> list[dict[str, Any]]:
+    """The suite that comes with the package, or one of the user's own. Raises UserError as `read_list`."""
+    return read_list(path or HERE / "suite.yaml", LIST, "configurations", KEYS)
+
+
+def settings(listed: Sequence[Mapping[str, Any]], worlds: Mapping[str, str]) -> list[Setting]:
+    """Every configuration in every world (name -> path or built-in name)."""
+    found = []
+    for name, world in worlds.items():
+        for c in listed:
+            changes = [_change(c["name"], e) for e in c.get("effects") or ()]
+            found.append(Setting(world, name, c["name"], tuple(changes), dict(c.get("task") or {})))
+    return found
+
+
+def _change(name: str, entry: Any) -> Change:
+    if (
+        not isinstance(entry, Mapping)
+        or not isinstance(entry.get("effect"), str)
+        or set(entry) > {"effect", "where", "params"}
+    ):
+        raise UserError("wrong effect", key=name, expected="effect, params and where", got=entry)
+    return Change(entry["effect"], dict(entry.get("params") or {}), str(entry.get("where", "*")))
+
+
+def summarise(episodes: Sequence[Episode], train: str, target: str, version: str) -> dict[str, Any]:
+    """{format, version, train, target, rows: [{configuration, policy, train, target}], health}.
+
+    Raises:
+        UserError: no configuration with episodes on both sides.
+    """
+    rows = []
+    for policy in dict.fromkeys(e.policy for e in episodes):
+        for c in dict.fromkeys(e.configuration for e in episodes if e.policy == policy):
+            sides = [
+                [e for e in episodes if (e.policy, e.configuration, e.world) == (policy, c, w)] for w in (train, target)
+            ]
+            if all(sides):
+                found = [rate(Table(side).outcomes(Cell(policy, side[0].world))).to_json() for side in sides]
+                rows.append({"configuration": c, "policy": policy, "train": found[0], "target": found[1]})
+    if not rows:
+        raise UserError("no configuration with episodes in both worlds", got=f"{train}, {target}")
+    head = {"format": FORMAT, "version": version, "train": train, "target": target}
+    return {**head, "rows": rows, "health": health(rows)}
+
+
+def health(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """{pearson, mean_difference, mmrv, n, status, words}; status: healthy, watch, alarm or cannot tell."""
+    x, y = (np.array([r[k]["value"] for r in rows], float) for k in ("train", "target"))
+    if len(rows) < FEWEST:
+        return {
+            "n": len(rows),
+            "status": CANNOT_TELL,
+            "words": f"{CANNOT_TELL}: {len(rows)} configurations, {FEWEST} are the fewest",
+        }
+    found = predict(x, y, stream(0, "suite health"))
+    kept = {k: getattr(found, k).to_json() for k in ("pearson", "mmrv", "mean_difference")}
+    r = found.pearson.value
+    if min(x.std(), y.std()) < SPREAD or not math.isfinite(r):
+        words = f"{CANNOT_TELL}: success hardly varies over the configurations"
+        return {**kept, "n": len(rows), "status": CANNOT_TELL, "words": words}
+    status = "healthy" if r > HEALTHY else "alarm" if r < ALARM else "watch"
+    ends = f"{found.pearson.low:.2f} to {found.pearson.high:.2f}"
+    return {
+        **kept,
+        "n": len(rows),
+        "status": status,
+        "words": f"{status}: r = {r:.2f} ({ends}) over {len(rows)} configurations",
+    }
+
+
+def regressions(old: Sequence[Episode], new: Sequence[Episode]) -> list[dict[str, Any]]:
+    """Every configuration and world that both versions ran on the same seeds: what fell, what rose.
+
+    Policies are paired by name where the names agree, else the only one of each side. [{world, configuration, change,
+    p_holm, verdict}],
+    change: new minus old; verdict `fell`, `rose`, `equal` or that these data cannot tell.
+
+    Raises:
+        UserError: nothing in common, or versions with several policies under different names.
+    """
+    names = [list(dict.fromkeys(e.policy for e in side)) for side in (old, new)]
+    shared = [n for n in names[0] if n in names[1]]
+    pairs = [(n, n) for n in shared] or ([(names[0][0], names[1][0])] if len(names[0]) == len(names[1]) == 1 else [])
+    if not pairs:
+        raise UserError("versions with no policy in common", expected=", ".join(names[0]), got=", ".join(names[1]))
+    rows, p = [], []
+    for a, b in pairs:
+        cells = [(e.world, e.configuration) for e in new if e.policy == b]
+        for world, c in dict.fromkeys(cells):
+            before, after = (
+                _only([e for e in side if (e.policy, e.world, e.configuration) == (n, world, c)])
+                for side, n in ((old, a), (new, b))
+            )
+            if before is None or after is None or before.hashes != after.hashes:
+                continue
+            cell = [Cell(table.policies[0], world) for table in (before, after)]
+            seeds = sorted(set(before.seeds(cell[:1])) & set(after.seeds(cell[1:])))
+            if not seeds:
+                continue
+            y = [t.outcomes(k, seeds) for t, k in zip((after, before), cell[::-1], strict=True)]
+            k = min(map(len, y))
+            change = difference(y[0], y[1], same_networks=False)
+            p.append(mcnemar(y[0][:k], y[1][:k]).p)
+            rows.append({"policy": b, "world": world, "configuration": c, "change": change})
+    if not rows:
+        raise UserError("versions with no configuration in common, in the same world on the same seeds")
+    for row, adjusted in zip(rows, holm(p), strict=True):
+        verdict = decide(row["change"], adjusted)
+        if verdict == "different":
+            verdict = "fell" if row["change"].value < 0 else "rose"
+        row |= {"change": row["change"].to_json(), "p_holm": adjusted, "verdict": verdict}
+    return rows
+
+
+def _only(episodes: Sequence[Episode]) -> Table | None:
+    return Table([replace(e, configuration="") for e in episodes]) if episodes else None
