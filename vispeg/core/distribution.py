@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm
 
 from vispeg.core.errors import UserError
 
@@ -62,8 +62,9 @@ class Normal:
         """The quantile at u in (0, 1)."""
         if self.sd == 0:
             return min(max(self.mean, self.low), self.high)
-        a, b = norm.cdf((self.low - self.mean) / self.sd), norm.cdf((self.high - self.mean) / self.sd)
-        value = self.mean + self.sd * norm.ppf(a + (b - a) * u)
+        bell = NormalDist()
+        a, b = bell.cdf((self.low - self.mean) / self.sd), bell.cdf((self.high - self.mean) / self.sd)
+        value = self.mean + self.sd * bell.inv_cdf(min(max(a + (b - a) * u, 1e-300), 1 - 1e-16))
         return float(min(max(value, self.low), self.high))
 
 

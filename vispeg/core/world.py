@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm
 
 from vispeg.core.distribution import Distribution
 from vispeg.core.effect import Placed, effect
 from vispeg.core.seeds import stream
+
+NORMAL = NormalDist()
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ class Ranged:
             if self.group:
                 common = stream(seed, "world-group", self.group).standard_normal()
                 own = np.sqrt(abs(self.rho)) * common * np.sign(self.rho) + np.sqrt(1 - abs(self.rho)) * own
-            value, param = given.at(float(norm.cdf(own))), effect(self.effect).params[name]
+            value, param = given.at(NORMAL.cdf(own)), effect(self.effect).params[name]
             values[name] = value if param.shape or level == 1.0 else param.null + level * (value - param.null)
         return None if absent else Placed.of(self.effect, where, **values)
 

@@ -44,11 +44,11 @@ class TaskConfig:
     policy_period: float = 0.160
     steps: int = 50
     dof: tuple[str, ...] = ("x", "y", "z")
-    offset: float = 0.012
+    offset: float = 0.010
     turn: float = 0.05
     stiffness: tuple[float, float] = (300.0, 900.0)
     force_limit: float = 25.0
-    force_abort: float = 120.0
+    force_abort: float = 200.0
     start_height: tuple[float, float] = (0.02, 0.04)
     start_radius: float = 0.02
     stack: int = 2
