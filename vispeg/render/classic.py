@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.render.gl import offscreen
+from vispeg.render.gl import shared
 from vispeg.render.picture import HIDDEN, Picture, shown
 from vispeg.render.view import View, planar
 
@@ -26,7 +26,7 @@ R, V = mujoco.mjtRndFlag, mujoco.mjtVisFlag
 
 
 class Classic:
-    """Draws with OpenGL. Every call makes its own context current first, so that several can take turns.
+    """Draws with OpenGL. Every call makes its context current first, so that several, and other programs', take turns.
 
     Args:
         model: what is drawn, the caller's to spare: its quality settings are changed, its visual fields may be.
@@ -38,7 +38,7 @@ class Classic:
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int, shadows: bool):
         self.model, self.shadows = model, shadows
-        self._gl: Any = offscreen(width, height)
+        self._gl: Any = shared(width, height)
         self._gl.make_current()
         quality, size = model.vis.quality, model.vis.global_
         quality.offsamples, quality.shadowsize, quality.numslices = 0, SHADOW_MAP if shadows else 0, SLICES
@@ -46,7 +46,6 @@ class Classic:
         try:
             self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50.value)
         except mujoco.FatalError as error:
-            self._gl.free()
             raise UserError(f"OpenGL cannot draw {width} x {height} px here", got=str(error)) from error
         mujoco.mjr_setBuffer(OFFSCREEN, self._context)
         self._context.readDepthMap = ZERO_FAR  # pyright: ignore[reportAttributeAccessIssue]
@@ -65,6 +64,7 @@ class Classic:
     def draw(self, data: mujoco.MjData, views: Sequence[View], ids: bool) -> list[Picture]:
         """One picture a view, in order; `data` has its kinematics and lights done."""
         self._gl.make_current()
+        mujoco.mjr_setBuffer(OFFSCREEN, self._context)  # another renderer's framebuffer may be bound
         groups = self.model.geom_group.copy()
         lit = self.shadows and bool((self.model.light_castshadow & self.model.light_active).any())
         show = shown(self.model)
@@ -79,11 +79,10 @@ class Classic:
         mujoco.mjr_uploadTexture(self.model, self._context, texture)
 
     def close(self) -> None:
-        """Frees context and driver memory; further calls do nothing."""
+        """Frees driver memory; further calls do nothing."""
         if self._gl is not None:
             self._gl.make_current()
             self._context.free()
-            self._gl.free()
             self._gl = None
 
     def _one(self, data: mujoco.MjData, view: View, show: np.ndarray, lit: bool, ids: bool) -> Picture:

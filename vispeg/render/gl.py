@@ -1,27 +1,45 @@
-"""An OpenGL context without a window, from whichever library this machine has."""
+"""OpenGL contexts without a window, from whichever library this machine has."""
 
 from __future__ import annotations
 
 import importlib
 import os
 import sys
+import threading
 from typing import Any
 
 from vispeg.core.errors import UserError
 
 ONE_THREAD = 256 * 256  # px
 HINT = "sudo apt-get install -y libegl1 libopengl0 libgl1-mesa-dri; `vispeg doctor` tells more"
+_OPEN: dict[tuple[int, int], Any] = {}  # (process, thread) -> its context
 
 
-def offscreen(width: int, height: int) -> Any:
-    """A context to draw `width` x `height` px in, not yet current; freed by its `free()`.
+def shared(width: int, height: int) -> Any:
+    """This thread's context, not yet current; opened at the first call and kept until the process ends.
 
-    MUJOCO_GL decides where it is set. Elsewhere on Linux without a display EGL is tried, then OSMesa; MuJoCo reads the
-    variable when the first picture is drawn, so it is set here to what was found. Mesa's software driver hands tiles of
-    64 x 64 px to threads, which only costs time in small pictures: LP_NUM_THREADS becomes 0 then, unless it is set.
+    Renderers share it, each with framebuffers and textures of its own: a driver compiles its shaders once a context,
+    which takes far longer than anything else about a renderer. A thread has its own, since a context can be current in
+    one thread only; so a renderer is used in the thread that made it.
+
+    Args:
+        width, height: of the largest picture, px.
 
     Raises:
         UserError: nothing here can draw.
+    """
+    key = os.getpid(), threading.get_ident()
+    if key not in _OPEN:
+        _OPEN[key] = _open(width, height)
+    return _OPEN[key]
+
+
+def _open(width: int, height: int) -> Any:
+    """A context from the library that MUJOCO_GL names; else, on Linux without a display, from EGL or OSMesa.
+
+    MuJoCo reads the variable when the first picture is drawn, so it is set here to what was found. Mesa's software
+    driver hands tiles of 64 x 64 px to threads, which only costs time in small pictures: LP_NUM_THREADS becomes 0
+    then, unless it is set.
     """
     chosen = os.environ.get("MUJOCO_GL", "").lower().strip()
     if width * height <= ONE_THREAD:
