@@ -1,7 +1,8 @@
 """Names the physical effect that a model lacks, adds it, and shows the error fall on recordings that were not fitted.
 
 Writes OUT/diagnosis.json, OUT/report.html and OUT/model.yaml (the model with what was found), and the next motion to
-record. Exits 0 with a verdict: adequate, identified, ambiguous or unexplained.
+record. Exits 0 with a verdict: adequate, identified, ambiguous or unexplained. A diagnosis that was killed goes on
+where it stood when the same command is given again: what it had worked out lies in OUT.part until it is done.
 
 Example:
     vispeg diagnose iiwa14 --recording rig-a --recording rig-b --validate rig-c --out found
@@ -43,28 +44,29 @@ class Args:
         from vispeg.cli.inputs import read_inputs
         from vispeg.core.files import new_folder
         from vispeg.core.provenance import provenance
+        from vispeg.diagnose.progress import Progress
         from vispeg.diagnose.run import diagnose
+        from vispeg.effects.model_file import model_text
         from vispeg.report.terminal import print_diagnosis
         from vispeg.report.write import write_diagnosis
 
         world, fitted, held_out = read_inputs(self.model, self.recording, self.validate)
+        inputs = [*self.recording, *self.validate]
+        stamp = provenance(sys.argv, self.seed, inputs)
+        content = [[stamp["inputs"][str(path)] for path in paths] for paths in (self.recording, self.validate)]
+        part = self.out.with_name(self.out.name + ".part")
         with new_folder(self.out, overwrite=self.overwrite) as folder:
+            progress = Progress(part / "progress.json", [model_text(world), content, self.seed, stamp["versions"]])
+            options = {"seed": self.seed, "nthread": self.threads, "progress": progress}
             if self.quiet:
-                found = diagnose(world, fitted, held_out, seed=self.seed, nthread=self.threads)
+                found = diagnose(world, fitted, held_out, **options)
             else:
                 from rich.console import Console
 
-                with Console(stderr=True).status("simulating") as status:
-                    found = diagnose(
-                        world,
-                        fitted,
-                        held_out,
-                        seed=self.seed,
-                        nthread=self.threads,
-                        say=lambda text: status.update(text),
-                    )
-            inputs = [*self.recording, *self.validate]
-            record = {**found.record, "provenance": provenance(sys.argv, self.seed, inputs)}
+                with Console(stderr=True).status("going on" if progress.resumed else "simulating") as status:
+                    found = diagnose(world, fitted, held_out, say=lambda text: status.update(text), **options)
+            record = {**found.record, "provenance": stamp}
             write_diagnosis(folder, record, found.world, found.arrays)
+        progress.remove()
         print_diagnosis(json.loads((self.out / "diagnosis.json").read_text()), self.out)
         return 0

@@ -7,11 +7,8 @@ from dataclasses import dataclass
 
 from vispeg.core.effect import effect
 from vispeg.diagnose.judge import present
-from vispeg.diagnose.localise import looks
-from vispeg.diagnose.screen import candidates, screen
+from vispeg.diagnose.screen import candidates
 from vispeg.diagnose.search import Search, State, Trial, shortlist
-from vispeg.identify.fit import fit_job
-from vispeg.identify.pool import run_together
 
 
 @dataclass(frozen=True)
@@ -32,15 +29,12 @@ def find_rivals(search: Search, state: State, given: int, say: Callable[[str], N
     for placed in chosen:
         say(f"looking for rivals of {placed.label}")
         rest = state.world.without(placed.effect, placed.where)
-        fit = run_together(
-            [fit_job(search.evidence, rest, range(given, len(rest.effects)), iterations=5)], search.evidence.residuals
-        )[0]
+        fit = search.fits([rest], given, iterations=5)[0]
         reduced = State(fit.world, search.judge.losses([fit.world])[0], fit.residual, fit, state.first)
         joints = search.evidence.items[0].robot.joints
         near = [placed.where] if placed.where in joints else list(joints)[:0]
         places = [c for c in candidates(search.evidence, fit.world, near) if c != (placed.effect, placed.where)]
-        view = looks(search.lacks(fit.world), search.evidence.items)
-        scores = screen(search.evidence, fit.world, fit.residual, fit.jacobian, places, view)
+        scores = search.screened(fit.world, fit.residual, fit.jacobian, places, search.lacks(fit.world))
         trials = search.try_all(reduced, shortlist(scores, 5), given, len(places)) if scores else []
         out.append(_compare(search, state, placed.label, trials, search.judge.mean(reduced.loss)))
     return out

@@ -13,6 +13,7 @@ from vispeg.core.world import World
 from vispeg.diagnose.judge import Judge
 from vispeg.diagnose.localise import lack, maps, where_it_fails
 from vispeg.diagnose.next_experiment import next_experiment
+from vispeg.diagnose.progress import Progress
 from vispeg.diagnose.remainder import dependences
 from vispeg.diagnose.rivals import Rivals, find_rivals
 from vispeg.diagnose.search import Search, State, Trial
@@ -41,15 +42,18 @@ def diagnose(
     nthread: int = 2,
     say: Callable[[str], None] = lambda _: None,
     plan_next: bool = True,
+    progress: Progress | None = None,
 ) -> Diagnosis:
     """Finds the effects that `world` lacks; every error in the record is on `held_out`.
+
+    `progress` keeps what is worked out, so that a diagnosis with the same arguments can go on after it was killed.
 
     Raises:
         UserError: recordings that cannot be compared with the world.
     """
     evidence, judged = evidence_for(world, fitted, nthread), evidence_for(world, held_out, nthread, h_max=1e-3)
     judge = Judge(judged)
-    search = Search(evidence, judge, say)
+    search = Search(evidence, judge, say, progress)
     given = len(world.effects)
     before_fit = evidence.residuals([world])[0]
     before_held = judged.residuals([world])[0]

@@ -21,12 +21,10 @@ class Score:
     Attributes:
         placed: the effect with the values at which a fit should start.
         gain: drop of the squared whitened residual that its signature explains to first order.
-        signature: (n,) unit vector, the explained part after projection (for cosines between candidates).
     """
 
     placed: Placed
     gain: float
-    signature: np.ndarray
 
     @property
     def key(self) -> tuple[str, str]:
@@ -123,8 +121,7 @@ def _score(probe: Placed, names: list[str], s: np.ndarray, base: np.ndarray, bas
     fit = lsq_linear(r, q.T @ base, bounds=(low, high))
     explained = s @ fit.x
     gain = float(base @ base - np.sum((base - explained) ** 2))
-    size = np.linalg.norm(explained)
-    if gain <= 0 or size == 0:
+    if gain <= 0 or not np.any(explained):
         return None
     values = {}
     for m, c in zip(names, fit.x, strict=True):
@@ -134,4 +131,4 @@ def _score(probe: Placed, names: list[str], s: np.ndarray, base: np.ndarray, bas
             continue
         c = c if abs(c) > 0.02 else 0.02
         values[m] = float(np.clip(p.null + c * reach, p.low, p.high))
-    return Score(probe.with_values(**values), gain, (explained / size).astype(np.float32))
+    return Score(probe.with_values(**values), gain)

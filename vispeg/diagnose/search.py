@@ -12,10 +12,12 @@ from vispeg.core.effect import Placed, effect
 from vispeg.core.world import World
 from vispeg.diagnose.judge import Gain, Judge, parameters, present
 from vispeg.diagnose.localise import Lack, joint_z, lack, looks
+from vispeg.diagnose.progress import Progress
 from vispeg.diagnose.screen import Score, candidates, screen
+from vispeg.effects.model_file import model_text
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit, Race, fit_job
-from vispeg.identify.pool import run_together
+from vispeg.identify.pool import Submit, run_together
 
 BEST = 7  # candidates fitted at each step
 AT_FLOOR = 1.25  # held-out noise variances at which there is nothing left to look for
@@ -55,8 +57,14 @@ class State:
 class Search:
     """The discovery loop over fitted evidence and a held-out judge."""
 
-    def __init__(self, evidence: Evidence, judge: Judge, say: Callable[[str], None] = lambda _: None):
-        self.evidence, self.judge, self.say = evidence, judge, say
+    def __init__(
+        self,
+        evidence: Evidence,
+        judge: Judge,
+        say: Callable[[str], None] = lambda _: None,
+        progress: Progress | None = None,
+    ):
+        self.evidence, self.judge, self.say, self.progress = evidence, judge, say, progress or Progress()
         self.least_share = min(LEAST_SHARE, evidence.least_gain)
 
     def run(self, world: World) -> State:
@@ -97,7 +105,7 @@ class Search:
             joints = suspects(lacks, everywhere) if self.evidence.unit == "rad" else everywhere
         places = candidates(self.evidence, state.world, joints)
         jac = state.fit.jacobian if state.fit is not None else None
-        scores = screen(self.evidence, state.world, state.residual, jac, places, looks(lacks, self.evidence.items))
+        scores = self.screened(state.world, state.residual, jac, places, lacks)
         state.screening = scores
         need = max(
             self.evidence.least_gain * self.judge.mean(state.loss), self.least_share * max(state.first - 1.0, 0.0)
@@ -109,16 +117,47 @@ class Search:
     def try_all(self, state: State, scores: Sequence[Score], given: int, tested: int) -> list[Trial]:
         """Fits each score's effect jointly with what was accepted, and judges all on the held-out recordings."""
         worlds = [state.world.add(s.placed) for s in scores]
-        free = [list(range(given, len(w.effects))) for w in worlds]
         self.say(f"fitting {', '.join(s.placed.label for s in scores)}")
-        race = Race()
-        jobs = [fit_job(self.evidence, w, f, race=race) for w, f in zip(worlds, free, strict=True)]
-        fits = run_together(jobs, self.evidence.residuals)
+        fits = self.fits(worlds, given, race=Race())
         losses = self.judge.losses([f.world for f in fits])
         trials = []
         for s, f, loss in zip(scores, fits, losses, strict=True):
             trials.append(Trial(s, f, loss, self.judge.gain(state.loss, loss)))
         return self._ranked(state, trials, tested)
+
+    def screened(
+        self,
+        world: World,
+        residual: np.ndarray,
+        jacobian: np.ndarray | None,
+        places: Sequence[tuple[str, str]],
+        lacks: Sequence[Lack],
+    ) -> list[Score]:
+        """`screen` at the looks that the lacks give, remembered."""
+
+        def work_out() -> list:
+            scores = screen(self.evidence, world, residual, jacobian, places, looks(list(lacks), self.evidence.items))
+            return [[*s.key, {k: v.value for k, v in s.placed.params.items()}, s.gain] for s in scores]
+
+        found = self.progress.recall(["screen", model_text(world), [list(p) for p in places]], work_out)
+        return [Score(Placed.of(name, where, **values), gain) for name, where, values, gain in found]
+
+    def fits(self, worlds: Sequence[World], given: int, *, race: Race | None = None, iterations: int = 8) -> list[Fit]:
+        """Fits everything after the first `given` effects of each world; where each ended is remembered."""
+        fresh: list[Fit] = []
+
+        def job(world: World, ended: tuple[Sequence[float], bool] | None = None) -> Callable[[Submit], Fit]:
+            free = range(given, len(world.effects))
+            return fit_job(self.evidence, world, free, race=race, iterations=iterations, ended=ended)
+
+        def work_out() -> list:
+            fresh.extend(run_together([job(w) for w in worlds], self.evidence.residuals))
+            return [[f.u.tolist(), f.converged] for f in fresh]
+
+        question = ["fits", [model_text(w) for w in worlds], given, race is not None, iterations]
+        known = self.progress.recall(question, work_out)
+        again = [job(w, (u, bool(c))) for w, (u, c) in zip(worlds, known, strict=True)]
+        return fresh or run_together(again, self.evidence.residuals)
 
     def _ranked(self, state: State, trials: list[Trial], tested: int) -> list[Trial]:
         """Refuses what fails a criterion, and puts the simplest of the equals first."""
@@ -167,8 +206,7 @@ class Search:
         """Backward deletion: drops effects that the later ones made needless."""
         while len(state.world.effects) - given > 1:
             worlds = [state.world.without(e.effect, e.where) for e in state.world.effects[given:-1]]
-            jobs = [fit_job(self.evidence, w, range(given, len(w.effects)), iterations=5) for w in worlds]
-            fits = run_together(jobs, self.evidence.residuals)
+            fits = self.fits(worlds, given, iterations=5)
             losses = self.judge.losses([f.world for f in fits])
             gains = [self.judge.gain(loss, state.loss) for loss in losses]
             k = int(np.argmin([g.mean for g in gains]))

@@ -80,14 +80,18 @@ def fit_job(
     rng: np.random.Generator | None = None,
     race: Race | None = None,
     trace: Trace | None = None,
+    ended: tuple[Sequence[float], bool] | None = None,
 ) -> Callable[[Submit], Fit]:
     """A job for `run_together` that fits the effects at `free` of `world`, from its values and from `starts`.
 
-    `trace` is told of each step, and a fit goes on from where a given trace ends.
+    `trace` is told of each step, and a fit goes on from where a given trace ends. `ended` says where an earlier run of
+    the same job ended, in optimizer coordinates, and whether it had converged: then only that point is evaluated.
     """
 
     def job(submit: Submit) -> Fit:
         space = Space(world, free)
+        if ended is not None:
+            return _summary(evidence, space, np.array(ended[0], float), ended[1], _Point(space, submit))
         low, high = space.bounds
         candidates = [space.start] + [Space(w, free).start for w in starts]
         candidates = [np.clip(u, low + 1e-9, high - 1e-9) for u in candidates]
