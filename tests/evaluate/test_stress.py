@@ -47,7 +47,7 @@ RISING = list(range(4, 40, 4))
     [
         (RISING, "healthy"),
         (RISING[::-1], "alarm"),
-        ([12, 4, 24, 4, 30, 10, 28, 20, 30], "watch"),
+        ([12, 4, 24, 4, 30, 10, 28, 24, 36], "watch"),
         ([38] * 9, CANNOT_TELL),
     ],
 )

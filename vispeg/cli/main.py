@@ -29,6 +29,12 @@ COMMANDS: dict[str, str] = {
     "camera": "vispeg.cli.camera",
     "report": "vispeg.cli.report",
     "train": "vispeg.cli.train",
+    "evaluate": "vispeg.cli.evaluate",
+    "gap": "vispeg.cli.gap",
+    "suite": "vispeg.cli.suite",
+    "sensitivity": "vispeg.cli.sensitivity",
+    "exploit": "vispeg.cli.exploit",
+    "perturb": "vispeg.cli.perturb",
     "doctor": "vispeg.cli.doctor",
 }
 EXIT_USAGE, EXIT_INTERRUPT, EXIT_PIPE = 2, 130, 141

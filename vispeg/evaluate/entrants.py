@@ -43,7 +43,8 @@ class Entrant:
 def entrant(text: str) -> Entrant:
     """`FOLDER` or `NAME=FOLDER`; a folder's name that does not exist is looked for among the shipped policies.
 
-    Without NAME, the folder's name counts, less a training seed at its end (`depth_s2` -> `depth`).
+    Without NAME, the folder's name counts, less a training seed at its end (`depth_s2` -> `depth`); of a checkpoint in
+    a run's folder, the task's.
 
     Raises:
         UserError: no such policy, a folder without a readable policy.json.
@@ -60,7 +61,7 @@ def entrant(text: str) -> Entrant:
     meta = record.get("meta") or {}
     seed = meta.get("seed", 0)
     seed = seed if isinstance(seed, int) else 0
-    stem = path.resolve().name
+    stem = _stem(path)
     hashes = [meta.get("world_hash"), *(meta.get("world_hashes") or ())]
     return Entrant(
         name or re.sub(rf"[-_.]?s(eed)?{seed}$", "", stem) or stem,
@@ -104,6 +105,14 @@ def refuse_trained_on(who: Iterable[Entrant], world: str, world_hash: str) -> No
                 expected="another target, or --fine-tuned",
                 got=world_hash[:12],
             )
+
+
+def _stem(path: Path) -> str:
+    """The folder's name; of a run's checkpoint (runs/TASK/TIME_sSEED/checkpoints/best) the task's."""
+    place = path.resolve()
+    while place.name in ("best", "last", "checkpoints") or re.match(r"\d{8}-\d{4}", place.name):
+        place = place.parent
+    return place.name or path.resolve().name
 
 
 def _record(path: Path) -> dict[str, Any]:

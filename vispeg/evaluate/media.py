@@ -16,9 +16,9 @@ from vispeg.evaluate.video import write_png, write_video
 def film_pairs(
     jobs: Sequence[Job], episodes: Sequence[Episode], reference: str, target: str, folder: Path, most: int
 ) -> list[dict[str, Any]]:
-    """Films up to `most` seeds a policy that succeed in `reference` and fail in `target`; for the page.
+    """Films up to `most` seeds a policy that succeed in `reference` and fail in `target`.
 
-    The stills show both sides at the step at which the failing one ended, or the other's last step if it was done before.
+    The stills show both sides at the step at which the failing one ended, or the last step of one that was done before.
     """
     found = []
     by = {(e.policy, e.train_seed, e.world, e.seed): e for e in episodes if not e.control and not e.configuration}

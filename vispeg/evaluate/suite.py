@@ -54,7 +54,7 @@ def _change(name: str, entry: Any) -> Change:
     if (
         not isinstance(entry, Mapping)
         or not isinstance(entry.get("effect"), str)
-        or set(entry) > {"effect", "where", "params"}
+        or set(entry) - {"effect", "where", "params"}
     ):
         raise UserError("wrong effect", key=name, expected="effect, params and where", got=entry)
     return Change(entry["effect"], dict(entry.get("params") or {}), str(entry.get("where", "*")))

@@ -1,0 +1,85 @@
+"""What the commands on success share: playing with a progress bar, the table for a person, the folder of results."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from vispeg.core.errors import UserError
+from vispeg.core.files import write_text_atomic
+from vispeg.core.provenance import provenance
+
+
+def open_folder(out: Path, result: str, overwrite: bool) -> Path:
+    """The folder of results: new, one in which the same command was stopped, or one whose result may be replaced.
+
+    Raises:
+        UserError: a finished result is there and `overwrite` is False, or files of something else are.
+    """
+    if (out / result).exists() and not overwrite:
+        raise UserError("exists already; name another folder or pass --overwrite", file=out / result)
+    if out.is_file() or (out.is_dir() and any(out.iterdir()) and not (out / "run.json").exists()):
+        raise UserError("is not a folder of such results", file=out, expected="a new or empty folder, or one of a run")
+    if overwrite and (out / result).exists():  # a new run, so nothing of the old one is continued
+        for old in ("episodes.jsonl", "run.json"):
+            (out / old).unlink(missing_ok=True)
+    out.mkdir(parents=True, exist_ok=True)
+    return out
+
+
+def play_all(jobs: Sequence[Any], out: Path, workers: int, quiet: bool) -> list[Any]:
+    """All episodes of the jobs, with a progress bar that shows the success so far."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from vispeg.evaluate.runner import run
+
+    wins = [0, 0]
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, disable=quiet or not sys.stderr.isatty()) as bar:
+        task = bar.add_task("episodes", total=None)
+
+        def watch(new: list[Any], done: int, total: int) -> None:
+            wins[0], wins[1] = wins[0] + sum(e.success for e in new), wins[1] + len(new)
+            rate = f"{100 * wins[0] / wins[1]:.0f} % of the new ones succeed" if wins[1] else "episodes"
+            bar.update(task, completed=done, total=total, description=rate)
+
+        return run(jobs, out, workers, watch=watch)
+
+
+def write_result(
+    out: Path, name: str, values: Mapping[str, Any], seed: int, inputs: Iterable[str | Path]
+) -> dict[str, Any]:
+    """OUT/NAME with its provenance; returns what was written."""
+    record = {**values, "provenance": provenance(sys.argv, seed, inputs)}
+    write_text_atomic(out / name, json.dumps(record, indent=1, allow_nan=False) + "\n", overwrite=True)
+    return record
+
+
+def print_table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """A plain table."""
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(*heads, box=None, padding=(0, 2), header_style="dim")
+    for row in rows:
+        table.add_row(*map(escape, row))
+    Console(soft_wrap=True, highlight=False).print(table)
+
+
+def check_episodes(episodes: int, workers: int) -> None:
+    """Raises UserError for numbers that make no sense."""
+    if episodes < 1:
+        raise UserError("no episodes", key="--episodes", expected="1 or more", got=episodes)
+    if workers < 1:
+        raise UserError("no workers", key="--workers", expected="1 or more", got=workers)
+
+
+def measured(csv: Path | None, policies: Sequence[str], world: str) -> list[Any]:
+    """A real robot's records under the name `world`; none without a file."""
+    from vispeg.evaluate.measured import read_csv
+
+    return [] if csv is None else read_csv(csv, world, policies)

@@ -1,0 +1,124 @@
+"""The transfer gap: policies in several worlds on the same seeds, what each loses, and to which factor of the change.
+
+The first world is the one of training. A world named after others (VNP after V, N, P) is split into their shares. A
+policy that was trained in a target is refused, unless --fine-tuned says that this is meant. A real robot's records
+(CSV: policy, configuration, seed, outcome, category) take a target's place with --measured. Episodes that `vispeg
+evaluate` or an earlier gap wrote are taken in with --records. Writes OUT/gap.json, OUT/gap.html, OUT/episodes.jsonl.
+
+Example:
+    vispeg gap runs/depth_s* runs/rgb_s* --worlds S V N P VNP --episodes 500 --workers 2 --out gap
+    vispeg gap --records gap/episodes.jsonl --worlds S VNP --out again
+    vispeg gap depth=runs/d/best --worlds S --measured robot.csv --out real
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+
+@dataclass(frozen=True)
+class Args:
+    """Arguments of `vispeg gap`."""
+
+    out: Path
+    """Folder for the results."""
+    policies: tyro.conf.Positional[tuple[str, ...]] = ()
+    """Policy folders, or NAME=FOLDER; replicas of one name differ in their training seed."""
+    worlds: tuple[str, ...] = ("S", "V", "N", "P", "VNP")
+    """Built-in worlds' names or world files; the first is the training world."""
+    episodes: int = 100
+    """Episodes of every policy in every world."""
+    controls: tuple[str, ...] = ("shuffled", "frozen", "hole_fixed")
+    """Controls in the training world: shuffled, frozen, hole_fixed."""
+    records: tuple[Path, ...] = ()
+    """Files of episodes that are there already."""
+    measured: Path | None = None
+    """CSV of a real robot's trials."""
+    robot: str = "robot"
+    """The name of the measured target in tables."""
+    videos: int = 2
+    """Seeds of each policy filmed in the first world and the last; 0 for none."""
+    fine_tuned: bool = False
+    """Allow policies that were trained or fine-tuned in a target."""
+    seed: int = 0
+    """Another number takes other episodes."""
+    workers: int = 1
+    """Processes."""
+    overwrite: bool = False
+    """Replace OUT's result."""
+    quiet: bool = False
+    """No progress bar."""
+
+    def run(self) -> int:
+        """Plays what is missing, writes the folder, prints the gaps."""
+        import json
+
+        from vispeg.cli.evaluation import measured, open_folder, print_table, write_result
+        from vispeg.core.errors import UserError
+        from vispeg.core.files import write_text_atomic
+        from vispeg.evaluate.gap import gap
+        from vispeg.evaluate.records import append, read_all
+        from vispeg.report.gap import words
+        from vispeg.report.gap.build import write
+
+        if not self.policies and not self.records:
+            raise UserError("nothing to evaluate", expected="policy folders, or --records FILE")
+        known = read_all(self.records) if self.records else []
+        names, jobs, played = self._play() if self.policies else (list(self.worlds), [], [])
+        out = open_folder(self.out, "gap.json", self.overwrite) if not self.policies else self.out
+        episodes = {e.key: e for e in [*known, *played]}
+        robot = measured(self.measured, [e.policy for e in episodes.values()], self.robot)
+        every = [*episodes.values(), *robot]
+        values = gap(every, names[0], [*names, *([self.robot] if robot else [])], self.seed)
+        inputs = [*self.records, *([self.measured] if self.measured else [])]
+        values = write_result(out, "gap.json", values, self.seed, inputs)
+        if not self.policies:
+            (out / "episodes.jsonl").unlink(missing_ok=True)
+            append(out / "episodes.jsonl", every)
+            write_text_atomic(out / "run.json", json.dumps({"policies": {}, "worlds": {}}) + "\n", overwrite=True)
+        media = self._films(jobs, played, names)
+        write_text_atomic(out / "media.json", json.dumps(media) + "\n", overwrite=True)
+        page = write(out, overwrite=True)
+        shown = {(r["policy"], r["world"]): words.rate(r["success"]) for r in values["success"] if not r["control"]}
+        order = [w["name"] for w in values["worlds"]]
+        rows = [[p["name"], *(shown.get((p["name"], w), "-") for w in order)] for p in values["policies"]]
+        print_table(("policy", *order), rows)
+        for row in values["gaps"]:
+            print(f"{row['policy']} in {row['world']}: {row['words']}")
+        print(page)
+        return 0
+
+    def _play(self):  # type: ignore[no-untyped-def]
+        from vispeg.cli.evaluation import check_episodes, open_folder, play_all
+        from vispeg.core.errors import UserError
+        from vispeg.evaluate.controls import CONTROLS
+        from vispeg.evaluate.entrants import entrants, refuse_trained_on
+        from vispeg.evaluate.jobs import Setting, make_jobs, seeds_of
+        from vispeg.task.world_file import load_world
+
+        check_episodes(self.episodes, self.workers)
+        for control in self.controls:
+            if control not in CONTROLS:
+                raise UserError("unknown control", key="--controls", got=control, choices=CONTROLS)
+        who, files = entrants(self.policies), [load_world(w) for w in self.worlds]
+        names = [f.name for f in files]
+        if len(set(names)) < len(names):
+            raise UserError("two worlds of one name", key="--worlds", got=", ".join(names))
+        for file in files[1:]:
+            if not self.fine_tuned:
+                refuse_trained_on(who, file.name, file.hash)
+        out = open_folder(self.out, "gap.json", self.overwrite)
+        settings = [Setting(w, n) for w, n in zip(self.worlds, names, strict=True)]
+        settings += [Setting(self.worlds[0], names[0], control=c) for c in self.controls]
+        jobs = make_jobs(who, settings, seeds_of(self.episodes, self.seed), out / "worlds")
+        return names, jobs, play_all(jobs, out, self.workers, self.quiet)
+
+    def _films(self, jobs, episodes, names):  # type: ignore[no-untyped-def]
+        from vispeg.evaluate.media import film_pairs
+
+        if not self.videos or not jobs or len(names) < 2:
+            return []
+        return film_pairs(jobs, episodes, names[0], names[-1], self.out / "media", self.videos)

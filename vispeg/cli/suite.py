@@ -1,0 +1,166 @@
+"""The regression suite: named configurations in the training world and in a target, over versions of a policy.
+
+`run` plays one version and writes OUT/suite.json and OUT/suite.html. `compare` takes such folders, oldest first: the
+correlation between training world and target over the versions (healthy above 0.8, alarm below 0.6), and what fell from
+the last but one to the last on the same seeds. Exit code 1 on an alarm or a regression, so that it can guard CI.
+
+Example:
+    vispeg suite run runs/peg-depth/best --train S --target VNP --version 3 --out suite/v3
+    vispeg suite run runs/peg-depth/best --train S --measured robot.csv --version 3 --out suite/v3
+    vispeg suite compare suite/v1 suite/v2 suite/v3 --out suite/compared
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+
+@dataclass(frozen=True)
+class Run:
+    """Plays the suite with one version."""
+
+    policies: tyro.conf.Positional[tuple[str, ...]]
+    """Policy folders, or NAME=FOLDER."""
+    out: Path
+    """Folder for the results."""
+    train: str = "randomized"
+    """The training world."""
+    target: str | None = None
+    """The target world."""
+    measured: Path | None = None
+    """A real robot's records in place of a target: CSV with the suite's names under `configuration`."""
+    suite: Path | None = None
+    """A suite of your own, `format: vispeg-suite/1`."""
+    version: str = ""
+    """The name of this version; OUT's name where not given."""
+    episodes: int = 20
+    """Episodes a configuration and world."""
+    seed: int = 0
+    """Another number takes other episodes."""
+    workers: int = 1
+    """Processes."""
+    overwrite: bool = False
+    """Replace OUT's result."""
+    quiet: bool = False
+    """No progress bar."""
+
+    def run(self) -> int:
+        """Plays what is missing, writes the folder, prints health and table."""
+        from vispeg.cli import evaluation
+        from vispeg.core.errors import UserError
+        from vispeg.core.files import write_text_atomic
+        from vispeg.evaluate import suite
+        from vispeg.evaluate.entrants import entrants
+        from vispeg.evaluate.jobs import make_jobs, seeds_of
+        from vispeg.report.gap.suite_page import render
+        from vispeg.task.world_file import load_world
+
+        evaluation.check_episodes(self.episodes, self.workers)
+        if (self.target is None) == (self.measured is None):
+            raise UserError("no target", expected="either --target WORLD or --measured CSV")
+        who, listed = entrants(self.policies), suite.configurations(self.suite)
+        worlds = {load_world(w).name: w for w in (self.train, self.target) if w is not None}
+        names = [*worlds, *(["robot"] if self.measured else [])]
+        if len(names) < 2:
+            raise UserError("training world and target are the same", got=names[0])
+        out = evaluation.open_folder(self.out, "suite.json", self.overwrite)
+        jobs = make_jobs(who, suite.settings(listed, worlds), seeds_of(self.episodes, self.seed), out / "worlds")
+        episodes = evaluation.play_all(jobs, out, self.workers, self.quiet)
+        episodes += evaluation.measured(self.measured, [e.name for e in who], "robot")
+        values = suite.summarise(episodes, names[0], names[1], self.version or self.out.resolve().name)
+        values = evaluation.write_result(out, "suite.json", values, self.seed, [e.path for e in who])
+        page = write_text_atomic(out / "suite.html", render([values], []), overwrite=True)
+        _show(values)
+        print(page)
+        return 0
+
+
+@dataclass(frozen=True)
+class Compare:
+    """Compares versions, oldest first."""
+
+    folders: tyro.conf.Positional[tuple[Path, ...]]
+    """Folders that `vispeg suite run` wrote."""
+    out: Path | None = None
+    """Folder for compare.json and suite.html; nothing is written without."""
+    overwrite: bool = False
+    """Replace OUT's result."""
+
+    def run(self) -> int:
+        """Prints what fell and the health of every version; 1 on an alarm or a regression."""
+        from vispeg.cli import evaluation
+        from vispeg.core.errors import UserError
+        from vispeg.core.files import write_text_atomic
+        from vispeg.evaluate import suite
+        from vispeg.evaluate.records import read
+        from vispeg.report.gap.suite_page import render
+
+        if not self.folders:
+            raise UserError("nothing to compare", expected="vispeg suite compare FOLDER [FOLDER ...]")
+        versions = [_result(folder) for folder in self.folders]
+        changes: list[dict[str, Any]] = []
+        if len(versions) > 1:
+            before, after = (read(folder / "episodes.jsonl") for folder in self.folders[-2:])
+            changes = suite.regressions(before, after)
+        fell = [c for c in changes if c["verdict"] == "fell"]
+        for values in versions:
+            print(f"{values['version']}: {values['health']['words']}")
+        for c in changes:
+            if c["verdict"] in ("fell", "rose"):
+                print(f"{c['verdict']}: {c['policy']} in {c['world']}, {c['configuration']}: {_points(c['change'])}")
+        if len(versions) > 1 and not fell:
+            print("no regression beyond doubt")
+        if self.out is not None:
+            out = evaluation.open_folder(self.out, "compare.json", self.overwrite)
+            values = {"format": "vispeg-suite-compare/1", "versions": versions, "changes": changes}
+            evaluation.write_result(out, "compare.json", values, 0, self.folders)
+            print(write_text_atomic(out / "suite.html", render(versions, changes), overwrite=True))
+        return 1 if fell or versions[-1]["health"]["status"] == "alarm" else 0
+
+
+@dataclass(frozen=True)
+class Args:
+    """Arguments of `vispeg suite`."""
+
+    do: (
+        Annotated[Run, tyro.conf.subcommand("run", prefix_name=False)]
+        | Annotated[Compare, tyro.conf.subcommand("compare", prefix_name=False)]
+    )
+
+    def run(self) -> int:
+        """Does it."""
+        return self.do.run()
+
+
+def _result(folder: Path) -> dict[str, Any]:
+    from vispeg.core.errors import UserError
+    from vispeg.evaluate.suite import FORMAT
+
+    path = folder / "suite.json"
+    try:
+        values = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise UserError("not a suite's result", file=path, got=str(error)) from None
+    if not isinstance(values, dict) or values.get("format") != FORMAT:
+        raise UserError("not a suite's result", file=path, key="format", expected=FORMAT)
+    return values
+
+
+def _show(values: dict[str, Any]) -> None:
+    from vispeg.cli.evaluation import print_table
+    from vispeg.report.gap import words
+
+    rows = [[r["policy"], r["configuration"], words.rate(r["train"]), words.rate(r["target"])] for r in values["rows"]]
+    print_table(("policy", "configuration", values["train"], values["target"]), rows)
+    print(values["health"]["words"])
+
+
+def _points(change: dict[str, Any]) -> str:
+    from vispeg.report.gap import words
+
+    return f"{words.lost(change)} points"

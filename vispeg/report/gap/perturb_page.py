@@ -1,0 +1,55 @@
+"""Hard positions, still and pushed: an interval each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from vispeg.report.figures import AFTER, BEFORE, MEASURED, legend, new_figure, quiet, styled, svg
+from vispeg.report.gap import table_page, words
+from vispeg.report.gap.page import page
+
+
+def render(values: Mapping[str, Any]) -> str:
+    """The page of a `vispeg-perturb/1` record."""
+    policies = list(dict.fromkeys(r["policy"] for r in values["rows"]))
+    lines, sections = [], []
+    for i, policy in enumerate(policies):
+        rows = [r for r in values["rows"] if r["policy"] == policy]
+        worst = min((r for r in rows if r["still"]), key=lambda r: r["still"]["value"])
+        lines.append(f"{policy} is weakest at: {worst['position']}, {words.rate(worst['still'])} still")
+        shown = [[r["position"], _rate(r["still"]), _rate(r["pushed"]), _cost(r), r["verdict"] or "-"] for r in rows]
+        heads = ("position", "still", "pushed", "lost by the push, points", "verdict")
+        sections.append(table_page.table(policy, heads, shown, picture=picture(rows, f"positions{i}")))
+    low, high = values["force"]
+    text = f"Pushes of {low:g} to {high:g} N for {values['duration']:g} s, from any side, once an episode."
+    return page(
+        "vispeg perturb", "perturbations", [table_page.title(text, lines), *sections, table_page.origin(values)]
+    )
+
+
+def _rate(e: Mapping[str, Any] | None) -> str:
+    return "-" if e is None else words.rate(e)
+
+
+def _cost(r: Mapping[str, Any]) -> str:
+    return "-" if r["cost"] is None else words.lost(r["cost"])
+
+
+def picture(rows: list[Any], name: str) -> str:
+    """A dot with its interval a position and side."""
+    with styled():
+        figure = new_figure(0.7 + 0.3 * len(rows))
+        ax = figure.add_subplot()
+        for i, r in enumerate(rows):
+            for kind, colour, shift in (("still", AFTER, -0.13), ("pushed", BEFORE, 0.13)):
+                e = r[kind]
+                if e is not None:
+                    ax.plot([100 * e["low"], 100 * e["high"]], [i + shift] * 2, color=colour, linewidth=2, alpha=0.6)
+                    ax.plot(100 * e["value"], i + shift, "o", color=colour, markersize=5)
+        ax.set(xlim=(-2, 102), ylim=(len(rows) - 0.5, -0.5), xlabel="success, %")
+        ax.set_yticks(range(len(rows)), [r["position"] for r in rows])
+        ax.tick_params(axis="y", labelcolor=MEASURED)
+        quiet(ax, grid="x")
+        legend(figure, {"still": (AFTER, "-"), "pushed": (BEFORE, "-")})
+        return svg(figure, name, "Success by position, still and pushed")

@@ -1,0 +1,77 @@
+"""The regression suite: training world against target by configuration, health over versions, what changed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from vispeg.report.figures import AFTER, BEFORE, MEASURED, MUTED, RULE, new_figure, quiet, styled, svg
+from vispeg.report.gap import table_page, words
+from vispeg.report.gap.page import page
+
+
+def render(versions: Sequence[Mapping[str, Any]], changes: Sequence[Mapping[str, Any]]) -> str:
+    """The page of `vispeg-suite-result/1` records, oldest first, and of what changed between the last two."""
+    last = versions[-1]
+    lines = [f"{v['version']}: {v['health']['words']}" for v in versions]
+    told = [c for c in changes if c["verdict"] in ("fell", "rose")]
+    lines += [f"{c['configuration']} in {c['world']} {c['verdict']}: {words.lost(c['change'])} points" for c in told]
+    sections = [table_page.title(f"Regression suite, {last['version']}", lines)]
+    heads = ("policy", "configuration", last["train"], last["target"])
+    rows = [[r["policy"], r["configuration"], words.rate(r["train"]), words.rate(r["target"])] for r in last["rows"]]
+    caption = "One point a configuration. On the line, the training world promises what the target keeps."
+    if len(versions) > 1:
+        caption += " Right: their correlation by version; above 0.8 healthy, below 0.6 an alarm."
+    picture = scatter(versions)
+    sections.append(table_page.table("Configurations", heads, rows, picture=picture, caption=caption))
+    if changes:
+        heads = ("policy", "world", "configuration", "change, points", "Holm", "verdict")
+        shown = [
+            [
+                c["policy"],
+                c["world"],
+                c["configuration"],
+                words.lost(c["change"]),
+                words.p_value(c["p_holm"]),
+                c["verdict"],
+            ]
+            for c in changes
+        ]
+        sections.append(table_page.table(f"{versions[-2]['version']} to {last['version']}", heads, shown))
+    return page("vispeg suite", "regression suite", [*sections, table_page.origin(last)])
+
+
+def scatter(versions: Sequence[Mapping[str, Any]]) -> str:
+    """Target against training world, and the correlation over versions where there are several."""
+    last = versions[-1]
+    with styled():
+        figure = new_figure(2.9)
+        axes = figure.subplots(1, 2, width_ratios=(1, 1.4))
+        ax = axes[0]
+        ax.plot([0, 100], [0, 100], color=RULE)
+        for r in last["rows"]:
+            x, y = 100 * r["train"]["value"], 100 * r["target"]["value"]
+            ax.plot(
+                [x, x], [100 * r["target"]["low"], 100 * r["target"]["high"]], color=AFTER, alpha=0.3, linewidth=1.5
+            )
+            ax.plot(x, y, "o", color=AFTER, markersize=5, alpha=0.85)
+        ax.set(
+            xlim=(-4, 104), ylim=(-4, 104), xlabel=f"{last['train']}, %", ylabel=f"{last['target']}, %", aspect="equal"
+        )
+        quiet(ax, grid="both")
+        ax = axes[1]
+        if len(versions) < 2:
+            ax.set_visible(False)
+        else:
+            ax.axhspan(0.8, 1.02, color=AFTER, alpha=0.08, linewidth=0)
+            ax.axhspan(-1.02, 0.6, color=BEFORE, alpha=0.08, linewidth=0)
+            for i, v in enumerate(versions):
+                e = v["health"].get("pearson")
+                if e is not None and e["value"] is not None:
+                    ax.plot([i, i], [e["low"], e["high"]], color=MEASURED, linewidth=1.3)
+                    ax.plot(i, e["value"], "o", color=MEASURED, markersize=5)
+            ax.set_xticks(range(len(versions)), [v["version"] for v in versions])
+            ax.set(ylim=(-1.02, 1.02), ylabel="correlation")
+            ax.tick_params(axis="x", labelcolor=MUTED)
+            quiet(ax)
+        return svg(figure, "suite", "Training world against target by configuration")

@@ -1,0 +1,51 @@
+"""Curves of success against a parameter, with bands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from vispeg.report.figures import MUTED, new_figure, quiet, styled, svg
+from vispeg.report.figures import legend as figure_legend
+from vispeg.report.gap import table_page, words
+from vispeg.report.gap.colours import of_policies
+from vispeg.report.gap.page import page
+
+
+def render(values: Mapping[str, Any]) -> str:
+    """The page of a `vispeg-sensitivity/1` record."""
+    lines = [f"{s['label']}, {c['policy']}: {c['words']}" for s in values["sweeps"] for c in s["curves"]]
+    sections = [table_page.title("How far off may it be", lines)]
+    for i, sweep in enumerate(values["sweeps"]):
+        heads = (f"{sweep['label']}, {sweep['unit']}", *(c["policy"] for c in sweep["curves"]))
+        points = [p["value"] for p in sweep["curves"][0]["points"]]
+        rows = [[f"{v:g}", *(_cell(c["points"][j]) for c in sweep["curves"])] for j, v in enumerate(points)]
+        text = "Lines: success on the same seeds at every value. Bands: 95 % intervals. Dashed: nothing changed."
+        note = "lower: below the success at the dashed value, by McNemar with Holm's correction and by the interval."
+        picture = curves(sweep, f"sweep{i}")
+        sections.append(table_page.table(sweep["label"], heads, rows, picture=picture, caption=text, note=note))
+    return page("vispeg sensitivity", "sensitivity", [*sections, table_page.origin(values)])
+
+
+def _cell(point: Mapping[str, Any]) -> str:
+    lower = point.get("verdict") == "different" and point["cost"]["value"] > 0
+    return words.rate(point["success"]) + (", lower" if lower else "")
+
+
+def curves(sweep: Mapping[str, Any], name: str) -> str:
+    """One line with its band a policy."""
+    colours = of_policies([{"name": c["policy"], "modality": c["modality"]} for c in sweep["curves"]])
+    with styled():
+        figure = new_figure(2.6)
+        ax = figure.add_subplot()
+        for curve in sweep["curves"]:
+            x = [p["value"] for p in curve["points"]]
+            low, mid, high = ([100 * p["success"][k] for p in curve["points"]] for k in ("low", "value", "high"))
+            colour = colours[curve["policy"]]
+            ax.fill_between(x, low, high, color=colour, alpha=0.18, linewidth=0)
+            ax.plot(x, mid, color=colour, marker="o", markersize=4)
+        ax.axvline(sweep["null"], color=MUTED, linestyle=(0, (4, 2)), linewidth=1)
+        ax.set(ylim=(-2, 102), ylabel="success, %", xlabel=f"{sweep['label']}, {sweep['unit']}")
+        quiet(ax)
+        figure_legend(figure, {p: (c, "-") for p, c in colours.items()})
+        return svg(figure, name, f"Success against {sweep['label']}")

@@ -1,0 +1,46 @@
+"""Sections that are a title with figures, or a picture with a table: what the smaller pages are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+Section = tuple[str, str, Mapping[str, Any]]
+
+
+def title(text: str, lines: Sequence[str]) -> Section:
+    """The first section: what was found, a line each."""
+    return "title", "", {"title": text, "lines": list(lines)}
+
+
+def table(
+    heading: str,
+    heads: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    *,
+    picture: str = "",
+    caption: str = "",
+    note: str = "",
+    anchor: str = "table",
+) -> Section:
+    """A heading with a picture (SVG text), a table and a note; any of the three may be empty."""
+    shown = {
+        "heads": list(heads),
+        "rows": [list(r) for r in rows],
+        "picture": picture,
+        "caption": caption,
+        "note": note,
+    }
+    return anchor, heading, shown
+
+
+def origin(values: Mapping[str, Any]) -> Section:
+    """World, command, versions."""
+    return (
+        "origin",
+        "How this was measured",
+        {
+            "world": values.get("world"),
+            "provenance": values.get("provenance") or {},
+        },
+    )
