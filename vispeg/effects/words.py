@@ -18,6 +18,8 @@ def place(kind: Effect, where: str, robot: Any) -> str:
         UserError: no such place; it lists those there are.
     """
     targets = kind.targets(robot)
+    if not targets:
+        raise UserError(f"{kind.name} acts on a scene, not on an arm alone", expected="a world file of the peg task")
     if where in ("all", "all-joints"):
         return "all" if len(targets) > 1 else targets[0]
     if where not in targets:

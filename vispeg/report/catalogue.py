@@ -44,12 +44,12 @@ def describe(kind: Effect, robot: Any) -> dict[str, Any]:
     }
 
 
-def print_catalogue(kinds: Sequence[Effect], robot: Any) -> None:
-    """A table of effects: name, kind, where, parameters with unit, bounds and null, and what it is."""
+def print_catalogue(kinds: Sequence[Effect], models: Sequence[Any]) -> None:
+    """A table of effects, each with the robot or scene it acts on: where, parameters, bounds, null, what it is."""
     from rich.console import Console
 
     table = _table("Effect", "Kind", "Where", "Parameter", "Unit", "From", "To", "Null", "What it is")
-    for kind in kinds:
+    for kind, robot in zip(kinds, models, strict=True):
         for i, (name, p) in enumerate(kind.params.items()):
             first = i == 0
             head = (kind.name, kind.kind, places(kind, robot)) if first else ("", "", "")

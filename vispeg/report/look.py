@@ -1,0 +1,61 @@
+"""A picture of what an effect of kind `camera` or `appearance` does: the same view without and with it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.effect import Effect, Placed
+from vispeg.core.files import write_bytes_atomic
+from vispeg.core.frame import Frame
+from vispeg.core.seeds import stream
+from vispeg.core.world import World
+from vispeg.effects.words import place
+from vispeg.render.backend import Renderer, Shot
+from vispeg.render.look import dress
+from vispeg.render.pipeline import Pipeline
+from vispeg.render.standard import standard_cameras
+from vispeg.task.eyes import resized
+from vispeg.task.simulation import HOME
+
+SIZE = 240  # px
+
+
+def draw(kind: Effect, where: str | None, scene: Any, path: Path, *, overwrite: bool = False) -> None:
+    """Writes a PNG: colour and depth of the external and the wide wrist camera, nominal above, with the effect below.
+
+    Args:
+        kind: the effect, at its typical values.
+        where: its place; everywhere if not given.
+        scene: the cell.
+        path: of the picture.
+        overwrite: replace a picture that is there.
+    """
+    where = place(kind, where or "all", scene)
+    placed = Placed.of(kind.name, where, **{k: p.start for k, p in kind.params.items()})
+    wide, _, external = standard_cameras(scene.tip, scene.config.fixture)
+    cameras = [resized(c, SIZE) for c in (external, wide)]
+    rows = []
+    with Renderer(scene, cameras, shadows=kind.name == "shadows") as renderer:
+        qpos = np.concatenate([HOME, np.zeros(renderer.model.nq - len(HOME))])
+        for world in (World(), World(effects=(placed,))):
+            dress(renderer, scene, world)
+            shots = renderer.render(qpos)
+            rows.append(np.concatenate([_seen(shots[c.name], c.name, c.K, world) for c in cameras], axis=1))
+    import cv2
+
+    write_bytes_atomic(path, cv2.imencode(".png", np.concatenate(rows)[..., ::-1])[1].tobytes(), overwrite=overwrite)
+
+
+def _seen(shot: Shot, camera: str, K: np.ndarray, world: World) -> np.ndarray:
+    """Colour and depth side by side, (H, 2 W, 3) uint8, after the camera's own effects; no reading is dark red."""
+    frame = Frame(shot.rgb[None].astype(np.float32) / 255, shot.depth[None], K[None])
+    out = Pipeline([world], camera).run(frame, [stream(0, "look", camera)])
+    colour = np.round(255 * np.clip(out.rgb[0], 0, 1)).astype(np.uint8)  # type: ignore[index]
+    depth = out.depth[0]  # type: ignore[index]
+    valid = np.isfinite(depth) & (depth > 0)
+    near, far = (np.percentile(shot.depth[shot.depth > 0], q) for q in (2, 90))
+    grey = np.round(255 * np.clip(1 - (np.nan_to_num(depth) - near) / max(far - near, 1e-6), 0, 1)).astype(np.uint8)
+    return np.concatenate([colour, np.where(valid[..., None], grey[..., None], (90, 0, 0)).astype(np.uint8)], axis=1)
