@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
@@ -149,10 +150,10 @@ def rotation(quat: tuple[float, ...] | np.ndarray) -> np.ndarray:
 
 def quaternion(matrix: np.ndarray) -> tuple[float, ...]:
     """(4,) w, x, y, z with w >= 0 of a rotation matrix (3, 3)."""
-    from scipy.spatial.transform import Rotation
-
-    x, y, z, w = Rotation.from_matrix(matrix).as_quat(canonical=True)
-    return float(w), float(x), float(y), float(z)
+    quat = np.empty(4)
+    mujoco.mju_mat2Quat(quat, np.ascontiguousarray(matrix, float).ravel())
+    w, x, y, z = (quat if quat[0] >= 0 else -quat).tolist()
+    return w, x, y, z
 
 
 def looking_at(pos: np.ndarray, target: np.ndarray, up: np.ndarray) -> tuple[float, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import importlib
 import os
 import sys
@@ -31,6 +32,7 @@ def shared(width: int, height: int) -> Any:
     key = os.getpid(), threading.get_ident()
     if key not in _OPEN:
         _OPEN[key] = _open(width, height)
+        atexit.register(_OPEN[key].free)  # while Python is whole, and before the library ends
     return _OPEN[key]
 
 
