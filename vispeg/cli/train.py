@@ -1,7 +1,8 @@
 """Trains a policy for the peg-in-hole task.
 
-TASK is peg-state, peg-proprio, peg-depth, peg-rgb or peg-rgbd. The run's folder holds config.yaml, progress.csv, tensorboard/ and
-checkpoints/best and checkpoints/last; either checkpoint is a policy that `vispeg play` and `vispeg evaluate` take.
+TASK is peg-state, peg-proprio, peg-depth, peg-rgb or peg-rgbd. The run's folder holds config.yaml, progress.csv,
+tensorboard/ and checkpoints/best and checkpoints/last; either checkpoint is a policy that `vispeg play` and `vispeg
+evaluate` take.
 
 Example:
     vispeg train peg-state --world nominal --seed 0

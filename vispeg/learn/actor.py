@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -32,7 +33,8 @@ class Actor(nn.Module):
         self.layout, self.hidden, self.recurrent = layout, tuple(hidden), recurrent
         self.scale = Scale(layout.vector)
         self.encoders = nn.ModuleDict({key: modality.encoder(key, shape) for key, shape in layout.images.items()})
-        inputs = layout.vector + sum(int(encoder.features) for encoder in self.encoders.values())  # type: ignore[arg-type]
+        seen: list[Any] = list(self.encoders.values())
+        inputs = layout.vector + sum(encoder.features for encoder in seen)
         self.memory = nn.LSTM(inputs, recurrent) if recurrent else None
         self.body = mlp(recurrent or inputs, hidden)
         self.mean = nn.Linear(hidden[-1], layout.action)
@@ -67,8 +69,8 @@ class Actor(nn.Module):
     def sample(self, latent: Tensor) -> tuple[Tensor, Tensor]:
         """Actions (..., action) drawn with a gradient, and their log density (...).
 
-        log pi(a) = sum_i [log N(u_i) - log(1 - tanh(u_i)^2)], the last term as 2 (log 2 - u - softplus(-2 u)), which stays
-        finite (Haarnoja et al. 2018, arXiv:1812.05905, appendix C).
+        log pi(a) = sum_i [log N(u_i) - log(1 - tanh(u_i)^2)], the last term as 2 (log 2 - u - softplus(-2 u)), which
+        stays finite (Haarnoja et al. 2018, arXiv:1812.05905, appendix C).
         """
         mean, log_std = self.mean(latent), self.log_std(latent).clamp(*LOG_STD)
         noise = torch.randn_like(mean)

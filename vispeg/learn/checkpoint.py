@@ -19,7 +19,8 @@ from vispeg.learn.sac import AsymmetricSAC
 def save_state(folder: Path, model: AsymmetricSAC, counters: dict[str, Any]) -> None:
     """Writes weights, optimizers, temperature, replay, random states and counters into an existing folder.
 
-    What is not written is the environments' state: call this just before `AsymmetricSAC.restart`, after which nothing depends on it.
+    What is not written is the environments' state: call this just before `AsymmetricSAC.restart`, after which nothing
+    depends on it.
     """
     save_file(
         {name: value.detach().cpu().contiguous() for name, value in _tensors(model).items()},
@@ -108,5 +109,5 @@ def _touch_optimizers(model: AsymmetricSAC) -> None:
 
 
 def restart_seed(seed: int, step: int) -> int:
-    """Seed of the episodes that follow a checkpoint: below 2^30, so that rows counted from it never meet a held-out seed."""
+    """Seed of the episodes after a checkpoint: below 2^30, so that rows counted from it meet no held-out seed."""
     return int(stream(seed, "restart", step).integers(2**30))

@@ -43,7 +43,8 @@ class Curriculum:
 
 
 def clearances(values: Sequence[float]) -> tuple[Stage, ...]:
-    """Stages that narrow the hole and open the world: half the ranges at first, all of them once the second stage is reached.
+    """Stages that narrow the hole and open the world: half the ranges at first, all of them once the second stage is
+    reached.
 
     `values` are diametral clearances in mm, widest first; none gives the task as it is.
     """

@@ -15,7 +15,7 @@ HELD_OUT = 2**31  # seeds from here on are never drawn by training, whose seeds 
 
 
 def peg_maker(modality: Modality, world: str, sac: SacSettings, threads: int) -> MakeEnv:
-    """Makes peg-in-hole environments of a modality in a world; a policy with a memory is given no stack of observations."""
+    """Makes peg-in-hole environments of a modality in a world; for a policy with a memory, without a stack."""
 
     def make(rows: int, settings: Mapping[str, Any]) -> VectorEnv:
         from vispeg.task.vector import PegInHoleVec
@@ -27,7 +27,7 @@ def peg_maker(modality: Modality, world: str, sac: SacSettings, threads: int) ->
     return make
 
 
-def describe(env: VectorEnv) -> dict[str, Any]:
+def describe(env: Any) -> dict[str, Any]:
     """What a policy's record says of the world and task it was trained in; empty for other environments."""
     config = getattr(env, "config", None)
     if config is None:
@@ -39,4 +39,4 @@ def describe(env: VectorEnv) -> dict[str, Any]:
     file = getattr(env, "file", None)
     if file is not None:
         return {"world": file.name, "world_hash": file.hash, "task": asdict(config)}
-    return {"world": env.world.label, "world_hash": world_hash(env.world, config), "task": asdict(config)}  # type: ignore[attr-defined]
+    return {"world": env.world.label, "world_hash": world_hash(env.world, config), "task": asdict(config)}

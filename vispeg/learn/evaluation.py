@@ -62,7 +62,7 @@ def run_episodes(
         obs, reward, terminated, truncated, info = env.step(policy.act(obs))
         ended = terminated | truncated
         total, steps = total + reward, steps + 1
-        for row in np.flatnonzero(ended):
+        for row in np.flatnonzero(ended).tolist():
             if number[row] >= 0:
                 told = row_info(info, row)
                 out[number[row]] = Outcome(

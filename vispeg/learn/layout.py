@@ -1,4 +1,4 @@
-"""What a policy sees and does: names, shapes and units of its observation, checked before anything is learnt or loaded."""
+"""What a policy sees and does: names, shapes and units of its observation, checked before anything is loaded."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ class Layout:
 
     Attributes:
         vector: length of the observation's `policy` part.
-        images: shape (C, H, W) of every image the policy sees, by key: `depth_<camera>` in metres, `rgb_<camera>` in 0-255.
+        images: shape (C, H, W) of every image the policy sees, by key: `depth_<camera>` in metres, `rgb_<camera>` in
+            0-255.
         action: length of the action.
     """
 

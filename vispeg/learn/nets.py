@@ -57,7 +57,7 @@ class ConvEncoder(nn.Module):
     def __init__(self, shape: tuple[int, int, int], features: int = 64):
         super().__init__()
         channels, height, width = shape
-        self.conv = nn.Sequential(
+        conv = nn.Sequential(
             nn.Conv2d(channels, 16, 3, 2, 1),
             nn.ReLU(),
             nn.Conv2d(16, 32, 3, 2, 1),
@@ -65,7 +65,9 @@ class ConvEncoder(nn.Module):
             nn.Conv2d(32, 32, 3, 2, 1),
             nn.ReLU(),
             nn.Flatten(),
-        ).to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # half the time of channels first on a CPU
+        )
+        # Channels last takes half the time of channels first on a CPU.
+        self.conv = conv.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         for _ in range(3):
             height, width = (height + 1) // 2, (width + 1) // 2
         self.head = nn.Sequential(nn.Linear(32 * height * width, features), nn.LayerNorm(features), nn.Tanh())

@@ -48,7 +48,8 @@ class NetPolicy:
 
     Attributes:
         actor: the network.
-        estimate: (n, 3) m, where the last `act` thought the peg's tip to be in the hole's frame; None for actors that do not say.
+        estimate: (n, 3) m, where the last `act` thought the peg's tip to be in the hole's frame; None for actors that
+            do not say.
     """
 
     def __init__(self, actor: Actor, modality: str, meta: Mapping[str, Any] | None = None):
@@ -97,7 +98,8 @@ def load(folder: str | Path, device: str = "cpu") -> NetPolicy:
     """Reads a policy's folder; nothing in it is executed.
 
     Raises:
-        UserError: no such folder, a file is missing or damaged, weights that do not fit what the JSON says, or a modality that this
+        UserError: no such folder, a file is missing or damaged, weights that do not fit what the JSON says, or a
+        modality that this
             installation does not have.
     """
     path = Path(folder)

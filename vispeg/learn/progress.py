@@ -35,14 +35,19 @@ COLUMNS = (
 
 
 class Table:
-    """progress.csv: a row an evaluation. Rows past the step from which a run goes on are dropped."""
+    """progress.csv: a row an evaluation. Rows past the step from which a run goes on are dropped.
+
+    `stage` is the curriculum's number, or `distill K`, whose steps are the teacher's and the student's together.
+    """
 
     def __init__(self, path: Path, upto: int):
         self.path, self.rows = path, []
         self.rows: list[dict[str, Any]]
         if path.is_file():
             with path.open(newline="", encoding="utf-8") as stream:
-                self.rows = [row for row in csv.DictReader(stream) if int(row["steps"]) <= upto]
+                self.rows = [
+                    row for row in csv.DictReader(stream) if not row["stage"].isdigit() or int(row["steps"]) <= upto
+                ]
 
     @property
     def seconds(self) -> float:

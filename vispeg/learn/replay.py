@@ -1,8 +1,9 @@
 """Replay of dictionaries of observations, in which every frame stands once.
 
-Each of N environments owns a ring of T entries (observation, action, reward). The observation after entry i is entry i + 1, so
-a frame is not stored again as its predecessor's successor; an episode's last observation gets an entry of its own, from which
-no transition starts. Entries of one episode lie in order, so that sequences for recurrent policies are slices.
+Each of N environments owns a ring of T entries (observation, action, reward). The observation after entry i is entry i
++ 1, so a frame is not stored again as its predecessor's successor; an episode's last observation gets an entry of its
+own, from which no transition starts. Entries of one episode lie in order, so that sequences for recurrent policies are
+slices.
 """
 
 from __future__ import annotations
@@ -47,7 +48,8 @@ class Replay:
 
     Args:
         buffer_size: entries over all environments.
-        observation_space: gymnasium Dict: vectors, `depth_*` (float32 metres, kept in steps of 0.05 mm), `rgb_*` (uint8).
+        observation_space: gymnasium Dict: vectors, `depth_*` (float32 metres, kept in steps of 0.05 mm), `rgb_*`
+            (uint8).
         action_space: gymnasium Box.
         device: where batches go.
         n_envs: environments.
@@ -66,7 +68,8 @@ class Replay:
         seed: int = 0,
     ):
         self.length, self.n_envs, self.device = max(buffer_size // n_envs, 2), n_envs, torch.device(device)
-        self.observation_space, self.rng = observation_space, stream(seed, "replay")
+        self.observation_space, self.action_space = observation_space, action_space
+        self.rng = stream(seed, "replay")
         rows = (self.length, n_envs)
         self.obs = {
             key: np.zeros((*rows, *space.shape), _stored(key, space.dtype))
@@ -78,6 +81,7 @@ class Replay:
         self.starts = np.zeros(rows, bool)  # whether a transition starts here whose end is stored too
         self.head = np.zeros(n_envs, np.int64)  # where the next entry goes
         self.open = np.full(n_envs, -1, np.int64)  # the entry that waits for its successor, -1 for none
+        self.began = np.zeros(n_envs, np.int64)  # where the present episode began
         self.full, self.refused = False, 0
 
     def add(
@@ -88,8 +92,11 @@ class Replay:
         reward: np.ndarray,
         done: np.ndarray,
         infos: Sequence[Mapping[str, Any]],
+        keep: np.ndarray | None = None,
     ) -> None:
         """One step of every environment. `next_obs` holds the terminal observation where `done`.
+
+        Where an episode ends whose row is False in `keep` (n,), the whole episode is dropped.
 
         A transition with anything in it that is not finite is refused, and counted in `refused`; so is one into a
         simulation that `diverged`, whatever its numbers look like.
@@ -110,10 +117,21 @@ class Replay:
             over = np.flatnonzero(done)
             self._write({key: value[over] for key, value in next_obs.items()}, over)
             self.starts[here[over], over] = fine[over]
+            for row in over.tolist():
+                if keep is not None and not keep[row]:
+                    self.starts[self._span(row), row] = False
+            self.began[over] = self.head[over]
 
     def cut(self) -> None:
         """Ends the episodes in progress without their last transition: what follows is another episode."""
         self.open[:] = -1
+        self.began[:] = self.head
+
+    def _span(self, row: int) -> np.ndarray:
+        """Entries of the row's present episode."""
+        return (
+            np.arange(self.began[row], self.head[row] + self.length * (self.head[row] <= self.began[row])) % self.length
+        )
 
     def _write(self, obs: Mapping[str, np.ndarray], envs: np.ndarray) -> np.ndarray:
         at = self.head[envs]
@@ -153,8 +171,8 @@ class Replay:
         if not allowed.any():
             raise UserError("nothing to learn from: the replay holds no transition")
         found = np.empty(0, np.int64)
-        while len(found) < n:  # nearly all entries are allowed once the ring is full, so this draws twice at most
-            drawn = rng.integers(0, self._used * self.n_envs, 2 * n)
+        while len(found) < n:  # nearly all entries may be drawn, so one round is enough; of episodes' starts, few may
+            drawn = rng.integers(0, self._used * self.n_envs, 2 * n if allowed is self.starts else 64 * n)
             found = np.concatenate([found, drawn[allowed.reshape(-1)[drawn]]])
         return np.divmod(found[:n], self.n_envs)
 
@@ -198,7 +216,7 @@ class Replay:
         self.full = len(np.load(folder / "reward.npy", mmap_mode="r", allow_pickle=False)) == self.length
 
     def _arrays(self) -> dict[str, np.ndarray]:
-        own = {name: getattr(self, name) for name in ("action", "reward", "done", "starts", "head", "open")}
+        own = {name: getattr(self, name) for name in ("action", "reward", "done", "starts", "head", "open", "began")}
         return own | {f"obs.{key}": kept for key, kept in self.obs.items()}
 
 

@@ -1,7 +1,7 @@
 """Soft actor-critic on Stable-Baselines3's loop, with an actor that sees and critics that know.
 
-The critics read ground truth (`privileged`) and the actor's vector (`policy`), never pixels, so that a critic's update costs
-the same for every modality (asymmetric actor-critic, Pinto et al. 2017, arXiv:1710.06542).
+The critics read ground truth (`privileged`) and the actor's vector (`policy`), never pixels, so that a critic's update
+costs the same for every modality (asymmetric actor-critic, Pinto et al. 2017, arXiv:1710.06542).
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from vispeg.learn.critic import Critic
 from vispeg.learn.layout import PRIVILEGED, VECTOR, Layout
 from vispeg.learn.modalities import Modality
 from vispeg.learn.nets import huber, soft_update
+from vispeg.learn.recurrent import draw, latents
 from vispeg.learn.replay import Batch, Replay, mixed
 from vispeg.learn.settings import SacSettings
 
@@ -66,10 +67,10 @@ class AsymmetricSAC(SAC):
         settings: numbers of the algorithm.
         seed: of networks, exploration and replay.
         device: `cpu`, `cuda` or `auto`.
-        actor: one to start from; a new one otherwise.
 
     Attributes:
         demos: demonstrations, of which each batch takes its share; None for none.
+        new: whether the actor is yet to learn anything; False keeps its input scale.
     """
 
     def __init__(
@@ -80,11 +81,10 @@ class AsymmetricSAC(SAC):
         *,
         seed: int,
         device: str = "cpu",
-        actor: Actor | None = None,
     ):
         layout = Layout.of(env.observation_space, env.action_space, modality.kinds)
         torch.manual_seed(seed)
-        self.settings, self.measured, self.demos = settings, actor is not None, None
+        self.settings, self.measured, self.demos, self.new = settings, False, None, True
         self.demos: Replay | None
         self._owed, self._hidden = 0.0, None
         self._hidden: State | None
@@ -93,14 +93,14 @@ class AsymmetricSAC(SAC):
             env,
             settings.lr,
             settings.replay,
-            0 if actor is not None else settings.warmup,
+            settings.warmup,
             settings.batch,
             settings.tau,
             settings.gamma,
             ent_coef=f"auto_{settings.entropy}",
             replay_buffer_class=Replay,  # type: ignore[arg-type]
             replay_buffer_kwargs={"seed": seed},
-            policy_kwargs={"given": lambda: actor or Actor(layout, modality, settings.hidden, settings.recurrent)},
+            policy_kwargs={"given": lambda: Actor(layout, modality, settings.hidden, settings.recurrent)},
             seed=seed,
             device=device,
         )
@@ -129,45 +129,28 @@ class AsymmetricSAC(SAC):
         self.logger.record("train/updates", self._n_updates)
 
     def measure(self) -> None:
-        """Sets the input scales of actor and critics from what is in the replay."""
-        batch = self.replay.sample(MEASURED_ON)
-        self.actor.scale.measure(batch.obs[VECTOR])
+        """Sets the input scales of critics and of a new actor from what is in the replay, or in the demonstrations."""
+        batch = (self.replay if self.demos is None else self.demos).sample(MEASURED_ON)
+        if self.new:
+            self.actor.scale.measure(batch.obs[VECTOR])
         for critic in (self.critic, self.critic_target):
             critic.scale.measure(critic.inputs(batch.obs))
         self.measured = True
 
     def _sample(self) -> tuple[Batch, int]:
         """A batch and how many of its last rows are demonstrations."""
-        s = self.settings
+        s, rng = self.settings, self.replay.rng
         demos = round(s.batch * s.demo_fraction) if self.demos is not None else 0
-        if s.recurrent:
-            rows, demos = max(s.batch // 32, 2), demos // 32
-            draw = lambda ring, n: ring.sequences(n, s.horizon, self.replay.rng)  # noqa: E731
-        else:
-            rows = s.batch
-            draw = lambda ring, n: ring.sample(n, self.replay.rng)  # noqa: E731
         if self.demos is None or demos == 0:
-            return draw(self.replay, rows), 0
-        if len(self.replay) == 0:
-            return draw(self.demos, rows), rows
-        return mixed(draw(self.replay, rows - demos), draw(self.demos, demos)), demos
-
-    def _latent(self, batch: Batch, after: bool) -> Tensor:
-        """The actor's latent at each transition's start, or at its end where `after`."""
-        s = self.settings
-        if not s.recurrent:
-            return self.actor.latent(self.actor.features(batch.next_obs if after else batch.obs, s.shift))[0]
-        steps, n = batch.reward.shape
-        # An episode is obs[0], next_obs[0], next_obs[1], ...: the memory runs over all of them once.
-        whole = {key: torch.cat([batch.obs[key][:1], batch.next_obs[key]]) for key in self.actor.layout.keys}
-        flat = self.actor.features({key: value.flatten(0, 1) for key, value in whole.items()}, s.shift)
-        latent, _ = self.actor.latent(flat.unflatten(0, (steps + 1, n)))
-        return latent[1:] if after else latent[:-1]
+            return draw(self.replay, s.batch, s.horizon, bool(s.recurrent), rng), 0
+        told = draw(self.demos, demos, s.horizon, bool(s.recurrent), rng)
+        own = draw(self.replay, s.batch - demos, s.horizon, bool(s.recurrent), rng) if len(self.replay) else None
+        return (told if own is None else mixed(own, told)), told.reward.shape[-1]
 
     def _update_critic(self, batch: Batch) -> Tensor:
         """One step on (Q - (r + gamma (1 - done) (min Q'(s', a') - alpha log pi(a'|s'))))^2 / 2 for both critics."""
         with torch.no_grad():
-            action, log_prob = self.actor.sample(self._latent(batch, after=True))
+            action, log_prob = self.actor.sample(latents(self.actor, batch, True, self.settings.shift))
             value = self.critic_target(batch.next_obs, action).amin(-1) - self._temperature() * log_prob
             target = batch.reward + (1 - batch.done) * self.gamma * value
         error = self.critic(batch.obs, batch.action) - target[..., None]
@@ -178,7 +161,7 @@ class AsymmetricSAC(SAC):
     def _update_actor(self, batch: Batch, demos: int) -> dict[str, Tensor]:
         """One step on alpha log pi(a|s) - min Q(s, a), then one of the temperature towards the target entropy."""
         s = self.settings
-        latent = self._latent(batch, after=False)
+        latent = latents(self.actor, batch, False, s.shift)
         action, log_prob = self.actor.sample(latent)
         self.critic.requires_grad_(False)
         q = self.critic(batch.obs, action).amin(-1)
@@ -193,11 +176,10 @@ class AsymmetricSAC(SAC):
         if self.actor.offset is not None and PRIVILEGED in batch.obs:
             loss = loss + huber(self.actor.offset(latent), batch.obs[PRIVILEGED][..., :3])
         _step(self.actor, loss)
-        assert_log = self.log_ent_coef
         entropy = _mean(-log_prob.detach(), batch.weight)
-        if assert_log is not None and self.ent_coef_optimizer is not None:
+        if self.log_ent_coef is not None and self.ent_coef_optimizer is not None:
             self.ent_coef_optimizer.zero_grad()
-            (assert_log * (entropy - float(self.target_entropy))).sum().backward()
+            (self.log_ent_coef * (entropy - float(self.target_entropy))).sum().backward()
             self.ent_coef_optimizer.step()
         return {"actor_loss": loss.detach(), "entropy": entropy, "temperature": self._temperature()}
 

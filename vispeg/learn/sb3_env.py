@@ -41,12 +41,12 @@ class Sb3Env(VecEnv):
         done = np.asarray(terminated | truncated)
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         if done.any():
-            for row in np.flatnonzero(done):
+            for row in np.flatnonzero(done).tolist():
                 infos[row] = row_info(info, row)
                 infos[row]["terminal_observation"] = {key: value[row].copy() for key, value in obs.items()}
                 infos[row]["TimeLimit.truncated"] = bool(truncated[row] and not terminated[row])
             obs, reset = self.env.reset(options={"reset_mask": done})
-            for row in np.flatnonzero(done):
+            for row in np.flatnonzero(done).tolist():
                 self.reset_infos[row] = row_info(reset, row)
         return obs, np.asarray(reward, np.float32), done, infos
 

@@ -26,8 +26,8 @@ class SacSettings:
         horizon: steps of an episode that a recurrent actor learns from.
         shift: random shift of images, in pixels.
         demo_fraction: of each batch, drawn from demonstrations if there are any.
-        clone_start, clone_end, clone_updates: weight of imitating demonstrations beside Q, falling linearly over that many actor
-            updates.
+        clone_start, clone_end, clone_updates: weight of imitating demonstrations beside Q, falling linearly over that
+            many actor updates.
         actor_frozen: critic updates before the actor moves, for an actor that is good already.
     """
 

@@ -5,17 +5,16 @@ from __future__ import annotations
 import shlex
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
+from stable_baselines3.common.logger import Logger
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.core.provenance import provenance
-from vispeg.learn.actor import Actor
 from vispeg.learn.checkpoint import load_state, restart_seed, save_state
 from vispeg.learn.config import TrainConfig, read_config
 from vispeg.learn.curriculum import Curriculum
@@ -24,7 +23,6 @@ from vispeg.learn.evaluation import Outcome, run_episodes, success_rate
 from vispeg.learn.modalities import modality as modality_of
 from vispeg.learn.policy import NetPolicy, save
 from vispeg.learn.progress import Bar, Table, Watch, failures, tensorboard
-from vispeg.learn.replay import Replay
 from vispeg.learn.sac import AsymmetricSAC
 from vispeg.learn.sb3_env import Sb3Env
 
@@ -38,8 +36,6 @@ class SacRun:
         config: what to do.
         folder: of the run.
         make: environments; peg-in-hole in the configuration's world if not given.
-        actor: to start from, in place of a new one.
-        demos: demonstrations to learn from beside the run's own experience.
         show: whether to tell of progress on stderr.
     """
 
@@ -48,9 +44,6 @@ class SacRun:
         config: TrainConfig,
         folder: Path,
         make: MakeEnv | None = None,
-        *,
-        actor: Actor | None = None,
-        demos: Callable[[Any], Replay] | None = None,
         show: bool = True,
     ):
         torch.set_num_threads(1)
@@ -60,9 +53,8 @@ class SacRun:
         self.course = Curriculum(config.stages, config.pass_rate)
         self.env, self.judge = self._environments()
         device = ("cuda" if torch.cuda.is_available() else "cpu") if config.device == "auto" else config.device
-        self.model = AsymmetricSAC(self.env, self.modality, config.sac, seed=config.seed, device=device, actor=actor)
-        if demos is not None:
-            self.model.demos = demos(self.model)
+        self.model = AsymmetricSAC(self.env, self.modality, config.sac, seed=config.seed, device=device)
+        self.model.set_logger(Logger(None, []))
         self.best: tuple[float, float] = (-1.0, 0.0)
         self.reached = 0
 
@@ -80,14 +72,14 @@ class SacRun:
         folder = self.folder / "checkpoints" / "last"
         if not folder.is_dir():
             raise UserError("there is no checkpoint to go on from", file=folder)
-        # The stage decides the environments, and these must stand before the model's state is put in place.
-        import json
-
-        at = int(json.loads((folder / "state.json").read_text(encoding="utf-8"))["counters"]["stage"])
-        if at != self.course.at:
-            self._move_to(at)
         counters = load_state(folder, self.model)
         self.best, self.reached = (counters["best"][0], counters["best"][1]), counters["reached"]
+        if counters["stage"] != self.course.at:
+            self._move_to(counters["stage"])
+        if (self.folder / "demos").is_dir():
+            from vispeg.learn.recipes import kept
+
+            self.model.demos = kept(self.folder / "demos", self.model.replay)
 
     def _move_to(self, stage: int) -> None:
         self.env.close()
@@ -97,7 +89,7 @@ class SacRun:
         self.model.set_env(self.env, force_reset=False)
 
     def run(self) -> Path:
-        """Trains to the end; returns the folder of the best policy."""
+        """Trains to the end of the configuration's steps; returns the folder of the best policy."""
         c, model = self.config, self.model
         table = Table(self.folder / "progress.csv", model.num_timesteps)
         started = time.monotonic() - table.seconds
@@ -111,17 +103,19 @@ class SacRun:
                 more = goal - model.num_timesteps
                 model.learn(more, watch, log_interval=None, reset_num_timesteps=False)  # type: ignore[arg-type]
                 outcomes = self.evaluate()
-                row = self._row(outcomes, watch, time.monotonic() - started)
-                self._note(row, outcomes)
+                row = self.row(outcomes, time.monotonic() - started) | {"train_success": watch.success}
+                self._note(row)
                 table.add(row)
                 for name in ("success", "reward", "peak_force", "train_success"):
                     logger.record(f"eval/{name}", row[name])
                 logger.dump(model.num_timesteps)
-                bar.say(
-                    f"{row['steps']:>8} steps {row['seconds']:6.0f} s  success {row['success']:4.0%}  "
-                    f"force {row['peak_force']:5.1f} N  stage {row['stage']}  {row['failures']}"
-                )
+                bar.say(line(row))
                 model.restart(restart_seed(c.seed, model.num_timesteps))
+        logger.close()
+        return self.close()
+
+    def close(self) -> Path:
+        """Frees the environments; returns the folder of the best policy."""
         self.env.close()
         self.judge.close()
         best = self.folder / "checkpoints" / "best"
@@ -132,7 +126,8 @@ class SacRun:
         policy = NetPolicy(self.model.actor, self.modality.name)
         return run_episodes(policy, self.judge, range(HELD_OUT, HELD_OUT + self.config.episodes))
 
-    def _row(self, outcomes: list[Outcome], watch: Watch, seconds: float) -> dict[str, Any]:
+    def row(self, outcomes: list[Outcome], seconds: float) -> dict[str, Any]:
+        """A row of progress.csv."""
         told = self.model.logger.name_to_value
         return {
             "steps": self.model.num_timesteps,
@@ -143,30 +138,34 @@ class SacRun:
             "reward": float(np.mean([o.reward for o in outcomes])),
             "peak_force": float(np.mean([o.info.get("peak_force", 0.0) for o in outcomes])),
             "episode_steps": float(np.mean([o.steps for o in outcomes])),
-            "train_success": watch.success,
             "failures": failures([o.category for o in outcomes]),
             **{name: told.get(f"train/{name}") for name in ("critic_loss", "actor_loss", "entropy", "temperature")},
         }
 
-    def _note(self, row: dict[str, Any], outcomes: list[Outcome]) -> None:
+    def keep_best(self, row: dict[str, Any]) -> None:
+        """Exports the actor if it did better than ever: more successes, or as many with less force."""
+        found = row["success"], -row["peak_force"]
+        if found > self.best:
+            self.best = found
+            with new_folder(self.folder / "checkpoints" / "best", overwrite=True) as best:
+                save(best, self.model.actor, self.modality.name, self.meta(row))
+
+    def _note(self, row: dict[str, Any]) -> None:
         """Keeps the best, moves the curriculum on, writes the checkpoint."""
-        success, force = row["success"], row["peak_force"]
-        folder, last = self.folder / "checkpoints", self.course.last
-        meta = self._meta(row)
-        if last and (success, -force) > self.best:
-            self.best = (success, -force)
-            with new_folder(folder / "best", overwrite=True) as best:
-                save(best, self.model.actor, self.modality.name, meta)
+        success, last = row["success"], self.course.last
+        if last:
+            self.keep_best(row)
         self.reached = self.reached + 1 if last and success >= self.config.target else 0
         moved = self.course.after(success)
         counters = {"stage": self.course.at, "best": list(self.best), "reached": self.reached}
-        with new_folder(folder / "last", overwrite=True) as place:
-            save(place, self.model.actor, self.modality.name, meta)
+        with new_folder(self.folder / "checkpoints" / "last", overwrite=True) as place:
+            save(place, self.model.actor, self.modality.name, self.meta(row))
             save_state(place, self.model, counters)
         if moved:
             self._move_to(self.course.at)
 
-    def _meta(self, row: dict[str, Any]) -> dict[str, Any]:
+    def meta(self, row: dict[str, Any]) -> dict[str, Any]:
+        """What a policy's record says of where it comes from."""
         origin = provenance(sys.argv, self.config.seed)
         record = {
             "command": shlex.join(map(str, sys.argv)),
@@ -177,6 +176,14 @@ class SacRun:
             "versions": origin["versions"] | {"torch": torch.__version__},
         }
         return record | describe(self.judge)
+
+
+def line(row: dict[str, Any]) -> str:
+    """A row of progress.csv for a terminal."""
+    return (
+        f"{row['steps']:>8} steps {row['seconds']:6.0f} s  success {row['success']:4.0%}  "
+        f"force {row['peak_force']:5.1f} N  stage {row['stage']}  {row['failures']}"
+    )
 
 
 def train(config: TrainConfig, folder: Path, make: MakeEnv | None = None, show: bool = True) -> Path:
@@ -191,7 +198,7 @@ def train(config: TrainConfig, folder: Path, make: MakeEnv | None = None, show: 
         from vispeg.learn.recipes import distilled
 
         return distilled(config, folder, make, show)
-    run = SacRun(config, folder, make, show=show)
+    run = SacRun(config, folder, make, show)
     folder.mkdir(parents=True, exist_ok=True)
     config.write(folder / "config.yaml")
     return run.run()
@@ -205,6 +212,6 @@ def resume(folder: Path, steps: int | None = None, make: MakeEnv | None = None, 
     if steps is not None:
         config = replace(config, steps=steps)
         config.write(folder / "config.yaml")
-    run = SacRun(config, folder, make, show=show)
+    run = SacRun(config, folder, make, show)
     run.resume()
     return run.run()

@@ -22,7 +22,8 @@ class Modality:
         name: as in `vispeg train peg-<name>`.
         obs_mode: what the environment is asked to observe.
         kinds: prefixes of the image keys that are read: `depth`, `rgb`.
-        encoder: (key, (C, H, W)) -> a module from raw images (n, C, H, W) to (n, features) with an attribute `features`.
+        encoder: (key, (C, H, W)) -> a module from raw images (n, C, H, W) to (n, features) with an attribute
+            `features`.
         summary: one line for people.
     """
 

@@ -1,0 +1,99 @@
+"""Imitation: an actor's mean action and its estimate of the offset, regressed on what is stored."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from vispeg.core.errors import UserError
+from vispeg.learn.actor import Actor
+from vispeg.learn.layout import PRIVILEGED
+from vispeg.learn.nets import huber
+from vispeg.learn.recurrent import draw, latents
+from vispeg.learn.replay import Replay, mixed
+
+
+@dataclass(frozen=True)
+class CloneSettings:
+    """Numbers of imitation.
+
+    Attributes:
+        lr: learning rate (Adam).
+        batch: transitions an update.
+        shift: random shift of images, in pixels.
+        offset: weight of the peg-to-hole estimate beside the action.
+        horizon: steps of an episode that a recurrent actor learns from.
+    """
+
+    lr: float = 3e-4
+    batch: int = 128
+    shift: int = 2
+    offset: float = 1.0
+    horizon: int = 50
+
+
+def clone(
+    actor: Actor,
+    rings: Sequence[tuple[Replay, float]],
+    updates: int,
+    settings: CloneSettings,
+    rng: np.random.Generator,
+    *,
+    optimizer: torch.optim.Optimizer | None = None,
+    frozen: int = 0,
+    watch: Callable[[int, float], None] | None = None,
+) -> float:
+    """Huber loss on actions, plus one on the offset from the hole where actor and data have it. Moves `actor`.
+
+    Args:
+        actor: the student.
+        rings: stores of (observation, action to imitate) and the share of each batch that each gives.
+        updates: gradient steps.
+        settings: numbers.
+        rng: of the draws.
+        optimizer: goes on with its moments if given.
+        frozen: updates at the beginning in which image encoders stay as they are.
+        watch: called with the update's number and loss.
+
+    Returns:
+        Mean loss of the last tenth of the updates.
+
+    Raises:
+        UserError: shares that are not positive, or a store without transitions.
+    """
+    if not rings or min(share for _, share in rings) <= 0:
+        raise UserError("imitation needs stores with positive shares", got=[share for _, share in rings])
+    whole = sum(share for _, share in rings)
+    adam = optimizer or torch.optim.Adam(actor.parameters(), settings.lr, fused=True)
+    losses = []
+    for update in range(updates):
+        actor.encoders.requires_grad_(update >= frozen)
+        loss = _loss(actor, rings, whole, settings, rng)
+        adam.zero_grad(set_to_none=True)
+        loss.backward()
+        adam.step()
+        losses.append(float(loss.detach()))
+        if watch is not None:
+            watch(update, losses[-1])
+    actor.encoders.requires_grad_(True)
+    return float(np.mean(losses[-max(updates // 10, 1) :]))
+
+
+def _loss(
+    actor: Actor, rings: Sequence[tuple[Replay, float]], whole: float, s: CloneSettings, rng: np.random.Generator
+) -> torch.Tensor:
+    batch = None
+    for ring, share in rings:
+        size = max(round(s.batch * share / whole), 1)
+        part = draw(ring, size, s.horizon, bool(actor.recurrent), rng)
+        batch = part if batch is None else mixed(batch, part)
+    if batch is None:
+        raise UserError("nothing to imitate")
+    latent, there = latents(actor, batch, shift=s.shift), batch.weight > 0
+    loss = huber(torch.tanh(actor.mean(latent))[there], batch.action[there])
+    if actor.offset is not None and PRIVILEGED in batch.obs:
+        loss = loss + s.offset * huber(actor.offset(latent)[there], batch.obs[PRIVILEGED][..., :3][there])
+    return loss

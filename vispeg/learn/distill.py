@@ -1,0 +1,196 @@
+"""Teacher to student: the student acts, the teacher says what it should have done (DAgger, Ross et al. 2011).
+
+In round k the executed action is the teacher's with probability beta_k. Every round's observations are kept with the
+teacher's actions as labels, and the student learns from all of them. Round 0 is the teacher's own, so that its
+transitions are demonstrations, which reinforcement learning may draw from afterwards.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+
+from vispeg.core.errors import UserError
+from vispeg.core.seeds import stream
+from vispeg.learn.actor import Actor
+from vispeg.learn.checkpoint import restart_seed
+from vispeg.learn.clone import CloneSettings, clone
+from vispeg.learn.layout import VECTOR
+from vispeg.learn.policy import NetPolicy
+from vispeg.learn.replay import Replay
+from vispeg.learn.sb3_env import Sb3Env
+from vispeg.learn.teacher import Teacher
+
+
+@dataclass(frozen=True)
+class DistillSettings:
+    """Numbers of a distillation.
+
+    Attributes:
+        betas: probability of the teacher acting, round by round.
+        steps: environment steps a round.
+        updates: gradient steps after each round.
+        noise: standard deviation of what is added to executed actions in the mixed rounds, so that the teacher shows
+            how to come back; none in the teacher's own, whose labels are then what was done.
+        clone: numbers of the imitation.
+    """
+
+    betas: tuple[float, ...] = (1.0, 0.5, 0.25, 0.0, 0.0)
+    steps: int = 4_000
+    updates: int = 2_000
+    noise: float = 0.1
+    clone: CloneSettings = CloneSettings()
+
+    def __post_init__(self) -> None:
+        if not self.betas or min(self.betas) < 0 or max(self.betas) > 1:
+            raise UserError("probabilities between 0 and 1", key="betas", got=self.betas)
+        if self.steps < 1 or self.updates < 1:
+            raise UserError("must be at least 1", key="steps, updates", got=(self.steps, self.updates))
+
+
+def collect(
+    env: Sb3Env,
+    teacher: Teacher,
+    student: NetPolicy | None,
+    beta: float,
+    steps: int,
+    noise: float,
+    seed: int,
+) -> Replay:
+    """A round of experience.
+
+    Args:
+        env: the student's environment.
+        teacher: whose actions are the labels.
+        student: acts where the teacher does not; None where the teacher always acts.
+        beta: probability of the teacher acting, drawn for every row and step.
+        steps: environment steps, over all rows; episodes in progress at the end are kept without their last transition.
+        noise: of executed actions.
+        seed: of episodes and of the mixing.
+
+    Returns:
+        The transitions, with the teacher's actions in place of the executed ones.
+    """
+    n, rng = env.num_envs, stream(seed, "distill")
+    length = -(-steps // n)
+    ring = _room(env, length, seed)
+    for obs, ends, label, reward, done, infos in _steps(env, teacher, student, beta, noise, seed, rng, length):
+        ring.add(obs, ends, label, reward, done, infos)
+    ring.cut()
+    return ring
+
+
+def demonstrations(env: Sb3Env, teacher: Teacher, episodes: int, seed: int) -> tuple[Replay, int]:
+    """Successful episodes of a teacher.
+
+    Args:
+        env: what the student would see.
+        teacher: acts alone.
+        episodes: how many to keep.
+        seed: of the episodes.
+
+    Returns:
+        Their transitions and how many episodes were tried for them.
+
+    Raises:
+        UserError: fewer than one in ten of the teacher's episodes succeeds.
+    """
+    limit = max(10 * episodes, 4 * env.num_envs)
+    longest = 60  # steps; the ring holds every step that is tried
+    ring = _room(env, -(-limit // env.num_envs) * longest, seed)
+    kept = tried = 0
+    for obs, ends, label, reward, done, infos in _steps(
+        env, teacher, None, 1.0, 0.0, seed, stream(seed, "demos"), None
+    ):
+        keep = np.array([bool(info.get("success", False)) for info in infos])
+        for row in np.flatnonzero(done & keep):
+            kept += 1
+            keep[row] = kept <= episodes
+        tried += int(done.sum())
+        ring.add(obs, ends, label, reward, done, infos, keep)
+        if kept >= episodes:
+            break
+        if tried >= limit:
+            raise UserError("the teacher does not succeed in this world", expected=f"{episodes} successes", got=kept)
+    for row in range(env.num_envs):
+        ring.starts[ring._span(row), row] &= ring.began[row] == ring.head[row]
+    ring.cut()
+    return ring, tried
+
+
+def _room(env: Sb3Env, length: int, seed: int) -> Replay:
+    """A ring for `length` steps of every row; an episode's end takes an entry of its own, every other step at most."""
+    size = env.num_envs * (length + length // 2 + 2)
+    return Replay(size, env.observation_space, env.action_space, n_envs=env.num_envs, seed=seed)
+
+
+def _steps(
+    env: Sb3Env,
+    teacher: Teacher,
+    student: NetPolicy | None,
+    beta: float,
+    noise: float,
+    seed: int,
+    rng: np.random.Generator,
+    length: int | None,
+) -> Iterator[tuple[Any, Any, np.ndarray, np.ndarray, np.ndarray, Any]]:
+    """Plays; gives (observation, the one after it, the teacher's action, reward, done, infos) of every step."""
+    n = env.num_envs
+    env.seed(restart_seed(seed, 0))
+    obs = env.reset()
+    teacher.reset(n)
+    if student is not None:
+        student.reset(n)
+    for _ in itertools.count() if length is None else range(length):
+        label = np.clip(np.asarray(teacher.act(obs), np.float32), -1, 1)
+        by_teacher = rng.uniform(size=n) < beta
+        action = label if student is None else np.where(by_teacher[:, None], label, student.act(obs))
+        if noise:
+            action = np.clip(action + noise * rng.standard_normal(action.shape), -1, 1)
+        after, reward, done, infos = env.step(action.astype(np.float32))
+        ends = {key: value.copy() for key, value in after.items()}
+        for row in np.flatnonzero(done):
+            for key, value in infos[row]["terminal_observation"].items():
+                ends[key][row] = value
+        yield obs, ends, label, reward, done, infos
+        obs = after
+        if done.any():
+            teacher.reset(n, done)
+            if student is not None:
+                student.reset(n, done)
+
+
+def distill(
+    actor: Actor,
+    modality: str,
+    env: Sb3Env,
+    teacher: Teacher,
+    settings: DistillSettings,
+    seed: int,
+    watch: Callable[[int, float], None] | None = None,
+) -> list[Replay]:
+    """Runs all rounds; moves `actor`. `watch` is called after each with its number and the loss.
+
+    Returns:
+        The rounds' transitions with the teacher's actions, first round first.
+    """
+    rings: list[Replay] = []
+    optimizer = torch.optim.Adam(actor.parameters(), settings.clone.lr, fused=True)
+    student = NetPolicy(actor, modality)
+    for number, beta in enumerate(settings.betas):
+        asked = None if beta >= 1 else student
+        noise = settings.noise if 0 < beta < 1 else 0.0
+        rings.append(collect(env, teacher, asked, beta, settings.steps, noise, seed + number))
+        if number == 0:
+            actor.scale.measure(rings[0].sample(4096).obs[VECTOR])
+        shares = [(ring, float(len(ring))) for ring in rings]
+        rng = stream(seed, "clone", number)
+        loss = clone(actor, shares, settings.updates, settings.clone, rng, optimizer=optimizer)
+        if watch is not None:
+            watch(number, loss)
+    return rings

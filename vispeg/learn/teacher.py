@@ -1,0 +1,116 @@
+"""Teachers: policies that know where the hole is, shown what their students see."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.learn.layout import PRIVILEGED, VECTOR
+from vispeg.learn.policy import load
+
+HOLE = slice(
+    3, 6
+)  # of `privileged`: where the hole is, relative to its nominal place, in the units of the relative position
+
+
+class Teacher(Protocol):
+    """Says what to do in a student's environment."""
+
+    def reset(self, n: int, rows: np.ndarray | None = None) -> None:
+        """Forgets the past of n episodes, or of those rows (n,) bool that begin anew."""
+        ...
+
+    def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
+        """A student's observation with ground truth (n, ...) -> actions (n, action) within +-1."""
+        ...
+
+
+def knowing(obs: Mapping[str, np.ndarray], size: int) -> dict[str, np.ndarray]:
+    """A student's observation as a `state` policy would have it that believes the truth about the hole.
+
+    A student's relative position counts from the hole's nominal place; a teacher's from where the hole is. The two
+    differ by the hole's displacement, the same in every stacked observation.
+
+    Args:
+        obs: `policy` (n, stack size) and `privileged` (n, k) at least.
+        size: numbers in one observation of the stack, of which the first three are the relative position.
+    """
+    seen = obs[VECTOR].reshape(len(obs[VECTOR]), -1, size).copy()
+    seen[:, :, :3] -= obs[PRIVILEGED][:, None, HOLE]
+    return {VECTOR: seen.reshape(obs[VECTOR].shape).astype(np.float32)}
+
+
+class StateTeacher:
+    """A state policy, or the scripted expert, as the teacher of students that are not told where the hole is.
+
+    Args:
+        policy: with `reset(n, rows)` and `act(obs)`.
+        size: see `knowing`.
+    """
+
+    def __init__(self, policy: Any, size: int):
+        self.policy, self.size = policy, size
+
+    def reset(self, n: int, rows: np.ndarray | None = None) -> None:
+        """See Teacher."""
+        self.policy.reset(n, rows)
+
+    def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
+        """See Teacher."""
+        return self.policy.act(knowing(obs, self.size))
+
+
+class Scripted:
+    """The task's scripted expert with a policy's interface."""
+
+    modality = "state"
+
+    def __init__(self, config: Any):
+        self.config, self.expert, self.meta = config, None, {"name": "expert"}
+
+    def reset(self, n: int, rows: np.ndarray | None = None) -> None:
+        """See Teacher."""
+        from vispeg.task.expert import Expert
+
+        if self.expert is None or rows is None:
+            self.expert = Expert(self.config, n)
+        else:
+            self.expert.reset(np.flatnonzero(rows))
+
+    def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
+        """See Teacher."""
+        if self.expert is None:
+            self.reset(len(obs[VECTOR]))
+        return self.expert.act(dict(obs))  # type: ignore[union-attr]
+
+
+def teacher_of(source: str | Path, config: Any) -> StateTeacher:
+    """A teacher for students of a task.
+
+    Args:
+        source: a state policy's folder, or `expert` for the scripted one.
+        config: the task's TaskConfig.
+
+    Raises:
+        UserError: not a policy, not a state policy, or one that was made for another stack of observations.
+    """
+    from vispeg.task.observe import policy_size
+
+    size = policy_size(config)
+    if str(source) == "expert":
+        return StateTeacher(Scripted(config), size)
+    policy = load(source)
+    if policy.modality != "state":
+        raise UserError("a teacher knows the state", file=source, expected="a state policy", got=policy.modality)
+    if policy.actor.layout.vector != config.stack * size:
+        raise UserError(
+            "the teacher was made for another stack of observations or other directions of motion",
+            file=source,
+            expected=config.stack * size,
+            got=policy.actor.layout.vector,
+        )
+    return StateTeacher(policy, size)
