@@ -30,6 +30,8 @@ class TaskConfig:
         success_depth: share of the hole's depth that the tip must reach.
         dwell: policy steps that it must stay there.
         reward_scale: m, distance at which the dense reward is -1.
+        cameras: that policies with images look through.
+        image_size: px of the shorter side of an image, the field of view kept; 0 for the cameras' own.
     """
 
     clearance_mm: float = 3.0
@@ -55,6 +57,8 @@ class TaskConfig:
     success_depth: float = 0.8
     dwell: int = 1
     reward_scale: float = 0.05
+    cameras: tuple[str, ...] = ("wrist_wide", "wrist_crop")
+    image_size: int = 48
 
     def __post_init__(self) -> None:
         ticks = self.policy_period / self.control_period
@@ -75,6 +79,10 @@ class TaskConfig:
         for key in ("offset", "force_limit", "force_abort", "reward_scale", "turn"):
             if not getattr(self, key) > 0:
                 raise UserError("must be above 0", key=key, got=getattr(self, key))
+        if not self.cameras or len(set(self.cameras)) < len(self.cameras):
+            raise UserError("wrong cameras", key="cameras", expected="names, each once", got=self.cameras)
+        if self.image_size != 0 and not 8 <= self.image_size <= 1024:
+            raise UserError("impossible image", key="image_size", expected="0, or 8 to 1024 px", got=self.image_size)
         if not 0 < self.success_depth <= 1:
             raise UserError("not a share", key="success_depth", expected="above 0, at most 1", got=self.success_depth)
         self.scene()  # raises where the geometry cannot be

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 MODES = ("state", "proprio", "depth", "rgb", "rgbd")
 IMAGE_MODES = ("depth", "rgb", "rgbd")
-DEFAULT = ("wrist_wide", "wrist_crop")
 FAR = 4.0  # m, greatest depth that is told apart
 FILM = (320, 240)  # px, width and height of pictures for people
 
@@ -42,16 +41,12 @@ def image_spaces(obs_mode: str, cameras: Sequence[Camera]) -> dict[str, gym.Spac
     return out
 
 
-def task_cameras(
-    sim: PegSimulation, given: Mapping[str, Any], names: Sequence[str] | None, size: int | None
-) -> tuple[Camera, ...]:
+def task_cameras(sim: PegSimulation, given: Mapping[str, Any]) -> tuple[Camera, ...]:
     """The cameras that a task is seen through.
 
     Args:
-        sim: whose scene they stand in.
+        sim: whose scene they stand in, and whose task names them.
         given: a world file's `cameras`: a file, or a mapping of what differs from the standard camera of that name.
-        names: of those that are wanted; default: those of the world file, else the two wrist cameras.
-        size: px of both sides, the field of view kept; default: as the cameras are.
     """
     known = {c.name: c for c in standard_cameras(sim.scene.tip, sim.scene.config.fixture)}
     for name, change in given.items():
@@ -62,7 +57,7 @@ def task_cameras(
                 known[name] = known.get(name, known["external"]).moved(name=name, **change)
             except TypeError as error:
                 raise UserError(f"unknown key of a camera ({error})", key=f"cameras.{name}", got=list(change)) from None
-    wanted = tuple(names) if names else tuple(given) or DEFAULT
+    wanted, size = sim.config.cameras, sim.config.image_size
     for name in wanted:
         if name not in known:
             raise UserError("unknown camera", key="cameras", got=name, choices=known)
@@ -90,7 +85,6 @@ class Eyes:
         obs_mode: what of the pictures an observation holds.
         file: the world's file, for its cameras and renderer; or None.
         backend: of the renderer, where the file names none.
-        cameras, size: see `task_cameras`.
 
     Attributes:
         redrawn: looks that the contrast guard refused so far, in all rows.
@@ -102,8 +96,6 @@ class Eyes:
         obs_mode: str,
         file: Any = None,
         backend: str = "auto",
-        cameras: Sequence[str] | None = None,
-        size: int | None = None,
     ):
         self.sim, self.obs_mode, self.redrawn = sim, obs_mode, 0
         chosen = dict(file.renderer) if file is not None else {}
@@ -115,7 +107,7 @@ class Eyes:
         self._renderers: list[Renderer] = []
         if obs_mode not in IMAGE_MODES:
             return
-        self.cameras = task_cameras(sim, self._camera_file, cameras, size)
+        self.cameras = task_cameras(sim, self._camera_file)
         self._renderers = [self._renderer(self.cameras) for _ in range(sim.nsim)]
         self._pipelines = {
             c.name: Pipeline([replace(sim.world, effects=(), ranges=())] * sim.nsim, c.name) for c in self.cameras

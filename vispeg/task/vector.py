@@ -56,8 +56,6 @@ class PegInHoleVec(VectorEnv):
             (the end's observation is in `infos["final_obs"]`).
         nthread: threads of the physics.
         backend: of the renderer, for image modes.
-        cameras: names of those to look through, in image modes; default: the world's, else both wrist cameras.
-        image_size: px of a camera's shorter side; default: as the cameras are.
         render_mode: None or `rgb_array`.
         **task: TaskConfig fields that replace the world's.
     """
@@ -71,8 +69,6 @@ class PegInHoleVec(VectorEnv):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         nthread: int = 1,
         backend: str = "auto",
-        cameras: Sequence[str] | None = None,
-        image_size: int | None = None,
         render_mode: str | None = None,
         **task: Any,
     ):
@@ -85,7 +81,7 @@ class PegInHoleVec(VectorEnv):
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": 6, "autoreset_mode": self.autoreset_mode}
         self.sim = PegSimulation(self.world, self.config, num_envs, obs_mode, nthread)
-        self.eyes = Eyes(self.sim, obs_mode, self.file, backend, cameras, image_size)
+        self.eyes = Eyes(self.sim, obs_mode, self.file, backend)
         self.single_observation_space, self.single_action_space = spaces(self.config, obs_mode, self.eyes.cameras)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
