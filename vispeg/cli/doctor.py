@@ -159,11 +159,16 @@ def _gpu() -> Finding:
 
 
 def _vulkan() -> Finding:
+    fix = "sudo apt-get install -y libvulkan1 mesa-vulkan-drivers"
+    name = "pictures (filament)"
     folders = (Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
     drivers = sorted(file.stem for folder in folders if folder.is_dir() for file in folder.glob("*.json"))
-    ok = bool(drivers) and has_library("libvulkan.so.1")
-    detail = ", ".join(drivers) if ok else "no Vulkan driver, so not the Filament renderer"
-    return Finding("vulkan", ok, detail, fix="sudo apt-get install -y libvulkan1 mesa-vulkan-drivers")
+    if not drivers or not has_library("libvulkan.so.1"):
+        return Finding(name, False, "no Vulkan driver, so no physically based pictures", fix=fix)
+    from vispeg.render.filament import unusable
+
+    reason = unusable()
+    return Finding(name, not reason, reason or f"Vulkan draws ({len(drivers)} drivers installed)", fix=fix)
 
 
 def _ffmpeg() -> Finding:

@@ -16,7 +16,7 @@ HINT = "sudo apt-get install -y libegl1 libopengl0 libgl1-mesa-dri; `vispeg doct
 _OPEN: dict[tuple[int, int], Any] = {}  # (process, thread) -> its context
 
 
-def shared(width: int, height: int) -> Any:
+def shared(width: int, height: int, threads: bool = False) -> Any:
     """This thread's context, not yet current; opened at the first call and kept until the process ends.
 
     Renderers share it, each with framebuffers and textures of its own: a driver compiles its shaders once a context,
@@ -25,18 +25,19 @@ def shared(width: int, height: int) -> Any:
 
     Args:
         width, height: of the largest picture, px.
+        threads: whether pictures need more work than their size tells (shadow maps).
 
     Raises:
         UserError: nothing here can draw.
     """
     key = os.getpid(), threading.get_ident()
     if key not in _OPEN:
-        _OPEN[key] = _open(width, height)
+        _OPEN[key] = _open(width, height, threads)
         atexit.register(_OPEN[key].free)  # while Python is whole, and before the library ends
     return _OPEN[key]
 
 
-def _open(width: int, height: int) -> Any:
+def _open(width: int, height: int, threads: bool) -> Any:
     """A context from the library that MUJOCO_GL names; else, on Linux without a display, from EGL or OSMesa.
 
     MuJoCo reads the variable when the first picture is drawn, so it is set here to what was found. Mesa's software
@@ -44,7 +45,7 @@ def _open(width: int, height: int) -> Any:
     then, unless it is set.
     """
     chosen = os.environ.get("MUJOCO_GL", "").lower().strip()
-    if width * height <= ONE_THREAD:
+    if width * height <= ONE_THREAD and not threads:
         os.environ.setdefault("LP_NUM_THREADS", "0")
     headless = sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
     names = [chosen] if chosen else (["egl", "osmesa"] if headless else ["glfw"])
