@@ -1,6 +1,6 @@
 """What a diagnosis costs: wall and processor seconds, memory, and how cost grows with recordings and candidates.
 
-    python scripts/bench/diagnosis.py [--seconds 10] [--threads 2] [--skip-growth]
+    python scripts/bench/diagnosis.py [--seconds 10] [--threads 2] [--only-growth]
 
 The diagnosis is `vispeg diagnose` in a process of its own: two recordings fitted, one held out, two effects hidden,
 all effects and joints searched. Growth is measured on what nearly all its time goes to: closed-loop residuals of
@@ -81,12 +81,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--skip-growth", action="store_true")
+    parser.add_argument("--only-growth", action="store_true")
     args = parser.parse_args()
     recs = recordings(4, args.seconds)
-    whole(recs[:3], args.threads)
-    if not args.skip_growth:
-        growth(recs)
+    if not args.only_growth:
+        whole(recs[:3], args.threads)
+    growth(recs)
 
 
 if __name__ == "__main__":

@@ -40,8 +40,16 @@ NOISE = 2e-5  # rad
 TICK, FINE = 2e-3, 1e-4  # s
 
 
+def gains(control: Control) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness N m/rad and damping N m s/rad (nj,) of a joint servo."""
+    if control.kp is None or control.kd is None:
+        raise ValueError("not a servo")
+    return control.kp, control.kd
+
+
 def truth(robot: RobotModel, control: Control, seconds: float, seed: int) -> Recording:
     """A recording of plain MuJoCo with friction and armature, read with noise that is not fed back."""
+    kp, kd = gains(control)
     m = motion("fourier", robot, 1 / TICK, seconds, stream(seed, "sysid", "motion"))
     model = robot.spec().compile()
     model.opt.timestep, model.opt.integrator = FINE, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -52,7 +60,7 @@ def truth(robot: RobotModel, control: Control, seconds: float, seed: int) -> Rec
     q = np.empty_like(m.q_cmd)
     for k in range(len(q)):
         q[k] = data.qpos
-        servo = control.kp * (m.q_cmd[k] - q[k]) + control.kd * (m.dq_cmd[k] - data.qvel)
+        servo = kp * (m.q_cmd[k] - q[k]) + kd * (m.dq_cmd[k] - data.qvel)
         data.ctrl[:] = servo + nominal.gravity(q[k][None])[0]
         mujoco.mj_step(model, data, nstep=round(TICK / FINE))
     q += stream(seed, "sysid", "noise").normal(scale=NOISE, size=q.shape)
@@ -77,7 +85,8 @@ class Sysid:
     """
 
     def __init__(self, robot: RobotModel, control: Control, h: float):
-        self.robot, self.control, self.h = robot, control, h
+        self.robot, self.h = robot, h
+        self.kp, self.kd = gains(control)
         self.spec = robot.spec()
         self.spec.option.timestep = h
         self.spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -86,8 +95,8 @@ class Sysid:
         for j, name in enumerate(robot.joints):
             a = self.spec.actuator(name)
             a.gaintype, a.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
-            a.gainprm[0] = control.kp[j]
-            a.biasprm[:3] = [0.0, -control.kp[j], -control.kd[j]]
+            a.gainprm[0] = self.kp[j]
+            a.biasprm[:3] = [0.0, -self.kp[j], -self.kd[j]]
             joint = self.spec.joint(name)
             joint.solref_friction, joint.solimp_friction = (2 * h, 1.0), (0.9999, 0.9999, 0.001, 0.5, 2.0)
             self.spec.add_sensor(
@@ -114,7 +123,8 @@ class Sysid:
         sequences = []
         for rec in recs:
             s = segments(rec)[0]
-            u = rec.q_cmd + self.control.kd / self.control.kp * rec.dq_cmd
+            u = s.command
+            u = u["q_cmd"] + self.kd / self.kp * u["dq_cmd"]
             held = np.repeat(u, round(TICK / self.h), axis=0)
             control = sysid.TimeSeries.from_control_names(np.arange(len(held)) * self.h, held, model)
             sensors = sysid.TimeSeries.from_names(rec.time, rec.q, model)

@@ -64,8 +64,24 @@ def dense(model: mujoco.MjModel, sparse: np.ndarray) -> np.ndarray:
 
 
 def quat(mat: np.ndarray) -> np.ndarray:
-    """Unit quaternions (n, 4) wxyz from rotation matrices (n, 9) or (n, 3, 3)."""
-    out = np.empty((len(mat), 4))
-    for row, m in zip(out, np.ascontiguousarray(mat).reshape(len(mat), 9), strict=True):
-        mujoco.mju_mat2Quat(row, m)
-    return out
+    """Unit quaternions (n, 4) wxyz from rotation matrices (n, 9) or (n, 3, 3).
+
+    The greatest of the four components by its square, the others from sums and differences of off-diagonal entries
+    (Shepperd, J. Guidance and Control 1(3), 1978); its sign is positive, as `mju_mat2Quat` has it.
+    """
+    m = np.reshape(mat, (-1, 3, 3))
+    xx, yy, zz = m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]
+    x, y, z = m[:, 2, 1] - m[:, 1, 2], m[:, 0, 2] - m[:, 2, 0], m[:, 1, 0] - m[:, 0, 1]
+    xy, xz, yz = m[:, 0, 1] + m[:, 1, 0], m[:, 0, 2] + m[:, 2, 0], m[:, 1, 2] + m[:, 2, 1]
+    rows = np.stack(  # 4 w (w, x, y, z), 4 x (w, x, y, z), ...: each a multiple of the quaternion
+        [
+            np.stack([1 + xx + yy + zz, x, y, z], axis=1),
+            np.stack([x, 1 + xx - yy - zz, xy, xz], axis=1),
+            np.stack([y, xy, 1 - xx + yy - zz, yz], axis=1),
+            np.stack([z, xz, yz, 1 - xx - yy + zz], axis=1),
+        ],
+        axis=1,
+    )
+    k = np.where(xx + yy + zz > 0, 0, 1 + np.argmax(np.stack([xx, yy, zz]), axis=0))
+    out = rows[np.arange(len(m)), k]
+    return out / np.linalg.norm(out, axis=1, keepdims=True)
