@@ -23,7 +23,7 @@ def gauge(p: Values, rows: np.ndarray) -> np.ndarray:
     return column(np.asarray(p["baseline"]) * np.asarray(p["focal"]), rows, 2)
 
 
-def disparity(depth: np.ndarray, fb: np.ndarray) -> np.ndarray:
+def disparity(depth: np.ndarray, fb: np.ndarray | np.float32) -> np.ndarray:
     """Disparity f B / z in px; 0 (a point at infinity) where depth is 0."""
     return np.divide(fb, depth, out=np.zeros_like(depth), where=depth > 0)
 

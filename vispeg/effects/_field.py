@@ -11,9 +11,9 @@ import numpy as np
 
 
 def words(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
-    """Independent uint16 numbers, uniform over 0 to 65535."""
+    """Independent uint16 numbers, uniform over 0 to 65535, from a generator of 64 bits (all of NumPy's but MT19937)."""
     size = math.prod(shape)
-    return rng.integers(0, 2**64, (size + 3) // 4, dtype=np.uint64).view(np.uint16)[:size].reshape(shape)
+    return rng.bit_generator.random_raw((size + 3) // 4).view(np.uint16)[:size].reshape(shape)
 
 
 def normal(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 
-def rays(K: np.ndarray, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Rays x (n, H, W) and y (n, H, W) float32 at unit distance, for intrinsics K (n, 3, 3) in px. Skew is ignored."""
-    K = np.asarray(K, np.float32)
-    u, v = np.arange(shape[1], dtype=np.float32), np.arange(shape[0], dtype=np.float32)
-    x = (u - K[:, 0, 2, None]) / K[:, 0, 0, None]  # (n, W)
-    y = (v - K[:, 1, 2, None]) / K[:, 1, 1, None]  # (n, H)
-    full = (len(K), *shape)
-    return np.broadcast_to(x[:, None, :], full), np.broadcast_to(y[:, :, None], full)
+def rays(K: np.ndarray, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rays x, y and 1 + x^2 + y^2, each (H, W) float32 at unit distance, of intrinsics K (3, 3) in px; read only.
+
+    Skew is ignored. A camera keeps its K, so the last ones asked for are kept.
+    """
+    return _rays(float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2]), shape)
+
+
+@lru_cache(maxsize=16)
+def _rays(fx: float, fy: float, cx: float, cy: float, shape: tuple[int, int]):
+    u, v = np.arange(shape[1]), np.arange(shape[0])[:, None]
+    x, y = (np.broadcast_to(line, shape).astype(np.float32) for line in ((u - cx) / fx, (v - cy) / fy))
+    out = x, y, 1 + x * x + y * y
+    for array in out:
+        array.flags.writeable = False
+    return out

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from vispeg.core.params import Param
-from vispeg.effects._camera import CameraEffect, column
+from vispeg.effects._camera import CameraEffect
 from vispeg.effects._disparity import PARAMS, disparity, gauge
 from vispeg.effects._rays import rays
 
@@ -33,11 +33,13 @@ class DepthBias(CameraEffect):
         rows = self.rows(p)
         if frame.depth is None or not len(rows):
             return
-        depth, fb = frame.depth[rows], gauge(p, rows)
-        x, y = rays(frame.K[rows], frame.shape)
-        out = depth * (1 + column(p["scale"], rows, 2))
-        out += column(p["tilt_x"], rows, 2) * x + column(p["tilt_y"], rows, 2) * y
-        if np.any(p["ripple"]):
-            wave = np.sin(np.float32(2 * np.pi) * disparity(depth, fb))
-            out += column(p["ripple"], rows, 2) * depth * depth / fb * wave
-        frame.depth[rows] = np.where((depth > 0) & (out > 0), out, 0)
+        for row, fb in zip(rows, gauge(p, rows)[:, 0, 0], strict=True):
+            depth = frame.depth[row]
+            x, y, _ = rays(frame.K[row], frame.shape)
+            scale, a, b, ripple = (np.float32(p[k][row]) for k in ("scale", "tilt_x", "tilt_y", "ripple"))
+            out = depth * (1 + scale)
+            out += a * x
+            out += b * y
+            if ripple:
+                out += ripple / fb * (depth * depth) * np.sin(np.float32(2 * np.pi) * disparity(depth, fb))
+            frame.depth[row] = np.where((depth > 0) & (out > 0), out, 0)

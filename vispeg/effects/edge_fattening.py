@@ -1,10 +1,11 @@
 """Edge fattening: a matching window that straddles an edge answers with the nearer surface, or not at all.
 
 With a window of `window` px at the matcher's size, a nearer thing grows by half of that on each side; here the least
-depth within the half window replaces what lies behind it by more than `contrast` px of disparity, and a share `reject`
-of such pixels has none. What of the half window is less than a pixel of the image is given to that share of the pixels.
-Source: Scharstein and Szeliski, A taxonomy of dense two-frame stereo algorithms, IJCV 47, 2002, section 3.2. Range:
-windows of 5 to 9 px.
+depth within the half window replaces what lies behind it by more than `contrast` px of disparity beyond what the slope
+of the surface explains, and a share `reject` of such pixels has none. A plane's disparity is linear in the image, so it
+falls as far to one side of a pixel as it rises to the other; at an edge it rises further. What
+of the half window is less than a pixel of the image is given to that share of the pixels. Source: Scharstein and
+Szeliski, A taxonomy of dense two-frame stereo algorithms, IJCV 47, 2002, section 3.2. Range: windows of 5 to 9 px.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from vispeg.effects._camera import CameraEffect
 from vispeg.effects._disparity import PARAMS, gauge
 from vispeg.effects._field import words
 
-FAR = np.float32(1e6)
+SLOPES = np.float32(2.0)  # an edge rises so many times as far to its near side as it falls to the other
 
 
 class EdgeFattening(CameraEffect):
@@ -39,20 +40,23 @@ class EdgeFattening(CameraEffect):
             return
         fb = gauge(p, rows)
         for i, row in enumerate(rows):
-            depth = frame.depth[row].ravel()
+            depth, scale = frame.depth[row], fb[i, 0, 0]
             radius = float(p["window"][row]) / 2 * float(frame.K[row, 0, 0]) / float(p["focal"][row])
-            radius = min(radius, min(frame.shape) / 2)
+            radius = min(radius, (min(frame.shape) - 1) / 2)
             whole, part = int(radius), radius - int(radius)
-            solid = np.where(frame.depth[row] > 0, frame.depth[row], FAR)
-            wide = cv2.erode(solid, np.ones((2 * whole + 3,) * 2, np.uint8)).ravel()
-            contrast = np.float32(p["contrast"][row]) / fb[i, 0, 0]
-            at = np.flatnonzero(depth - wide > contrast * depth * wide)  # the step in disparity, by f B z z'
+            d = np.divide(scale, depth, out=np.zeros_like(depth), where=depth > 0)
+            wide = np.ones((2 * whole + 3,) * 2, np.uint8)
+            high = cv2.dilate(d, wide)
+            edge = SLOPES * (d - cv2.erode(d, wide)) + np.float32(p["contrast"][row])
+            inner = (slice(whole + 1, -whole - 1),) * 2  # at the border, one side is not known
+            candidate = np.zeros(frame.shape, bool)
+            candidate[inner] = (high - d > edge)[inner] & (depth[inner] > 0)
+            at = np.flatnonzero(candidate)
             if not len(at):
                 continue
-            narrow = cv2.erode(solid, np.ones((2 * whole + 1,) * 2, np.uint8)).ravel()[at] if whole else depth[at]
+            narrow = cv2.dilate(d, np.ones((2 * whole + 1,) * 2, np.uint8)) if whole else d
             dice = words(rng[row], (2, len(at)))
-            near = np.where(dice[0] < 65536 * part, wide[at], narrow)
-            straddles = depth[at] - near > contrast * depth[at] * near
+            taken = np.where(dice[0] < 65536 * part, high.take(at), narrow.take(at))
             lost = dice[1] < 65536 * float(p["reject"][row])
-            depth[at] = np.where(straddles, np.where(lost, 0, near), depth[at])
-            frame.depth[row] = depth.reshape(frame.shape)
+            straddles = taken - d.take(at) > edge.take(at)
+            depth.put(at, np.where(straddles, np.where(lost, 0, scale / taken), depth.take(at)))

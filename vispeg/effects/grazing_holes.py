@@ -18,7 +18,7 @@ from vispeg.effects._field import persistent
 from vispeg.effects._light import LUMA
 from vispeg.effects._rays import rays
 
-WIDTH = 0.05  # of the transition around `angle`, in its cosine
+WIDTH = 0.04  # of the transition around `angle`, in its cosine
 DARK, BRIGHT = 0.05, 0.9  # linear luminance below and above which a matcher finds no contrast
 
 
@@ -38,53 +38,56 @@ class GrazingHoles(CameraEffect):
     }
 
     def image(self, state, frame, p, rng):
+        import cv2
+
         rows = self.rows(p)
         if frame.depth is None or not len(rows):
             return
         field = persistent(state, frame, rows, rng, p["size"], p["rho"])
-        cos = facing(frame, rows) if np.any(p["grazing"]) else None
         for i, row in enumerate(rows):
             kept = np.full(frame.shape, np.float32(1 - p["blobs"][row]))
-            if cos is not None and p["grazing"][row]:
-                odds = np.exp((cos[i] - np.float32(np.cos(p["angle"][row]))) * np.float32(1 / WIDTH))
-                kept *= 1 - np.float32(p["grazing"][row]) / (1 + odds)
+            if p["grazing"][row]:
+                beyond = facing(frame, row) - np.float32(np.cos(p["angle"][row]))
+                kept *= 1 - np.float32(p["grazing"][row]) / (1 + cv2.exp(beyond * np.float32(1 / WIDTH)))
             if frame.rgb is not None and (p["dark"][row] or p["shine"][row]):
-                light = np.square(frame.rgb[row] @ LUMA)  # to the accuracy that matters here, sRGB is a square
+                luma = cv2.transform(frame.rgb[row], LUMA[None])
+                light = luma * luma  # to the accuracy that matters here, sRGB is a square
                 kept *= 1 - np.float32(p["dark"][row]) * np.maximum(0, 1 - light * np.float32(1 / DARK))
                 kept *= 1 - np.float32(p["shine"][row]) * (light > np.float32(BRIGHT))
             frame.depth[row] *= _normal_cdf(field[i]) <= kept
 
 
-def facing(frame, rows: np.ndarray) -> np.ndarray:
-    """Cosine (len(rows), H, W) of the angle between a surface's normal and the ray that sees it; 1 where nothing is.
+def facing(frame, row: int) -> np.ndarray:
+    """Cosine (H, W) of the angle between a surface's normal and the ray that sees it, of one image; 1 where nothing is.
 
     Without normals from the renderer they follow from planar depth z(u, v): for the point z (x, y, 1) the tangents'
     cross product gives cos a = z / (|n| sqrt(1 + x^2 + y^2)) with n = (fx zu, fy zv, z + (u - cx) zu + (v - cy) zv).
     The smaller of the two one-sided differences stands for zu and zv, so that an edge is not taken for a slope.
     """
-    x, y = rays(frame.K[rows], frame.shape)
+    x, y, secant = rays(frame.K[row], frame.shape)  # squared
     if frame.normals is not None:
-        n = frame.normals[rows]
-        cos = -(n[..., 0] * x + n[..., 1] * y + n[..., 2]) / np.sqrt(1 + x * x + y * y)
+        n = frame.normals[row]
+        cos = -(n[..., 0] * x + n[..., 1] * y + n[..., 2]) / np.sqrt(secant)
         return np.clip(np.where(np.any(n, axis=-1), cos, 1), 0, 1)
-    z = truth(frame)[rows]
-    fx, fy = (frame.K[rows, i, i].astype(np.float32)[:, None, None] for i in (0, 1))
-    a = fx * _slope(z)
-    b = fy * _slope(z.swapaxes(1, 2)).swapaxes(1, 2)
+    z = truth(frame)[row]
+    a = np.float32(frame.K[row, 0, 0]) * _slope(z)
+    b = np.float32(frame.K[row, 1, 1]) * _slope(z.T).T
     c = z + a * x + b * y
-    length = np.sqrt((a * a + b * b + c * c) * (1 + x * x + y * y))
+    length = np.sqrt((a * a + b * b + c * c) * secant)
     return np.divide(z, length, out=np.ones_like(z), where=z > 0)
 
 
 def _slope(z: np.ndarray) -> np.ndarray:
-    """Difference (n, H, W) to a neighbour along the last axis, per px: the smaller of the two in size."""
-    after, before = np.empty_like(z), np.empty_like(z)
-    np.subtract(z[..., 1:], z[..., :-1], out=after[..., :-1])
-    before[..., 1:], before[..., 0] = after[..., :-1], after[..., 0]
-    after[..., -1] = before[..., -1]
-    return np.where(np.abs(before) < np.abs(after), before, after)
+    """Difference (H, W) to a neighbour along the last axis, per px: the smaller of the two in size."""
+    step = np.empty((len(z), z.shape[1] + 1), z.dtype)
+    np.subtract(z[:, 1:], z[:, :-1], out=step[:, 1:-1])
+    step[:, 0], step[:, -1] = step[:, 1], step[:, -2]
+    size = np.abs(step)
+    return np.where(size[:, :-1] < size[:, 1:], step[:, :-1], step[:, 1:])
 
 
 def _normal_cdf(x: np.ndarray) -> np.ndarray:
     """Standard normal distribution function, to 2e-4: Page, Approximations to the cumulative normal, 1977."""
-    return 1 / (1 + np.exp(-x * (np.float32(1.5976) + np.float32(0.070566) * x * x)))
+    import cv2
+
+    return 1 / (1 + cv2.exp(-x * (np.float32(1.5976) + np.float32(0.070566) * x * x)))

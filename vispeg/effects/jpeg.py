@@ -25,7 +25,7 @@ class Jpeg(CameraEffect):
             return
         for row in self.rows(p):
             quality = int(round(100 - float(p["loss"][row])))
-            bgr = np.round(frame.rgb[row][..., ::-1] * 255).astype(np.uint8)
-            _, code = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, quality])
-            back = cv2.imdecode(code, cv2.IMREAD_COLOR)
-            frame.rgb[row] = back[..., ::-1] * np.float32(1 / 255)
+            image = (frame.rgb[row] * np.float32(255) + np.float32(0.5)).astype(np.uint8)
+            _, code = cv2.imencode(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, quality])
+            back = cv2.cvtColor(cv2.imdecode(code, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+            np.multiply(back, np.float32(1 / 255), out=frame.rgb[row])

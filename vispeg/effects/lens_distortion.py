@@ -36,7 +36,7 @@ class LensDistortion(CameraEffect):
             key = (values, frame.K[row].tobytes(), frame.shape)
             known = state.get(int(row))
             if known is None or known[0] != key:  # a lens stays as it is for an episode, so its map is kept
-                known = state[int(row)] = (key, *_map(frame.K[row : row + 1], frame.shape, k1, k2, p1, p2))
+                known = state[int(row)] = (key, *_map(frame.K[row], frame.shape, k1, k2, p1, p2))
             _, u, v = known
             if frame.rgb is not None:
                 frame.rgb[row] = cv2.remap(frame.rgb[row], u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
@@ -48,7 +48,7 @@ def _map(
     K: np.ndarray, shape: tuple[int, int], k1: float, k2: float, p1: float, p2: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Where in the rendered image (px) each pixel of the distorted one looks; both (H, W) float32."""
-    x, y = rays(K, shape)
-    u, v = undistort(x[0].astype(float), y[0].astype(float), k1, k2, p1, p2)
-    f, c = (K[0, 0, 0], K[0, 1, 1]), (K[0, 0, 2], K[0, 1, 2])
+    x, y, _ = rays(K, shape)
+    u, v = undistort(x.astype(float), y.astype(float), k1, k2, p1, p2)
+    f, c = (K[0, 0], K[1, 1]), (K[0, 2], K[1, 2])
     return (f[0] * u + c[0]).astype(np.float32), (f[1] * v + c[1]).astype(np.float32)

@@ -21,10 +21,11 @@ class Saturation(CameraEffect):
     params = {"change": Param(0.0, -1.0, 1.0, "1", start=0.15, doc="relative change; -1 is a grey picture")}
 
     def image(self, state, frame, p, rng):
+        import cv2
+
         if frame.rgb is None:
             return
         for row in self.rows(p):
-            rgb, change = frame.rgb[row], np.float32(p["change"][row])
-            out = (rgb @ LUMA)[..., None] * -change
-            out = out + rgb * (1 + change)
-            np.clip(out, 0, 1, out=rgb)
+            change = float(p["change"][row])
+            matrix = (1 + change) * np.eye(3) - change * np.tile(LUMA, (3, 1))
+            np.clip(cv2.transform(frame.rgb[row], matrix), 0, 1, out=frame.rgb[row])

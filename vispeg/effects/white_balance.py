@@ -22,5 +22,7 @@ class WhiteBalance(LightEffect):
     }
 
     def light(self, frame, p, rng):
+        height, width = frame.shape
         gains = np.stack([p["red"], np.ones(frame.n), p["blue"]], axis=1).astype(np.float32)  # (n, 3)
-        return lambda light, row: light * gains[row]
+        lines = np.tile(gains, width)  # (n, 3 W): one line of the image
+        return lambda light, row: (light.reshape(height, -1) * lines[row]).reshape(light.shape)
