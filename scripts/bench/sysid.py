@@ -27,6 +27,8 @@ from vispeg.core.world import World
 from vispeg.identify.calibrate import calibrate
 from vispeg.identify.evidence import SETTLE, Evidence
 from vispeg.identify.excitation import motion
+from vispeg.identify.fit import fit_job
+from vispeg.identify.pool import run_together
 from vispeg.identify.record import centre_of, controller
 from vispeg.recordings.recording import Control, Recording
 from vispeg.robots.model import RobotModel, load
@@ -176,13 +178,17 @@ def main() -> None:
     start = world(robot, {name: np.full(7, v) for name, (_, v) in START.items()})
     true = judged(world(robot, dict(zip(START, (FRICTION, ARMATURE), strict=True))))
     print(f"| start values | | | {judged(start):.0f} | | | |\n| truth | | | {true:.1f} | | | |", flush=True)
-    for h in (2e-3, 1e-3):
+    for h, steps in ((2e-3, 4), (2e-3, None), (1e-3, None)):
         begin, cpu = time.perf_counter(), time.process_time()
         evidence = Evidence(recs[:2], h_max=h)
-        found = calibrate(evidence, start, range(14), seed=0, method="least-squares").fit.world
+        if steps is None:  # as `vispeg fit` does it
+            found = calibrate(evidence, start, range(14), seed=0, method="least-squares").fit.world
+        else:  # as a diagnosis does it
+            found = run_together([fit_job(evidence, start, range(14), iterations=steps)], evidence.residuals)[0].world
         spent = time.perf_counter() - begin, time.process_time() - cpu
         own = Evidence(recs[2:], h_max=h)
-        row(f"vispeg, {h * 1e3:g} ms", *spent, found, own.angle_rms(own.residuals([found])[0]) * 1e6)
+        name = f"vispeg, {h * 1e3:g} ms" + (f", {steps} steps" if steps else "")
+        row(name, *spent, found, own.angle_rms(own.residuals([found])[0]) * 1e6)
     for h in np.array(args.steps) * 1e-3:
         side = Sysid(robot, control, h)
         begin, cpu = time.perf_counter(), time.process_time()
