@@ -83,7 +83,7 @@ def test_the_rule_tells_different_equal_and_cannot_tell():
     assert decide(Estimate(0.02, -0.05, 0.09, 100)) == CANNOT_TELL
     assert gap_words(Estimate(0.23, 0.18, 0.29, 100)) == "loses 23 points (18 to 29)"
     assert gap_words(Estimate(-0.1, -0.15, -0.06, 100)) == "gains 10 points (6 to 15)"
-    assert gap_words(Estimate(0.02, -0.05, 0.09, 100)) == f"{CANNOT_TELL} (-9 to +5 points)"
+    assert gap_words(Estimate(0.02, -0.05, 0.09, 100)) == f"{CANNOT_TELL}: anything from 9 points lost to 5 gained"
 
 
 def test_few_episodes_cannot_tell_and_many_can():

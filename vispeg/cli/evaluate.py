@@ -1,6 +1,7 @@
 """Evaluates policies in one world: success with its interval, time, force, how they fail, against each other, controls.
 
-POLICY is a folder with policy.json and policy.safetensors, or NAME=FOLDER; several are compared on the same seeds.
+A policy is a folder with policy.json and policy.safetensors, NAME=FOLDER, or `expert`, the scripted one; several are
+compared on the same seeds.
 Writes OUT/evaluate.json, OUT/gap.html (the page), OUT/episodes.jsonl and videos of failures. A run that was stopped
 goes on when the command is given again.
 
@@ -71,7 +72,7 @@ class Args:
         jobs = make_jobs(who, settings, seeds_of(self.episodes, self.seed), out / "worlds")
         episodes = play_all(jobs, out, self.workers, self.quiet)
         values = gap(episodes, world.name, seed=self.seed)
-        values = write_result(out, "gap.json", values, self.seed, [e.path for e in who])
+        values = write_result(out, "gap.json", values, self.seed, [e.path for e in who if e.path.exists()])
         media = film_failures(jobs, episodes, out / "media", self.videos) if self.videos else []
         write_text_atomic(out / "media.json", json.dumps(media) + "\n", overwrite=True)
         page = write(out, overwrite=True)

@@ -64,7 +64,7 @@ class Args:
         jobs = make_jobs(who, settings, seeds_of(self.episodes, self.seed), out / "worlds")
         values = perturb.summarise(play_all(jobs, out, self.workers, self.quiet))
         values |= {"world": {"name": world.name, "hash": world.hash}, "force": self.force, "duration": self.duration}
-        values = write_result(out, "perturb.json", values, self.seed, [e.path for e in who])
+        values = write_result(out, "perturb.json", values, self.seed, [e.path for e in who if e.path.exists()])
         page = write_text_atomic(out / "perturb.html", render(values), overwrite=True)
         heads = ("policy", "position", "still", "pushed", "lost by the push")
         print_table(

@@ -64,7 +64,7 @@ class Args:
             tags = {sensitivity.tag(what, v) for v in what.values}
             found.append(sensitivity.summarise([e for e in episodes if e.configuration in tags], what))
         values = {"format": sensitivity.FORMAT, "world": {"name": world.name, "hash": world.hash}, "sweeps": found}
-        values = write_result(out, "sensitivity.json", values, self.seed, [e.path for e in who])
+        values = write_result(out, "sensitivity.json", values, self.seed, [e.path for e in who if e.path.exists()])
         page = write_text_atomic(out / "sensitivity.html", render(values), overwrite=True)
         for sweep in found:
             for curve in sweep["curves"]:

@@ -73,7 +73,7 @@ class Run:
         episodes = evaluation.play_all(jobs, out, self.workers, self.quiet)
         episodes += evaluation.measured(self.measured, [e.name for e in who], "robot")
         values = suite.summarise(episodes, names[0], names[1], self.version or self.out.resolve().name)
-        values = evaluation.write_result(out, "suite.json", values, self.seed, [e.path for e in who])
+        values = evaluation.write_result(out, "suite.json", values, self.seed, [e.path for e in who if e.path.exists()])
         page = write_text_atomic(out / "suite.html", render([values], []), overwrite=True)
         _show(values)
         print(page)
@@ -127,14 +127,13 @@ class Compare:
 class Args:
     """Arguments of `vispeg suite`."""
 
-    do: (
-        Annotated[Run, tyro.conf.subcommand("run", prefix_name=False)]
-        | Annotated[Compare, tyro.conf.subcommand("compare", prefix_name=False)]
-    )
+    command: tyro.conf.OmitSubcommandPrefixes[
+        Annotated[Run, tyro.conf.subcommand("run")] | Annotated[Compare, tyro.conf.subcommand("compare")]
+    ]
 
     def run(self) -> int:
-        """Does it."""
-        return self.do.run()
+        """Runs the sub-command."""
+        return self.command.run()
 
 
 def _result(folder: Path) -> dict[str, Any]:

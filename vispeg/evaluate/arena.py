@@ -8,6 +8,7 @@ import numpy as np
 
 from vispeg.evaluate.controls import ON_IMAGES, Controlled
 from vispeg.evaluate.jobs import Job, Pushes
+from vispeg.evaluate.players import player
 from vispeg.evaluate.records import Episode
 
 _kept: dict[Any, Any] = {}  # the last environment of this worker: jobs that follow each other mostly want the same
@@ -20,12 +21,11 @@ def play(job: Job) -> list[Episode]:
         UserError: a policy made for another observation, a world that cannot be.
     """
     from vispeg.learn.evaluation import run_episodes
-    from vispeg.learn.policy import load
 
-    policy: Any = load(job.entrant.path)
+    env: Any = environment(job)
+    policy: Any = player(job.entrant, env.config)
     if job.control in ON_IMAGES:
         policy = Controlled(policy, job.control)
-    env: Any = environment(job)
     if job.pushes is not None:
         env = Pushed(env, job.pushes)
     return [episode(job, outcome) for outcome in run_episodes(policy, env, list(job.seeds))]

@@ -43,4 +43,5 @@ def gap_words(gap: Estimate, margin: float = MARGIN) -> str:
     if verdict == "different":
         word = "loses" if gap.value > 0 else "gains"
         return f"{word} {size} points ({abs(ends[0]):.0f} to {abs(ends[1]):.0f})"
-    return f"{CANNOT_TELL} ({round(-100 * gap.high) or 0:+d} to {round(-100 * gap.low) or 0:+d} points)"
+    worst, best = round(100 * gap.high), round(-100 * gap.low)
+    return f"{CANNOT_TELL}: anything from {worst} points lost to {best} gained"

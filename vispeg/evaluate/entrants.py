@@ -14,6 +14,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.provenance import digest
 
 META = "policy.json"
+EXPERT = "expert"  # the scripted policy of vispeg.task.expert takes part under this name
 INTERFACE = ("stack", "dof", "offset", "turn", "policy_period")  # of the task: what a policy was made for, in any world
 
 
@@ -41,7 +42,7 @@ class Entrant:
 
 
 def entrant(text: str) -> Entrant:
-    """`FOLDER` or `NAME=FOLDER`; a folder's name that does not exist is looked for among the shipped policies.
+    """`FOLDER`, `NAME=FOLDER`, or `expert` (the scripted policy). A folder that is not there may be a shipped policy.
 
     Without NAME, the folder's name counts, less a training seed at its end (`depth_s2` -> `depth`); of a checkpoint in
     a run's folder, the task's.
@@ -51,12 +52,14 @@ def entrant(text: str) -> Entrant:
     """
     name, _, place = text.rpartition("=")
     path = Path(place).expanduser()
+    if place == EXPERT:
+        return Entrant(name or EXPERT, Path(EXPERT), "state", 0, (), {}, EXPERT)
     if not path.exists():
         shipped = assets() / "policies"
         path = shipped / place
         if not path.is_dir():
             known = sorted(p.parent.name for p in shipped.glob(f"*/{META}"))
-            raise UserError("no such policy", got=place, expected="a policy's folder", choices=known)
+            raise UserError("no such policy", got=place, expected="a policy's folder", choices=[EXPERT, *known])
     record = _record(path / META)
     meta = record.get("meta") or {}
     seed = meta.get("seed", 0)

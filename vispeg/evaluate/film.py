@@ -9,6 +9,7 @@ import numpy as np
 
 from vispeg.evaluate.arena import environment
 from vispeg.evaluate.jobs import Job
+from vispeg.evaluate.players import player
 
 NEAR, FAR = 0.02, 0.40  # m, depths between which a depth image is shown from white to black
 
@@ -49,10 +50,8 @@ def film(job: Job, seed: int) -> Clip:
     Raises:
         UserError: nothing renders on this machine.
     """
-    from vispeg.learn.policy import load
-
-    policy: Any = load(job.entrant.path)
     env = environment(replace(job, rows=1), render_mode="rgb_array")
+    policy: Any = player(job.entrant, env.config)
     obs, _ = env.reset(seed=[seed])
     if job.pushes is not None:
         env.push([0], *job.pushes.draw(seed))

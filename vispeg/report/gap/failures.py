@@ -29,7 +29,7 @@ def context(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _counts(side: Mapping[str, int], n: int) -> str:
-    order = sorted(side.items(), key=lambda kv: -kv[1])
+    order = sorted(((k, v) for k, v in side.items() if v), key=lambda kv: -kv[1])
     return ", ".join(f"{name} {count}" for name, count in order) + f" of {n}" if order else f"none of {n}"
 
 

@@ -34,10 +34,12 @@ def context(values: Mapping[str, Any]) -> dict[str, Any]:
 
 def _cell(row: Mapping[str, Any] | None) -> dict[str, str]:
     if row is None:
-        return {"rate": "-", "rest": ""}
+        return {"rate": "-", "interval": "", "rest": ""}
     rest = [f"{row['time']:.1f} s"] if row["time"] is not None else []
     rest += [f"{row['peak_force']:.0f} N"] if row["peak_force"] is not None else []
-    return {"rate": words.rate(row["success"]), "rest": ", ".join(rest)}
+    e = row["success"]
+    interval = f"{100 * e['low']:.1f} to {100 * e['high']:.1f}"
+    return {"rate": words.percent(e["value"]), "interval": interval, "rest": ", ".join(rest)}
 
 
 def picture(values: Mapping[str, Any]) -> str:
@@ -59,7 +61,8 @@ def picture(values: Mapping[str, Any]) -> str:
                 ax.bar(x, 100 * e["value"], 0.88 * width, **style)
                 ax.plot([x, x], [100 * e["low"], 100 * e["high"]], color=MEASURED, linewidth=1.3)
                 if len(policies) * len(worlds) <= 26:
-                    ax.annotate(f"{100 * e['value']:.0f}", (x, 1.5), ha="center", fontsize=7, color="white")
+                    ink = "white" if e["value"] > 0.08 and not policy["blind"] else MEASURED
+                    ax.annotate(f"{100 * e['value']:.0f}", (x, 1.5), ha="center", fontsize=7, color=ink)
         ax.set(ylim=(0, 104), ylabel="success, %", xlim=(-0.55, len(worlds) - 0.45))
         labels = [f"{w}\ntraining" if w == values["reference"] else w for w in worlds]
         ax.set_xticks(range(len(worlds)), labels)

@@ -34,7 +34,8 @@ def points(value: float | None) -> str:
 
 def whole(value: float, sign: str = "") -> str:
     """-0.123 -> -12 with a typographer's minus; never a negative zero."""
-    return f"{round(100 * value) or 0:{sign}d}".replace("-", "\N{MINUS SIGN}")
+    number = round(100 * value)
+    return f"{number:{sign if number else ''}d}".replace("-", "\N{MINUS SIGN}")
 
 
 def lost(e: Row) -> str:

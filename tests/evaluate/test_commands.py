@@ -1,0 +1,104 @@
+"""The commands on records, and one short real evaluation of the scripted policy."""
+
+import json
+
+import pytest
+
+from vispeg.cli.main import main
+from vispeg.evaluate.records import append, read
+
+
+@pytest.fixture
+def vispeg(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def call(*args):
+        capsys.readouterr()
+        code = main([str(a) for a in args])
+        out, err = capsys.readouterr()
+        return code, out, err
+
+    return call
+
+
+def test_a_gap_from_records_and_a_robots_csv(vispeg, tmp_path, invented):
+    append(tmp_path / "e.jsonl", invented({("d", "depth"): 3.0}, {"S": 0.0, "V": -1.0}, 60))
+    (tmp_path / "r.csv").write_text("policy,seed,outcome\n" + "".join(f"d,{i},{i % 3 > 0}\n" for i in range(30)))
+    code, out, err = vispeg("gap", "--records", "e.jsonl", "--worlds", "S", "V", "--measured", "r.csv", "--out", "g")
+    assert code == 0 and "d in robot: loses" in out, err
+    values = json.loads((tmp_path / "g" / "gap.json").read_text())
+    assert [w["name"] for w in values["worlds"]] == ["S", "V", "robot"] and values["provenance"]["inputs"]
+    assert len(read(tmp_path / "g" / "episodes.jsonl")) == 150
+    code, _, err = vispeg("gap", "--records", "e.jsonl", "--worlds", "S", "V", "--out", "g")
+    assert code == 2 and "exists already" in err
+
+
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        (("gap", "--out", "g"), "nothing to evaluate"),
+        (("gap", "nowhere", "--out", "g"), "no such policy"),
+        (("gap", "expert", "--worlds", "nominal", "mars", "--out", "g"), "unknown world"),
+        (("gap", "expert", "--worlds", "nominal", "nominal", "--out", "g"), "two worlds of one name"),
+        (("evaluate", "expert", "--episodes", "0", "--out", "g"), "no episodes"),
+        (("evaluate", "expert", "--controls", "frosen", "--out", "g"), "did you mean 'frozen'"),
+        (("evaluate", "expert", "expert", "--out", "g"), "two policies called expert"),
+        (("sensitivity", "expert", "--out", "g"), "nothing to sweep"),
+        (("perturb", "expert", "--force", "60", "20", "--out", "g"), "not a push"),
+        (("suite", "run", "expert", "--out", "g"), "no target"),
+        (("suite", "run", "expert", "--train", "nominal", "--target", "nominal", "--out", "g"), "the same"),
+        (("suite", "compare", "g"), "not a suite's result"),
+    ],
+)
+def test_bad_input_is_one_line_and_writes_nothing(vispeg, tmp_path, args, words):
+    code, out, err = vispeg(*args)
+    assert code == 2 and out == "" and words in err and len(err.strip().splitlines()) == 1, err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_of_something_else_is_left_alone(vispeg, tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.tex").write_text("x")
+    code, _, err = vispeg("evaluate", "expert", "--out", "mine", "--overwrite")
+    assert code == 2 and "not a folder of such results" in err
+    assert [p.name for p in (tmp_path / "mine").iterdir()] == ["thesis.tex"]
+
+
+def test_the_scripted_policy_succeeds_and_a_second_call_plays_nothing(vispeg, tmp_path):
+    args = ("evaluate", "expert", "--world", "nominal", "--episodes", "6", "--videos", "0", "--quiet", "--out", "ev")
+    code, out, err = vispeg(*args)
+    assert code == 0 and "100 %" in out, err
+    first = (tmp_path / "ev" / "episodes.jsonl").read_bytes()
+    (tmp_path / "ev" / "evaluate.json").unlink()
+    assert vispeg(*args)[0] == 0 and (tmp_path / "ev" / "episodes.jsonl").read_bytes() == first
+    rows = read(tmp_path / "ev" / "episodes.jsonl")
+    assert [e.seed for e in rows] == list(range(1_000_000, 1_000_006)) and {len(e.world_hash) for e in rows} == {64}
+
+
+def suite_folder(folder, counts, version):
+    from vispeg.evaluate import suite
+    from vispeg.evaluate.records import Episode
+
+    episodes = []
+    for i, count in enumerate(counts):
+        for world in ("S", "T"):
+            for s in range(40):
+                ok = s < (count if world == "T" else 4 * (i + 1))
+                category = "success" if ok else "jam"
+                episodes.append(Episode("a", "state", 0, world, f"{world}{i}", s, ok, category, configuration=f"c{i}"))
+    append(folder / "episodes.jsonl", episodes)
+    (folder / "suite.json").write_text(json.dumps(suite.summarise(episodes, "S", "T", version)))
+
+
+def test_the_suites_exit_code_is_one_on_an_alarm_or_a_regression_and_zero_otherwise(vispeg, tmp_path):
+    rising = [4 * (i + 1) for i in range(9)]
+    suite_folder(tmp_path / "v1", rising, "v1")
+    suite_folder(tmp_path / "v2", rising, "v2")
+    suite_folder(tmp_path / "fell", [*rising[:-1], 22], "fell")
+    suite_folder(tmp_path / "alarm", rising[::-1], "alarm")
+    code, out, _ = vispeg("suite", "compare", "v1", "v2", "--out", "c")
+    assert code == 0 and "healthy: r = 1.00" in out and "no regression" in out and (tmp_path / "c/suite.html").is_file()
+    code, out, _ = vispeg("suite", "compare", "v1", "v2", "fell")
+    assert code == 1 and "fell: a in T, c8" in out and "fell: healthy" in out
+    assert vispeg("suite", "compare", "alarm")[0] == 1
+    assert vispeg("suite", "compare", "v1")[0] == 0

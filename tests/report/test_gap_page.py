@@ -1,0 +1,150 @@
+"""Pages on success stand alone, show the numbers of their record, and survive odd names and missing parts."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vispeg.core.errors import UserError
+from vispeg.core.seeds import stream
+from vispeg.evaluate import exploit, perturb, sensitivity, suite
+from vispeg.evaluate.gap import gap
+from vispeg.evaluate.records import Episode
+from vispeg.evaluate.video import write_png, write_video
+from vispeg.report.gap import exploit_page, perturb_page, suite_page, sweep_page, words
+from vispeg.report.gap.build import render, write
+
+WORLDS = {"S": 0.95, "V": 0.85, "P": 0.75, "VP": 0.5}
+
+
+def episodes(policy="depth", modality="depth", worlds=WORLDS, n=40, **more):
+    found = []
+    for world, p in worlds.items():
+        rng = stream(0, policy, world)
+        for s in range(n):
+            ok = bool(rng.uniform() < p)
+            head = (
+                policy,
+                modality,
+                0,
+                world,
+                f"hash-{world}",
+                s,
+                ok,
+                "success" if ok else str(rng.choice(["jam", "slip"])),
+            )
+            found.append(Episode(*head, time=3.0, peak_force=20.0, **more))
+    return found
+
+
+def alone(html: str) -> None:
+    assert "<script" not in html and "@import" not in html
+    assert not re.findall(r'(?:src|href)="(?!data:|#)[^"]*"', html)
+    assert not re.findall(r"https?://(?!www\.w3\.org)", html)
+    ids = re.findall(r'\bid="([^"]+)"', html)
+    assert len(ids) == len(set(ids))
+
+
+def test_the_page_stands_alone_and_shows_the_records_numbers():
+    values = gap([*episodes(), *episodes("rgb", "rgb"), *episodes("blind", "proprio")], worlds=list(WORLDS))
+    html = render(values)
+    alone(html)
+    for row in values["success"]:
+        assert words.percent(row["success"]["value"]) in html
+    for row in values["gaps"]:
+        assert words.lost(row["gap"]) in html
+    assert "The gap to VP, split" in html and "hash-VP" in html and "sees nothing" in html
+
+
+def test_one_world_without_targets_is_a_page_too():
+    html = render(gap(episodes(worlds={"S": 0.9})))
+    alone(html)
+    assert "Success in S" in html and "What the change costs" not in html
+
+
+def test_names_are_shown_as_they_are_and_never_run():
+    odd = "<script>alert(1)</script> & $x$"
+    html = render(gap([replace(e, policy=odd) for e in episodes()]))
+    alone(html)
+    assert "&lt;script&gt;" in html
+
+
+def test_videos_and_stills_are_inside_the_page(tmp_path):
+    frames = np.zeros((12, 33, 48, 3), np.uint8)
+    frames[:, :, :24] = 200
+    video = write_video(tmp_path / "media" / "v", frames)
+    still = write_png(tmp_path / "media" / "s.png", frames[0])
+    side = {
+        "world": "S",
+        "outcome": "success after 3.0 s",
+        "video": f"media/{video.name}",
+        "image": "media/s.png",
+        "view": None,
+    }
+    values = gap(episodes())
+    (tmp_path / "gap.json").write_text(json.dumps(values))
+    (tmp_path / "media.json").write_text(json.dumps([{"policy": "depth", "seed": 3, "sides": [side, side]}]))
+    html = write(tmp_path).read_text()
+    alone(html)
+    assert (
+        base64.b64encode(video.read_bytes()).decode() in html and base64.b64encode(still.read_bytes()).decode() in html
+    )
+    with pytest.raises(UserError, match="exists already"):
+        write(tmp_path)
+    still.unlink()
+    with pytest.raises(UserError, match="s.png: not a video or picture"):
+        write(tmp_path, overwrite=True)
+
+
+def test_a_video_is_one_that_plays_with_the_frames_it_was_given(tmp_path):
+    import cv2
+
+    frames = np.zeros((10, 32, 48, 3), np.uint8)
+    for i in range(10):
+        frames[i, :, : 4 * i + 4] = (200, 60, 20)
+    path = write_video(tmp_path / "v", frames)
+    assert path.suffix in (".mp4", ".webm") and path.stat().st_size > 200
+    reader = cv2.VideoCapture(str(path))
+    back = []
+    while (got := reader.read())[0]:
+        back.append(cv2.cvtColor(got[1], cv2.COLOR_BGR2RGB))
+    assert len(back) == 10 and back[0].shape == (32, 48, 3)
+    assert np.abs(back[9].astype(int) - frames[9]).mean() < 12  # red stays red: no channel swapped
+    with pytest.raises(UserError, match="not a video"):
+        write_video(tmp_path / "w", frames.astype(float))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"), [("[]", "not a gap's record"), ("{", "cannot be read"), ('{"format": "x"}', "x")]
+)
+def test_another_file_is_refused(tmp_path, text, words):
+    (tmp_path / "gap.json").write_text(text)
+    with pytest.raises(UserError, match=words):
+        write(tmp_path)
+
+
+def test_the_smaller_pages_stand_alone_too():
+    what = sensitivity.SWEEPS["latency"]
+    sweep = [
+        e for v in what.values for e in episodes(worlds={"S": 0.9 - 10 * v}, configuration=sensitivity.tag(what, v))
+    ]
+    alone(sweep_page.render({"sweeps": [sensitivity.summarise(sweep, what)]}))
+    sides = [e for c in ("fixed", "randomized, 3 substeps") for e in episodes(worlds={"S": 0.9}, configuration=c)]
+    sides = [replace(e, force_profile=(0.0, 5.0, 9.0, 12.0)) for e in sides]
+    alone(exploit_page.render(exploit.summarise(sides)))
+    places = [e for c in ("edge", "edge, pushed", "anywhere") for e in episodes(worlds={"S": 0.8}, configuration=c)]
+    alone(perturb_page.render({**perturb.summarise(places), "force": (20, 60), "duration": 0.2}))
+    runs = [e for i in range(9) for e in episodes(worlds={"S": 0.1 * i, "T": 0.1 * i}, configuration=f"c{i}")]
+    version = suite.summarise(runs, "S", "T", "v1")
+    alone(suite_page.render([version, {**version, "version": "v2"}], suite.regressions(runs, runs)))
+
+
+def test_text_has_no_negative_zero_and_no_false_certainty():
+    assert words.lost({"value": -0.001, "low": -0.004, "high": 0.12}) == "0 (0 to 12)"
+    assert words.p_value(0.0000001) == "< 0.001" and words.p_value(None) == "-"
+    assert words.percent(1.0) == "100 %" and words.percent(0.9976) == "99.8 %"
