@@ -20,6 +20,7 @@ G = mujoco.mjtGeom
 CONTACT = {"contype": 1, "conaffinity": 0}
 TEXTURE = 128  # px, every part's texture
 GRIP = 120.0  # N, friction that holds the peg between the fingers (a Schunk MEG 50 closes with up to 100 N a finger)
+CAMERAS = ("wrist_wide", "wrist_crop", "external")
 SHAPES = (G.mjGEOM_BOX, G.mjGEOM_CYLINDER, G.mjGEOM_SPHERE, G.mjGEOM_CAPSULE, G.mjGEOM_ELLIPSOID)
 COLOURS = {
     "peg": (0.62, 0.64, 0.67),
@@ -116,13 +117,17 @@ class Scene(RobotModel):
     nominal: RobotModel = field(default=None)  # type: ignore[assignment]
     parts: dict[str, tuple[str, ...]] = field(default_factory=dict)
     lights: tuple[str, ...] = tuple(LIGHTS)
-    cameras: tuple[str, ...] = ("wrist_wide", "wrist_crop", "external")
+    cameras: tuple[str, ...] = CAMERAS
     tip: float = tools.GRASP + tools.PEG_LENGTH
 
 
 @lru_cache(maxsize=32)
-def build(config: SceneConfig | None = None) -> Scene:
+def build(config: SceneConfig | None = None, cameras: tuple[str, ...] = CAMERAS) -> Scene:
     """The cell for a configuration; equal configurations give the same object.
+
+    Args:
+        config: its geometry; the default cell if not given.
+        cameras: names of those that stand in it, which effects of cameras find as their places.
 
     Raises:
         UserError: geometry that cannot be.
@@ -141,7 +146,7 @@ def build(config: SceneConfig | None = None) -> Scene:
     _sensors(spec)
     base = {f.name: getattr(arm, f.name) for f in fields(RobotModel)}
     # a square peg is declared with its round sister's mass and inertia
-    return Scene(**{**base, "build": spec.copy}, config=config, nominal=arm, parts=parts)
+    return Scene(**{**base, "build": spec.copy}, config=config, nominal=arm, parts=parts, cameras=cameras)
 
 
 def _options(spec: mujoco.MjSpec) -> None:

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from vispeg.task.simulation import PegSimulation
 
 MODES = ("state", "proprio", "depth", "rgb", "rgbd")
-IMAGE_MODES = ("depth", "rgb", "rgbd")
 FAR = 4.0  # m, greatest depth that is told apart
 FILM = (320, 240)  # px, width and height of pictures for people
 
@@ -105,7 +104,7 @@ class Eyes:
         self._film: Renderer | None = None
         self._guard: Renderer | None = None
         self._renderers: list[Renderer] = []
-        if obs_mode not in IMAGE_MODES:
+        if not sim.scene.cameras:
             return
         self.cameras = task_cameras(sim, self._camera_file)
         self._renderers = [self._renderer(self.cameras) for _ in range(sim.nsim)]

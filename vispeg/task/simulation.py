@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from vispeg.core.effect import effect
+from vispeg.core.effect import Placed, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
+from vispeg.core.world import Ranged, World
 from vispeg.robots.scene import build
 from vispeg.sim.quiet import quiet
 from vispeg.sim.reach import reach
@@ -24,6 +24,7 @@ from vispeg.task.reward import BONUS, reward
 
 DOWN = np.array([0.0, 1.0, 0.0, 0.0])  # flange z straight down, wxyz
 HOME = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])  # rad, from where inverse kinematics starts
+IMAGE_MODES = ("depth", "rgb", "rgbd")  # observation modes with cameras
 PHYSICS = ("joint", "drive", "body", "contact")  # kinds of effects that the cell feels; the others are only seen
 TARGET_KNOWN = ("state",)  # observation modes whose policy is told a believed target; the others get the nominal hole
 
@@ -40,8 +41,10 @@ class PegSimulation:
     """
 
     def __init__(self, world: World, config: TaskConfig, nsim: int, obs_mode: str = "state", nthread: int = 1):
-        self.world, self.config, self.nsim, self.obs_mode = world, config, nsim, obs_mode
-        self.scene = build(config.scene())
+        cameras = config.cameras if obs_mode in IMAGE_MODES else ()
+        self.world, self.config, self.nsim, self.obs_mode = shown(world, cameras), config, nsim, obs_mode
+        world = self.world
+        self.scene = build(config.scene(), cameras)
         self.levels: Mapping[str, float] | float = 1.0
         self.radius = config.start_radius
         h = config.control_period / config.substeps
@@ -261,6 +264,19 @@ class PegSimulation:
                 out[:, column] = p[name][key].mean(axis=1) / scale
         out[:, 3] = self.config.clearance_mm / 3.0
         return out
+
+
+def shown(world: World, cameras: Sequence[str]) -> World:
+    """The world without what no camera of the task can see."""
+
+    def seen(e: Placed | Ranged) -> bool:
+        kind = effect(e.effect).kind
+        if kind == "camera":
+            return bool(cameras) and e.where in ("all", "each", *cameras)
+        return kind != "appearance" or bool(cameras)
+
+    effects, ranges = (tuple(e for e in group if seen(e)) for group in (world.effects, world.ranges))
+    return replace(world, effects=effects, ranges=ranges)  # type: ignore[arg-type]
 
 
 def felt(world: World) -> World:
