@@ -184,7 +184,7 @@ def test_a_wrong_entry_is_one_clear_line(case, world):
     ("data", "says"),
     [
         ({"format": "vispeg-model/1"}, "vispeg-world/1"),
-        ({"efects": []}, "did you mean 'effects'"),
+        ({"effect": []}, "did you mean 'effects'"),
         ({"task": {"clearence_mm": 1}}, "clearance_mm"),
         ({"task": {"clearance_mm": -1}}, "impossible geometry"),
         ({"effects": {}}, "a list"),
