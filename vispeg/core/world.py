@@ -38,7 +38,7 @@ class Ranged:
 
     @property
     def label(self) -> str:
-        """`surface_friction(peg)`."""
+        """`contact_friction(peg)`."""
         return f"{self.effect}({self.where})"
 
     def draw(self, seed: int, where: str, level: float = 1.0) -> Placed | None:

@@ -62,6 +62,9 @@ class Cell(Plant):
         drawn = {a.effect.name: a.p for a in activate(self.robot, worlds)}
         fresh = RowFields(self.model, len(rows))
         fields = Fields(fresh, self.robot)
+        for name in {w for a in self.active for w in a.effect.writes}:
+            if self.batch.expanded(name) is not None:  # else a value of the row's last episode would stay
+                fresh.expand(name)
         for a in self.active:
             null = {
                 k: np.broadcast_to(p.start if p.shape else p.null, (len(rows),)) for k, p in a.effect.params.items()
