@@ -2,8 +2,8 @@
 
 OMP_NUM_THREADS=1 python scripts/bench/pipeline.py [--images 8] [--repeats 30]
 
-A frame is 64 x 64 RGB-D of the whole cell without shadows. Times are processor time, the best of the repeats: what other
-programs on the machine disturb least.
+A frame is 64 x 64 RGB-D of the whole cell without shadows. Times are processor time, the best of the repeats: what
+other programs on the machine disturb least.
 """
 
 from __future__ import annotations
