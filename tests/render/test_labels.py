@@ -59,6 +59,9 @@ def test_parts_have_the_labels_of_their_order():
         tip = shots["wrist_wide"].poses["peg_tip"]
         np.testing.assert_allclose(cameras[0].project(tip[:3, 3]), 31.5, atol=1e-6)
         np.testing.assert_allclose(tip[:3, :3] @ tip[:3, :3].T, np.eye(3), atol=1e-12)
+        assert set(shots["external"].poses) == {"peg", "peg_tip", "fixture", "hole"}
+        block = shots["external"].pose @ shots["external"].poses["fixture"]
+        np.testing.assert_allclose(block[:3, 3], renderer.data.body("fixture").xpos, atol=1e-12)
         in_base = shots["wrist_wide"].pose @ shots["wrist_wide"].poses["hole"]
         np.testing.assert_allclose(in_base[:3, 3], cell.config.fixture, atol=1e-12)
     with Renderer(cell, cameras, "classic") as renderer:

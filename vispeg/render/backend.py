@@ -35,7 +35,7 @@ class Shot:
         pose: (4, 4) the camera's OpenCV axes in the base frame, m.
         segmentation: (H, W) int32, 0 for nothing, else 1 + the part's place among the renderer's parts; or None.
         normals: (H, W, 3) float32 surface normals in camera axes, 0 where there is none; or None.
-        poses: (4, 4) poses of the peg's tip and the hole in camera axes, m; or None.
+        poses: (4, 4) poses in camera axes, m: `peg`, `peg_tip`, `fixture`, `hole` (see `labels.poses`); or None.
     """
 
     rgb: np.ndarray
