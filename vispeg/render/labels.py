@@ -64,8 +64,8 @@ def _step(points: np.ndarray, depth: np.ndarray, axis: int) -> np.ndarray:
 def poses(model: mujoco.MjModel, data: mujoco.MjData, view: View) -> dict[str, np.ndarray]:
     """(4, 4) poses in the camera's OpenCV axes, m, of what the model has of `SITES` and `BODIES`.
 
-    `peg` is the peg's body, `peg_tip` the middle of its end with z out of the peg; `fixture` is the fixture's body, `hole`
-    the middle of the hole's mouth with z out of it. `data` has its kinematics done.
+    `peg` is the peg's body, `peg_tip` the middle of its end with z out of the peg; `fixture` is the fixture's body,
+    `hole` the middle of the hole's mouth with z out of it. `data` has its kinematics done.
     """
     out = {}
     kinds = ((SITES, mujoco.mjtObj.mjOBJ_SITE, data.site_xpos, data.site_xmat),)
