@@ -205,3 +205,37 @@ def test_threads_are_one_meanwhile_and_as_before_afterwards(monkeypatch):
     with one_thread():
         assert os.environ["OMP_NUM_THREADS"] == os.environ["MKL_NUM_THREADS"] == "1"
     assert os.environ["OMP_NUM_THREADS"] == "7" and "MKL_NUM_THREADS" not in os.environ
+
+
+def test_a_film_shows_the_episode_that_was_recorded(tmp_path):
+    from vispeg.evaluate.arena import play
+    from vispeg.evaluate.film import depth_picture, film
+
+    (job,) = make_jobs(entrants(["expert"]), [Setting("nominal", "nominal")], seeds_of(3), tmp_path)
+    (recorded,) = [e for e in play(replace(job, rows=3)) if e.seed == job.seeds[1]]
+    clip = film(job, recorded.seed)
+    assert (clip.category, clip.time) == (recorded.category, recorded.time)
+    assert len(clip.frames) == round(recorded.time / 0.16) + 1 and clip.frames.dtype == np.uint8
+    assert clip.frames[0].std() > 5 and np.any(clip.frames[0] != clip.frames[-1])
+    shades = depth_picture(np.array([[0.0, 0.1, 0.2]]))[0]
+    assert shades[0].tolist() == [90, 0, 0] and shades[1][0] > shades[2][0]
+
+
+def test_every_pushed_episode_is_pushed_by_its_own_seeds_push(tmp_path):
+    from vispeg.evaluate.arena import Pushed
+
+    class Env:
+        num_envs, told = 2, []
+
+        def reset(self, *, seed=None, options=None):
+            return {}, {}
+
+        def push(self, rows, force, start, duration):
+            self.told.append((rows, tuple(force), start, duration))
+
+    env = Env()
+    pushed = Pushed(env, Pushes())
+    pushed.reset(seed=[5, 6])
+    pushed.reset(seed=[7, 6], options={"reset_mask": np.array([True, False])})
+    assert [rows for rows, *_ in env.told] == [[0], [1], [0]]
+    assert [t[1] for t in env.told] == [tuple(Pushes().draw(s)[0]) for s in (5, 6, 7)]

@@ -38,6 +38,8 @@ class Run:
     """A suite of your own, `format: vispeg-suite/1`."""
     version: str = ""
     """The name of this version; OUT's name where not given."""
+    fine_tuned: bool = False
+    """Allow policies that were trained or fine-tuned in the target."""
     episodes: int = 20
     """Episodes a configuration and world."""
     seed: int = 0
@@ -55,7 +57,7 @@ class Run:
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
         from vispeg.evaluate import suite
-        from vispeg.evaluate.entrants import entrants
+        from vispeg.evaluate.entrants import entrants, refuse_trained_on
         from vispeg.evaluate.jobs import make_jobs, seeds_of
         from vispeg.report.gap.suite_page import render
         from vispeg.task.world_file import load_world
@@ -68,6 +70,8 @@ class Run:
         names = [*worlds, *(["robot"] if self.measured else [])]
         if len(names) < 2:
             raise UserError("training world and target are the same", got=names[0])
+        if self.target is not None and not self.fine_tuned:
+            refuse_trained_on(who, names[1], load_world(self.target).hash)
         out = evaluation.open_folder(self.out, "suite.json", self.overwrite)
         jobs = make_jobs(who, suite.settings(listed, worlds), seeds_of(self.episodes, self.seed), out / "worlds")
         episodes = evaluation.play_all(jobs, out, self.workers, self.quiet)
