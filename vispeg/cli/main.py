@@ -28,6 +28,8 @@ COMMANDS: dict[str, str] = {
     "record": "vispeg.cli.record",
     "camera": "vispeg.cli.camera",
     "report": "vispeg.cli.report",
+    "render": "vispeg.cli.render",
+    "dataset": "vispeg.cli.dataset",
     "train": "vispeg.cli.train",
     "evaluate": "vispeg.cli.evaluate",
     "gap": "vispeg.cli.gap",

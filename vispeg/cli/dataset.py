@@ -1,0 +1,101 @@
+"""Looks at rendered datasets: a page of what is in one, what is wrong with one, another layout of one.
+
+Example:
+    vispeg dataset show frames --out frames-page
+    vispeg dataset check frames
+    vispeg dataset export frames --format bop --out frames-bop
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+
+@dataclass(frozen=True)
+class Show:
+    """Writes a contact sheet (contact-sheet.png) and a page (index.html): looks, depth, labels, drawn parameters."""
+
+    dataset: tyro.conf.Positional[Path]
+    """Folder of the dataset."""
+    out: Path | None = None
+    """Folder of the page; DATASET-page where not given."""
+    tiles: int = 36
+    """Frames on the contact sheet."""
+    overwrite: bool = False
+    """Replace OUT if it is there."""
+
+    def run(self) -> int:
+        """Writes the page and says where."""
+        from vispeg.report.dataset.build import write
+
+        out = self.out or self.dataset.with_name(f"{self.dataset.resolve().name}-page")
+        print(f"page: {write(self.dataset, out, self.tiles, overwrite=self.overwrite)}")
+        return 0
+
+
+@dataclass(frozen=True)
+class Check:
+    """Finds records that are cut short, changed, repeated or contradictory; exits with 2 if there are any."""
+
+    dataset: tyro.conf.Positional[Path]
+    """Folder of the dataset."""
+
+    def run(self) -> int:
+        """Prints what is wrong, a line each."""
+        from vispeg.cli.render import progress
+        from vispeg.datasets.check import check
+        from vispeg.datasets.read import Dataset
+
+        data = Dataset(self.dataset)
+        with progress(len(data), "checking") as advance:
+            advance(0)
+            found = check(self.dataset, advance)
+        for line in found:
+            print(f"vispeg: error: {line}", file=sys.stderr)
+        if found:
+            return 2
+        megabytes = sum(f.stat().st_size for f in data.folder.rglob("*") if f.is_file()) / 1e6
+        print(f"{self.dataset}: {len(data)} frames in {len(data.episodes)} episodes, {megabytes:.1f} MB, nothing wrong")
+        return 0
+
+
+@dataclass(frozen=True)
+class Export:
+    """Writes a dataset once more in another layout."""
+
+    dataset: tyro.conf.Positional[Path]
+    """Folder of the dataset."""
+    out: Path
+    """The new folder."""
+    format: Literal["bop", "folder"] = "bop"
+    """BOP, or plain PNG and CSV files."""
+    overwrite: bool = False
+    """Replace OUT if it is there."""
+
+    def run(self) -> int:
+        """Writes it and says where."""
+        from vispeg.datasets.formats import export
+
+        export(self.dataset, self.out, self.format, overwrite=self.overwrite)
+        print(f"{self.format}: {self.out}")
+        return 0
+
+
+@dataclass(frozen=True)
+class Args:
+    """Arguments of `vispeg dataset`."""
+
+    command: tyro.conf.OmitSubcommandPrefixes[
+        Annotated[Show, tyro.conf.subcommand("show")]
+        | Annotated[Check, tyro.conf.subcommand("check")]
+        | Annotated[Export, tyro.conf.subcommand("export")]
+    ]
+
+    def run(self) -> int:
+        """Runs the sub-command."""
+        return self.command.run()

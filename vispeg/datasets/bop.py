@@ -1,0 +1,100 @@
+"""Writes a dataset as BOP does (bop.felk.cvut.cz, "BOP data format"): what pose estimators read.
+
+A scene is one episode through one camera, since a scene's pictures are of one size. Objects are 1, the peg, whose frame
+is at its tip, and 2, the fixture, whose frame is at the hole's mouth; millimetres. `cam_K` are the intrinsics that a
+picture was drawn with, not those that a user of the camera believes. BOP knows no lens; where a world bends one, the
+coefficients stand beside as `cam_distortion`.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vispeg.datasets.codec import DEPTH_STEP, encode, to_steps
+from vispeg.datasets.lerobot import OWN
+from vispeg.datasets.read import Dataset
+from vispeg.render.camera import Camera, rotation
+
+OBJECTS = {1: ("peg", "label.peg"), 2: ("fixture", "label.hole")}
+MM = 1000.0
+
+
+def write_bop(source: Path, out: Path) -> None:
+    """Writes the dataset in `source` into `out`: `train/SCENE/{rgb,depth,mask_visib}` and the scenes' JSON files."""
+    data = Dataset(source)
+    scene = 0
+    for number, about in enumerate(data.episodes):
+        frames = data.episode(number)
+        drawn = {c["name"]: Camera(**c) for c in about[f"{OWN}cameras"]}
+        for name in data.cameras:
+            _scene(out / "train" / f"{scene:06d}", data, frames, drawn[name])
+            scene += 1
+    first = next(iter(data.cameras.values()))
+    general = {k: getattr(first, k) for k in ("fx", "fy", "cx", "cy", "width", "height")}
+    _json(out / "camera.json", general | {"depth_scale": DEPTH_STEP * MM})
+    objects = {str(i): {"name": name, "frame": label.partition(".")[2]} for i, (name, label) in OBJECTS.items()}
+    scenes = [
+        [f"{len(data.cameras) * n + i:06d}", n, c]
+        for n in range(len(data.episodes))
+        for i, c in enumerate(data.cameras)
+    ]
+    keys = ("scene", "episode", "camera")
+    _json(out / "dataset_info.json", {"objects": objects, "scenes": [dict(zip(keys, s, strict=True)) for s in scenes]})
+
+
+def _scene(folder: Path, data: Dataset, frames: dict[str, np.ndarray], camera: Camera) -> None:
+    cameras, truth, extent = {}, {}, {}
+    image = f"observation.images.{camera.name}"
+    for kind in ("rgb", "depth", "mask_visib"):
+        (folder / kind).mkdir(parents=True)
+    for i in range(len(frames["index"])):
+        (folder / "rgb" / f"{i:06d}.png").write_bytes(encode(frames[image][i]))
+        (folder / "depth" / f"{i:06d}.png").write_bytes(encode(to_steps(frames[f"{image}_depth"][i])))
+        pose = matrix(frames[f"label.camera.{camera.name}"][i])
+        view = np.linalg.inv(pose)
+        cameras[str(i)] = {
+            "cam_K": camera.K.ravel().tolist(),
+            "depth_scale": DEPTH_STEP * MM,
+            "cam_R_w2c": view[:3, :3].ravel().tolist(),
+            "cam_t_w2c": (MM * view[:3, 3]).tolist(),
+        } | ({"cam_distortion": list(camera.distortion)} if any(camera.distortion) else {})
+        truth[str(i)], extent[str(i)] = [], []
+        for j, (number, (part, label)) in enumerate(OBJECTS.items()):
+            at = view @ matrix(frames[label][i])
+            one = {"cam_R_m2c": at[:3, :3].ravel().tolist(), "cam_t_m2c": (MM * at[:3, 3]).tolist(), "obj_id": number}
+            truth[str(i)].append(one)
+            labels = frames.get(f"label.parts.{camera.name}")
+            if labels is not None:
+                mask = labels[i] == 1 + data.parts.index(part)
+                (folder / "mask_visib" / f"{i:06d}_{j:06d}.png").write_bytes(encode(255 * mask.astype(np.uint8)))
+                extent[str(i)].append({"bbox_visib": box(mask), "px_count_visib": int(mask.sum())})
+    _json(folder / "scene_camera.json", cameras)
+    _json(folder / "scene_gt.json", truth)
+    if any(extent.values()):
+        _json(folder / "scene_gt_info.json", extent)
+
+
+def box(mask: np.ndarray) -> list[int]:
+    """x, y, width, height of what a mask (H, W) holds, px; all -1 where it is empty."""
+    if not mask.any():
+        return [-1, -1, -1, -1]
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    first, last = (int(columns[0]), int(rows[0])), (int(columns[-1]), int(rows[-1]))
+    return [*first, last[0] - first[0] + 1, last[1] - first[1] + 1]
+
+
+def matrix(pose: np.ndarray) -> np.ndarray:
+    """(4, 4) of a pose (7,): x y z in m, quaternion w x y z."""
+    out = np.eye(4)
+    quat = pose[3:].astype(float)
+    out[:3, :3], out[:3, 3] = rotation(quat / np.linalg.norm(quat)), pose[:3]
+    return out
+
+
+def _json(path: Path, content: Any) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")

@@ -1,0 +1,71 @@
+"""One episode in one look, on its way into a file: numbers, encoded pictures, and what is known about it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from vispeg.datasets.codec import encode
+from vispeg.datasets.layout import Layout, is_image, pixel_shape, pixel_type
+from vispeg.datasets.stats import PictureStats, Stats, of_numbers
+
+
+@dataclass(frozen=True)
+class Episode:
+    """T frames.
+
+    Attributes:
+        values: by feature, (T, ...) numbers or T encoded pictures; without what is only counted.
+        stats: by feature.
+        about: JSON values: seeds, drawn parameters, what came of it.
+    """
+
+    values: Mapping[str, Any]
+    stats: Mapping[str, Stats]
+    about: Mapping[str, Any]
+
+    def __len__(self) -> int:
+        return len(next(iter(self.values.values())))
+
+
+class Recorder:
+    """Takes an episode's frames one by one; pictures are encoded at once, so that few are held.
+
+    Args:
+        layout: what each frame has to hold.
+    """
+
+    def __init__(self, layout: Layout):
+        self.layout = layout
+        self.values: dict[str, list[Any]] = {name: [] for name in layout.features}
+        self.pictures = {name: PictureStats(f) for name, f in layout.features.items() if is_image(f)}
+
+    def add(self, frame: Mapping[str, Any]) -> None:
+        """One more frame: every feature's number, vector or picture.
+
+        Raises:
+            ValueError: a feature is missing or has another shape or type than the layout says.
+        """
+        for name, feature in self.layout.features.items():
+            value = np.asarray(frame[name])
+            if is_image(feature):
+                if value.shape != pixel_shape(feature) or value.dtype != pixel_type(feature):
+                    raise ValueError(f"{name}: {value.shape} {value.dtype}, not as the layout says: {feature}")
+                self.pictures[name].add(value)
+                self.values[name].append(encode(value))
+            else:
+                self.values[name].append(value.astype(feature["dtype"]).reshape(feature["shape"]))
+
+    def finish(self, about: Mapping[str, Any]) -> Episode:
+        """The episode."""
+        values, stats = {}, {}
+        for name, given in self.values.items():
+            if name in self.pictures:
+                values[name], stats[name] = given, self.pictures[name].result()
+            else:
+                values[name] = np.stack(given)
+                stats[name] = of_numbers(values[name])
+        return Episode(values, stats, about)

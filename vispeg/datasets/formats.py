@@ -1,0 +1,37 @@
+"""Other layouts that a dataset can be written in, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from vispeg.datasets.bop import write_bop
+from vispeg.datasets.plain import write_plain
+from vispeg.datasets.rendering import Export
+
+EXPORTS: Mapping[str, Export] = {"bop": write_bop, "folder": write_plain}
+FORMATS = ("lerobot", *EXPORTS)
+
+
+def export(source: Path, out: Path, layout: str, *, overwrite: bool = False) -> None:
+    """Writes a dataset once more in another layout.
+
+    Args:
+        source: a dataset's folder.
+        out: the new folder.
+        layout: `bop` or `folder`.
+        overwrite: whether a folder with content is replaced.
+
+    Raises:
+        UserError: an unknown layout, a dataset that cannot be read, a folder that cannot be written.
+    """
+    from vispeg.core.errors import UserError
+    from vispeg.core.files import new_folder
+
+    if layout not in EXPORTS:
+        raise UserError("unknown layout", got=layout, choices=EXPORTS)
+    with new_folder(out, overwrite=overwrite) as folder:
+        try:
+            EXPORTS[layout](source, folder)
+        except OSError as error:
+            raise UserError(f"cannot be written: {error.strerror}", file=out) from error

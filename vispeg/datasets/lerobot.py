@@ -1,0 +1,171 @@
+"""Puts finished shards in their places in a folder laid out as LeRobotDataset v3.0.
+
+    meta/info.json, stats.json, tasks.parquet, cameras.json, render.json
+    meta/episodes/chunk-000/file-000.parquet    one a shard: where its episodes lie, their statistics and drawn worlds
+    data/chunk-000/file-000.parquet             one a shard, a row group an episode
+
+A shard's files depend on it and on how many episodes lie before it, so that a rendering which was stopped ends with
+the same bytes as one that was not.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.files import write_bytes_atomic, write_text_atomic
+from vispeg.datasets.layout import VERSION, Layout
+from vispeg.datasets.plan import Plan
+from vispeg.datasets.shard import ABOUT
+from vispeg.datasets.stats import Stats, of_numbers, together
+from vispeg.render.camera_files import to_record
+
+CHUNK = 1000  # files a folder
+DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+EPISODES = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+INFO, STATS, TASKS = "meta/info.json", "meta/stats.json", "meta/tasks.parquet"
+CAMERAS, RENDER = "meta/cameras.json", "meta/render.json"
+OWN = "vispeg/"  # before the names of columns that LeRobot does not have
+
+
+def path_of(pattern: str, shard: int) -> str:
+    """Where a shard's file lies in its dataset."""
+    return pattern.format(chunk_index=shard // CHUNK, file_index=shard % CHUNK)
+
+
+def place(folder: Path, part: Path, shard: int, first_episode: int, first_frame: int) -> int:
+    """Writes a finished shard's two files from its bytes in `part`. Returns how many episodes it has.
+
+    The data come last: a shard whose data are there is done.
+
+    Args:
+        folder: of the dataset.
+        part: a file that holds what `shard_bytes` gave.
+        shard: its number.
+        first_episode, first_frame: how many lie before it.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    rows, sink = [], pa.BufferOutputStream()
+    with pq.ParquetFile(part) as file:
+        about = json.loads(file.metadata.metadata[ABOUT])
+        kept = file.schema_arrow.with_metadata({b"huggingface": file.schema_arrow.metadata[b"huggingface"]})
+        with pq.ParquetWriter(sink, kept, compression="snappy") as out:
+            for i, one in enumerate(about):
+                table = file.read_row_group(i)
+                episode = np.full(len(table), first_episode + i)
+                index = first_frame + np.arange(len(table))
+                for name, values in (("episode_index", episode), ("index", index)):
+                    at = table.schema.get_field_index(name)
+                    table = table.set_column(at, name, pa.array(values, pa.int64()))
+                    one["stats"][name] = of_numbers(values)
+                out.write_table(table.cast(kept))
+                rows.append(_row(one, shard, first_episode + i, first_frame))
+                first_frame += len(table)
+    lines = pa.BufferOutputStream()
+    pq.write_table(pa.Table.from_pylist(rows), lines, compression="snappy")
+    write_bytes_atomic(folder / path_of(EPISODES, shard), lines.getvalue().to_pybytes(), overwrite=True)
+    write_bytes_atomic(folder / path_of(DATA, shard), sink.getvalue().to_pybytes(), overwrite=True)
+    return len(rows)
+
+
+def _row(one: Mapping[str, Any], shard: int, number: int, first_frame: int) -> dict[str, Any]:
+    """A line of `meta/episodes`."""
+    chunk, file = divmod(shard, CHUNK)
+    row: dict[str, Any] = {
+        "episode_index": number,
+        "tasks": [one["about"]["task"]],
+        "length": one["length"],
+        "data/chunk_index": chunk,
+        "data/file_index": file,
+        "dataset_from_index": first_frame,
+        "dataset_to_index": first_frame + one["length"],
+        "meta/episodes/chunk_index": chunk,
+        "meta/episodes/file_index": file,
+    }
+    for name, values in one["about"].items():
+        if name != "task":
+            row[OWN + name] = json.dumps(values, sort_keys=True) if isinstance(values, (dict, list)) else values
+    for feature, stats in one["stats"].items():
+        row |= {f"stats/{feature}/{key}": value for key, value in stats.items()}
+    return row
+
+
+def finish(folder: Path, plan: Plan, layout: Layout, provenance: Mapping[str, Any]) -> None:
+    """Writes what describes the whole, once every shard is placed; `info.json` comes last."""
+    import pyarrow.parquet as pq
+
+    episodes, stats = 0, {}
+    for shard in plan.shards:
+        table = pq.read_table(folder / path_of(EPISODES, shard.number))
+        episodes += len(table)
+        for name in layout.all:
+            keys = [k for k in table.column_names if k.rpartition("/")[0] == f"stats/{name}"]
+            found = [table.column(k).to_pylist() for k in keys]
+            short = [k.rpartition("/")[2] for k in keys]
+            stats.setdefault(name, []).extend(dict(zip(short, v, strict=True)) for v in zip(*found, strict=True))
+    totals: dict[str, Stats] = {name: together(parts) for name, parts in stats.items()}
+    cameras = {"format": "vispeg-cameras/1", "cameras": [to_record(c) for c in layout.cameras], "parts": layout.parts}
+    files = {
+        path_of(p, s.number): _sha256(folder / path_of(p, s.number)) for s in plan.shards for p in (DATA, EPISODES)
+    }
+    render = {"format": "vispeg-dataset/1", "plan": plan.to_json(), "files": files, "provenance": dict(provenance)}
+    _json(folder / STATS, totals)
+    _json(folder / CAMERAS, cameras)
+    _json(folder / RENDER, render)
+    write_bytes_atomic(folder / TASKS, _tasks(layout.task), overwrite=True)
+    _json(folder / INFO, info(layout, plan.frames, episodes))
+
+
+def info(layout: Layout, frames: int, episodes: int) -> dict[str, Any]:
+    """The content of `meta/info.json`."""
+    rate = int(layout.fps) if layout.fps == int(layout.fps) else layout.fps
+    return {
+        "codebase_version": VERSION,
+        "robot_type": layout.robot,
+        "total_episodes": episodes,
+        "total_frames": frames,
+        "total_tasks": 1,
+        "chunks_size": CHUNK,
+        "data_files_size_in_mb": 100,
+        "video_files_size_in_mb": 200,
+        "fps": rate,
+        "splits": {"train": f"0:{episodes}"},
+        "data_path": DATA,
+        "video_path": None,
+        "features": layout.all,
+    }
+
+
+def _tasks(task: str) -> bytes:
+    """The table of tasks; its note makes the words the index when pandas reads it, as LeRobot does."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    def described(name: str, kind: str, numpy: str) -> dict[str, Any]:
+        return {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy, "metadata": None}
+
+    note = {
+        "index_columns": ["task"],
+        "column_indexes": [],
+        "columns": [described("task_index", "int64", "int64"), described("task", "unicode", "object")],
+        "pandas_version": "2.2.0",
+    }
+    table = pa.table({"task_index": pa.array([0], pa.int64()), "task": pa.array([task])})
+    sink = pa.BufferOutputStream()
+    pq.write_table(table.replace_schema_metadata({"pandas": json.dumps(note)}), sink)
+    return sink.getvalue().to_pybytes()
+
+
+def _json(path: Path, content: Any) -> None:
+    write_text_atomic(path, json.dumps(content, indent=2) + "\n", overwrite=True)
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,0 +1,72 @@
+"""A shard as the bytes of one Parquet file, an episode a row group; indices count from 0 until it has its place."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from vispeg.datasets.episode import Episode
+from vispeg.datasets.layout import Layout, column, schema
+from vispeg.datasets.plan import Plan, Shard
+from vispeg.datasets.stats import of_numbers
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+# Plays and draws one shard, episode by episode. Sent to workers by name: a function at the top of a module.
+Source = Callable[[Plan, Layout, Shard], Iterator[Episode]]
+Tick = Callable[[int], None]
+ABOUT = b"vispeg.episodes"
+
+
+def shard_bytes(source: Source, plan: Plan, layout: Layout, shard: Shard, tick: Tick = lambda frames: None) -> bytes:
+    """Everything of one shard; the same bytes wherever and whenever it is made.
+
+    Args:
+        source: makes its episodes.
+        plan, layout, shard: what is asked for.
+        tick: told the number of frames of each episode that is done.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    sink, about, first = pa.BufferOutputStream(), [], 0
+    with pq.ParquetWriter(sink, schema(layout.all), compression="snappy") as file:
+        for number, episode in enumerate(source(plan, layout, shard)):
+            table, stats = counted(layout, episode, number, first)
+            file.write_table(table)
+            about.append({"length": len(episode), "stats": {**episode.stats, **stats}, "about": dict(episode.about)})
+            first += len(episode)
+            tick(len(episode))
+        if first != shard.frames:
+            raise ValueError(f"shard {shard.number} has {first} frames, not {shard.frames}")
+        file.add_key_value_metadata({ABOUT.decode(): json.dumps(about)})
+    return sink.getvalue().to_pybytes()
+
+
+def counted(layout: Layout, episode: Episode, number: int, first: int) -> tuple[pa.Table, dict[str, Any]]:
+    """An episode's table, and the statistics of what is only counted.
+
+    Args:
+        layout: of the dataset.
+        episode: the frames.
+        number: its episode index.
+        first: its first frame's index.
+    """
+    import pyarrow as pa
+
+    n = len(episode)
+    frame = np.arange(n)
+    own = {
+        "timestamp": (frame / layout.fps).astype(np.float32),
+        "frame_index": frame,
+        "episode_index": np.full(n, number),
+        "index": first + frame,
+        "task_index": np.zeros(n, np.int64),
+    }
+    values = {**episode.values, **own}
+    columns = [column(feature, values[name]) for name, feature in layout.all.items()]
+    return pa.table(columns, schema=schema(layout.all)), {name: of_numbers(v) for name, v in own.items()}
