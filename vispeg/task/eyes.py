@@ -13,6 +13,7 @@ from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
+from vispeg.render import block_matching
 from vispeg.render.backend import Renderer, Shot
 from vispeg.render.camera import Camera
 from vispeg.render.camera_files import load_camera
@@ -29,13 +30,16 @@ FAR = 4.0  # m, greatest depth that is told apart
 FILM = (320, 240)  # px, width and height of pictures for people
 
 
+WANTED = {"depth": ("depth",), "rgb": ("rgb",), "rgbd": ("rgb", "depth")}  # kinds of images by observation mode
+
+
 def image_spaces(obs_mode: str, cameras: Sequence[Camera]) -> dict[str, gym.Space]:
     """Spaces `depth_<camera>` (1, H, W) float32 m, 0 = no reading, and `rgb_<camera>` (3, H, W) uint8."""
     out: dict[str, gym.Space] = {}
     for c in cameras:
-        if obs_mode in ("depth", "rgbd"):
+        if "depth" in WANTED.get(obs_mode, ()):
             out[f"depth_{c.name}"] = gym.spaces.Box(0.0, FAR, (1, c.height, c.width), np.float32)
-        if obs_mode in ("rgb", "rgbd"):
+        if "rgb" in WANTED.get(obs_mode, ()):
             out[f"rgb_{c.name}"] = gym.spaces.Box(0, 255, (3, c.height, c.width), np.uint8)
     return out
 
@@ -96,12 +100,14 @@ class Eyes:
         file: Any = None,
         backend: str = "auto",
     ):
-        self.sim, self.obs_mode, self.redrawn = sim, obs_mode, 0
+        self.sim, self.redrawn = sim, 0
         chosen = dict(file.renderer) if file is not None else {}
         self.backend, self.shadows = chosen.get("backend", backend), bool(chosen.get("shadows", False))
         self._camera_file = dict(file.cameras) if file is not None else {}
         self.cameras: tuple[Camera, ...] = ()
+        self.wanted = WANTED.get(obs_mode, ())
         self._film: Renderer | None = None
+        self._infrared: dict[int, Renderer] = {}
         self._guard: Renderer | None = None
         self._renderers: list[Renderer] = []
         if not sim.scene.cameras:
@@ -111,6 +117,7 @@ class Eyes:
         self._pipelines = {
             c.name: Pipeline([replace(sim.world, effects=(), ranges=())] * sim.nsim, c.name) for c in self.cameras
         }
+        self._matchers: list[dict[str, dict[str, float]]] = [{} for _ in range(sim.nsim)]  # cameras that match depth
         self._shots: list[dict[str, Shot] | None] = [None] * sim.nsim
         self._varied = any(effect(r.effect).kind == "appearance" for r in sim.world.ranges)
 
@@ -136,14 +143,30 @@ class Eyes:
                 self.redrawn += refused
                 self.sim.drawn[row] = world
             dress(self._renderers[row], self.sim.scene, world)
+            found = {c.name: block_matching.settings(world, c.name) for c in self.cameras}
+            self._matchers[row] = {name: p for name, p in found.items() if p is not None}
+            if (
+                self._matchers[row] and self.backend == "filament"
+            ):  # an infrared pair needs no materials, but many pixels
+                if row not in self._infrared:
+                    self._infrared[row] = Renderer(self.sim.scene, self.cameras, "auto")
+                dress(self._infrared[row], self.sim.scene, world)
             self._shots[row] = None
         for pipeline in self._pipelines.values():
             pipeline.place(rows.tolist(), [self.sim.drawn[row] for row in rows])
 
     def look(self, rows: Sequence[int] | np.ndarray) -> None:
         """Draws these rows as they stand now."""
+        sim = self.sim
         for row in rows if self.cameras else ():
-            self._shots[row] = self._renderers[row].render(self.sim.cell.qpos[row], self.sim.bodies(row))
+            shots = self._renderers[row].render(sim.cell.qpos[row], sim.bodies(row))
+            for name, p in self._matchers[row].items() if "depth" in self.wanted else ():
+                rng = stream(int(sim.seeds[row]), "eyes", name, int(sim.count[row]))
+                qpos, eyes = sim.cell.qpos[row], self._infrared.get(row, self._renderers[row])
+                if eyes is not self._renderers[row]:
+                    eyes.render(qpos, sim.bodies(row))
+                shots[name] = replace(shots[name], depth=block_matching.depth(eyes, name, p, rng, qpos))
+            self._shots[row] = shots
 
     def see(self) -> dict[str, np.ndarray]:
         """The images of every row, as `image_spaces` states; rows are drawn anew by `look`."""
@@ -163,9 +186,9 @@ class Eyes:
     def _frame(self, i: int, camera: Camera, shots: Sequence[Shot]) -> Frame:
         rgb = depth = None
         truth = np.stack([s.depth for s in shots])
-        if self.obs_mode in ("rgb", "rgbd"):
+        if "rgb" in self.wanted:
             rgb = np.stack([s.rgb for s in shots]).astype(np.float32) / 255
-        if self.obs_mode in ("depth", "rgbd"):
+        if "depth" in self.wanted:
             depth = truth
         poses = np.stack([s.pose for s in shots])
         return Frame(
@@ -203,6 +226,6 @@ class Eyes:
 
     def close(self) -> None:
         """Frees the renderers."""
-        for r in (*self._renderers, self._film, self._guard):
+        for r in (*self._renderers, *self._infrared.values(), self._film, self._guard):
             if r is not None:
                 r.close()
