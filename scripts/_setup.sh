@@ -39,10 +39,11 @@ setup() { # setup NAME TARGET: installs TARGET (`.` or `.[extras]`) once; again 
     fi
 }
 
-install_egl() { # pictures without a display need EGL; everything else works without
+install_egl() { # pictures without a display need EGL, the Filament renderer Vulkan; everything else works without
     [ "$(uname)" = Linux ] || return 0
-    .venv/bin/python -c 'import ctypes; [ctypes.CDLL(n) for n in ("libEGL.so.1", "libOpenGL.so.0")]' 2>/dev/null && return 0
-    local as="" packages="libegl1 libopengl0 libgl1-mesa-dri"
+    .venv/bin/python -c 'import ctypes; [ctypes.CDLL(n) for n in ("libEGL.so.1", "libOpenGL.so.0", "libvulkan.so.1")]' \
+        2>/dev/null && return 0
+    local as="" packages="libegl1 libopengl0 libgl1-mesa-dri libvulkan1 mesa-vulkan-drivers"
     if [ "$(id -u)" != 0 ]; then
         as="sudo -n"
     fi
@@ -53,5 +54,5 @@ install_egl() { # pictures without a display need EGL; everything else works wit
             return 0
         fi
     fi
-    say "note: no EGL, so no pictures of the scene; to get them run: sudo apt-get update && sudo apt-get install -y $packages"
+    say "note: no EGL or no Vulkan, so pictures are ray-cast; to get them run: sudo apt-get update && sudo apt-get install -y $packages"
 }
