@@ -7,14 +7,15 @@ from typing import Any
 
 from gymnasium.vector import AutoresetMode, VectorEnv
 
-from vispeg.learn.modalities import Modality
+from vispeg.learn.modalities import Modality, modality
+from vispeg.learn.policy import NetPolicy
 from vispeg.learn.settings import SacSettings
 
 MakeEnv = Callable[[int, Mapping[str, Any]], VectorEnv]  # (rows, task settings) -> environment that resets when told
 HELD_OUT = 2**31  # seeds from here on are never drawn by training, whose seeds are below it
 
 
-def peg_maker(modality: Modality, world: str, sac: SacSettings, threads: int) -> MakeEnv:
+def peg_maker(seen: Modality, world: str, sac: SacSettings, threads: int) -> MakeEnv:
     """Makes peg-in-hole environments of a modality in a world; for a policy with a memory, without a stack."""
 
     def make(rows: int, settings: Mapping[str, Any]) -> VectorEnv:
@@ -22,7 +23,7 @@ def peg_maker(modality: Modality, world: str, sac: SacSettings, threads: int) ->
 
         own = {"stack": 1, **settings} if sac.recurrent else dict(settings)
         mode = AutoresetMode.DISABLED
-        return PegInHoleVec(rows, world, modality.obs_mode, autoreset_mode=mode, nthread=threads, **own)
+        return PegInHoleVec(rows, world, seen.obs_mode, autoreset_mode=mode, nthread=threads, **own)
 
     return make
 
@@ -40,3 +41,12 @@ def describe(env: Any) -> dict[str, Any]:
     if file is not None:
         return {"world": file.name, "world_hash": file.hash, "task": asdict(config)}
     return {"world": env.world.label, "world_hash": world_hash(env.world, config), "task": asdict(config)}
+
+
+def of_policy(policy: NetPolicy, world: str, threads: int = 1) -> MakeEnv:
+    """Makes the environments that a policy can act in, in a world: with its own stack, directions and cameras."""
+    task = policy.meta.get("task") or {}
+    own = {key: task[key] for key in ("stack", "dof", "cameras", "image_size") if task.get(key) is not None}
+    own = {key: tuple(value) if isinstance(value, list) else value for key, value in own.items()}
+    make = peg_maker(modality(policy.modality), world, SacSettings(recurrent=policy.actor.recurrent), threads)
+    return lambda rows, settings: make(rows, {**own, **settings})

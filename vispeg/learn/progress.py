@@ -62,12 +62,16 @@ class Table:
 
 
 class Watch(BaseCallback):
-    """Follows the training episodes: their success rate, categories and how fast it goes."""
+    """Follows the training episodes and shows how they go.
 
-    def __init__(self, bar: Bar):
+    Args:
+        bar: where it is shown.
+        recent: success and category of the last episodes, newest last; added to.
+    """
+
+    def __init__(self, bar: Bar, recent: deque[tuple[bool, str]]):
         super().__init__()
-        self.bar, self.recent = bar, deque(maxlen=100)
-        self.recent: deque[tuple[bool, str]]
+        self.bar, self.recent = bar, recent
 
     def _on_step(self) -> bool:
         for row in np.flatnonzero(self.locals["dones"]):
@@ -78,7 +82,7 @@ class Watch(BaseCallback):
 
     @property
     def success(self) -> float:
-        """Share of successes among the last 100 training episodes."""
+        """Share of successes among the recent training episodes."""
         return float(np.mean([success for success, _ in self.recent])) if self.recent else 0.0
 
 

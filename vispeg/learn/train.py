@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 import time
+from collections import deque
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +58,7 @@ class SacRun:
         self.model.set_logger(Logger(None, []))
         self.best: tuple[float, float] = (-1.0, 0.0)
         self.reached = 0
+        self.recent: deque[tuple[bool, str]] = deque(maxlen=100)  # success and category of the last training episodes
 
     def _environments(self) -> tuple[Sb3Env, Any]:
         settings = self.course.settings(self.config.settings)
@@ -74,6 +76,7 @@ class SacRun:
             raise UserError("there is no checkpoint to go on from", file=folder)
         counters = load_state(folder, self.model)
         self.best, self.reached = (counters["best"][0], counters["best"][1]), counters["reached"]
+        self.recent.extend((bool(success), str(category)) for success, category in counters["recent"])
         if counters["stage"] != self.course.at:
             self._move_to(counters["stage"])
         if (self.folder / "demos").is_dir():
@@ -96,7 +99,7 @@ class SacRun:
         logger = tensorboard(self.folder / "tensorboard")
         model.set_logger(logger)
         with Bar(c.steps, self.show) as bar:
-            watch = Watch(bar)
+            watch = Watch(bar, self.recent)
             model.restart(restart_seed(c.seed, model.num_timesteps))
             while model.num_timesteps < c.steps and self.reached < 2:
                 goal = min((model.num_timesteps // c.every + 1) * c.every, c.steps)
@@ -157,7 +160,7 @@ class SacRun:
             self.keep_best(row)
         self.reached = self.reached + 1 if last and success >= self.config.target else 0
         moved = self.course.after(success)
-        counters = {"stage": self.course.at, "best": list(self.best), "reached": self.reached}
+        counters = {"stage": self.course.at, "best": list(self.best), "reached": self.reached, "recent": [*self.recent]}
         with new_folder(self.folder / "checkpoints" / "last", overwrite=True) as place:
             save(place, self.model.actor, self.modality.name, self.meta(row))
             save_state(place, self.model, counters)

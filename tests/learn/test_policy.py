@@ -1,0 +1,110 @@
+"""A policy on disk acts as it did in memory, and nothing else is taken for one."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from vispeg.core.errors import UserError
+from vispeg.learn.actor import Actor
+from vispeg.learn.layout import Layout
+from vispeg.learn.modalities import modality, names
+from vispeg.learn.policy import META, WEIGHTS, NetPolicy, load, save
+
+SHAPES = {"depth": (1, 24, 24), "rgb": (3, 24, 24)}
+
+
+def made(name="depth", recurrent=0):
+    torch.manual_seed(0)
+    seen = modality(name)
+    images = {f"{kind}_wrist": SHAPES[kind] for kind in seen.kinds}
+    return NetPolicy(Actor(Layout(5, images, 3), seen, (32,), recurrent), name)
+
+
+def observation(policy, n=4, seed=0):
+    rng = np.random.default_rng(seed)
+    obs = {"policy": rng.standard_normal((n, 5)).astype(np.float32)}
+    for key, shape in policy.actor.layout.images.items():
+        image = rng.uniform(0, 0.4, (n, *shape))
+        obs[key] = (600 * image).astype(np.uint8) if key.startswith("rgb") else image.astype(np.float32)
+    return obs
+
+
+@pytest.mark.parametrize("name", names())
+@pytest.mark.parametrize("recurrent", [0, 8])
+def test_saving_and_loading_keeps_every_action(tmp_path, name, recurrent):
+    policy = made(name, recurrent)
+    save(tmp_path / "p", policy.actor, name, {"seed": 3})
+    other = load(tmp_path / "p")
+    assert other.modality == name and other.meta == {"seed": 3}
+    for p in (policy, other):
+        p.reset(4)
+    for k in range(3):
+        obs = observation(policy, seed=k)
+        assert np.array_equal(policy.act(obs), other.act(obs))
+
+
+def test_a_row_that_begins_anew_forgets_and_others_do_not():
+    policy, fresh = made("state", 8), made("state", 8)
+    policy.reset(4)
+    for k in range(3):
+        policy.act(observation(policy, seed=k))
+    policy.reset(4, np.array([True, False, False, False]))
+    fresh.reset(4)
+    obs = observation(policy, seed=9)
+    same = (policy.act(obs) == fresh.act(obs)).all(axis=1)
+    assert same.tolist() == [True, False, False, False]
+
+
+@pytest.mark.parametrize(("name", "recurrent"), [("depth", 0), ("rgbd", 0), ("state", 8)])
+def test_onnx_agrees(tmp_path, name, recurrent):
+    runtime = pytest.importorskip("onnxruntime")
+    pytest.importorskip("onnx")
+    from vispeg.learn.onnx import export
+
+    policy = made(name, recurrent)
+    session = runtime.InferenceSession(export(policy, tmp_path / "p.onnx").read_bytes())
+    policy.reset(6)
+    state = {"hidden": np.zeros((1, 6, 8), np.float32), "cell": np.zeros((1, 6, 8), np.float32)} if recurrent else {}
+    for k in range(3):
+        obs = observation(policy, 6, seed=k)
+        action, *after = session.run(None, obs | state)
+        state = dict(zip(state, after, strict=True))
+        assert np.allclose(action, policy.act(obs), atol=1e-5)
+
+
+def test_an_observation_of_another_layout_is_refused():
+    policy = made("depth")
+    obs = observation(policy)
+    with pytest.raises(UserError, match="depth_wrist.*another observation"):
+        policy.act(obs | {"depth_wrist": obs["depth_wrist"][..., :20]})
+    with pytest.raises(UserError, match="lacks a part"):
+        policy.act({"policy": obs["policy"]})
+
+
+def spoil_meta(folder, **changes):
+    record = json.loads((folder / META).read_text())
+    (folder / META).write_text(json.dumps(record | changes))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda f: (f / META).unlink(), "not a policy's folder"),
+        (lambda f: (f / META).write_text("{"), "not JSON"),
+        (lambda f: (f / META).write_text("[]"), "not a policy"),
+        (lambda f: spoil_meta(f, format="other/1"), "not a policy"),
+        (lambda f: spoil_meta(f, modality="smell"), "no such modality"),
+        (lambda f: spoil_meta(f, layout={"vector": "x"}), "not a policy's layout"),
+        (lambda f: spoil_meta(f, net={"hidden": [8]}), "not the weights"),
+        (lambda f: (f / WEIGHTS).write_bytes(b"\x80\x04pickle"), "not the weights"),
+        (lambda f: (f / WEIGHTS).unlink(), "cannot be read"),
+    ],
+)
+def test_what_is_not_a_policy_is_one_line(tmp_path, spoil, said):
+    save(tmp_path, made().actor, "depth", {})
+    spoil(tmp_path)
+    with pytest.raises(UserError, match=said) as caught:
+        load(tmp_path)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,170 @@
+"""A killed run goes on with the same curve; imitation comes near its teacher; configurations are checked."""
+
+import csv
+import shutil
+
+import numpy as np
+import pytest
+import torch
+from toy import STEP, Reach
+
+from vispeg.core.errors import UserError
+from vispeg.learn.config import Stage, TrainConfig, read_config
+from vispeg.learn.curriculum import Curriculum, clearances
+from vispeg.learn.distill import collect, demonstrations
+from vispeg.learn.evaluation import run_episodes, success_rate
+from vispeg.learn.policy import load
+from vispeg.learn.recipes import distilled
+from vispeg.learn.sb3_env import Sb3Env
+from vispeg.learn.settings import SacSettings
+from vispeg.learn.train import resume, train
+
+SAC = SacSettings(batch=32, hidden=(16, 16), warmup=80, replay=600, horizon=12, utd=0.25)
+
+
+class Pointing:
+    """Walks straight to the target, which it knows from ground truth."""
+
+    def reset(self, n, rows=None):
+        pass
+
+    def act(self, obs):
+        return np.clip(np.pad(obs["privileged"][:, :2] / STEP, ((0, 0), (0, 1))), -1, 1)
+
+
+def config(mode="state", **changes):
+    base = dict(task=f"peg-{mode}", steps=480, every=160, episodes=8, envs=8, sac=SAC)
+    return TrainConfig(**(base | changes))
+
+
+def make(mode):
+    return lambda rows, settings: Reach(rows, mode)
+
+
+def curve(folder):
+    with (folder / "progress.csv").open() as stream:
+        return [{k: v for k, v in row.items() if k != "seconds"} for row in csv.DictReader(stream)]
+
+
+@pytest.mark.parametrize(("mode", "sac"), [("state", {}), ("depth", {}), ("state", {"recurrent": 8})])
+def test_a_killed_run_goes_on_with_the_same_curve(tmp_path, mode, sac):
+    from dataclasses import replace
+
+    c = config(mode, sac=replace(SAC, **sac))
+    train(c, tmp_path / "whole", make(mode), show=False)
+    train(replace(c, steps=160), tmp_path / "part", make(mode), show=False)
+    torch.manual_seed(99)  # whatever happened in between
+    resume(tmp_path / "part", 480, make(mode), show=False)
+    assert curve(tmp_path / "part") == curve(tmp_path / "whole")
+    weights = [(tmp_path / name / "checkpoints/last/state.safetensors").read_bytes() for name in ("whole", "part")]
+    assert weights[0] == weights[1]
+
+
+def test_stages_follow_success_and_are_remembered(tmp_path):
+    stages = (Stage(level=0.1), Stage(level=1.0))
+    c = config(stages=stages, pass_rate=0.5, steps=160)
+    train(c, tmp_path / "run", make("state"), show=False)  # at level 0.1 every start is at the target
+    assert [row["stage"] for row in curve(tmp_path / "run")] == ["0"]
+    assert not (tmp_path / "run/checkpoints/best").exists()  # only what is trained for can be the best
+    resume(tmp_path / "run", 320, make("state"), show=False)
+    assert [row["stage"] for row in curve(tmp_path / "run")] == ["0", "1"]
+
+
+def test_a_run_stops_once_its_target_was_reached_twice(tmp_path):
+    c = config(stages=(Stage(level=0.1),), target=0.5, steps=2000)
+    train(c, tmp_path / "run", make("state"), show=False)
+    assert len(curve(tmp_path / "run")) == 2
+
+
+def test_a_student_comes_near_its_teacher_and_the_run_can_go_on(tmp_path):
+    sac = SacSettings(batch=32, hidden=(32, 32), actor_frozen=10, utd=0.25, clone_updates=10)
+    c = config(
+        "depth",
+        recipe="distill+sac",
+        sac=sac,
+        steps=160,
+        distill={"steps": 240, "updates": 200, "betas": (1.0, 0.5, 0.0)},
+    )
+    folder = tmp_path / "run"
+    distilled(c, folder, make("depth"), False, Pointing())
+    student = load(folder / "checkpoints/best")
+    assert success_rate(run_episodes(student, Reach(16, "depth"), range(900, 932))) > 0.9
+    rows = curve(folder)
+    assert [row["stage"] for row in rows] == ["distill 0", "distill 1", "distill 2", "0"]
+    resume(folder, 320, make("depth"), show=False)
+    assert len(curve(folder)) == 5
+
+
+def test_labels_are_the_teachers_whoever_acts():
+    env = Sb3Env(Reach(4))
+    ring = collect(env, Pointing(), None, 1.0, 80, 0.3, seed=0)
+    at, row = np.nonzero(ring.starts)
+    batch = ring._batch(at, row)
+    offset = batch.obs["privileged"][:, :2].numpy()
+    assert np.allclose(batch.action.numpy()[:, :2], np.clip(offset / STEP, -1, 1), atol=1e-6)
+
+
+def test_demonstrations_are_successes_only_and_as_many_as_asked():
+    class Sometimes(Pointing):
+        def act(self, obs):
+            aside = obs["privileged"][:, :1] > 0  # on one side it stays where it is, and fails
+            return np.where(aside & (obs["privileged"][:, 2:] == 0), 0, super().act(obs)) * ~aside
+
+    ring, tried = demonstrations(Sb3Env(Reach(4)), Sometimes(), 10, seed=0)
+    assert int(ring.done.sum()) >= 10 and tried > 10
+    first = ring.starts & ~np.roll(ring.starts, 1, axis=0)
+    at, row = np.nonzero(ring.starts)
+    batch = ring._batch(at, row)
+    assert int(batch.done.sum()) == 10 and first.sum() <= 10
+    assert (batch.done.sum() == 10) and bool((batch.reward[batch.done > 0] > 0.5).all())
+
+    class Never(Pointing):
+        def act(self, obs):
+            return 0 * super().act(obs)
+
+    with pytest.raises(UserError, match="does not succeed"):
+        demonstrations(Sb3Env(Reach(4)), Never(), 20, seed=0)
+
+
+def test_configuration_survives_its_file(tmp_path):
+    c = config(stages=clearances((6.0, 3.0)), settings={"clearance_mm": 3.0}, distill={"betas": [1.0, 0.0]})
+    c.write(tmp_path / "config.yaml")
+    assert read_config(tmp_path / "config.yaml") == c
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"recipe": "magic"}, "no such recipe"),
+        ({"task": "poke"}, "no such task"),
+        ({"steps": 0}, "at least 1"),
+        ({"stages": ()}, "needs a stage"),
+        ({"sac": {"gamma": 2.0}}, "between 0 and 1"),
+        ({"sac": {"lr": -1.0}}, "positive"),
+    ],
+)
+def test_a_run_that_cannot_be_is_refused(change, said):
+    with pytest.raises(UserError, match=said):
+        if "sac" in change:
+            SacSettings(**change["sac"])
+        else:
+            config(**change)
+
+
+def test_runs_are_not_overwritten_and_strangers_not_resumed(tmp_path):
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "mine.txt").write_text("x")
+    with pytest.raises(UserError, match="exists already"):
+        train(config(), tmp_path / "run", make("state"), show=False)
+    with pytest.raises(UserError, match="not a training run"):
+        resume(tmp_path / "run")
+    train(config(steps=160), tmp_path / "other", make("state"), show=False)
+    shutil.rmtree(tmp_path / "other/checkpoints/last")
+    with pytest.raises(UserError, match="no checkpoint"):
+        resume(tmp_path / "other", 320, make("state"), show=False)
+
+
+def test_a_curriculum_moves_on_only_by_success():
+    course = Curriculum(clearances((6.0, 3.0, 1.0)), 0.8)
+    assert [course.after(s) for s in (0.7, 0.8, 0.79, 1.0, 1.0)] == [False, True, False, True, False]
+    assert course.last and course.settings({"stack": 3}) == {"stack": 3, "clearance_mm": 1.0}

@@ -1,0 +1,35 @@
+"""Exports a policy to ONNX, for controllers without torch.
+
+Example:
+    vispeg export runs/peg-depth/20261121-0900_s0/checkpoints/best --out policy.onnx
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+
+@dataclass(frozen=True)
+class Args:
+    """Arguments of `vispeg export`."""
+
+    policy: tyro.conf.Positional[Path]
+    """A policy's folder."""
+    out: Path
+    """The ONNX file."""
+    overwrite: bool = False
+    """Replace OUT if it is there."""
+
+    def run(self) -> int:
+        """Writes the file and names its inputs."""
+        from vispeg.learn.onnx import export
+        from vispeg.learn.policy import load
+
+        policy = load(self.policy)
+        export(policy, self.out, self.overwrite)
+        shapes = ", ".join(f"{key} {list(shape)}" for key, shape in policy.actor.layout.shapes.items())
+        print(f"{self.out}: {policy.modality}, inputs {shapes}")
+        return 0

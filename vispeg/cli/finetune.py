@@ -1,0 +1,66 @@
+"""Fine-tunes a trained policy in a target world on a few demonstrations.
+
+Writes a policy's folder with finetune.json (success in the target before and after) in it.
+
+Example:
+    vispeg finetune runs/peg-depth/best --world dev --teacher expert --demos 100 --out tuned
+    vispeg finetune runs/peg-depth/best --world dev --dataset demos --out tuned
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+
+@dataclass(frozen=True)
+class Args:
+    """Arguments of `vispeg finetune`."""
+
+    policy: tyro.conf.Positional[Path]
+    """A policy's folder."""
+    world: str
+    """The target world: a built-in name or a world file."""
+    out: Path
+    """Folder of the new policy."""
+    teacher: str = "expert"
+    """Who demonstrates: expert for the scripted policy, or a state policy's folder."""
+    dataset: Path | None = None
+    """Demonstrations in LeRobot's layout, in place of the teacher's."""
+    demos: int = 100
+    """Successful demonstrations in the target world."""
+    updates: int = 2000
+    """Gradient steps; image encoders are frozen for the first half."""
+    lr: float = 3e-5
+    """Learning rate: a tenth of training's."""
+    known: float = 0.15
+    """Share of each batch from the world that the policy was trained in, 0 to 0.5."""
+    known_world: str | None = None
+    """That world, if the policy's own record does not name a built-in one."""
+    episodes: int = 50
+    """Episodes of the evaluations before and after."""
+    seed: int = 0
+    """Seed of everything random."""
+    overwrite: bool = False
+    """Replace OUT if it is there."""
+
+    def run(self) -> int:
+        """Fine-tunes and says what it brought."""
+        from vispeg.learn.finetune import FinetuneSettings, finetune_in_worlds
+
+        settings = FinetuneSettings(self.demos, self.updates, self.lr, self.known, episodes=self.episodes)
+        out = finetune_in_worlds(
+            self.policy,
+            self.world,
+            self.known_world,
+            self.teacher,
+            self.out,
+            settings,
+            self.seed,
+            dataset=self.dataset,
+            overwrite=self.overwrite,
+        )
+        print(f"policy: {out}")
+        return 0

@@ -1,0 +1,154 @@
+"""A few demonstrations in a target world make a trained policy at home there.
+
+Imitation at a tenth of the learning rate, the image encoders frozen for the first half of the updates, and a share of
+each batch from the world that the policy knows, so that it forgets little.
+"""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from vispeg.core.errors import UserError
+from vispeg.core.files import new_folder
+from vispeg.core.seeds import stream
+from vispeg.learn.clone import CloneSettings, clone
+from vispeg.learn.distill import collect, demonstrations
+from vispeg.learn.envs import HELD_OUT, MakeEnv, describe, of_policy
+from vispeg.learn.evaluation import run_episodes, success_rate
+from vispeg.learn.policy import NetPolicy, load, save
+from vispeg.learn.replay import Replay
+from vispeg.learn.sb3_env import Sb3Env
+from vispeg.learn.shown import from_folder
+from vispeg.learn.teacher import Teacher, teacher_of
+
+
+@dataclass(frozen=True)
+class FinetuneSettings:
+    """Numbers of a fine-tuning.
+
+    Attributes:
+        demos: successful episodes of the teacher in the target world.
+        updates: gradient steps.
+        lr: a tenth of what the policy was trained with.
+        known: share of each batch from the world that the policy was trained in, 0 to 0.5.
+        known_steps: environment steps collected there.
+        batch: transitions an update.
+        shift: random shift of images, in pixels.
+        rows: environments stepped together.
+        episodes: of the evaluations before and after.
+    """
+
+    demos: int = 100
+    updates: int = 2_000
+    lr: float = 3e-5
+    known: float = 0.15
+    known_steps: int = 2_000
+    batch: int = 128
+    shift: int = 2
+    rows: int = 8
+    episodes: int = 50
+
+    def __post_init__(self) -> None:
+        for key in ("demos", "updates", "known_steps", "batch", "rows", "episodes"):
+            if getattr(self, key) < 1:
+                raise UserError("must be at least 1", key=key, got=getattr(self, key))
+        if not 0 <= self.known <= 0.5:
+            raise UserError("a share between 0 and 0.5", key="known", got=self.known)
+
+
+def finetune(
+    source: Path,
+    out: Path,
+    target: MakeEnv,
+    known: MakeEnv | None,
+    teacher: Callable[[Any], Teacher],
+    settings: FinetuneSettings,
+    seed: int,
+    *,
+    dataset: Path | None = None,
+    overwrite: bool = False,
+    say: Callable[[str], None] = print,
+) -> Path:
+    """Fine-tunes a policy into a new folder.
+
+    Args:
+        source: the policy's folder.
+        out: of the new policy; also gets `finetune.json` with success before and after.
+        target: makes the target world's environments, for demonstrations and for judging.
+        known: makes those of the world that the policy was trained in; None to learn from the target alone.
+        teacher: gives the teacher for an environment.
+        settings: numbers.
+        seed: of everything random.
+        dataset: demonstrations in LeRobot's layout, in place of the teacher's in `target`.
+        overwrite: whether `out` may be replaced.
+        say: told how it goes.
+
+    Raises:
+        UserError: the policy does not fit the environments, or the teacher fails in them.
+    """
+    torch.set_num_threads(1)
+    torch.manual_seed(seed)
+    policy = load(source)
+    actor = policy.actor.requires_grad_(True)
+    with new_folder(out, overwrite) as folder:
+        env = Sb3Env(target(settings.rows, {}))
+        before = _success(policy, env, settings.episodes)
+        say(f"before: {before:.0%} of {settings.episodes} episodes in the target world")
+        rings: list[tuple[Replay, float]] = []
+        if dataset is not None:
+            rings.append((from_folder(dataset, actor.layout, seed), 1 - settings.known))
+        else:
+            ring, tried = demonstrations(env, teacher(env.env), settings.demos, seed)
+            say(f"{settings.demos} demonstrations, {tried} tried")
+            rings.append((ring, 1 - settings.known))
+        if known is not None and settings.known > 0:
+            home = Sb3Env(known(settings.rows, {}))
+            rings.append((collect(home, teacher(home.env), None, 1.0, settings.known_steps, 0.0, seed), settings.known))
+            home.close()
+        numbers = CloneSettings(lr=settings.lr, batch=settings.batch, shift=settings.shift)
+        loss = clone(actor, rings, settings.updates, numbers, stream(seed, "finetune"), frozen=settings.updates // 2)
+        after = _success(policy, env, settings.episodes)
+        say(f"after: {after:.0%}, loss {loss:.4f}")
+        record = {"before": before, "after": after, "settings": asdict(settings), "seed": seed, **describe(env.env)}
+        origin = {"command": shlex.join(map(str, sys.argv)), "finetuned": record, "parent": str(source)}
+        save(folder, actor, policy.modality, {**policy.meta, **origin})
+        (folder / "finetune.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+        env.close()
+    return out
+
+
+def _success(policy: NetPolicy, env: Sb3Env, episodes: int) -> float:
+    return success_rate(run_episodes(policy, env.env, range(HELD_OUT, HELD_OUT + episodes)))
+
+
+def finetune_in_worlds(
+    source: Path,
+    world: str,
+    known: str | None,
+    teacher: str,
+    out: Path,
+    settings: FinetuneSettings,
+    seed: int,
+    **more: Any,
+) -> Path:
+    """`finetune` between two worlds by name or file; a policy's own stack, directions and cameras are kept."""
+    policy = load(source)
+    known = known or str(policy.meta.get("world") or "nominal")
+    return finetune(
+        source,
+        out,
+        of_policy(policy, world),
+        of_policy(policy, known),
+        lambda env: teacher_of(teacher, env.config),
+        settings,
+        seed,
+        **more,
+    )

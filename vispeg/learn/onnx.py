@@ -1,0 +1,78 @@
+"""Export to ONNX, for controllers without torch."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from vispeg.core.errors import UserError
+from vispeg.core.files import write_bytes_atomic
+from vispeg.learn.actor import Actor
+from vispeg.learn.policy import NetPolicy
+
+OPSET = 17
+
+
+class _Positional(nn.Module):
+    """The actor with its observation's parts (and its memory) as arguments in order."""
+
+    def __init__(self, actor: Actor):
+        super().__init__()
+        self.actor = actor
+
+    def forward(self, *parts: Tensor) -> tuple[Tensor, ...]:
+        keys = self.actor.layout.keys
+        obs = dict(zip(keys, parts, strict=False))
+        state: Any = tuple(parts[len(keys) :]) or None
+        action, after = self.actor.act(obs, state)
+        return (action,) if after is None else (action, *after)
+
+
+def export(policy: NetPolicy, path: str | Path, overwrite: bool = False) -> Path:
+    """Writes the policy's deterministic action as an ONNX model.
+
+    Inputs are the observation's parts by their keys, (n, ...) with n free, float32 except `rgb_*` in uint8; a
+    recurrent policy also takes `hidden` and `cell` (1, n, width), zeros at an episode's start, and gives `hidden_next`
+    and `cell_next`. The output `action` is (n, action) within +-1.
+
+    Args:
+        policy: as `vispeg.learn.policy.load` gives it.
+        path: of the file.
+        overwrite: whether to replace a file that is there.
+
+    Raises:
+        UserError: the package `onnx` is not installed, or the file exists.
+    """
+    import io
+    import warnings
+
+    actor = policy.actor.cpu().eval()
+    keys, shapes = list(actor.layout.keys), actor.layout.shapes
+    kinds = {key: torch.uint8 if key.startswith("rgb") else torch.float32 for key in keys}
+    parts = [torch.zeros(2, *shapes[key], dtype=kinds[key]) for key in keys]
+    outputs, axes = ["action"], {key: {0: "n"} for key in (*keys, "action")}
+    state = actor.initial(2)
+    if state is not None:
+        parts, keys = [*parts, *state], [*keys, "hidden", "cell"]
+        outputs += ["hidden_next", "cell_next"]
+        axes |= {name: {1: "n"} for name in ("hidden", "cell", "hidden_next", "cell_next")}
+    file = io.BytesIO()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # the exporter's own notes on tracing
+            torch.onnx.export(
+                _Positional(actor),
+                tuple(parts),
+                file,  # type: ignore[arg-type]
+                input_names=keys,
+                output_names=outputs,
+                dynamic_axes=axes,
+                opset_version=OPSET,
+                dynamo=False,
+            )
+    except (ImportError, torch.onnx.errors.OnnxExporterError) as error:
+        raise UserError("export to ONNX needs the package onnx", got=str(error).splitlines()[0]) from error
+    return write_bytes_atomic(path, file.getvalue(), overwrite=overwrite)
