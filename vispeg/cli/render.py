@@ -41,8 +41,8 @@ class Args:
     """Seed of everything."""
     noise: float = 0.2
     """Standard deviation of what disturbs the expert's actions, as a share of the greatest action."""
-    labels: bool = True
-    """Pictures of parts beside those that the cameras see; without them, drawing is quicker."""
+    no_labels: bool = False
+    """Leave out the pictures of parts; drawing is quicker then. Poses are kept."""
     workers: int = 2
     """Processes of one thread each; 0 for none but this one."""
     engine: Literal["local", "ray"] = "local"
@@ -75,7 +75,7 @@ class Args:
             size=self.size,
             seed=self.seed,
             noise=self.noise,
-            labels=self.labels,
+            labels=not self.no_labels,
             backend=self.backend,
         )
         began = time.monotonic()

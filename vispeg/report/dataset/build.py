@@ -1,0 +1,147 @@
+"""The page of a dataset: contact sheet, what each camera delivers, labels, drawn parameters, the contrast guard."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vispeg import __version__
+from vispeg.core.errors import UserError
+from vispeg.core.files import new_folder
+from vispeg.datasets.codec import encode
+from vispeg.datasets.lerobot import OWN
+from vispeg.datasets.read import Dataset
+from vispeg.render.contrast import TRIES
+from vispeg.report.dataset.drawn import drawn, histogram
+from vispeg.report.dataset.pictures import chosen, depth_range, embedded, part_picture, sheet, views
+
+PAGE, SHEET = "index.html", "contact-sheet.png"
+SAMPLED = 60  # frames that figures about pictures are taken from
+LARGE = 192  # px
+
+
+def write(dataset: str | Path, out: str | Path, tiles: int = 36, *, overwrite: bool = False) -> Path:
+    """Writes OUT/contact-sheet.png and OUT/index.html; returns the page's path.
+
+    Args:
+        dataset: its folder.
+        out: the new folder.
+        tiles: frames on the sheet.
+        overwrite: whether a folder with content is replaced.
+
+    Raises:
+        UserError: no dataset that can be read, one without cameras, or a folder that cannot be written.
+    """
+    if tiles < 1:
+        raise UserError("must be at least 1", key="tiles", got=tiles)
+    data = Dataset(dataset)
+    if not data.cameras:
+        raise UserError("does not say what its cameras are, so there is nothing to show", file=dataset)
+    with new_folder(out, overwrite=overwrite) as folder:
+        (folder / SHEET).write_bytes(encode(np.ascontiguousarray(sheet(data, tiles))))
+        (folder / PAGE).write_text(render(data), encoding="utf-8")
+    return Path(out) / PAGE
+
+
+def render(data: Dataset) -> str:
+    """The page as text; it shows the contact sheet beside it."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
+
+    pages = Environment(
+        loader=PackageLoader("vispeg.report", "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    sections = []
+    for name, title, values in _sections(data):
+        html = pages.get_template(f"dataset/{name}.html.j2").render(values)
+        sections.append({"name": name, "title": title, "html": Markup(html)})
+    page = pages.get_template("report.html.j2")
+    return (
+        page.render(sections=sections, title=f"dataset {data.folder.name}", kind="dataset", version=__version__) + "\n"
+    )
+
+
+def _sections(data: Dataset) -> list[tuple[str, str, dict[str, Any]]]:
+    worlds = [e.get(f"{OWN}world") or {} for e in data.episodes]
+    out = [
+        ("headline", "", headline(data)),
+        (
+            "sheet",
+            "Contact sheet",
+            {"sheet": SHEET, "labels": any(k.startswith("label.parts.") for k in data.features)},
+        ),
+        ("cameras", "Cameras", cameras(data)),
+        ("guard", "Contrast guard", guard(data)),
+    ]
+    return out + ([("drawn", "Drawn parameters", drawn(worlds))] if any(worlds) else [])
+
+
+def headline(data: Dataset) -> dict[str, Any]:
+    """Totals, and what became of the episodes."""
+    plan = data.made.get("plan", {})
+    lengths = [e["length"] for e in data.episodes]
+    whole = [e for e in data.episodes if not e.get(f"{OWN}cut") and e.get(f"{OWN}look", 0) == 0]
+    ends = Counter(e.get(f"{OWN}category") for e in whole)
+    return {
+        "name": data.folder.name,
+        "frames": len(data),
+        "episodes": len(lengths),
+        "lengths": f"{min(lengths)} to {max(lengths)}",
+        "megabytes": f"{sum(f.stat().st_size for f in data.folder.rglob('*') if f.is_file()) / 1e6:.1f}",
+        "ends": [(k, n) for k, n in ends.most_common() if k],
+        "plan": {k: ", ".join(v) if isinstance(v, list) else v for k, v in plan.items() if k != "world_hash"},
+        "hash": plan.get("world_hash", ""),
+        "fps": data.info["fps"],
+    }
+
+
+def cameras(data: Dataset) -> dict[str, Any]:
+    """A large view of each camera, its intrinsics, and how much of its depth is missing."""
+    frames = [data[i] for i in chosen(data, SAMPLED)]
+    limits = depth_range(data, frames)
+    out = []
+    for name, camera in data.cameras.items():
+        depths = np.stack([f[f"observation.images.{name}_depth"] for f in frames])
+        missing = (depths == 0).mean(axis=(1, 2))
+        shown = views(data, frames[len(frames) // 2], name, limits[name], LARGE)
+        out.append(
+            {
+                "camera": camera,
+                "views": [embedded(one) for one in shown],
+                "low": f"{limits[name][0]:.3f}",
+                "high": f"{limits[name][1]:.3f}",
+                "missing": f"{100 * np.median(missing):.1f}",
+                "most": f"{100 * missing.max():.1f}",
+                "focal": f"{camera.fx:.1f}, {camera.fy:.1f}",
+                "depths": histogram(depths[depths > 0].tolist(), 48) if (depths > 0).any() else "",
+                "near": f"{depths[depths > 0].min():.3f}" if (depths > 0).any() else "",
+                "far": f"{depths.max():.3f}",
+            }
+        )
+    key = [(part, "rgb({},{},{})".format(*part_picture(np.array([i]))[0])) for i, part in enumerate(data.parts, 1)]
+    return {"cameras": out, "parts": key}
+
+
+def guard(data: Dataset) -> dict[str, Any]:
+    """How often a look was drawn again."""
+    redraws = np.array([e.get(f"{OWN}redraws", 0) for e in data.episodes])
+    exhausted = sum(bool(e.get(f"{OWN}redraws_exhausted")) for e in data.episodes)
+    counts = Counter(redraws.tolist())
+    tall = max(counts.values())
+    bars = [(n, counts.get(n, 0), round(100 * counts.get(n, 0) / tall)) for n in range(int(redraws.max()) + 1)]
+    return {
+        "looks": len(redraws),
+        "again": int((redraws > 0).sum()),
+        "refused": int(redraws.sum()),
+        "most": int(redraws.max()),
+        "exhausted": exhausted,
+        "tries": TRIES,
+        "bars": bars,
+    }

@@ -1,0 +1,71 @@
+"""What was drawn: a histogram of every parameter that varies, and the values of those that do not."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.effect import REGISTRY
+
+BINS, WIDTH, HEIGHT = 24, 168, 46  # bars; px
+
+
+def drawn(worlds: Sequence[Mapping[str, Mapping[str, float]]]) -> dict[str, Any]:
+    """What a template shows of drawn worlds (label to parameters, one world an episode).
+
+    Returns:
+        `effects`, by name: its histograms (place, parameter, unit, lowest, highest, svg, in how many episodes); and
+        `fixed`: label, parameter, unit and value of what never varies.
+    """
+    import vispeg.effects  # noqa: F401  (units are those of the enrolled effects)
+
+    found: dict[tuple[str, str], list[float]] = defaultdict(list)
+    for world in worlds:
+        for label, params in world.items():
+            for name, value in params.items():
+                found[label, name].append(float(value))
+    effects: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    fixed = []
+    for (label, name), values in sorted(found.items()):
+        kind, _, place = label.rstrip(")").partition("(")
+        unit = _unit(kind, name)
+        if name == "seed":  # says nothing to the eye
+            continue
+        if max(values) - min(values) <= 1e-12 * max(1.0, abs(values[0])):
+            if not _vanishes(kind, name, values[0]):
+                fixed.append({"label": label, "param": name, "value": short(values[0]), "unit": unit})
+            continue
+        ends = {"low": short(min(values)), "high": short(max(values)), "unit": unit}
+        share = len(values) / len(worlds)
+        times = "" if share > 0.999 else f"in {100 * share:.0f} % of episodes"
+        effects[kind].append({"place": place, "param": name, "svg": histogram(values), "share": times, **ends})
+    return {"effects": dict(effects), "fixed": fixed}
+
+
+def histogram(values: Sequence[float], bins: int = BINS) -> str:
+    """Bars as SVG, from the least to the greatest value; counts of an interval each, the tallest of full height."""
+    counts, _ = np.histogram(values, bins=bins)
+    tall, step = max(int(counts.max()), 1), WIDTH / bins
+    bars = "".join(
+        f'<rect x="{i * step:.1f}" y="{HEIGHT - h:.1f}" width="{step - 1:.1f}" height="{h:.1f}"/>'
+        for i, n in enumerate(counts)
+        if (h := n / tall * HEIGHT) > 0
+    )
+    return f'<svg viewBox="0 0 {WIDTH} {HEIGHT + 1}" role="img" aria-label="histogram">{bars}</svg>'
+
+
+def short(value: float) -> str:
+    """A number for people."""
+    return f"{value:.3g}"
+
+
+def _unit(kind: str, name: str) -> str:
+    return REGISTRY[kind].params[name].unit if kind in REGISTRY and name in REGISTRY[kind].params else ""
+
+
+def _vanishes(kind: str, name: str, value: float) -> bool:
+    param = REGISTRY[kind].params.get(name) if kind in REGISTRY else None
+    return param is not None and value == (param.start if param.shape else param.null)

@@ -1,0 +1,118 @@
+"""Frames as pictures for the eye: colour as it is, depth and parts in colours, side by side."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from vispeg.datasets.codec import encode
+from vispeg.datasets.read import Dataset
+
+GAP, GREY = 4, 235  # px between pictures, and its colour
+# one colour a part, told apart by those who see red and green alike too (Okabe and Ito, "Color Universal Design")
+PALETTE = np.array(
+    [
+        [20, 20, 20],
+        [230, 159, 0],
+        [86, 180, 233],
+        [0, 158, 115],
+        [240, 228, 66],
+        [0, 114, 178],
+        [213, 94, 0],
+        [204, 121, 167],
+        [150, 150, 150],
+    ],
+    np.uint8,
+)
+
+
+def depth_range(data: Dataset, frames: Sequence[Mapping[str, np.ndarray]]) -> dict[str, tuple[float, float]]:
+    """For each camera, the depths in m between which 96 % of the readings of these frames lie."""
+    out = {}
+    for name in data.cameras:
+        every = np.concatenate([f[f"observation.images.{name}_depth"].ravel() for f in frames])
+        every = every[every > 0]
+        low, high = np.percentile(every, [2, 98]) if len(every) else (0.0, 1.0)
+        out[name] = float(low), float(max(high, low + 1e-3))
+    return out
+
+
+def depth_picture(depth: np.ndarray, low: float, high: float) -> np.ndarray:
+    """(H, W, 3) uint8: near is red, far is blue, no reading is black. `depth` (H, W), `low`, `high` in m."""
+    import cv2
+
+    share = np.clip((high - depth) / (high - low), 0, 1)
+    colour = cv2.applyColorMap(np.round(255 * share).astype(np.uint8), cv2.COLORMAP_TURBO)[..., ::-1]
+    return np.where(depth[..., None] > 0, colour, 0).astype(np.uint8)
+
+
+def part_picture(parts: np.ndarray) -> np.ndarray:
+    """(H, W, 3) uint8 of part numbers (H, W)."""
+    return PALETTE[parts % len(PALETTE)]
+
+
+def views(
+    data: Dataset, frame: Mapping[str, np.ndarray], name: str, limits: tuple[float, float], side: int
+) -> list[np.ndarray]:
+    """What a camera delivers, each `side` px high: colour, depth, parts (where there are any)."""
+    image = f"observation.images.{name}"
+    found = [frame[image], depth_picture(frame[f"{image}_depth"], *limits)]
+    if (labels := frame.get(f"label.parts.{name}")) is not None:
+        found.append(part_picture(labels))
+    return [enlarged(one, side) for one in found]
+
+
+def enlarged(image: np.ndarray, side: int) -> np.ndarray:
+    """A picture `side` px high, in its proportions; pixels stay square where it grows."""
+    import cv2
+
+    width = max(1, round(image.shape[1] * side / image.shape[0]))
+    how = cv2.INTER_NEAREST if side >= image.shape[0] else cv2.INTER_AREA
+    return cv2.resize(np.ascontiguousarray(image), (width, side), interpolation=how)
+
+
+def chosen(data: Dataset, count: int) -> list[int]:
+    """Frames for a contact sheet: of as many episodes as can be, at moments all over them."""
+    episodes = data.episodes
+    if count >= len(data):
+        return list(range(len(data)))
+    out = set()
+    for k in range(count):
+        e = episodes[k * len(episodes) // count]
+        same = [j for j in range(count) if episodes[j * len(episodes) // count] is e]
+        share = (same.index(k) + 0.5) / len(same) if len(same) > 1 else ((k * 0.618034) % 1.0)
+        out.add(e["dataset_from_index"] + int(share * e["length"]))
+    return sorted(out)
+
+
+def sheet(data: Dataset, count: int, side: int = 96, width: int = 1800) -> np.ndarray:
+    """A contact sheet (H, W, 3) uint8: `count` frames, each with every camera's colour, depth and parts.
+
+    Args:
+        data: the dataset, with cameras.
+        count: frames.
+        side: px, height of a picture.
+        width: px, of the sheet, about.
+    """
+    frames = [data[i] for i in chosen(data, count)]
+    limits = depth_range(data, frames)
+    tiles = []
+    for frame in frames:
+        row = [one for name in data.cameras for one in views(data, frame, name, limits[name], side)]
+        tile = np.concatenate([_edged(one) for one in row], axis=1)
+        tiles.append(np.pad(tile, ((GAP, GAP), (2 * GAP, 2 * GAP), (0, 0)), constant_values=GREY))
+    columns = max(1, width // tiles[0].shape[1])
+    tiles += [np.full_like(tiles[0], GREY)] * (-len(tiles) % columns)
+    rows = [np.concatenate(tiles[i : i + columns], axis=1) for i in range(0, len(tiles), columns)]
+    return np.concatenate(rows)
+
+
+def _edged(image: np.ndarray) -> np.ndarray:
+    return np.pad(image, ((1, 1), (1, 1), (0, 0)), constant_values=GREY)
+
+
+def embedded(image: np.ndarray) -> str:
+    """A picture as a `data:` link."""
+    return "data:image/png;base64," + base64.b64encode(encode(np.ascontiguousarray(image))).decode()
