@@ -1,13 +1,9 @@
 """Finds what a robot model is missing, and trains peg insertion that transfers."""
 
-from gymnasium.envs.registration import register
+import importlib
+import sys
 
 __version__ = "0.1.0"
 
-# `gymnasium.make("vispeg:PegInHole-v0")` imports this package and then looks in its own registry
-register(
-    "PegInHole-v0",
-    entry_point="vispeg.task.env:PegInHoleEnv",
-    vector_entry_point="vispeg.task.vector:PegInHoleVec",
-    disable_env_checker=True,
-)
+if "gymnasium" in sys.modules:  # `gymnasium.make("vispeg:PegInHole-v0")` imports this and looks in its own registry
+    importlib.import_module("vispeg.task")  # enrols the task; otherwise left to whoever needs it, as it takes time
