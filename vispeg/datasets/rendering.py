@@ -69,10 +69,10 @@ def render(
     placer.advance()
     finish(work, plan, layout, provenance or {})
     with new_folder(target, overwrite=overwrite) as folder:
-        if export is not None:
-            export(work, folder)
-        else:
-            _take_over(work, folder)
+        try:
+            (export or _take_over)(work, folder)
+        except OSError as error:
+            raise UserError(f"cannot be written: {error.strerror}; {work} is kept", file=out) from error
     shutil.rmtree(work, ignore_errors=True)
     return Path(out)
 
@@ -157,7 +157,4 @@ def _take_over(work: Path, folder: Path) -> None:
         try:
             os.link(source, folder / name)
         except OSError:  # a file system without links
-            try:
-                shutil.copyfile(source, folder / name)
-            except OSError as error:
-                raise UserError(f"cannot be written: {error.strerror}", file=folder / name) from error
+            shutil.copyfile(source, folder / name)

@@ -1,0 +1,127 @@
+"""A dataset read back as its published specification says, with pyarrow and OpenCV alone, holds what was put in.
+
+The specification: LeRobotDataset v3.0, huggingface.co/docs/lerobot/lerobot-dataset-v3.
+"""
+
+import json
+
+import cv2
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from made import EYE, LAYOUT, PLAN, frame, source
+
+from vispeg.datasets.rendering import render
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    out = tmp_path_factory.mktemp("layout") / "d"
+    return render(PLAN, LAYOUT, source, out, workers=0)
+
+
+@pytest.fixture(scope="module")
+def info(folder):
+    return json.loads((folder / "meta/info.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def episodes(folder):
+    files = sorted((folder / "meta/episodes").glob("chunk-*/file-*.parquet"))
+    return [row for file in files for row in pq.read_table(file).to_pylist()]
+
+
+def expected(plan):
+    """(seed, look, step) of every frame."""
+    for shard in plan.shards:
+        left, number = shard.frames, 0
+        while left:
+            seed, number = plan.episode_seed(shard.number, number), number + 1
+            for look in range(plan.looks):
+                for step in range(length := min(left, 4 + seed % 3)):
+                    yield seed, look, step
+                left -= length
+
+
+def test_info_states_version_paths_totals_and_features(folder, info, episodes):
+    assert info["codebase_version"] == "v3.0" and info["fps"] == 6.25 and info["video_path"] is None
+    assert info["total_frames"] == PLAN.frames and info["total_episodes"] == len(episodes) and info["total_tasks"] == 1
+    assert info["splits"] == {"train": f"0:{len(episodes)}"}
+    assert info["data_path"] == "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+    assert {"timestamp", "frame_index", "episode_index", "index", "task_index"} < set(info["features"])
+    depth = info["features"]["observation.images.eye_depth"]
+    assert depth["shape"] == [8, 12, 1] and depth["info"] == {"is_depth_map": True, "depth_unit": "m"}
+    tasks = pq.read_table(folder / "meta/tasks.parquet").to_pylist()
+    assert tasks == [{"task_index": 0, "task": "Do it."}]
+
+
+def test_every_frame_comes_back_bit_for_bit(folder, info, episodes):
+    truth = iter(expected(PLAN))
+    count = 0
+    for e in episodes:
+        path = info["data_path"].format(chunk_index=e["data/chunk_index"], file_index=e["data/file_index"])
+        table = pq.read_table(folder / path)
+        assert table.column_names == list(info["features"])
+        rows = [r for r in table.to_pylist() if e["dataset_from_index"] <= r["index"] < e["dataset_to_index"]]
+        assert len(rows) == e["length"]
+        for i, row in enumerate(rows):
+            seed, look, step = next(truth)
+            want = frame(seed, look, step)
+            assert (e["vispeg/seed"], e["vispeg/look"]) == (seed, look) and row["frame_index"] == i == step
+            assert row["episode_index"] == e["episode_index"] and row["index"] == count and row["task_index"] == 0
+            assert row["timestamp"] == np.float32(i / 6.25)
+            for name in ("observation.state", "action", "label.peg"):
+                assert np.array_equal(np.float32(row[name]), want[name].astype(np.float32))
+            colour = cv2.imdecode(np.frombuffer(row["observation.images.eye"]["bytes"], np.uint8), -1)[..., ::-1]
+            assert np.array_equal(colour, want["observation.images.eye"])
+            depth = cv2.imdecode(np.frombuffer(row["observation.images.eye_depth"]["bytes"], np.uint8), -1)
+            assert depth.dtype == np.float32 and np.array_equal(depth, want["observation.images.eye_depth"])
+            count += 1
+    assert count == PLAN.frames and next(truth, None) is None
+
+
+def test_looks_share_their_states(episodes, folder):
+    by = {}
+    for e in episodes:
+        by.setdefault(e["vispeg/seed"], []).append(e)
+    pairs = [p for p in by.values() if len(p) == 2 and p[0]["length"] == p[1]["length"]]
+    assert pairs
+    for a, b in pairs:
+        assert a["stats/observation.state/mean"] == b["stats/observation.state/mean"]
+        assert a["stats/observation.images.eye/mean"] != b["stats/observation.images.eye/mean"]
+
+
+def test_statistics_are_those_of_all_values(folder):
+    stats = json.loads((folder / "meta/stats.json").read_text())
+    frames = [frame(*key) for key in expected(PLAN)]
+    for name, scale in (("observation.state", 1), ("observation.images.eye", 255), ("observation.images.eye_depth", 1)):
+        axes = (0,) if name == "observation.state" else (0, 1, 2)
+        values = np.stack([np.asarray(f[name], float) for f in frames]) / scale
+        values = values[..., None] if name.endswith("depth") else values
+        for key, want in (("min", values.min(axes)), ("max", values.max(axes)), ("mean", values.mean(axes))):
+            assert np.allclose(np.ravel(stats[name][key]), want, atol=1e-6)
+        assert np.allclose(np.ravel(stats[name]["std"]), values.std(axes), atol=1e-6)
+        assert stats[name]["count"] == [PLAN.frames]
+    assert np.shape(stats["observation.images.eye"]["mean"]) == (3, 1, 1)
+    middle = np.ravel(stats["observation.images.eye"]["q50"])
+    assert np.allclose(middle, 0.5, atol=0.05)  # uniform bytes
+
+
+def test_cameras_and_hugging_face_note(folder):
+    cameras = json.loads((folder / "meta/cameras.json").read_text())
+    assert cameras["cameras"][0]["fx"] == EYE.fx and cameras["parts"] == ["arm", "peg", "fixture"]
+    note = json.loads(pq.read_schema(folder / "data/chunk-000/file-000.parquet").metadata[b"huggingface"])
+    assert note["info"]["features"]["observation.images.eye"] == {"_type": "Image"}
+    pandas = pytest.importorskip("pandas")
+    tasks = pandas.read_parquet(folder / "meta/tasks.parquet")
+    assert list(tasks.index) == ["Do it."] and tasks.index.name == "task" and tasks.loc["Do it."].task_index == 0
+
+
+def test_pillow_reads_depth_in_metres(folder):
+    image = pytest.importorskip("PIL.Image")
+    import io
+
+    row = pq.read_table(folder / "data/chunk-000/file-000.parquet").to_pylist()[0]
+    seed, look, step = next(expected(PLAN))
+    depth = np.array(image.open(io.BytesIO(row["observation.images.eye_depth"]["bytes"])))
+    assert np.array_equal(depth, frame(seed, look, step)["observation.images.eye_depth"])

@@ -1,0 +1,62 @@
+"""Rendered datasets as PyTorch takes them: one frame an item, channels first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from vispeg.datasets.layout import is_depth, is_image
+from vispeg.datasets.read import Dataset
+
+PICTURES = "observation.images."
+
+
+class Frames(torch.utils.data.Dataset[dict[str, torch.Tensor]]):
+    """The frames of a dataset's folder, for a DataLoader; each worker opens the files for itself.
+
+    An item maps feature names to tensors: colour (3, H, W) uint8, depth (1, H, W) float32 in m with 0 = no reading,
+    part labels (1, H, W) uint8, numbers as they are. With `task_names`, pictures, the policy's proprioception and the
+    truth are called as in the task's observations (`rgb_wrist_wide`, `depth_wrist_wide`, `policy`, `privileged`), so
+    that an item can be given to a policy.
+
+    Args:
+        folder: of the dataset.
+        features: those that are read; default: all.
+        task_names: whether names are the task's.
+
+    Raises:
+        UserError: as `vispeg.datasets.read.Dataset`.
+    """
+
+    def __init__(self, folder: str | Path, features: Iterable[str] | None = None, *, task_names: bool = False):
+        self.folder, self.task_names = Path(folder), task_names
+        self.wanted = None if features is None else tuple(features)
+        self._data: Dataset | None = Dataset(self.folder, self.wanted)
+        self.features, self._length = self._data.features, len(self._data)
+
+    def __len__(self) -> int:
+        return self._length
+
+    def __getitem__(self, index: int) -> dict[str, torch.Tensor]:
+        self._data = self._data or Dataset(self.folder, self.wanted)
+        frame = self._data[index]
+        return {self._name(k): torch.from_numpy(self._first(k, v)) for k, v in frame.items()}
+
+    def _first(self, name: str, value: np.ndarray) -> np.ndarray:
+        if not is_image(self.features[name]):
+            return np.array(value)
+        return np.ascontiguousarray(np.moveaxis(value, -1, 0)) if value.ndim == 3 else value[None].copy()
+
+    def _name(self, name: str) -> str:
+        if not self.task_names:
+            return name
+        if name.startswith(PICTURES):
+            camera = name.removeprefix(PICTURES)
+            return f"depth_{camera.removesuffix('_depth')}" if is_depth(self.features[name]) else f"rgb_{camera}"
+        return {"observation.policy": "policy", "observation.environment_state": "privileged"}.get(name, name)
+
+    def __getstate__(self) -> dict[str, object]:
+        return {**self.__dict__, "_data": None}  # open files do not travel to the loader's workers
