@@ -16,6 +16,12 @@ from vispeg.evaluate.intervals import Estimate
 from vispeg.evaluate.significance import ALPHA, pairs_needed
 
 MARGIN = 0.05
+RULE = (
+    "Two success rates are called different where the 95 % interval of their difference excludes 0 and, where several "
+    "comparisons stand side by side, McNemar's exact p after Holm's correction is below 5 %. They are called equal "
+    "where the interval lies within 5 points either way. Otherwise these data cannot tell, and the number of pairs is "
+    "said that would find 5 points with 80 % power at the share of discordant pairs that was seen."
+)
 CANNOT_TELL = "these data cannot tell"
 Verdict = Literal["different", "equal", "these data cannot tell"]
 

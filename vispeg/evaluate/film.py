@@ -32,16 +32,15 @@ class Clip:
 
     @property
     def together(self) -> np.ndarray:
-        """Frames with the views, enlarged, at their right (T, H, W', 3)."""
+        """Frames with the views below them, scaled to the same width (T, H', W, 3)."""
         if self.views is None:
             return self.frames
         import cv2
 
-        height = self.frames.shape[1]
-        scale = height / self.views.shape[1]
-        size = (round(self.views.shape[2] * scale), height)
+        width = self.frames.shape[2]
+        size = (width, round(self.views.shape[1] * width / self.views.shape[2]))
         views = [cv2.resize(v, size, interpolation=cv2.INTER_NEAREST) for v in self.views]
-        return np.concatenate([self.frames, np.stack(views)], axis=2)
+        return np.concatenate([self.frames, np.stack(views)], axis=1)
 
 
 def film(job: Job, seed: int) -> Clip:

@@ -64,7 +64,7 @@ def gap(episodes: Iterable[Episode], reference: str = "S", worlds: Sequence[str]
         "prediction": [row for w in targets for row in _prediction(table, reference, w, seed)],
         "categories": [row for p in policies for w in targets for row in _parting(table, p, reference, w, seed)],
         "notes": notes,
-        "rule": " ".join((decide.__doc__ or "").split("\n\n", 1)[1].split()),
+        "rule": decide.RULE,
     }
 
 

@@ -26,7 +26,8 @@ def render(values: Mapping[str, Any], media: Sequence[Mapping[str, Any]] = (), f
         sections.append(("prediction", prediction.TITLE, prediction.context(values)))
     sections.append(("failures", failures.TITLE, failures.context(values)))
     if media:
-        sections.append(("pairs", pairs.TITLE, pairs.context(media, folder)))
+        heading = pairs.TITLE if any(len(m["sides"]) > 1 for m in media) else pairs.SINGLE
+        sections.append(("pairs", heading, pairs.context(media, folder)))
     sections.append(("measured", measured.TITLE, measured.context(values)))
     return page("vispeg gap", "transfer gap", sections)
 

@@ -25,12 +25,15 @@ def context(values: Mapping[str, Any]) -> dict[str, Any]:
             {"policy": p["name"], "words": g["words"], "cost": _dearest(values, p["name"]), "blind": p["blind"]}
         )
         figures.append((p["name"], words.percent(rates[p["name"], str(target), ""]["value"]), words.lost(g["gap"])))
-    best = max((f for f in figures), key=lambda f: rates[f[0], str(target), ""]["value"], default=None)
+    if target is None:
+        shown = [(n, e) for (n, w, c), e in rates.items() if w == reference and not c]
+        figures = [(n, words.percent(e["value"]), f"{100 * e['low']:.0f} to {100 * e['high']:.0f}") for n, e in shown]
+    best = max((f for f in figures), key=lambda f: rates[f[0], str(target or reference), ""]["value"], default=None)
     return {
-        "title": f"{best[0]} keeps most in {target}: {best[1]}" if best else f"Success in {reference}",
+        "title": f"{best[0]} keeps most in {target}: {best[1]}" if best and target else f"Success in {reference}",
         "lines": lines,
-        "figures": [(name, value, f"lost {lost}") for name, value, lost in figures][:5],
-        "target": target,
+        "figures": [(n, value, f"lost {rest}" if target else rest) for n, value, rest in figures][:5],
+        "target": target or reference,
         "reference": reference,
         "controls": _controls(values),
         "factors": values["factors"],

@@ -9,7 +9,7 @@ from typing import Any
 
 from vispeg.core.errors import UserError
 
-TITLE = "The same episode in two worlds"
+TITLE, SINGLE = "The same episode in two worlds", "Failures, filmed"
 TYPES = {".mp4": "video/mp4", ".webm": "video/webm", ".png": "image/png", ".jpg": "image/jpeg"}
 
 

@@ -64,7 +64,7 @@ def picture(values: Mapping[str, Any]) -> str:
                     ink = "white" if e["value"] > 0.08 and not policy["blind"] else MEASURED
                     ax.annotate(f"{100 * e['value']:.0f}", (x, 1.5), ha="center", fontsize=7, color=ink)
         ax.set(ylim=(0, 104), ylabel="success, %", xlim=(-0.55, len(worlds) - 0.45))
-        labels = [f"{w}\ntraining" if w == values["reference"] else w for w in worlds]
+        labels = [f"{w}\ntraining" if w == values["reference"] and len(worlds) > 1 else w for w in worlds]
         ax.set_xticks(range(len(worlds)), labels)
         ax.tick_params(axis="x", labelcolor=MUTED, labelsize=9)
         quiet(ax)
