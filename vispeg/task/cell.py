@@ -41,9 +41,10 @@ class Cell(Plant):
         self.site_pos, self.site_mat = self.batch.bind("site_xpos"), self.batch.bind("site_xmat")
         self.sensors = self.batch.bind("sensordata")
         self.slip = self.model.joint("peg_slip").qposadr[0]
+        self.qposes = np.arange(self.model.nq)[self.qadr]
         self.warned = np.zeros(self.nsim, dtype=np.int64)
         self.external = np.zeros((self.nsim, 3))  # N, pushes at the flange, world frame
-        self.pushed = self.batch.bind("xfrc_applied")
+        self.outer = self.batch.bind("xfrc_applied")
         self.hand = int(self.model.site_bodyid[self.site["flange"]])
 
     def _write(self) -> None:
@@ -85,7 +86,7 @@ class Cell(Plant):
         self.armature, self.damping = self._row_field("dof_armature"), self._row_field("dof_damping")
         self.batch.reset(ids=rows, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         self.qpos[rows] = self.model.qpos0
-        self.qpos[np.ix_(rows, self.qadr)] = q
+        self.qpos[rows[:, None], self.qposes] = q
         self.qvel[rows] = 0.0
         self.external[rows] = 0.0
         self.acc[rows] = 0.0
@@ -111,7 +112,7 @@ class Cell(Plant):
 
     def advance(self, command: np.ndarray, nsub: int) -> None:
         """`nsub` physics steps under the held command (nsim, nj) N m."""
-        self.pushed[:, self.hand, :3] = self.external
+        self.outer[:, self.hand, :3] = self.external
         if not (self.drives or self.extra or self.friction):  # nothing to be asked between the steps
             self.ctrl[:, self.u] = command
             before = self.qvel[:, self.vadr].copy()
