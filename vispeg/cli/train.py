@@ -49,8 +49,12 @@ class Args:
     """Critic updates per environment step."""
     recurrent: int = 0
     """Width of an LSTM in place of stacked observations; 0 for none."""
-    teacher: Path | None = None
-    """Policy folder of the teacher, for the distill recipes."""
+    teacher: str | None = None
+    """Policy folder of the teacher for the distill recipes, or expert for the scripted one."""
+    distill_steps: int = 4000
+    """Environment steps of each of the five rounds of a distillation."""
+    distill_updates: int = 2000
+    """Gradient steps after each round of a distillation."""
     every: int = 5000
     """Environment steps between evaluations and checkpoints."""
     episodes: int = 50
@@ -93,7 +97,8 @@ class Args:
             stages=clearances((*self.curriculum, *(own or ((3.0,) if self.curriculum else ())))),
             settings={} if self.clearance is None else {"clearance_mm": self.clearance},
             sac=sac,
-            teacher=None if self.teacher is None else str(self.teacher),
+            teacher=self.teacher,
+            distill={} if self.recipe == "sac" else {"steps": self.distill_steps, "updates": self.distill_updates},
             device=self.device,
             threads=self.threads,
         )

@@ -150,7 +150,7 @@ class AsymmetricSAC(SAC):
     def _update_critic(self, batch: Batch) -> Tensor:
         """One step on (Q - (r + gamma (1 - done) (min Q'(s', a') - alpha log pi(a'|s'))))^2 / 2 for both critics."""
         with torch.no_grad():
-            action, log_prob = self.actor.sample(latents(self.actor, batch, True, self.settings.shift))
+            action, log_prob = self.actor.sample(latents(self.actor, batch, after=True))
             value = self.critic_target(batch.next_obs, action).amin(-1) - self._temperature() * log_prob
             target = batch.reward + (1 - batch.done) * self.gamma * value
         error = self.critic(batch.obs, batch.action) - target[..., None]

@@ -73,7 +73,10 @@ def from_folder(folder: str | Path, layout: Layout, seed: int, executed: bool = 
 
 
 def _channels_first(key: str, value: np.ndarray) -> np.ndarray:
-    return np.moveaxis(value, -1, 1) if key.startswith(("depth_", "rgb_")) else value
+    """Images (T, H, W[, C]) -> (T, C, H, W); vectors as they are."""
+    if not key.startswith(("depth_", "rgb_")):
+        return value
+    return value[:, None] if value.ndim == 3 else np.moveaxis(value, -1, 1)
 
 
 def _box(key: str, value: np.ndarray) -> Any:
