@@ -7,8 +7,10 @@ Example:
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import tyro
 
@@ -34,22 +36,47 @@ class Args:
 
     def run(self) -> int:
         """Plays and writes."""
-        from vispeg.core.files import new_folder
-        from vispeg.evaluate.video import write_video
-        from vispeg.learn.envs import of_policy
-        from vispeg.learn.play import play
+        from vispeg.core.errors import UserError
+        from vispeg.learn.envs import home
         from vispeg.learn.policy import load
 
-        policy = load(self.policy)
-        world = self.world or str(policy.meta.get("world") or "nominal")
+        if self.episodes < 1:
+            raise UserError("must be at least 1", key="episodes", got=self.episodes)
+        world = self.world or home(load(self.policy))
         settings = {} if self.clearance is None else {"clearance_mm": self.clearance}
-        env = of_policy(policy, world)(1, {"render_mode": "rgb_array", **settings})
         seeds = [self.seed + k for k in range(self.episodes)]
-        with new_folder(self.out, self.overwrite) as folder:
+        for line in films(self.policy, world, settings, seeds, self.out, self.overwrite):
+            print(line)
+        return 0
+
+
+def films(
+    folder: Path, world: str, settings: dict[str, Any], seeds: list[int], out: Path, overwrite: bool
+) -> Iterator[str]:
+    """Plays a policy on these seeds and writes a video of each; gives a line about each episode.
+
+    Args:
+        folder: of the policy.
+        world: built-in name or world file.
+        settings: of the task, in place of the world's.
+        seeds: of the episodes.
+        out: folder of the videos.
+        overwrite: whether it may be replaced.
+    """
+    from vispeg.core.files import new_folder
+    from vispeg.evaluate.video import write_video
+    from vispeg.learn.envs import of_policy
+    from vispeg.learn.play import play
+    from vispeg.learn.policy import load
+
+    policy = load(folder)
+    env = of_policy(policy, world)(1, {"render_mode": "rgb_array", **settings})
+    try:
+        with new_folder(out, overwrite) as place:
             for played in play(policy, env, seeds):
                 category = str(played.record.get("category", "episode"))
-                file = write_video(folder / f"{played.seed}-{category.replace(' ', '-')}", played.frames)
+                file = write_video(place / f"{played.seed}-{category.replace(' ', '-')}", played.frames)
                 force = float(played.record.get("peak_force", 0.0))
-                print(f"seed {played.seed}: {category}, peak force {force:.0f} N, {self.out / file.name}")
+                yield f"seed {played.seed}: {category}, peak force {force:.0f} N, {out / file.name}"
+    finally:
         env.close()
-        return 0

@@ -59,6 +59,8 @@ class Args:
     """Environment steps between evaluations and checkpoints."""
     episodes: int = 50
     """Episodes of an evaluation."""
+    films: int = 2
+    """Episodes of the best policy that are filmed at the end."""
     device: Literal["cpu", "cuda", "auto"] = "cpu"
     """Where networks run."""
     out: Path | None = None
@@ -105,4 +107,11 @@ class Args:
         out = self.out or Path("runs") / self.task / f"{time.strftime('%Y%m%d-%H%M%S')}_s{self.seed}"
         best = train(config, out)
         print(f"best policy: {best}")
+        if self.films:
+            from vispeg.cli.play import films
+            from vispeg.learn.envs import HELD_OUT
+
+            seeds = [HELD_OUT + k for k in range(self.films)]
+            for line in films(best, self.world, dict(config.settings), seeds, out / "films", False):
+                print(line)
         return 0

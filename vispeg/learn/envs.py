@@ -43,6 +43,11 @@ def describe(env: Any) -> dict[str, Any]:
     return {"world": env.world.label, "world_hash": world_hash(env.world, config), "task": asdict(config)}
 
 
+def home(policy: NetPolicy) -> str:
+    """The world that a policy was trained in: a built-in name or a file; `nominal` where its record has none."""
+    return str(policy.meta.get("world_file") or policy.meta.get("world") or "nominal")
+
+
 def of_policy(policy: NetPolicy, world: str, threads: int = 1) -> MakeEnv:
     """Makes the environments that a policy can act in, in a world: with its own stack, directions and cameras."""
     task = policy.meta.get("task") or {}

@@ -21,7 +21,7 @@ from vispeg.core.files import new_folder
 from vispeg.core.seeds import stream
 from vispeg.learn.clone import CloneSettings, clone
 from vispeg.learn.distill import collect, demonstrations
-from vispeg.learn.envs import HELD_OUT, MakeEnv, describe, of_policy
+from vispeg.learn.envs import HELD_OUT, MakeEnv, describe, home, of_policy
 from vispeg.learn.evaluation import run_episodes, success_rate
 from vispeg.learn.policy import NetPolicy, load, save
 from vispeg.learn.replay import Replay
@@ -141,7 +141,7 @@ def finetune_in_worlds(
 ) -> Path:
     """`finetune` between two worlds by name or file; a policy's own stack, directions and cameras are kept."""
     policy = load(source)
-    known = known or str(policy.meta.get("world") or "nominal")
+    known = known or home(policy)
     return finetune(
         source,
         out,

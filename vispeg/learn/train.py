@@ -174,6 +174,7 @@ class SacRun:
             "command": shlex.join(map(str, sys.argv)),
             "seed": self.config.seed,
             "recipe": self.config.recipe,
+            "world_file": self.config.world,
             "steps": row["steps"],
             "success": row["success"],
             "versions": origin["versions"] | {"torch": torch.__version__},
