@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 
@@ -23,6 +25,14 @@ def compiled(robot: RobotModel) -> mujoco.MjModel:
         _COMPILED[key] = model
         _KEEP.append(robot)
     return _COMPILED[key]
+
+
+def columns(ids: Sequence[int]) -> slice | np.ndarray:
+    """Ids as an index of array columns: a slice where they follow each other, which reads and writes without copies."""
+    ids = np.asarray(ids, int)
+    if len(ids) and np.array_equal(ids, np.arange(ids[0], ids[0] + len(ids))):
+        return slice(int(ids[0]), int(ids[0]) + len(ids))
+    return ids
 
 
 def nominal_of(robot: RobotModel, nsim: int, nthread: int = 1) -> Nominal:

@@ -28,7 +28,8 @@ class Controller:
         self.mode = rows.segments[0].control.mode
         self.null = rows.segments[0].control.nullspace
         self.compensation = rows.constant(lambda s: float(s.control.gravity_compensation == "model"), 1)
-        self.along = along and self.mode == "position" and bool(self.compensation.any())
+        self.compensated, self.all = bool(self.compensation.any()), bool(self.compensation.all())
+        self.along = along and self.mode == "position" and self.compensated
         if self.mode in ("position", "osc"):
             width = nj if self.mode == "position" else 6
             self.kp = rows.constant(lambda s: s.control.kp, width)
@@ -48,7 +49,9 @@ class Controller:
         """Commanded torque (nsim, nj) N m at tick k for measured q (rad) and dq (rad/s)."""
         if self.mode == "position":
             tau = position(self.q_cmd[k], self.dq_cmd[k], q, dq, self.kp, self.kd)
-            return tau + self.compensation * self._gravity(k, q) if self.compensation.any() else tau
+            if self.compensated:
+                tau += self._gravity(k, q) if self.all else self.compensation * self._gravity(k, q)
+            return tau
         if self.mode == "osc":
             return self._osc(k, q, dq)
         return self.tau_cmd[k] if self.mode == "torque" else np.zeros_like(q)

@@ -13,7 +13,7 @@ from mujoco import batch as mjb
 
 from vispeg.core.world import World
 from vispeg.robots.model import RobotModel
-from vispeg.sim.compiled import compiled
+from vispeg.sim.compiled import columns, compiled
 from vispeg.sim.placement import activate
 from vispeg.sim.state import DriveState, Fields
 
@@ -41,9 +41,9 @@ class Plant:
         self.robot, self.h, self.tick, self.nsim = robot, h, tick, len(worlds)
         self.model = compiled(robot)
         self.batch = mjb.Batch(self.model, self.nsim, nthread=nthread)
-        self.qadr = np.array([self.model.joint(j).qposadr[0] for j in robot.joints])
-        self.vadr = np.array([self.model.joint(j).dofadr[0] for j in robot.joints])
-        self.u = np.array([self.model.actuator(j).id for j in robot.joints])
+        self.qadr = columns([self.model.joint(j).qposadr[0] for j in robot.joints])
+        self.vadr = columns([self.model.joint(j).dofadr[0] for j in robot.joints])
+        self.u = columns([self.model.actuator(j).id for j in robot.joints])
         self.active = activate(robot, worlds)
         self.batch.expand("opt.timestep")[:] = h
         self._write()
@@ -68,7 +68,7 @@ class Plant:
         self.extra = [a for a in self.active if a.effect.overrides("torque")]
         self.senses = [a for a in self.active if a.effect.overrides("observe")]
         self.armature, self.damping = self._row_field("dof_armature"), self._row_field("dof_damping")
-        self.damped = bool(self.damping.any())
+        self.damped, self.late = bool(self.damping.any()), self.damping * self.h
 
     def _row_field(self, name: str) -> np.ndarray:
         value = self.batch.expanded(name)
@@ -91,7 +91,8 @@ class Plant:
         self.damper, self.constraint = b.bind("qfrc_damper"), b.bind("qfrc_constraint")
         self.qpos[:, self.qadr] = q
         self.qvel[:, self.vadr] = dq
-        self.first = True
+        self.half = np.zeros_like(self.acc)
+        self.first, self.pushed = True, False
         self.x = DriveState(self.h, self.tick, q.copy(), dq.copy(), np.zeros_like(self.acc), weight.copy(), inertia)
         self._begin()
         if self.senses:  # the encoders, not the links, start at the measured angles
@@ -106,7 +107,8 @@ class Plant:
         """True joint motion at this instant, into `x`."""
         self.x.q = self.qpos[:, self.qadr].copy()
         self.x.ddq = self.acc
-        self.x.dq = self.qvel[:, self.vadr] + 0.5 * self.h * self.x.ddq
+        self.half = 0.5 * self.h * self.acc
+        self.x.dq = self.qvel[:, self.vadr] + self.half
 
     def measure(self) -> tuple[np.ndarray, np.ndarray]:
         """What the encoders make of `x`: (nsim, nj) rad and rad/s."""
@@ -129,31 +131,42 @@ class Plant:
             for a in self.friction:
                 level += a.effect.friction(self.states[a.effect.name], self.x, a.p)
             self.loss[:, self.vadr] = level
-        drive_side, link_side = np.zeros_like(tau), hold
+        drive_side, link_side = None, hold
         for a in self.extra:
             t = a.effect.torque(self.states[a.effect.name], self.x, a.p)
             if a.effect.side() == "drive":
-                drive_side = drive_side + t
+                drive_side = t if drive_side is None else drive_side + t
             else:
                 link_side = link_side + t
         # the kick spans half of the last step and half of this one
         self.ctrl[:, self.u] = tau if self.first else 0.5 * (tau + self.last)
         self.last = tau
-        self.applied[:, self.vadr] = drive_side + link_side
-        if self.damped:  # MuJoCo damps at the end of the step, which is stable but a step late: give that step back
-            self.applied[:, self.vadr] += self.damping * self.h * self.x.ddq
+        self._apply(link_side if drive_side is None else drive_side + link_side)
         # velocity forces act at the whole step, the position moves with the half step's
-        half = 0.5 * self.h * self.x.ddq
-        before = self.qvel[:, self.vadr] + half
+        half, before = self.half, self.x.dq
         self.qvel[:, self.vadr] = before
         self.batch.step()
         # not qacc, which leaves out the implicit damping and so diverges past 2 J / h
-        self.acc = (self.qvel[:, self.vadr] - before) / self.h
+        velocity, angle = self.qvel[:, self.vadr], self.qpos[:, self.qadr]
+        self.acc = velocity - before
+        self.acc /= self.h
         if self.first:  # it began at a whole step's velocity: half of its own kick is what the half step has seen
             half, self.first = 0.5 * self.h * self.acc, False
-        self.qvel[:, self.vadr] -= half
-        self.qpos[:, self.qadr] -= self.h * half
-        self.x.tau = (
-            tau + drive_side + self.damper[:, self.vadr] + self.constraint[:, self.vadr] - self.armature * self.acc
-        )
+        self.qvel[:, self.vadr] = velocity - half
+        self.qpos[:, self.qadr] = angle - self.h * half
+        self.x.tau = tau if drive_side is None else tau + drive_side
+        if self.damped:
+            self.x.tau = self.x.tau + self.damper[:, self.vadr]
+        self.x.tau = self.x.tau + self.constraint[:, self.vadr]
+        self.x.tau -= self.armature * self.acc
         return motor
+
+    def _apply(self, torque: np.ndarray | float) -> None:
+        """Torques beside the motors'; MuJoCo damps at the end of the step, which is stable but a step late: that step
+        is given back.
+        """
+        if self.damped:
+            torque = torque + self.late * self.x.ddq
+        if self.pushed or np.ndim(torque) or torque:
+            self.applied[:, self.vadr] = torque
+            self.pushed = True

@@ -8,15 +8,27 @@ import numpy as np
 
 from vispeg.sim.segment import Segment
 
+CHUNK = 2**16  # numbers that are repeated at a time: few calls, and still in the cache
+
 
 class ByTick:
-    """`rows[k]` is (nsim, ...) at tick k, from (ticks, nsegment, ...); repeated for every world only when read."""
+    """`rows[k]` is (nsim, ...) at tick k, from (ticks, nsegment, ...); repeated for every world some ticks at a time.
+
+    What it gives is read, never written: it may be a view of what later calls give too.
+    """
 
     def __init__(self, values: np.ndarray, nworld: int):
         self.values, self.nworld = values, nworld
+        self.count = max(1, CHUNK // max(1, values[0].size * nworld))
+        self.first, self.some = 0, values[:0]
 
     def __getitem__(self, k: int) -> np.ndarray:
-        return np.repeat(self.values[k], self.nworld, axis=0)
+        if self.nworld == 1:
+            return self.values[k]
+        if not 0 <= k - self.first < len(self.some):
+            self.first = k
+            self.some = np.repeat(self.values[k : k + self.count], self.nworld, axis=1)
+        return self.some[k - self.first]
 
 
 class Rows:
