@@ -1,0 +1,84 @@
+"""What policies see: the same physics whatever is seen, one row as many, looks that come and go with episodes."""
+
+import numpy as np
+import pytest
+
+from vispeg.core.distribution import Uniform
+from vispeg.core.errors import UserError
+from vispeg.core.world import Ranged, World
+from vispeg.task.vector import PegInHoleVec
+
+WORLD = World(
+    ranges=(
+        Ranged("hole_offset", "fixture", {"x": Uniform(-0.03, 0.03)}),
+        Ranged("part_colour", "each", {"amount": 1.0, "hue": Uniform(0, 1), "saturation": 0.8, "value": 0.7}),
+        Ranged("disparity_noise", "all", {"sd": Uniform(0.05, 0.2)}),
+        Ranged("brightness", "all", {"change": Uniform(-0.3, 0.3)}),
+    )
+)
+SMALL = {"image_size": 16, "steps": 4, "backend": "raycast"}  # needs no graphics driver
+
+
+def test_seeing_changes_no_physics():
+    """State, depth and colour of one seed move alike, bit by bit."""
+    runs = []
+    for mode in ("state", "depth", "rgb"):
+        env = PegInHoleVec(2, world=WORLD, obs_mode=mode, **SMALL)
+        env.reset(seed=6)
+        for _ in range(3):
+            env.step(np.full((2, 3), -0.4))
+        runs.append(env.sim.cell.qpos.copy())
+        env.close()
+    assert np.array_equal(runs[0], runs[1]) and np.array_equal(runs[0], runs[2])
+
+
+def test_one_row_sees_what_it_sees_among_many():
+    """Images too, over an episode's end."""
+    many = PegInHoleVec(2, world=WORLD, obs_mode="rgbd", autoreset_mode="SameStep", **SMALL)
+    one = PegInHoleVec(1, world=WORLD, obs_mode="rgbd", autoreset_mode="SameStep", **SMALL)
+    a, b = many.reset(seed=1)[0], one.reset(seed=2)[0]
+    for _ in range(6):
+        for key in a:
+            assert np.array_equal(a[key][1], b[key][0]), key
+        a, b = many.step(np.full((2, 3), 0.3))[0], one.step(np.full((1, 3), 0.3))[0]
+
+
+def test_images_keep_their_spaces_and_their_units():
+    """Types and shapes as announced; depth of the near fixture is a few tenths of a metre."""
+    env = PegInHoleVec(1, world="nominal", obs_mode="rgbd", **SMALL)
+    obs, _ = env.reset(seed=0)
+    assert env.observation_space.contains(obs)
+    wide = obs["depth_wrist_wide"][0, 0]
+    assert wide.dtype == np.float32 and 0.1 < np.median(wide[wide > 0]) < 0.6
+    assert obs["rgb_wrist_wide"].dtype == np.uint8 and obs["rgb_wrist_wide"].std() > 5
+
+
+def test_looks_change_between_episodes_and_only_then():
+    """The first image of two episodes differs in colour; within an episode the look stays."""
+    env = PegInHoleVec(1, world=WORLD, obs_mode="rgb", **SMALL)
+    first = env.reset(seed=0)[0]["rgb_wrist_wide"].astype(float)
+    still = env.step(np.zeros((1, 3)))[0]["rgb_wrist_wide"].astype(float)
+    other = env.reset(seed=1)[0]["rgb_wrist_wide"].astype(float)
+    moved, changed = np.abs(still - first).mean(), np.abs(other - first).mean()
+    assert changed > 3 * moved
+
+
+def test_the_hole_is_seen_where_it_is():
+    """Two holes 40 mm apart give different depth images of the same start: the information is in the pixels."""
+    images = []
+    for x in (-0.02, 0.02):
+        world = World(ranges=(Ranged("hole_offset", "fixture", {"x": x}),))
+        images.append(PegInHoleVec(1, world=world, obs_mode="depth", **SMALL).reset(seed=4)[0])
+    a, b = images
+    assert np.array_equal(a["policy"], b["policy"])
+    assert (np.abs(a["depth_wrist_wide"] - b["depth_wrist_wide"]) > 0.005).sum() > 5
+
+
+def test_wrong_cameras_and_modes_are_refused():
+    """With what there is to choose from."""
+    with pytest.raises(UserError, match="wrist_wide"):
+        PegInHoleVec(1, world="nominal", obs_mode="depth", cameras=("wrist_left",))
+    with pytest.raises(UserError, match="rgbd"):
+        PegInHoleVec(1, world="nominal", obs_mode="thermal")
+    with pytest.raises(UserError, match="image_size"):
+        PegInHoleVec(1, world="nominal", obs_mode="depth", image_size=3)
