@@ -145,6 +145,10 @@ def test_sequences_are_episodes_from_their_beginning_and_weigh_nothing_after_the
     assert weight.shape == (12, 32) and (weight[0] == 1).all()
     assert (np.diff(weight, axis=0) <= 0).all()
     on = (weight[1:] > 0)[..., None]
+    begins = ring.starts & ~np.roll(ring.starts, 1, axis=0)
+    first = {tuple(row) for row in ring.obs["policy"][begins].tolist()}
+    assert {tuple(row) for row in batch.obs["policy"][0].numpy().tolist()} <= first
+    assert len(first) < len(ring) / 2
     assert np.array_equal(batch.obs["policy"].numpy()[1:] * on, batch.next_obs["policy"].numpy()[:-1] * on)
 
 
@@ -159,6 +163,16 @@ def test_saving_keeps_everything(tmp_path):
         assert torch.equal(first.obs[key], second.obs[key]) and torch.equal(first.next_obs[key], second.next_obs[key])
     with pytest.raises(UserError, match="another shape"):
         Replay(40 * N, SPACE, spaces.Box(-1, 1, (2,), np.float32), n_envs=N).load(tmp_path)
+
+
+@pytest.mark.parametrize(("images", "before", "after"), [("before", 1, 0), ("after", 0, 1), ("none", 0, 0)])
+def test_only_the_images_that_are_asked_for_are_fetched_and_vectors_always(images, before, after):
+    ring = Replay(40 * N, SPACE, ACTION, n_envs=N)
+    live(ring, 30)
+    some, whole = ring.sample(20, stream(2, "s"), images), ring.sample(20, stream(2, "s"))
+    assert ("rgb_a" in some.obs, "depth_a" in some.next_obs) == (bool(before), bool(after))
+    for part, full in ((some.obs, whole.obs), (some.next_obs, whole.next_obs)):
+        assert all(torch.equal(value, full[key]) for key, value in part.items()) and "policy" in part
 
 
 def test_nothing_to_draw_is_said():

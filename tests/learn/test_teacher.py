@@ -22,10 +22,11 @@ from vispeg.learn.teacher import knowing, teacher_of
 
 
 def test_teachers_view_of_a_blind_students_episode_is_the_state_policys_own():
-    """The same episodes in `state` and `proprio`, the hole anywhere within 30 mm: one becomes the other by `knowing`."""
+    """The same episodes in `state` and `proprio`, the hole anywhere within 30 mm."""
     from vispeg.task.vector import PegInHoleVec
 
-    state, blind = (PegInHoleVec(2, "unknown_hole", mode, autoreset_mode="Disabled") for mode in ("state", "proprio"))
+    modes = "state", "proprio"
+    state, blind = (PegInHoleVec(2, "unknown_hole", mode, autoreset_mode="Disabled") for mode in modes)
     a, b = state.reset(seed=[4, 5])[0], blind.reset(seed=[4, 5])[0]
     size = state.config.stack and a["policy"].shape[1] // state.config.stack
     rng = stream(0, "actions")

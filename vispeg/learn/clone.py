@@ -88,7 +88,7 @@ def _loss(
     batch = None
     for ring, share in rings:
         size = max(round(s.batch * share / whole), 1)
-        part = draw(ring, size, s.horizon, bool(actor.recurrent), rng)
+        part = draw(ring, size, s.horizon, bool(actor.recurrent), rng, "before")
         batch = part if batch is None else mixed(batch, part)
     if batch is None:
         raise UserError("nothing to imitate")

@@ -187,7 +187,7 @@ def distill(
         noise = settings.noise if 0 < beta < 1 else 0.0
         rings.append(collect(env, teacher, asked, beta, settings.steps, noise, seed + number))
         if number == 0:
-            actor.scale.measure(rings[0].sample(4096).obs[VECTOR])
+            actor.scale.measure(rings[0].sample(4096, images="none").obs[VECTOR])
         shares = [(ring, float(len(ring))) for ring in rings]
         rng = stream(seed, "clone", number)
         loss = clone(actor, shares, settings.updates, settings.clone, rng, optimizer=optimizer)

@@ -11,15 +11,20 @@ import torch
 from torch import Tensor
 
 from vispeg.learn.actor import Actor
-from vispeg.learn.replay import Batch, Replay
+from vispeg.learn.replay import Batch, Images, Replay
 
 PER_EPISODE = 32  # transitions of a batch that one episode stands for
 
 
-def draw(ring: Replay, n: int, horizon: int, recurrent: bool, rng: np.random.Generator) -> Batch:
-    """A batch worth n transitions: n of them, or n / 32 whole episodes (at least 2) of up to `horizon` steps."""
+def draw(
+    ring: Replay, n: int, horizon: int, recurrent: bool, rng: np.random.Generator, images: Images = "both"
+) -> Batch:
+    """A batch worth n transitions: n of them, or n / 32 whole episodes (at least 2) of up to `horizon` steps.
+
+    `images` says where single transitions need theirs; episodes need all.
+    """
     if not recurrent:
-        return ring.sample(n, rng)
+        return ring.sample(n, rng, images)
     return ring.sequences(max(n // PER_EPISODE, 2), horizon, rng)
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -20,6 +20,7 @@ from torch import Tensor
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 
+Images = Literal["before", "after", "both", "none"]
 DEPTH_STEP_M = 5e-5  # a unit of stored depth: 0.05 mm, up to 3.27 m in 16 bits
 
 
@@ -151,18 +152,24 @@ class Replay:
         """Number of transitions that can be drawn."""
         return int(self.starts.sum())
 
-    def sample(self, n: int, rng: np.random.Generator | None = None) -> Batch:
-        """N transitions drawn uniformly with replacement, by the ring's own generator unless one is given.
+    def sample(self, n: int, rng: np.random.Generator | None = None, images: Images = "both") -> Batch:
+        """Draws n transitions uniformly with replacement.
+
+        Args:
+            n: how many.
+            rng: of the draws; the ring's own if not given.
+            images: which images are fetched: those `before` the transition, `after` it, `both` or `none`.
 
         Raises:
             UserError: there is none yet.
         """
         at, env = self._draw(n, self.starts, rng or self.rng)
-        return self._batch(at, env)
+        return self._batch(at, env, images=images)
 
     def sequences(self, n: int, steps: int, rng: np.random.Generator | None = None) -> Batch:
-        """N sequences (steps, n, ...) that begin at random transitions; what follows an episode's end has weight 0."""
-        at, env = self._draw(n, self.starts, rng or self.rng)
+        """Draws n episodes (steps, n, ...) from their beginning; what follows an episode's end has weight 0."""
+        first = self.starts & ~np.roll(self.starts, 1, axis=0)
+        at, env = self._draw(n, first, rng or self.rng)
         at = (at + np.arange(steps)[:, None]) % self.length  # (steps, n)
         weight = np.logical_and.accumulate(self.starts[at, env], axis=0)
         return self._batch(at, np.broadcast_to(env, at.shape), weight)
@@ -176,17 +183,22 @@ class Replay:
             found = np.concatenate([found, drawn[allowed.reshape(-1)[drawn]]])
         return np.divmod(found[:n], self.n_envs)
 
-    def _batch(self, at: np.ndarray, env: np.ndarray, weight: np.ndarray | None = None) -> Batch:
+    def _batch(
+        self, at: np.ndarray, env: np.ndarray, weight: np.ndarray | None = None, images: Images = "both"
+    ) -> Batch:
         after = (at + 1) % self.length
         ones = np.ones(at.shape, np.float32) if weight is None else weight.astype(np.float32)
         return Batch(
-            {key: self._tensor(key, kept[at, env]) for key, kept in self.obs.items()},
-            {key: self._tensor(key, kept[after, env]) for key, kept in self.obs.items()},
+            {key: self._tensor(key, self.obs[key][at, env]) for key in self._keys(images in ("before", "both"))},
+            {key: self._tensor(key, self.obs[key][after, env]) for key in self._keys(images in ("after", "both"))},
             *(
                 torch.from_numpy(a).to(self.device)
                 for a in (self.action[at, env], self.reward[at, env], self.done[at, env], ones)
             ),
         )
+
+    def _keys(self, images: bool) -> list[str]:
+        return [key for key in self.obs if images or not _image(key)]
 
     def _tensor(self, key: str, packed: np.ndarray) -> Tensor:
         if packed.dtype == np.uint16:
@@ -232,6 +244,10 @@ def mixed(first: Batch, second: Batch) -> Batch:
         {key: join(value, second.next_obs[key]) for key, value in first.next_obs.items()},
         *(join(getattr(first, name), getattr(second, name)) for name in ("action", "reward", "done", "weight")),
     )
+
+
+def _image(key: str) -> bool:
+    return key.startswith(("depth_", "rgb_"))
 
 
 def _stored(key: str, dtype: Any) -> Any:

@@ -22,7 +22,7 @@ from vispeg.learn.layout import PRIVILEGED, VECTOR, Layout
 from vispeg.learn.modalities import Modality
 from vispeg.learn.nets import huber, soft_update
 from vispeg.learn.recurrent import draw, latents
-from vispeg.learn.replay import Batch, Replay, mixed
+from vispeg.learn.replay import Batch, Images, Replay, mixed
 from vispeg.learn.settings import SacSettings
 
 MEASURED_ON = 4096  # transitions that set the input scales
@@ -119,9 +119,10 @@ class AsymmetricSAC(SAC):
         while self._owed >= 1:
             self._owed -= 1
             self._n_updates += 1
-            batch, demos = self._sample()
+            acts = self._n_updates % s.critic_per_actor == 0 and self._n_updates > s.actor_frozen
+            batch, demos = self._sample("both" if acts else "after")
             told["critic_loss"] = self._update_critic(batch)
-            if self._n_updates % s.critic_per_actor == 0 and self._n_updates > s.actor_frozen:
+            if acts:
                 told |= self._update_actor(batch, demos)
             soft_update(self.critic_target, self.critic, s.tau)
         for name, value in told.items():
@@ -130,22 +131,24 @@ class AsymmetricSAC(SAC):
 
     def measure(self) -> None:
         """Sets the input scales of critics and of a new actor from what is in the replay, or in the demonstrations."""
-        batch = (self.replay if self.demos is None else self.demos).sample(MEASURED_ON)
+        batch = (self.replay if self.demos is None else self.demos).sample(MEASURED_ON, images="none")
         if self.new:
             self.actor.scale.measure(batch.obs[VECTOR])
         for critic in (self.critic, self.critic_target):
             critic.scale.measure(critic.inputs(batch.obs))
         self.measured = True
 
-    def _sample(self) -> tuple[Batch, int]:
+    def _sample(self, images: Images) -> tuple[Batch, int]:
         """A batch and how many of its last rows are demonstrations."""
         s, rng = self.settings, self.replay.rng
         demos = round(s.batch * s.demo_fraction) if self.demos is not None else 0
         if self.demos is None or demos == 0:
-            return draw(self.replay, s.batch, s.horizon, bool(s.recurrent), rng), 0
-        told = draw(self.demos, demos, s.horizon, bool(s.recurrent), rng)
-        own = draw(self.replay, s.batch - demos, s.horizon, bool(s.recurrent), rng) if len(self.replay) else None
-        return (told if own is None else mixed(own, told)), told.reward.shape[-1]
+            return draw(self.replay, s.batch, s.horizon, bool(s.recurrent), rng, images), 0
+        told = draw(self.demos, demos, s.horizon, bool(s.recurrent), rng, images)
+        if not len(self.replay):
+            return told, told.reward.shape[-1]
+        own = draw(self.replay, s.batch - demos, s.horizon, bool(s.recurrent), rng, images)
+        return mixed(own, told), told.reward.shape[-1]
 
     def _update_critic(self, batch: Batch) -> Tensor:
         """One step on (Q - (r + gamma (1 - done) (min Q'(s', a') - alpha log pi(a'|s'))))^2 / 2 for both critics."""
