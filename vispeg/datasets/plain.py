@@ -14,8 +14,8 @@ from vispeg.datasets.layout import is_depth, is_image
 from vispeg.datasets.read import Dataset
 from vispeg.render.camera_files import save_cameras
 
-README = """One folder an episode: frames.csv (a line a frame; positions in m, velocities in m/s, forces in N, torques in
-N m, quaternions w x y z), episode.json (seeds, what came of it, drawn parameters), and pictures NAME-FRAME.png.
+README = """One folder an episode: frames.csv (a line a frame; positions in m, velocities in m/s, forces in N, torques
+in N m, quaternions w x y z), episode.json (seeds, what came of it, drawn parameters), and pictures NAME-FRAME.png.
 Depth is 16 bit, 0.1 mm a step, 0 where there is no reading. Pictures of parts hold the part's number.
 cameras.yaml holds the cameras as their user believes them; dataset.json the features, parts and totals.
 """

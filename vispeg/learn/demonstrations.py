@@ -109,10 +109,13 @@ def shard(plan: Plan, layout: Layout, wanted: Shard) -> Iterator[Episode]:
     while left:
         seeds = [plan.episode_seed(wanted.number, number + i) for i in range(ROWS)]
         number += ROWS
-        for seed, moments, record, drawn in stage.play(seeds):
-            for look in range(plan.looks):
+        wanted_states = -(-left // plan.looks)
+        for seed, moments, record, drawn in stage.play(seeds, wanted_states):
+            shown = moments[: -(-left // plan.looks)]
+            for look in range(plan.looks if left else 0):
                 if left:
-                    episode = stage.draw(seed, look, moments[:left], record, drawn, len(moments) > left)
+                    cut = record is None or min(len(shown), left) < len(moments)
+                    episode = stage.draw(seed, look, shown[:left], None if cut else record, drawn)
                     left -= len(episode)
                     yield episode
 
@@ -141,8 +144,14 @@ class Stage:
         self.plain = self.labelled if plan.labels else Renderer(self.scene, layout.cameras, **make)  # type: ignore[arg-type]
 
     # Physics --------------------------------------------------------------------------------------------------
-    def play(self, seeds: Sequence[int]) -> list[tuple[int, list[Moment], dict[str, Any], World]]:
-        """Episodes of these seeds (ROWS of them): moments, the task's record, the drawn physics."""
+    def play(
+        self, seeds: Sequence[int], wanted: int | None = None
+    ) -> list[tuple[int, list[Moment], dict[str, Any] | None, World]]:
+        """Episodes of these seeds (ROWS of them): moments, the task's record, the drawn physics.
+
+        With `wanted`, nothing is played on once the episodes, one after the other, have that many moments; one that was
+        not played to its end has no record.
+        """
         rows, sim = np.arange(ROWS), self.sim
         sim.reset(rows, seeds)
         self.expert.reset(rows)
@@ -150,7 +159,7 @@ class Stage:
         moments: list[list[Moment]] = [[] for _ in seeds]
         records: list[dict[str, Any] | None] = [None] * ROWS
         drawn = list(sim.drawn)
-        while any(r is None for r in records):
+        while not _enough(moments, records, wanted):
             seen = sim.observation()
             meant = self.expert.act(seen)
             shaken = np.clip(meant + self.plan.noise * np.stack([g.standard_normal(3) for g in noise]), -1, 1)
@@ -163,7 +172,7 @@ class Stage:
                 after = {"next.reward": gain[i], "next.done": ended[i] is not None, "next.success": success}
                 now[i].values.update(after)
                 moments[i].append(now[i])
-        return [(s, moments[i], records[i] or {}, felt(drawn[i])) for i, s in enumerate(seeds)]
+        return [(s, moments[i], records[i], felt(drawn[i])) for i, s in enumerate(seeds)]
 
     def _moment(self, row: int, seen: dict[str, np.ndarray], meant: np.ndarray, shaken: np.ndarray) -> Moment:
         sim = self.sim
@@ -185,9 +194,9 @@ class Stage:
 
     # Pictures -------------------------------------------------------------------------------------------------
     def draw(
-        self, seed: int, look: int, moments: Sequence[Moment], record: dict[str, Any], physics: World, cut: bool
+        self, seed: int, look: int, moments: Sequence[Moment], record: dict[str, Any] | None, physics: World
     ) -> Episode:
-        """One look of an episode, as a file takes it."""
+        """One look of an episode, as a file takes it; without a record it was cut before its end."""
         own = look_seed(seed, look)
         self.labelled.render(moments[0].qpos, moments[0].bodies)  # the guard judges the cell as it stands
         world, refused = redraw(self.seen, self.scene, self.labelled, own, qpos=moments[0].qpos)
@@ -208,10 +217,10 @@ class Stage:
             "look_seed": own,
             "redraws": refused,
             "redraws_exhausted": refused >= TRIES,
-            "cut": cut,
-            "success": bool(record["success"]),
-            "category": str(record["category"]),
-            "peak_force": float(record["peak_force"]),
+            "cut": record is None,
+            "success": record is not None and bool(record["success"]),
+            "category": "cut" if record is None else str(record["category"]),
+            "peak_force": 0.0 if record is None else float(record["peak_force"]),
             "world": {e.label: {k: v.value for k, v in e.params.items()} for e in (*physics.effects, *world.effects)},
             "cameras": [to_record(c) for c in self.plain.cameras],
         }
@@ -254,6 +263,17 @@ class Stage:
         """Frees the renderers."""
         self.labelled.close()
         self.plain.close()
+
+
+def _enough(moments: Sequence[Sequence[Moment]], records: Sequence[Any], wanted: int | None) -> bool:
+    total = 0
+    for mine, record in zip(moments, records, strict=True):
+        total += len(mine)
+        if wanted is not None and total >= wanted:
+            return True
+        if record is None:
+            return False
+    return True
 
 
 def seen_world(world: World, cameras: Sequence[str]) -> World:

@@ -120,9 +120,11 @@ def cameras(data: Dataset) -> dict[str, Any]:
                 "missing": f"{100 * np.median(missing):.1f}",
                 "most": f"{100 * missing.max():.1f}",
                 "focal": f"{camera.fx:.1f}, {camera.fy:.1f}",
-                "depths": histogram(depths[depths > 0].tolist(), 48) if (depths > 0).any() else "",
+                "depths": histogram(depths[(depths > 0) & (depths < 2 * limits[name][1])].tolist(), 48)
+                if (depths > 0).any()
+                else "",
                 "near": f"{depths[depths > 0].min():.3f}" if (depths > 0).any() else "",
-                "far": f"{depths.max():.3f}",
+                "far": f"{min(depths.max(), 2 * limits[name][1]):.3f}",
             }
         )
     key = [(part, "rgb({},{},{})".format(*part_picture(np.array([i]))[0])) for i, part in enumerate(data.parts, 1)]
