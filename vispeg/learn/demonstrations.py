@@ -80,6 +80,10 @@ def plan_of(
     task = _task(file, cameras, size)
     standing: Any = SimpleNamespace(scene=_scene(task), config=task)
     seen = task_cameras(standing, file.cameras)
+    if looks > 1 and not seen_world(file.world, task.cameras).ranges:
+        raise UserError(
+            "all looks would be the same: the world varies nothing that is seen", key="looks", expected="1", got=looks
+        )
     per = shard_frames(sum(c.width * c.height for c in seen))
     name = world if world == file.path.stem else str(file.path)
     plan = Plan(
