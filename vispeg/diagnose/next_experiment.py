@@ -35,13 +35,19 @@ def next_experiment(
     if control.mode != "position":
         control = controller(item.robot, "position", control.rate_hz, item.segment.q[0])
     best: tuple[float, dict, dict[str, np.ndarray]] = (-1.0, {}, {})
-    for name in MENU:
-        m = motion(name, item.robot, control.rate_hz, SECONDS, stream(seed, "next experiment", name))
-        segment = Segment(
+    motions = [
+        motion(name, item.robot, control.rate_hz, SECONDS, stream(seed, "next experiment", name)) for name in MENU
+    ]
+    menu = [
+        Segment(
             control, 1.0 / control.rate_hz, {"q_cmd": m.q_cmd, "dq_cmd": m.dq_cmd}, m.q_cmd, m.dq_cmd, m.q_cmd, m.time,
             np.arange(len(m.time)),
-        )  # fmt: skip
-        y = simulate(item.robot, [a, b], [segment], h_max=search.evidence.h_max, nthread=2)[0].q
+        )
+        for m in motions
+    ]  # fmt: skip
+    responses = simulate(item.robot, [a, b], menu, h_max=search.evidence.h_max, nthread=search.evidence.nthread)
+    for name, m, response in zip(MENU, motions, responses, strict=True):
+        y = response.q
         gap = (y[0] - y[1]) / item.sigma[: item.nj]
         sigma = float(np.sqrt(np.nansum(gap**2)))
         if np.isfinite(gap).all() and sigma > best[0]:

@@ -5,6 +5,8 @@ No MuJoCo mechanism, since it is the reading that is coarse. Source: Widrow and 
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from vispeg.core.effect import Effect
@@ -32,22 +34,27 @@ class EncoderQuantization(Effect):
         gaps = gaps[gaps > 1e-9]
         if len(gaps) >= 4 and len(values) < 0.5 * len(look.raw):
             return [{"step": float(np.clip(np.median(gaps), 1e-6, self.params["step"].high))}]
-        return self._under_noise(look.raw)
+        found = _under_noise(np.ascontiguousarray(look.raw).tobytes(), self.params["step"].high)
+        return [{"step": found}] if found else []
 
-    def _under_noise(self, raw):
-        """Noise rides on the grid: the step on whose phase the differences cluster most (Rayleigh's statistic).
 
-        Differences over longer and longer lags span more steps and so pin the step down more finely.
-        """
-        low, high, best, width = 2e-5, self.params["step"].high, 0.0, 0.0
-        for lag in (1, 4, 16, 64, 256):
-            moves = (raw[lag:] - raw[:-lag])[:: max(1, len(raw) // 1500)]
-            steps = np.linspace(1 / high, 1 / low, 2500) if not best else 1 / best + np.linspace(-1, 1, 400) * width
-            phase = np.abs([np.mean(np.exp(2j * np.pi * moves * s)) for s in steps])
-            slow = 1.0 / max(np.ptp(moves), 1e-12)
-            phase[steps < 2 * slow] = 0.0  # a step wider than the motion fits anything
-            top = int(np.argmax(phase))
-            if phase[top] < 0.25:
-                return [{"step": float(best)}] if lag > 4 else []
-            best, width = 1.0 / steps[top], 0.5 * slow
-        return [{"step": float(best)}]
+@lru_cache(maxsize=64)
+def _under_noise(readings: bytes, widest: float) -> float:
+    """Noise rides on the grid: the step on whose phase the differences cluster most (Rayleigh's statistic); 0 if none.
+
+    Differences over longer and longer lags span more steps and so pin the step down more finely. Remembered, as a
+    search asks it of the same readings again and again.
+    """
+    raw = np.frombuffer(readings)
+    low, high, best, width = 2e-5, widest, 0.0, 0.0
+    for lag in (1, 4, 16, 64, 256):
+        moves = (raw[lag:] - raw[:-lag])[:: max(1, len(raw) // 1500)]
+        steps = np.linspace(1 / high, 1 / low, 2500) if not best else 1 / best + np.linspace(-1, 1, 400) * width
+        phase = np.abs([np.mean(np.exp(2j * np.pi * moves * s)) for s in steps])
+        slow = 1.0 / max(np.ptp(moves), 1e-12)
+        phase[steps < 2 * slow] = 0.0  # a step wider than the motion fits anything
+        top = int(np.argmax(phase))
+        if phase[top] < 0.25:
+            return float(best) if lag > 4 else 0.0
+        best, width = 1.0 / steps[top], 0.5 * slow
+    return float(best)

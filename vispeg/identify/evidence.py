@@ -20,6 +20,7 @@ from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel, load
 from vispeg.sim.rollout import simulate
 from vispeg.sim.segment import Segment, segments
+from vispeg.sim.shares import processes, shared
 
 SETTLE = 0.4  # s at the start of a segment that no comparison uses: the unmeasured start state fades there
 OBSERVED = 1.2  # the same where an observer of 8 rad/s, or a null space of 3, is all that forgets a wrong start
@@ -66,7 +67,7 @@ class Evidence:
     Args:
         recordings: with a known controller.
         h_max: greatest physics step, s.
-        nthread: threads of the batch.
+        nthread: processors to use: processes that share the worlds, threads of the batch where there are few worlds.
     """
 
     def __init__(self, recordings: Sequence[Recording], *, h_max: float = 2e-3, nthread: int = 1):
@@ -103,12 +104,19 @@ class Evidence:
         return answer
 
     def _simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
+        count = processes(self.nthread, len(worlds))
+        self.rollouts += len(worlds) * sum(i.segment.time[-1] for i in self.items)
+        if count == 1:
+            return self._rolled_out(worlds, self.nthread)
+        return shared(lambda some: self._rolled_out(some, 1), worlds, [i.measured.shape for i in self.items], count)
+
+    def _rolled_out(self, worlds: Sequence[World], nthread: int) -> list[np.ndarray]:
         out: list[np.ndarray] = [np.empty(0)] * len(self.items)
         for group in self.groups:
             items = [self.items[i] for i in group]
             h_max = self.h_max * (SOFT_STEP if items[0].segment.control.mode == "osc" else 1.0)
             responses = simulate(
-                items[0].robot, worlds, [i.segment for i in items], h_max=h_max, nthread=self.nthread, along=True
+                items[0].robot, worlds, [i.segment for i in items], h_max=h_max, nthread=nthread, along=True
             )
             for i, item, response in zip(group, items, responses, strict=True):
                 channels = [response.q]
@@ -117,7 +125,6 @@ class Evidence:
                         response.tau_joint if item.recording.torque_sensor == "joint" else response.tau_motor
                     )
                 out[i] = np.concatenate(channels, axis=2)
-        self.rollouts += len(worlds) * sum(i.segment.time[-1] for i in self.items)
         return out
 
     def residuals(self, worlds: Sequence[World]) -> list[np.ndarray]:

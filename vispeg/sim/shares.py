@@ -1,0 +1,87 @@
+"""Work on many worlds shared among processes: rows of a batch are independent, and Python steps one process at a time.
+
+A child is forked for each share but the first, writes its arrays into memory that it shares with its parent, and ends.
+Nothing outlives a call, and a share whose child failed is worked out by the parent, which so meets the true error.
+"""
+
+from __future__ import annotations
+
+import math
+import mmap
+import os
+import signal
+import sys
+import warnings
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from vispeg.core.world import World
+
+Work = Callable[[Sequence[World]], list[np.ndarray]]
+LEAST = 4  # worlds in a share: under that a process costs more than it saves
+
+
+def processes(wanted: int, nworld: int) -> int:
+    """How many processes `nworld` worlds are worth, at most `wanted`; 1 where the system cannot fork safely."""
+    return max(1, min(wanted, nworld // LEAST)) if sys.platform == "linux" else 1
+
+
+def shared(work: Work, worlds: Sequence[World], shapes: Sequence[tuple[int, ...]], count: int) -> list[np.ndarray]:
+    """`work(worlds)` by `count` processes.
+
+    Args:
+        work: gives arrays whose first axis is the world, one for each of `shapes`; float64.
+        worlds: neighbours stay together, as worlds with the same effects cost less in one batch.
+        shapes: of the arrays of one world.
+        count: processes, this one included.
+    """
+    edges = [len(worlds) * i // count for i in range(count + 1)]
+    parts = [worlds[a:b] for a, b in zip(edges, edges[1:], strict=False)]
+    answers: list[list[np.ndarray]] = [[]] * count
+    children: dict[int, int] = {}  # process id -> share
+    try:
+        for i in range(1, count):
+            answers[i] = _memory([(len(parts[i]), *shape) for shape in shapes])
+            children[_fork(work, parts[i], answers[i])] = i
+        answers[0] = work(parts[0])
+        while children:
+            pid, i = next(iter(children.items()))
+            status = os.waitpid(pid, 0)[1]
+            del children[pid]
+            if status != 0:
+                answers[i] = work(parts[i])
+    finally:
+        for pid in children:  # only where this process failed or was interrupted
+            os.kill(pid, signal.SIGKILL)
+            os.waitpid(pid, 0)
+    return [np.concatenate(arrays) for arrays in zip(*answers, strict=True)]
+
+
+def _fork(work: Work, worlds: Sequence[World], out: list[np.ndarray]) -> int:
+    """Process id of a child that fills `out`."""
+    with warnings.catch_warnings():
+        # the other threads are optimizers that wait for this very answer; the child never needs their locks
+        warnings.simplefilter("ignore", DeprecationWarning)
+        pid = os.fork()
+    if pid:
+        return pid
+    status = 1
+    try:
+        for array, value in zip(out, work(worlds), strict=True):
+            array[:] = value
+        status = 0
+    except BaseException:  # noqa: S110  (the parent does this share again and meets the error)
+        pass
+    finally:
+        os._exit(status)  # no exit handlers, no flushing of the parent's buffers
+
+
+def _memory(shapes: Sequence[tuple[int, ...]]) -> list[np.ndarray]:
+    """Arrays in anonymous memory that children see."""
+    sizes = [8 * math.prod(shape) for shape in shapes]
+    memory = mmap.mmap(-1, max(1, sum(sizes)))
+    starts = np.cumsum([0, *sizes[:-1]])
+    return [
+        np.ndarray(shape, np.float64, buffer=memory, offset=int(s)) for shape, s in zip(shapes, starts, strict=True)
+    ]
