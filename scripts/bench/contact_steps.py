@@ -25,7 +25,10 @@ PHASES = {  # start of the tip relative to the mouth (m), actions (n, 3)
 
 
 def play(config: TaskConfig, phase: str) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """Tip path (k, 3) m, contact force of every control tick (N), height of the tip under the press (m; the peg leans, so its middle stands above its edge), CPU s."""
+    """Tip path (k, 3) m, contact force of every control tick (N), height of the tip under the press, CPU s.
+
+    The height is in m; the peg leans, so its middle stands above its edge.
+    """
     start, actions = PHASES[phase]
     sim = PegSimulation(World(), config, 1)
     sim.reset(np.arange(1), [0])
@@ -47,7 +50,8 @@ def place(sim: PegSimulation, tip: np.ndarray) -> None:
     q, _ = reach(sim.control.nominal, pos, DOWN[None], sim.home)
     sim.cell.begin(np.arange(1), [World()], q, sim.control.nominal.gravity(q).copy())
     sim.cell.read()
-    sim.goal[:], sim.measured = pos, (q, np.zeros_like(q))
+    sim.goal[:] = pos
+    sim.see(q, np.zeros_like(q))
 
 
 def main() -> None:

@@ -17,14 +17,16 @@ def rotation_vector(measured: np.ndarray, commanded: np.ndarray) -> np.ndarray:
 
     The quaternion logarithm of `commanded * conj(measured)`, on the short way round.
     """
-    w1, v1 = commanded[:, :1], commanded[:, 1:]
-    w0, v0 = measured[:, :1], -measured[:, 1:]
-    w = w1 * w0 - np.sum(v1 * v0, axis=1, keepdims=True)
-    v = w1 * v0 + w0 * v1 + np.cross(v1, v0)
-    v = np.where(w < 0, -v, v)
-    sine = np.linalg.norm(v, axis=1, keepdims=True)
-    angle = 2 * np.arctan2(sine, np.abs(w))
-    return v * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 2.0)
+    error = np.matmul(measured[:, CONJUGATE] * CONJUGATE_SIGN, commanded[:, :, None])[:, :, 0]
+    v = np.where(error[:, :1] < 0, -error[:, 1:], error[:, 1:])
+    sine = np.sqrt(np.einsum("ni,ni->n", v, v))
+    factor = 2 * np.arctan2(sine, np.abs(error[:, 0])) / np.maximum(sine, 1e-12)
+    return v * np.where(sine > 1e-12, factor, 2.0)[:, None]
+
+
+# rows of the matrix that multiplies a quaternion wxyz by the conjugate of another from the right
+CONJUGATE = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])
+CONJUGATE_SIGN = np.array([[1, 1, 1, 1], [-1, 1, -1, 1], [-1, 1, 1, -1], [-1, -1, 1, 1]])
 
 
 def task_inertia(mass: np.ndarray, jac: np.ndarray, damping: float = 1e-9) -> tuple[np.ndarray, np.ndarray]:
@@ -34,8 +36,25 @@ def task_inertia(mass: np.ndarray, jac: np.ndarray, damping: float = 1e-9) -> tu
     instead of an infinite one, so no torque is asked for along them.
     """
     minv_jt = np.linalg.solve(mass, np.swapaxes(jac, 1, 2))  # (n, nv, m)
-    core = jac @ minv_jt
-    return np.linalg.pinv(core, rcond=damping, hermitian=True), minv_jt
+    return _inverse(jac @ minv_jt, damping), minv_jt
+
+
+def _inverse(core: np.ndarray, damping: float) -> np.ndarray:
+    """Pseudo-inverse (n, m, m) of symmetric matrices; the plain inverse where no eigenvalue can be under the cut-off:
+    the product of a matrix's trace and its inverse's bounds its condition from above.
+    """
+    try:
+        out = np.linalg.inv(core)
+    except np.linalg.LinAlgError:  # some row is singular to the last bit: each on its own, as if it were alone
+        if len(core) > 1:
+            return np.concatenate([_inverse(one[None], damping) for one in core])
+        return np.linalg.pinv(core, rcond=damping, hermitian=True)
+    condition = np.einsum("nii->n", core) * np.einsum("nii->n", out)
+    plain = (condition > 0) & (condition < 0.1 / damping)
+    if not plain.all():
+        for i in np.flatnonzero(~plain & np.isfinite(condition)):
+            out[i] = np.linalg.pinv(core[i], rcond=damping, hermitian=True)
+    return out
 
 
 def osc(
@@ -69,13 +88,13 @@ def osc(
     if dof is not None:
         error, twist, jac, kp, kd = error[:, dof], twist[:, dof], jac[:, dof], kp[:, dof], kd[:, dof]
     lam, minv_jt = task_inertia(mass, jac)
-    force = np.einsum("nij,nj->ni", lam, kp * error - kd * twist)
+    force = np.matmul(lam, (kp * error - kd * twist)[:, :, None])[:, :, 0]
     if force_limit is not None:
-        lin = slice(0, 3 if dof is None else int(np.sum(dof[:3])))
-        norm = np.linalg.norm(force[:, lin], axis=1, keepdims=True)
-        force[:, lin] *= np.minimum(1.0, force_limit / np.maximum(norm, 1e-12))
-    tau = np.einsum("nij,ni->nj", jac, force)
-    if posture is not None:
-        jbar_t = lam @ np.swapaxes(minv_jt, 1, 2)  # (n, m, nv): Lambda J M^-1 = Jbar'
-        tau = tau + posture - np.einsum("nij,ni->nj", jac, np.einsum("nij,nj->ni", jbar_t, posture))
-    return tau
+        linear = force[:, : 3 if dof is None else int(np.sum(dof[:3]))]
+        norm = np.sqrt(np.einsum("ni,ni->n", linear, linear))
+        linear *= np.minimum(1.0, force_limit / np.maximum(norm, 1e-12))[:, None]
+    if posture is None:
+        return np.matmul(force[:, None], jac)[:, 0]
+    # Jbar' tau_0 = Lambda J M^-1 tau_0
+    force -= np.matmul(np.matmul(posture[:, None], minv_jt), lam)[:, 0]
+    return np.matmul(force[:, None], jac)[:, 0] + posture

@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 import hashlib
+from functools import lru_cache
 
 import numpy as np
 
 
 def stream(seed: int, *keys: object) -> np.random.Generator:
     """A generator of its own for (seed, keys): the same on every machine, independent of all others."""
-    digest = hashlib.sha256("\x1f".join(map(str, keys)).encode()).digest()
-    return np.random.default_rng([seed, *np.frombuffer(digest, np.uint32).tolist()])
+    words = _words("\x1f".join(map(str, keys)))
+    if 0 <= seed < 2**32:  # the same entropy, without a detour through Python's integers
+        entropy = np.empty(9, np.uint32)
+        entropy[0], entropy[1:] = seed, words
+        return np.random.Generator(np.random.PCG64(entropy))
+    return np.random.default_rng([seed, *words.tolist()])
+
+
+@lru_cache(maxsize=4096)
+def _words(key: str) -> np.ndarray:
+    return np.frombuffer(hashlib.sha256(key.encode()).digest(), np.uint32)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from vispeg.control.laws import osc, rotation_vector
@@ -9,6 +11,7 @@ from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import nominal_of
 
 POSTURE = 20.0  # 1/s^2 per unit inertia, pull towards the home posture in the null space
+DAMPING = 2 * math.sqrt(POSTURE)  # 1/s
 
 
 class PoseControl:
@@ -36,17 +39,20 @@ class PoseControl:
         self.kp = np.repeat(np.repeat(stiffness, 3)[None], nsim, axis=0)
         self.kd = 2 * np.sqrt(self.kp)
         self.force_limit, self.home, self.limit = force_limit, home, robot.torque_limit
+        self.least = -self.limit
 
     def pose(self, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Flange position (n, 3), quaternion (n, 4) and twist (n, 6) that the controller believes at q, dq."""
         _, jac, pos, rot, _ = self.nominal.operational(q)
-        return pos, rot, np.einsum("nij,nj->ni", jac, dq)
+        return pos, rot, np.matmul(jac, dq[:, :, None])[:, :, 0]
 
     def torque(self, q: np.ndarray, dq: np.ndarray, pos: np.ndarray, rot: np.ndarray) -> np.ndarray:
         """Joint torque (nsim, nj) N m towards the flange pose pos (nsim, 3), rot (nsim, 4)."""
         mass, jac, now, turned, weight = self.nominal.operational(q)
         error = np.concatenate([pos - now, rotation_vector(turned, rot)], axis=1)
-        twist = np.einsum("nij,nj->ni", jac, dq)
-        posture = np.einsum("nij,nj->ni", mass, POSTURE * (self.home - q) - 2 * np.sqrt(POSTURE) * dq)
-        tau = osc(error, twist, mass, jac, self.kp, self.kd, posture, force_limit=self.force_limit) + weight
-        return np.clip(tau, -self.limit, self.limit)
+        twist = np.matmul(jac, dq[:, :, None])[:, :, 0]
+        pull = POSTURE * (self.home - q) - DAMPING * dq
+        posture = np.matmul(mass, pull[:, :, None])[:, :, 0]
+        tau = osc(error, twist, mass, jac, self.kp, self.kd, posture, force_limit=self.force_limit)
+        tau += weight
+        return np.minimum(np.maximum(tau, self.least), self.limit)

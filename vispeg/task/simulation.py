@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from vispeg.core.effect import Placed, effect
+from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.core.world import Ranged, World
+from vispeg.core.world import World
 from vispeg.robots.scene import build
+from vispeg.sim.compiled import nominal_of
 from vispeg.sim.quiet import quiet
 from vispeg.sim.reach import reach
 from vispeg.task.cell import Cell
@@ -21,11 +21,11 @@ from vispeg.task.control import PoseControl
 from vispeg.task.observe import Stack, policy_size
 from vispeg.task.outcome import Track
 from vispeg.task.reward import BONUS, reward
+from vispeg.task.seen import PHYSICS, felt, shown
 
 DOWN = np.array([0.0, 1.0, 0.0, 0.0])  # flange z straight down, wxyz
 HOME = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])  # rad, from where inverse kinematics starts
 IMAGE_MODES = ("depth", "rgb", "rgbd")  # observation modes with cameras
-PHYSICS = ("joint", "drive", "body", "contact")  # kinds of effects that the cell feels; the others are only seen
 TARGET_KNOWN = ("state",)  # observation modes whose policy is told a believed target; the others get the nominal hole
 
 
@@ -52,6 +52,7 @@ class PegSimulation:
         self.drawn = [world.sample(0, self.scene)] * nsim
         self.cell = Cell(self.scene, [felt(w) for w in self.drawn], h, config.control_period, nthread, sorted(names))
         self.control = PoseControl(self.scene.nominal, nsim, config.stiffness, config.force_limit, HOME, nthread)
+        self.solo = nominal_of(self.scene.nominal, 1)
         self.move = np.array([d in config.dof for d in DOF])
         self.nominal_hole = np.array(self.scene.config.fixture)
         tip = self.nominal_hole + [0, 0, 0.03 + self.scene.tip]
@@ -84,7 +85,7 @@ class PegSimulation:
         if not len(rows):
             return
         c = self.config
-        pos, q0 = np.tile(self.nominal_hole + [0, 0, 0.1], (self.nsim, 1)), self.home.copy()
+        pos = np.tile(self.nominal_hole + [0, 0, 0.1], (self.nsim, 1))
         worlds = []
         for row, seed in zip(rows, seeds, strict=True):
             rng = stream(int(seed), "start")
@@ -94,17 +95,33 @@ class PegSimulation:
             self.drawn[row], self.seeds[row] = worlds[-1], seed
             self.tracks[row], self.push[row] = Track(), None
         pos[:, 2] += self.scene.tip
-        q, error = reach(self.control.nominal, pos, np.tile(DOWN, (self.nsim, 1)), q0)
-        if error[rows].max() > 1e-4:
-            raise UserError("the start is out of the arm's reach", got=pos[rows[int(error[rows].argmax())]].round(3))
-        weight = self.control.nominal.gravity(q).copy()
-        self.cell.begin(rows, [felt(w) for w in worlds], q[rows], weight[rows])
+        q, weight = self._start(rows, pos)
+        self.cell.begin(rows, [felt(w) for w in worlds], q, weight)
         self.goal[rows], self.rot[rows] = pos[rows], DOWN
         self.action[rows], self.count[rows], self.wrench[rows], self.diverged[rows] = 0.0, 0, 0.0, False
         self._believe(rows)
         self.cell.read()
-        self.measured = self.cell.x.q.copy(), self.cell.x.dq.copy()
+        self.see(self.cell.x.q.copy(), self.cell.x.dq.copy())
         self.stack.fill(rows, self._policy_part())
+
+    def _start(self, rows: np.ndarray, pos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Joint angles (len(rows), nj) in rad that put these rows' flanges at `pos`, and the weight there, N m."""
+        few = 4 * len(rows) < self.nsim  # then arms one by one cost less than all of them; the answer is the same
+        q, weight = self.home.copy(), np.zeros_like(self.home)
+        for some in rows[:, None] if few else [np.arange(self.nsim)]:
+            nominal = self.solo if few else self.control.nominal
+            q[some], error = reach(nominal, pos[some], np.tile(DOWN, (len(some), 1)), q[some])
+            asked = np.isin(some, rows)
+            if error[asked].max() > 1e-4:
+                place = pos[some[asked][int(error[asked].argmax())]]
+                raise UserError("the start is out of the arm's reach", got=place.round(3))
+            weight[some] = nominal.gravity(q[some])
+        return q[rows], weight[rows]
+
+    def see(self, q: np.ndarray, dq: np.ndarray) -> None:
+        """The measured motion, and the flange's pose and twist that follow from it."""
+        self.measured = q, dq
+        self.flange, self.turn, self.twist = self.control.pose(q, dq)
 
     def _believe(self, rows: np.ndarray) -> None:
         if self.obs_mode not in TARGET_KNOWN:
@@ -127,24 +144,26 @@ class PegSimulation:
         """
         c, cell = self.config, self.cell
         self.action = np.clip(np.nan_to_num(np.asarray(action, float)), -1.0, 1.0)
-        pos, rot, _ = self.control.pose(*self.measured)
         whole = np.zeros((self.nsim, 6))
         whole[:, self.move] = self.action
-        moved = pos + c.offset * whole[:, :3]
+        moved = self.flange + c.offset * whole[:, :3]
         self.goal = np.where(self.move[:3], moved, self.goal)
         if self.move[3:].any():
-            self.rot = turned(rot, c.turn * whole[:, 3:])
-        forces, wrenches = np.empty((c.ticks, self.nsim)), np.empty((c.ticks, self.nsim, 6))
+            self.rot = turned(self.turn, c.turn * whole[:, 3:])
+        force, wrenches = np.empty((c.ticks, self.nsim, 3)), np.empty((c.ticks, self.nsim, 6))
+        pushed = any(p is not None for p in self.push)
         with quiet(), np.errstate(all="ignore"):
             for k in range(c.ticks):
                 cell.read()
                 q, dq = cell.measure()
-                self._pushes(k)
+                if pushed:
+                    self._pushes(k)
                 cell.advance(self.control.torque(q, dq, self.goal, self.rot), c.substeps)
                 wrenches[k] = cell.sensors[:, :6]
-                forces[k] = np.linalg.norm(cell.sensors[:, 7:10], axis=1)
+                force[k] = cell.sensors[:, 7:10]
+            forces = np.linalg.norm(force, axis=2)
             cell.read()
-            self.measured = cell.measure()
+            self.see(*cell.measure())
             return self._settle(forces, wrenches)
 
     def _pushes(self, k: int) -> None:
@@ -212,21 +231,24 @@ class PegSimulation:
 
     def _policy_part(self) -> np.ndarray:
         """(nsim, d): measured tip relative to the believed hole, twist, wrench and the last action, all near 1."""
-        pos, _, twist = self.control.pose(*self.measured)
-        tip = pos - [0, 0, self.scene.tip]
-        parts = [(tip - self.believed) / 0.03, twist[:, :3] / 0.1, self.wrench[:, :3] / 20.0, self.wrench[:, 3:] / 2.0]
+        tip = self.flange - [0, 0, self.scene.tip]
+        parts = [
+            (tip - self.believed) / 0.03,
+            self.twist[:, :3] / 0.1,
+            self.wrench[:, :3] / 20.0,
+            self.wrench[:, 3:] / 2.0,
+        ]
         return np.concatenate([*parts, self.action], axis=1)
 
     def observation(self) -> dict[str, np.ndarray]:
         """`policy` (nsim, stack d) and `privileged` (nsim, PRIVILEGED), float32."""
         tip, hole = np.nan_to_num(self.tip_in_hole()), self.cell.site_position("hole")
         force = np.nan_to_num(self.cell.sensors[:, 7:10])
-        twist = self.control.pose(*self.measured)[2]
         truth = [
             tip / 0.03,
             (hole - self.nominal_hole) / 0.03,
             (self.believed - hole) / 0.003,
-            np.nan_to_num(twist[:, :3]) / 0.1,
+            np.nan_to_num(self.twist[:, :3]) / 0.1,
             force / 20.0,
             np.nan_to_num(self.cell.qpos[:, [self.cell.slip]]) / 0.003,
             np.nan_to_num(self.tilt())[:, None] / 0.05,
@@ -235,11 +257,6 @@ class PegSimulation:
         ]
         privileged = np.clip(np.concatenate(truth, axis=1), -20, 20).astype(np.float32)
         return {"policy": np.clip(self.stack.flat(), -20, 20).astype(np.float32), "privileged": privileged}
-
-    @property
-    def twist(self) -> np.ndarray:
-        """Measured velocity of the flange (nsim, 6), m/s and rad/s, base axes."""
-        return self.control.pose(*self.measured)[2]
 
     def bodies(self, row: int) -> dict[str, np.ndarray]:
         """Where this row's fixture and peg are placed in their parents, (7,) each, for whoever draws them."""
@@ -266,24 +283,6 @@ class PegSimulation:
         return out
 
 
-def shown(world: World, cameras: Sequence[str]) -> World:
-    """The world without what no camera of the task can see."""
-
-    def seen(e: Placed | Ranged) -> bool:
-        kind = effect(e.effect).kind
-        if kind == "camera":
-            return bool(cameras) and e.where in ("all", "each", *cameras)
-        return kind != "appearance" or bool(cameras)
-
-    effects, ranges = (tuple(e for e in group if seen(e)) for group in (world.effects, world.ranges))
-    return replace(world, effects=effects, ranges=ranges)  # type: ignore[arg-type]
-
-
-def felt(world: World) -> World:
-    """The world without what is only seen."""
-    return replace(world, effects=tuple(e for e in world.effects if effect(e.effect).kind in PHYSICS))
-
-
 def turned(quat: np.ndarray, vector: np.ndarray) -> np.ndarray:
     """Quaternions (n, 4) wxyz turned by rotation vectors (n, 3) rad given in the base frame."""
     angle = np.linalg.norm(vector, axis=1, keepdims=True)
@@ -293,3 +292,6 @@ def turned(quat: np.ndarray, vector: np.ndarray) -> np.ndarray:
     return np.concatenate(
         [w1 * w0 - np.sum(v1 * v0, axis=1, keepdims=True), w1 * v0 + w0 * v1 + np.cross(v1, v0)], axis=1
     )
+
+
+__all__ = ["DOWN", "HOME", "IMAGE_MODES", "PHYSICS", "PegSimulation", "felt", "shown", "turned"]
