@@ -1,6 +1,7 @@
 """Shows the main job on bundled recordings: what is this robot's model missing? About three minutes on two cores.
 
-Compares the nominal model with recordings, diagnoses on two of them, judges on the third, and writes a report.
+Compares the nominal model with recordings, diagnoses on two of them, judges on the third, and writes a report. Then
+renders a contact sheet of what policies are trained on: the peg task, randomized, as its cameras deliver it.
 
 Example:
     vispeg demo
@@ -61,17 +62,35 @@ class Args:
             found = diagnose(
                 world, fitted, held_out, seed=self.seed, nthread=self.threads, say=lambda text: status.update(text)
             )
+            status.update("rendering")
+            problem = self._sheet(folder)
             write_diagnosis(folder, {**found.record, "provenance": stamp}, found.world, found.arrays)
             (folder / "compared").mkdir()
             write_comparison(folder / "compared", {**before.record, "provenance": stamp}, before.arrays)
+        if problem:
+            progress.print(f"no contact sheet: {problem}")
         self._print(json.loads((folder_of / "truth.json").read_text(encoding="utf-8")), time.monotonic() - start)
         return 0
+
+    def _sheet(self, folder: Path) -> str:
+        """Draws the contact sheet into the folder; says what is in the way where it cannot."""
+        from vispeg.core.errors import UserError
+        from vispeg.datasets.codec import encode
+        from vispeg.report.contact_sheet import draw
+        from vispeg.report.record import SHEET
+
+        try:
+            (folder / SHEET).write_bytes(encode(draw(seed=self.seed)))
+        except UserError as error:  # the diagnosis stands without pictures
+            return str(error)
+        return ""
 
     def _print(self, truth: dict, seconds: float) -> None:
         from rich.console import Console
         from rich.text import Text
 
         from vispeg.report import words
+        from vispeg.report.record import SHEET
         from vispeg.report.terminal import effects_table, ladder_table
 
         diagnosis = json.loads((self.out / "diagnosis.json").read_text(encoding="utf-8"))
@@ -88,4 +107,6 @@ class Args:
             for h in truth["hidden"]
         )
         console.print(Text(f"what was hidden in the robot: {'; '.join(hidden)}"))
+        if (self.out / SHEET).is_file():
+            console.print(Text(f"what policies are trained on: {self.out / SHEET}"), soft_wrap=True)
         console.print(Text(f"report: {self.out / 'report.html'}  ({seconds:.0f} s)"), soft_wrap=True)

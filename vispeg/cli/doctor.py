@@ -26,6 +26,11 @@ from vispeg.cli.graphics import APT_LINE, has_library, probe
 
 MIN_PYTHON, MIN_MEMORY_GB, MIN_DISK_GB = (3, 11), 4.0, 2.0
 _PYPROJECT = Path(__file__).parents[2] / "pyproject.toml"  # there in a checkout, not in an installed wheel
+_TORCH = """
+import torch
+gpus = [torch.cuda.get_device_name(i) for i in range(torch.cuda.device_count())]
+print(f"torch {torch.__version__} on", ", ".join(gpus) or f"{torch.get_num_threads()} CPU threads (--device cpu)")
+"""
 _PHYSICS = "import mujoco; m = mujoco.MjModel.from_xml_string('<mujoco/>'); mujoco.mj_step(m, mujoco.MjData(m))"
 
 
@@ -67,7 +72,7 @@ class Args:
 
 def examine() -> list[Finding]:
     """All findings about this machine, the needed ones first."""
-    return [_python(), *_packages(), _physics(), _memory(), _disk(), *_pictures(), _gpu(), _vulkan(), _ffmpeg()]
+    return [_python(), *_packages(), _physics(), _memory(), _disk(), _torch(), *_pictures(), _gpu(), _ffmpeg()]
 
 
 def _python() -> Finding:
@@ -103,17 +108,17 @@ def _packages() -> Iterator[Finding]:
 
 
 def _requirements() -> list[str]:
-    """What this release asks for; from the checkout where it runs without being installed."""
-    try:
-        return metadata.requires("vispeg") or []
-    except metadata.PackageNotFoundError:
+    """What this release asks for; a checkout's own word counts, as its installation may be older than itself."""
+    if _PYPROJECT.is_file():
         import tomllib
 
-        if not _PYPROJECT.is_file():
-            return []
         project = tomllib.loads(_PYPROJECT.read_text(encoding="utf-8"))["project"]
         extras = project["optional-dependencies"].items()
         return project["dependencies"] + [f"{text}; extra == '{name}'" for name, texts in extras for text in texts]
+    try:
+        return metadata.requires("vispeg") or []
+    except metadata.PackageNotFoundError:
+        return []
 
 
 def _physics() -> Finding:
@@ -138,12 +143,29 @@ def _disk() -> Finding:
     return Finding("disk", free >= MIN_DISK_GB, f"{free:.1f} GB free here", fix=f"free {MIN_DISK_GB:.0f} GB")
 
 
+def _torch() -> Finding:
+    """Whether networks can be trained here, and on what; torch itself is imported in another process."""
+    target = "'.[learn]'" if _PYPROJECT.is_file() else "'vispeg[learn]'"
+    fix = f"pip install {'-e ' if _PYPROJECT.is_file() else ''}{target}; without it everything but policies works"
+    try:
+        metadata.version("torch")
+    except metadata.PackageNotFoundError:
+        return Finding("training (torch)", False, "not installed, so no policies are trained or played", fix=fix)
+    done = subprocess.run([sys.executable, "-c", _TORCH], capture_output=True, text=True)
+    detail = (done.stdout if done.returncode == 0 else done.stderr).strip().splitlines() or ["no answer"]
+    return Finding("training (torch)", done.returncode == 0, detail[-1], fix=fix)
+
+
 def _pictures() -> Iterator[Finding]:
+    """The renderers that need OpenGL, what is used where there is none, and the one that needs Vulkan."""
     egl = probe("egl")
     yield Finding("pictures (egl)", egl.ok, egl.detail, fix=APT_LINE)
-    if not egl.ok:
-        osmesa = probe("osmesa")
-        yield Finding("pictures (osmesa)", osmesa.ok, osmesa.detail, fix="sudo apt-get install -y libosmesa6")
+    osmesa = probe("osmesa")
+    fix = "sudo apt-get install -y libosmesa6, then MUJOCO_GL=osmesa" + ("; not needed where EGL draws" * egl.ok)
+    yield Finding("pictures (osmesa)", osmesa.ok, osmesa.detail, fix=fix)
+    use = "works everywhere; plain colours, no textures" + ("" if egl.ok or osmesa.ok else ": what is used here")
+    yield Finding("pictures (raycast)", True, use)
+    yield _vulkan()
 
 
 def _gpu() -> Finding:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 APT_LINE = "sudo apt-get install -y libegl1 libopengl0 libgl1-mesa-dri"
 # In a process of its own: a driver that crashes takes nothing else with it, and MuJoCo reads MUJOCO_GL at import.
 _PROBE = """
+import os
 import mujoco
 xml = '<mujoco><worldbody><light pos="0 0 3"/><geom size=".2" rgba="1 0 0 1"/></worldbody></mujoco>'
 model = mujoco.MjModel.from_xml_string(xml)
@@ -22,7 +23,10 @@ image = renderer.render()
 if image.std() == 0:
     raise SystemExit("the picture is blank")
 from OpenGL import GL
-print("\\n" + GL.glGetString(GL.GL_RENDERER).decode())
+name = GL.glGetString(GL.GL_RENDERER).decode()
+renderer.close()
+print("\\n" + name, flush=True)
+os._exit(0)  # what OSMesa says while Python ends is no finding
 """
 
 

@@ -35,7 +35,10 @@ def render(record: Record) -> str:
     sections = []
     for name in DIAGNOSIS if record.kind == "diagnosis" else COMPARE:
         module = import_module(f"vispeg.report.sections.{name}")
-        html = pages.get_template(f"sections/{name}.html.j2").render(module.context(record))
+        values = module.context(record)
+        if values is None:  # nothing to show
+            continue
+        html = pages.get_template(f"sections/{name}.html.j2").render(values)
         sections.append({"name": name, "title": module.TITLE, "html": Markup(html)})
     kind = "diagnosis" if record.kind == "diagnosis" else "comparison"
     verdict = record.values.get("verdict") if record.kind == "diagnosis" else None

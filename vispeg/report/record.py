@@ -12,6 +12,8 @@ from vispeg.core.errors import UserError
 from vispeg.report.evidence import Evidence, load_evidence
 from vispeg.report.quantities import number
 
+SHEET = "contact-sheet.png"
+
 
 @dataclass(frozen=True)
 class Record:
@@ -21,11 +23,13 @@ class Record:
         kind: "diagnosis" or "compare".
         values: the JSON record; keys may be absent or null, and every reader here copes with that.
         evidence: the arrays.
+        sheet: PNG of a contact sheet beside the record; None where there is none.
     """
 
     kind: Literal["diagnosis", "compare"]
     values: Mapping[str, Any]
     evidence: Evidence
+    sheet: bytes | None = None
 
     def rows(self, key: str) -> list[dict[str, Any]]:
         """The list of mappings under `key`; empty where it is absent or null."""
@@ -70,7 +74,9 @@ def load_record(out: Path) -> Record:
     for kind in ("diagnosis", "compare"):
         path = out / f"{kind}.json"
         if path.is_file():
-            return Record(kind, _read(path), load_evidence(out / "evidence.npz"))
+            sheet = out / SHEET
+            drawn = sheet.read_bytes() if sheet.is_file() else None
+            return Record(kind, _read(path), load_evidence(out / "evidence.npz"), drawn)
     raise UserError("nothing to report on", file=out, expected="a folder with diagnosis.json or compare.json")
 
 

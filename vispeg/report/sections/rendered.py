@@ -1,0 +1,17 @@
+"""Frames of the peg task as its cameras deliver them, where the run drew some (`vispeg demo` does)."""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+
+from vispeg.report.record import Record
+
+TITLE = "Rendered for training"
+
+
+def context(record: Record) -> dict[str, Any] | None:
+    """The contact sheet as a `data:` link; None where there is none."""
+    if record.sheet is None:
+        return None
+    return {"sheet": "data:image/png;base64," + base64.b64encode(record.sheet).decode()}
