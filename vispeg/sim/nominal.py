@@ -93,7 +93,7 @@ class Nominal:
         return jac
 
     def _quat(self) -> np.ndarray:
-        """Flange orientation (n, 4) wxyz, signed as by `mju_mat2Quat`: w is positive above 1/2, else the greatest is."""
+        """Flange orientation (n, 4) wxyz, signed as by `mju_mat2Quat`: w is positive above 1/2, else the largest."""
         out = self.xquat[:, self.body]
         if self.turn is not None:
             out = np.matmul(self.turn, out[:, :, None])[:, :, 0]
