@@ -132,6 +132,7 @@ class Eyes:
             world = self.sim.drawn[row]
             if self._varied:
                 self._guard = self._guard or self._renderer(self.cameras, labels=True)
+                self._guard.render(self.sim.cell.qpos[row], self.sim.bodies(row))  # puts the fixture where it stands
                 world, refused = redraw(
                     self.sim.world,
                     self.sim.scene,
