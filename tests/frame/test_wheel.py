@@ -11,6 +11,13 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 LISTS = "import vispeg.effects; from vispeg.core.effect import REGISTRY; print(sorted(REGISTRY))"
+# what `vispeg render --world S` plans: the built-in worlds, with the sensors and the images that they name
+WORLDS = """
+from vispeg.effects._images import images
+from vispeg.learn.demonstrations import plan_of
+print([p.name for p in images((".hdr", ".png", ".jpg"))])
+print([plan_of(name, 10)[0].world_hash for name in ("S", "V", "N", "P", "VNP", "dev")])
+"""
 
 
 def call(*command: object, **options) -> str:
@@ -46,6 +53,8 @@ def test_wheel_runs_away_from_the_checkout(wheel, tmp_path):
     call(sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--target", site, wheel)
     options = {"cwd": elsewhere, "env": {**os.environ, "PYTHONPATH": str(site)}}
     assert "usage: vispeg" in call(sys.executable, "-m", "vispeg", "--help", **options)
+    assert "usage: vispeg render" in call(sys.executable, "-m", "vispeg", "render", "--help", **options)
+    assert call(sys.executable, "-c", WORLDS, **options) == call(sys.executable, "-c", WORLDS, cwd=ROOT)
     assert Path(call(sys.executable, "-c", "import vispeg; print(vispeg.__file__)", **options)).is_relative_to(site)
     where = "from vispeg.core.assets import assets; print(assets(), end='')"
     assert Path(call(sys.executable, "-c", where, **options)) == site / "vispeg" / "_assets"
