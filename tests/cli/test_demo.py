@@ -57,4 +57,6 @@ def test_demo_finds_what_is_hidden(vispeg, tmp_path):
     assert torque["low"] <= 1.2 <= torque["high"]
     mass = found["payload", "flange"]["mass"]
     assert mass["low"] <= 0.6 <= mass["high"]
-    assert {"report.html", "model.yaml", "compared"} <= {p.name for p in (tmp_path / "vispeg-demo").iterdir()}
+    assert {"report.html", "model.yaml", "compared", "contact-sheet.png"} <= {
+        p.name for p in (tmp_path / "vispeg-demo").iterdir()
+    }
