@@ -13,8 +13,9 @@ from functools import lru_cache
 import mujoco
 
 from vispeg.core.errors import UserError
-from vispeg.robots import hole, tools
+from vispeg.robots import hole, tools, user_cell
 from vispeg.robots.model import RobotModel, load
+from vispeg.robots.user_shapes import UserShape
 
 G = mujoco.mjtGeom
 CONTACT = {"contype": 1, "conaffinity": 0}
@@ -54,6 +55,12 @@ class SceneConfig:
         fixture: position of the centre of the hole's mouth.
         block: half the width of the fixture.
         solref: time constant (s) and damping ratio of the peg's contacts.
+        peg_mesh, hole_mesh: mesh files instead of the built-in shapes, see `vispeg.robots.user_shapes`; a fixture
+            from a file stands on the table at its `fixture`'s x and y.
+        mesh_scale: m per unit of these files.
+        mesh_concavity: how finely meshes that are not convex are taken apart (CoACD's threshold; smaller is finer).
+        hole_origin: centre of the hole's mouth in its file's units; if empty, the middle of its top.
+        peg_density: of a peg from a file, kg/m^3.
     """
 
     clearance_mm: float = 3.0
@@ -65,6 +72,12 @@ class SceneConfig:
     fixture: tuple[float, float, float] = (0.6, 0.0, 0.05)
     block: float = 0.05
     solref: tuple[float, float] = (0.003, 1.0)
+    peg_mesh: str = ""
+    hole_mesh: str = ""
+    mesh_scale: float = 1.0
+    mesh_concavity: float = 0.02
+    hole_origin: tuple[float, ...] = ()
+    peg_density: float = tools.STEEL
 
     def __post_init__(self) -> None:
         if self.shape not in ("round", "square"):
@@ -75,6 +88,9 @@ class SceneConfig:
             "depth": (0.005, 0.04),
             "chamfer": (-1e-9, 0.01),
             "friction": (-1e-9, 3.0),
+            "mesh_scale": (0.0, 1000.0),
+            "mesh_concavity": (0.0099, 1.0),
+            "peg_density": (10.0, 25000.0),
         }
         for key, (low, high) in rules.items():
             value = getattr(self, key)
@@ -87,11 +103,14 @@ class SceneConfig:
                 "the hole is wider than its fixture", key="block", expected=f"> {self.apothem:g}", got=self.block
             )
         x, y, z = self.fixture
-        if not (0.35 <= math.hypot(x, y) <= 0.75 and self.depth + hole.FLOOR - 1e-9 <= z <= 0.4):
+        if len(self.hole_origin) not in (0, 3):
+            raise UserError("not a point", key="hole_origin", expected="x, y, z", got=self.hole_origin)
+        below = self.depth if self.hole_mesh else self.depth + hole.FLOOR
+        if not (0.35 <= math.hypot(x, y) <= 0.75 and below - 1e-9 <= z <= 0.4):
             raise UserError(
                 "the hole is out of reach",
                 key="fixture",
-                expected=f"0.35 to 0.75 m from the base's axis, {self.depth + hole.FLOOR:g} to 0.4 m high",
+                expected=f"0.35 to 0.75 m from the base's axis, {below:g} to 0.4 m high",
                 got=self.fixture,
             )
 
@@ -121,7 +140,6 @@ class Scene(RobotModel):
     tip: float = tools.GRASP + tools.PEG_LENGTH
 
 
-@lru_cache(maxsize=32)
 def build(config: SceneConfig | None = None, cameras: tuple[str, ...] = CAMERAS) -> Scene:
     """The cell for a configuration; equal configurations give the same object.
 
@@ -130,23 +148,34 @@ def build(config: SceneConfig | None = None, cameras: tuple[str, ...] = CAMERAS)
         cameras: names of those that stand in it, which effects of cameras find as their places.
 
     Raises:
-        UserError: geometry that cannot be.
+        UserError: geometry that cannot be, mesh files that cannot be used.
     """
     config = config or SceneConfig()
+    return _build(config, cameras, *user_cell.shapes(config))
+
+
+@lru_cache(maxsize=32)
+def _build(config: SceneConfig, cameras: tuple[str, ...], peg: UserShape | None, block: UserShape | None) -> Scene:
+    config = user_cell.placed(config, block)
     arm = load("iiwa14", f"meg50+peg{round(config.diameter * 1000)}")
+    tip = tools.GRASP + tools.PEG_LENGTH
+    if peg is not None:
+        arm, tip = user_cell.hold(peg, config.peg_density)
     spec = arm.spec()
     _options(spec)
     for part, colour in COLOURS.items():
         _material(spec, part, colour)
-    parts = {"arm": tuple(g.name for g in spec.geoms if g.type == G.mjGEOM_MESH)}
+    parts = {"arm": tuple(g.name for g in spec.geoms if g.type == G.mjGEOM_MESH and not g.name.startswith("peg"))}
     parts |= _hand(spec, config)
-    parts |= _fixture(spec, config)
+    parts |= _fixture(spec, config, block)
+    if peg is not None or block is not None:
+        user_cell.check(spec, config, tip, peg, block)
     parts |= _room(spec)
     _lights(spec)
     _sensors(spec)
     base = {f.name: getattr(arm, f.name) for f in fields(RobotModel)}
     # a square peg is declared with its round sister's mass and inertia
-    return Scene(**{**base, "build": spec.copy}, config=config, nominal=arm, parts=parts, cameras=cameras)
+    return Scene(**{**base, "build": spec.copy}, config=config, nominal=arm, parts=parts, cameras=cameras, tip=tip)
 
 
 def _options(spec: mujoco.MjSpec) -> None:
@@ -182,23 +211,28 @@ def _hand(spec: mujoco.MjSpec, config: SceneConfig) -> dict[str, tuple[str, ...]
         spec.geom(name).material = "gripper"
         spec.geom(name).rgba = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's default: the material's colour shows
     peg, body = spec.geom("peg"), spec.body("peg")
-    if config.shape == "square":
+    if config.shape == "square" and not config.peg_mesh:
         r, half = peg.size[0], peg.size[1]
         peg.type, peg.size = G.mjGEOM_BOX, (r, r, half)
     peg.material, peg.rgba, peg.group = "peg", (0.5, 0.5, 0.5, 1.0), 0
-    peg.friction = (config.friction, 0.002, 1e-5)
-    peg.solref, peg.solimp = config.solref, (0.95, 0.99, 2e-4, 0.5, 2.0)
-    peg.condim, peg.priority = 3, 1
+    for geom in body.geoms:
+        geom.friction = (config.friction, 0.002, 1e-5)
+        geom.solref, geom.solimp = config.solref, (0.95, 0.99, 2e-4, 0.5, 2.0)
+        geom.condim, geom.priority = 3, 1
     slip = body.add_joint(name="peg_slip", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(0, 0, 1), damping=50.0)
     slip.frictionloss = GRIP
     slip.solref_friction, slip.solimp_friction = (0.002, 1.0), (0.9999, 0.9999, 0.001, 0.5, 2.0)  # no creep below it
     return {"gripper": gripper, "peg": ("peg",)}
 
 
-def _fixture(spec: mujoco.MjSpec, config: SceneConfig) -> dict[str, tuple[str, ...]]:
+def _fixture(spec: mujoco.MjSpec, config: SceneConfig, block: UserShape | None) -> dict[str, tuple[str, ...]]:
+    seen = {"contype": 0, "conaffinity": 0, "material": "fixture"}
     n = 4 if config.shape == "square" else hole.sides(config.apothem)
     body = spec.worldbody.add_body(name="fixture", pos=config.fixture)
     body.add_site(name="hole", group=4)
+    if block is not None:
+        block.add(spec, body, "fixture", lambda x: x, hole.CONTACT, {"material": "fixture"})
+        return {"fixture": ("fixture",)}
     shape = n, config.apothem, config.block, config.depth, config.chamfer
     hole.add_walls(spec, body, *shape)
     vertices, faces = hole.visual(*shape)
@@ -208,7 +242,6 @@ def _fixture(spec: mujoco.MjSpec, config: SceneConfig) -> dict[str, tuple[str, .
         userface=faces.ravel().tolist(),
         inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
     )
-    seen = {"contype": 0, "conaffinity": 0, "material": "fixture"}
     body.add_geom(name="fixture", type=G.mjGEOM_MESH, meshname="fixture", **seen)
     return {"fixture": ("fixture",)}
 

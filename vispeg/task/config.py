@@ -16,6 +16,7 @@ class TaskConfig:
 
     Attributes:
         clearance_mm, shape, diameter, depth, chamfer, friction, solref: the cell, see SceneConfig.
+        peg_mesh, hole_mesh, mesh_scale, mesh_concavity, hole_origin, peg_density: your own shapes, see SceneConfig.
         control_period: of the controller, s.
         substeps: physics steps a control period (docs/task.md holds the convergence study).
         policy_period: of the policy, s; a whole number of control periods.
@@ -41,6 +42,12 @@ class TaskConfig:
     chamfer: float = 0.001
     friction: float = 0.3
     solref: tuple[float, float] = (0.004, 1.0)
+    peg_mesh: str = ""
+    hole_mesh: str = ""
+    mesh_scale: float = 1.0
+    mesh_concavity: float = 0.02
+    hole_origin: tuple[float, ...] = ()
+    peg_density: float = 7850.0
     control_period: float = 0.005
     substeps: int = 3
     policy_period: float = 0.160

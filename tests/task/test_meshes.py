@@ -1,0 +1,172 @@
+"""Pegs and holes from files: hexagons made here, whose clearance, mass and volume are known."""
+
+import mujoco
+import numpy as np
+import pytest
+
+trimesh = pytest.importorskip("trimesh")
+pytest.importorskip("coacd")
+
+from vispeg.core.errors import UserError  # noqa: E402
+from vispeg.robots import user_shapes  # noqa: E402
+from vispeg.robots.scene import SceneConfig, build  # noqa: E402
+from vispeg.task.vector import PegInHoleVec  # noqa: E402
+
+APOTHEM, LENGTH, DEPTH, HALF = 8.0, 80.0, 25.0, 30.0  # mm: peg, hole, half the block's width
+CLEARANCE, CONCAVITY = 2.0, 0.02  # mm, CoACD's threshold
+
+
+def hexagon(apothem: float) -> np.ndarray:
+    """Corners (6, 2)."""
+    turn = np.pi / 3 * np.arange(6)
+    return apothem / np.cos(np.pi / 6) * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+
+
+def prism(corners: np.ndarray, low: float, high: float):
+    """A solid over a convex outline."""
+    points = np.concatenate([np.column_stack([corners, np.full(len(corners), z)]) for z in (low, high)])
+    return trimesh.convex.convex_hull(points)
+
+
+def holed(apothem: float):
+    """A hexagonal block with a hexagonal hole right through it, top at z = 0: two tubes of walls and two rings."""
+    inner, outer = hexagon(apothem), hexagon(HALF)
+    rings = [(inner, 0.0), (outer, 0.0), (outer, -1.6 * DEPTH), (inner, -1.6 * DEPTH)]
+    vertices = np.concatenate([np.column_stack([r, np.full(6, z)]) for r, z in rings])
+    faces = []
+    for k in range(4):
+        for i in range(6):
+            j, a, b = (i + 1) % 6, 6 * k, 6 * ((k + 1) % 4)
+            faces += [(a + i, b + i, b + j), (a + i, b + j, a + j)]
+    return trimesh.Trimesh(vertices, faces)
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """Peg and block in mm, and a cache of the tests' own."""
+    folder = tmp_path_factory.mktemp("meshes")
+    prism(hexagon(APOTHEM), 0.0, LENGTH).export(folder / "peg.stl")
+    holed(APOTHEM + CLEARANCE / 2).export(folder / "hole.obj")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
+        yield folder
+
+
+def given(files, **more) -> dict:
+    """Keys of the task."""
+    out = {"peg_mesh": str(files / "peg.stl"), "hole_mesh": str(files / "hole.obj"), "mesh_scale": 1e-3}
+    return {**out, "clearance_mm": CLEARANCE, "mesh_concavity": CONCAVITY, **more}
+
+
+def test_a_convex_peg_is_used_as_it_is_and_weighs_what_it_should(files):
+    """Mass and inertia of a hexagonal prism in closed form; one piece, no error."""
+    scene = build(SceneConfig(**given(files, peg_density=1000.0)))
+    model = scene.compile()
+    body = model.body("peg")
+    area = 2 * np.sqrt(3) * (APOTHEM * 1e-3) ** 2
+    mass = 1000 * area * LENGTH * 1e-3
+    side = 2 / np.sqrt(3) * APOTHEM * 1e-3
+    across = mass * (5 * side**2 / 24 + (LENGTH * 1e-3) ** 2 / 12)
+    assert model.body_mass[body.id] == pytest.approx(mass, rel=1e-6)
+    np.testing.assert_allclose(
+        np.sort(model.body_inertia[body.id]), np.sort([5 * mass * side**2 / 12, across, across]), rtol=1e-5
+    )
+    assert sum(model.geom_bodyid == body.id) == 2  # one to see, one to touch
+    assert scene.tip == pytest.approx(0.105 + LENGTH * 1e-3)
+    nominal = scene.nominal.compile()
+    assert nominal.body_mass[nominal.body("peg").id] == pytest.approx(mass, rel=1e-6)
+
+
+def test_the_hole_keeps_its_volume_and_its_clearance(files):
+    """The pieces fill the block and not the hole; pushed pegs would find what the check measures."""
+    block = user_shapes.read(str(files / "hole.obj"), "hole_mesh", 1e-3, CONCAVITY)
+    ideal = 2 * np.sqrt(3) * (HALF**2 - (APOTHEM + CLEARANCE / 2) ** 2) * 1.6 * DEPTH * 1e-9
+    filled = sum(trimesh.convex.convex_hull(p).volume for p in block.pieces)
+    assert block.volume == pytest.approx(ideal, rel=1e-6)
+    assert filled == pytest.approx(ideal, rel=0.05)
+    assert len(block.pieces) >= 3 and block.error < CLEARANCE / 2000
+    scene = build(SceneConfig(**given(files)))
+    assert scene.config.fixture[2] == pytest.approx(1.6 * DEPTH * 1e-3)
+    flange = np.array(scene.config.fixture) + [0, 0, scene.tip - 0.8 * scene.config.depth]
+    left = user_shapes.gap(scene.compile(), flange)
+    assert left == pytest.approx(CLEARANCE / 2000, abs=2 * block.error + 2e-6)
+
+
+def test_pieces_are_kept_on_disk(files):
+    """The second reading is the first one's, and a damaged file is made anew."""
+    path = str(files / "hole.obj")
+    first = user_shapes.read(path, "hole_mesh", 1e-3, CONCAVITY).pieces
+    kept = list((files / "cache" / "vispeg" / "pieces").glob("*.npz"))
+    assert kept
+    for damaged in (False, True):
+        user_shapes._read.cache_clear()
+        if damaged:
+            kept[0].write_bytes(b"nothing")
+        again = user_shapes.read(path, "hole_mesh", 1e-3, CONCAVITY).pieces
+        assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
+
+
+def test_the_distance_of_pieces_is_found():
+    """A cube in two halves is exact; one half pushed out by 1 mm is found as 1 mm."""
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
+    points = np.array([[0.5, 0.2, 0.0], [0.0, 0.3, 0.4], [0.7, 1.0, 0.3], [1.0, 0.5, 0.5], *corners])
+    half = corners * [0.5, 1, 1]
+    assert user_shapes.distance(points, (half, half + [0.5, 0, 0])) < 1e-12
+    assert user_shapes.distance(points, (half, half + [0.501, 0, 0])) == pytest.approx(0.001, rel=1e-6)
+    assert user_shapes.distance(points, (half, half * [1.002, 1, 1] + [0.5, 0, 0])) == pytest.approx(0.001, rel=1e-6)
+
+
+def test_the_task_runs_with_them(files):
+    """A peg put above the middle goes in when pushed down; contact is felt on the block beside the hole."""
+    env = PegInHoleVec(2, world="nominal", start_radius=0.0, **given(files))
+    env.reset(seed=0)
+    ends = []
+    for _ in range(25):
+        info = env.step(np.tile([0.0, 0.0, -0.6], (2, 1)))[4]
+        ends += [c for c in info.get("category", ()) if c is not None]
+    assert len(ends) >= 2 and set(ends) == {"success"}
+    aside = PegInHoleVec(1, world="nominal", start_radius=0.0, **given(files))
+    aside.reset(seed=0)
+    for k in range(20):
+        aside.step(np.array([[1.0 if k < 4 else 0.0, 0.0, -0.6 if k >= 4 else 0.0]]))
+    assert aside.sim.tip_in_hole()[0, 2] > -0.001 and aside.sim.tracks[0].peak > 5.0
+
+
+def test_what_cannot_be_is_refused(files, tmp_path):
+    """Each with the key at fault."""
+    open_mesh = prism(hexagon(APOTHEM), 0.0, LENGTH)
+    open_mesh.update_faces(np.arange(len(open_mesh.faces)) > 0)
+    open_mesh.export(tmp_path / "open.stl")
+    (tmp_path / "text.stl").write_text("this is no mesh")
+    for bad, said in (
+        ({"peg_mesh": str(tmp_path / "absent.stl")}, "no such mesh"),
+        ({"peg_mesh": str(tmp_path / "open.stl")}, "watertight"),
+        ({"peg_mesh": str(tmp_path / "text.stl")}, "peg_mesh"),
+        ({"mesh_scale": 1.0}, "mesh_scale"),
+        ({"clearance_mm": 3.0}, "another clearance"),
+        ({"depth": 0.04, "hole_origin": (0.0, 0.0, -10.0)}, "deeper"),
+        ({"hole_origin": (0.0,)}, "hole_origin"),
+        ({"hole_origin": (3.0, 0.0, 0.0)}, "does not fit"),
+    ):
+        with pytest.raises(UserError, match=said):
+            build(SceneConfig(**given(files, **bad)))
+
+
+def test_pieces_coarser_than_the_clearance_are_refused(files):
+    """A round hole taken apart roughly cannot hold 0.2 mm."""
+    ring = trimesh.creation.annulus(r_min=8.1, r_max=30.0, height=40.0, sections=48)
+    ring.apply_translation([0, 0, -20.0])
+    ring.export(files / "ring.stl")
+    with pytest.raises(UserError, match="coarser than the clearance"):
+        build(SceneConfig(hole_mesh=str(files / "ring.stl"), mesh_scale=1e-3, clearance_mm=0.2, mesh_concavity=0.3))
+
+
+def test_meshes_are_seen(files):
+    """The mesh for the eye is the file's, in the part's material; pieces are for contact alone."""
+    scene = build(SceneConfig(**given(files)))
+    model = scene.compile()
+    for part in ("peg", "fixture"):
+        assert scene.parts[part] == (part,)
+        geom = model.geom(part)
+        assert geom.type == mujoco.mjtGeom.mjGEOM_MESH and geom.group < 3
+        assert model.material(int(geom.matid[0])).name == part
