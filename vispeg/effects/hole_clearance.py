@@ -23,7 +23,8 @@ class HoleClearance(Effect):
     writes = frozenset({"geom_pos"})
 
     def targets(self, model):
-        return in_scene(model, "fixture")
+        own = hasattr(model, "config") and model.config.hole_mesh  # a user's block has no ring of walls to move
+        return [] if own else in_scene(model, "fixture")
 
     def write(self, fields, p):
         pos, model = fields["geom_pos"], fields.model
