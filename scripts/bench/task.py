@@ -8,7 +8,8 @@ often with the torques that the task's controller gave, held over each control p
 in CPU time, which other programs do not lengthen by taking turns.
 
 robosuite (its own Python, where it is installed): `Lift` with its IIWA under its OSC_POSE controller, state
-observations, no cameras, the same policy period, random actions that lean downwards. It steps by 2 ms and computes its control law at each of them.
+observations, no cameras, the same policy period, random actions that lean downwards. It steps by 2 ms and computes its
+control law at each of them.
 """
 
 from __future__ import annotations
