@@ -94,17 +94,19 @@ def parse(raw: Any, file: str | None = None, key: str | None = None) -> float | 
     where: dict[str, Any] = {"file": file, "key": key}
     if not isinstance(raw, Mapping) or len(raw) != 1:
         raise UserError("not a value", **where, expected="a number or a distribution", got=raw, choices=KINDS)
-    ((kind, numbers),) = raw.items()
+    ((kind, given),) = raw.items()
     if kind not in KINDS:
         raise UserError("unknown distribution", **where, got=kind, choices=KINDS)
-    ok = isinstance(numbers, (list, tuple)) and len(numbers) > 0
-    ok = ok and all(isinstance(x, (int, float)) and not isinstance(x, bool) and np.isfinite(x) for x in numbers)
+    numbers: list[Any] = list(given) if isinstance(given, (list, tuple)) else [None]
+    ok = len(numbers) > 0 and all(
+        isinstance(x, (int, float)) and not isinstance(x, bool) and np.isfinite(x) for x in numbers
+    )
     if not ok or (kind != "choice" and len(numbers) != 2):
         expected = "numbers" if kind == "choice" else "two numbers"
-        raise UserError(f"{kind} takes {expected}", **where, got=numbers)
+        raise UserError(f"{kind} takes {expected}", **where, got=given)
     try:
         if kind == "choice":
-            return Choice(tuple(float(x) for x in numbers))
+            return Choice(tuple(map(float, numbers)))
         cls = {"uniform": Uniform, "log_uniform": LogUniform, "normal": Normal}[kind]
         return cls(float(numbers[0]), float(numbers[1]))
     except UserError as error:

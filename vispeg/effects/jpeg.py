@@ -27,5 +27,5 @@ class Jpeg(CameraEffect):
             quality = int(round(100 - float(p["loss"][row])))
             image = (frame.rgb[row] * np.float32(255) + np.float32(0.5)).astype(np.uint8)
             _, code = cv2.imencode(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, quality])
-            back = cv2.cvtColor(cv2.imdecode(code, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+            back = np.asarray(cv2.imdecode(code, cv2.IMREAD_COLOR))[..., ::-1]
             np.multiply(back, np.float32(1 / 255), out=frame.rgb[row])

@@ -5,6 +5,9 @@ teacher's actions as labels, and the student learns from all of them. Round 0 is
 transitions are demonstrations, which reinforcement learning may draw from afterwards.
 """
 
+# SB3 declares its networks and observations more widely than what stands in them here.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 import itertools

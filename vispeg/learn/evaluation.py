@@ -1,5 +1,8 @@
 """Episodes of a policy on given seeds, as many at a time as the environment has rows."""
 
+# gymnasium's vector environments take a seed a row; their types do not say so.
+# pyright: reportArgumentType=false
+
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence

@@ -101,7 +101,9 @@ def random_shift(x: Tensor, pixels: int, groups: int = 16) -> Tensor:
 def soft_update(target: nn.Module, source: nn.Module, tau: float) -> None:
     """Target <- (1 - tau) target + tau source, for all parameters at once."""
     with torch.no_grad():
-        torch._foreach_lerp_(list(target.parameters()), list(source.parameters()), tau)
+        torch._foreach_lerp_(  # pyright: ignore[reportPrivateImportUsage]
+            list(target.parameters()), list(source.parameters()), tau
+        )
 
 
 def huber(x: Tensor, y: Tensor) -> Tensor:

@@ -1,5 +1,8 @@
 """The recipes that begin with a teacher: `distill`, and `distill+sac` which goes on with reinforcement."""
 
+# SB3 declares its networks and observations more widely than what stands in them here.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 import json

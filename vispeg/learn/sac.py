@@ -4,6 +4,9 @@ The critics read ground truth (`privileged`) and the actor's vector (`policy`), 
 costs the same for every modality (asymmetric actor-critic, Pinto et al. 2017, arXiv:1710.06542).
 """
 
+# SB3 declares its networks more widely than what stands in them here.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping

@@ -1,5 +1,8 @@
 """A training run of soft actor-critic from first step to exported policy."""
 
+# SB3 declares its networks and observations more widely than what stands in them here.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 import shlex

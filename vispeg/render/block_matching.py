@@ -133,7 +133,7 @@ def _match(left: np.ndarray, right: np.ndarray, span: int, window: int) -> np.nd
     import cv2
 
     block = max(1, window | 1)
-    matcher = cv2.StereoSGBM_create(
+    matcher = cv2.StereoSGBM_create(  # pyright: ignore[reportAttributeAccessIssue]
         minDisparity=0,
         numDisparities=span,
         blockSize=block,

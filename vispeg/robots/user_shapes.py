@@ -4,6 +4,9 @@ Frames: both files are drawn as assembled, z up and out of the hole. A peg's axi
 lowest point; the centre of a hole's mouth is the middle of its mesh's bounding box at the top, or a stated origin.
 """
 
+# trimesh loads anything; what is not a mesh is refused before these lines.
+# pyright: reportAttributeAccessIssue=false, reportAssignmentType=false, reportIndexIssue=false, reportGeneralTypeIssues=false, reportArgumentType=false
+
 from __future__ import annotations
 
 import hashlib

@@ -99,7 +99,7 @@ class PegInHoleVec(VectorEnv):
         if isinstance(seed, (int, np.integer)):
             seed = [int(seed) + i for i in range(self.num_envs)]
         for i in np.flatnonzero(mask):
-            given = seed[i] if seed is not None else None
+            given = seed[int(i)] if isinstance(seed, Sequence) else None
             if given is not None:
                 self._base[i], self._episode[i] = given, 0
             elif self._started:
@@ -109,7 +109,7 @@ class PegInHoleVec(VectorEnv):
         return self._observe(), {"seed": self.sim.seeds.copy()}
 
     def _begin(self, rows: np.ndarray) -> None:
-        self.sim.reset(rows, [episode_seed(self._base[i], self._episode[i]) for i in rows])
+        self.sim.reset(rows, [episode_seed(int(self._base[i]), int(self._episode[i])) for i in rows])
         self.eyes.begin(rows)
         self.eyes.look(rows)
         self._ended[rows] = False
