@@ -1,4 +1,4 @@
-"""Draws the README's second picture from a result of `vispeg gap`: success of each policy in each world, with intervals.
+"""Draws the README picture of a `vispeg gap` result: success of each policy in each world, with intervals.
 
 python scripts/make_gap_picture.py docs/results/gap/gap.json docs/img/gap.png
 """
@@ -12,7 +12,7 @@ from pathlib import Path
 import matplotlib
 
 matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402
+import matplotlib.pyplot as plt
 
 COLOURS = {"state": "#555555", "depth": "#1f6fb4", "rgbd": "#2a9d60", "rgb": "#d9822b", "proprio": "#b0b0b0"}
 WORDS = {
