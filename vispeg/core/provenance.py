@@ -42,6 +42,13 @@ def provenance(argv: Sequence[str], seed: int | None, inputs: Iterable[str | Pat
     }
 
 
+def command_line(argv: Sequence[str]) -> str:
+    """The command as a user would type it again, without the folder that this installation's program lies in."""
+    program = Path(argv[0])
+    name = "vispeg" if program.stem in ("__main__", "vispeg") else program.name
+    return shlex.join([name, *map(str, argv[1:])])
+
+
 def digest(path: str | Path) -> str:
     """SHA-256 (hex) of a file's content, or of a folder's: its files' relative names and contents, in sorted order.
 

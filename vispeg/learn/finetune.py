@@ -7,7 +7,6 @@ each batch from the world that the policy knows, so that it forgets little.
 from __future__ import annotations
 
 import json
-import shlex
 import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -18,6 +17,7 @@ import torch
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
+from vispeg.core.provenance import command_line
 from vispeg.core.seeds import stream
 from vispeg.learn.clone import CloneSettings, clone
 from vispeg.learn.distill import collect, demonstrations
@@ -118,7 +118,7 @@ def finetune(
         after = _success(policy, env, settings.episodes)
         say(f"after: {after:.0%}, loss {loss:.4f}")
         record = {"before": before, "after": after, "settings": asdict(settings), "seed": seed, **describe(env.env)}
-        origin = {"command": shlex.join(map(str, sys.argv)), "finetuned": record, "parent": str(source)}
+        origin = {"command": command_line(sys.argv), "finetuned": record, "parent": str(source)}
         save(folder, actor, policy.modality, {**policy.meta, **origin})
         (folder / "finetune.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
         env.close()

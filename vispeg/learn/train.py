@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import shlex
 import sys
 import time
 from collections import deque
@@ -18,7 +17,7 @@ from stable_baselines3.common.logger import Logger
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
-from vispeg.core.provenance import provenance
+from vispeg.core.provenance import command_line, provenance
 from vispeg.learn.checkpoint import load_state, restart_seed, save_state
 from vispeg.learn.config import TrainConfig, read_config
 from vispeg.learn.curriculum import Curriculum
@@ -174,7 +173,7 @@ class SacRun:
         """What a policy's record says of where it comes from."""
         origin = provenance(sys.argv, self.config.seed)
         record = {
-            "command": shlex.join(map(str, sys.argv)),
+            "command": command_line(sys.argv),
             "seed": self.config.seed,
             "recipe": self.config.recipe,
             "world_file": self.config.world,
