@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from made import LAYOUT, PLAN, source
+from rendered import LAYOUT, PLAN, source
 
 from vispeg.datasets.check import check
 from vispeg.datasets.rendering import render

@@ -39,7 +39,7 @@ def test_render_check_show_and_mistakes(tmp_path, monkeypatch, capsys):
 def test_ray_that_is_missing_is_one_line(monkeypatch):
     import sys
 
-    from made import LAYOUT, PLAN, source
+    from rendered import LAYOUT, PLAN, source
 
     from vispeg.core.errors import UserError
     from vispeg.datasets.engine_ray import on_ray

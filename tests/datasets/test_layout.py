@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from made import EYE, LAYOUT, PLAN, frame, source
+from rendered import EYE, LAYOUT, PLAN, frame, source
 
 from vispeg.datasets.rendering import render
 

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 import pytest
-from made import LAYOUT, PLAN, content, deadly, source
+from rendered import LAYOUT, PLAN, content, deadly, source
 
 from vispeg.core.errors import UserError
 from vispeg.datasets.engine_ray import on_ray

@@ -6,7 +6,7 @@ import json
 import cv2
 import numpy as np
 import pytest
-from made import EYE, LAYOUT, PLAN, frame, source
+from rendered import EYE, LAYOUT, PLAN, frame, source
 
 from vispeg.core.errors import UserError
 from vispeg.datasets.bop import box, matrix

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made import LAYOUT, PLAN, always_deadly, content, deadly, source
+from rendered import LAYOUT, PLAN, always_deadly, content, deadly, source
 
 from vispeg.core.errors import UserError
 from vispeg.datasets.engine import local
