@@ -22,7 +22,8 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 import numpy as np  # noqa: E402
 
 from vispeg.datasets.shard import counted  # noqa: E402
-from vispeg.learn.demonstrations import ROWS, Stage, plan_of  # noqa: E402
+from vispeg.learn.demonstration_plan import plan_of  # noqa: E402
+from vispeg.learn.demonstrations import ROWS, Stage  # noqa: E402
 
 
 def main() -> None:

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import multiprocessing
-import os
 import queue
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from typing import Any
 
 from vispeg.core.errors import UserError
+from vispeg.core.threads import one_thread
 from vispeg.datasets.layout import Layout
 from vispeg.datasets.plan import Plan, Shard
 from vispeg.datasets.shard import Source, shard_bytes
 
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 TRIES = 3  # deaths of a worker over one shard before it is given up
 POLL = 0.3  # s
 Made = Iterator[tuple[Shard, bytes]]
@@ -97,18 +95,3 @@ def _drain(ticks: Any, tick: Callable[[int], None]) -> None:
             tick(ticks.get_nowait())
         except (queue.Empty, OSError):
             return
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Processes that start meanwhile compute with one thread each."""
-    before = {key: os.environ.get(key) for key in THREADS}
-    os.environ.update(dict.fromkeys(THREADS, "1"))
-    try:
-        yield
-    finally:
-        for key, value in before.items():
-            if value is None:
-                os.environ.pop(key, None)
-            else:
-                os.environ[key] = value

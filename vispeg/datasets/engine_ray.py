@@ -10,7 +10,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from vispeg.core.errors import UserError
-from vispeg.datasets.engine import THREADS, TRIES, Made
+from vispeg.core.threads import THREADS
+from vispeg.datasets.engine import TRIES, Made
 from vispeg.datasets.layout import Layout
 from vispeg.datasets.plan import Plan, Shard
 from vispeg.datasets.shard import Source, shard_bytes

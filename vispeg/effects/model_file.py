@@ -12,6 +12,7 @@ import yaml
 from vispeg.core.effect import REGISTRY, Placed, Value, effect
 from vispeg.core.errors import UserError
 from vispeg.core.world import World
+from vispeg.effects.yaml_file import read_mapping
 
 FORMAT = "vispeg-model/1"
 
@@ -32,19 +33,7 @@ def load_model(source: str | Path) -> World:
         return World(robot=text)
     if not path.is_file():
         raise UserError("no such model file", file=path)
-    try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
-        raise UserError(f"not readable as YAML ({str(error).splitlines()[0]})", file=path) from None
-    except OSError as error:
-        raise UserError(f"cannot be read ({error.strerror})", file=path) from None
-    if not isinstance(data, Mapping):
-        raise UserError("not a model file", file=path, expected="a mapping", got=type(data).__name__)
-    if data.get("format") != FORMAT:
-        raise UserError("unknown format", file=path, key="format", expected=FORMAT, got=data.get("format"))
-    unknown = sorted(str(k) for k in set(data) - {"format", "robot", "tool", "effects"})
-    if unknown:
-        raise UserError("unknown key", file=path, key=unknown[0], choices=["format", "robot", "tool", "effects"])
+    data = read_mapping(path, FORMAT, ("format", "robot", "tool", "effects"), "model")
     robot = data.get("robot", "iiwa14")
     if not isinstance(robot, str) or not robot:
         raise UserError("wrong robot", file=path, key="robot", expected="a name or a path", got=robot)

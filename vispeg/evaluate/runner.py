@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import json
 import multiprocessing
-import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
+from vispeg.core.threads import one_thread
 from vispeg.evaluate.arena import play
 from vispeg.evaluate.jobs import Job
 from vispeg.evaluate.records import Episode, append, read
 
 EPISODES, RUN = "episodes.jsonl", "run.json"
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 Arena = Callable[[Job], list[Episode]]
 Watch = Callable[[list[Episode], int, int], None]
 
@@ -74,21 +72,6 @@ def _results(todo: Sequence[Job], workers: int, arena: Arena) -> Iterator[list[E
                     yield future.result()
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Processes that start meanwhile compute with one thread each."""
-    before = {key: os.environ.get(key) for key in THREADS}
-    os.environ.update(dict.fromkeys(THREADS, "1"))
-    try:
-        yield
-    finally:
-        for key, value in before.items():
-            if value is None:
-                os.environ.pop(key, None)
-            else:
-                os.environ[key] = value
 
 
 def _same_run(jobs: Sequence[Job], out: Path) -> None:

@@ -11,41 +11,31 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from vispeg.core.effect import Placed, effect
+from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
 from vispeg.core.world import Ranged, World
 from vispeg.datasets.episode import Episode, Recorder
-from vispeg.datasets.layout import Layout, flag, number, numbers, picture
-from vispeg.datasets.plan import Plan, Shard, look_seed, shard_frames
+from vispeg.datasets.layout import Layout
+from vispeg.datasets.plan import Plan, Shard, look_seed
+from vispeg.learn.demonstration_plan import TASK, scene_of, seen_world, task_of
 from vispeg.render.backend import Renderer, Shot
 from vispeg.render.camera import Camera, quaternion
 from vispeg.render.camera_files import to_record
 from vispeg.render.contrast import TRIES, redraw
 from vispeg.render.look import dress
 from vispeg.render.pipeline import Pipeline
-from vispeg.robots.scene import Scene, build
-from vispeg.task.config import TaskConfig
 from vispeg.task.expert import Expert
-from vispeg.task.eyes import FAR, task_cameras
-from vispeg.task.observe import PRIVILEGED, policy_size
+from vispeg.task.eyes import FAR, camera_velocity
 from vispeg.task.simulation import PHYSICS, PegSimulation, felt
-from vispeg.task.world_file import WorldFile, load_world
+from vispeg.task.world_file import load_world
 
 ROWS = 4  # episodes played side by side; part of what the bytes follow from
-TASK = "Insert the peg into the hole."
-POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
-STATE = (
-    *(f"joint{i}" for i in range(1, 8)),
-    *("tip_x", "tip_y", "tip_z", "velocity_x", "velocity_y", "velocity_z"),
-    *("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z"),
-)
 
 
 @dataclass
@@ -57,49 +47,6 @@ class Moment:
     values: dict[str, np.ndarray]
     twist: np.ndarray
     flange: np.ndarray
-
-
-def plan_of(
-    world: str,
-    frames: int,
-    *,
-    looks: int = 1,
-    cameras: Sequence[str] = (),
-    size: int = 0,
-    seed: int = 0,
-    noise: float = 0.2,
-    labels: bool = True,
-    backend: str = "auto",
-) -> tuple[Plan, Layout]:
-    """The plan of a rendering of the peg task, and what its frames hold; see Plan for the arguments.
-
-    Raises:
-        UserError: an unknown world or camera, or numbers that cannot be.
-    """
-    file = load_world(world)
-    task = _task(file, cameras, size)
-    standing: Any = SimpleNamespace(scene=_scene(task), config=task)
-    seen = task_cameras(standing, file.cameras)
-    if looks > 1 and not seen_world(file.world, task.cameras).ranges:
-        raise UserError(
-            "all looks would be the same: the world varies nothing that is seen", key="looks", expected="1", got=looks
-        )
-    per = shard_frames(sum(c.width * c.height for c in seen))
-    name = world if world == file.path.stem else str(file.path)
-    plan = Plan(
-        name,
-        file.hash,
-        frames,
-        looks,
-        tuple(c.name for c in seen),
-        size,
-        seed,
-        noise,
-        labels,
-        backend,
-        shard_frames=per,
-    )
-    return plan, _layout(file, task, seen, labels)
 
 
 def shard(plan: Plan, layout: Layout, wanted: Shard) -> Iterator[Episode]:
@@ -136,8 +83,8 @@ class Stage:
         file = load_world(plan.world)
         if file.hash != plan.world_hash:
             raise UserError("the world has changed since the rendering began", file=file.path)
-        self.config = _task(file, plan.cameras, plan.size)
-        self.scene = _scene(self.config)
+        self.config = task_of(file, plan.cameras, plan.size)
+        self.scene = scene_of(self.config)
         self.physics = replace(file.world, ranges=tuple(r for r in file.world.ranges if _kind(r) in PHYSICS))
         self.seen = seen_world(file.world, plan.cameras)
         self.sim = PegSimulation(self.physics, self.config, ROWS, "state")
@@ -248,7 +195,7 @@ class Stage:
             depth=shot.depth[None],
             K=camera.K[None],
             truth=shot.depth[None],
-            velocity=_velocity(camera, shot.pose, moment),
+            velocity=camera_velocity(camera, shot.pose[None], moment.twist[None], moment.flange[None]),
             time=np.array([step * self.config.policy_period]),
         )
         out = pipeline.run(frame, [stream(seed, "image", camera.name, step)])
@@ -280,58 +227,8 @@ def _enough(moments: Sequence[Sequence[Moment]], records: Sequence[Any], wanted:
     return True
 
 
-def seen_world(world: World, cameras: Sequence[str]) -> World:
-    """The part of a world that is only seen, without what acts on other cameras than these."""
-
-    def seen(e: Placed | Ranged) -> bool:
-        kind = effect(e.effect).kind
-        return kind == "appearance" or (kind == "camera" and e.where in ("all", "each", *cameras))
-
-    effects, ranges = tuple(filter(seen, world.effects)), tuple(filter(seen, world.ranges))
-    return replace(world, effects=effects, ranges=ranges)
-
-
 def _kind(r: Ranged) -> str:
     return effect(r.effect).kind
-
-
-def _velocity(camera: Camera, pose: np.ndarray, moment: Moment) -> np.ndarray:
-    """(1, 6) velocity of the camera in its own axes; 0 for one that stands."""
-    if camera.parent == "base":
-        return np.zeros((1, 6))
-    linear = moment.twist[:3] + np.cross(moment.twist[3:], pose[:3, 3] - moment.flange)
-    return np.concatenate([pose[:3, :3].T @ linear, pose[:3, :3].T @ moment.twist[3:]])[None]
-
-
-def _task(file: WorldFile, cameras: Sequence[str], size: int) -> TaskConfig:
-    given = {"cameras": tuple(cameras)} if cameras else {}
-    return TaskConfig.of({**file.task, **given, "image_size": size}, str(file.path))
-
-
-def _scene(task: TaskConfig) -> Scene:
-    return replace(build(task.scene()), cameras=task.cameras)
-
-
-def _layout(file: WorldFile, task: TaskConfig, cameras: tuple[Camera, ...], labels: bool) -> Layout:
-    features: dict[str, Any] = {
-        "observation.state": numbers(STATE),
-        "observation.policy": numbers([f"policy{i}" for i in range(task.stack * policy_size(task))]),
-        "observation.environment_state": numbers([f"truth{i}" for i in range(PRIVILEGED)]),
-        "action": numbers(task.dof),
-        "executed.action": numbers(task.dof),
-        "next.reward": number(),
-        "next.done": flag(),
-        "next.success": flag(),
-        "label.peg": numbers(POSE),
-        "label.hole": numbers(POSE),
-    }
-    for c in cameras:
-        features[f"label.camera.{c.name}"] = numbers(POSE)
-        features[f"observation.images.{c.name}"] = picture(c, 3)
-        features[f"observation.images.{c.name}_depth"] = picture(c, 1, depth=True)
-        if labels:
-            features[f"label.parts.{c.name}"] = picture(c, 1)
-    return Layout(features, cameras, tuple(_scene(task).parts), 1 / task.policy_period, TASK, file.world.robot)
 
 
 _STAGES: dict[str, Stage] = {}

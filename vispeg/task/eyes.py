@@ -80,6 +80,22 @@ def resized(camera: Camera, size: int) -> Camera:
     )
 
 
+def camera_velocity(camera: Camera, pose: np.ndarray, twist: np.ndarray, flange: np.ndarray) -> np.ndarray:
+    """Velocity (n, 6) of a camera in its own axes, m/s and rad/s; 0 for one that stands.
+
+    Args:
+        camera: what carries it decides whether it moves.
+        pose: (n, 4, 4) camera axes in the base.
+        twist: (n, 6) of the flange, base axes.
+        flange: (n, 3) its position, m.
+    """
+    if camera.parent == "base":
+        return np.zeros((len(pose), 6))
+    linear = twist[:, :3] + np.cross(twist[:, 3:], pose[:, :3, 3] - flange)
+    turn = np.swapaxes(pose[:, :3, :3], 1, 2)
+    return np.concatenate([np.einsum("nij,nj->ni", turn, linear), np.einsum("nij,nj->ni", turn, twist[:, 3:])], axis=1)
+
+
 class Eyes:
     """The cameras of a simulation.
 
@@ -197,20 +213,8 @@ class Eyes:
             depth=depth,
             K=np.repeat(camera.K[None], len(shots), axis=0),
             truth=truth,
-            velocity=self._velocity(camera, poses),
+            velocity=camera_velocity(camera, poses, self.sim.twist, self.sim.cell.site_position("flange")),
             time=self.sim.count * self.sim.config.policy_period,
-        )
-
-    def _velocity(self, camera: Camera, pose: np.ndarray) -> np.ndarray:
-        """(n, 6) velocity of the camera in its own axes; 0 for one that stands."""
-        if camera.parent == "base":
-            return np.zeros((len(pose), 6))
-        twist, flange = self.sim.twist, self.sim.cell.site_position("flange")
-        arm = pose[:, :3, 3] - flange
-        linear = twist[:, :3] + np.cross(twist[:, 3:], arm)
-        turn = np.swapaxes(pose[:, :3, :3], 1, 2)
-        return np.concatenate(
-            [np.einsum("nij,nj->ni", turn, linear), np.einsum("nij,nj->ni", turn, twist[:, 3:])], axis=1
         )
 
     def picture(self, row: int) -> np.ndarray:

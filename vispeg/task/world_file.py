@@ -18,6 +18,7 @@ from vispeg.core.effect import Placed
 from vispeg.core.errors import UserError
 from vispeg.core.world import Ranged, World
 from vispeg.effects.model_file import placed_dict
+from vispeg.effects.yaml_file import read_mapping
 from vispeg.robots.scene import build
 from vispeg.task.config import TaskConfig
 from vispeg.task.identified import ranges_of
@@ -75,7 +76,7 @@ def load_world(source: str | Path) -> WorldFile:
         UserError: naming the file, the key, what came and what there is to choose from.
     """
     path = _path(source, None)
-    parts, name = _Parts(), _read(path).get("name", path.stem)
+    parts, name = _Parts(), read_mapping(path, FORMAT, KEYS, "world").get("name", path.stem)
     if not isinstance(name, str):
         raise UserError("wrong name", file=path, key="name", expected="a text", got=name)
     _collect(path, parts, ())
@@ -121,7 +122,7 @@ def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> None:
     """Adds what a file says to `parts`, after what its bases say."""
     if path in above:
         raise UserError("a world that is based on itself", file=path, key="base", got=path.stem)
-    data = _read(path)
+    data = read_mapping(path, FORMAT, KEYS, "world")
     bases = _given(data, "base", [])
     for base in [bases] if isinstance(bases, str) else _typed(bases, list, path, "base"):
         _collect(_path(base, path), parts, (*above, path))
@@ -141,23 +142,6 @@ def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> None:
         seen.add((r.effect, r.where))
         parts.ranges.pop((r.effect, r.where), None)
         parts.ranges[r.effect, r.where] = r
-
-
-def _read(path: Path) -> Mapping[str, Any]:
-    try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
-        raise UserError(f"not readable as YAML ({str(error).splitlines()[0]})", file=path) from None
-    except OSError as error:
-        raise UserError(f"cannot be read ({error.strerror})", file=path) from None
-    if not isinstance(data, Mapping):
-        raise UserError("not a world file", file=path, expected="a mapping", got=type(data).__name__)
-    if data.get("format") != FORMAT:
-        raise UserError("unknown format", file=path, key="format", expected=FORMAT, got=data.get("format"))
-    for key in data:
-        if key not in KEYS:
-            raise UserError("unknown key", file=path, key=str(key), got=key, choices=KEYS)
-    return data
 
 
 def _path(source: str | Path, beside: Path | None) -> Path:

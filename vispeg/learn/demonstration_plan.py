@@ -1,0 +1,116 @@
+"""What a rendering of the peg task is to be: its plan, its cell, and what every frame holds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+from vispeg.core.effect import Placed, effect
+from vispeg.core.errors import UserError
+from vispeg.core.world import Ranged, World
+from vispeg.datasets.layout import Layout, flag, number, numbers, picture
+from vispeg.datasets.plan import Plan, shard_frames
+from vispeg.render.camera import Camera
+from vispeg.robots.scene import Scene, build
+from vispeg.task.config import TaskConfig
+from vispeg.task.eyes import task_cameras
+from vispeg.task.observe import PRIVILEGED, policy_size
+from vispeg.task.world_file import WorldFile, load_world
+
+TASK = "Insert the peg into the hole."
+POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
+STATE = (
+    *(f"joint{i}" for i in range(1, 8)),
+    *("tip_x", "tip_y", "tip_z", "velocity_x", "velocity_y", "velocity_z"),
+    *("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z"),
+)
+
+
+def plan_of(
+    world: str,
+    frames: int,
+    *,
+    looks: int = 1,
+    cameras: Sequence[str] = (),
+    size: int = 0,
+    seed: int = 0,
+    noise: float = 0.2,
+    labels: bool = True,
+    backend: str = "auto",
+) -> tuple[Plan, Layout]:
+    """The plan of a rendering of the peg task, and what its frames hold; see Plan for the arguments.
+
+    Raises:
+        UserError: an unknown world or camera, or numbers that cannot be.
+    """
+    file = load_world(world)
+    task = task_of(file, cameras, size)
+    standing: Any = SimpleNamespace(scene=scene_of(task), config=task)
+    seen = task_cameras(standing, file.cameras)
+    if looks > 1 and not seen_world(file.world, task.cameras).ranges:
+        raise UserError(
+            "all looks would be the same: the world varies nothing that is seen", key="looks", expected="1", got=looks
+        )
+    per = shard_frames(sum(c.width * c.height for c in seen))
+    name = world if world == file.path.stem else str(file.path)
+    plan = Plan(
+        name,
+        file.hash,
+        frames,
+        looks,
+        tuple(c.name for c in seen),
+        size,
+        seed,
+        noise,
+        labels,
+        backend,
+        shard_frames=per,
+    )
+    return plan, layout_of(file, task, seen, labels)
+
+
+def seen_world(world: World, cameras: Sequence[str]) -> World:
+    """The part of a world that is only seen, without what acts on other cameras than these."""
+
+    def seen(e: Placed | Ranged) -> bool:
+        kind = effect(e.effect).kind
+        return kind == "appearance" or (kind == "camera" and e.where in ("all", "each", *cameras))
+
+    effects, ranges = tuple(filter(seen, world.effects)), tuple(filter(seen, world.ranges))
+    return replace(world, effects=effects, ranges=ranges)
+
+
+def task_of(file: WorldFile, cameras: Sequence[str], size: int) -> TaskConfig:
+    """The task of a world's file, seen through these cameras at this image size (0: their own)."""
+    given = {"cameras": tuple(cameras)} if cameras else {}
+    return TaskConfig.of({**file.task, **given, "image_size": size}, str(file.path))
+
+
+def scene_of(task: TaskConfig) -> Scene:
+    """The task's cell with the cameras that the task looks through, and no others."""
+    return replace(build(task.scene()), cameras=task.cameras)
+
+
+def layout_of(file: WorldFile, task: TaskConfig, cameras: tuple[Camera, ...], labels: bool) -> Layout:
+    """What every frame of a rendering holds."""
+    features: dict[str, Any] = {
+        "observation.state": numbers(STATE),
+        "observation.policy": numbers([f"policy{i}" for i in range(task.stack * policy_size(task))]),
+        "observation.environment_state": numbers([f"truth{i}" for i in range(PRIVILEGED)]),
+        "action": numbers(task.dof),
+        "executed.action": numbers(task.dof),
+        "next.reward": number(),
+        "next.done": flag(),
+        "next.success": flag(),
+        "label.peg": numbers(POSE),
+        "label.hole": numbers(POSE),
+    }
+    for c in cameras:
+        features[f"label.camera.{c.name}"] = numbers(POSE)
+        features[f"observation.images.{c.name}"] = picture(c, 3)
+        features[f"observation.images.{c.name}_depth"] = picture(c, 1, depth=True)
+        if labels:
+            features[f"label.parts.{c.name}"] = picture(c, 1)
+    return Layout(features, cameras, tuple(scene_of(task).parts), 1 / task.policy_period, TASK, file.world.robot)
