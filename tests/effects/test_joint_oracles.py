@@ -60,7 +60,8 @@ def test_coulomb_friction_brakes_evenly_and_then_holds():
     np.testing.assert_allclose(q, q[0] + dq[0] * t - level / SWING * t**2 / 2, atol=2e-5)
     assert 0.2 < stop < 0.6
     held = time - time[0] > stop + 0.005
-    assert np.abs(dq[held]).max() < 2e-4
+    step = time[1] - time[0]
+    assert np.abs(dq[held]).max() < step * level / SWING  # what it reads is less than one step's braking
     assert np.ptp(q[held]) < 2e-6
 
 

@@ -7,7 +7,6 @@ that of the half step, so velocities are corrected by half a step of acceleratio
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from mujoco import batch as mjb
@@ -20,7 +19,6 @@ from vispeg.sim.state import DriveState, Fields
 
 GEAR = 80  # drive stages from here on lie behind the motor, where its current no longer tells
 STIFF_FRICTION = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # impedance at which dry friction stops a joint within one step
-STOPPED = 1e-3  # share of its velocity below which a step has stopped a joint
 
 
 class Plant:
@@ -61,7 +59,6 @@ class Plant:
             for name, values in keep.items():  # set_const derives the spring references anew
                 self.batch.expand(name)[:] = values
         self.friction = [a for a in self.active if a.effect.overrides("friction")]
-        self.loss: Any = None  # (nsim, nv) N m, once any joint has dry friction
         if self.friction or "dof_frictionloss" in fields.touched:
             self.loss = self.batch.expand("dof_frictionloss")
             self.dry = self.loss[:, self.vadr].copy()
@@ -155,10 +152,6 @@ class Plant:
         self.acc /= self.h
         if self.first:  # it began at a whole step's velocity: half of its own kick is what the half step has seen
             half, self.first = 0.5 * self.h * self.acc, False
-        if self.loss is not None:  # a joint that friction has stopped stands: the correction would ring on for ever
-            stuck = (self.loss[:, self.vadr] > 0) & (np.abs(velocity) < STOPPED * np.abs(before))
-            self.acc[stuck] = 0.0
-            half = np.where(stuck, 0.0, half)
         self.qvel[:, self.vadr] = velocity - half
         self.qpos[:, self.qadr] = angle - self.h * half
         self.x.tau = tau if drive_side is None else tau + drive_side
