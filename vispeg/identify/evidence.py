@@ -86,7 +86,7 @@ class Evidence:
         self.rollouts = 0.0  # simulated seconds, for the record
 
     least_gain = 0.02  # share of the held-out squared error that a step must remove
-    most_effects = 6  # that a search may add: rollouts are dear
+    most_effects = 16  # that a search may add: an arm shows friction in every joint, and more beside it
 
     def sees(self, kind: Effect) -> bool:
         """Whether an effect leaves a trace in this evidence."""
