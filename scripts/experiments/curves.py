@@ -1,0 +1,75 @@
+"""Learning curves: one from each run's progress.csv, and several seeds together."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Evaluations of one run.
+
+    Attributes:
+        steps: (n,) environment steps so far.
+        seconds: (n,) wall clock so far, evaluations included.
+        success: (n,) success rate, 0 to 1.
+        peak_force: (n,) mean of the episodes' largest contact force, N.
+    """
+
+    steps: np.ndarray
+    seconds: np.ndarray
+    success: np.ndarray
+    peak_force: np.ndarray
+
+    def reaches(self, rate: float) -> int | None:
+        """Steps at the first evaluation with at least this success rate; None if there is none."""
+        there = np.flatnonzero(self.success >= rate)
+        return int(self.steps[there[0]]) if len(there) else None
+
+
+def read_curve(path: Path) -> Curve:
+    """The curve of a run's progress.csv.
+
+    Raises:
+        UserError: no such file, or no row in it.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as stream:
+            rows = list(csv.DictReader(stream))
+    except OSError as error:
+        raise UserError("not a training run's progress", file=path) from error
+    if not rows:
+        raise UserError("no evaluation yet", file=path)
+    seconds, success, force = (np.array([float(r[k]) for r in rows]) for k in ("seconds", "success", "peak_force"))
+    return Curve(np.array([int(r["steps"]) for r in rows]), seconds, success, force)
+
+
+def together(curves: Sequence[Curve]) -> dict[str, Any]:
+    """Several seeds at the steps that all of them were evaluated at, ready for JSON.
+
+    Returns:
+        {seeds, steps, seconds (mean), mean, low, high}: success rates, `low` and `high` the worst and the best seed.
+
+    Raises:
+        UserError: no curve, or no step in common.
+    """
+    steps = sorted(set.intersection(*(set(c.steps.tolist()) for c in curves))) if curves else []
+    if not steps:
+        raise UserError("learning curves with no step in common", got=len(curves))
+    success = np.array([c.success[np.searchsorted(c.steps, steps)] for c in curves])  # (seeds, steps)
+    seconds = np.array([c.seconds[np.searchsorted(c.steps, steps)] for c in curves])
+    found = {
+        "seconds": seconds.mean(0),
+        "mean": success.mean(0),
+        "low": success.min(0),
+        "high": success.max(0),
+    }
+    return {"seeds": len(curves), "steps": steps, **{k: np.round(v, 4).tolist() for k, v in found.items()}}

@@ -1,0 +1,22 @@
+"""Trained policies on the same held-out episodes in several worlds; what was played already is not played again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from vispeg.evaluate.entrants import entrant
+from vispeg.evaluate.jobs import Setting, make_jobs, seeds_of
+from vispeg.evaluate.records import Episode
+from vispeg.evaluate.runner import run
+from vispeg.task.world_file import load_world
+
+
+def played(policies: Iterable[tuple[str, Path]], worlds: Sequence[str], episodes: int, out: Path) -> list[Episode]:
+    """Episodes of each (name, run folder)'s best policy, by its own evaluations while training, in every world.
+
+    The seeds are other ones than training and its evaluations had, the same for every policy and world.
+    """
+    who = [entrant(f"{name}={folder / 'checkpoints' / 'best'}") for name, folder in policies]
+    settings = [Setting(world, load_world(world).name) for world in worlds]
+    return run(make_jobs(who, settings, seeds_of(episodes), out / "worlds"), out)

@@ -1,0 +1,72 @@
+"""Identifies a hidden plant by `vispeg record` and `vispeg diagnose`, and makes a training world of what was found."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from vispeg.core.effect import effect
+from vispeg.core.files import write_text_atomic
+from vispeg.core.world import World
+from vispeg.effects.model_file import model_text
+from vispeg.robots.model import load
+from vispeg.robots.scene import build
+from vispeg.task.identified import ranges_of
+from vispeg.task.world_entry import entry_dict
+from vispeg.task.world_file import FORMAT, load_world
+
+ROBOT, TOOL = "iiwa14", "meg50+peg16"
+FITTED, JUDGED = (1, 2), 3  # motion seeds
+MOTION = ("--motion", "fourier", "--duration", "5", "--noise", "q=2e-5", "dq=1e-3", "tau=0.1")
+# half of the arm's usual gains: with those, an arm that hears its commands 14 ms late oscillates
+KP = ("400", "400", "150", "200", "50", "30", "5")
+KD = ("10", "15", "3", "6", "0.75", "0.4", "0.08")
+
+
+def arm_of(world: str | Path) -> World:
+    """The arm, with its tool, that a world of fixed effects hides; what only the task's scene has is left out."""
+    arm = load(ROBOT, tool=TOOL)
+    drawn = load_world(world).world.sample(seed=0, model=build())
+    return World(ROBOT, TOOL, tuple(e for e in drawn.effects if effect(e.effect).targets(arm)))
+
+
+def identify(world: str | Path, folder: Path) -> Path:
+    """The model.yaml that a diagnosis of the plant's recordings wrote; made where it is not there yet.
+
+    The diagnosis is given the recordings and the nominal arm. Recordings and diagnosis lie in `folder`.
+    """
+    found = folder / "found" / "model.yaml"
+    if found.is_file():
+        return found
+    folder.mkdir(parents=True, exist_ok=True)
+    plant, nominal = folder / "plant.yaml", folder / "nominal.yaml"
+    write_text_atomic(plant, model_text(arm_of(world)), overwrite=True)
+    write_text_atomic(nominal, model_text(World(ROBOT, TOOL)), overwrite=True)
+    taken = [folder / f"recording-{seed}" for seed in (*FITTED, JUDGED)]
+    for seed, place in zip((*FITTED, JUDGED), taken, strict=True):
+        if not place.is_dir():
+            given = (*MOTION, "--kp", *KP, "--kd", *KD, "--seed", str(seed), "--out", str(place))
+            _vispeg("record", str(plant), *given)
+    shown = [word for place in taken[:-1] for word in ("--recording", str(place))]
+    judged = ("--validate", str(taken[-1]), "--threads", "1", "--quiet", "--overwrite")
+    _vispeg("diagnose", str(nominal), *shown, *judged, "--out", str(found.parent))
+    return found
+
+
+def identified_world(model: Path, base: str, path: Path) -> Path:
+    """Writes the world file `base` in which what was identified takes the place of the ranges at the same places.
+
+    The entries are written out: under `model:`, a range of the base at that very place would win over them.
+    """
+    entries = [entry_dict(r) for r in ranges_of(model, ROBOT)]
+    about = f"{base}, with what a diagnosis of the plant found: fitted values as centres, their intervals as widths."
+    data: dict[str, Any] = {"format": FORMAT, "name": path.stem, "about": about, "base": base, "effects": entries}
+    return write_text_atomic(path, yaml.safe_dump(data, sort_keys=False), overwrite=True)
+
+
+def _vispeg(*words: str) -> None:
+    subprocess.run([sys.executable, "-m", "vispeg", *words], check=True)

@@ -1,0 +1,89 @@
+"""State policies by SAC in folders of their own: a run that was finished is kept, one that was killed goes on."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from vispeg.core.errors import UserError
+from vispeg.learn.config import TrainConfig, read_config
+from vispeg.learn.settings import SacSettings
+
+NEVER_EARLY = 2.0  # a success rate that no run reaches, so that every run has the whole budget
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A way to train.
+
+    Attributes:
+        name: of its policies in results and folders.
+        world: that it trains in, a built-in name or a file.
+        stack: observations and actions that a feed-forward actor sees; a recurrent one sees the last alone.
+        recurrent: width of the actor's LSTM, 0 for a feed-forward actor.
+    """
+
+    name: str
+    world: str
+    stack: int = 2
+    recurrent: int = 0
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What every run may spend: environment steps, and between evaluations; episodes of an evaluation."""
+
+    steps: int
+    every: int
+    episodes: int
+
+
+def configuration(variant: Variant, seed: int, budget: Budget) -> TrainConfig:
+    """The run's configuration; all variants differ in world and memory alone."""
+    return TrainConfig(
+        task="peg-state",
+        world=variant.world,
+        steps=budget.steps,
+        seed=seed,
+        every=budget.every,
+        episodes=budget.episodes,
+        target=NEVER_EARLY,
+        settings={"stack": 1 if variant.recurrent else variant.stack},
+        sac=SacSettings(recurrent=variant.recurrent),
+    )
+
+
+def run_folder(runs: Path, variant: Variant, seed: int) -> Path:
+    """Where a run lies."""
+    return runs / f"{variant.name}_s{seed}"
+
+
+def trained(runs: Path, variant: Variant, seed: int, budget: Budget) -> Path:
+    """The run's folder, trained to the budget's end; a run of fewer steps goes on from its last checkpoint.
+
+    Raises:
+        UserError: the folder holds a run that was asked for otherwise, or of more steps.
+    """
+    from vispeg.learn.train import resume, train
+
+    folder, wanted = run_folder(runs, variant, seed), configuration(variant, seed, budget)
+    if not (folder / "config.yaml").is_file():
+        train(wanted, folder)
+        return folder
+    known = read_config(folder / "config.yaml")
+    if replace(known, steps=wanted.steps) != wanted or known.steps > wanted.steps:
+        raise UserError("was trained otherwise; name another folder with --runs", file=folder, got=known.steps)
+    if not (folder / "checkpoints" / "last").is_dir():  # killed before its first checkpoint
+        shutil.rmtree(folder)
+        train(wanted, folder)
+    elif steps_done(folder) < wanted.steps:
+        resume(folder, wanted.steps)
+    return folder
+
+
+def steps_done(folder: Path) -> int:
+    """Environment steps up to the run's last evaluation; 0 before its first."""
+    path = folder / "progress.csv"
+    lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
+    return int(lines[-1].split(",")[0]) if len(lines) > 1 else 0
