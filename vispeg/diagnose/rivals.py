@@ -30,7 +30,7 @@ def find_rivals(search: Search, state: State, given: int, say: Callable[[str], N
         say(f"looking for rivals of {placed.label}")
         rest = state.world.without(placed.effect, placed.where)
         fit = search.fits([rest], given, iterations=5)[0]
-        reduced = State(fit.world, search.judge.losses([fit.world])[0], fit.residual, fit, state.first)
+        reduced = State(fit.world, search.judge.losses([fit.world])[0], fit.residual, fit, state.first, state.steps)
         joints = search.evidence.items[0].robot.joints
         near = [placed.where] if placed.where in joints else list(joints)[:0]
         places = [c for c in candidates(search.evidence, fit.world, near) if c != (placed.effect, placed.where)]

@@ -22,8 +22,8 @@ from vispeg.identify.pool import Submit, run_together
 BEST = 7  # candidates fitted at each step
 AT_FLOOR = 1.25  # held-out noise variances at which there is nothing left to look for
 TIE = 0.03  # two fits this close in held-out squared error (above the floor) count as equals
-LEAST_SHARE = 0.001  # of the first held-out excess over noise that a later step must remove
-REFINEMENT = 0.03  # the same for a second effect of the same kind at the same place: no model of friction is exact
+LEAST_SHARE = 0.001  # of what the effects so far typically removed that a later one must remove: no model is exact
+REFINEMENT = 0.03  # of what an effect of the same kind at the same place removed: no model of friction is exact
 PROMISE = 0.3  # of the gain that a step needs, which the score test must promise for a fit to be tried
 ALPHA = 0.01  # family-wise level of a step, over all places screened (Holm)
 
@@ -52,6 +52,21 @@ class State:
     last: list[Trial] = field(default_factory=list)  # the candidates of a step that accepted none
     screening: list[Score] = field(default_factory=list)
     lacks: list[Lack] = field(default_factory=list)
+
+    @property
+    def scale(self) -> float:
+        """Held-out excess over noise that an accepted effect typically removed (geometric mean); at first, all of it.
+
+        What the form of an effect leaves behind is a share of what that effect removed. So in a plant with one dominant
+        effect and many small ones the small ones are not measured by the dominant one alone.
+        """
+        removed = [best.gain.mean for best, _ in self.steps if best.gain.mean > 0]
+        return float(stats.gmean(removed)) if removed else max(self.first - 1.0, 1e-9)
+
+    def removed_by(self, placed: Placed) -> float:
+        """Held-out excess that an effect removed when it was accepted; all of it for one of the user's model."""
+        gains = [b.gain.mean for b, _ in self.steps if b.score.key == (placed.effect, placed.where)]
+        return gains[-1] if gains else max(self.first - 1.0, 1e-9)
 
 
 class Search:
@@ -88,8 +103,8 @@ class Search:
 
     def _worth_it(self, state: State) -> bool:
         """Whether enough is left above the floor for a step to be able to pass."""
-        left, first = self.judge.mean(state.loss) - 1.0, state.first - 1.0
-        return left > AT_FLOOR - 1.0 and (state.fit is None or left > self.least_share * first)
+        left = self.judge.mean(state.loss) - 1.0
+        return left > AT_FLOOR - 1.0 and (state.fit is None or left > self.least_share * state.scale)
 
     def lacks(self, world: World) -> list[Lack]:
         """Missing torque of every fitted segment under a world."""
@@ -107,12 +122,17 @@ class Search:
         jac = state.fit.jacobian if state.fit is not None else None
         scores = self.screened(state.world, state.residual, jac, places, lacks)
         state.screening = scores
-        need = max(
-            self.evidence.least_gain * self.judge.mean(state.loss), self.least_share * max(state.first - 1.0, 0.0)
-        )
+        need = max(self.evidence.least_gain * self.judge.mean(state.loss), self.least_share * state.scale)
         if not scores or scores[0].gain / self.evidence.count < PROMISE * need:
             return []
-        return self.try_all(state, shortlist(scores, best), given, len(places))
+        short = shortlist(scores, best)
+        trials = self.try_all(state, short, given, len(places))
+        seen = {s.key[1] for s in short}
+        elsewhere = [s for s in scores if s.key[1] not in seen and s.gain / self.evidence.count >= PROMISE * need]
+        if elsewhere and all(t.rejected for t in trials):  # alike candidates at one place may have filled the list
+            trials = trials + self.try_all(state, shortlist(elsewhere, best), given, len(places))
+            trials.sort(key=lambda t: bool(t.rejected))
+        return trials
 
     def try_all(self, state: State, scores: Sequence[Score], given: int, tested: int) -> list[Trial]:
         """Fits each score's effect jointly with what was accepted, and judges all on the held-out recordings."""
@@ -165,12 +185,14 @@ class Search:
         out = []
         for t in trials:
             why = ""
-            share = t.gain.mean / max(state.first - 1.0, 1e-9)
-            alike = next((e for e in state.world.effects if _alike(e, t.score.placed)), None)
-            if alike is not None and share < REFINEMENT:
-                why = f"only refines {alike.label} at the same place ({100 * share:.2g} % of the first excess)"
+            share = t.gain.mean / state.scale
+            alike = [e for e in state.world.effects if _alike(e, t.score.placed)]
+            beside = max(alike, key=state.removed_by, default=None)
+            refines = t.gain.mean / state.removed_by(beside) if beside is not None else 1.0
+            if beside is not None and refines < REFINEMENT:
+                why = f"only refines {beside.label} at the same place ({100 * refines:.2g} % of what that removed)"
             elif share < self.least_share:
-                why = f"removes {100 * share:.2g} % of the first excess, under {100 * self.least_share:.1g} %"
+                why = f"removes {100 * share:.2g} % of what an effect so far did, under {100 * self.least_share:.1g} %"
             elif t.gain.relative < self.evidence.least_gain:
                 why = f"held-out gain {100 * t.gain.relative:.1f} % is under {100 * self.evidence.least_gain:.0f} %"
             elif t.gain.z < level:
