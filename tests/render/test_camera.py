@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from vispeg.core.errors import UserError
+from vispeg.core.lens import undistort
 from vispeg.core.seeds import stream
 from vispeg.render.camera import Camera, looking_at, quaternion, rotation
 from vispeg.render.camera_files import load_camera, load_cameras, save_cameras
@@ -29,6 +30,13 @@ def test_a_lens_undone_is_the_pixel_again(k1, k2, p1, p2):
     camera = CAMERA.moved(distortion=(k1, k2, p1, p2, 0.0))
     rays, pixels = camera.rays(), np.stack(np.meshgrid(np.arange(64), np.arange(48)), -1)
     np.testing.assert_allclose(camera.project(rays * 1.7), pixels, atol=1e-7)
+
+
+def test_where_the_lens_folds_back_no_ray_leads():
+    """A barrel with k1 = -0.2 shows radii up to 2/3 sqrt(1 / 0.6) only: the rest of its image has no ray."""
+    radius = np.array([0.3, 0.8, 0.87, 2.0])
+    seen = undistort(np.stack([radius, np.zeros(4)], -1), (-0.2, 0.0, 0.0, 0.0, 0.0))
+    assert np.isnan(seen).all(-1).tolist() == (radius > 2 / 3 * np.sqrt(1 / 0.6)).tolist()
 
 
 def test_the_lens_moves_pixels_and_a_pinhole_does_not():

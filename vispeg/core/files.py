@@ -6,7 +6,7 @@ import os
 import shutil
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from vispeg.core.errors import UserError
@@ -66,9 +66,12 @@ def write_bytes_atomic(path: str | Path, data: bytes, *, overwrite: bool = False
         part.write_bytes(data)
         os.replace(part, target)
     except OSError as error:
+        with suppress(OSError):  # where its folder is none, asking for it is an error too
+            part.unlink()
         raise UserError(f"cannot be written: {error.strerror}", file=path) from error
-    finally:
+    except BaseException:
         part.unlink(missing_ok=True)
+        raise
     return Path(path)
 
 

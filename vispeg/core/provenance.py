@@ -20,7 +20,7 @@ def provenance(argv: Sequence[str], seed: int | None, inputs: Iterable[str | Pat
     """What is needed to repeat a result, ready for JSON.
 
     Args:
-        argv: the command line as a list, program first; quoted again so that it can be pasted into a shell.
+        argv: the command line as a list, program first; kept as a user would type it (`command_line`).
         seed: the seed, or None where nothing is random.
         inputs: files and folders that were read.
 
@@ -35,7 +35,7 @@ def provenance(argv: Sequence[str], seed: int | None, inputs: Iterable[str | Pat
     versions |= {name: _version(name) for name in PACKAGES}
     digests = {str(path): f"sha256:{digest(path)}" for path in inputs}
     return {
-        "command": shlex.join(map(str, argv)),
+        "command": command_line(argv),
         "seed": seed,
         "versions": versions,
         "inputs": dict(sorted(digests.items())),

@@ -7,9 +7,17 @@ from functools import lru_cache
 
 import numpy as np
 
+from vispeg.core.errors import UserError
+
 
 def stream(seed: int, *keys: object) -> np.random.Generator:
-    """A generator of its own for (seed, keys): the same on every machine, independent of all others."""
+    """A generator of its own for (seed, keys): the same on every machine, independent of all others.
+
+    Raises:
+        UserError: the seed is negative.
+    """
+    if seed < 0:
+        raise UserError("not a seed", expected="0 or more", got=seed)
     words = _words("\x1f".join(map(str, keys)))
     if 0 <= seed < 2**32:  # the same entropy, without a detour through Python's integers
         entropy = np.empty(9, np.uint32)

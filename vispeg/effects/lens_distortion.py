@@ -10,10 +10,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from vispeg.core.lens import undistort
 from vispeg.core.params import Param
-from vispeg.effects._brown import undistort
 from vispeg.effects._camera import CameraEffect
 from vispeg.effects._rays import rays
+
+FAR = 10.0  # times the ray, which no image reaches
 
 
 class LensDistortion(CameraEffect):
@@ -32,11 +34,11 @@ class LensDistortion(CameraEffect):
         import cv2
 
         for row in self.rows(p):
-            k1, k2, p1, p2 = values = tuple(float(p[k][row]) for k in ("k1", "k2", "p1", "p2"))
+            values = tuple(float(p[k][row]) for k in ("k1", "k2", "p1", "p2"))
             key = (values, frame.K[row].tobytes(), frame.shape)
             known = state.get(int(row))
             if known is None or known[0] != key:  # a lens stays as it is for an episode, so its map is kept
-                known = state[int(row)] = (key, *_map(frame.K[row], frame.shape, k1, k2, p1, p2))
+                known = state[int(row)] = (key, *_map(frame.K[row], frame.shape, values))
             _, u, v = known
             if frame.rgb is not None:
                 frame.rgb[row] = cv2.remap(frame.rgb[row], u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
@@ -44,11 +46,11 @@ class LensDistortion(CameraEffect):
                 frame.depth[row] = cv2.remap(frame.depth[row], u, v, cv2.INTER_NEAREST, borderValue=0)
 
 
-def _map(
-    K: np.ndarray, shape: tuple[int, int], k1: float, k2: float, p1: float, p2: float
-) -> tuple[np.ndarray, np.ndarray]:
+def _map(K: np.ndarray, shape: tuple[int, int], brown: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Where in the rendered image (px) each pixel of the distorted one looks; both (H, W) float32."""
-    x, y, _ = rays(K, shape)
-    u, v = undistort(x.astype(float), y.astype(float), k1, k2, p1, p2)
-    f, c = (K[0, 0], K[1, 1]), (K[0, 2], K[1, 2])
-    return (f[0] * u + c[0]).astype(np.float32), (f[1] * v + c[1]).astype(np.float32)
+    shown = np.stack(rays(K, shape)[:2], -1).astype(float)
+    seen = undistort(shown, (*brown, 0.0))
+    seen = np.where(np.isnan(seen), FAR * shown, seen)  # beyond the lens's fold nothing is seen: outside the image
+    f, c = np.array([K[0, 0], K[1, 1]]), np.array([K[0, 2], K[1, 2]])
+    u, v = np.moveaxis(f * seen + c, -1, 0).astype(np.float32)
+    return u, v

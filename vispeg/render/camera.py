@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.render.lens import distort, undistort
+from vispeg.core.lens import distort, undistort
 
 MAX_SIDE = 8192  # px
 PINHOLE = (0.0, 0.0, 0.0, 0.0, 0.0)
