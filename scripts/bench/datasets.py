@@ -1,9 +1,10 @@
-"""How fast a dataset is rendered, against what the renderers alone could do, taking turns in one run.
+"""Where the time of `vispeg render` goes, and what share of it is the renderers' own.
 
-    python scripts/bench/datasets.py [--world S] [--looks 4] [--rounds 5] [--json out.json]
+    python scripts/bench/datasets.py [--world S] [--looks 4] [--shards 2] [--no-labels] [--json out.json]
 
-One process, CPU time. A round draws the same recorded episode: once as `vispeg render` does, with look, guard, sensor
-and files, and once by the renderer alone, dressed in the same look. Physics is measured apart and shared by the looks.
+Makes whole shards in this process, from the plan to the file's bytes, and notes the processor time of each part. The
+renderers' part is that of drawing every frame through every camera, labels and shadows as asked: what `vispeg render`
+would cost if nothing else did. Every worker does the same, so the share is that on all cores, but for start-up.
 """
 
 from __future__ import annotations
@@ -13,56 +14,89 @@ import json
 import os
 import sys
 import time
+from collections import defaultdict
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("MUJOCO_GL", "egl")
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-import numpy as np  # noqa: E402
-
-from vispeg.datasets.shard import counted  # noqa: E402
+from vispeg.datasets import episode  # noqa: E402
+from vispeg.datasets.plan import Shard  # noqa: E402
+from vispeg.datasets.shard import shard_bytes  # noqa: E402
+from vispeg.learn import demonstrations  # noqa: E402
 from vispeg.learn.demonstration_plan import plan_of  # noqa: E402
-from vispeg.learn.demonstrations import ROWS, Stage  # noqa: E402
+from vispeg.render.backend import Renderer  # noqa: E402
+from vispeg.render.pipeline import Pipeline  # noqa: E402
+
+PARTS: tuple[tuple[str, Any, str], ...] = (
+    ("physics, expert", demonstrations.Stage, "play"),
+    ("looks, contrast guard", demonstrations, "redraw"),
+    ("rendering", Renderer, "render"),
+    ("sensor", Pipeline, "run"),
+    ("pictures to bytes", episode, "encode"),
+    ("statistics of pictures", episode.PictureStats, "add"),
+)
+
+
+class Clock:
+    """Processor time (s) and calls of functions by part; one that runs inside another counts as the other's."""
+
+    def __init__(self) -> None:
+        self.spent, self.calls, self.inside = defaultdict(float), defaultdict(int), False
+
+    def watch(self, part: str, owner: Any, name: str) -> None:
+        """Counts every call of `owner.name` from now on."""
+        setattr(owner, name, self._timed(part, getattr(owner, name)))
+
+    def _timed(self, part: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        def timed(*args: Any, **kwargs: Any) -> Any:
+            if self.inside:
+                return function(*args, **kwargs)
+            self.inside, began = True, time.process_time()
+            try:
+                return function(*args, **kwargs)
+            finally:
+                self.spent[part] += time.process_time() - began
+                self.calls[part] += 1
+                self.inside = False
+
+        return timed
 
 
 def main() -> None:
-    """Measures and prints."""
+    """Measures and prints a Markdown table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--world", default="S")
     parser.add_argument("--looks", type=int, default=4)
-    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--shards", type=int, default=2)
     parser.add_argument("--no-labels", action="store_true")
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
-    plan, layout = plan_of(args.world, 1000, looks=args.looks, size=64, labels=not args.no_labels)
-    stage = Stage(plan, layout)
+    plan, layout = plan_of(args.world, 2000, looks=args.looks, size=64, labels=not args.no_labels)
+    shard_bytes(demonstrations.shard, plan, layout, Shard(99, 0, 2 * args.looks))  # imports, the model, shaders
+    clock, frames = Clock(), 0
+    for part in PARTS:
+        clock.watch(*part)
     began = time.process_time()
-    played = stage.play([plan.episode_seed(0, i) for i in range(ROWS)])
-    physics = (time.process_time() - began) / sum(len(moments) for _, moments, _, _ in played)
-    whole, alone = [], []
-    for k in range(args.rounds):
-        seed, moments, record, drawn = played[k % ROWS]
-        began = time.process_time()
-        counted(layout, stage.draw(seed, k, moments, record, drawn), 0, 0)
-        whole.append((time.process_time() - began) / len(moments))
-        began = time.process_time()
-        for moment in moments:
-            stage.plain.render(moment.qpos, moment.bodies)
-        alone.append((time.process_time() - began) / len(moments))
-    frame = float(np.median(whole)) + physics / args.looks
-    found = {
-        "cameras": len(layout.cameras),
-        "labels": plan.labels,
-        "physics_ms": 1e3 * physics,
-        "render_ms": 1e3 * float(np.median(alone)),
-        "frame_ms": 1e3 * frame,
-        "frames_per_s_and_core": 1 / frame,
-        "share_of_renderers_alone": float(np.median(alone)) / frame,
-    }
-    for key, value in found.items():
-        print(f"{key:28} {value:.2f}" if isinstance(value, float) else f"{key:28} {value}")
+    for shard in plan.shards[: args.shards]:
+        shard_bytes(demonstrations.shard, plan, layout, shard)
+        frames += shard.frames
+    whole = time.process_time() - began
+    # calls beside those of the frames place the fixture for the guard; they are no part of what is asked for
+    spare = clock.spent["rendering"] * (1 - frames / clock.calls["rendering"])
+    clock.spent["rendering"] -= spare
+    clock.spent["looks, contrast guard"] += spare
+    clock.spent["the rest"] = whole - sum(clock.spent.values())
+    print(f"{frames} frames of {len(layout.cameras)} cameras, {args.looks} looks, labels: {plan.labels}\n")
+    print("| part | ms a frame | share |\n|---|---|---|")
+    for part, spent in clock.spent.items():
+        print(f"| {part} | {1e3 * spent / frames:.2f} | {spent / whole:.2f} |")
+    print(f"| all | {1e3 * whole / frames:.2f} | 1 |")
     if args.json:
+        found = {k: 1e3 * v / frames for k, v in clock.spent.items()} | {"all": 1e3 * whole / frames}
         args.json.write_text(json.dumps(found, indent=2) + "\n")
 
 

@@ -25,13 +25,13 @@ def whole(tmp_path_factory):
 
 
 def test_shards_cover_the_frames_once_and_evenly():
-    for frames in (1, 7, 250, 251, 1000, 99_999):
+    for frames in (1, 7, 500, 501, 1000, 99_999):
         shards = Plan("w", "h", frames).shards
         assert [s.first for s in shards] == list(np.cumsum([0, *(s.frames for s in shards)])[:-1])
         assert sum(s.frames for s in shards) == frames
         sizes = {s.frames for s in shards}
-        assert max(sizes) <= 250 and max(sizes) - min(sizes) <= 1
-    assert shard_frames(64 * 64 * 2) == 250 and 8 <= shard_frames(3 * 4096 * 4096) < 20
+        assert max(sizes) <= 500 and max(sizes) - min(sizes) <= 1
+    assert shard_frames(64 * 64 * 2) == 500 and 8 <= shard_frames(3 * 4096 * 4096) < 20
 
 
 def test_a_shard_follows_from_its_number_alone():

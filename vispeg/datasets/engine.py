@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import queue
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -83,6 +84,7 @@ _TICKS: Any = None
 def _listen(ticks: Any) -> None:
     global _TICKS
     _TICKS = ticks
+    os.environ.setdefault("LP_NUM_THREADS", "0")  # Mesa's software driver: every worker has its core
 
 
 def _make(source: Source, plan: Plan, layout: Layout, shard: Shard) -> bytes:

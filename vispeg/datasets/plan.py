@@ -12,7 +12,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 
-SHARD_FRAMES, SHARD_BYTES = 250, 48_000_000  # at most, for one shard
+SHARD_FRAMES, SHARD_BYTES = 500, 48_000_000  # at most, for one shard; of smaller ones physics wastes more at the end
 
 
 @dataclass(frozen=True)

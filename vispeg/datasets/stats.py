@@ -39,18 +39,30 @@ class PictureStats:
     def add(self, image: np.ndarray) -> None:
         """One more picture, (H, W, 3) or (H, W)."""
         values = image.reshape(-1, self.channels)
-        real = values.astype(float) * (1.0 if self.depth else self.step)
-        index = np.minimum(np.round(real / self.step), self.bins - 1).astype(np.int64) if self.depth else values
+        if self.depth:
+            real = values.astype(float)
+            index = np.minimum(np.round(real / self.step), self.bins - 1).astype(np.int64)
+            self.low, self.high = np.minimum(self.low, real.min(axis=0)), np.maximum(self.high, real.max(axis=0))
+            self.sum += real.sum(axis=0)
+            self.squares += (real**2).sum(axis=0)
+        else:
+            index = values
         for c in range(self.channels):
             self.histogram[c] += np.bincount(index[:, c], minlength=self.bins)
-        self.low, self.high = np.minimum(self.low, real.min(axis=0)), np.maximum(self.high, real.max(axis=0))
-        self.sum += real.sum(axis=0)
-        self.squares += (real**2).sum(axis=0)
         self.pixels += len(values)
         self.frames += 1
 
+    def _moments(self) -> None:
+        """What the histogram of 8-bit pictures already says exactly."""
+        level = np.arange(self.bins) * self.step
+        there = self.histogram > 0
+        self.low, self.high = level[there.argmax(axis=1)], level[self.bins - 1 - there[:, ::-1].argmax(axis=1)]
+        self.sum, self.squares = self.histogram @ level, self.histogram @ level**2
+
     def result(self) -> Stats:
         """Entries of shape (channels, 1, 1); `count` is the number of pictures."""
+        if not self.depth:
+            self._moments()
         mean = self.sum / self.pixels
         spread = np.sqrt(np.maximum(self.squares / self.pixels - mean**2, 0.0))
         out = {"min": self.low, "max": self.high, "mean": mean, "std": spread}
