@@ -15,7 +15,7 @@ import shutil
 
 import arguments
 from evaluation import played
-from identification import identified_world, identify
+from identification import identified_world, identify, told
 from results import write_result
 from training import Variant, run_folder, trained
 from transfer_table import markdown, success_table
@@ -52,7 +52,7 @@ def main() -> None:
             episodes += played(policies, home, given.episodes, work / f"episodes-{given.steps}")
         plant = success_table(episodes, load_world(PLANT).name)
         own = [success_table(episodes, load_world(v.world).name) for v in variants]
-        values = {"experiment": "dynamics_transfer", "plant": plant, "own_world": own}
+        values = {"experiment": "dynamics_transfer", "diagnosis": told(model), "plant": plant, "own_world": own}
         write_result(given.out / "dynamics_transfer.json", values, budget, seeds, worlds, [model])
         write_text_atomic(given.out / "dynamics_transfer.md", text(plant, own), overwrite=True)
 

@@ -1,0 +1,67 @@
+"""A finished run is not trained again, a killed one goes on, and another configuration is refused."""
+
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from vispeg.core.errors import UserError
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts" / "experiments"))
+
+from training import Budget, Variant, configuration, run_folder, trained  # noqa: E402
+
+VARIANT, BUDGET = Variant("a", "searching"), Budget(200, 100, 5)
+
+
+@pytest.fixture
+def calls(monkeypatch):
+    """What a run's script asks the trainer for, without training."""
+    made = []
+
+    def train(config, folder):
+        folder.mkdir(parents=True)
+        config.write(folder / "config.yaml")
+        made.append(("train", config.steps))
+
+    def resume(folder, steps):
+        made.append(("resume", steps))
+
+    monkeypatch.setitem(sys.modules, "vispeg.learn.train", SimpleNamespace(train=train, resume=resume))
+    return made
+
+
+def stopped_at(folder, steps):
+    (folder / "checkpoints" / "last").mkdir(parents=True)
+    (folder / "progress.csv").write_text(f"steps,seconds\n{steps},3\n")
+
+
+def test_new_killed_early_killed_late_finished_extended(tmp_path, calls):
+    folder = run_folder(tmp_path, VARIANT, 1)
+    assert trained(tmp_path, VARIANT, 1, BUDGET) == folder
+    trained(tmp_path, VARIANT, 1, BUDGET)  # nothing to go on from: anew
+    assert calls == [("train", 200), ("train", 200)]
+    stopped_at(folder, 100)
+    trained(tmp_path, VARIANT, 1, BUDGET)
+    assert calls[2:] == [("resume", 200)]
+    (folder / "progress.csv").write_text("steps,seconds\n100,3\n200,6\n")
+    trained(tmp_path, VARIANT, 1, BUDGET)
+    assert len(calls) == 3
+    trained(tmp_path, VARIANT, 1, Budget(300, 100, 5))
+    assert calls[3:] == [("resume", 300)]
+
+
+@pytest.mark.parametrize("other", [Variant("a", "randomized"), Variant("a", "searching", stack=3)])
+def test_another_configuration_under_the_same_name_is_refused(tmp_path, calls, other):
+    trained(tmp_path, VARIANT, 1, BUDGET)
+    with pytest.raises(UserError, match="trained otherwise"):
+        trained(tmp_path, other, 1, BUDGET)
+    with pytest.raises(UserError, match="trained otherwise"):
+        trained(tmp_path, VARIANT, 1, Budget(100, 100, 5))
+
+
+def test_recurrent_actors_see_one_observation():
+    recurrent = configuration(Variant("a", "searching", stack=4, recurrent=64), 1, BUDGET)
+    assert recurrent.settings["stack"] == 1 and recurrent.sac.recurrent == 64
+    assert configuration(Variant("a", "searching", stack=4), 1, BUDGET).settings["stack"] == 4
