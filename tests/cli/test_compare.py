@@ -38,6 +38,8 @@ def test_the_right_model_is_at_the_floor(vispeg, rigs, tmp_path):
 def test_mistakes(refused, rigs, tmp_path):
     refused(["compare", "iiwa14", "--out", "c"], "no recording")
     refused(["compare", "iiwa14", "--recording", "gone", "--out", "c"], "does not exist")
+    refused(["compare", "iiwa14", *["--recording", rigs["nominal"]] * 2, "--out", "c"], "--recording", "given twice")
+    refused(["compare", "iiwa14", "--recording", rigs["nominal"], rigs["nominal"], "--out", "c"], "Unrecognized")
     refused(["compare", "gone.yaml", "--recording", rigs["nominal"], "--out", "c"], "no such model file")
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "mine").write_text("mine")

@@ -21,20 +21,31 @@ def read_inputs(
     The model's robot takes the place of the recordings' where it is a file of the user's own.
 
     Raises:
-        UserError: none given, one given on both sides, or another robot's.
+        UserError: none given, one given twice or on both sides, or another robot's.
     """
     import vispeg.effects  # noqa: F401  (names in a model file must be enrolled)
 
     world = load_model(model)
     if not recording:
-        raise UserError("no recording to fit", key="--recording", expected="at least one folder")
+        raise UserError("no recording given", key="--recording", expected="at least one folder")
     if need_validate and not validate:
         raise UserError("no recording to judge on", key="--validate", expected="at least one folder that is not fitted")
+    for flag, paths in (("--recording", recording), ("--validate", validate)):
+        _once(flag, paths)
     both = {p.resolve() for p in recording} & {p.resolve() for p in validate}
     if both:
         raise UserError("fitted and held out at once", file=sorted(both)[0], expected="different recordings")
     fitted, held_out = [_named(load(p), world, p) for p in recording], [_named(load(p), world, p) for p in validate]
     return world, fitted, held_out
+
+
+def _once(flag: str, paths: Sequence[Path]) -> None:
+    """Raises UserError for a recording given twice: the same noise would count as new evidence."""
+    seen: set[Path] = set()
+    for path in paths:
+        if path.resolve() in seen:
+            raise UserError("given twice", file=path, key=flag, expected="each recording once")
+        seen.add(path.resolve())
 
 
 def _named(rec: Recording, world: World, path: Path) -> Recording:

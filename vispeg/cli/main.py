@@ -81,12 +81,11 @@ def run(argv: Sequence[str]) -> int:
     commands = available()
     if argv[0] not in commands:
         raise UserError("unknown command", got=argv[0], choices=commands)
-    import tyro
+    from vispeg.cli.usage import parse
 
     choose_backend()
     module = importlib.import_module(COMMANDS[argv[0]])
-    program, flags = f"vispeg {argv[0]}", (tyro.conf.FlagCreatePairsOff,)
-    args = tyro.cli(module.Args, prog=program, description=module.__doc__, args=list(argv[1:]), config=flags)
+    args = parse(module.Args, f"vispeg {argv[0]}", module.__doc__, argv[1:])
     return int(args.run() or 0)
 
 
