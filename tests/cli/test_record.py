@@ -111,6 +111,10 @@ def test_servo_of_an_arm_without_a_table_is_stable_and_damped(tmp_path):
         (["--motion", "fourier", "--repeat", "0"], ["--repeat"]),
         (["--motion", "osc", "--control", "position"], ["--control", "osc"]),
         (["--motion", "fourier", "--tool", "spoon"], ["unknown tool"]),
+        (["--motion", "fourier", "--rate", "nan"], ["ten samples"]),
+        (["--motion", "fourier", "--rate", "1e9"], ["too long a motion", "1000000 samples"]),
+        (["--motion", "fourier", "--seed", "-1"], ["not a seed"]),
+        (["--motion", "fourier", "--seed", "x"], ["--seed", "'x'", "vispeg record --help"]),
     ],
 )
 def test_mistakes(refused, args, words):

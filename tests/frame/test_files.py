@@ -83,6 +83,8 @@ def test_a_file_in_the_way_is_said_in_one_line(tmp_path):
         with pytest.raises(UserError) as caught, new_folder(path, overwrite=True):
             pass
         assert "\n" not in str(caught.value) and str(path) in str(caught.value)
+    with pytest.raises(UserError, match="a folder above it is a file"):
+        write_text_atomic(tmp_path / "f" / "below", "y")
     assert (tmp_path / "f").read_text() == "x"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -79,6 +80,15 @@ def test_missing_held_and_zeroed_readings():
     lost = moving()
     lost.q[[400, 401, 900]] = 0.0
     assert timing(lost).zeroed == 3
+
+
+@pytest.mark.parametrize("rows", [2, 3, 4, 11])
+def test_a_handful_of_samples_is_checked_like_any(rows):
+    full = moving(noise_q=0.0)
+    short = {name: getattr(full, name)[:rows] for name in ("time", "q", "dq", "tau", "q_cmd", "dq_cmd")
+             if getattr(full, name) is not None}  # fmt: skip
+    assert timing(replace(full, **short)).repeated == 0
+    assert check(replace(full, **short)).timing.duration_s == pytest.approx((rows - 1) / RATE)
 
 
 @pytest.mark.parametrize("step", [2 * np.pi / 2**14, 2 * np.pi / 2**17, 1e-3])

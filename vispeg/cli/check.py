@@ -77,7 +77,10 @@ def limits_of(rec: Recording) -> Limits:
     """The robot's limits in the recording's joint order. Raises UserError for a joint that the robot does not have."""
     from vispeg.robots.model import load as load_robot
 
-    robot = load_robot(rec.robot)
+    try:
+        robot = load_robot(rec.robot)
+    except UserError as error:  # a name or a file that a line of this recording gave
+        raise UserError(str(error), file=rec.path / "recording.yaml", key="robot") from error
     for joint in rec.joints:
         if joint not in robot.joints:
             file = rec.path / "recording.yaml"

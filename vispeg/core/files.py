@@ -34,7 +34,7 @@ def new_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
         target.parent.mkdir(parents=True, exist_ok=True)
         part.mkdir()
     except OSError as error:
-        raise UserError(f"cannot be written: {error.strerror}", file=path) from error
+        raise UserError(f"cannot be written: {_why(error)}", file=path) from error
     try:
         yield part
         _refuse(target, path, overwrite)  # something may have come to stand there meanwhile
@@ -68,11 +68,16 @@ def write_bytes_atomic(path: str | Path, data: bytes, *, overwrite: bool = False
     except OSError as error:
         with suppress(OSError):  # where its folder is none, asking for it is an error too
             part.unlink()
-        raise UserError(f"cannot be written: {error.strerror}", file=path) from error
+        raise UserError(f"cannot be written: {_why(error)}", file=path) from error
     except BaseException:
         part.unlink(missing_ok=True)
         raise
     return Path(path)
+
+
+def _why(error: OSError) -> str | None:
+    """What the system said; of a parent that is a file it says no more than that it exists."""
+    return "a folder above it is a file" if isinstance(error, FileExistsError | NotADirectoryError) else error.strerror
 
 
 def _sibling(target: Path, end: str = "part") -> Path:

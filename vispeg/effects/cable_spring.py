@@ -32,6 +32,8 @@ class CableSpring(Effect):
 
     def guesses(self, look):
         """Slack angle from the line that the missing torque follows over angle."""
+        if np.ptp(look.q) < 1e-4:  # a joint that stands still shows a point, not a line
+            return [{"reference": 0.0}]
         slope, intercept = np.polyfit(look.q, look.excess, 1)
         low, high = self.params["reference"].low, self.params["reference"].high
         reference = float(np.clip(-intercept / slope, low, high)) if abs(slope) > 1e-9 else 0.0

@@ -16,6 +16,7 @@ from vispeg.core.errors import UserError
 
 SEVEN_AXIS_CENTRE = (0.0, 0.5, 0.0, -1.2, 0.0, 0.9, 0.0)  # flange in front, pointing down, well above the table
 SEVEN_AXIS_REACH = (0.9, 0.4, 0.7, 0.45, 1.0, 0.6, 1.2)  # rad about it that keeps clear of table and base
+MOST_SAMPLES = 1_000_000  # half an hour at 500 Hz: beyond it memory ends before the motion does
 
 
 class Robot(Protocol):
@@ -222,9 +223,12 @@ def room_of(
 ) -> Room:
     """The room inside `share` of the limits about a posture (default: clear of the table; mid-range if unknown)."""
     nj, limits = len(robot.joints), np.asarray(robot.range, float)
-    n = round(duration * rate_hz)
-    if rate_hz <= 0.0 or n < 10:
-        raise UserError("a motion needs ten samples at least", got=f"{duration:g} s at {rate_hz:g} Hz")
+    count, said = duration * rate_hz, f"{duration:g} s at {rate_hz:g} Hz"
+    if not (rate_hz > 0.0 and count > 9.5):  # so that nan is none either
+        raise UserError("a motion needs ten samples at least", got=said)
+    if count > MOST_SAMPLES:
+        raise UserError("too long a motion", expected=f"at most {MOST_SAMPLES} samples", got=said)
+    n = round(count)
     free = ~np.isfinite(limits).all(axis=1) | (limits[:, 0] >= limits[:, 1])
     low, high = np.where(free, -np.pi, limits[:, 0]), np.where(free, np.pi, limits[:, 1])
     mid, half = (low + high) / 2.0, (high - low) / 2.0

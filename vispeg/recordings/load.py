@@ -39,8 +39,9 @@ def load(path: Path | str) -> Recording:
     header_file, samples_file = _files(folder)
     header = read_header(header_file)
     table = read_table(samples_file)
-    _warn_unknown(table, header)
-    return assemble(header, table, folder, header_file)
+    rec = assemble(header, table, folder, header_file)
+    _warn_unknown(table, header)  # last, so that an error stands alone
+    return rec
 
 
 def assemble(header: Header, table: Table, folder: Path, header_file: Path) -> Recording:

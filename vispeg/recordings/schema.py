@@ -17,6 +17,14 @@ MAX_BYTES = 1_000_000
 MAX_NODES = 20_000  # after aliases are expanded: nested aliases can stand for billions
 MAX_JOINTS = 64
 
+KINDS = {  # pydantic's complaint: what a person would have had to write
+    "model_type": "a mapping of keys to values",
+    "list_type": "a list",
+    "string_type": "text",
+    "float_type": "a number",
+    "float_parsing": "a number",
+}
+
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Gain = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -159,13 +167,15 @@ def read_yaml(file: Path) -> Any:
 def as_user_error(error: ValidationError, file: Path) -> UserError:
     """The first of pydantic's complaints in one line, with the choices where there are any."""
     first = error.errors(include_url=False)[0]
-    key = ".".join(str(part) for part in first["loc"]) or None
+    key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"]).lstrip(".") or None
     context = first.get("ctx", {})
     if first["type"] == "missing":
         return UserError("is missing", file=file, key=key)
     if first["type"] == "literal_error":
         choices = [part.strip(" '") for part in str(context["expected"]).replace(" or ", ", ").split(",")]
         return UserError("is not one of the choices", file=file, key=key, got=first["input"], choices=choices)
+    if first["type"] in KINDS:
+        return UserError("is of another kind", file=file, key=key, expected=KINDS[first["type"]], got=first["input"])
     said = first["msg"].removeprefix("Value error, ")
     return UserError(said[:1].lower() + said[1:], file=file, key=key, got=first["input"])
 

@@ -82,6 +82,9 @@ def _csv(file: Path) -> Table:
     head, _, body = text.partition("\n")
     if not head.strip():
         raise UserError("is empty" if not text.strip() else "has no header line", file=file)
+    other = max((";", "\t"), key=head.count)
+    if head.count(other) > head.count(","):
+        raise UserError("columns are not separated by commas", file=file, expected="','", got=other)
     try:
         names = _header([name.strip() for name in next(csv.reader([head.rstrip("\r")]))], file)
     except (csv.Error, StopIteration) as error:
