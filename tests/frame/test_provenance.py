@@ -60,6 +60,8 @@ def test_provenance_repeats_the_command_and_names_versions(tmp_path):
     argv = ["vispeg", "diagnose", "my robot.xml", "--out", "o'ut"]
     record = provenance(argv, 7, [b, a])
     assert shlex.split(record["command"]) == argv
+    as_module = provenance(["/some/where/vispeg/__main__.py", *argv[1:]], 7, [])
+    assert as_module["command"] == record["command"], "a folder of this machine is no part of the command"
     assert record["seed"] == 7
     assert record["versions"]["numpy"] == metadata.version("numpy")
     assert set(record["versions"]) == {"vispeg", "python", "mujoco", "numpy", "scipy", "cma"}
