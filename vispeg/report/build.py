@@ -23,7 +23,7 @@ def write_report(out: Path, *, overwrite: bool = False) -> Path:
 def render(record: Record) -> str:
     """The whole page as text: no script, no link that leaves it."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
-    from markupsafe import Markup
+    from markupsafe import Markup, escape
 
     pages = Environment(
         loader=PackageLoader("vispeg.report", "templates"),
@@ -32,6 +32,7 @@ def render(record: Record) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    pages.filters["breakable"] = lambda name: escape(name).replace("(", Markup("<wbr>("))
     sections = []
     for name in DIAGNOSIS if record.kind == "diagnosis" else COMPARE:
         module = import_module(f"vispeg.report.sections.{name}")

@@ -92,7 +92,8 @@ def _map(ax: Any, residual: ResidualMap, values: np.ndarray, joints: tuple[str, 
     ax.set_ylim(len(joints), 0)
     ax.set_yticks(np.arange(len(joints)) + 0.5, joints)
     ticks = np.arange(0, k + 1, max(1, -(-k // 5)))
-    ax.set_xticks(ticks, [plain(residual.edges[i], 2) for i in ticks])
+    edges = np.where(np.abs(residual.edges) < 1e-6 * np.ptp(residual.edges), 0.0, residual.edges)  # no tick at 5e-10
+    ax.set_xticks(ticks, [plain(edges[i], 2) for i in ticks])
     ax.set_xlabel(LABELS[residual.axis])
     ax.tick_params(length=0)
     for side in ax.spines.values():
