@@ -74,6 +74,8 @@ class Args:
             ("rad", {f"angle of {s.joint}, with less without": s.deviation}),
             ("N m", {f"motor torque of {s.joint}, with less without": s.torque}),
         ]
-        signature_panels(f"{s.placed.label}: {sizes}", s.time, panels, path, overwrite=self.overwrite)
+        over = {f"angle of {s.joint} (rad)": s.angle, f"speed of {s.joint} (rad/s)": s.speed}
+        title = f"{s.placed.label}\n{sizes}"
+        signature_panels(title, s.time, panels, path, against=over, overwrite=self.overwrite)
         print(f"picture: {path}")
         return 0

@@ -31,6 +31,7 @@ class Signature:
         time: (n,) s.
         deviation: (n,) rad, measured angle with the effect less that without.
         torque: (n,) N m, motor torque with the effect less that without.
+        angle, speed: (n,) rad, rad/s, of that joint without the effect: what the torque may depend on.
     """
 
     placed: Placed
@@ -39,6 +40,8 @@ class Signature:
     time: np.ndarray
     deviation: np.ndarray
     torque: np.ndarray
+    angle: np.ndarray
+    speed: np.ndarray
 
 
 def signature(name: str, where: str | None = None, *, robot: str = "iiwa14", seed: int = 0) -> Signature:
@@ -57,4 +60,4 @@ def signature(name: str, where: str | None = None, *, robot: str = "iiwa14", see
     size = np.sqrt(np.nanmean(((r.q[1] - r.q[0]) * control.kp) ** 2, axis=0))
     j = model.joints.index(spot) if spot in model.joints else int(np.argmax(size))
     q, tau = r.q[:, :, j], r.tau_motor[:, :, j]
-    return Signature(placed, model.joints[j], move, m.time, q[1] - q[0], tau[1] - tau[0])
+    return Signature(placed, model.joints[j], move, m.time, q[1] - q[0], tau[1] - tau[0], q[0], r.dq[0, :, j])

@@ -36,9 +36,14 @@ def signature_panels(
     panels: Sequence[tuple[str, Mapping[str, np.ndarray]]],
     path: Path,
     *,
+    against: Mapping[str, np.ndarray] | None = None,
     overwrite: bool = False,
 ) -> Path:
-    """Draws panels of (unit, lines) one below the other over a common time axis, each as in `signature_figure`."""
+    """Draws panels of (unit, lines) one below the other over a common time axis, each as in `signature_figure`.
+
+    `against` (what it is -> (n,) values) adds a row with the last panel's first line over each of them: friction is a
+    step over speed, a spring a line over angle, hysteresis a loop.
+    """
     kind = path.suffix.lower().removeprefix(".")
     if kind not in ("png", "svg"):
         raise UserError("cannot draw into this kind of file", file=path, got=path.suffix, choices=(".png", ".svg"))
@@ -46,11 +51,17 @@ def signature_panels(
         _check(time, lines)
     stream = BytesIO()
     with styled():
-        figure = new_figure(0.8 + 2.1 * len(panels), 6.4)
-        axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
-        for ax, (unit, lines) in zip(axes, panels, strict=True):
-            _panel(ax, time, unit, lines)
-        figure.axes[-1].set_xlabel("time (s)")
+        over = dict(against or {})
+        figure = new_figure(0.8 + 2.1 * (len(panels) + bool(over)) + 0.2 * title.count("\n"), 6.4)
+        grid = figure.add_gridspec(len(panels) + bool(over), max(1, len(over)))
+        first: Any = None
+        for row, (unit, lines) in enumerate(panels):
+            first = figure.add_subplot(grid[row, :], sharex=first)
+            _panel(first, time, unit, lines)
+        first.set_xlabel("time (s)")
+        for column, (name, values) in enumerate(over.items()):
+            unit, lines = panels[-1]
+            _loop(figure.add_subplot(grid[-1, column]), name, values, unit, next(iter(lines.values())))
         figure.suptitle(title, x=0.01, ha="left", fontsize=10, fontweight="bold")
         figure.savefig(stream, format=kind, dpi=160, metadata={"Date": None} if kind == "svg" else None)
     return write_bytes_atomic(path, stream.getvalue(), overwrite=overwrite)
@@ -62,6 +73,16 @@ def _check(time: np.ndarray, lines: Mapping[str, np.ndarray]) -> None:
     for name, values in lines.items():
         if np.shape(values) != np.shape(time):
             raise UserError(f"line '{name}' and time differ", expected=np.shape(time), got=np.shape(values))
+
+
+def _loop(ax: Any, name: str, x: np.ndarray, unit: str, y: np.ndarray) -> None:
+    """One signal over another, both (n,)."""
+    if np.shape(x) != np.shape(y):
+        raise UserError(f"'{name}' and the line over it differ", expected=np.shape(y), got=np.shape(x))
+    factor, shown = prefix(float(np.max(np.abs(y[np.isfinite(y)]), initial=0.0)), unit)
+    ax.plot(x, factor * y, color=COLOURS[0], linewidth=0.7)
+    ax.set(xlabel=name, ylabel=shown)
+    quiet(ax)
 
 
 def _panel(ax: Any, time: np.ndarray, unit: str, lines: Mapping[str, np.ndarray]) -> None:
