@@ -1,6 +1,8 @@
 """`vispeg effects`: every effect is listed with what a user needs, and one is drawn without overwriting."""
 
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,6 +28,16 @@ def test_every_effect_is_listed_with_its_parameters(vispeg):
             assert p["null"] == (None if param.shape else param.null)
 
 
+def test_the_page_on_formats_names_every_effect_and_no_other():
+    """All but looks, of which the page names the kind only."""
+    page = Path(__file__).parents[2] / "docs" / "formats.md"
+    section = page.read_text(encoding="utf-8").split("### Effect names", 1)[1].split("A `payload` sits", 1)[0]
+    named = [name for name in re.findall(r"`([a-z_]+)`", section) if name != "appearance"]
+    own = {n: kind for n, kind in REGISTRY.items() if kind.__module__.startswith("vispeg.effects.")}
+    assert len(named) == len(set(named))
+    assert set(named) == {n for n, kind in own.items() if kind.kind != "appearance"}
+
+
 def test_one_effect_is_explained_and_drawn_once(vispeg, refused, tmp_path):
     code, out, _ = vispeg("effects", "coulomb_friction")
     picture = tmp_path / "effect-coulomb_friction.png"
@@ -43,6 +55,9 @@ def test_picture_of_friction_shows_the_servo_deflected_by_friction():
     size = np.abs(s.deviation[500:])
     assert np.median(size) == pytest.approx(0.5 / 400.0, rel=0.15)
     assert s.deviation.min() < -1e-3 and s.deviation.max() > 1e-3
+    fast = np.abs(s.speed[500:]) > 0.05
+    agree = np.sign(s.torque[500:][fast]) == np.sign(s.speed[500:][fast])
+    assert agree.mean() > 0.8, "over speed, the torque that friction costs is a step"
 
 
 def test_no_effect_no_picture(refused):
