@@ -33,6 +33,7 @@ COMMANDS: dict[str, str] = {
     "train": "vispeg.cli.train",
     "play": "vispeg.cli.play",
     "finetune": "vispeg.cli.finetune",
+    "combine": "vispeg.cli.combine",
     "export": "vispeg.cli.export",
     "evaluate": "vispeg.cli.evaluate",
     "gap": "vispeg.cli.gap",

@@ -37,12 +37,12 @@ class Args:
     def run(self) -> int:
         """Plays and writes."""
         from vispeg.core.errors import UserError
+        from vispeg.learn.coarse_to_fine import open_policy
         from vispeg.learn.envs import home
-        from vispeg.learn.policy import load
 
         if self.episodes < 1:
             raise UserError("must be at least 1", key="episodes", got=self.episodes)
-        world = self.world or home(load(self.policy))
+        world = self.world or home(open_policy(self.policy))
         settings = {} if self.clearance is None else {"clearance_mm": self.clearance}
         seeds = [self.seed + k for k in range(self.episodes)]
         for line in films(self.policy, world, settings, seeds, self.out, self.overwrite):
@@ -65,11 +65,11 @@ def films(
     """
     from vispeg.core.files import new_folder
     from vispeg.evaluate.video import write_video
+    from vispeg.learn.coarse_to_fine import open_policy
     from vispeg.learn.envs import of_policy
     from vispeg.learn.play import play
-    from vispeg.learn.policy import load
 
-    policy = load(folder)
+    policy = open_policy(folder)
     env = of_policy(policy, world)(1, {"render_mode": "rgb_array", **settings})
     try:
         with new_folder(out, overwrite) as place:

@@ -14,9 +14,9 @@ def player(who: Entrant, config: Any) -> Any:
     """The policy of an entrant (see `vispeg.learn.policy.Policy`) for an environment of TaskConfig `config`."""
     if str(who.path) == EXPERT:
         return ScriptedPolicy(config)
-    from vispeg.learn.policy import load
+    from vispeg.learn.coarse_to_fine import open_policy
 
-    return load(who.path)
+    return open_policy(who.path)
 
 
 class ScriptedPolicy:

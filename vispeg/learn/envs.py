@@ -8,7 +8,7 @@ from typing import Any
 from gymnasium.vector import AutoresetMode, VectorEnv
 
 from vispeg.learn.modalities import Modality, modality
-from vispeg.learn.policy import NetPolicy
+from vispeg.learn.policy import Policy
 from vispeg.learn.settings import SacSettings
 
 MakeEnv = Callable[[int, Mapping[str, Any]], VectorEnv]  # (rows, task settings) -> environment that resets when told
@@ -43,15 +43,15 @@ def describe(env: Any) -> dict[str, Any]:
     return {"world": env.world.label, "world_hash": world_hash(env.world, config), "task": asdict(config)}
 
 
-def home(policy: NetPolicy) -> str:
+def home(policy: Policy) -> str:
     """The world that a policy was trained in: a built-in name or a file; `nominal` where its record has none."""
     return str(policy.meta.get("world_file") or policy.meta.get("world") or "nominal")
 
 
-def of_policy(policy: NetPolicy, world: str, threads: int = 1) -> MakeEnv:
+def of_policy(policy: Policy, world: str, threads: int = 1) -> MakeEnv:
     """Makes the environments that a policy can act in, in a world: with its own stack, directions and cameras."""
     task = policy.meta.get("task") or {}
     own = {key: task[key] for key in ("stack", "dof", "cameras", "image_size") if task.get(key) is not None}
     own = {key: tuple(value) if isinstance(value, list) else value for key, value in own.items()}
-    make = peg_maker(modality(policy.modality), world, SacSettings(recurrent=policy.actor.recurrent), threads)
+    make = peg_maker(modality(policy.modality), world, SacSettings(recurrent=policy.recurrent), threads)
     return lambda rows, settings: make(rows, {**own, **settings})

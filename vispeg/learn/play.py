@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from vispeg.learn.layout import PRIVILEGED
-from vispeg.learn.policy import OFFSET_M, NetPolicy
+from vispeg.learn.policy import OFFSET_M, Policy
 
 NEAR_M, FAR_M = 0.02, 0.35  # depths that colours tell apart
 WHITE, GREEN, RED = (255, 255, 255), (90, 220, 120), (255, 110, 90)
@@ -24,7 +24,7 @@ class Played:
     record: Mapping[str, Any]
 
 
-def play(policy: NetPolicy, env: Any, seeds: list[int]) -> Iterator[Played]:
+def play(policy: Policy, env: Any, seeds: list[int]) -> Iterator[Played]:
     """Plays one episode a seed.
 
     Args:
@@ -51,7 +51,7 @@ def play(policy: NetPolicy, env: Any, seeds: list[int]) -> Iterator[Played]:
         yield Played(seed, np.stack([*frames, *[last] * 6]), record)
 
 
-def compose(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: NetPolicy, action: np.ndarray) -> np.ndarray:
+def compose(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: Policy, action: np.ndarray) -> np.ndarray:
     """The outside view (H, W, 3) with the policy's images in a column beside it, and its estimate in words.
 
     Args:
@@ -66,7 +66,7 @@ def compose(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: NetPolic
         found, true = 1e3 * policy.estimate[0], 1e3 * OFFSET_M * obs[PRIVILEGED][0, :3]
         write(picture, "thinks " + " ".join(f"{v:+6.1f}" for v in found) + " mm", (8, height - 22), WHITE)
         write(picture, "is     " + " ".join(f"{v:+6.1f}" for v in true) + " mm", (8, height - 8), WHITE)
-    views = [view(key, obs[key][0]) for key in policy.actor.layout.images]
+    views = [view(key, obs[key][0]) for key in policy.layout.images]
     if not views:
         return picture
     size = height // max(len(views), 2)

@@ -29,10 +29,17 @@ class Policy(Protocol):
     Attributes:
         modality: what it sees: `state`, `proprio`, `depth`, `rgb`, `rgbd`, or one of a user's own.
         meta: where it comes from; see `save`.
+        layout: of its observation and action.
+        recurrent: width of its memory; 0 where a stack of observations serves for one.
+        estimate: (n, 3) m, where the last `act` thought the peg's tip to be in the hole's frame; None where it does not
+            say.
     """
 
     modality: str
     meta: Mapping[str, Any]
+    layout: Layout
+    recurrent: int
+    estimate: np.ndarray | None
 
     def reset(self, n: int, rows: np.ndarray | None = None) -> None:
         """Forgets the past of n episodes: of all, or of the rows (n,) bool that begin anew."""
@@ -48,12 +55,12 @@ class NetPolicy:
 
     Attributes:
         actor: the network.
-        estimate: (n, 3) m, where the last `act` thought the peg's tip to be in the hole's frame; None for actors that
-            do not say.
     """
 
     def __init__(self, actor: Actor, modality: str, meta: Mapping[str, Any] | None = None):
-        self.actor, self.modality, self.meta = actor, modality, dict(meta or {})
+        self.actor, self.modality = actor, modality
+        self.meta: Mapping[str, Any] = dict(meta or {})
+        self.layout, self.recurrent = actor.layout, actor.recurrent
         self.estimate: np.ndarray | None = None
         self._state: State | None = None
 

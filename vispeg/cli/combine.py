@@ -1,0 +1,37 @@
+"""Combines a coarse policy that sees with a fine one for contact, which takes over near the hole.
+
+Example:
+    vispeg combine assets/policies/depth-S assets/policies/state-0.5mm --within-mm 6 --out depth-then-contact
+    vispeg evaluate depth-then-contact --world S --clearance 0.5
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+
+@dataclass(frozen=True)
+class Args:
+    """Arguments of `vispeg combine`."""
+
+    coarse: tyro.conf.Positional[Path]
+    """Folder of the policy that begins."""
+    fine: tyro.conf.Positional[Path]
+    """Folder of the policy that takes over; it may read no more than the coarse one."""
+    out: Path
+    """Folder of the two as one policy."""
+    within_mm: float = 6.0
+    """Distance of the tip from the hole's axis, as the coarse policy sees it, at which the fine one takes over, mm."""
+    overwrite: bool = False
+    """Replace OUT if it is there."""
+
+    def run(self) -> int:
+        """Writes the folder."""
+        from vispeg.learn.coarse_to_fine import combine
+
+        combine(self.coarse, self.fine, self.within_mm / 1000, self.out, self.overwrite)
+        print(f"{self.out}: {self.coarse.name}, from {self.within_mm:g} mm on {self.fine.name}")
+        return 0

@@ -1,0 +1,108 @@
+"""A coarse policy that sees brings the peg to the hole; a fine contact policy takes over there.
+
+An episode is handed over for good once the coarse policy thinks the peg's tip to be near the hole's axis. What it saw
+goes along: a fine policy that is told a believed target (`state`) is told the hole where the coarse one saw it.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.core.files import new_folder
+from vispeg.learn.layout import VECTOR
+from vispeg.learn.policy import META, OFFSET_M, NetPolicy, Policy, load
+
+FORMAT = "vispeg-coarse-to-fine/1"
+COARSE, FINE = "coarse", "fine"  # sub-folders, each a policy's
+NEWEST = 0.5  # weight of the newest sight of the hole; the rest is the average of those before
+
+
+class CoarseToFine:
+    """Two policies as one. Raises UserError where the fine one reads what the coarse one is not given.
+
+    Attributes:
+        estimate: (n, 3) m, where the coarse policy thinks the tip to be in the hole's frame.
+        fine_has: (n,) bool, the rows that were handed over.
+    """
+
+    def __init__(self, coarse: NetPolicy, fine: NetPolicy, within: float, meta: Mapping[str, Any] | None = None):
+        seen, read = coarse.layout.shapes, fine.layout.shapes
+        lacking = sorted(key for key, shape in read.items() if seen.get(key) != shape)
+        if lacking or coarse.layout.action != fine.layout.action:
+            raise UserError("the fine policy was made for another observation", expected=seen, got=read)
+        if not within > 0:
+            raise UserError("must be above 0", key="within", got=within)
+        self.coarse, self.fine, self.within = coarse, fine, within
+        self.modality = coarse.modality
+        self.meta: Mapping[str, Any] = dict(meta or coarse.meta)
+        self.layout, self.recurrent = coarse.layout, coarse.recurrent
+        self.estimate: np.ndarray | None = None
+
+    def reset(self, n: int, rows: np.ndarray | None = None) -> None:
+        """See Policy."""
+        self.coarse.reset(n, rows)
+        self.fine.reset(n, rows)
+        if rows is None:
+            self.fine_has, self.sights = np.zeros(n, bool), np.zeros(n, int)
+            self.hole = np.zeros((n, 2))
+        else:
+            self.fine_has[rows], self.sights[rows], self.hole[rows] = False, 0, 0.0
+
+    def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
+        """See Policy."""
+        action = self.coarse.act(obs)
+        self.estimate = self.coarse.estimate
+        measured = OFFSET_M * obs[VECTOR][:, :2]  # of the tip, relative to where the task says that the hole is
+        offset = measured if self.estimate is None else self.estimate[:, :2]
+        weight = np.where(self.sights == 0, 1.0, NEWEST) * ~self.fine_has
+        self.hole += weight[:, None] * (measured - offset - self.hole)
+        self.sights += ~self.fine_has
+        self.fine_has |= np.linalg.norm(measured - self.hole, axis=1) < self.within
+        told = {**obs, VECTOR: self._told(obs[VECTOR])} if self.fine.modality == "state" else obs
+        return np.where(self.fine_has[:, None], self.fine.act(told), action)
+
+    def _told(self, vector: np.ndarray) -> np.ndarray:
+        """The stacked observations (n, stack d) with positions relative to the hole that was seen."""
+        frame = 12 + self.layout.action
+        out = vector.reshape(len(vector), -1, frame).copy()
+        out[:, :, :2] -= (self.hole / OFFSET_M)[:, None]
+        return out.reshape(vector.shape)
+
+
+def combine(coarse: Path, fine: Path, within: float, out: Path, overwrite: bool = False) -> None:
+    """Writes both policies' files and when one takes over into one folder, which `open_policy` reads.
+
+    Raises:
+        UserError: a folder that is no policy's, policies that do not fit, OUT is there.
+    """
+    both = CoarseToFine(load(coarse), load(fine), within)
+    worlds = [p.meta.get("world_hash") for p in (both.coarse, both.fine)]
+    meta = {**both.meta, "world_hashes": [w for w in worlds if w]}
+    record = {"format": FORMAT, "modality": both.modality, "within": within, "meta": meta}
+    with new_folder(out, overwrite) as place:
+        for name, folder in ((COARSE, coarse), (FINE, fine)):
+            shutil.copytree(folder, place / name)
+        (place / META).write_text(json.dumps(record, indent=2) + "\n")
+
+
+def open_policy(folder: str | Path) -> Policy:
+    """What a policy's folder holds: one network, or two of which one takes over. Raises UserError as `load` does."""
+    path = Path(folder)
+    try:
+        record = json.loads((path / META).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return load(path)  # which says what is wrong
+    if not isinstance(record, dict) or record.get("format") != FORMAT:
+        return load(path)
+    try:
+        within = float(record["within"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise UserError("not a distance", file=path / META, key="within", expected="metres") from error
+    return CoarseToFine(load(path / COARSE), load(path / FINE), within, record.get("meta"))
