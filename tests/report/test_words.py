@@ -94,3 +94,15 @@ def test_an_interval_sets_the_decimals_of_its_value():
     assert interval(1.3123, 1.224, 1.401) == ("1.312", "1.224 to 1.401")
     assert interval(1312.3, 1224.0, 1401.0) == ("1312", "1224 to 1401")
     assert interval(0.5, None, None) == ("0.5000", "")
+
+
+@pytest.mark.parametrize("count", [2, 5, 6, 16])
+def test_a_verdict_names_few_effects_and_counts_many(count):
+    effects = [{"effect": "joint_bias", "where": f"joint{i}"} for i in range(count)]
+    rival = {"indistinguishable_from": [{"effect": "cable_spring", "where": "joint0"}]}
+    for kind, found in (("identified", effects), ("ambiguous", [effects[0] | rival, *effects[1:]])):
+        said = words.verdict({"verdict": kind, "effects": found})
+        assert ("joint_bias(joint1)" in said) == (count <= words.MOST_NAMED), said
+        assert (f"{count} effects" in said) == (count > words.MOST_NAMED) and len(said) < 300
+    if count > words.MOST_NAMED:
+        assert "1 of them from others" in said

@@ -24,15 +24,13 @@ def ladder_table(diagnosis: Mapping[str, Any]) -> Table:
 
 
 def effects_table(diagnosis: Mapping[str, Any]) -> Table:
-    """What was found: effect, parameter, value with its 95 % interval, unit, what it cannot be told from."""
+    """What was found: effect, parameter, value with its 95 % interval, unit."""
     found = effect_rows(_record(diagnosis))
-    rivals = any(row["rivals"] for row in found)  # most often there are none, and lines are short
     names: list[tuple[str, Any]] = [("Effect", "left"), ("Parameter", "left"), ("Value", "right")]
     names += [("95 % interval", "left"), ("Unit", "left")]
-    table = _table(*names, *([("Or else", "left")] if rivals else []))
+    table = _table(*names)
     for row in found:
-        cells = (row["effect"], row["param"], row["value"], row["interval"] or "–", row["unit"])
-        table.add_row(*_safe(*cells, *([row["rivals"] or "–"] if rivals else [])))
+        table.add_row(*_safe(row["effect"], row["param"], row["value"], row["interval"] or "–", row["unit"]))
     return table
 
 
@@ -48,6 +46,8 @@ def print_diagnosis(diagnosis: Mapping[str, Any], out: Path) -> None:
     console.print(ladder_table(diagnosis))
     if diagnosis.get("effects"):
         console.print(effects_table(diagnosis))
+        for chosen, *others in words.rivals(diagnosis):
+            console.print(Text(f"{chosen} cannot be told from {words.join(others, 'or')}"))
     console.print(Text(f"report: {out / 'report.html'}"), soft_wrap=True)
 
 
@@ -102,7 +102,7 @@ def _table(*columns: tuple[str, Any]) -> Table:
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
     for name, side in columns:
-        table.add_column(name, justify=side, overflow="fold", no_wrap=name == "Effect")
+        table.add_column(name, justify=side, overflow="fold", no_wrap=name != "95 % interval")
     return table
 
 

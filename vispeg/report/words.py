@@ -9,6 +9,7 @@ from vispeg.report.quantities import fold, number, quantity
 from vispeg.report.record import label, rows
 
 NEAR_FLOOR = 1.2  # a held-out error up to this many floors is called "at the noise floor"
+MOST_NAMED = 5  # beyond it a sentence gives the number of effects; the tables name them
 SAME = 0.05  # a relative change below this is called none
 
 
@@ -16,6 +17,11 @@ def join(parts: Iterable[str], word: str = "and") -> str:
     """`a`, `a and b`, `a, b and c`."""
     items = list(parts)
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} {word} {items[-1]}" if items else ""
+
+
+def named(labels: list[str]) -> str:
+    """The labels joined, or `7 effects` where a sentence with all of them could not be read."""
+    return join(labels) if len(labels) <= MOST_NAMED else f"{len(labels)} effects"
 
 
 def change(first: Any, last: Any) -> str:
@@ -76,12 +82,12 @@ def verdict(values: Mapping[str, Any]) -> str:
     if kind == "identified":
         verb = "explain" if len(names) > 1 else "explains"
         reach = "down to the noise floor" if down else "as far as any known effect can"
-        what = join(names) if names else "The model"
+        what = named(names) if names else "The model"
         return f"{what} {verb} the held-out recordings {reach}, and no rival does as well."
     if kind == "ambiguous":
         return _ambiguous(values, "down to the noise floor" if down else "best of what is known")
     if kind == "unexplained":
-        rest = f"{join(names)} {'help' if len(names) > 1 else 'helps'}, but a" if names else "A"
+        rest = f"{named(names)} {'help' if len(names) > 1 else 'helps'}, but a" if names else "A"
         return f"{rest} structured residual remains that no known effect explains.{_depends(values)}"
     return f"The record gives no known verdict ({kind})." if kind else ""
 
@@ -106,7 +112,12 @@ def _ambiguous(values: Mapping[str, Any], reach: str) -> str:
     classes = rivals(values)
     if not classes:
         return f"A class of effects explains the held-out recordings {reach}; these recordings cannot tell its members."
-    clear = [label(e) for e in rows(values, "effects") if not rows(e, "indistinguishable_from")]
+    found = rows(values, "effects")
+    if len(found) > MOST_NAMED:
+        unsure = "all of them" if len(classes) == len(found) else f"{len(classes)} of them"
+        what = f"{len(found)} effects explain the held-out recordings {reach}"
+        return f"{what}; these recordings cannot tell {unsure} from others."
+    clear = [label(e) for e in found if not rows(e, "indistinguishable_from")]
     beside = f", beside {join(clear)}" if clear else ""
     either = "; and ".join(f"{'either ' if len(c) == 2 else 'one of '}{join(c, 'or')}" for c in classes)
     either = either[0].upper() + either[1:]
