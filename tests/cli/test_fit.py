@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -117,6 +118,7 @@ def test_resume_refuses_another_fit(refused, rigs, tmp_path):
         (["--effects", "friction:joint4"], ["unknown effect"]),
         (["--effects", "joint_bias:joint9"], ["no such place"]),
         (["--effects", "joint_bias:joint1", "--starts", "0"], ["--starts"]),
+        (["--effects", "joint_bias:joint1", "--threads", "0"], ["threads", "at least 1"]),
         (["--protocol", "paper"], ["control.mode", "osc"]),
         (["--protocol", "paper", "--effects", "joint_bias:joint1"], ["--effects"]),
     ],
@@ -128,6 +130,12 @@ def test_mistakes(refused, rigs, args, words):
 def test_one_recording_cannot_be_fitted_and_held_out(refused, rigs):
     same = ["--recording", rigs["nominal"], "--validate", rigs["nominal"]]
     refused(["fit", "iiwa14", *same, "--effects", "joint_bias:joint1", "--out", "f"], "fitted and held out")
+
+
+def test_a_copy_of_a_fitted_recording_is_no_judge(refused, rigs, tmp_path):
+    shutil.copytree(rigs["nominal"], tmp_path / "copy")
+    both = ["--recording", rigs["nominal"], "--validate", tmp_path / "copy"]
+    refused(["fit", "iiwa14", *both, "--effects", "joint_bias:joint1", "--out", "f"], "a copy of", "copy")
 
 
 def test_paper_protocol_brings_the_flange_nearer(vispeg, rigs, tmp_path):

@@ -8,6 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from loops import SWING, drive, hinge, one, pendulum
 
+from vispeg.core.effect import effect
+from vispeg.core.seeds import stream
 from vispeg.core.world import World
 from vispeg.effects._delay import DelayLine
 
@@ -114,3 +116,14 @@ def test_encoder_quantization_rounds_to_its_grid():
     np.testing.assert_allclose(read / step, np.round(read / step), atol=1e-9)
     assert np.abs(read - true).max() <= 0.5 * step + 1e-12
     assert len(np.unique(read)) > 20
+
+
+@pytest.mark.parametrize("step", [1e-5, 4e-5, 3e-4, 2e-3])
+def test_what_noise_does_to_a_coarse_reading(step):
+    """The RMS between two roundings, one with noise, is that of a million drawn angles."""
+    sigma, rng = 4e-5, stream(3, "rounding")
+    x, n = rng.uniform(0, 1, 1_000_000), rng.normal(0, sigma, 1_000_000)
+    drawn = step * np.sqrt(np.mean((np.rint((x + n) / step) - np.rint(x / step)) ** 2))
+    kind = effect("encoder_quantization")
+    np.testing.assert_allclose(kind.reading_noise(sigma, {"step": step}), drawn, rtol=0.02)
+    assert kind.reading_noise(sigma, {"step": 0.0}) == sigma

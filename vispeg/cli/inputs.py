@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from vispeg.core.errors import UserError
 from vispeg.core.world import World
 from vispeg.effects.model_file import load_model
@@ -36,6 +38,10 @@ def read_inputs(
     if both:
         raise UserError("fitted and held out at once", file=sorted(both)[0], expected="different recordings")
     fitted, held_out = [_named(load(p), world, p) for p in recording], [_named(load(p), world, p) for p in validate]
+    for path, held in zip(validate, held_out, strict=True):
+        for other, fit in zip(recording, fitted, strict=True):
+            if np.array_equal(held.q, fit.q):
+                raise UserError(f"a copy of {other}, which is fitted", file=path, expected="different recordings")
     return world, fitted, held_out
 
 

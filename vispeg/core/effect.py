@@ -91,6 +91,10 @@ class Effect(ABC):
         """What the encoders make of joint angles and velocities, both (nsim, nj)."""
         return q, dq
 
+    def reading_noise(self, sigma: float, p: Mapping[str, float]) -> float:
+        """RMS of a measured angle about what the right model reads, rad, where the sensor's own noise is `sigma`."""
+        return sigma
+
     def believe(self, goal: np.ndarray, p: Values) -> np.ndarray:
         """Where the task's goal (nsim, 3) in m is believed to be, given where it is. Base frame."""
         return goal

@@ -53,6 +53,18 @@ class Judge:
         """Mean squared whitened residual: 1 at the noise floor."""
         return float(loss.sum() / max(self.size.sum(), 1))
 
+    def floor(self, world: World) -> float:
+        """Mean squared whitened residual of a world that is right: 1, and more where its encoders are coarse."""
+        more = 0.0
+        for item in self.evidence.items if self.evidence.unit == "rad" else ():
+            for j, joint in enumerate(item.recording.joints):
+                sigma = float(item.sigma[j])
+                for e in world.effects:
+                    if e.where in (joint, "all"):
+                        own = effect(e.effect).reading_noise(sigma, {k: v.value for k, v in e.params.items()})
+                        more += ((own / sigma) ** 2 - 1.0) * item.valid[:, j].sum()
+        return float(1.0 + more / max(self.size.sum(), 1))
+
     def gain(self, before: np.ndarray, after: np.ndarray) -> Gain:
         """Improvement from one block-loss vector to another."""
         diff = (before - after)[self.size > 0]

@@ -21,6 +21,7 @@ from vispeg.diagnose.verdict import Verdict, decide
 from vispeg.effects.model_file import placed_dict
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import evidence_for
+from vispeg.recordings.quality import quantization
 from vispeg.recordings.recording import Recording
 
 
@@ -66,9 +67,10 @@ def diagnose(
     held = [[lack(i, y[w]) for i, y in zip(judged.items, predicted, strict=True)] for w in (0, 1)]
     joints = judged.items[0].robot.joints
     depends = dependences(after_lacks, held[1], joints)
-    verdict = decide(before, after, len(state.world.effects) - given, rivals, depends)
+    floor = judge.floor(state.world)
+    verdict = decide(before, after, len(state.world.effects) - given, rivals, depends, floor)
     final = _with_origin(
-        widened(state.world, given, before, after),
+        widened(state.world, given, before, after - floor + 1.0),
         given,
         fitted,
         held_out,
@@ -101,7 +103,7 @@ def diagnose(
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in _screening(state)],
         "correlations": _correlations(state),
         "parameters_moved": _moved(state),
-        "notes": list(evidence.notes),
+        "notes": [*evidence.notes, *_coarse_encoders(fitted[0], judged)],
     }
     if verdict.verdict == "unexplained" and len(final.effects) > given:
         record["partial"] = _effects(final, given, rivals)
@@ -218,6 +220,13 @@ def _candidate(t: Trial, why: str) -> dict[str, Any]:
         "gain_standard_errors": round(t.gain.z, 2),
         "rejected_because": why,
     }
+
+
+def _coarse_encoders(rec: Recording, judged: Evidence) -> list[str]:
+    """Joints read in steps wider than the noise: squared errors do not show steps of up to some ten times the noise."""
+    steps = {joint: quantization(rec.q[:, j]) for j, joint in enumerate(rec.joints)}
+    sigma = judged.items[0].recording.noise.get("q", 0.0)
+    return [f"{joint} is read in steps of {step:.2g} rad" for joint, step in steps.items() if step and step > 2 * sigma]
 
 
 def _correlations(state: State) -> dict[str, Any] | None:

@@ -23,9 +23,12 @@ BEST = 7  # candidates fitted at each step
 AT_FLOOR = 1.25  # held-out noise variances at which there is nothing left to look for
 TIE = 0.03  # two fits this close in held-out squared error (above the floor) count as equals
 LEAST_SHARE = 0.001  # of what the effects so far typically removed that a later one must remove: no model is exact
+CLEAR = 0.8  # share of the held-out squared error that no mere refinement removes
 REFINEMENT = 0.03  # of what an effect of the same kind at the same place removed: no model of friction is exact
 PROMISE = 0.3  # of the gain that a step needs, which the score test must promise for a fit to be tried
 ALPHA = 0.01  # family-wise level of a step, over all places screened (Holm)
+# An effect that acts at times (a torque limit), or beside another that is missing too, gains in few blocks of time:
+DECISIVE = 0.5  # share of the held-out squared error that chance does not remove, so that blocks need pass at 5 % only
 
 
 @dataclass(frozen=True)
@@ -103,7 +106,7 @@ class Search:
 
     def _worth_it(self, state: State) -> bool:
         """Whether enough is left above the floor for a step to be able to pass."""
-        left = self.judge.mean(state.loss) - 1.0
+        left = self.judge.mean(state.loss) - self.judge.floor(state.world)
         return left > AT_FLOOR - 1.0 and (state.fit is None or left > self.least_share * state.scale)
 
     def lacks(self, world: World) -> list[Lack]:
@@ -189,13 +192,13 @@ class Search:
             alike = [e for e in state.world.effects if _alike(e, t.score.placed)]
             beside = max(alike, key=state.removed_by, default=None)
             refines = t.gain.mean / state.removed_by(beside) if beside is not None else 1.0
-            if beside is not None and refines < REFINEMENT:
+            if beside is not None and refines < REFINEMENT and t.gain.relative < CLEAR:
                 why = f"only refines {beside.label} at the same place ({100 * refines:.2g} % of what that removed)"
             elif share < self.least_share:
                 why = f"removes {100 * share:.2g} % of what an effect so far did, under {100 * self.least_share:.1g} %"
             elif t.gain.relative < self.evidence.least_gain:
                 why = f"held-out gain {100 * t.gain.relative:.1f} % is under {100 * self.evidence.least_gain:.0f} %"
-            elif t.gain.z < level:
+            elif t.gain.z < (level if t.gain.relative < DECISIVE else stats.norm.isf(0.05)):
                 why = f"held-out gain is {t.gain.z:.1f} standard errors, under {level:.1f}"
             elif not present(t.fit, len(t.fit.world.effects) - 1):
                 why = "its interval includes no effect"

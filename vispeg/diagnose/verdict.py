@@ -21,7 +21,9 @@ class Verdict:
     unexplained: dict | None = None
 
 
-def decide(before: float, after: float, found: int, rivals: Sequence[Rivals], depends: Sequence[Dependence]) -> Verdict:
+def decide(
+    before: float, after: float, found: int, rivals: Sequence[Rivals], depends: Sequence[Dependence], floor: float = 1.0
+) -> Verdict:
     """The verdict.
 
     Args:
@@ -29,10 +31,11 @@ def decide(before: float, after: float, found: int, rivals: Sequence[Rivals], de
         found: effects added.
         rivals: of the added effects.
         depends: what the final residual depends on.
+        floor: of the final model, in noise variances; above 1 where it says that encoders are coarse.
     """
-    excess_before, excess_after = max(before - 1.0, 1e-9), max(after - 1.0, 0.0)
+    excess_before, excess_after = max(before - 1.0, 1e-9), max(after - floor, 0.0)
     explained = 1.0 - excess_after / excess_before
-    at_floor = after <= FLOOR
+    at_floor = after <= FLOOR * floor
     top = depends[0] if depends else None
     if not at_floor and (explained < EXPLAINED or not found):
         on = [{"input": d.input, "joint": d.joint, "share": d.share} for d in depends if d.share >= CONVINCING]
@@ -50,4 +53,6 @@ def decide(before: float, after: float, found: int, rivals: Sequence[Rivals], de
         else f"; {100 * explained:.1f} % of the excess is explained"
         + (f", the rest depends most on {top.input}" if top is not None and top.share >= CONVINCING else "")
     )
+    if floor > 1.05:
+        remainder += f"; {floor:.1f} are what readings that coarse leave even of the right model"
     return Verdict("identified", f"held-out error fell from {before:.1f} to {after:.2f} noise variances{remainder}")

@@ -27,6 +27,19 @@ class EncoderQuantization(Effect):
         step = np.where(p["step"] > 0, p["step"], 1.0)
         return np.where(p["step"] > 0, np.round(q / step) * step, q), dq
 
+    def reading_noise(self, sigma, p):
+        """Noise tips readings over to the next step: sqrt(E[(Q(x + n) - Q(x))^2]) for n ~ N(0, sigma^2).
+
+        An x anywhere in its step with noise n = (m + f) step ends m or, with probability f, m + 1 steps away.
+        """
+        if not p["step"] > 0 or not sigma > 0:
+            return sigma
+        n = np.linspace(-6, 6, 4001) * sigma
+        weight = np.exp(-0.5 * (n / sigma) ** 2)
+        whole, part = np.divmod(n / p["step"], 1.0)
+        squared = (1 - part) * whole**2 + part * (whole + 1) ** 2
+        return float(p["step"] * np.sqrt(np.average(squared, weights=weight)))
+
     def guesses(self, look):
         """The spacing of the measured angles, where they are seen to lie on a grid wider than their noise."""
         values = np.unique(look.raw)

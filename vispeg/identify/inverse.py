@@ -112,6 +112,8 @@ class TorqueEvidence(Evidence):
 
 def evidence_for(world: World, recordings: Sequence[Recording], nthread: int = 1, h_max: float = 2e-3) -> Evidence:
     """Rollouts where every controller is known, inverse dynamics where one is not."""
+    if nthread < 1:
+        raise UserError("must be at least 1", key="threads", got=nthread)
     for rec in recordings:
         if rec.robot != recordings[0].robot:
             raise UserError(
