@@ -6,6 +6,7 @@ Every node needs vispeg installed and the world's file at the same path. Bytes c
 from __future__ import annotations
 
 import os
+import socket
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -15,6 +16,8 @@ from vispeg.datasets.engine import TRIES, Made
 from vispeg.datasets.layout import Layout
 from vispeg.datasets.plan import Plan, Shard
 from vispeg.datasets.shard import Source, shard_bytes
+
+CONNECT = 10  # s
 
 
 def on_ray(
@@ -86,12 +89,20 @@ def _connect(ray: Any, workers: int) -> None:
     quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": "error", "runtime_env": environment}
     try:
         if address:
+            _knock(address)
             ray.init(address=address, **quiet)
         else:
             ray.init(num_cpus=max(1, workers), include_dashboard=False, **quiet)
     except (ConnectionError, ValueError, RuntimeError, OSError) as error:
         reason = " ".join(str(error).split())[:120]
         raise UserError(f"the Ray cluster cannot be reached ({reason})", key="RAY_ADDRESS", got=address) from None
+
+
+def _knock(address: str) -> None:
+    """Raises OSError where nobody listens at HOST:PORT; Ray itself tries for ten minutes before it says so."""
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    if host and port.isdigit():
+        socket.create_connection((host.strip("[]"), int(port)), timeout=CONNECT).close()
 
 
 def _kept(*names: str) -> dict[str, str]:
