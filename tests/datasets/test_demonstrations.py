@@ -133,7 +133,7 @@ def test_first_look_has_the_episodes_own_seed():
 def test_effects_of_other_cameras_are_left_out():
     world = load_world("S").world
     labels = {r.label for r in seen_world(world, ("external",)).ranges}
-    assert "camera_pose(each)" in labels and not any(label.startswith("link_mass") for label in labels)
+    assert "camera_offset(each)" in labels and not any(label.startswith("link_mass") for label in labels)
 
 
 @pytest.mark.parametrize(

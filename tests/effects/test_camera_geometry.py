@@ -28,9 +28,9 @@ def renderer():
 
 def by_hand(camera: Camera, name: str, p: dict[str, float]) -> Camera:
     """The camera moved as the effect's parameters say in words."""
-    if name == "focal_length":
+    if name == "focal_error":
         return camera.moved(fx=camera.fx * (1 + p["fx"]), fy=camera.fy * (1 + p["fy"]))
-    if name == "principal_point":
+    if name == "principal_point_error":
         return camera.moved(cx=camera.cx + p["x"], cy=camera.cy + p["y"])
     turn = Rotation.from_rotvec([p["rx"], p["ry"], p["rz"]]).as_matrix()
     shift = camera.rotation @ [p["x"], p["y"], p["z"]]

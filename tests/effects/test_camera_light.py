@@ -58,7 +58,9 @@ def test_exposure_and_white_balance_scale_light():
 
 
 def test_vignette_is_the_fourth_power_of_the_cosine():
-    light = to_linear(apply("vignette", plane(0.3), amount=1.0).rgb)[0, ..., 0] / to_linear(plane(0.3).rgb)[0, 0, 0, 0]
+    light = (
+        to_linear(apply("vignetting", plane(0.3), amount=1.0).rgb)[0, ..., 0] / to_linear(plane(0.3).rgb)[0, 0, 0, 0]
+    )
     x, y = (np.arange(SIZE) - 31.5) / F, (np.arange(SIZE)[:, None] - 31.5) / F
     np.testing.assert_allclose(light, np.cos(np.arctan(np.hypot(x, y))) ** 4, rtol=1e-4)
 
@@ -92,7 +94,7 @@ def test_noise_has_a_part_that_grows_with_light():
 
 @pytest.mark.parametrize("sigma", [0.7, 1.5, 3.0])
 def test_blur_spreads_a_point_and_keeps_its_light(sigma):
-    total, mean, covariance = moments(to_linear(apply("gaussian_blur", point(), sigma=sigma).rgb)[0, ..., 0])
+    total, mean, covariance = moments(to_linear(apply("blur", point(), sigma=sigma).rgb)[0, ..., 0])
     assert abs(total - 1) < 0.02 and np.abs(mean - 32).max() < 1e-3
     np.testing.assert_allclose(covariance, np.eye(2) * sigma**2, atol=0.06 * sigma**2)
 

@@ -20,7 +20,7 @@ from vispeg.robots.scene import build
 CAMERA = of_kind("camera")
 IMAGE = sorted(n for n, e in CAMERA.items() if e.overrides("image") or hasattr(e, "light"))
 COLOUR_ONLY = {n for n in IMAGE if 50 <= CAMERA[n].order <= 70}
-BOTH = {"lens_distortion", "occlusion", "dropped_frames", "frame_latency"}
+BOTH = {"lens_distortion", "occlusion", "dropped_frames", "camera_delay"}
 OFTEN = {"dropped_frames": {"chance": 0.5}}  # where the start value shows too seldom for a test
 
 

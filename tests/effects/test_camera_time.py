@@ -31,10 +31,10 @@ def shown(frames: list[np.ndarray]) -> list[int]:
 
 
 def test_late_frames_are_the_ones_of_that_time():
-    assert shown(episode("frame_latency", 6, delay=0.2)) == [0, 0, 0, 1, 2, 3]
-    assert shown(episode("frame_latency", 6, delay=0.04)) == [0, 1, 2, 3, 4, 5]  # nearest in time
-    assert shown(episode("frame_latency", 6, delay=0.05)) == [0, 0, 1, 2, 3, 4]  # as near: the earlier
-    assert shown(episode("frame_latency", 6, step=0.02, delay=0.06)) == [0, 0, 0, 0, 1, 2]
+    assert shown(episode("camera_delay", 6, delay=0.2)) == [0, 0, 0, 1, 2, 3]
+    assert shown(episode("camera_delay", 6, delay=0.04)) == [0, 1, 2, 3, 4, 5]  # nearest in time
+    assert shown(episode("camera_delay", 6, delay=0.05)) == [0, 0, 1, 2, 3, 4]  # as near: the earlier
+    assert shown(episode("camera_delay", 6, step=0.02, delay=0.06)) == [0, 0, 0, 0, 1, 2]
 
 
 def test_lost_frames_repeat_the_last_one_delivered():
@@ -63,7 +63,7 @@ def test_lasting_errors_are_an_autoregression():
 
 def test_an_episode_forgets_the_one_before():
     """A time that goes back, or a world put in its place, begins a row anew; other rows go on."""
-    world = World().add(Placed.of("frame_latency", "all", delay=0.1))
+    world = World().add(Placed.of("camera_delay", "all", delay=0.1))
     for how in ("time", "place"):
         pipeline = Pipeline([world, world], "wrist")
         rng = [stream(i, "forget") for i in range(2)]

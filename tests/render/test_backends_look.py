@@ -81,9 +81,9 @@ def test_rays_meet_what_is_drawn_after_a_look(renderer):
 def test_camera_effects_move_what_is_drawn_and_not_what_is_believed(renderer, where):
     moved = World(
         effects=(
-            Placed.of("camera_pose", where, x=0.01, z=-0.02, ry=0.05),
-            Placed.of("focal_length", where, fx=0.02, fy=-0.01),
-            Placed.of("principal_point", where, x=2.0, y=-3.0),
+            Placed.of("camera_offset", where, x=0.01, z=-0.02, ry=0.05),
+            Placed.of("focal_error", where, fx=0.02, fy=-0.01),
+            Placed.of("principal_point_error", where, x=2.0, y=-3.0),
         )
     )
     dress(renderer, SCENE, World())
@@ -130,4 +130,4 @@ def test_what_cannot_be_worn_is_said(renderer):
         dress(renderer, SCENE, World(effects=(Placed.of("part_colour", "fixtur", amount=1.0),)))
     with Renderer(SCENE.compile(), standard_cameras()[2:], "raycast") as bare:
         with pytest.raises(UserError, match="made from the Scene"):
-            dress(bare, SCENE, World(effects=(Placed.of("camera_pose", "external", x=0.01),)))
+            dress(bare, SCENE, World(effects=(Placed.of("camera_offset", "external", x=0.01),)))

@@ -39,7 +39,7 @@ def test_effects_act_in_their_order_whatever_the_worlds():
     acting = [s.effect.name for s in forwards.stages]
     assert acting == [s.effect.name for s in backwards.stages]
     chain = ["stereo_shadow", "edge_fattening", "disparity_noise", "disparity_quantization", "lens_distortion"]
-    chain += ["gaussian_blur", "exposure", "rgb_noise", "white_balance", "jpeg", "dropped_frames", "frame_latency"]
+    chain += ["blur", "exposure", "rgb_noise", "white_balance", "jpeg", "dropped_frames", "camera_delay"]
     assert [n for n in acting if n in chain] == chain
 
 
@@ -55,10 +55,10 @@ def test_one_effect_more_leaves_the_draws_of_the_others():
 
 def test_several_effects_on_light_in_one_pass_are_the_same_one_by_one():
     """Up to rounding of the encoding in between, where nothing is cut."""
-    world = started("vignette", "gaussian_blur", "exposure")
+    world = started("vignetting", "blur", "exposure")
     together = run(world, frame=plane(0.3)).rgb
     frame = plane(0.3)
-    for name in ("gaussian_blur", "vignette", "exposure"):
+    for name in ("blur", "vignetting", "exposure"):
         frame = run(started(name), frame=frame)
     np.testing.assert_allclose(together, frame.rgb, atol=3e-5)
 

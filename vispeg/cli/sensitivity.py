@@ -5,7 +5,7 @@ EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,... Writes OUT/sensitivity.json and OUT
 
 Example:
     vispeg sensitivity runs/depth/best --world S --sweep focal-length --episodes 200 --out focal
-    vispeg sensitivity runs/d/best runs/r/best --sweep "camera_pose@wrist_wide.x=0,0.005,0.02" --out shift
+    vispeg sensitivity runs/d/best runs/r/best --sweep "camera_offset@wrist_wide.x=0,0.005,0.02" --out shift
 """
 
 from __future__ import annotations

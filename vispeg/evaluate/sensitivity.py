@@ -52,18 +52,18 @@ class Sweep:
 
     @property
     def label(self) -> str:
-        """`focal_length.fx,fy`."""
+        """`focal_error.fx,fy`."""
         return f"{self.effect}.{','.join(self.params)}"
 
 
 SWEEPS = {
-    "focal-length": Sweep("focal_length", ("fx", "fy"), (0.0, 0.01, 0.02, 0.04, 0.07, 0.1)),
-    "camera-shift": Sweep("camera_pose", ("x",), (0.0, 0.002, 0.005, 0.01, 0.02, 0.04)),
-    "camera-turn": Sweep("camera_pose", ("rx",), (0.0, 0.01, 0.02, 0.04, 0.08, 0.15)),
+    "focal-length": Sweep("focal_error", ("fx", "fy"), (0.0, 0.01, 0.02, 0.04, 0.07, 0.1)),
+    "camera-shift": Sweep("camera_offset", ("x",), (0.0, 0.002, 0.005, 0.01, 0.02, 0.04)),
+    "camera-turn": Sweep("camera_offset", ("rx",), (0.0, 0.01, 0.02, 0.04, 0.08, 0.15)),
     "depth-noise": Sweep("disparity_noise", ("sd",), (0.0, 0.05, 0.1, 0.25, 0.5, 1.0)),
     "light": Sweep("light_intensity", ("gain",), (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)),
     "latency": Sweep("command_delay", ("delay",), (0.0, 0.005, 0.01, 0.015, 0.02, 0.03)),
-    "image-latency": Sweep("frame_latency", ("delay",), (0.0, 0.04, 0.08, 0.16, 0.32)),
+    "image-latency": Sweep("camera_delay", ("delay",), (0.0, 0.04, 0.08, 0.16, 0.32)),
     "friction": Sweep("contact_friction", ("scale",), (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0), "peg"),
 }
 

@@ -11,10 +11,10 @@ from vispeg.core.params import Param
 from vispeg.effects._camera import CameraEffect
 
 
-class PrincipalPoint(CameraEffect):
+class PrincipalPointError(CameraEffect):
     """An image a little beside where K says."""
 
-    name = "principal_point"
+    name = "principal_point_error"
     writes = frozenset({"cam_intrinsic"})
     params = {
         "x": Param(0.0, -30.0, 30.0, "px", start=2.0, doc="to the right"),

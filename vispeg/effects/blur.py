@@ -10,10 +10,10 @@ from vispeg.core.params import Param
 from vispeg.effects._light import LightEffect
 
 
-class GaussianBlur(LightEffect):
+class Blur(LightEffect):
     """A picture out of focus."""
 
-    name = "gaussian_blur"
+    name = "blur"
     order = 50
     params = {"sigma": Param(0.0, 0.0, 5.0, "px", start=1.0, doc="standard deviation of a point's image")}
 

@@ -10,10 +10,10 @@ from vispeg.core.params import Param
 from vispeg.effects._camera import CameraEffect
 
 
-class FocalLength(CameraEffect):
+class FocalError(CameraEffect):
     """An image a little larger or smaller than K says."""
 
-    name = "focal_length"
+    name = "focal_error"
     writes = frozenset({"cam_intrinsic"})
     params = {
         "fx": Param(0.0, -0.2, 0.2, "1", start=0.02, doc="relative error of fx"),

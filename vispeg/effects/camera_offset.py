@@ -16,10 +16,10 @@ from vispeg.effects._camera import CameraEffect
 AXES = np.array([1.0, -1.0, -1.0])  # OpenCV's axes in MuJoCo's
 
 
-class CameraPose(CameraEffect):
+class CameraOffset(CameraEffect):
     """A camera that is not quite where it was calibrated."""
 
-    name = "camera_pose"
+    name = "camera_offset"
     writes = frozenset({"cam_pos", "cam_quat"})
     params = {
         "x": Param(0.0, -0.1, 0.1, "m", start=0.005, doc="to the right"),

@@ -13,10 +13,10 @@ from vispeg.effects._light import LightEffect
 from vispeg.effects._rays import rays
 
 
-class Vignette(LightEffect):
+class Vignetting(LightEffect):
     """Corners darker than the centre."""
 
-    name = "vignette"
+    name = "vignetting"
     order = 52
     params = {"amount": Param(0.0, 0.0, 1.5, "1", start=1.0, doc="of the fall-off by cos^4; 1 is a simple lens")}
 

@@ -14,10 +14,10 @@ from vispeg.effects._camera import CameraEffect
 from vispeg.effects._field import begins
 
 
-class FrameLatency(CameraEffect):
+class CameraDelay(CameraEffect):
     """A camera whose frames come late."""
 
-    name = "frame_latency"
+    name = "camera_delay"
     order = 85
     params = {"delay": Param(0.0, 0.0, 0.5, "s", start=0.06, doc="from what happens to its image's arrival")}
 
