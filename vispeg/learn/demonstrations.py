@@ -9,33 +9,35 @@ The expert's executed action is disturbed, so that it shows how to come back; wh
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import count
 from typing import Any
 
 import numpy as np
 
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
-from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
 from vispeg.core.world import Ranged, World
 from vispeg.datasets.episode import Episode, Recorder
 from vispeg.datasets.layout import Layout
 from vispeg.datasets.plan import Plan, Shard, look_seed
+from vispeg.datasets.sensing import ROWS as SENSOR_ROWS
+from vispeg.datasets.sensing import Clip, sense
 from vispeg.learn.demonstration_plan import TASK, scene_of, seen_world, task_of
 from vispeg.render.backend import Renderer, Shot
-from vispeg.render.camera import Camera, quaternion
+from vispeg.render.camera import quaternion
 from vispeg.render.camera_files import to_record
 from vispeg.render.contrast import TRIES, redraw
 from vispeg.render.look import dress
-from vispeg.render.pipeline import Pipeline
 from vispeg.task.expert import Expert
 from vispeg.task.eyes import FAR, camera_velocity
 from vispeg.task.simulation import PHYSICS, PegSimulation, felt
 from vispeg.task.world_file import load_world
 
 ROWS = 4  # episodes played side by side; part of what the bytes follow from
+TAKES = 2 * SENSOR_ROWS  # looks that are rendered before their sensors see them
 
 
 @dataclass
@@ -49,6 +51,26 @@ class Moment:
     flange: np.ndarray
 
 
+@dataclass
+class Played:
+    """An episode as it was played: its seed, its moments, the drawn physics, and its record once it has ended."""
+
+    seed: int
+    physics: World
+    noise: np.random.Generator
+    moments: list[Moment] = field(default_factory=list)
+    record: dict[str, Any] | None = None
+
+
+@dataclass(frozen=True)
+class Take:
+    """One look of an episode as rendered: what its frames hold but for the pictures, those by camera, what it is."""
+
+    frames: list[dict[str, np.ndarray]]
+    clips: dict[str, Clip]
+    about: dict[str, Any]
+
+
 def shard(plan: Plan, layout: Layout, wanted: Shard) -> Iterator[Episode]:
     """The episodes of one shard, the last one cut where the shard is full.
 
@@ -56,19 +78,20 @@ def shard(plan: Plan, layout: Layout, wanted: Shard) -> Iterator[Episode]:
         UserError: the world's file has changed since the plan was made.
     """
     stage = _stage(plan, layout)
-    left, number = wanted.frames, 0
-    while left:
-        seeds = [plan.episode_seed(wanted.number, number + i) for i in range(ROWS)]
-        number += ROWS
-        wanted_states = -(-left // plan.looks)
-        for seed, moments, record, drawn in stage.play(seeds, wanted_states):
-            shown = moments[: -(-left // plan.looks)]
-            for look in range(plan.looks if left else 0):
-                if left:
-                    cut = record is None or min(len(shown), left) < len(moments)
-                    episode = stage.draw(seed, look, shown[:left], None if cut else record, drawn)
-                    left -= len(episode)
-                    yield episode
+    left, takes = wanted.frames, list[Take]()
+    seeds = (plan.episode_seed(wanted.number, i) for i in count())
+    for one in stage.play(seeds, -(-left // plan.looks)):
+        shown = one[1][: -(-left // plan.looks)]
+        for look in range(plan.looks if left else 0):
+            seed, moments, record, drawn = one
+            if left:
+                cut = record is None or min(len(shown), left) < len(moments)
+                takes.append(stage.take(seed, look, shown[:left], None if cut else record, drawn))
+                left -= len(takes[-1].frames)
+            if len(takes) == TAKES:
+                yield from stage.develop(takes)
+                takes.clear()
+    yield from stage.develop(takes)
 
 
 class Stage:
@@ -94,36 +117,48 @@ class Stage:
         self.labelled = Renderer(self.scene, layout.cameras, labels=True, **make)  # type: ignore[arg-type]
         self.plain = self.labelled if plan.labels else Renderer(self.scene, layout.cameras, **make)  # type: ignore[arg-type]
 
+        self._placed: int | None = None  # the episode whose bodies stand in the guard's renderer
+
     # Physics --------------------------------------------------------------------------------------------------
     def play(
-        self, seeds: Sequence[int], wanted: int | None = None
+        self, seeds: Iterable[int], wanted: int | None = None
     ) -> list[tuple[int, list[Moment], dict[str, Any] | None, World]]:
-        """Episodes of these seeds (ROWS of them): moments, the task's record, the drawn physics.
+        """Episodes of these seeds, ROWS at a time: moments, the task's record, the drawn physics.
 
         With `wanted`, nothing is played on once the episodes, one after the other, have that many moments; one that was
         not played to its end has no record.
         """
-        rows, sim = np.arange(ROWS), self.sim
-        sim.reset(rows, seeds)
-        self.expert.reset(rows)
-        noise = [stream(s, "dataset-noise") for s in seeds]
-        moments: list[list[Moment]] = [[] for _ in seeds]
-        records: list[dict[str, Any] | None] = [None] * ROWS
-        drawn = list(sim.drawn)
-        while not _enough(moments, records, wanted):
-            seen = sim.observation()
+        todo, every, rows = iter(seeds), list[Played](), list[Played | None]([None] * ROWS)
+        self._begin(rows, todo, every)
+        while any(rows) and not _enough(every, wanted):
+            seen = self.sim.observation()
             meant = self.expert.act(seen)
-            shaken = np.clip(meant + self.plan.noise * np.stack([g.standard_normal(3) for g in noise]), -1, 1)
-            playing = [i for i in rows if records[i] is None]
-            now = {i: self._moment(int(i), seen, meant[i], shaken[i]) for i in playing}
-            gain, _, _, ended = sim.step(shaken)
-            for i in playing:
-                records[i] = ended[i]
-                success = ended[i] is not None and bool(ended[i]["success"])  # type: ignore[index]
-                after = {"next.reward": gain[i], "next.done": ended[i] is not None, "next.success": success}
-                now[i].values.update(after)
-                moments[i].append(now[i])
-        return [(s, moments[i], records[i], felt(drawn[i])) for i, s in enumerate(seeds)]
+            shaken = meant.copy()
+            playing = [(i, one) for i, one in enumerate(rows) if one]
+            for i, one in playing:
+                shaken[i] = np.clip(meant[i] + self.plan.noise * one.noise.standard_normal(3), -1, 1)
+                one.moments.append(self._moment(i, seen, meant[i], shaken[i]))
+            gain, _, _, ended = self.sim.step(shaken)
+            for i, one in playing:
+                record = one.record = ended[i]
+                success = record is not None and bool(record["success"])
+                after = {"next.reward": gain[i], "next.done": record is not None, "next.success": success}
+                one.moments[-1].values.update(after)
+                rows[i] = one if record is None else None
+            self._begin(rows, todo, every)
+        return [(e.seed, e.moments, e.record, e.physics) for e in every]
+
+    def _begin(self, rows: list[Played | None], todo: Iterator[int], every: list[Played]) -> None:
+        """The next episodes begin in rows that are free."""
+        starting = list(zip([i for i, one in enumerate(rows) if one is None], todo, strict=False))
+        if not starting:
+            return
+        free, seeds = np.array([i for i, _ in starting]), [seed for _, seed in starting]
+        self.sim.reset(free, seeds)
+        self.expert.reset(free)
+        for i, seed in starting:
+            one = rows[i] = Played(seed, felt(self.sim.drawn[i]), stream(seed, "dataset-noise"))
+            every.append(one)
 
     def _moment(self, row: int, seen: dict[str, np.ndarray], meant: np.ndarray, shaken: np.ndarray) -> Moment:
         sim = self.sim
@@ -148,19 +183,24 @@ class Stage:
         self, seed: int, look: int, moments: Sequence[Moment], record: dict[str, Any] | None, physics: World
     ) -> Episode:
         """One look of an episode, as a file takes it; without a record it was cut before its end."""
+        return next(self.develop([self.take(seed, look, moments, record, physics)]))
+
+    def take(
+        self, seed: int, look: int, moments: Sequence[Moment], record: dict[str, Any] | None, physics: World
+    ) -> Take:
+        """The same look as rendered, its sensor still to come."""
         own = look_seed(seed, look)
-        self.labelled.render(moments[0].qpos, moments[0].bodies)  # the guard judges the cell as it stands
+        if self._placed != seed:  # the guard judges the cell as it stands, which is the same in every look
+            self.labelled.render(moments[0].qpos, moments[0].bodies)
+            self._placed = seed
         world, refused = redraw(self.seen, self.scene, self.labelled, own, qpos=moments[0].qpos)
         if self.plain is not self.labelled:
             dress(self.plain, self.scene, world)
-        pipelines = {c.name: Pipeline([world], c.name) for c in self.layout.cameras}
-        recorder = Recorder(self.layout)
-        for step, moment in enumerate(moments):
-            shots = self.plain.render(moment.qpos, moment.bodies)
-            frame = dict(moment.values) | self._truth(shots)
-            for c in self.layout.cameras:
-                frame |= self._seen(c, shots[c.name], pipelines[c.name], moment, own, step)
-            recorder.add(frame)
+        frames, shots = [], []
+        for moment in moments:
+            seen = self.plain.render(moment.qpos, moment.bodies)
+            frames.append(moment.values | self._labels(seen))
+            shots.append({name: replace(shot, segmentation=None, normals=None) for name, shot in seen.items()})
         about = {
             "task": TASK,
             "seed": seed,
@@ -175,9 +215,15 @@ class Stage:
             "world": {e.label: {k: v.value for k, v in e.params.items()} for e in (*physics.effects, *world.effects)},
             "cameras": [to_record(c) for c in self.plain.cameras],
         }
-        return recorder.finish(about)
+        twist, flange = np.stack([m.twist for m in moments]), np.stack([m.flange for m in moments])
+        clips = {}
+        for c in self.layout.cameras:
+            mine = [s[c.name] for s in shots]
+            speed = camera_velocity(c, np.stack([s.pose for s in mine]), twist, flange)
+            clips[c.name] = Clip(world, own, np.stack([s.rgb for s in mine]), np.stack([s.depth for s in mine]), speed)
+        return Take(frames, clips, about)
 
-    def _truth(self, shots: dict[str, Shot]) -> dict[str, np.ndarray]:
+    def _labels(self, shots: dict[str, Shot]) -> dict[str, np.ndarray]:
         data, model = self.plain.data, self.plain.model
         found = {}
         for name, site in (("peg", "peg_tip"), ("hole", "hole")):
@@ -185,30 +231,24 @@ class Stage:
             found[f"label.{name}"] = np.concatenate([data.site_xpos[i], quaternion(data.site_xmat[i].reshape(3, 3))])
         for name, shot in shots.items():
             found[f"label.camera.{name}"] = np.concatenate([shot.pose[:3, 3], quaternion(shot.pose[:3, :3])])
+            if shot.segmentation is not None:
+                found[f"label.parts.{name}"] = shot.segmentation.astype(np.uint8)
         return found
 
-    def _seen(
-        self, camera: Camera, shot: Shot, pipeline: Pipeline, moment: Moment, seed: int, step: int
-    ) -> dict[str, np.ndarray]:
-        frame = Frame(
-            rgb=shot.rgb[None].astype(np.float32) / 255,
-            depth=shot.depth[None],
-            K=camera.K[None],
-            truth=shot.depth[None],
-            velocity=camera_velocity(camera, shot.pose[None], moment.twist[None], moment.flange[None]),
-            time=np.array([step * self.config.policy_period]),
-        )
-        out = pipeline.run(frame, [stream(seed, "image", camera.name, step)])
-        if out.rgb is None or out.depth is None:
-            raise ValueError("an effect took a picture away")
-        name = f"observation.images.{camera.name}"
-        pictures = {
-            name: np.round(255 * np.clip(out.rgb[0], 0, 1)).astype(np.uint8),
-            f"{name}_depth": np.clip(np.nan_to_num(out.depth[0]), 0, FAR).astype(np.float32),
-        }
-        if self.plan.labels:
-            pictures[f"label.parts.{camera.name}"] = shot.segmentation.astype(np.uint8)  # type: ignore[union-attr]
-        return pictures
+    def develop(self, takes: Sequence[Take]) -> Iterator[Episode]:
+        """Episodes as a file takes them: each take's pictures as its sensors deliver them."""
+        cameras = self.layout.cameras
+        seen = [sense(c, [take.clips[c.name] for take in takes], self.config.policy_period) for c in cameras]
+        for k, take in enumerate(takes):
+            recorder = Recorder(self.layout)
+            for step, frame in enumerate(take.frames):
+                pictures = {}
+                for c, found in zip(cameras, seen, strict=True):
+                    rgb, depth = found[k]
+                    pictures[f"observation.images.{c.name}"] = rgb[step]
+                    pictures[f"observation.images.{c.name}_depth"] = np.clip(depth[step], 0, FAR)
+                recorder.add(frame | pictures)
+            yield recorder.finish(take.about)
 
     def close(self) -> None:
         """Frees the renderers."""
@@ -216,15 +256,16 @@ class Stage:
         self.plain.close()
 
 
-def _enough(moments: Sequence[Sequence[Moment]], records: Sequence[Any], wanted: int | None) -> bool:
+def _enough(episodes: Sequence[Played], wanted: int | None) -> bool:
+    """Whether these episodes, one after the other, have that many moments; none of them may go on before another."""
     total = 0
-    for mine, record in zip(moments, records, strict=True):
-        total += len(mine)
+    for one in episodes:
+        total += len(one.moments)
         if wanted is not None and total >= wanted:
             return True
-        if record is None:
+        if one.record is None:
             return False
-    return True
+    return False
 
 
 def _kind(r: Ranged) -> str:

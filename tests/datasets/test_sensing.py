@@ -1,0 +1,72 @@
+"""Looks seen side by side are what each of them is by itself."""
+
+import numpy as np
+import pytest
+
+from vispeg.core.frame import Frame
+from vispeg.core.seeds import stream
+from vispeg.core.world import World
+from vispeg.datasets.sensing import Clip, sense
+from vispeg.render.camera import Camera
+from vispeg.render.pipeline import Pipeline
+from vispeg.render.sensor import sensor
+from vispeg.robots.scene import build
+
+EYE = Camera("wrist_wide", 24, 20, 30.0, 30.0, 11.5, 9.5)
+PERIOD = 0.16
+
+
+def clips():
+    """Seven clips of 1 to 6 pictures; an edge in depth and colour that wanders, and sensors that are not alike."""
+    scene, out = build(), []
+    world = World(ranges=sensor("d435", "all"))
+    for i, length in enumerate((3, 1, 6, 2, 5, 1, 4)):
+        rgb, depth = np.full((length, 20, 24, 3), 60, np.uint8), np.full((length, 20, 24), 0.4, np.float32)
+        for t in range(length):
+            rgb[t, :, 6 + t + i :] = 190
+            depth[t, :, 6 + t + i :] = 0.25
+        out.append(Clip(world.sample(i, scene), 100 + i, rgb, depth, np.full((length, 6), 0.01)))
+    return out
+
+
+def alone(clip):
+    """The clip through a pipeline of its own, a picture at a time."""
+    pipeline, rgb, depth = Pipeline([clip.world], EYE.name), [], []
+    for t in range(len(clip)):
+        shown = {"rgb": clip.rgb[t : t + 1].astype(np.float32) / 255, "depth": clip.depth[t : t + 1]}
+        about = {"K": EYE.K[None], "velocity": clip.velocity[t : t + 1], "time": np.array([t * PERIOD])}
+        seen = pipeline.run(Frame(**shown, **about), [stream(clip.seed, "image", EYE.name, t)])
+        assert seen.rgb is not None and seen.depth is not None
+        rgb.append(seen.rgb[0])
+        depth.append(seen.depth[0])
+    return np.stack(rgb), np.stack(depth)
+
+
+@pytest.mark.parametrize("rows", [1, 3, 7, 20])
+def test_a_clip_is_what_it_is_by_itself_whatever_is_beside_or_before_it(rows):
+    given = clips()
+    for clip, (rgb, depth) in zip(given, sense(EYE, given, PERIOD, rows), strict=True):
+        want_rgb, want_depth = alone(clip)
+        assert rgb.shape == clip.rgb.shape and rgb.dtype == np.uint8 and depth.dtype == np.float32
+        # sums of another stack may round otherwise, by which a reading at a threshold may come or go
+        assert np.abs(rgb - 255 * want_rgb).max() < 0.51 + 1e-3
+        off = np.abs(depth - want_depth) > 1e-5
+        assert off.mean() < 0.002
+
+
+def test_the_sensors_did_something_and_clips_are_left_as_they_were():
+    given, kept = clips(), clips()
+    seen = sense(EYE, given, PERIOD, 3)
+    assert all(
+        (depth == 0).any() and not np.array_equal(depth, c.depth) for c, (_, depth) in zip(given, seen, strict=True)
+    )
+    assert all(
+        np.array_equal(a.rgb, b.rgb) and np.array_equal(a.depth, b.depth) for a, b in zip(given, kept, strict=True)
+    )
+
+
+def test_the_same_clips_give_the_same_bytes_and_none_give_none():
+    first, second = (sense(EYE, clips(), PERIOD) for _ in range(2))
+    for a, b in zip(first, second, strict=True):
+        assert a[0].tobytes() == b[0].tobytes() and a[1].tobytes() == b[1].tobytes()
+    assert sense(EYE, [], PERIOD) == []
