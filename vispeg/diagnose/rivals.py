@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from vispeg.core.effect import effect
+from vispeg.core.world import World
 from vispeg.diagnose.judge import present
 from vispeg.diagnose.screen import candidates
 from vispeg.diagnose.search import Search, State, Trial, shortlist
@@ -29,15 +30,23 @@ def find_rivals(search: Search, state: State, given: int, say: Callable[[str], N
     for placed in chosen:
         say(f"looking for rivals of {placed.label}")
         rest = state.world.without(placed.effect, placed.where)
-        fit = search.fits([rest], given, iterations=5)[0]
-        reduced = State(fit.world, search.judge.losses([fit.world])[0], fit.residual, fit, state.first, state.steps)
+        reduced = _refitted(search, rest, given, state)
         joints = search.evidence.items[0].robot.joints
         near = [placed.where] if placed.where in joints else list(joints)[:0]
-        places = [c for c in candidates(search.evidence, fit.world, near) if c != (placed.effect, placed.where)]
-        scores = search.screened(fit.world, fit.residual, fit.jacobian, places, search.lacks(fit.world))
+        places = [c for c in candidates(search.evidence, reduced.world, near) if c != (placed.effect, placed.where)]
+        jacobian = None if reduced.fit is None else reduced.fit.jacobian
+        scores = search.screened(reduced.world, reduced.residual, jacobian, places, search.lacks(reduced.world))
         trials = search.try_all(reduced, shortlist(scores, 5), given, len(places)) if scores else []
         out.append(_compare(search, state, placed.label, trials, search.judge.mean(reduced.loss)))
     return out
+
+
+def _refitted(search: Search, world: World, given: int, state: State) -> State:
+    """The state of a world whose effects beyond the first `given`, if any are left, are fitted anew."""
+    fit = search.fits([world], given, iterations=5)[0] if len(world.effects) > given else None
+    residual = search.evidence.residuals([world])[0] if fit is None else fit.residual
+    world = world if fit is None else fit.world
+    return State(world, search.judge.losses([world])[0], residual, fit, state.first, state.steps)
 
 
 def _merely_richer(search: Search, trial: Trial, state: State, label: str) -> bool:
