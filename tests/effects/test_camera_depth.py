@@ -193,6 +193,54 @@ def test_bias_is_what_its_formula_says():
         assert abs(error - sign * 0.06 * z**2 / FB) < 2e-6
 
 
+def test_a_wrong_baseline_is_one_factor_on_every_distance():
+    """A sensor of true f and B that believes f' and B': z = f'B'/d, d = fB/z; nothing seen stays nothing."""
+    frame = plane(0.3)
+    frame.depth[0] = np.linspace(0.15, 3.0, SIZE * SIZE).reshape(SIZE, SIZE)
+    frame.depth[0, :5, :7] = 0
+    given = frame.depth[0].copy()
+    out = apply("depth_scale", frame, factor=1.25).depth[0]
+    seen = given > 0
+    assert np.array_equal(out, given * np.float32(1.25)) and not out[~seen].any()
+    believed = 430.0 * 0.0505
+    wrong = np.where(seen, believed / (FB / np.where(seen, given.astype(float), 1)), 0)
+    frame.depth[0] = given
+    np.testing.assert_allclose(apply("depth_scale", frame, factor=believed / FB).depth[0], wrong, rtol=3e-7)
+
+
+def test_noise_in_metres_has_a_floor_and_grows_with_the_squared_distance():
+    """sigma(z) = sigma0 + k z^2, normal and unbiased in z, independent from pixel to pixel and frame to frame."""
+    z = np.array([0.1, 0.3, 0.6, 1.0, 2.0])
+    noise = [apply("depth_noise", plane(d, 8), sigma0=0.001, k=0.004).depth.astype(float) - np.float32(d) for d in z]
+    np.testing.assert_allclose([n.std() for n in noise], 0.001 + 0.004 * z**2, rtol=0.02)
+    for n in (noise[0], noise[-1]):
+        x = n / n.std()
+        assert abs(x.mean()) < 0.02 and abs(np.mean(x**3)) < 0.05 and abs(kurtosis(x, axis=None)) < 0.1
+        assert abs(np.mean(x[:, :, 1:] * x[:, :, :-1])) < 0.02 and abs(np.mean(x[1:] * x[:-1])) < 0.02
+    floor = apply("depth_noise", step(0.2, 0.8), sigma0=0.002).depth[0] - step(0.2, 0.8).depth[0]
+    np.testing.assert_allclose([floor[:, 24:40].std(), floor[:, :24].std()], 0.002, rtol=0.1)
+    near = apply("depth_noise", plane(0.02, 8), sigma0=0.02).depth  # behind the lens with the chance of -1 sigma
+    assert near.min() == 0 and abs(np.mean(near == 0) - 0.1587) < 0.01
+
+
+@pytest.mark.parametrize("share", [0.02, 0.1, 0.4])
+@pytest.mark.parametrize("size", [0.0, 4.0, 8.0])
+def test_dropout_loses_its_share_in_blobs_of_its_size(share, size):
+    """The share, whatever the size; runs along rows and columns as long as stated; the next frame loses others."""
+    given = plane(0.3, 40, 160)
+    holes = lost(apply("depth_dropout", given, share=share, size=size))
+    # of as many independent blobs as there are size^2 / share in the images
+    assert abs(holes.mean() / share - 1) < 5 * max(size, 1) / np.sqrt(share * holes.size)
+    assert np.array_equal(given.depth[~holes], np.full((~holes).sum(), 0.3, np.float32))
+    for pixels in (holes, holes.swapaxes(1, 2)):
+        starts = (pixels[:, :, 1:] & ~pixels[:, :, :-1]).mean()
+        run = holes.mean() / starts
+        expected = size if size else 1 / (1 - share)
+        assert abs(run / expected - 1) < 0.12, run
+    again = lost(apply("depth_dropout", plane(0.3, 40, 160), draw=1, share=share, size=size))
+    assert abs((holes & again).mean() / share**2 - 1) < 0.1 + 5 * max(size, 1) / np.sqrt(share**2 * holes.size)
+
+
 def test_what_was_lost_stays_lost():
     """No effect on depth invents a reading, or turns none into something that is not 0."""
     for name, values in {
@@ -203,6 +251,9 @@ def test_what_was_lost_stays_lost():
         "grazing_holes": {"blobs": 0.3, "grazing": 1.0},
         "edge_fattening": {"window": 9.0, "focal": F},
         "stereo_shadow": {"baseline": 0.05},
+        "depth_scale": {"factor": 1.2},
+        "depth_noise": {"sigma0": 0.02, "k": 0.1},
+        "depth_dropout": {"share": 0.3},
     }.items():
         frame = step(0.2, 0.4)
         frame.depth[:, 10:20, 10:20] = 0
