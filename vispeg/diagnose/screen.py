@@ -90,8 +90,12 @@ def _probes(name: str, where: str, item: Item, looks: Sequence[Look]) -> list[Pl
     look = looks[joints.index(where)] if where in joints else None
     guesses = kind.guesses(look) if look is not None else [{}]
     out = []
+    # No torque is missing that is greater than what is missing: half a newton metre of friction would stop a wrist.
+    most = np.inf if look is None else max(float(np.quantile(np.abs(look.excess), 0.9)), 1e-3)
     for guess in guesses:
         values = {m: kind.params[m].start for m in kind.magnitudes}
+        torques = [m for m in values if kind.params[m].unit == "N m" and kind.params[m].null == 0]
+        values |= {m: min(values[m], most) for m in torques}
         out.append(Placed.of(name, where, **{**values, **guess}))
     return out
 
