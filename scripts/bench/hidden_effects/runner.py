@@ -32,7 +32,7 @@ def _call(arguments: list[str]) -> tuple[int, str]:
     return done.returncode, done.stdout if done.returncode == 0 else done.stderr
 
 
-def diagnose(root: Path, case: Case, reference: bool, baseline: bool) -> dict:
+def diagnose(root: Path, case: Case) -> dict:
     """The record of one case, which `score.report` reads."""
     first, second, last = folders(root, case)
     out = root / "diagnosis" / case.key
@@ -47,16 +47,28 @@ def diagnose(root: Path, case: Case, reference: bool, baseline: bool) -> dict:
         return record | {"verdict": "failed", "effects": [], "message": text[-2000:]}
     found = json.loads((out / "diagnosis.json").read_text())
     record |= {key: found[key] for key in ("verdict", "effects", "ladder", "unexplained")}
-    record["floor"] = found["noise_floor"]["value"]
-    if reference and case.kind in ("single", "pair"):
-        extra = ["--baseline"] if baseline and case.kind == "single" else []
-        status, text = _call([str(HERE / "reference.py"), str(first.parent), json.dumps(record["hidden"]), *extra])
-        record |= json.loads(text.splitlines()[-1]) if status == 0 else {"reference_failed": text[-500:]}
-    return record
+    return record | {"floor": found["noise_floor"]["value"]}
+
+
+def references(root: Path, case: Case, record: dict, baseline: bool) -> dict:
+    """What a fit of the truth, and of a fixed parameter set where asked for, reaches in the same case."""
+    extra = ["--baseline"] if baseline and case.kind == "single" else []
+    folder = folders(root, case)[0].parent
+    status, text = _call([str(HERE / "reference.py"), str(folder), json.dumps(record["hidden"]), *extra])
+    return json.loads(text.splitlines()[-1]) if status == 0 else {"reference_failed": text[-500:]}
+
+
+def _lacks(case: Case, record: dict | None, reference: bool, baseline: bool) -> bool:
+    if record is None:
+        return True
+    if record["verdict"] == "failed" or "reference_failed" in record:
+        return False
+    asked = reference and case.kind in ("single", "pair") and "oracle" not in record
+    return asked or (reference and baseline and case.kind == "single" and "baseline" not in record)
 
 
 def run(root: Path, chosen: list[Case], results: Path, workers: int, reference: bool, baseline: bool) -> list[dict]:
-    """Records of the chosen cases: each is appended to `results` as it comes; those there are not run again."""
+    """Records of the chosen cases: each is appended to `results` as it comes; what is there is not worked out again."""
     known: dict[str, dict] = {}
     if results.exists():  # a line cut short by a kill is run again
         for line in results.read_text().splitlines():
@@ -66,18 +78,23 @@ def run(root: Path, chosen: list[Case], results: Path, workers: int, reference: 
                 continue
             known[record["case"]] = record
     # in the order of their hashes, so that a run cut short is still an even sample of the list
-    missing = sorted((c for c in chosen if c.name not in known), key=lambda c: c.key)
+    lacking = [c for c in chosen if _lacks(c, known.get(c.name), reference, baseline)]
+    missing = sorted(lacking, key=lambda c: c.key)
+    done = set(known) - {c.name for c in missing}
     lock, results_parent = threading.Lock(), results.parent
     results_parent.mkdir(parents=True, exist_ok=True)
 
     def work(case: Case) -> None:
-        record = diagnose(root, case, reference, baseline)
+        record = known.get(case.name) or diagnose(root, case)
+        if _lacks(case, record, reference, baseline):
+            record = record | references(root, case, record, baseline)
         with lock:
             known[case.name] = record
+            done.add(case.name)
             with results.open("a") as file:
                 file.write(json.dumps(record) + "\n")
             named = ", ".join(f"{e['effect']}({e['where']})" for e in record["effects"]) or "-"
-            left = sum(c.name not in known for c in missing)
+            left = sum(c.name not in done for c in missing)
             print(f"{left:4d} left  {case.name}: {record['verdict']}: {named}", file=sys.stderr, flush=True)
 
     with ThreadPoolExecutor(workers) as pool:
