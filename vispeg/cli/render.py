@@ -13,6 +13,7 @@ Example:
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -96,7 +97,7 @@ class Args:
                 workers=self.workers,
                 watch=watch,
                 export=EXPORTS.get(self.format),
-                provenance={"versions": provenance([], self.seed)["versions"]},
+                provenance={"versions": provenance(sys.argv, self.seed)["versions"]},
                 overwrite=self.overwrite,
             )
         took, kept = time.monotonic() - began, done[0]

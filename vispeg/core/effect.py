@@ -34,6 +34,9 @@ class Effect(ABC):
         order: position in the chain of drive hooks; smaller acts earlier (nearer to the command).
         smooth: False where the residual is not smooth in the parameters (a global search is then used).
         telling: magnitudes without which this effect is only another one under its name (default: any of them).
+        step: greatest physics step at which its own motion stays stable, s.
+        grows_from: simpler effects that it may be mistaken for, each with {own parameter: the simpler one's parameter}
+            from whose fitted value its own fit should start.
         contains: simpler effects that this one turns into at some of its values; it rivals them only by being better.
         torqueless: True where no torque is missing at the joint, so that the effect is looked for at every joint.
         shared: True where one value for all joints (`where: all`) is the natural first guess.
@@ -49,6 +52,8 @@ class Effect(ABC):
     torqueless: ClassVar[bool] = False
     telling: ClassVar[tuple[str, ...]] = ()
     contains: ClassVar[tuple[str, ...]] = ()
+    grows_from: ClassVar[Mapping[str, Mapping[str, str]]] = {}
+    step: ClassVar[float] = float("inf")
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)

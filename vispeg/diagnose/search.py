@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import stats
 
-from vispeg.core.effect import Placed, effect
+from vispeg.core.effect import Placed, effect, of_kind
 from vispeg.core.world import World
+from vispeg.diagnose.bic import bic_gain
 from vispeg.diagnose.judge import Gain, Judge, parameters, present
 from vispeg.diagnose.localise import Lack, joint_z, lack, looks
 from vispeg.diagnose.progress import Progress
@@ -101,6 +102,7 @@ class Search:
             best = accepted[0]
             state.steps.append((best, trials))
             self._take(state, best)
+            self._grow(state, best.score.placed, given)
             self._delete(state, given)
         return state
 
@@ -202,7 +204,7 @@ class Search:
                 why = f"held-out gain is {t.gain.z:.1f} standard errors, under {level:.1f}"
             elif not present(t.fit, len(t.fit.world.effects) - 1):
                 why = "its interval includes no effect"
-            elif bic_gain(self.evidence, state, t.fit) <= 0:
+            elif bic_gain(self.evidence, state.world, state.residual, t.fit) <= 0:
                 why = "BIC with the effective sample size does not improve"
             out.append(Trial(t.score, t.fit, t.loss, t.gain, why))
         passed = sorted((t for t in out if not t.rejected), key=lambda t: float(t.loss.sum()))
@@ -226,6 +228,33 @@ class Search:
 
     def _take(self, state: State, trial: Trial) -> None:
         state.world, state.fit, state.loss, state.residual = trial.fit.world, trial.fit, trial.loss, trial.fit.residual
+
+    def _grow(self, state: State, placed: Placed, given: int) -> None:
+        """Puts a richer effect in the place of the one just added, which may have been its shadow: play behind a rotor.
+
+        The richer one's own fit, from afar, is easily caught where the simpler one explains most.
+        """
+        simple = next(e for e in state.world.effects if (e.effect, e.where) == (placed.effect, placed.where))
+        look = looks(self.lacks(state.world), self.evidence.items)
+        starts: list[Placed] = []
+        for name, kind in of_kind().items():
+            for own, its in kind.grows_from.get(simple.effect, {}).items():
+                joints = self.evidence.items[0].robot.joints
+                for guess in kind.guesses(look[joints.index(simple.where)]) if simple.where in joints else ():
+                    start = Placed.of(name, simple.where, **{**guess, own: simple.params[its].value})
+                    starts += [start] if start not in starts and self.evidence.sees(kind) else []
+        if not starts:
+            return
+        rest = state.world.without(simple.effect, simple.where)
+        fits = self.fits([rest.add(s) for s in starts], given, race=Race())
+        losses = self.judge.losses([f.world for f in fits])
+        k = int(np.argmin([self.judge.mean(loss) for loss in losses]))
+        gain = self.judge.gain(state.loss, losses[k])
+        if gain.relative > DECISIVE and gain.z > stats.norm.isf(0.05) and present(fits[k], -1):
+            self.say(f"{starts[k].label} stands behind {simple.label}")
+            trial = Trial(Score(starts[k], 0.0), fits[k], losses[k], gain)
+            state.steps.append((trial, [trial]))
+            self._take(state, trial)
 
     def _delete(self, state: State, given: int) -> None:
         """Backward deletion: drops effects that the later ones made needless."""
@@ -258,32 +287,3 @@ def shortlist(scores: Sequence[Score], best: int) -> list[Score]:
     """The scores worth a fit: the best, none under a quarter of the greatest gain unless few are left."""
     top = scores[0].gain
     return [s for i, s in enumerate(scores) if i < best and (i < 4 or s.gain > 0.25 * top)]
-
-
-def bic_gain(evidence: Evidence, state: State, fit: Fit) -> float:
-    """Drop of the Bayesian information criterion `n log(mean r^2) + k log n` from the state to a fit.
-
-    n is the number of independent readings N / (2 tau_int) of the state's residual: the more structured it is, the
-    fewer.
-    """
-    n = max(2.0, evidence.count / (2.0 * correlation_time(evidence, state.residual)))
-    more = parameters(fit.world) - parameters(state.world)
-    return float(n * np.log(np.mean(state.residual**2) / np.mean(fit.residual**2)) - more * np.log(n))
-
-
-def correlation_time(evidence: Evidence, residual: np.ndarray) -> float:
-    """Integrated autocorrelation time of the angle residuals in samples, >= 0.5 (white)."""
-    out, start = [], 0
-    for item in evidence.items:
-        r = residual[start : start + item.measured.size].reshape(item.measured.shape)[item.valid.all(axis=1)]
-        start += item.measured.size
-        if len(r) < 16:
-            continue
-        r = r - r.mean(axis=0)
-        f = np.abs(np.fft.rfft(r, 2 * len(r), axis=0)) ** 2
-        acf = np.fft.irfft(f.sum(axis=1))[: len(r)]
-        acf /= max(acf[0], 1e-300)
-        tau = 0.5 + np.cumsum(acf[1:])
-        window = np.flatnonzero(np.arange(1, len(r)) >= 5 * tau)  # Sokal's self-consistent window
-        out.append(tau[window[0]] if len(window) else tau[-1])
-    return float(max(0.5, np.mean(out))) if out else 0.5

@@ -23,6 +23,8 @@ class Backlash(Effect):
     kind = "joint"
     order = 85
     smooth = False
+    step = 1e-3  # a rotor free in its play, under a stiff servo, runs away at 2 ms
+    grows_from = {"rotor_inertia": {"motor_inertia": "inertia"}}
     params = {
         "gap": Param(0.0, 0.0, 0.03, "rad", start=1e-3, doc="whole free play"),
         "motor_inertia": Param(

@@ -21,6 +21,7 @@ class JointElasticity(Effect):
     name = "joint_elasticity"
     kind = "joint"
     order = 80
+    grows_from = {"rotor_inertia": {"motor_inertia": "inertia"}}
     params = {
         "compliance": Param(0.0, 0.0, 2e-3, "rad/(N m)", start=1e-4, doc="wind-up per torque (1 / stiffness)"),
         "relaxation": Param(5e-3, 5e-4, 5e-2, "s", start=5e-3, shape=True, scale="log", doc="gear damping / stiffness"),

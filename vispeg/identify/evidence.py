@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from vispeg.core.effect import Effect
+from vispeg.core.effect import Effect, effect
 from vispeg.core.errors import UserError
 from vispeg.core.world import World
 from vispeg.recordings.noise import noise_of
@@ -111,10 +111,22 @@ class Evidence:
         return shared(lambda some: self._rolled_out(some, 1), worlds, [i.measured.shape for i in self.items], count)
 
     def _rolled_out(self, worlds: Sequence[World], nthread: int) -> list[np.ndarray]:
+        """The worlds by the step that they need: one that needs a fine one does not make it for all."""
+        steps = np.array([min([self.h_max, *(effect(e.effect).step for e in w.effects)]) for w in worlds])
+        if np.all(steps == steps[0]):
+            return self._rolled_out_at(float(steps[0]), worlds, nthread)
+        out: list[np.ndarray] = [np.empty((len(worlds), *i.measured.shape)) for i in self.items]
+        for step in sorted(set(steps.tolist())):
+            rows = np.flatnonzero(steps == step).tolist()
+            for all_rows, some in zip(out, self._rolled_out_at(step, [worlds[r] for r in rows], nthread), strict=True):
+                all_rows[rows] = some
+        return out
+
+    def _rolled_out_at(self, step: float, worlds: Sequence[World], nthread: int) -> list[np.ndarray]:
         out: list[np.ndarray] = [np.empty(0)] * len(self.items)
         for group in self.groups:
             items = [self.items[i] for i in group]
-            h_max = self.h_max * (SOFT_STEP if items[0].segment.control.mode == "osc" else 1.0)
+            h_max = step * (SOFT_STEP if items[0].segment.control.mode == "osc" else 1.0)
             responses = simulate(
                 items[0].robot, worlds, [i.segment for i in items], h_max=h_max, nthread=nthread, along=True
             )
