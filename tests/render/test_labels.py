@@ -5,6 +5,7 @@ import pytest
 from spheres import AXES, BALLS, EYE, POS, RADIUS, model, outline
 
 from vispeg.core.errors import UserError
+from vispeg.render import backend
 from vispeg.render.backend import Renderer
 from vispeg.render.labels import normals_of, part_table
 from vispeg.render.standard import square, standard_cameras
@@ -32,15 +33,27 @@ def test_an_edge_does_not_smear():
     np.testing.assert_allclose(normals_of(depth, camera), np.broadcast_to([0, 0, -1.0], (64, 64, 3)), atol=1e-6)
 
 
-@pytest.mark.parametrize("backend", ["classic", "raycast"])
-def test_a_balls_normals_point_away_from_its_centre(backend):
-    with Renderer(model(), [EYE], backend, labels=True) as renderer:
+@pytest.mark.parametrize("kind", ["classic", "raycast"])
+def test_a_balls_normals_point_away_from_its_centre(kind):
+    with Renderer(model(), [EYE], kind, labels=True) as renderer:
         shot = renderer.render()["eye"]
     for i, (x, y) in enumerate(np.rint(outline(EYE)).astype(int)):
         at = EYE.points(shot.depth)[y - 5 : y + 6, x - 5 : x + 6]
         expected = (at - BALLS[i]) / RADIUS
         cosine = (expected * shot.normals[y - 5 : y + 6, x - 5 : x + 6]).sum(-1)
-        assert cosine.min() > (0.99999 if backend == "raycast" else 0.98)  # OpenGL's ball has facets
+        assert cosine.min() > (0.99999 if kind == "raycast" else 0.98)  # OpenGL's ball has facets
+
+
+def test_normals_are_made_when_asked_for_and_only_then(monkeypatch):
+    made = []
+    monkeypatch.setattr(backend, "normals_of", lambda *given: made.append(1) or normals_of(*given))
+    with Renderer(model(), [EYE], "classic", labels=True) as renderer:
+        shot = renderer.render()["eye"]
+    expected = normals_of(shot.depth, EYE)
+    shot.depth[:] = 0  # the caller's to change
+    assert not made
+    np.testing.assert_array_equal(shot.normals, expected)
+    assert shot.normals is shot.normals and len(made) == 1
 
 
 def test_parts_have_the_labels_of_their_order():

@@ -200,7 +200,7 @@ class Stage:
         for moment in moments:
             seen = self.plain.render(moment.qpos, moment.bodies)
             frames.append(moment.values | self._labels(seen))
-            shots.append({name: replace(shot, segmentation=None, normals=None) for name, shot in seen.items()})
+            shots.append({name: replace(shot, segmentation=None, normal_of=None) for name, shot in seen.items()})
         about = {
             "task": TASK,
             "seed": seed,

@@ -5,8 +5,9 @@ from __future__ import annotations
 import copy
 import warnings
 import weakref
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import Any, Literal
 
 import mujoco
@@ -34,7 +35,7 @@ class Shot:
         depth: (H, W) float32, planar distance along the optical axis, m, 0 where nothing is.
         pose: (4, 4) the camera's OpenCV axes in the base frame, m.
         segmentation: (H, W) int32, 0 for nothing, else 1 + the part's place among the renderer's parts; or None.
-        normals: (H, W, 3) float32 surface normals in camera axes, 0 where there is none; or None.
+        normal_of: makes `normals` when they are asked for: they cost as much as a picture; or None.
         poses: (4, 4) poses in camera axes, m: `peg`, `peg_tip`, `fixture`, `hole` (see `labels.poses`); or None.
     """
 
@@ -42,8 +43,13 @@ class Shot:
     depth: np.ndarray
     pose: np.ndarray
     segmentation: np.ndarray | None = None
-    normals: np.ndarray | None = None
+    normal_of: Callable[[], np.ndarray] | None = None
     poses: Mapping[str, np.ndarray] | None = None
+
+    @cached_property
+    def normals(self) -> np.ndarray | None:
+        """(H, W, 3) float32 surface normals in camera axes, 0 where there is none; None without labels."""
+        return None if self.normal_of is None else self.normal_of()
 
 
 class Renderer:
@@ -183,9 +189,8 @@ class Renderer:
             picture = warp(picture)
         if not self.labels or picture.ids is None:
             return Shot(picture.rgb, picture.depth, view.matrix)
-        normals = normals_of(picture.depth, view.camera) if picture.normals is None else picture.normals
         found = poses(self.model, self.data, view)
-        return Shot(picture.rgb, picture.depth, view.matrix, self._table[picture.ids], normals, found)
+        return Shot(picture.rgb, picture.depth, view.matrix, self._table[picture.ids], _normals(picture, view), found)
 
     def _pinhole(self, camera: Camera) -> Camera:
         warp = self._warps.get(camera)
@@ -211,6 +216,13 @@ class Renderer:
         self._free = weakref.finalize(self, self._backend.close)  # also when the last reference goes
         self._free.atexit = False  # by then the driver has gone
         self._uploaded = self.model.tex_data.copy()
+
+
+def _normals(picture: Picture, view: View) -> Callable[[], np.ndarray]:
+    """What makes a picture's normals; a caller may change the depth that it was given, so they are made of a copy."""
+    if (known := picture.normals) is not None:
+        return lambda: known
+    return partial(normals_of, picture.depth.copy(), view.camera)
 
 
 def open_backend(name: BackendName, model: mujoco.MjModel, width: int, height: int, shadows: bool) -> Backend:
