@@ -55,7 +55,7 @@ class TaskConfig:
     dof: tuple[str, ...] = ("x", "y", "z")
     offset: float = 0.010
     turn: float = 0.05
-    stiffness: tuple[float, float] = (300.0, 900.0)
+    stiffness: tuple[float, float] = (300.0, 400.0)
     force_limit: float = 25.0
     force_abort: float = 200.0
     start_height: tuple[float, float] = (0.02, 0.04)
