@@ -1,7 +1,11 @@
 """Results appear whole or not at all, and never on top of what is not theirs."""
 
 import os
+import signal
 import stat
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -119,3 +123,52 @@ def test_failing_write_leaves_no_part(tmp_path, monkeypatch):
     with pytest.raises(UserError, match="No space left"):
         write_text_atomic(path, "new", overwrite=True)
     assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
+
+
+WRITER = """
+import sys, time
+from vispeg.core.files import new_folder
+with new_folder(sys.argv[1]) as folder:
+    (folder / "half").write_text("written")
+    print("ready", flush=True)
+    time.sleep(60)
+"""
+
+
+def writer(target):
+    """A process that stands in the middle of writing `target`."""
+    command = [sys.executable, "-c", WRITER, str(target)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, cwd=Path(__file__).parents[2], text=True)
+    assert process.stdout is not None and process.stdout.readline() == "ready\n"
+    return process
+
+
+@pytest.mark.parametrize(("number", "left"), [(signal.SIGTERM, 0), (signal.SIGINT, 0), (signal.SIGKILL, 1)])
+def test_a_run_that_is_ended_leaves_nothing_and_the_next_one_clears_up(tmp_path, number, left):
+    with writer(tmp_path / "out") as process:
+        process.send_signal(number)
+        assert process.wait(10) != 0
+    assert len(list(tmp_path.iterdir())) == left
+    with new_folder(tmp_path / "out"):
+        pass
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+def test_what_is_not_ours_or_still_being_written_stays(tmp_path):
+    others = (".out.part", ".out.mine.part", ".out.0123456g.part", ".other.01234567.part", "out.01234567.part")
+    for name in others:
+        (tmp_path / name).mkdir()
+    with writer(tmp_path / "out") as process:
+        half = next(tmp_path.glob(".out.*/half")).parent
+        with new_folder(tmp_path / "out"):
+            assert half.is_dir()
+        assert {p.name for p in tmp_path.iterdir()} == {*others, half.name, "out"}
+        process.kill()
+
+
+def test_the_way_termination_was_handled_comes_back(tmp_path):
+    before = signal.getsignal(signal.SIGTERM)
+    with pytest.raises(SystemExit) as stop, new_folder(tmp_path / "out"):
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(1)
+    assert stop.value.code == 143 and signal.getsignal(signal.SIGTERM) == before and not list(tmp_path.iterdir())

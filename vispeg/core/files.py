@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
+import re
 import shutil
+import signal
+import threading
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -16,8 +20,9 @@ from vispeg.core.errors import UserError
 def new_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
     """A folder that takes its name only once everything in it has been written.
 
-    The body writes into a temporary sibling, which is renamed to `path` at the end and removed if the body raises; what
-    stood at `path` before is then still there, untouched. An empty folder at `path` counts as none.
+    The body writes into a temporary sibling, which is renamed to `path` at the end, and removed if the body raises or
+    the process is interrupted or terminated; what stood at `path` before is then still there, untouched. What an
+    earlier process could not clear away (SIGKILL, a power cut) is removed. An empty folder at `path` counts as none.
 
     Args:
         path: where the folder shall be; its parents are made.
@@ -32,16 +37,26 @@ def new_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
     part = _sibling(target)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
+        remove_abandoned(target)
         part.mkdir()
     except OSError as error:
         raise UserError(f"cannot be written: {_why(error)}", file=path) from error
     try:
-        yield part
-        _refuse(target, path, overwrite)  # something may have come to stand there meanwhile
-        _swap(part, target)
+        with _terminable(), _held(part):
+            yield part
+            _refuse(target, path, overwrite)  # something may have come to stand there meanwhile
+            _swap(part, target)
     except BaseException:
         shutil.rmtree(part, ignore_errors=True)
         raise
+
+
+def remove_abandoned(target: Path) -> None:
+    """Removes the temporary siblings of `target` (made here: `.NAME.8 hex digits.part`) that no process holds."""
+    ours = re.compile(re.escape(f".{target.name}.") + r"[0-9a-f]{8}\.part")
+    for part in [p for p in target.parent.iterdir() if ours.fullmatch(p.name) and not p.is_symlink()]:
+        with suppress(OSError), _held(part, surely=True):  # held by another, or a disk without locks: it stays
+            shutil.rmtree(part, ignore_errors=True) if part.is_dir() else part.unlink()
 
 
 def write_text_atomic(path: str | Path, text: str, *, overwrite: bool = False) -> Path:
@@ -63,8 +78,10 @@ def write_bytes_atomic(path: str | Path, data: bytes, *, overwrite: bool = False
     part = _sibling(target)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        part.write_bytes(data)
-        os.replace(part, target)
+        part.touch()
+        with _held(part):
+            part.write_bytes(data)
+            os.replace(part, target)
     except OSError as error:
         with suppress(OSError):  # where its folder is none, asking for it is an error too
             part.unlink()
@@ -73,6 +90,55 @@ def write_bytes_atomic(path: str | Path, data: bytes, *, overwrite: bool = False
         part.unlink(missing_ok=True)
         raise
     return Path(path)
+
+
+def remove_unfinished(file: Path) -> None:
+    """Removes a record of work in progress that is finished now, and its folder if nothing else is in it."""
+    file.unlink(missing_ok=True)
+    if file.parent.is_dir():
+        remove_abandoned(file)
+        if not any(file.parent.iterdir()):
+            file.parent.rmdir()
+
+
+@contextmanager
+def _held(part: Path, surely: bool = False) -> Iterator[None]:
+    """Locks a temporary sibling while it is being written: the lock ends with the process, however that ends.
+
+    Raises:
+        OSError: `surely`, and another process holds it or the file system knows no locks.
+    """
+    handle = os.open(part, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            if surely:
+                raise
+        yield
+    finally:
+        os.close(handle)
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """SIGTERM unwinds the stack (exit code 143) as an interrupt does, unless the program has a handler of its own."""
+    ours = threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    if not ours:
+        yield
+        return
+    owner = os.getpid()
+
+    def stop(number: int, _: object) -> None:
+        if os.getpid() != owner:  # a forked helper has nothing to clean up
+            os._exit(128 + number)
+        raise SystemExit(128 + number)
+
+    signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def _why(error: OSError) -> str | None:

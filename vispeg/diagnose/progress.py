@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from vispeg.core.errors import UserError
-from vispeg.core.files import write_text_atomic
+from vispeg.core.files import remove_unfinished, write_text_atomic
 
 FORMAT = "vispeg-diagnosis-progress/1"
 
@@ -47,11 +47,8 @@ class Progress:
 
     def remove(self) -> None:
         """The diagnosis is done: nothing is left behind."""
-        if self.file is None:
-            return
-        self.file.unlink(missing_ok=True)
-        if self.file.parent.is_dir() and not any(self.file.parent.iterdir()):
-            self.file.parent.rmdir()
+        if self.file is not None:
+            remove_unfinished(self.file)
 
 
 def _hash(data: Any) -> str:

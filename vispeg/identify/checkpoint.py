@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.core.files import write_text_atomic
+from vispeg.core.files import remove_unfinished, write_text_atomic
 
 FORMAT = "vispeg-checkpoint/1"
 
@@ -92,9 +92,7 @@ class Checkpoint:
 
     def remove(self) -> None:
         """The fit is done: nothing is left behind."""
-        self.file.unlink(missing_ok=True)
-        if self.file.parent.is_dir() and not any(self.file.parent.iterdir()):
-            self.file.parent.rmdir()
+        remove_unfinished(self.file)
 
 
 def _read(file: Path, key: str, starts: int) -> list[Trace]:
