@@ -43,7 +43,7 @@ class Args:
         """Runs the diagnosis and writes its folder."""
         from vispeg.cli.inputs import read_inputs
         from vispeg.core.files import new_folder
-        from vispeg.core.provenance import provenance
+        from vispeg.core.provenance import digest, provenance
         from vispeg.diagnose.progress import Progress
         from vispeg.diagnose.run import diagnose
         from vispeg.effects.model_file import model_text
@@ -54,9 +54,11 @@ class Args:
         inputs = [*self.recording, *self.validate]
         stamp = provenance(sys.argv, self.seed, inputs)
         content = [[stamp["inputs"][str(path)] for path in paths] for paths in (self.recording, self.validate)]
+        robot = digest(world.robot) if Path(world.robot).is_file() else None
+        key = [model_text(world), robot, content, self.seed, stamp["versions"]]
         part = self.out.with_name(self.out.name + ".part")
         with new_folder(self.out, overwrite=self.overwrite) as folder:
-            progress = Progress(part / "progress.json", [model_text(world), content, self.seed, stamp["versions"]])
+            progress = Progress(part / "progress.json", key)
             options = {"seed": self.seed, "nthread": self.threads, "progress": progress}
             if self.quiet:
                 found = diagnose(world, fitted, held_out, **options)

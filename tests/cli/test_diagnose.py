@@ -1,0 +1,97 @@
+"""`vispeg diagnose`: killed and given again it ends as if nothing had happened; what changed is not reused."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from loops import drive, hinge, pendulum, recorded  # noqa: E402
+
+from vispeg.core.seeds import stream  # noqa: E402
+from vispeg.diagnose.progress import Progress  # noqa: E402
+from vispeg.diagnose.search import Search  # noqa: E402
+from vispeg.recordings.write import write  # noqa: E402
+
+COMMAND = ["--recording", "a", "--recording", "b", "--validate", "c", "--quiet", "--threads", "1"]
+
+
+@pytest.fixture
+def swings(tmp_path):
+    """Writes a pendulum with dry friction on three swings; returns the file of the model without."""
+
+    def write_all(seed: int = 3, swing: float = 0.4) -> str:
+        robot = pendulum()
+        for i, name in enumerate("abc"):
+            t = np.arange(900) * 5e-3
+            q = swing * (1 - np.cos(2 * np.pi * (0.7 + 0.25 * i) * t))[:, None]
+            s = drive(robot, "position", q[0], command=q, seconds=4.5, rate=200.0, kp=60.0, kd=4.0)
+            rec = recorded(robot, robot.source, hinge("coulomb_friction", torque=0.8), s, stream(seed, i))
+            write(rec, tmp_path / name, overwrite=True)
+        return robot.source
+
+    return write_all
+
+
+@pytest.fixture
+def worked_out(monkeypatch):
+    """How many questions diagnoses had to work out themselves since it was last asked."""
+    count = []
+    real = Progress.recall
+
+    def counted(self, question, work_out):
+        return real(self, question, lambda: (count.append(1), work_out())[1])
+
+    monkeypatch.setattr(Progress, "recall", counted)
+
+    def since() -> int:
+        n = len(count)
+        count.clear()
+        return n
+
+    return since
+
+
+def found(out: Path) -> dict:
+    return {k: v for k, v in json.loads((out / "diagnosis.json").read_text()).items() if k != "provenance"}
+
+
+def interrupt(*_, **__):
+    raise KeyboardInterrupt
+
+
+def test_interrupted_after_its_first_effect_it_goes_on(vispeg, swings, worked_out, tmp_path, monkeypatch):
+    robot = swings()
+    assert vispeg("diagnose", robot, *COMMAND, "--out", "whole")[0] == 0
+    asked = worked_out()
+    with monkeypatch.context() as patched:
+        patched.setattr(Search, "_grow", interrupt)
+        assert vispeg("diagnose", robot, *COMMAND, "--out", "d")[0] == 130
+    first = worked_out()
+    assert 0 < first < asked
+    assert not (tmp_path / "d").exists() and (tmp_path / "d.part" / "progress.json").is_file()
+    assert vispeg("diagnose", robot, *COMMAND, "--out", "d")[0] == 0
+    assert worked_out() == asked - first
+    assert found(tmp_path / "d") == found(tmp_path / "whole") and found(tmp_path / "d")["effects"]
+    assert not [p.name for p in tmp_path.iterdir() if "part" in p.name]
+
+
+def test_with_other_inputs_it_begins_anew(vispeg, swings, worked_out, tmp_path, monkeypatch):
+    robot = tmp_path / "arm.xml"
+    robot.write_text(Path(swings()).read_text())
+    monkeypatch.setattr(Search, "fits", interrupt)  # screened, nothing fitted
+
+    def asked() -> int:
+        assert vispeg("diagnose", robot, *COMMAND, "--out", "d")[0] == 130
+        return worked_out()
+
+    assert asked() == 1
+    assert asked() == 0
+    swings(seed=4)
+    assert asked() == 1
+    assert asked() == 0
+    robot.write_text(robot.read_text().replace('mass="2.0"', 'mass="2.1"'))
+    assert asked() == 1
