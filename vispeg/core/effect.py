@@ -141,15 +141,18 @@ class Effect(ABC):
         return [name for name, param in self.params.items() if not param.shape]
 
 
+ALL_NAMES = "`vispeg effects` lists all"
+
+
 def of_kind(*kinds: Kind) -> dict[str, Effect]:
     """The registered effects of these kinds (default: those of an arm alone), by name."""
     return {name: e for name, e in sorted(REGISTRY.items()) if e.kind in (kinds or ARM)}
 
 
 def effect(name: str) -> Effect:
-    """The registered effect of that name; a UserError that lists the names otherwise."""
+    """The registered effect of that name; a UserError with the nearest names otherwise."""
     if name not in REGISTRY:
-        raise UserError("unknown effect", got=name, choices=sorted(REGISTRY))
+        raise UserError("unknown effect", got=name, choices=sorted(REGISTRY), see=ALL_NAMES)
     return REGISTRY[name]
 
 

@@ -6,6 +6,9 @@ import difflib
 from collections.abc import Iterable
 from pathlib import Path
 
+MANY = 30  # choices beyond which only the nearest are listed
+NEAREST = 5
+
 
 class UserError(Exception):
     """Bad input, said in one line: where, what was expected, what came, the choices.
@@ -16,7 +19,8 @@ class UserError(Exception):
         key: the key, column or row at fault inside the file.
         expected: what would have been right.
         got: what came.
-        choices: the legal values; the one nearest to `got` is suggested.
+        choices: the legal values; the one nearest to `got` is suggested, and of very many only a few near ones listed.
+        see: how to get at all the choices, such as a command.
     """
 
     def __init__(
@@ -28,6 +32,7 @@ class UserError(Exception):
         expected: object = None,
         got: object = None,
         choices: Iterable[str] = (),
+        see: str = "",
     ):
         self.file, self.key, self.expected, self.got = file, key, expected, got
         self.choices = tuple(choices)
@@ -40,8 +45,17 @@ class UserError(Exception):
         if self.choices:
             near = difflib.get_close_matches(str(got), self.choices, n=1)
             text += f" (did you mean '{near[0]}'?)" if near else ""
-            text += f"; choices: {', '.join(self.choices)}"
+            text += f"; {_listed(str(got), self.choices)}"
+            text += f"; {see}" if see else ""
         super().__init__(" ".join(text.split()))
+
+
+def _listed(got: str, choices: tuple[str, ...]) -> str:
+    """The choices, or where they are very many those that are most like what came."""
+    if len(choices) <= MANY:
+        return f"choices: {', '.join(choices)}"
+    near = difflib.get_close_matches(got, choices, n=NEAREST, cutoff=0.0)
+    return f"nearest of {len(choices)} choices: {', '.join(near)}"
 
 
 def _short(value: object, limit: int = 80) -> str:

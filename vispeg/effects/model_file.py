@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from vispeg.core.effect import REGISTRY, Placed, Value, effect
+from vispeg.core.effect import ALL_NAMES, REGISTRY, Placed, Value, effect
 from vispeg.core.errors import UserError
 from vispeg.core.world import World
 from vispeg.effects.yaml_file import read_mapping
@@ -65,7 +65,8 @@ def _placed(entry: Any, file: Path, key: str) -> Placed:
         )
     name = entry.get("effect")
     if not isinstance(name, str) or name not in REGISTRY:
-        raise UserError("unknown effect", file=file, key=f"{key}.effect", got=name, choices=sorted(REGISTRY))
+        names, at = sorted(REGISTRY), f"{key}.effect"
+        raise UserError("unknown effect", file=file, key=at, got=name, choices=names, see=ALL_NAMES)
     where = entry.get("where", "all")
     if not isinstance(where, str):
         raise UserError("wrong place", file=file, key=f"{key}.where", expected="a name", got=where)

@@ -11,7 +11,7 @@ import numpy as np
 
 import vispeg.effects  # noqa: F401  (names must be enrolled)
 from vispeg.core.distribution import Choice, Distribution, LogUniform, Normal, Uniform, parse, written
-from vispeg.core.effect import REGISTRY, Effect
+from vispeg.core.effect import ALL_NAMES, REGISTRY, Effect
 from vispeg.core.errors import UserError
 from vispeg.core.params import Param
 from vispeg.core.world import Ranged
@@ -93,7 +93,8 @@ def within(value: float | Distribution, param: Param) -> bool:
 
 def _kind(name: Any, file: Path, key: str) -> Effect:
     if not isinstance(name, str) or name not in REGISTRY:
-        raise UserError("unknown effect", file=file, key=f"{key}.effect", got=name, choices=sorted(REGISTRY))
+        names, at = sorted(REGISTRY), f"{key}.effect"
+        raise UserError("unknown effect", file=file, key=at, got=name, choices=names, see=ALL_NAMES)
     return REGISTRY[name]
 
 
