@@ -82,6 +82,7 @@ CELLS = {
     "degrees": ((9, "q.joint1", "45.0"), "row 9", "q.joint1", "degrees"),
     "time stands still": ((5, "time", "0.004"), "row 5", "time", "increase"),
     "time missing": ((5, "time", ""), "row 5", "time"),
+    "decimal comma": ((5, "q.joint1", '"0,5"'), "row 5", "decimal comma", "expected a decimal point (0.5)"),
     "underscore is no digit": ((5, "q.joint1", "1_0"), "row 5", "1_0"),
 }
 
@@ -93,12 +94,20 @@ def test_cell(folder, case):
     refused(folder, *words)
 
 
+def commas(text):
+    """The samples, not the header, with decimal commas."""
+    head, _, body = text.partition("\n")
+    return head + "\n" + body.replace(".", ",")
+
+
 TEXTS = {
     "cut off": (lambda t: t[: t.rindex(",")], "row 41", "expected 7", "got 6"),
     "empty": (lambda t: "", "samples.csv", "empty"),
     "header only": (lambda t: t.split("\n")[0] + "\n", "no samples"),
     "column twice": (lambda t: t.replace("q.joint2", "q.joint1", 1), "q.joint1", "twice"),
     "semicolons": (lambda t: t.replace(",", ";"), "samples.csv", "expected ','", "got ';'"),
+    "a German spreadsheet": (lambda t: commas(t.replace(",", ";")), "semicolons", "decimal commas", "1.5,2.5"),
+    "commas for points": (lambda t: commas(t), "row 2", "decimal commas", "write 1.5, not 1,5"),
     "tabs": (lambda t: t.replace(",", "\t"), "expected ','"),
     "binary": (lambda t: "\ud800", "UTF-8"),
 }

@@ -43,7 +43,11 @@ class Table:
         """A column, (n,). Raises UserError if it is absent or holds something that is not a number."""
         if name in self.text:
             row, cell = self.text[name]
-            raise UserError("is not a number", file=self.file, key=f"row {row}, column {name}", got=cell)
+            point = cell.strip().replace(",", ".")
+            comma = point != cell.strip() and _float(point) is not None
+            expected = f"a decimal point ({point})" if comma else None
+            message = "has a decimal comma" if comma else "is not a number"
+            raise UserError(message, file=self.file, key=f"row {row}, column {name}", expected=expected, got=cell)
         if name not in self.columns:
             raise UserError("column is missing", file=self.file, got=name, choices=self.names)
         return self.columns[name]
@@ -84,7 +88,10 @@ def _csv(file: Path) -> Table:
         raise UserError("is empty" if not text.strip() else "has no header line", file=file)
     other = max((";", "\t"), key=head.count)
     if head.count(other) > head.count(","):
-        raise UserError("columns are not separated by commas", file=file, expected="','", got=other)
+        commas = other == ";" and "," in body.partition("\n")[0]
+        also = ", and its numbers have decimal commas: write it with points and commas (1.5,2.5)" if commas else ""
+        name = "semicolons" if other == ";" else "tabs"
+        raise UserError(f"columns are separated by {name}{also}", file=file, expected="','", got=other)
     try:
         names = _header([name.strip() for name in next(csv.reader([head.rstrip("\r")]))], file)
     except (csv.Error, StopIteration) as error:
@@ -121,13 +128,12 @@ def _cell_by_cell(file: Path, names: list[str], body: str) -> Table:
     try:
         for number, cells in enumerate(csv.reader(lines), start=2):
             if len(cells) != len(names):
-                raise UserError(
-                    "has the wrong number of cells (cut off?)",
-                    file=file,
-                    key=f"row {number}",
-                    expected=len(names),
-                    got=len(cells),
-                )
+                whole = all("." not in cell and _float(cell) is not None for cell in cells)
+                commas = whole and len(names) < len(cells) <= 2 * len(names)
+                why = "looks like decimal commas: write 1.5, not 1,5" if commas else "cut off?"
+                key, got = f"row {number}", len(cells)
+                message = f"has the wrong number of cells ({why})"
+                raise UserError(message, file=file, key=key, expected=len(names), got=got)
             for name, column, cell in zip(names, columns, cells, strict=True):
                 value = _float(cell)
                 if value is None:
