@@ -196,7 +196,10 @@ def test_the_command_writes_what_it_prints(tmp_path, capsys):
     assert printed["recordings"][0]["timing"]["gaps"][0]["samples"] == 5
     assert (tmp_path / "out" / "check.png").read_bytes().startswith(b"\x89PNG")
     assert Args((robot, write(moving(seed=5), tmp_path / "again"))).run() == 0
-    assert "1 gaps, 5 samples lost" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "1 gaps, 5 samples lost" in " ".join(printed.split())
+    heads, units = printed.splitlines()[1:3]
+    assert heads.split()[-2:] == ["friction", "to"] and units.split()[-5:] == ["rad", "N", "m", "N", "m"]
     with pytest.raises(UserError, match="exists"):
         Args((robot,), out=tmp_path / "out").run()
 

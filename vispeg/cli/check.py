@@ -114,7 +114,9 @@ def show(report: CheckReport) -> None:
         f"{clock.duration_s:.1f} s at {clock.rate_hz:.1f} Hz (jitter {1e3 * clock.jitter:.3g} ms), "
         f"{clock.episodes} episode{'s' * (clock.episodes != 1)}, {len(clock.gaps)} gaps"
     )
-    heads = ("joint", "from", "to rad", "rad/s", "turns", "N m", "noise q", "noise tau", "friction to")
+    named = ("joint", "from", "to", "speed", "turns", "torque", "noise q", "noise tau", "friction to")
+    units = ("", "rad", "rad", "rad/s", "", "N m", "rad", "N m", "N m")
+    heads = (f"{name}\n{unit}" for name, unit in zip(named, units, strict=True))
     table = Table(*heads, box=None, padding=(0, 1), header_style="dim")
     for joint in report.joints:
         motion = joint.excitation
