@@ -17,8 +17,9 @@ from vispeg.core.distribution import Choice, Uniform
 from vispeg.core.effect import Placed, effect, of_kind
 from vispeg.core.seeds import stream
 from vispeg.core.world import Ranged, World
+from vispeg.effects._light import to_linear
 from vispeg.render.backend import Renderer
-from vispeg.render.contrast import Rule, contrast, lab, measure, redraw
+from vispeg.render.contrast import Rule, contrast, delivered, lab, measure, redraw
 from vispeg.render.look import dress
 from vispeg.render.standard import standard_cameras
 from vispeg.robots.scene import build
@@ -141,6 +142,35 @@ def test_a_hopeless_world_takes_its_best_look_and_says_so(renderer):
     seeds = [0, *(int(stream(0, "look", k).integers(2**31)) for k in range(1, 4))]
     tried = [score(renderer, world.sample(s, SCENE)) for s in seeds]
     assert best < 1 and len(fixed) == 5 and best == pytest.approx(max(tried), rel=0.05)
+
+
+def test_a_look_is_judged_as_the_camera_delivers_it(renderer):
+    """Of two levels of light the bright one is dazzling, unless a short exposure makes the dim one black."""
+    parts = grey(peg=0.2, fixture=0.4, table=0.75)
+    world = replace(parts, ranges=(Ranged("light_intensity", "all", {"gain": Choice((0.8, 1.5))}),))
+    short = Placed.of("exposure", "all", stops=-1.0), Placed.of("brightness", "all", change=-0.3)
+    for cell, gain in ((world, 0.8), (world.add(*short), 1.5)):
+        counts = []
+        for seed in range(5):
+            drawn, redraws = redraw(cell, SCENE, renderer, seed, qpos=ABOVE)
+            assert next(e for e in drawn.effects if e.effect == "light_intensity").params["gain"].value == gain
+            counts.append(redraws)
+        assert 0 < sum(counts) and max(counts) < 20
+
+
+def test_what_is_delivered_is_what_the_pipeline_makes_of_one_colour(renderer):
+    """Exposure doubles light, cut at white; noise and blur are not judged; no photometric effect, no change."""
+    dress(renderer, SCENE, World())
+    shots = renderer.render(ABOVE)
+    rough = World(effects=(Placed.of("rgb_noise", "all", read=0.05), Placed.of("blur", "all", sigma=2.0)))
+    same, double = (
+        delivered(shots, renderer.cameras, w) for w in (rough, rough.add(Placed.of("exposure", "all", stops=1.0)))
+    )
+    for name, shot in shots.items():
+        np.testing.assert_array_equal(same[name].rgb, shot.rgb)
+        light = [to_linear(s.rgb.astype(np.float32) / 255) for s in (shot, double[name])]
+        np.testing.assert_allclose(light[1], np.minimum(2 * light[0], 1), atol=0.006)
+        assert double[name].segmentation is shot.segmentation
 
 
 def test_a_world_without_looks_is_drawn_once_and_not_rendered(renderer):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
@@ -18,6 +18,7 @@ class CameraEffect(Effect):
     """A fault of a camera. A bare robot carries none, so it has no target there."""
 
     kind = "camera"
+    photometric: ClassVar[bool] = False  # only turns each pixel's colour into another, the same way in every frame
 
     def targets(self, model: Any) -> list[str]:
         return list(model.cameras) if getattr(model, "parts", None) else []

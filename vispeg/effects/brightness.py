@@ -16,6 +16,7 @@ class Brightness(CameraEffect):
 
     name = "brightness"
     order = 62
+    photometric = True
     params = {"change": Param(0.0, -0.8, 0.8, "1", start=0.2, doc="relative change of all encoded values")}
 
     def image(self, state, frame, p, rng):

@@ -16,6 +16,7 @@ class Exposure(LightEffect):
 
     name = "exposure"
     order = 56
+    photometric = True
     params = {"stops": Param(0.0, -4.0, 4.0, "stops", start=0.5, doc="doublings of the light")}
 
     def light(self, frame, p, rng):

@@ -14,6 +14,7 @@ class Hue(CameraEffect):
 
     name = "hue"
     order = 66
+    photometric = True
     params = {"turn": Param(0.0, -0.5, 0.5, "turns", start=0.1, doc="red to green is a third of a turn")}
 
     def image(self, state, frame, p, rng):

@@ -18,6 +18,7 @@ class Saturation(CameraEffect):
 
     name = "saturation"
     order = 64
+    photometric = True
     params = {"change": Param(0.0, -1.0, 1.0, "1", start=0.15, doc="relative change; -1 is a grey picture")}
 
     def image(self, state, frame, p, rng):

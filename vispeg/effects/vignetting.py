@@ -18,6 +18,7 @@ class Vignetting(LightEffect):
 
     name = "vignetting"
     order = 52
+    photometric = True
     params = {"amount": Param(0.0, 0.0, 1.5, "1", start=1.0, doc="of the fall-off by cos^4; 1 is a simple lens")}
 
     def light(self, frame, p, rng):

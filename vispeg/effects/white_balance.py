@@ -16,6 +16,7 @@ class WhiteBalance(LightEffect):
 
     name = "white_balance"
     order = 60
+    photometric = True
     params = {
         "red": Param(1.0, 0.4, 2.5, "1", start=1.15, scale="log", doc="gain of red"),
         "blue": Param(1.0, 0.4, 2.5, "1", start=0.9, scale="log", doc="gain of blue"),

@@ -2,8 +2,9 @@
 
 Colours are compared as CIELAB means over the pixels of each of them (CIE 15:2004, D65), their distance being CIE76's.
 A look is also refused when one of them is hardly seen at all, or is nearly all black or white: then there is nothing
-left to see an edge by. Only looks (effects of kind `appearance`) are drawn again; the physics of an episode, its
-cameras and its sensor stay what its seed says.
+left to see an edge by. Colours are judged as the camera delivers them, after its exposure, brightness and the like: a
+dim look and a short exposure are each good alone, and nearly black together. Only looks (effects of kind `appearance`)
+are drawn again; the physics of an episode, its cameras and its sensor stay what its seed says.
 """
 
 from __future__ import annotations
@@ -15,12 +16,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vispeg.core.effect import effect
+from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
 from vispeg.effects._light import to_linear
 from vispeg.render.backend import Renderer, Shot
 from vispeg.render.camera import Camera
 from vispeg.render.look import dress
+from vispeg.render.pipeline import Pipeline
 
 if TYPE_CHECKING:
     from vispeg.robots.scene import Scene
@@ -104,6 +107,29 @@ def measure(shots: Mapping[str, Shot], cameras: Sequence[Camera], scene: Scene) 
     return {name: np.concatenate(found) for name, found in out.items()}
 
 
+def delivered(shots: Mapping[str, Shot], cameras: Sequence[Camera], world: World) -> dict[str, Shot]:
+    """The shots in the colours that cameras of a drawn world deliver: exposure, white balance, brightness and so on.
+
+    Noise, blur and what else moves or hides single pixels are left out, so that segmentation still fits.
+
+    Args:
+        shots: of one moment, by camera name.
+        cameras: that took them.
+        world: without ranges.
+    """
+    tint = World(effects=tuple(e for e in world.effects if getattr(effect(e.effect), "photometric", False)))
+    out = dict(shots)
+    for camera in cameras if tint.effects else ():
+        rgb, depth = shots[camera.name].rgb[None].astype(np.float32) / 255, shots[camera.name].depth[None]
+        frame = Frame(rgb=rgb, depth=depth, K=camera.K[None], velocity=np.zeros((1, 6)), time=np.zeros(1))
+        seen = Pipeline([tint], camera.name).run(frame, [stream(0, "photometric")])
+        if seen.rgb is not None:
+            out[camera.name] = replace(
+                shots[camera.name], rgb=np.round(255 * np.clip(seen.rgb[0], 0, 1)).astype(np.uint8)
+            )
+    return out
+
+
 def redraw(
     world: World,
     scene: Scene,
@@ -115,7 +141,7 @@ def redraw(
     rule: Rule | None = None,
     tries: int = TRIES,
 ) -> tuple[World, int]:
-    """`world.sample(seed, scene, levels)`, with another look wherever that one hides the task.
+    """`world.sample(seed, scene, levels)`, with another look wherever that one hides the task from its cameras.
 
     The first look is the one that `sample` draws; the k-th redraw takes its looks from a stream of its own, so the
     result follows from the seed alone. If none of `tries` looks will do, the best of them stands.
@@ -143,7 +169,8 @@ def redraw(
         look_seed = seed if k == 0 else int(stream(seed, "look", k).integers(2**31))
         drawn = fixed.add(*World(ranges=looks).sample(look_seed, scene, levels).effects)
         dress(renderer, scene, drawn)
-        score = contrast(renderer.render(qpos), renderer.cameras, scene, rule)
+        shots = delivered(renderer.render(qpos), renderer.cameras, drawn)
+        score = contrast(shots, renderer.cameras, scene, rule)
         if score > best_score:
             best, best_score = drawn, score
         if score >= 1:
