@@ -35,6 +35,23 @@ def test_the_right_model_is_at_the_floor(vispeg, rigs, tmp_path):
     assert set(record["provenance"]["inputs"]) == {str(rigs["friction"]), str(rigs["friction2"])}
 
 
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ("robot: iiwa99", ["m.yaml: robot: unknown robot", "'iiwa99'", "did you mean 'iiwa14'"]),
+        ("robot: gone.urdf", ["m.yaml: robot:", "no such robot file"]),
+        ("robot: iiwa14\ntool: hammer", ["m.yaml: tool:", "unknown tool", "meg50"]),
+        ("effects: [{effect: payload, where: joint4}]", ["m.yaml: effects[0].where:", "'joint4'", "flange"]),
+        ("effects: [{effect: hole_offset, where: hole}]", ["m.yaml: effects[0].where:", "not on an arm alone"]),
+        ("effects: [{effect: frictions}]", ["m.yaml: effects[0].effect:", "`vispeg effects` lists all"]),
+    ],
+)
+@pytest.mark.parametrize("command", [["compare"], ["add", "payload", "flange"]])
+def test_a_mistake_in_a_model_file_is_said_of_file_and_key(refused, tmp_path, body, words, command):
+    (tmp_path / "m.yaml").write_text(f"format: vispeg-model/1\n{body}\n")
+    refused([command[0], "m.yaml", *command[1:], "--out", "o.yaml"], *words)
+
+
 def test_mistakes(refused, rigs, tmp_path):
     refused(["compare", "iiwa14", "--out", "c"], "no recording")
     refused(["compare", "iiwa14", "--recording", "gone", "--out", "c"], "does not exist")

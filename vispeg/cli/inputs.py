@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,7 +28,7 @@ def read_inputs(
     """
     import vispeg.effects  # noqa: F401  (names in a model file must be enrolled)
 
-    world = load_model(model)
+    world = read_model(model)
     if not recording:
         raise UserError("no recording given", key="--recording", expected="at least one folder")
     if need_validate and not validate:
@@ -43,6 +44,38 @@ def read_inputs(
             if np.array_equal(held.q, fit.q):
                 raise UserError(f"a copy of {other}, which is fitted", file=path, expected="different recordings")
     return world, fitted, held_out
+
+
+def read_model(source: str) -> World:
+    """The world of a model file, a robot's name or a path; its robot, its tool and its effects' places are there.
+
+    Raises:
+        UserError: as `load_model`, and for a robot, tool or place that does not exist, with the file and key at fault.
+    """
+    from vispeg.core.effect import effect
+    from vispeg.effects.words import place
+    from vispeg.robots.model import load as load_robot
+
+    world = load_model(source)
+    if Path(source).suffix.lower() not in (".yaml", ".yml"):
+        return world
+    with _said_of(source, "robot"):
+        robot = load_robot(world.robot)
+    with _said_of(source, "tool"):
+        robot = load_robot(world.robot, tool=world.tool)
+    for i, placed in enumerate(world.effects):
+        with _said_of(source, f"effects[{i}].where"):
+            place(effect(placed.effect), placed.where, robot)
+    return world
+
+
+@contextmanager
+def _said_of(file: str | Path, key: str) -> Iterator[None]:
+    """A mistake in what a file names is a mistake in that file."""
+    try:
+        yield
+    except UserError as error:
+        raise UserError(str(error), file=file, key=key) from error
 
 
 def _once(flag: str, paths: Sequence[Path]) -> None:

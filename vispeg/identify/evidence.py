@@ -192,7 +192,10 @@ def robot_of(rec: Recording) -> RobotModel:
     """The nominal robot of a recording, its declared tool and tilt included; checked against its joints."""
     key = (rec.robot, repr(rec.tool), rec.base_tilt)
     if key not in _ROBOTS:
-        _ROBOTS[key] = load(rec.robot, tool=rec.tool, base_tilt=rec.base_tilt)
+        try:
+            _ROBOTS[key] = load(rec.robot, tool=rec.tool, base_tilt=rec.base_tilt)
+        except UserError as error:
+            raise UserError(str(error), file=rec.path / "recording.yaml") from error
     robot = _ROBOTS[key]
     if tuple(rec.joints) != tuple(robot.joints):
         raise UserError(
