@@ -4,6 +4,7 @@ import pytest
 
 from vispeg.cli.main import main
 from vispeg.datasets.read import Dataset
+from vispeg.report.dataset import build
 
 
 def test_render_check_show_and_mistakes(tmp_path, monkeypatch, capsys):
@@ -16,6 +17,9 @@ def test_render_check_show_and_mistakes(tmp_path, monkeypatch, capsys):
     assert main(["dataset", "show", "d", "--tiles", "3"]) == 0
     page = (tmp_path / "d-page/index.html").read_text()
     assert "4 frames in 1 episode<" in page and "Contrast guard" in page and "wrist_crop" in page
+    assert "in the worst, of all frames." in page
+    monkeypatch.setattr(build, "SAMPLED", 3)
+    assert "in the worst, of 3 frames looked at, spread over all 4." in build.render(Dataset("d"))
     assert (tmp_path / "d-page/contact-sheet.png").stat().st_size > 1000
     data = bytearray((tmp_path / "d/data/chunk-000/file-000.parquet").read_bytes())
     (tmp_path / "d/data/chunk-000/file-000.parquet").write_bytes(data[:-100])

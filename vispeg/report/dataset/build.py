@@ -128,7 +128,9 @@ def cameras(data: Dataset) -> dict[str, Any]:
             }
         )
     key = [(part, "rgb({},{},{})".format(*part_picture(np.array([i]))[0])) for i, part in enumerate(data.parts, 1)]
-    return {"cameras": out, "parts": key}
+    whole = len(frames) == len(data)
+    counted = "of all frames" if whole else f"of {len(frames)} frames looked at, spread over all {len(data)}"
+    return {"cameras": out, "parts": key, "counted": counted}
 
 
 def guard(data: Dataset) -> dict[str, Any]:
