@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from vispeg.core.world import World
-from vispeg.diagnose.localise import lack, maps, where_it_fails
+from vispeg.diagnose.localise import lack, maps, peaks, where_it_fails
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import evidence_for
 from vispeg.recordings.recording import Recording
@@ -40,6 +40,7 @@ def compare(world: World, recordings: Sequence[Recording], *, nthread: int = 1, 
     residual = evidence.residuals([world])[0]
     lacks = [lack(item, y[0]) for item, y in zip(evidence.items, predicted, strict=True)]
     joints = evidence.items[0].robot.joints
+    drawn = maps(evidence, lacks)
     unit = f"{evidence.unit} RMS"
     stated = all(("q" if evidence.unit == "rad" else "tau") in r.noise for r in recordings)
     record = {
@@ -56,11 +57,12 @@ def compare(world: World, recordings: Sequence[Recording], *, nthread: int = 1, 
         "chi2": float(np.sum(residual**2) / max(evidence.count, 1)),
         "joints": _joints(evidence, predicted),
         "where_it_fails": where_it_fails(lacks, joints),
+        "residual_peaks": peaks(drawn, joints),
         "recordings": {"fit": [], "validate": [r.name for r in recordings]},
         "notes": list(evidence.notes),
     }
     arrays = _arrays(evidence, predicted)
-    for axis, (edges, grid) in maps(evidence, lacks).items():
+    for axis, (edges, grid) in drawn.items():
         arrays[f"map/{axis}/edges"], arrays[f"map/{axis}/before"] = edges, grid
     return Comparison(record, arrays)
 

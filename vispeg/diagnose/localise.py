@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vispeg.diagnose.phase import phase
 from vispeg.identify.evidence import Evidence, Item
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.recording import Control
@@ -172,22 +173,43 @@ def where_it_fails(lacks: list[Lack], joints: tuple[str, ...], most: int = 6) ->
 
 
 def maps(evidence: Evidence, lacks: list[Lack], bins: int = 12) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Axis -> (edges (k+1,), whitened RMS missing torque (nj, k)) over speed, load, position and time."""
+    """Axis -> (edges (k+1,), whitened RMS missing torque (nj, k)) over speed, load, position, phase and time."""
     out = {}
     for axis, get in (
         ("speed", lambda k: k.dq / np.maximum(np.abs(k.dq).max(axis=0), 1e-9)),
         ("load", lambda k: k.tau / np.maximum(np.abs(k.tau).max(axis=0), 1e-9)),
         ("position", lambda k: k.q),
+        ("phase", lambda k: phase(k.time, k.dq)),
         ("time", lambda k: np.repeat(k.time[:, None], k.q.shape[1], axis=1)),
     ):
         x = np.concatenate([get(k) for k in lacks])
         z = np.concatenate([(k.excess / k.sigma) ** 2 for k in lacks])
-        edges = np.linspace(x.min(), x.max() + 1e-9, bins + 1)
+        known = np.isfinite(x)  # a phase is known between turning points only
+        low, high = (0.0, 1.0) if axis == "phase" else (x.min(), x.max() + 1e-9)
+        edges = np.linspace(low, high, bins + 1)
         cell = np.clip(np.digitize(x, edges) - 1, 0, bins - 1)
         grid = np.full((x.shape[1], bins), np.nan)
         for j in range(x.shape[1]):
-            count = np.bincount(cell[:, j], minlength=bins)
-            total = np.bincount(cell[:, j], weights=z[:, j], minlength=bins)
+            rows = known[:, j]
+            count = np.bincount(cell[rows, j], minlength=bins)
+            total = np.bincount(cell[rows, j], weights=z[rows, j], minlength=bins)
             grid[j] = np.where(count > 0, np.sqrt(total / np.maximum(count, 1)), np.nan)
         out[axis] = (edges, grid)
+    return out
+
+
+def peaks(
+    before: dict[str, tuple[np.ndarray, np.ndarray]],
+    joints: tuple[str, ...],
+    after: dict[str, tuple[np.ndarray, np.ndarray]] | None = None,
+) -> list[dict]:
+    """The worst cell of each of the `maps`, in multiples of the noise; with `after`, what is left in that very cell."""
+    out = []
+    for axis, (edges, grid) in before.items():
+        if not np.isfinite(grid).any():
+            continue
+        j, i = np.unravel_index(int(np.nanargmax(grid)), grid.shape)
+        row = {"axis": axis, "joint": joints[j], "from": float(edges[i]), "to": float(edges[i + 1])}
+        row["times_noise"] = round(float(grid[j, i]), 2)
+        out.append(row | ({"times_noise_after": round(float(after[axis][1][j, i]), 2)} if after else {}))
     return out

@@ -11,7 +11,8 @@ import numpy as np
 from vispeg.core.effect import Placed, Value, effect
 from vispeg.core.world import World
 from vispeg.diagnose.judge import Judge
-from vispeg.diagnose.localise import lack, maps, where_it_fails
+from vispeg.diagnose.localise import lack, maps, peaks, where_it_fails
+from vispeg.diagnose.motionless import refuse_motionless
 from vispeg.diagnose.next_experiment import next_experiment
 from vispeg.diagnose.progress import Progress
 from vispeg.diagnose.remainder import dependences
@@ -50,8 +51,9 @@ def diagnose(
     `progress` keeps what is worked out, so that a diagnosis with the same arguments can go on after it was killed.
 
     Raises:
-        UserError: recordings that cannot be compared with the world.
+        UserError: recordings that cannot be compared with the world, or in which nothing moves.
     """
+    still = refuse_motionless(fitted, held_out)
     evidence, judged = evidence_for(world, fitted, nthread), evidence_for(world, held_out, nthread, h_max=1e-3)
     judge = Judge(judged)
     search = Search(evidence, judge, say, progress)
@@ -78,9 +80,10 @@ def diagnose(
         judged.angle_rms(after_held),
     )
     arrays = _arrays(judged, predicted)
-    for axis, (edges, grid) in maps(judged, held[0]).items():
+    drawn, left = maps(judged, held[0]), maps(judged, held[1])
+    for axis, (edges, grid) in drawn.items():
         arrays[f"map/{axis}/edges"], arrays[f"map/{axis}/before"] = edges, grid
-        arrays[f"map/{axis}/after"] = maps(judged, held[1])[axis][1]
+        arrays[f"map/{axis}/after"] = left[axis][1]
     upcoming, more = (None, {})
     if plan_next:
         upcoming, more = next_experiment(search, state, given, rivals, verdict.verdict, seed)
@@ -96,14 +99,15 @@ def diagnose(
             "from": judged.floor_from if judged.floor_from != "estimated" else evidence.floor_from,
         },
         "where_it_fails": where_it_fails(before_lacks, joints),
+        "residual_peaks": peaks(drawn, joints, left),
         "unexplained": verdict.unexplained,
         "next_experiment": upcoming,
-        "candidates": _candidates(state, rivals),
+        "candidates": _candidates(state, rivals, given),
         "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in _screening(state)],
         "correlations": _correlations(state),
         "parameters_moved": _moved(state),
-        "notes": [*evidence.notes, *_coarse_encoders(fitted[0], judged)],
+        "notes": [*still, *evidence.notes, *_coarse_encoders(fitted[0], judged)],
     }
     if verdict.verdict == "unexplained" and len(final.effects) > given:
         record["partial"] = _effects(final, given, rivals)
@@ -191,20 +195,22 @@ def _ladder(evidence: Evidence, judged: Evidence, state: State, fit0, held0) -> 
     return rungs
 
 
-def _candidates(state: State, rivals: Sequence[Rivals]) -> list[dict[str, Any]]:
+def _candidates(state: State, rivals: Sequence[Rivals], given: int) -> list[dict[str, Any]]:
     out = []
     for best, trials in state.steps:
         for t in trials:
             if t is best:
                 continue
             why = t.rejected or f"{best.score.placed.label} explains the held-out data as well or better"
-            out.append(_candidate(t, why))
-    out += [_candidate(t, t.rejected) for t in state.last]
+            out.append(_candidate(t, why, given))
+    out += [_candidate(t, t.rejected, given) for t in state.last]
     seen = {(c["effect"], c["where"]) for c in out}
     for r in rivals:
         out += [
             _candidate(
-                t, t.rejected or ("indistinguishable from" if t in r.equals else "explains less than") + f" {r.label}"
+                t,
+                t.rejected or ("indistinguishable from" if t in r.equals else "explains less than") + f" {r.label}",
+                given,
             )
             for t in r.tried
             if t.score.key not in seen
@@ -212,10 +218,12 @@ def _candidates(state: State, rivals: Sequence[Rivals]) -> list[dict[str, Any]]:
     return out
 
 
-def _candidate(t: Trial, why: str) -> dict[str, Any]:
+def _candidate(t: Trial, why: str, given: int) -> dict[str, Any]:
+    beside = [e for e in t.fit.world.effects[given:] if (e.effect, e.where) != t.score.key]
     return {
         "effect": t.score.key[0],
         "where": t.score.key[1],
+        "tried_beside": [{"effect": e.effect, "where": e.where} for e in beside],
         "heldout_gain": round(t.gain.relative, 5),
         "gain_standard_errors": round(t.gain.z, 2),
         "rejected_because": why,

@@ -1,0 +1,44 @@
+"""Recordings without motion: nothing can be learnt or judged on them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.recordings.recording import Recording
+
+STILL = {"q": 1e-3, "q_cmd": 1e-3, "ee_cmd": 1e-3, "tau_cmd": 0.1}  # rad, rad, m, N m: a smaller range is no motion
+SIGMAS = 10.0  # of the stated noise, that the range of many readings of a joint at rest may span
+
+
+def motionless(rec: Recording) -> bool:
+    """Whether neither a joint nor a command moved: a commanded robot that stays where it is does tell something."""
+    for name, least in STILL.items():
+        values = getattr(rec, name)
+        if values is None:
+            continue
+        finite = np.where(np.isfinite(values), values, np.nan)
+        columns = finite[:, ~np.isnan(finite).all(axis=0)]
+        span = np.nanmax(columns, axis=0) - np.nanmin(columns, axis=0) if columns.size else np.zeros(1)
+        if np.any(span > max(least, SIGMAS * rec.noise.get(name, 0.0))):
+            return False
+    return True
+
+
+def refuse_motionless(fitted: Sequence[Recording], held_out: Sequence[Recording]) -> list[str]:
+    """A note on each recording without motion.
+
+    Raises:
+        UserError: none of the fitted ones, or none of the held-out ones, has any.
+    """
+    notes = []
+    for recordings, use in ((fitted, "to learn from"), (held_out, "to judge on")):
+        still = [rec for rec in recordings if motionless(rec)]
+        if still and len(still) == len(recordings):
+            others = f" (nor does it in the {len(still) - 1} others given with it)" if len(still) > 1 else ""
+            message = f"there is no motion {use}: no joint and no command moves{others}"
+            raise UserError(message, file=still[0].path, expected="a recording in which the joints move and turn back")
+        notes += [f"{rec.name} has no motion {use}: no joint and no command moves" for rec in still]
+    return notes

@@ -1,0 +1,39 @@
+"""The phase of a joint's motion: where between two turning points it is."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.recordings.excitation import LEAST_SPEED, MOVES
+
+
+def phase(time: np.ndarray, dq: np.ndarray) -> np.ndarray:
+    """Phase of each joint in its cycle: 0 at a lower turning point, 0.5 at an upper one, 1 at the next lower one.
+
+    From one turning point to the next it grows evenly in time, so a constant-amplitude sine has its usual phase, and
+    motion of any shape has one: just above 0 and 0.5 is just after a reversal, where dry friction, play and hysteresis
+    show; 0.25 and 0.75 are the middle of the upward and downward strokes.
+
+    Args:
+        time: (m,) s, increasing.
+        dq: (m, nj) rad/s, smoothed. The direction counts from 2 % of a joint's peak speed on, so noise turns nothing.
+
+    Returns:
+        (m, nj), NaN before a joint's first and after its last turning point: that stroke's length is not known.
+    """
+    out = np.full(dq.shape, np.nan)
+    for j, speed in enumerate(dq.T):
+        moving = np.flatnonzero(np.abs(speed) > max(MOVES * np.abs(speed).max(initial=0.0), LEAST_SPEED))
+        turned = np.flatnonzero(np.diff(np.sign(speed[moving])) != 0)
+        turns = np.array([_crossing(time, speed, moving[k], moving[k + 1]) for k in turned])
+        for start, stop, first in zip(turns, turns[1:], moving[turned + 1], strict=False):
+            rows = slice(*np.searchsorted(time, (start, stop)))
+            stroke = 0.5 * (time[rows] - start) / (stop - start)
+            out[rows, j] = stroke if speed[first] > 0 else 0.5 + stroke
+    return out
+
+
+def _crossing(time: np.ndarray, speed: np.ndarray, before: int, after: int) -> float:
+    """When the speed was 0 between two rows of opposite sign: where the line through them crosses."""
+    share = speed[before] / (speed[before] - speed[after])
+    return float(time[before] + share * (time[after] - time[before]))
