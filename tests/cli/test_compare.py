@@ -11,6 +11,7 @@ from vispeg.recordings.load import load
 def test_missing_friction_is_seen_at_its_joint(vispeg, rigs, tmp_path):
     code, out, _ = vispeg("compare", "iiwa14", "--recording", rigs["friction"], "--out", "c")
     assert code == 0 and "joint4" in out and "where it fails: joint4" in out
+    assert "Model error is" in out and "eld-out" not in out
     record = json.loads((tmp_path / "c" / "compare.json").read_text())
     assert record["format"] == "vispeg-compare/1" and record["ladder"][0]["fit_error"] is None
     worst = max(record["joints"], key=lambda row: row["error"])
@@ -23,6 +24,11 @@ def test_missing_friction_is_seen_at_its_joint(vispeg, rigs, tmp_path):
     rec = load(rigs["friction"])
     with np.load(tmp_path / "c" / "evidence.npz", allow_pickle=False) as arrays:
         assert np.allclose(arrays["0/measured"], rec.q, atol=1e-6)
+        assert np.array_equal(arrays["map/phase/edges"], np.linspace(0, 1, 13))
+        assert np.isfinite(arrays["map/phase/before"][3]).sum() >= 6
+    peaks = {row["axis"]: row for row in record["residual_peaks"]}
+    assert set(peaks) == {"speed", "load", "position", "phase", "time"}
+    assert peaks["phase"]["joint"] == "joint4" and peaks["phase"]["times_noise"] > 1
 
 
 def test_the_right_model_is_at_the_floor(vispeg, rigs, tmp_path):

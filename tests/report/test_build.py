@@ -106,11 +106,14 @@ def test_full_report_stays_small_and_shows_the_worst_recordings(run, diagnosis, 
 
 
 def test_comparison_with_torques_and_no_final_model(run, diagnosis, evidence):
-    record = {"ladder": diagnosis()["ladder"][:1], "noise_floor": None}
+    record = {"format": "vispeg-compare/1", "ladder": diagnosis()["ladder"][:1], "noise_floor": None}
     record["ladder"][0] |= {"unit": "N m RMS", "heldout_error": 0.25}
     page = _page(run(record, evidence(unit="N m", after=False, n=600, recordings=1), kind="compare"))
     assert page.sections == list(COMPARE)
-    assert "Held-out error is 0.250 N m RMS." in page.text and "after" not in page.text
+    assert "Model error is 0.250 N m RMS." in page.text and "after" not in page.text
+    assert "held-out" not in page.text.lower() and "held out" not in page.text.lower(), (
+        "nothing is, as nothing is fitted"
+    )
     assert "torque residual 0.249 N m RMS; largest at joint4 (0.600 N m RMS)" in page.text
 
 
@@ -235,3 +238,39 @@ def test_the_terminal_says_what_cannot_be_told_apart(diagnosis, tmp_path, capsys
     print_diagnosis(diagnosis("ambiguous"), tmp_path)
     said = " ".join(capsys.readouterr().out.split())
     assert "coulomb_friction(joint4) cannot be told from stribeck_friction(joint4)" in said
+
+
+def test_candidates_say_what_was_in_the_model_already(run, diagnosis):
+    assert "Tried beside" not in _page(run(diagnosis())).text
+    record = diagnosis()
+    record["candidates"][0]["tried_beside"] = []
+    record["candidates"][1]["tried_beside"] = [{"effect": "payload", "where": "flange"}]
+    text = _page(run(record)).text
+    assert "Tried beside" in text
+    assert "viscous_friction(joint4)the model as given31 %" in text
+    assert "backlash(joint2)payload(flange)−2.0 %" in text
+    assert "cogging(joint6)–" in text, "a record of before says nothing about it"
+
+
+def test_a_value_at_its_bound_is_marked_in_every_table(run, diagnosis):
+    from rich.console import Console
+
+    record = diagnosis()
+
+    def drawn():
+        console = Console(width=120)
+        with console.capture() as capture:
+            console.print(effects_table(record))
+        return capture.get()
+
+    assert "bound" not in drawn()
+    params = {"gain": {"value": 0.5, "low": 0.5, "high": 0.51, "unit": ""}}
+    record["effects"].append({"effect": "torque_gain", "where": "joint2", "params": params})
+    marked = [line for line in drawn().splitlines() if "at its bound" in line]
+    assert len(marked) == 1 and "torque_gain(joint2)" in marked[0]
+    assert "at its bound" in _page(run(record)).text
+
+
+def test_the_phase_is_explained_where_it_is_drawn(run, diagnosis, evidence):
+    text = _page(run(diagnosis(), evidence(n=300, recordings=1, nj=2))).text
+    assert "Over phase: largest" in text and "0 lower turning point" in text

@@ -24,13 +24,15 @@ def ladder_table(diagnosis: Mapping[str, Any]) -> Table:
 
 
 def effects_table(diagnosis: Mapping[str, Any]) -> Table:
-    """What was found: effect, parameter, value with its 95 % interval, unit."""
+    """What was found: effect, parameter, value with its 95 % interval, unit, and whether it ended at its bound."""
     found = effect_rows(_record(diagnosis))
+    bound = any(row["bound"] for row in found)
     names: list[tuple[str, Any]] = [("Effect", "left"), ("Parameter", "left"), ("Value", "right")]
     names += [("95 % interval", "left"), ("Unit", "left")]
-    table = _table(*names)
+    table = _table(*names, *([("", "left")] if bound else []))
     for row in found:
-        table.add_row(*_safe(row["effect"], row["param"], row["value"], row["interval"] or "–", row["unit"]))
+        cells = [row["effect"], row["param"], row["value"], row["interval"] or "–", row["unit"]]
+        table.add_row(*_safe(*cells, *([row["bound"]] if bound else [])))
     return table
 
 

@@ -55,18 +55,23 @@ def ladder_ends(values: Mapping[str, Any]) -> tuple[float | None, float | None, 
     return first, last, str(ladder[0].get("unit") or "")
 
 
+def error_name(values: Mapping[str, Any]) -> str:
+    """What the ladder's errors are: a comparison fits nothing, so nothing is held out from it."""
+    return "Model error" if values.get("format") == "vispeg-compare/1" else "Held-out error"
+
+
 def fall(values: Mapping[str, Any]) -> str:
     """One sentence on the ladder: where the held-out error began, where it ended, and how far above the floor."""
     first, last, unit = ladder_ends(values)
     if last is None:
-        return "The held-out error is not known."
+        return f"The {error_name(values).lower()} is not known."
     floor = against_floor(last, _floor(values))
     steps = len(rows(values, "ladder"))
     if steps == 1 or first is None:
-        return f"Held-out error is {quantity(last, unit)}" + (f", {floor}." if floor else ".")
+        return f"{error_name(values)} is {quantity(last, unit)}" + (f", {floor}." if floor else ".")
     moved = change(first, last) or "stays"
     return (
-        f"Held-out error {moved}, from {quantity(first, unit)} to {quantity(last, unit)}"
+        f"{error_name(values)} {moved}, from {quantity(first, unit)} to {quantity(last, unit)}"
         + (f", which is {floor}." if floor else ".")
     )  # fmt: skip
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from vispeg.report.figures import MUTED
 from vispeg.report.quantities import number, plain
-from vispeg.report.record import Record, label
+from vispeg.report.record import Record, label, rows
 from vispeg.report.strips import bar
 
 TITLE = "Candidates tried"
@@ -22,6 +23,7 @@ def context(record: Record) -> dict[str, Any]:
         "tried": [
             {
                 "effect": label(row),
+                "beside": _beside(row),
                 "gain": _percent(row.get("heldout_gain")),
                 "errors": plain(row.get("gain_standard_errors"), 2),
                 "bar": bar(_share(row.get("heldout_gain"), 1.0), MUTED) if _some(row.get("heldout_gain")) else "",
@@ -38,11 +40,19 @@ def context(record: Record) -> dict[str, Any]:
             }
             for row in screened[:MOST_SCREENED]
         ],
+        "beside": any("tried_beside" in row for row in tried),
         "errors": any(number(row.get("gain_standard_errors")) is not None for row in tried),
         "grouped": any(row.get("cosine_group") is not None for row in screened),
         "unscreened": max(0, len(screened) - MOST_SCREENED),
         "kept": [label(row) for row in record.rows("effects")],
     }
+
+
+def _beside(row: Mapping[str, Any]) -> str:
+    """What was in the model already when a candidate was added to it."""
+    if "tried_beside" not in row:
+        return "–"
+    return ", ".join(label(other) for other in rows(row, "tried_beside")) or "the model as given"
 
 
 def _some(value: Any) -> bool:

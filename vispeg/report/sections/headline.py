@@ -8,6 +8,7 @@ from vispeg.report import words
 from vispeg.report.figures import AFTER, BEFORE, MEASURED, MUTED, legend, new_figure, quiet, styled, svg
 from vispeg.report.quantities import fold, interval, number, plain, prefix, quantity
 from vispeg.report.record import Record, label, params_of, rows
+from vispeg.report.sections.parameters import AT_BOUND, bounds_of, remark
 
 TITLE = "Verdict"
 
@@ -17,7 +18,7 @@ def context(record: Record) -> dict[str, Any]:
     values = record.values
     first, last, unit = words.ladder_ends(values)
     floor = record.mapping("noise_floor")
-    figures = [("Held-out error", quantity(last, unit), words.against_floor(last, record.floor))]
+    figures = [(words.error_name(values), quantity(last, unit), words.against_floor(last, record.floor))]
     if len(record.rows("ladder")) > 1:
         figures.insert(0, ("Before", quantity(first, unit), "held-out error"))
         figures[1] = ("After", figures[1][1], words.against_floor(last, record.floor) or "held-out error")
@@ -32,6 +33,7 @@ def context(record: Record) -> dict[str, Any]:
         "ladder": ladder_rows(record),
         "fitted": any(number(row.get("fit_error")) is not None for row in record.rows("ladder")),
         "reason": str(values.get("reason") or "").rstrip("."),
+        "judged": "Recordings" if record.kind == "compare" else "Held-out recordings",
         "effects": effect_rows(record),
         "partial": effect_rows(record, "partial"),
         "floor_unit_differs": bool(floor.get("unit")) and floor.get("unit") != unit and bool(unit),
@@ -66,12 +68,22 @@ def effect_rows(record: Record, key: str = "effects") -> list[dict[str, str]]:
         for name, p in params.items():
             value, between = interval(p.get("value"), p.get("low"), p.get("high"))
             row = {"effect": label(effect), "param": name, "value": value, "interval": between}
-            found.append({**row, "unit": str(p.get("unit") or ""), "rivals": others})
+            bound = at_bound(str(effect.get("effect")), name, p.get("value"))
+            found.append({**row, "unit": str(p.get("unit") or ""), "rivals": others, "bound": bound})
         if not params:
             found.append(
-                {"effect": label(effect), "param": "", "value": "", "interval": "", "unit": "", "rivals": others}
+                dict.fromkeys(("param", "value", "interval", "unit", "bound"), "")
+                | {"effect": label(effect), "rivals": others}
             )
     return found
+
+
+def at_bound(effect: str, param: str, value: Any) -> str:
+    """`at its bound` where a value is as small or large as the effect allows; empty elsewhere, and at null."""
+    known, x = bounds_of(effect, param), number(value)
+    if known is None or x is None:
+        return ""
+    return "at its bound" if AT_BOUND in remark(x, x, x, known) else ""
 
 
 def ladder_picture(record: Record) -> str:
@@ -103,7 +115,11 @@ def ladder_picture(record: Record) -> str:
             if (fit := fits[i]) is not None and fit > 0:
                 ax.plot(factor * fit, i, marker="|", markersize=13, markeredgewidth=1.6, color=MEASURED)
         ax.set_xscale("log")
-        ax.set(xlim=(left, right), ylim=(len(ladder) - 0.4, -0.6), xlabel=f"held-out error ({shown}), log scale")
+        ax.set(
+            xlim=(left, right),
+            ylim=(len(ladder) - 0.4, -0.6),
+            xlabel=f"{words.error_name(record.values).lower()} ({shown}), log scale",
+        )
         ax.set_yticks(range(len(ladder)), [_shorten(name) for name, _, _ in ladder])
         ax.tick_params(axis="y", labelcolor=MEASURED, labelsize=8.5)
         ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if right / left < 3e3 else (1.0,)))

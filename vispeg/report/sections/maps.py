@@ -16,7 +16,7 @@ LABELS = {
     "speed": "speed (share of the joint's peak)",
     "load": "load (share of the joint's peak)",
     "position": "position (rad)",
-    "phase": "phase",
+    "phase": "phase of the motion (0 lower turning point, 0.5 upper, 1 lower again)",
     "time": "time (s)",
     "frequency": "frequency (Hz)",
 }
@@ -27,7 +27,11 @@ NO_DATA = "#e2e5e9"
 def context(record: Record) -> dict[str, Any]:
     """One picture with all maps on a common scale, and one sentence a map."""
     maps = list(record.evidence.maps.values())
-    return {"picture": maps_picture(maps, record.evidence.joints), "sentences": [sentence(m, record) for m in maps]}
+    return {
+        "picture": maps_picture(maps, record.evidence.joints),
+        "sentences": [sentence(m, record) for m in maps],
+        "held_out": record.kind == "diagnosis",
+    }
 
 
 def sentence(residual: ResidualMap, record: Record) -> str:
@@ -105,7 +109,8 @@ def _worst(values: np.ndarray, residual: ResidualMap, joints: tuple[str, ...]) -
         return "nothing known"
     j, i = np.unravel_index(int(np.nanargmax(values)), values.shape)
     low, high = plain(residual.edges[i], 2), plain(residual.edges[i + 1], 2)
-    unit = LABELS[residual.axis].partition("(")[2].rstrip(")").replace("share of the joint's", "of its")
+    label = LABELS[residual.axis] if residual.axis != "phase" else ""
+    unit = label.partition("(")[2].rstrip(")").replace("share of the joint's", "of its")
     size = values[j, i]
     times = f"{size:.2f}" if size < 2 else fold(float(size))
     return f"{times} × the noise ({joints[j]}, {low} to {high}{' ' + unit if unit else ''})"

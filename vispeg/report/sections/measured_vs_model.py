@@ -34,6 +34,7 @@ def context(record: Record) -> dict[str, Any]:
         "table": [_row(t) for t in traces],
         "joints": joints,
         "hidden": len(record.evidence.traces) - len(ordered),
+        "held_out": record.kind == "diagnosis",
     }
 
 

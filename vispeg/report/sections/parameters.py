@@ -15,6 +15,7 @@ from vispeg.report.strips import interval_strip, place
 
 TITLE = "Parameters"
 STRONG = 0.9
+AT_BOUND = "at a bound: the true value may lie beyond"
 
 
 def context(record: Record) -> dict[str, Any]:
@@ -42,7 +43,7 @@ def remark(value: float | None, low: float | None, high: float | None, param: Pa
     if param is not None:
         at = place(value, param.low, param.high, param.scale)
         if at <= 0.005 and param.low != param.null or at >= 0.995:
-            found.append("at a bound: the true value may lie beyond")
+            found.append(AT_BOUND)
         if not param.shape and low is not None and high is not None and low <= param.null <= high:
             found.append("interval includes the null value")
     return "; ".join(found)
