@@ -273,4 +273,4 @@ def test_a_value_at_its_bound_is_marked_in_every_table(run, diagnosis):
 
 def test_the_phase_is_explained_where_it_is_drawn(run, diagnosis, evidence):
     text = _page(run(diagnosis(), evidence(n=300, recordings=1, nj=2))).text
-    assert "Over phase: largest" in text and "0 lower turning point" in text
+    assert "Over phase: largest" in text and "0.5: upper turning point" in text

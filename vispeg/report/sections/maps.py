@@ -16,7 +16,7 @@ LABELS = {
     "speed": "speed (share of the joint's peak)",
     "load": "load (share of the joint's peak)",
     "position": "position (rad)",
-    "phase": "phase of the motion (0 lower turning point, 0.5 upper, 1 lower again)",
+    "phase": "phase (0: lower, 0.5: upper turning point)",
     "time": "time (s)",
     "frequency": "frequency (Hz)",
 }
