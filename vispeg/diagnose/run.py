@@ -22,6 +22,7 @@ from vispeg.diagnose.verdict import Verdict, decide
 from vispeg.effects.model_file import placed_dict
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import evidence_for
+from vispeg.identify.stirred import stirred
 from vispeg.recordings.quality import quantization
 from vispeg.recordings.recording import Recording
 
@@ -69,7 +70,8 @@ def diagnose(
     held = [[lack(i, y[w]) for i, y in zip(judged.items, predicted, strict=True)] for w in (0, 1)]
     joints = judged.items[0].robot.joints
     depends = dependences(after_lacks, held[1], joints)
-    floor = judge.floor(state.world)
+    fed_back = stirred(judged, state.world) if judged.unit == "rad" else 0.0
+    floor = judge.floor(state.world) + fed_back
     verdict = decide(before, after, len(state.world.effects) - given, rivals, depends, floor)
     final = _with_origin(
         widened(state.world, given, before, after - floor + 1.0),
@@ -107,12 +109,19 @@ def diagnose(
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in _screening(state)],
         "correlations": _correlations(state),
         "parameters_moved": _moved(state),
-        "notes": [*still, *evidence.notes, *_coarse_encoders(fitted[0], judged)],
+        "notes": [*still, *evidence.notes, *_coarse_encoders(fitted[0], judged), *_stirred(fed_back)],
     }
     if verdict.verdict == "unexplained" and len(final.effects) > given:
         record["partial"] = _effects(final, given, rivals)
         final = world
     return Diagnosis(record, final, arrays | more)
+
+
+def _stirred(fed_back: float) -> list[str]:
+    if fed_back < 0.05:
+        return []
+    text = f"noise fed back by the controller moves the arm by {np.sqrt(fed_back):.2g} times the encoders' noise"
+    return [text + ": the right model too is that far off"]
 
 
 def _screening(state: State):

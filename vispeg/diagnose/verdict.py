@@ -31,7 +31,7 @@ def decide(
         found: effects added.
         rivals: of the added effects.
         depends: what the final residual depends on.
-        floor: of the final model, in noise variances; above 1 where it says that encoders are coarse.
+        floor: of the final model, in noise variances; above 1 where encoders are coarse or the loop feeds noise back.
     """
     excess_before, excess_after = max(before - 1.0, 1e-9), max(after - floor, 0.0)
     explained = 1.0 - excess_after / excess_before
@@ -54,5 +54,5 @@ def decide(
         + (f", the rest depends most on {top.input}" if top is not None and top.share >= CONVINCING else "")
     )
     if floor > 1.05:
-        remainder += f"; {floor:.1f} are what readings that coarse leave even of the right model"
+        remainder += f"; {floor:.1f} are what coarse or noisy readings leave even of the right model"
     return Verdict("identified", f"held-out error fell from {before:.1f} to {after:.2f} noise variances{remainder}")

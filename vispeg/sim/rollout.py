@@ -38,6 +38,21 @@ class Response:
     diverged: np.ndarray
 
 
+@dataclass
+class ReadingNoise:
+    """White noise on what a controller reads: 1-sigma of angle and velocity, (nworld, nj), rad and rad/s."""
+
+    q: np.ndarray
+    dq: np.ndarray
+    rng: np.random.Generator
+
+    def add(self, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """This tick's readings of q and dq (nsegment * nworld, nj)."""
+        copies = len(q) // len(self.q)
+        first, second = self.rng.standard_normal((2, *q.shape))
+        return q + np.tile(self.q, (copies, 1)) * first, dq + np.tile(self.dq, (copies, 1)) * second
+
+
 def simulate(
     robot: RobotModel,
     worlds: Sequence[World],
@@ -48,6 +63,7 @@ def simulate(
     observer: bool = True,
     along: bool = False,
     want_ee: bool = False,
+    reading_noise: ReadingNoise | None = None,
 ) -> list[Response]:
     """Drives every world through every segment as the robot was driven; one Response a segment.
 
@@ -61,10 +77,11 @@ def simulate(
         along: take the controller's nominal gravity to first order about the segment's measured motion, which is what
             candidates near the measurement need at a third less cost; exact otherwise.
         want_ee: also return flange poses.
+        reading_noise: what the controller reads on top of the encoders; responses hold only what it stirs up.
     """
     run = _Run(robot, worlds, segments, h_max, nthread, observer, along)
     with quiet(), np.errstate(all="ignore"):  # a diverging candidate is an answer, not news
-        return run.responses(want_ee)
+        return run.responses(want_ee, reading_noise)
 
 
 class _Run:
@@ -92,7 +109,7 @@ class _Run:
         if observer and self.controller.mode in ("torque", "passive", "unknown"):
             self.observer = Observer(robot, self.rows, self.reference, self.inertia)
 
-    def responses(self, want_ee: bool) -> list[Response]:
+    def responses(self, want_ee: bool, noise: ReadingNoise | None) -> list[Response]:
         """Runs all ticks."""
         plant, ticks = self.plant, self.rows.ticks
         q0, dq0 = self.reference[0][0], self.reference[1][0]
@@ -107,6 +124,8 @@ class _Run:
             out[2, k], out[3, k] = plant.x.tau, motor
             if true_q is not None:
                 true_q[k] = plant.x.q
+            if noise is not None:
+                q, dq = noise.add(q, dq)
             command = self.controller.torque(k, q, dq)
             hold = 0.0 if self.observer is None else self.observer.torque(k, q, dq)
             for sub in range(self.nsub):
@@ -142,4 +161,4 @@ class _Run:
         return values[:, left] * (1 - w) + values[:, left + 1] * w
 
 
-__all__ = ["Response", "simulate"]
+__all__ = ["ReadingNoise", "Response", "simulate"]

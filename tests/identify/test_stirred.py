@@ -1,0 +1,52 @@
+"""Noise that an OSC loop feeds back: the right model's error is what encoder noise and stirred motion make together."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vispeg.core.seeds import stream
+from vispeg.core.world import World
+from vispeg.identify.evidence import Evidence
+from vispeg.identify.excitation import motion
+from vispeg.identify.record import centre_of, controller, record
+from vispeg.identify.stirred import stirred
+from vispeg.recordings.recording import Recording
+from vispeg.robots.model import load
+from vispeg.sim.compiled import compiled
+from vispeg.sim.rollout import ReadingNoise, simulate
+
+NOISE = {"q": 2e-5, "dq": 1e-3, "tau": 0.2}
+
+
+def recorded(mode: str) -> Recording:
+    """3 s of the nominal arm, noise added after the loop."""
+    robot = load("iiwa14")
+    control = controller(robot, mode, 500.0, centre_of(robot))
+    more = {"model": compiled(robot)} if mode == "osc" else {}
+    path = motion("osc" if mode == "osc" else "fourier", robot, 500.0, 3.0, stream(5, "stirred test"), **more)
+    return record(World(), path, control, NOISE, stream(6, "stirred test"))
+
+
+def test_the_right_models_error_is_foretold():
+    """Over six draws of fed-back noise: most residuals lie under 1 + stirred, and not far under."""
+    evidence = Evidence([recorded("osc")], h_max=1e-3)
+    more, item, one = stirred(evidence, World()), evidence.items[0], np.ones((6, 7))
+    noise = ReadingNoise(NOISE["q"] * one, NOISE["dq"] * one, stream(7, "stirred test"))
+    moved = simulate(item.robot, [World()] * 6, [item.segment], h_max=5e-4, reading_noise=noise)[0].q
+    moved += NOISE["q"] * stream(8, "stirred test").standard_normal(moved.shape)
+    clean, valid = evidence.simulated([World()])[0][0], item.valid[:, :7]
+    torque = np.sum(((item.measured - clean) / item.sigma)[:, 7:] ** 2 * item.valid[:, 7:])
+    angle = np.sum(((moved - clean[:, :7]) / item.sigma[:7]) ** 2 * valid, axis=(1, 2))
+    residual = (angle + torque) / evidence.count
+    assert more > 0.3
+    assert np.sum(residual > 1 + more) <= 2
+    assert np.median(residual) > 1 + 0.2 * more
+
+
+def test_it_follows_from_the_noise():
+    """Variance goes with the square of the velocity noise; joint servos are left alone."""
+    rec = recorded("osc")
+    once, twice = (stirred(Evidence([replace(rec, noise={**NOISE, "dq": f * 1e-3})]), World()) for f in (1, 2))
+    assert twice == pytest.approx(4 * once, rel=0.1)
+    assert stirred(Evidence([recorded("position")]), World()) == 0.0
