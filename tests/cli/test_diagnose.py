@@ -71,7 +71,7 @@ def test_interrupted_after_its_first_effect_it_goes_on(vispeg, swings, worked_ou
         patched.setattr(Search, "_grow", interrupt)
         assert vispeg("diagnose", robot, *COMMAND, "--out", "d")[0] == 130
     first = worked_out()
-    assert 0 < first < asked
+    assert 0 < first <= asked
     assert not (tmp_path / "d").exists() and (tmp_path / "d.part" / "progress.json").is_file()
     assert vispeg("diagnose", robot, *COMMAND, "--out", "d")[0] == 0
     assert worked_out() == asked - first
