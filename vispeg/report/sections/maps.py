@@ -96,7 +96,7 @@ def _map(ax: Any, residual: ResidualMap, values: np.ndarray, joints: tuple[str, 
     ax.set_ylim(len(joints), 0)
     ax.set_yticks(np.arange(len(joints)) + 0.5, joints)
     ticks = np.arange(0, k + 1, max(1, -(-k // 5)))
-    edges = np.where(np.abs(residual.edges) < 1e-6 * np.ptp(residual.edges), 0.0, residual.edges)  # no tick at 5e-10
+    edges = _edges(residual)
     ax.set_xticks(ticks, [plain(edges[i], 2) for i in ticks])
     ax.set_xlabel(LABELS[residual.axis])
     ax.tick_params(length=0)
@@ -104,11 +104,16 @@ def _map(ax: Any, residual: ResidualMap, values: np.ndarray, joints: tuple[str, 
         side.set_visible(False)
 
 
+def _edges(residual: ResidualMap) -> np.ndarray:
+    """Edges of the bins, with rounding error around zero shown as zero."""
+    return np.where(np.abs(residual.edges) < 1e-6 * np.ptp(residual.edges), 0.0, residual.edges)
+
+
 def _worst(values: np.ndarray, residual: ResidualMap, joints: tuple[str, ...]) -> str:
     if not np.isfinite(values).any():
         return "nothing known"
     j, i = np.unravel_index(int(np.nanargmax(values)), values.shape)
-    low, high = plain(residual.edges[i], 2), plain(residual.edges[i + 1], 2)
+    low, high = (plain(edge, 2) for edge in _edges(residual)[i : i + 2])
     label = LABELS[residual.axis] if residual.axis != "phase" else ""
     unit = label.partition("(")[2].rstrip(")").replace("share of the joint's", "of its")
     size = values[j, i]
