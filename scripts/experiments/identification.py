@@ -63,7 +63,7 @@ def identify(world: str | Path, folder: Path) -> Path:
 def identified_world(model: Path, base: str, path: Path) -> Path:
     """Writes the world file `base` in which what was identified takes the place of the ranges at the same places.
 
-    The entries are written out: under `model:`, a range of the base at that very place would win over them.
+    The same as `base` and `model` together, but written out, so that the file stands by itself among the results.
 
     Raises:
         UserError: nothing was identified, so that the world would be its base under another name.

@@ -114,6 +114,16 @@ def test_what_was_identified_is_the_centre_and_its_interval_the_width(world, tmp
     assert {d["payload(flange)"]["mass"] for d in drawn} == {0.7}, "the file's own word for the very place wins"
 
 
+def test_what_was_identified_wins_over_the_base_at_the_same_place(world, tmp_path):
+    (tmp_path / "model.yaml").write_text(MODEL, encoding="utf-8")
+    mass = {"effect": "payload", "where": "flange", "params": {"mass": {"uniform": [0.0, 9.0]}}}
+    world("broad", effects=[mass, {**mass, "effect": "viscous_friction", "where": "each", "params": {"damping": 0.1}}])
+    found = [r for r in load_world(world("both", base="broad.yaml", model="model.yaml")).world.ranges]
+    alone = {r.label: r.params for r in load_world(world("alone", model="model.yaml")).world.ranges}
+    assert {r.label: r.params for r in found if r.where != "each"} == alone, "and nothing of the base's is left there"
+    assert [r.where for r in found][0] == "each", "the wide range comes first, so that the narrow one wins"
+
+
 def test_a_world_builds_on_others_and_replaces_what_it_says_itself(world, tmp_path):
     world("first", task={"clearance_mm": 1.0, "stack": 4}, effects=[FRICTION])
     mine = {**FRICTION, "params": {"scale": 0.8}}

@@ -58,7 +58,6 @@ class _Parts:
     """What a file and the files it is based on add up to."""
 
     ranges: dict[tuple[str, str], Ranged] = field(default_factory=dict)
-    identified: tuple[Ranged, ...] = ()
     task: dict[str, Any] = field(default_factory=dict)
     cameras: dict[str, Any] = field(default_factory=dict)
     renderer: dict[str, Any] = field(default_factory=dict)
@@ -80,12 +79,10 @@ def load_world(source: str | Path) -> WorldFile:
     if not isinstance(name, str):
         raise UserError("wrong name", file=path, key="name", expected="a text", got=name)
     _collect(path, parts, ())
-    # what was identified wins over ranges for many places, a range for the very place over what was identified
-    own = set(parts.ranges)
-    identified = tuple(r for r in parts.identified if (r.effect, r.where) not in own)
+    # the later wins: a range for one place over one for many
     broad = [r for r in parts.ranges.values() if r.where in ("all", "each")]
     narrow = [r for r in parts.ranges.values() if r.where not in ("all", "each")]
-    world = World(ranges=(*broad, *identified, *narrow))
+    world = World(ranges=(*broad, *narrow))
     TaskConfig.of(parts.task, str(path))
     digest = world_hash(world, parts.task, parts.cameras, parts.renderer)
     return WorldFile(name, world, parts.task, parts.cameras, parts.renderer, digest, path)
@@ -119,7 +116,7 @@ def _fixed(e: Placed) -> dict[str, Any]:
 
 
 def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> None:
-    """Adds what a file says to `parts`, after what its bases say."""
+    """Adds what a file says to `parts`: its bases first, then what its model identified, then its own words."""
     if path in above:
         raise UserError("a world that is based on itself", file=path, key="base", got=path.stem)
     data = read_mapping(path, FORMAT, KEYS, "world")
@@ -132,7 +129,8 @@ def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> None:
     parts.cameras |= _cameras(_given(data, "cameras", {}), path)
     parts.renderer |= _renderer(_given(data, "renderer", {}), path)
     if data.get("model") is not None:
-        parts.identified = ranges_of(_beside(_typed(data["model"], str, path, "model"), path), World().robot)
+        for r in ranges_of(_beside(_typed(data["model"], str, path, "model"), path), World().robot):
+            _replace(parts, r)
     scene = build(TaskConfig.of(parts.task, str(path)).scene())
     seen: set[tuple[str, str]] = set()
     for i, entry in enumerate(_typed(_given(data, "effects", []), list, path, "effects")):
@@ -140,8 +138,13 @@ def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> None:
         if (r.effect, r.where) in seen:
             raise UserError(f"{r.label} is given twice", file=path, key=f"effects[{i}]")
         seen.add((r.effect, r.where))
-        parts.ranges.pop((r.effect, r.where), None)
-        parts.ranges[r.effect, r.where] = r
+        _replace(parts, r)
+
+
+def _replace(parts: _Parts, r: Ranged) -> None:
+    """The range takes the place of one for the same effect and place, and stands last."""
+    parts.ranges.pop((r.effect, r.where), None)
+    parts.ranges[r.effect, r.where] = r
 
 
 def _path(source: str | Path, beside: Path | None) -> Path:
