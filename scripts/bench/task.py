@@ -1,6 +1,6 @@
 """How fast the task is: simulated seconds per CPU second, beside raw physics and beside robosuite.
 
-    python scripts/bench/task.py [--rows 1 4 16 64] [--seconds 8] [--robosuite PATH_TO_ITS_PYTHON]
+    python scripts/bench/task.py [--rows 1 4 16 64] [--seconds 8] [--images] [--robosuite PATH_TO_ITS_PYTHON]
 
 Ours: `PegInHoleVec` with state observations under random actions that lean downwards, so that pegs touch, enter and
 end their episodes; resets count. Raw: `mujoco.batch` alone on the same compiled cells, from the same states, stepped as
@@ -9,7 +9,8 @@ in CPU time, which other programs do not lengthen by taking turns.
 
 robosuite (its own Python, where it is installed): `Lift` with its IIWA under its OSC_POSE controller, state
 observations, no cameras, the same policy period, random actions that lean downwards. It steps by 2 ms and computes its
-control law at each of them.
+control law at each of them. With `--images` both sides also see RGB and depth of 64 x 64 px from the wrist at every
+policy step, each as its defaults draw them, and there is no raw side.
 """
 
 from __future__ import annotations
@@ -33,8 +34,11 @@ import numpy as np
 import robosuite
 from robosuite.controllers import load_composite_controller_config
 config = load_composite_controller_config(controller="BASIC", robot="IIWA")
-env = robosuite.make("Lift", robots="IIWA", controller_configs=config, has_renderer=False,
-    has_offscreen_renderer=False, use_camera_obs=False, use_object_obs=True, control_freq=6.25, horizon=50, seed=0)
+images = sys.argv[2] == "images"
+seen = dict(camera_names="robot0_eye_in_hand", camera_heights=64, camera_widths=64, camera_depths=True)
+seen = seen if images else {}
+env = robosuite.make("Lift", robots="IIWA", controller_configs=config, has_renderer=False, use_object_obs=True,
+    has_offscreen_renderer=images, use_camera_obs=images, control_freq=6.25, horizon=50, seed=0, **seen)
 rng = np.random.default_rng(0)
 env.reset()
 for _ in range(3):  # numba compiles what it meets first
@@ -79,9 +83,13 @@ def actions(rows: int, steps: int) -> np.ndarray:
     return np.clip(out - [0, 0, LEAN], -1, 1)
 
 
-def task(world: str, rows: int, seconds: float) -> tuple[float, float]:
-    """CPU seconds that a simulated second of one row takes: the task's, and raw physics' on the same path."""
-    env = PegInHoleVec(rows, world=world)
+def task(world: str, rows: int, seconds: float, images: bool) -> tuple[float, float]:
+    """CPU seconds that a simulated second of one row takes: the task's, and raw physics' on the same path.
+
+    The second is nan with images.
+    """
+    seen: dict[str, Any] = {"obs_mode": "rgbd", "cameras": ("wrist_wide",), "image_size": 64} if images else {}
+    env = PegInHoleVec(rows, world=world, **seen)
     env.reset(seed=0)
     length = 0
     spent, simulated = 0.0, 0.0
@@ -92,6 +100,8 @@ def task(world: str, rows: int, seconds: float) -> tuple[float, float]:
         spent += time.process_time() - begin
         simulated += 10 * rows * env.config.policy_period
         length += 10
+    if images:
+        return spent / simulated, float("nan")
     # the same again, recorded: equal seeds give equal paths
     env.reset(seed=0)
     tape = Tape(env)
@@ -139,13 +149,13 @@ def main() -> None:
     parser.add_argument("--rows", type=int, nargs="+", default=[1, 4, 16, 64])
     parser.add_argument("--seconds", type=float, default=8.0, help="CPU seconds for each line")
     parser.add_argument("--worlds", nargs="+", default=["nominal", "randomized"])
+    parser.add_argument("--images", action="store_true", help="see RGB-D of 64 x 64 px as well")
     parser.add_argument("--robosuite", help="a Python that has robosuite 1.5")
     args = parser.parse_args()
     other = None
     if args.robosuite:
-        answer = subprocess.run(
-            [args.robosuite, "-c", ROBOSUITE, str(args.seconds)], capture_output=True, text=True, check=True
-        )
+        command = [args.robosuite, "-c", ROBOSUITE, str(args.seconds), "images" if args.images else "state"]
+        answer = subprocess.run(command, capture_output=True, text=True, check=True)
         line = next(x for x in answer.stdout.splitlines() if x.startswith("RESULT")).split()
         other = float(line[1])
         print(f"robosuite {line[3]}, Lift, IIWA, {line[2]}, steps of {float(line[4]):g} s: {other:.2f} simulated s/s\n")
@@ -153,12 +163,10 @@ def main() -> None:
     print("|---|---|---|---|---|---|")
     for world in args.worlds:
         for rows in args.rows:
-            ours, physics = task(world, rows, args.seconds)
+            ours, physics = task(world, rows, args.seconds, args.images)
             times = f"{1 / ours / other:.0f}" if other else "-"
-            print(
-                f"| {world} | {rows} | {1 / ours:.1f} | {1 / physics:.1f} | {physics / ours:.2f} | {times} |",
-                flush=True,
-            )
+            bare = "- | -" if args.images else f"{1 / physics:.1f} | {physics / ours:.2f}"
+            print(f"| {world} | {rows} | {1 / ours:.1f} | {bare} | {times} |", flush=True)
 
 
 if __name__ == "__main__":
