@@ -96,6 +96,10 @@ class Search:
             self.say(f"{state.world.label}: held-out {self.judge.mean(state.loss):.3f} x noise variance; screening")
             trials = self.step(state, given)
             accepted = [t for t in trials if not t.rejected]
+            others = self.others(state.world)
+            if not accepted and others:  # the joints that lack most hide what the others lack
+                elsewhere = self.step(state, given, joints=others)
+                accepted, trials = [t for t in elsewhere if not t.rejected], elsewhere + trials
             if not accepted:
                 state.last = trials
                 break
@@ -116,14 +120,25 @@ class Search:
         predicted = self.evidence.simulated([world])
         return [lack(item, y[0]) for item, y in zip(self.evidence.items, predicted, strict=True)]
 
+    def suspected(self, lacks: list[Lack]) -> list[str]:
+        """Joints at which effects are looked for first."""
+        everywhere = list(self.evidence.items[0].robot.joints)
+        return suspects(lacks, everywhere) if self.evidence.unit == "rad" else everywhere
+
+    def others(self, world: World) -> list[str]:
+        """The joints that are not suspected."""
+        first = self.suspected(self.lacks(world))
+        return [j for j in self.evidence.items[0].robot.joints if j not in first]
+
     def step(self, state: State, given: int, best: int = BEST, joints: Sequence[str] | None = None) -> list[Trial]:
-        """Screens the library against the state, fits the best, judges them; the ones that pass come first."""
+        """Screens the library against the state, fits the best, judges them; the ones that pass come first.
+
+        Everything that is no joint is looked at with the suspected joints; `joints` asks for these alone.
+        """
         lacks = self.lacks(state.world)
-        item = self.evidence.items[0]
-        if joints is None:
-            everywhere = list(item.robot.joints)
-            joints = suspects(lacks, everywhere) if self.evidence.unit == "rad" else everywhere
-        places = candidates(self.evidence, state.world, joints)
+        places = candidates(self.evidence, state.world, self.suspected(lacks) if joints is None else joints)
+        if joints is not None:
+            places = [(name, where) for name, where in places if where in joints]
         jac = state.fit.jacobian if state.fit is not None else None
         scores = self.screened(state.world, state.residual, jac, places, lacks)
         state.screening = scores
