@@ -1,6 +1,7 @@
 """Evaluations resume, pair seeds, refuse what would be no evaluation; controls take away what they say."""
 
 import json
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.evaluate.controls import Controlled
 from vispeg.evaluate.entrants import entrant, entrants, refuse_trained_on
-from vispeg.evaluate.jobs import FIRST_SEED, Job, Pushes, Setting, make_jobs, seeds_of
+from vispeg.evaluate.jobs import FIRST_SEED, STATE_ROWS, Job, Pushes, Setting, make_jobs, seeds_of
 from vispeg.evaluate.overlay import Change, overlay
 from vispeg.evaluate.records import Episode, read
 from vispeg.evaluate.runner import EPISODES, failures, one_thread, run
@@ -71,6 +72,16 @@ def test_workers_give_what_one_process_gives(policy, tmp_path):
 
     two, one = run(jobs, tmp_path / "two", workers=2, arena=fake.toss), run(jobs, tmp_path / "one", arena=fake.toss)
     assert [e.to_json() for e in two] == [e.to_json() for e in one]
+
+
+def test_a_world_that_filament_draws_is_played_by_processes_that_end_with_their_job(policy, tmp_path):
+    import tests.evaluate.fake_arena as fake
+
+    for world, processes in (("S", 1), ("V", 2)):
+        jobs = make_jobs(entrants([policy("a_s0")]), [Setting("nominal", "T")], range(2 * STATE_ROWS), tmp_path)
+        jobs = [replace(job, world=world) for job in jobs]
+        where = {e.time for e in run(jobs, tmp_path / world, workers=1, arena=fake.where)}
+        assert len(where) == processes and (os.getpid() in where) == (world == "S")
 
 
 def test_a_folder_of_another_policy_or_world_is_not_continued(policy, tmp_path):

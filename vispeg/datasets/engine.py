@@ -61,7 +61,9 @@ def _pool(
     context = multiprocessing.get_context("spawn")
     ticks: Any = context.Queue()
     count = min(workers, len(shards))
-    with one_thread(), ProcessPoolExecutor(count, context, _listen, (ticks,)) as pool:
+    # Filament on Vulkan keeps half a megabyte of every picture for as long as the process lives: a process a shard
+    tasks = 1 if plan.backend == "filament" else None
+    with one_thread(), ProcessPoolExecutor(count, context, _listen, (ticks,), max_tasks_per_child=tasks) as pool:
         # few are handed out ahead, so that finished bytes do not pile up while earlier ones are written
         left, waiting = list(shards), dict[Future[bytes], Shard]()
         try:

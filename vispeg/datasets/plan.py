@@ -29,7 +29,7 @@ class Plan:
         seed: of everything.
         noise: standard deviation of what is added to the expert's actions, so that it shows how to come back.
         labels: whether pictures of parts are made too.
-        backend: of the renderer.
+        backend: of the renderer; the world's own where it names one.
         shard_frames: frames of the largest shard.
     """
 

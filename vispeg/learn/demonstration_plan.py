@@ -65,7 +65,7 @@ def plan_of(
         seed,
         noise,
         labels,
-        backend,
+        str(file.renderer.get("backend", backend)),
         shard_frames=per,
     )
     return plan, layout_of(file, task, seen, labels)

@@ -112,8 +112,7 @@ class Stage:
         self.seen = seen_world(file.world, plan.cameras)
         self.sim = PegSimulation(self.physics, self.config, ROWS, "state")
         self.expert = Expert(self.config, ROWS)
-        backend, shadows = str(file.renderer.get("backend", plan.backend)), bool(file.renderer.get("shadows", False))
-        make = {"backend": backend, "shadows": shadows}
+        make = {"backend": plan.backend, "shadows": bool(file.renderer.get("shadows", False))}
         self.labelled = Renderer(self.scene, layout.cameras, labels=True, **make)  # type: ignore[arg-type]
         self.plain = self.labelled if plan.labels else Renderer(self.scene, layout.cameras, **make)  # type: ignore[arg-type]
 
