@@ -95,6 +95,33 @@ def test_a_student_comes_near_its_teacher_and_the_run_can_go_on(tmp_path):
     assert len(curve(folder)) == 5
 
 
+def test_a_killed_distillation_goes_on_after_its_last_round(tmp_path):
+    class Killed(Pointing):
+        """Dies in the second round."""
+
+        steps = 0
+
+        def act(self, obs):
+            self.steps += 1
+            if self.steps > 30:
+                raise KeyboardInterrupt
+            return super().act(obs)
+
+    c = config("depth", recipe="distill", distill={"steps": 160, "updates": 20, "betas": (1.0, 0.5, 0.0)})
+    distilled(c, tmp_path / "whole", make("depth"), False, Pointing())
+    with pytest.raises(KeyboardInterrupt):
+        distilled(c, tmp_path / "part", make("depth"), False, Killed())
+    assert len(curve(tmp_path / "part")) == 1
+    torch.manual_seed(99)  # whatever happened in between
+    distilled(c, tmp_path / "part", make("depth"), False, Pointing())
+    assert curve(tmp_path / "part") == curve(tmp_path / "whole")
+    weights = [(tmp_path / name / "checkpoints/best/policy.safetensors").read_bytes() for name in ("whole", "part")]
+    assert weights[0] == weights[1]
+    assert not (tmp_path / "part/rounds").exists(), "they are large"
+    with pytest.raises(UserError, match="no checkpoint to go on from"):
+        resume(tmp_path / "part", make=make("depth"), show=False)
+
+
 def test_labels_are_the_teachers_whoever_acts():
     env = Sb3Env(Reach(4))
     ring = collect(env, Pointing(), None, 1.0, 80, 0.3, seed=0)

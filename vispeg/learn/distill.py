@@ -26,6 +26,7 @@ from vispeg.learn.clone import CloneSettings, clone
 from vispeg.learn.layout import VECTOR
 from vispeg.learn.policy import NetPolicy
 from vispeg.learn.replay import Replay
+from vispeg.learn.rounds import Rounds
 from vispeg.learn.sb3_env import Sb3Env
 from vispeg.learn.teacher import Teacher
 
@@ -175,17 +176,28 @@ def distill(
     teacher: Teacher,
     settings: DistillSettings,
     seed: int,
-    watch: Callable[[int, float], None] | None = None,
+    watch: Callable[[int, float], dict[str, Any]] | None = None,
+    rounds: Rounds | None = None,
 ) -> list[Replay]:
-    """Runs all rounds; moves `actor`. `watch` is called after each with its number and the loss.
+    """Runs all rounds; moves `actor`.
+
+    Args:
+        actor: the student.
+        modality: its name.
+        env: what the student sees.
+        teacher: whose actions are the labels.
+        settings: numbers.
+        seed: of everything drawn.
+        watch: called after each round with its number and the loss; what it returns is kept with the round.
+        rounds: where rounds are kept; goes on after those that are there.
 
     Returns:
         The rounds' transitions with the teacher's actions, first round first.
     """
-    rings: list[Replay] = []
     optimizer = torch.optim.Adam(actor.parameters(), settings.clone.lr, fused=True)
+    rings = rounds.restore(actor, optimizer) if rounds is not None else []
     student = NetPolicy(actor, modality)
-    for number, beta in enumerate(settings.betas):
+    for number, beta in list(enumerate(settings.betas))[len(rings) :]:
         asked = None if beta >= 1 else student
         noise = settings.noise if 0 < beta < 1 else 0.0
         rings.append(collect(env, teacher, asked, beta, settings.steps, noise, seed + number))
@@ -194,6 +206,7 @@ def distill(
         shares = [(ring, float(len(ring))) for ring in rings]
         rng = stream(seed, "clone", number)
         loss = clone(actor, shares, settings.updates, settings.clone, rng, optimizer=optimizer)
-        if watch is not None:
-            watch(number, loss)
+        told = watch(number, loss) if watch is not None else {}
+        if rounds is not None:
+            rounds.keep(rings[-1], actor, optimizer, told)
     return rings

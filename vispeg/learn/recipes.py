@@ -5,29 +5,31 @@
 
 from __future__ import annotations
 
-import json
+import shutil
 import time
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 from vispeg.core.errors import UserError
-from vispeg.core.files import new_folder
 from vispeg.learn.config import TrainConfig
 from vispeg.learn.distill import DistillSettings, distill
 from vispeg.learn.envs import MakeEnv
 from vispeg.learn.progress import Bar, Table
-from vispeg.learn.replay import Replay
+from vispeg.learn.rounds import Rounds, keep_ring
 from vispeg.learn.teacher import Teacher, teacher_of
 from vispeg.learn.train import SacRun, line
 
+ROUNDS = "rounds"  # of a distillation that is not finished, in the run's folder
 FROZEN = 5_000  # critic updates before a distilled actor moves: critics that know nothing yet would spoil it
 
 
 def distilled(
     config: TrainConfig, folder: Path, make: MakeEnv | None, show: bool, teacher: Teacher | None = None
 ) -> Path:
-    """Distils into a new folder, then reinforces if the recipe says so; returns the best policy's folder.
+    """Distils, then reinforces if the recipe says so; returns the best policy's folder.
+
+    Rounds that a killed distillation finished in the folder are not done again.
 
     Args:
         config: with `teacher` set, unless `teacher` is given.
@@ -48,23 +50,32 @@ def distilled(
         teacher = teacher_of(str(config.teacher), run.env.env.config)  # type: ignore[attr-defined]
     folder.mkdir(parents=True, exist_ok=True)
     config.write(folder / "config.yaml")
-    settings, started = distill_settings(config.distill), time.monotonic()
-    table, bar = Table(folder / "progress.csv", 0), Bar(len(settings.betas), show)
+    rounds = Rounds(folder / ROUNDS, run.model.replay)
+    settings, known = distill_settings(config.distill), rounds.state
+    if known:
+        run.best, run.command = (known["best"][0], known["best"][1]), known["command"]
+    table, upto = Table(folder / "progress.csv", 0), int(known.get("rounds", 0)) * settings.steps
+    table.rows = [row for row in table.rows if int(row["steps"]) <= upto]  # not of a round that is done again
+    bar, started = Bar(len(settings.betas), show), time.monotonic() - table.seconds
 
-    def tell(number: int, loss: float) -> None:
+    def tell(number: int, loss: float) -> dict[str, Any]:
         row = run.row(run.evaluate(), time.monotonic() - started)
         row |= {"steps": (number + 1) * settings.steps, "stage": f"distill {number}", "actor_loss": loss}
         table.add(row)
         bar.say(line(row))
         run.keep_best(row)
+        return {"best": list(run.best), "command": run.command}
 
-    rings = distill(run.model.actor, run.modality.name, run.env, teacher, settings, config.seed, tell)
+    rings = distill(run.model.actor, run.modality.name, run.env, teacher, settings, config.seed, tell, rounds)
     run.model.new = False
     if config.recipe == "distill":
-        return run.close()
-    keep(rings[0], folder / "demos")
-    run.model.demos = rings[0]
-    return run.run()
+        best = run.close()
+    else:
+        keep_ring(rings[0], folder / "demos")
+        run.model.demos = rings[0]
+        best = run.run()
+    shutil.rmtree(folder / ROUNDS)
+    return best
 
 
 def distill_settings(given: Any) -> DistillSettings:
@@ -75,22 +86,3 @@ def distill_settings(given: Any) -> DistillSettings:
             raise UserError("unknown key", key=f"distill.{key}", got=key, choices=known)
     own: dict[str, Any] = {key: tuple(value) if key == "betas" else value for key, value in given.items()}
     return DistillSettings(**own)
-
-
-def keep(ring: Replay, folder: Path) -> None:
-    """Stores demonstrations beside a run, so that it can go on from its checkpoint."""
-    with new_folder(folder, overwrite=True) as place:
-        ring.save(place)
-        (place / "ring.json").write_text(json.dumps({"length": ring.length, "n_envs": ring.n_envs}) + "\n")
-
-
-def kept(folder: Path, like: Replay) -> Replay:
-    """The demonstrations that `keep` stored, for another ring's spaces. Raises UserError if they do not fit."""
-    try:
-        size = json.loads((folder / "ring.json").read_text(encoding="utf-8"))
-        length, rows = int(size["length"]), int(size["n_envs"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise UserError("not stored demonstrations", file=folder / "ring.json") from error
-    ring = Replay(length * rows, like.observation_space, like.action_space, like.device, rows)
-    ring.load(folder)
-    return ring

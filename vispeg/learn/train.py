@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 import time
 from collections import deque
@@ -61,6 +62,7 @@ class SacRun:
         self.best: tuple[float, float] = (-1.0, 0.0)
         self.reached = 0
         self.recent: deque[tuple[bool, str]] = deque(maxlen=100)  # success and category of the last training episodes
+        self.command = command_line(sys.argv)
 
     def _environments(self) -> tuple[Sb3Env, Any]:
         settings = self.course.settings(self.config.settings)
@@ -77,14 +79,16 @@ class SacRun:
         if not folder.is_dir():
             raise UserError("there is no checkpoint to go on from", file=folder)
         counters = load_state(folder, self.model)
+        begun = json.loads((folder / "policy.json").read_text(encoding="utf-8"))
+        self.command = begun["meta"]["command"]  # what made the policy; to resume alone would make none
         self.best, self.reached = (counters["best"][0], counters["best"][1]), counters["reached"]
         self.recent.extend((bool(success), str(category)) for success, category in counters["recent"])
         if counters["stage"] != self.course.at:
             self._move_to(counters["stage"])
         if (self.folder / "demos").is_dir():
-            from vispeg.learn.recipes import kept
+            from vispeg.learn.rounds import kept_ring
 
-            self.model.demos = kept(self.folder / "demos", self.model.replay)
+            self.model.demos = kept_ring(self.folder / "demos", self.model.replay)
 
     def _move_to(self, stage: int) -> None:
         self.env.close()
@@ -173,7 +177,7 @@ class SacRun:
         """What a policy's record says of where it comes from."""
         origin = provenance(sys.argv, self.config.seed)
         record = {
-            "command": command_line(sys.argv),
+            "command": self.command,
             "seed": self.config.seed,
             "recipe": self.config.recipe,
             "world_file": self.config.world,
@@ -218,6 +222,13 @@ def resume(folder: Path, steps: int | None = None, make: MakeEnv | None = None, 
     if steps is not None:
         config = replace(config, steps=steps)
         config.write(folder / "config.yaml")
+    if config.recipe != "sac" and not (folder / "checkpoints" / "last").is_dir():
+        from vispeg.learn.recipes import ROUNDS, distilled
+
+        if not (folder / ROUNDS).is_dir():
+            expected = "a run that was killed after a round of its distillation"
+            raise UserError("there is no checkpoint to go on from", file=folder, expected=expected)
+        return distilled(config, folder, make, show)
     run = SacRun(config, folder, make, show)
     run.resume()
     return run.run()

@@ -1,0 +1,106 @@
+"""Finished rounds of a distillation on disk, so that a killed one goes on with the same curve. No pickle."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
+
+from vispeg.core.errors import UserError
+from vispeg.core.files import new_folder
+from vispeg.learn.actor import Actor
+from vispeg.learn.replay import Replay
+
+
+class Rounds:
+    """The rounds in a folder: each one's transitions, and the student with its optimizer after the last.
+
+    Args:
+        folder: `rounds/` of a run; made by the first `keep`.
+        like: a ring of the spaces that the stored ones have.
+    """
+
+    def __init__(self, folder: Path, like: Replay):
+        self.folder, self.like = folder, like
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """What `keep` was told of the last finished round; empty before the first.
+
+        Raises:
+            UserError: the file is damaged.
+        """
+        path = self.folder / "state.json"
+        try:
+            return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+        except ValueError as error:
+            raise UserError("not the state of a distillation", file=path) from error
+
+    def keep(self, ring: Replay, actor: Actor, optimizer: torch.optim.Optimizer, told: dict[str, Any]) -> None:
+        """Stores one more round. `told` (JSON) comes back as `state`, which is written last: only then it counts."""
+        done = int(self.state.get("rounds", 0))
+        self.folder.mkdir(exist_ok=True)
+        keep_ring(ring, self.folder / f"ring-{done}")
+        name = f"student-{done}.safetensors"
+        save_file({k: v.detach().cpu().contiguous() for k, v in _tensors(actor, optimizer).items()}, self.folder / name)
+        part = self.folder / "state.json.part"
+        part.write_text(json.dumps({**told, "rounds": done + 1, "student": name}, indent=1) + "\n", encoding="utf-8")
+        part.replace(self.folder / "state.json")
+
+    def restore(self, actor: Actor, optimizer: torch.optim.Optimizer) -> list[Replay]:
+        """Puts student, optimizer and torch's generator where the last round left them; returns the rounds' rings.
+
+        Raises:
+            UserError: a file is missing, damaged, or of another student.
+        """
+        state = self.state
+        if not state:
+            return []
+        path = self.folder / state["student"]
+        try:
+            found = load_file(path)
+        except (OSError, SafetensorError) as error:
+            raise UserError("not the student of a distillation", file=path) from error
+        for parameter in actor.parameters():
+            moments = {"exp_avg": torch.zeros_like(parameter), "exp_avg_sq": torch.zeros_like(parameter)}
+            optimizer.state[parameter] = {"step": torch.zeros((), device=parameter.device), **moments}
+        wanted = _tensors(actor, optimizer)
+        # Adam knows nothing of a parameter that never had a gradient
+        known = {k: v for k, v in wanted.items() if k in found or not k.startswith("adam.")}
+        if {k: v.shape for k, v in known.items()} != {k: v.shape for k, v in found.items()}:
+            raise UserError("the student has other shapes", file=path)
+        with torch.no_grad():
+            for key, value in known.items():
+                value.copy_(found[key])
+        torch.set_rng_state(found["rng"])
+        return [kept_ring(self.folder / f"ring-{k}", self.like) for k in range(state["rounds"])]
+
+
+def keep_ring(ring: Replay, folder: Path) -> None:
+    """Stores transitions, with the size of the ring that they need."""
+    with new_folder(folder, overwrite=True) as place:
+        ring.save(place)
+        (place / "ring.json").write_text(json.dumps({"length": ring.length, "n_envs": ring.n_envs}) + "\n")
+
+
+def kept_ring(folder: Path, like: Replay) -> Replay:
+    """The transitions that `keep_ring` stored, for another ring's spaces. Raises UserError if they do not fit."""
+    try:
+        size = json.loads((folder / "ring.json").read_text(encoding="utf-8"))
+        length, rows = int(size["length"]), int(size["n_envs"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise UserError("not stored demonstrations", file=folder / "ring.json") from error
+    ring = Replay(length * rows, like.observation_space, like.action_space, like.device, rows)
+    ring.load(folder)
+    return ring
+
+
+def _tensors(actor: Actor, optimizer: torch.optim.Optimizer) -> dict[str, torch.Tensor]:
+    out = {"rng": torch.get_rng_state(), **{f"actor.{k}": v for k, v in actor.state_dict().items()}}
+    for number, parameter in enumerate(actor.parameters()):
+        out |= {f"adam.{number}.{k}": v for k, v in optimizer.state.get(parameter, {}).items()}
+    return out
