@@ -51,8 +51,9 @@ def test_what_time_out_means(seen, category):
 
 
 def test_deep_beside_the_hole_is_no_success():
-    """Height alone is not success."""
-    assert track([0.024], lateral=0.03).verdict(CONFIG) is None
+    """Height alone is neither success nor having entered."""
+    beside = track([0.024] * 5, lateral=0.03, tilt=0.4)
+    assert beside.verdict(CONFIG) is None and beside.at_time(CONFIG) == "search"
 
 
 def test_dwell_counts_steps_in_a_row():

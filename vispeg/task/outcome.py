@@ -21,7 +21,7 @@ class Track:
 
     Attributes:
         touched: whether the peg ever touched.
-        deepest: greatest depth of the tip below the mouth, m.
+        deepest: greatest depth of the tip below the mouth while over the hole, m; beside the fixture is not in it.
         dwell: policy steps in a row at the goal.
         peak: greatest contact force, N.
         forces: contact force at every control tick, N.
@@ -44,9 +44,9 @@ class Track:
         """One policy step: contact forces at its ticks (N), tip in the hole's frame (3,) m, tilt (rad), slip (m)."""
         depth = float(-tip[2])
         self.lateral, self.tilt, self.slip = float(np.hypot(tip[0], tip[1])), tilt, slip
-        inside = depth >= config.success_depth * config.depth and self.lateral <= 0.5 * config.diameter
-        self.dwell = self.dwell + 1 if inside else 0
-        self.deepest = max(self.deepest, depth)
+        over = self.lateral <= 0.5 * config.diameter
+        self.dwell = self.dwell + 1 if over and depth >= config.success_depth * config.depth else 0
+        self.deepest = max(self.deepest, depth if over else -1.0)
         self.touched |= bool(forces.max() > TOUCH)
         self.peak = max(self.peak, float(forces.max()))
         self.forces.append(forces)
