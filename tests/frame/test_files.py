@@ -126,8 +126,9 @@ def test_failing_write_leaves_no_part(tmp_path, monkeypatch):
 
 
 WRITER = """
-import sys, time
+import signal, sys, time
 from vispeg.core.files import new_folder
+signal.signal(signal.SIGINT, signal.default_int_handler)  # whoever began the tests in the background ignores it
 with new_folder(sys.argv[1]) as folder:
     (folder / "half").write_text("written")
     print("ready", flush=True)
