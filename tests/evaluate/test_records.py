@@ -38,6 +38,8 @@ def test_one_file_may_repeat_another_but_not_contradict_it(tmp_path):
     append(tmp_path / "a.jsonl", [replace(ONE, success=False, category="jam")])
     with pytest.raises(UserError, match="twice with different outcomes"):
         read(tmp_path / "a.jsonl")
+    append(tmp_path / "d.jsonl", [ONE, replace(ONE, world_hash="one place", control="hole_fixed")])
+    assert len(read_all([tmp_path / "d.jsonl"])) == 2, "a control may be a world of its own"
     append(tmp_path / "c.jsonl", [replace(ONE, seed=10, world_hash="other")])
     with pytest.raises(UserError, match="S: two different worlds under one name"):
         read_all([tmp_path / "b.jsonl", tmp_path / "c.jsonl"])

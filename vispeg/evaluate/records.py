@@ -122,10 +122,10 @@ def read_all(paths: Iterable[str | Path]) -> list[Episode]:
 
 
 def check_worlds(episodes: Iterable[Episode]) -> dict[str, str]:
-    """World (and configuration) -> hash. Raises UserError where one name stands for two worlds."""
+    """World (and configuration, and control) -> hash. Raises UserError where one name stands for two worlds."""
     hashes: dict[str, str] = {}
     for e in episodes:
-        name = e.world + (f" / {e.configuration}" if e.configuration else "")
+        name = " / ".join(filter(None, (e.world, e.configuration, e.control)))  # a control may fix the hole
         if hashes.setdefault(name, e.world_hash) != e.world_hash:
             raise UserError("two different worlds under one name", key=name, expected=hashes[name], got=e.world_hash)
     return hashes
