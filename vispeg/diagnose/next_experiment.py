@@ -13,7 +13,8 @@ import numpy as np
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
 from vispeg.diagnose.rivals import Rivals
-from vispeg.diagnose.search import Search, State
+from vispeg.diagnose.search import Search
+from vispeg.diagnose.state import State
 from vispeg.identify.excitation import motion
 from vispeg.identify.record import controller
 from vispeg.sim.rollout import simulate

@@ -9,7 +9,8 @@ from vispeg.core.effect import effect
 from vispeg.core.world import World
 from vispeg.diagnose.judge import present
 from vispeg.diagnose.screen import candidates
-from vispeg.diagnose.search import Search, State, Trial, shortlist
+from vispeg.diagnose.search import Search, shortlist
+from vispeg.diagnose.state import State, Trial
 
 
 @dataclass(frozen=True)

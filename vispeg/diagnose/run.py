@@ -17,7 +17,8 @@ from vispeg.diagnose.next_experiment import next_experiment
 from vispeg.diagnose.progress import Progress
 from vispeg.diagnose.remainder import dependences
 from vispeg.diagnose.rivals import Rivals, find_rivals
-from vispeg.diagnose.search import Search, State, Trial
+from vispeg.diagnose.search import Search
+from vispeg.diagnose.state import State, Trial
 from vispeg.diagnose.verdict import Verdict, decide
 from vispeg.effects.model_file import placed_dict
 from vispeg.identify.evidence import Evidence

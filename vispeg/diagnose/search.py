@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 from scipy import stats
@@ -11,10 +10,11 @@ from scipy import stats
 from vispeg.core.effect import Placed, effect, of_kind
 from vispeg.core.world import World
 from vispeg.diagnose.bic import bic_gain
-from vispeg.diagnose.judge import Gain, Judge, parameters, present
+from vispeg.diagnose.judge import Judge, parameters, present
 from vispeg.diagnose.localise import Lack, joint_z, lack, looks
 from vispeg.diagnose.progress import Progress
 from vispeg.diagnose.screen import Score, candidates, screen
+from vispeg.diagnose.state import State, Trial
 from vispeg.effects.model_file import model_text
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit, Race, fit_job
@@ -30,47 +30,6 @@ PROMISE = 0.3  # of the gain that a step needs, which the score test must promis
 ALPHA = 0.01  # family-wise level of a step, over all places screened (Holm)
 # An effect that acts at times (a torque limit), or beside another that is missing too, gains in few blocks of time:
 DECISIVE = 0.5  # share of the held-out squared error that chance does not remove, so that blocks need pass at 5 % only
-
-
-@dataclass(frozen=True)
-class Trial:
-    """A fitted candidate: what was tried, how it did on held-out recordings, and why it was refused."""
-
-    score: Score
-    fit: Fit
-    loss: np.ndarray
-    gain: Gain
-    rejected: str = ""
-
-
-@dataclass
-class State:
-    """The search so far; `world` starts as the user's model."""
-
-    world: World
-    loss: np.ndarray
-    residual: np.ndarray
-    fit: Fit | None = None
-    first: float = 0.0  # held-out mean squared residual at the start
-    steps: list[tuple[Trial, list[Trial]]] = field(default_factory=list)
-    last: list[Trial] = field(default_factory=list)  # the candidates of a step that accepted none
-    screening: list[Score] = field(default_factory=list)
-    lacks: list[Lack] = field(default_factory=list)
-
-    @property
-    def scale(self) -> float:
-        """Held-out excess over noise that an accepted effect typically removed (geometric mean); at first, all of it.
-
-        What the form of an effect leaves behind is a share of what that effect removed. So in a plant with one dominant
-        effect and many small ones the small ones are not measured by the dominant one alone.
-        """
-        removed = [best.gain.mean for best, _ in self.steps if best.gain.mean > 0]
-        return float(stats.gmean(removed)) if removed else max(self.first - 1.0, 1e-9)
-
-    def removed_by(self, placed: Placed) -> float:
-        """Held-out excess that an effect removed when it was accepted; all of it for one of the user's model."""
-        gains = [b.gain.mean for b, _ in self.steps if b.score.key == (placed.effect, placed.where)]
-        return gains[-1] if gains else max(self.first - 1.0, 1e-9)
 
 
 class Search:
@@ -96,10 +55,6 @@ class Search:
             self.say(f"{state.world.label}: held-out {self.judge.mean(state.loss):.3f} x noise variance; screening")
             trials = self.step(state, given)
             accepted = [t for t in trials if not t.rejected]
-            others = self.others(state.world)
-            if not accepted and others:  # the joints that lack most hide what the others lack
-                elsewhere = self.step(state, given, joints=others)
-                accepted, trials = [t for t in elsewhere if not t.rejected], elsewhere + trials
             if not accepted:
                 state.last = trials
                 break
@@ -120,37 +75,38 @@ class Search:
         predicted = self.evidence.simulated([world])
         return [lack(item, y[0]) for item, y in zip(self.evidence.items, predicted, strict=True)]
 
-    def suspected(self, lacks: list[Lack]) -> list[str]:
-        """Joints at which effects are looked for first."""
-        everywhere = list(self.evidence.items[0].robot.joints)
-        return suspects(lacks, everywhere) if self.evidence.unit == "rad" else everywhere
-
-    def others(self, world: World) -> list[str]:
-        """The joints that are not suspected."""
-        first = self.suspected(self.lacks(world))
-        return [j for j in self.evidence.items[0].robot.joints if j not in first]
-
-    def step(self, state: State, given: int, best: int = BEST, joints: Sequence[str] | None = None) -> list[Trial]:
+    def step(self, state: State, given: int) -> list[Trial]:
         """Screens the library against the state, fits the best, judges them; the ones that pass come first.
 
-        Everything that is no joint is looked at with the suspected joints; `joints` asks for these alone.
+        The joints that lack most come first, and with them everything that is no joint; the other joints, whose lack
+        they may hide, only where nothing passes there; then the first places count as tested too.
         """
-        lacks = self.lacks(state.world)
-        places = candidates(self.evidence, state.world, self.suspected(lacks) if joints is None else joints)
-        if joints is not None:
-            places = [(name, where) for name, where in places if where in joints]
+        lacks, everywhere = self.lacks(state.world), list(self.evidence.items[0].robot.joints)
+        first = suspects(lacks, everywhere) if self.evidence.unit == "rad" else everywhere
+        near = candidates(self.evidence, state.world, first)
+        rest = [p for p in candidates(self.evidence, state.world, everywhere) if p not in near]
+        state.screening = []
+        trials = self.step_at(state, given, near, lacks, len(near))
+        if rest and all(t.rejected for t in trials):
+            trials = self.step_at(state, given, rest, lacks, len(near) + len(rest)) + trials
+        return trials
+
+    def step_at(
+        self, state: State, given: int, places: Sequence[tuple[str, str]], lacks: Sequence[Lack], tested: int
+    ) -> list[Trial]:
+        """The same at these places alone; `tested` places in all share the level of the test."""
         jac = state.fit.jacobian if state.fit is not None else None
         scores = self.screened(state.world, state.residual, jac, places, lacks)
-        state.screening = scores
+        state.screening += scores
         need = max(self.evidence.least_gain * self.judge.mean(state.loss), self.least_share * state.scale)
         if not scores or scores[0].gain / self.evidence.count < PROMISE * need:
             return []
-        short = shortlist(scores, best)
-        trials = self.try_all(state, short, given, len(places))
+        short = shortlist(scores, BEST)
+        trials = self.try_all(state, short, given, tested)
         seen = {s.key[1] for s in short}
         elsewhere = [s for s in scores if s.key[1] not in seen and s.gain / self.evidence.count >= PROMISE * need]
         if elsewhere and all(t.rejected for t in trials):  # alike candidates at one place may have filled the list
-            trials = trials + self.try_all(state, shortlist(elsewhere, best), given, len(places))
+            trials = trials + self.try_all(state, shortlist(elsewhere, BEST), given, tested)
             trials.sort(key=lambda t: bool(t.rejected))
         return trials
 
