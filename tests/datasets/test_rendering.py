@@ -46,7 +46,7 @@ def test_two_workers_one_of_them_killed_make_the_same_bytes(tmp_path, whole, mon
     render(PLAN, LAYOUT, deadly, tmp_path / "d", workers=2, watch=ticks.append)
     assert (tmp_path / "mark").exists()
     assert content(tmp_path / "d") == whole
-    assert sum(ticks) >= 0.9 * PLAN.frames, "ticks are for the eye: a worker's last ones may come after its shard"
+    assert sum(ticks) >= PLAN.frames  # the frames of the shard that was lost are told again
 
 
 def test_workers_that_always_die_are_given_up(tmp_path):

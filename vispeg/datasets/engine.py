@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import queue
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -59,7 +58,7 @@ def _pool(
     shards: Sequence[Shard], source: Source, plan: Plan, layout: Layout, workers: int, tick: Callable[[int], None]
 ) -> Made:
     context = multiprocessing.get_context("spawn")
-    ticks: Any = context.Queue()
+    ticks: Any = context.SimpleQueue()  # put is done when it returns, so a frame is told before its shard
     count = min(workers, len(shards))
     # Filament on Vulkan keeps half a megabyte of every picture for as long as the process lives: a process a shard
     tasks = 1 if plan.backend == "filament" else None
@@ -94,8 +93,5 @@ def _make(source: Source, plan: Plan, layout: Layout, shard: Shard) -> bytes:
 
 
 def _drain(ticks: Any, tick: Callable[[int], None]) -> None:
-    while True:
-        try:
-            tick(ticks.get_nowait())
-        except (queue.Empty, OSError):
-            return
+    while not ticks.empty():
+        tick(ticks.get())
