@@ -1,6 +1,7 @@
 """A killed run goes on with the same curve; imitation comes near its teacher; configurations are checked."""
 
 import csv
+import json
 import shutil
 
 import numpy as np
@@ -58,6 +59,18 @@ def test_a_killed_run_goes_on_with_the_same_curve(tmp_path, mode, sac):
     assert curve(tmp_path / "part") == curve(tmp_path / "whole")
     weights = [(tmp_path / name / "checkpoints/last/state.safetensors").read_bytes() for name in ("whole", "part")]
     assert weights[0] == weights[1]
+
+
+def test_a_resumed_run_tells_the_command_that_made_it_and_clears_its_rounds(tmp_path, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["vispeg", "train", "reach", "--seed", "7"])
+    train(config(steps=160), tmp_path / "run", make("state"), show=False)
+    (tmp_path / "run/rounds").mkdir()  # as a distillation leaves it whose reinforcement was killed
+    for steps in (320, 480):
+        monkeypatch.setattr("sys.argv", ["vispeg", "train", "--resume", "run"])
+        resume(tmp_path / "run", steps, make("state"), show=False)
+        told = json.loads((tmp_path / "run/checkpoints/last/policy.json").read_text())
+        assert told["meta"]["command"] == "vispeg train reach --seed 7"
+    assert not (tmp_path / "run/rounds").exists()
 
 
 def test_stages_follow_success_and_are_remembered(tmp_path):

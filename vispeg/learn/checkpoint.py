@@ -8,12 +8,13 @@ from typing import Any
 
 import torch
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file
 from torch import Tensor
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.learn.sac import AsymmetricSAC
+from vispeg.learn.tensors import adam, fill, wake, write
 
 
 def save_state(folder: Path, model: AsymmetricSAC, counters: dict[str, Any]) -> None:
@@ -22,10 +23,7 @@ def save_state(folder: Path, model: AsymmetricSAC, counters: dict[str, Any]) -> 
     What is not written is the environments' state: call this just before `AsymmetricSAC.restart`, after which nothing
     depends on it.
     """
-    save_file(
-        {name: value.detach().cpu().contiguous() for name, value in _tensors(model).items()},
-        folder / "state.safetensors",
-    )
+    write(folder / "state.safetensors", _tensors(model) | _random(model))
     ring = folder / "replay"
     ring.mkdir(exist_ok=True)
     model.replay.save(ring)
@@ -52,21 +50,14 @@ def load_state(folder: Path, model: AsymmetricSAC) -> dict[str, Any]:
         found = load_file(folder / "state.safetensors")
     except (OSError, ValueError, SafetensorError) as error:
         raise UserError("not a checkpoint that training can go on from", file=folder) from error
-    _touch_optimizers(model)
-    wanted = _tensors(model)
-    idle = {
-        k: torch.zeros_like(v) for k, v in wanted.items() if k.startswith("adam.")
-    }  # moments of what never moved yet
-    found = {**idle, **found}
-    if {k: v.shape for k, v in wanted.items()} != {k: v.shape for k, v in found.items()}:
-        raise UserError("the checkpoint is of a model with other shapes or settings", file=folder / "state.safetensors")
-    with torch.no_grad():
-        for name, value in wanted.items():
-            if not name.startswith("rng."):
-                value.copy_(found[name])
-    torch.set_rng_state(found["rng.torch"])
-    if "rng.cuda" in found and torch.cuda.is_available():
-        torch.cuda.set_rng_state(found["rng.cuda"])
+    for optimizer in _optimizers(model).values():
+        wake(optimizer)
+    random = {name: found.pop(name) for name in [*found] if name.startswith("rng.")}
+    fill(_tensors(model), found, folder / "state.safetensors")
+    if "rng.torch" in random:
+        torch.set_rng_state(random["rng.torch"])
+    if "rng.cuda" in random and torch.cuda.is_available():
+        torch.cuda.set_rng_state(random["rng.cuda"])
     model.replay.load(folder / "replay")
     model.replay.rng.bit_generator.state = own["replay_rng"]
     model.replay.refused = int(own["refused"])
@@ -75,37 +66,26 @@ def load_state(folder: Path, model: AsymmetricSAC) -> dict[str, Any]:
     return own["counters"]
 
 
+def _random(model: AsymmetricSAC) -> dict[str, Tensor]:
+    states = {"rng.torch": torch.get_rng_state()}
+    return states | ({"rng.cuda": torch.cuda.get_rng_state()} if model.device.type == "cuda" else {})
+
+
 def _tensors(model: AsymmetricSAC) -> dict[str, Tensor]:
-    """Every tensor of the run, by name; not copies."""
-    out: dict[str, Tensor] = {"rng.torch": torch.get_rng_state()}
-    if model.device.type == "cuda":
-        out["rng.cuda"] = torch.cuda.get_rng_state()
+    """Every tensor that training moves, by name; not copies."""
+    out: dict[str, Tensor] = {}
     for name in ("actor", "critic", "critic_target"):
         out |= {f"{name}.{key}": value for key, value in getattr(model, name).state_dict().items()}
     if model.log_ent_coef is not None:
         out["log_temperature"] = model.log_ent_coef.detach()
     for name, optimizer in _optimizers(model).items():
-        for number, parameter in enumerate(p for group in optimizer.param_groups for p in group["params"]):
-            for key, value in optimizer.state.get(parameter, {}).items():
-                out[f"adam.{name}.{number}.{key}"] = value
+        out |= adam(optimizer, name)
     return out
 
 
 def _optimizers(model: AsymmetricSAC) -> dict[str, torch.optim.Optimizer]:
     found = {"actor": model.actor.optimizer, "critic": model.critic.optimizer, "temperature": model.ent_coef_optimizer}
     return {name: optimizer for name, optimizer in found.items() if optimizer is not None}
-
-
-def _touch_optimizers(model: AsymmetricSAC) -> None:
-    """Makes Adam's moments exist, without moving a weight, so that they can be filled."""
-    for optimizer in _optimizers(model).values():
-        for group in optimizer.param_groups:
-            for parameter in group["params"]:
-                optimizer.state[parameter] = {
-                    "step": torch.zeros((), dtype=torch.float32, device=parameter.device if group["fused"] else "cpu"),
-                    "exp_avg": torch.zeros_like(parameter),
-                    "exp_avg_sq": torch.zeros_like(parameter),
-                }
 
 
 def restart_seed(seed: int, step: int) -> int:

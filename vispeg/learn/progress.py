@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import sys
 import time
 from collections import Counter, deque
@@ -38,16 +39,20 @@ class Table:
     """progress.csv: a row an evaluation. Rows past the step from which a run goes on are dropped.
 
     `stage` is the curriculum's number, or `distill K`, whose steps are the teacher's and the student's together.
+
+    Args:
+        path: of the file, which may not exist yet.
+        upto: steps of reinforcement from which the run goes on.
+        taught: the same of its distillation; all of it if not given.
     """
 
-    def __init__(self, path: Path, upto: int):
-        self.path, self.rows = path, []
-        self.rows: list[dict[str, Any]]
+    def __init__(self, path: Path, upto: int, taught: float = math.inf):
+        self.path = path
+        self.rows: list[dict[str, Any]] = []
         if path.is_file():
             with path.open(newline="", encoding="utf-8") as stream:
-                self.rows = [
-                    row for row in csv.DictReader(stream) if not row["stage"].isdigit() or int(row["steps"]) <= upto
-                ]
+                found = list(csv.DictReader(stream))
+            self.rows = [r for r in found if int(r["steps"]) <= (upto if r["stage"].isdigit() else taught)]
 
     @property
     def seconds(self) -> float:

@@ -16,11 +16,10 @@ from vispeg.learn.config import TrainConfig
 from vispeg.learn.distill import DistillSettings, distill
 from vispeg.learn.envs import MakeEnv
 from vispeg.learn.progress import Bar, Table
-from vispeg.learn.rounds import Rounds, keep_ring
+from vispeg.learn.rounds import ROUNDS, Rounds, keep_ring
 from vispeg.learn.teacher import Teacher, teacher_of
 from vispeg.learn.train import SacRun, line
 
-ROUNDS = "rounds"  # of a distillation that is not finished, in the run's folder
 FROZEN = 5_000  # critic updates before a distilled actor moves: critics that know nothing yet would spoil it
 
 
@@ -54,8 +53,7 @@ def distilled(
     settings, known = distill_settings(config.distill), rounds.state
     if known:
         run.best, run.command = (known["best"][0], known["best"][1]), known["command"]
-    table, upto = Table(folder / "progress.csv", 0), int(known.get("rounds", 0)) * settings.steps
-    table.rows = [row for row in table.rows if int(row["steps"]) <= upto]  # not of a round that is done again
+    table = Table(folder / "progress.csv", 0, taught=int(known.get("rounds", 0)) * settings.steps)
     bar, started = Bar(len(settings.betas), show), time.monotonic() - table.seconds
 
     def tell(number: int, loss: float) -> dict[str, Any]:

@@ -8,12 +8,15 @@ from typing import Any
 
 import torch
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file
 
 from vispeg.core.errors import UserError
-from vispeg.core.files import new_folder
+from vispeg.core.files import new_folder, write_text_atomic
 from vispeg.learn.actor import Actor
 from vispeg.learn.replay import Replay
+from vispeg.learn.tensors import adam, fill, wake, write
+
+ROUNDS = "rounds"  # of a distillation that is not finished, in the run's folder
 
 
 class Rounds:
@@ -46,10 +49,9 @@ class Rounds:
         self.folder.mkdir(exist_ok=True)
         keep_ring(ring, self.folder / f"ring-{done}")
         name = f"student-{done}.safetensors"
-        save_file({k: v.detach().cpu().contiguous() for k, v in _tensors(actor, optimizer).items()}, self.folder / name)
-        part = self.folder / "state.json.part"
-        part.write_text(json.dumps({**told, "rounds": done + 1, "student": name}, indent=1) + "\n", encoding="utf-8")
-        part.replace(self.folder / "state.json")
+        write(self.folder / name, {"rng": torch.get_rng_state(), **_tensors(actor, optimizer)})
+        text = json.dumps({**told, "rounds": done + 1, "student": name}, indent=1) + "\n"
+        write_text_atomic(self.folder / "state.json", text, overwrite=True)
 
     def restore(self, actor: Actor, optimizer: torch.optim.Optimizer) -> list[Replay]:
         """Puts student, optimizer and torch's generator where the last round left them; returns the rounds' rings.
@@ -65,18 +67,10 @@ class Rounds:
             found = load_file(path)
         except (OSError, SafetensorError) as error:
             raise UserError("not the student of a distillation", file=path) from error
-        for parameter in actor.parameters():
-            moments = {"exp_avg": torch.zeros_like(parameter), "exp_avg_sq": torch.zeros_like(parameter)}
-            optimizer.state[parameter] = {"step": torch.zeros((), device=parameter.device), **moments}
-        wanted = _tensors(actor, optimizer)
-        # Adam knows nothing of a parameter that never had a gradient
-        known = {k: v for k, v in wanted.items() if k in found or not k.startswith("adam.")}
-        if {k: v.shape for k, v in known.items()} != {k: v.shape for k, v in found.items()}:
-            raise UserError("the student has other shapes", file=path)
-        with torch.no_grad():
-            for key, value in known.items():
-                value.copy_(found[key])
-        torch.set_rng_state(found["rng"])
+        wake(optimizer)
+        random = found.pop("rng", torch.get_rng_state())
+        fill(_tensors(actor, optimizer), found, path)
+        torch.set_rng_state(random)
         return [kept_ring(self.folder / f"ring-{k}", self.like) for k in range(state["rounds"])]
 
 
@@ -100,7 +94,4 @@ def kept_ring(folder: Path, like: Replay) -> Replay:
 
 
 def _tensors(actor: Actor, optimizer: torch.optim.Optimizer) -> dict[str, torch.Tensor]:
-    out = {"rng": torch.get_rng_state(), **{f"actor.{k}": v for k, v in actor.state_dict().items()}}
-    for number, parameter in enumerate(actor.parameters()):
-        out |= {f"adam.{number}.{k}": v for k, v in optimizer.state.get(parameter, {}).items()}
-    return out
+    return {f"actor.{k}": v for k, v in actor.state_dict().items()} | adam(optimizer, "actor")

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-import json
+import shutil
 import sys
 import time
 from collections import deque
@@ -27,6 +27,7 @@ from vispeg.learn.evaluation import Outcome, run_episodes, success_rate
 from vispeg.learn.modalities import modality as modality_of
 from vispeg.learn.policy import NetPolicy, save
 from vispeg.learn.progress import Bar, Table, Watch, failures, tensorboard
+from vispeg.learn.rounds import ROUNDS, kept_ring
 from vispeg.learn.sac import AsymmetricSAC
 from vispeg.learn.sb3_env import Sb3Env
 
@@ -79,15 +80,12 @@ class SacRun:
         if not folder.is_dir():
             raise UserError("there is no checkpoint to go on from", file=folder)
         counters = load_state(folder, self.model)
-        begun = json.loads((folder / "policy.json").read_text(encoding="utf-8"))
-        self.command = begun["meta"]["command"]  # what made the policy; to resume alone would make none
+        self.command = counters.get("command", self.command)  # what made the policy; to resume alone would make none
         self.best, self.reached = (counters["best"][0], counters["best"][1]), counters["reached"]
         self.recent.extend((bool(success), str(category)) for success, category in counters["recent"])
         if counters["stage"] != self.course.at:
             self._move_to(counters["stage"])
         if (self.folder / "demos").is_dir():
-            from vispeg.learn.rounds import kept_ring
-
             self.model.demos = kept_ring(self.folder / "demos", self.model.replay)
 
     def _move_to(self, stage: int) -> None:
@@ -166,7 +164,13 @@ class SacRun:
             self.keep_best(row)
         self.reached = self.reached + 1 if last and success >= self.config.target else 0
         moved = self.course.after(success)
-        counters = {"stage": self.course.at, "best": list(self.best), "reached": self.reached, "recent": [*self.recent]}
+        counters = {
+            "command": self.command,
+            "stage": self.course.at,
+            "best": list(self.best),
+            "reached": self.reached,
+            "recent": [*self.recent],
+        }
         with new_folder(self.folder / "checkpoints" / "last", overwrite=True) as place:
             save(place, self.model.actor, self.modality.name, self.meta(row))
             save_state(place, self.model, counters)
@@ -223,7 +227,7 @@ def resume(folder: Path, steps: int | None = None, make: MakeEnv | None = None, 
         config = replace(config, steps=steps)
         config.write(folder / "config.yaml")
     if config.recipe != "sac" and not (folder / "checkpoints" / "last").is_dir():
-        from vispeg.learn.recipes import ROUNDS, distilled
+        from vispeg.learn.recipes import distilled
 
         if not (folder / ROUNDS).is_dir():
             expected = "a run that was killed after a round of its distillation"
@@ -231,4 +235,6 @@ def resume(folder: Path, steps: int | None = None, make: MakeEnv | None = None, 
         return distilled(config, folder, make, show)
     run = SacRun(config, folder, make, show)
     run.resume()
-    return run.run()
+    best = run.run()
+    shutil.rmtree(folder / ROUNDS, ignore_errors=True)  # of a distillation before, whose run was killed after it
+    return best

@@ -1,0 +1,52 @@
+"""Tensors of networks and of Adam by name, for files without pickle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import torch
+from safetensors.torch import save_file
+from torch import Tensor
+
+from vispeg.core.errors import UserError
+
+
+def adam(optimizer: torch.optim.Optimizer, name: str) -> dict[str, Tensor]:
+    """What Adam remembers, as `adam.NAME.PARAMETER.KEY`; not copies, and nothing of what never had a gradient."""
+    parameters = [p for group in optimizer.param_groups for p in group["params"]]
+    return {
+        f"adam.{name}.{number}.{key}": value
+        for number, parameter in enumerate(parameters)
+        for key, value in optimizer.state.get(parameter, {}).items()
+    }
+
+
+def wake(optimizer: torch.optim.Optimizer) -> None:
+    """Makes Adam's moments exist, as zeros and without moving a weight, so that they can be filled."""
+    for group in optimizer.param_groups:
+        for parameter in group["params"]:
+            optimizer.state[parameter] = {
+                "step": torch.zeros((), dtype=torch.float32, device=parameter.device if group["fused"] else "cpu"),
+                "exp_avg": torch.zeros_like(parameter),
+                "exp_avg_sq": torch.zeros_like(parameter),
+            }
+
+
+def write(path: Path, tensors: Mapping[str, Tensor]) -> None:
+    """Writes tensors of any device as safetensors."""
+    save_file({name: value.detach().cpu().contiguous() for name, value in tensors.items()}, path)
+
+
+def fill(wanted: Mapping[str, Tensor], found: Mapping[str, Tensor], file: Path) -> None:
+    """Copies what was found into the tensors of the same names; moments that were not stored stay as they are.
+
+    Raises:
+        UserError: a tensor lacks, is too many, or has another shape; nothing was copied.
+    """
+    known = {name: value for name, value in wanted.items() if name in found or not name.startswith("adam.")}
+    if {k: v.shape for k, v in known.items()} != {k: v.shape for k, v in found.items()}:
+        raise UserError("holds networks with other shapes or settings", file=file)
+    with torch.no_grad():
+        for name, value in known.items():
+            value.copy_(found[name])
