@@ -54,6 +54,24 @@ def test_one_environment_is_a_row_of_many_bit_by_bit(world):
         assert r[1] == s[0] and te[1] == ue[0] and tr[1] == ur[0]
 
 
+@pytest.mark.parametrize("world", [VARIED, "randomized", "noisy-encoders", "P"], ids=["varied", "randomized", "noisy-encoders", "P"])
+def test_a_row_that_begins_anew_leaves_the_others_as_they_were(world):
+    n, seeds = 4, [11, 12, 13, 14]
+    quiet, busy = (PegInHoleVec(n, world=world, autoreset_mode="Disabled") for _ in range(2))
+    for env in (quiet, busy):
+        env.reset(seed=seeds)
+    for k, action in enumerate(actions(n, 6)):
+        if k in (2, 4):
+            busy.reset(seed=[99 + k] * n, options={"reset_mask": np.arange(n) == 1})
+        a, r, *_ = quiet.step(action)
+        b, s, *_ = busy.step(action)
+        others = np.arange(n) != 1
+        assert np.array_equal(r[others], s[others])
+        for key in a:
+            assert np.array_equal(a[key][others], b[key][others]), key
+        assert k < 2 or not np.array_equal(a["policy"][1], b["policy"][1])
+
+
 def test_the_seed_decides_everything():
     """Same seed same episode, another seed another one; later episodes have seeds of their own."""
     env = gym.make("vispeg:PegInHole-v0", world=VARIED)

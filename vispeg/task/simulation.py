@@ -71,6 +71,7 @@ class PegSimulation:
         self.wrench, self.tracks = np.zeros((n, 6)), [Track() for _ in range(n)]
         self.stack = Stack(config.stack, n, policy_size(config))
         self.diverged = np.zeros(n, dtype=bool)
+        self.measured = self.home.copy(), np.zeros_like(self.home)
         self.push: list[Any] = [None] * n
 
     def _tool_weight(self) -> np.ndarray:
@@ -101,7 +102,10 @@ class PegSimulation:
         self.action[rows], self.count[rows], self.wrench[rows], self.diverged[rows] = 0.0, 0, 0.0, False
         self._believe(rows)
         self.cell.read()
-        self.see(self.cell.x.q.copy(), self.cell.x.dq.copy())
+        begun = np.isin(np.arange(self.nsim), rows)[:, None]  # the others go on with what they last measured
+        true = self.cell.x.q, self.cell.x.dq
+        q, dq = (np.where(begun, new, known) for new, known in zip(true, self.measured, strict=True))
+        self.see(q, dq)
         self.stack.fill(rows, self._policy_part())
 
     def _start(self, rows: np.ndarray, pos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
