@@ -45,6 +45,20 @@ def test_saving_and_loading_keeps_every_action(tmp_path, name, recurrent):
         assert np.array_equal(policy.act(obs), other.act(obs))
 
 
+@pytest.mark.parametrize(("name", "recurrent"), [("state", 0), ("state", 8), ("depth", 0), ("rgbd", 8)])
+def test_actions_are_the_same_bit_for_bit_whatever_plays_beside(name, recurrent):
+    policy, n = made(name, recurrent), 21
+    obs = [observation(policy, n, seed=k) for k in range(3)]
+
+    def played(rows):
+        policy.reset(len(rows))
+        return np.stack([policy.act({key: value[rows] for key, value in o.items()}) for o in obs])
+
+    together = played(np.arange(n))
+    for rows in ([0], [13], [20, 3], list(range(7)), list(range(n))[::-1]):
+        assert np.array_equal(played(np.array(rows)), together[:, rows])
+
+
 def test_a_row_that_begins_anew_forgets_and_others_do_not():
     policy, fresh = made("state", 8), made("state", 8)
     policy.reset(4)

@@ -12,11 +12,12 @@ import torch
 from safetensors import SafetensorError
 from safetensors.torch import load as load_tensors
 from safetensors.torch import save as save_tensors
+from torch import Tensor
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_bytes_atomic, write_text_atomic
 from vispeg.learn.actor import Actor, State
-from vispeg.learn.layout import Layout
+from vispeg.learn.layout import VECTOR, Layout
 from vispeg.learn.modalities import modality as modality_of
 
 FORMAT = "vispeg-policy/1"
@@ -50,6 +51,9 @@ class Policy(Protocol):
         ...
 
 
+BLOCK = 8  # rows a network sees at once; more would cost a lone episode, fewer a crowd
+
+
 class NetPolicy:
     """A trained actor that acts without exploring.
 
@@ -73,15 +77,42 @@ class NetPolicy:
             self._state = (self._state[0] * going, self._state[1] * going)
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
-        """See Policy. Raises UserError for an observation of another layout."""
+        """See Policy. An episode's actions are the same, bit for bit, whatever plays beside it.
+
+        A product of matrices rounds otherwise when it has other rows, and contact makes another episode of a last bit;
+        so the network always sees blocks of one size.
+
+        Raises:
+            UserError: an observation of another layout.
+        """
         self.actor.layout.check(obs)
         device = self.actor.mean.weight.device
         parts = {key: torch.as_tensor(np.ascontiguousarray(obs[key]), device=device) for key in self.actor.layout.keys}
+        n = len(obs[VECTOR])
         with torch.inference_mode():
-            latent, self._state = self.actor.latent(self.actor.features(parts), self._state)
-            if self.actor.offset is not None:
-                self.estimate = OFFSET_M * self.actor.offset(latent).cpu().numpy()
-            return torch.tanh(self.actor.mean(latent)).cpu().numpy().astype(np.float32)
+            blocks = [self._block(parts, slice(at, min(at + BLOCK, n))) for at in range(0, n, BLOCK)]
+        actions, offsets, hidden, cell = zip(*blocks, strict=True)
+        if self.recurrent:
+            self._state = torch.cat(hidden, dim=1), torch.cat(cell, dim=1)
+        if self.actor.offset is not None:
+            self.estimate = OFFSET_M * torch.cat(offsets).cpu().numpy()
+        return torch.cat(actions).cpu().numpy().astype(np.float32)
+
+    def _block(self, parts: Mapping[str, Tensor], rows: slice) -> tuple[Any, Any, Any, Any]:
+        """Action, offset, hidden and cell state of some rows, of which there may be fewer than a block's."""
+        n = rows.stop - rows.start
+        state = None if self._state is None else tuple(_full(x[:, rows], 1) for x in self._state)
+        features = self.actor.features({key: _full(x[rows], 0) for key, x in parts.items()})
+        latent, after = self.actor.latent(features, state)  # type: ignore[arg-type]
+        hidden, cell = (None, None) if after is None else (x[:, :n] for x in after)
+        offset = None if self.actor.offset is None else self.actor.offset(latent)[:n]
+        return torch.tanh(self.actor.mean(latent))[:n], offset, hidden, cell
+
+
+def _full(x: Tensor, axis: int) -> Tensor:
+    """Some rows, the first repeated until there are a block's."""
+    lack = BLOCK - x.shape[axis]
+    return torch.cat([x, *[x.narrow(axis, 0, 1)] * lack], dim=axis) if lack else x
 
 
 OFFSET_M = 0.03  # a unit of the offset that actors estimate: `privileged[:3]` is the tip in the hole's frame over this
