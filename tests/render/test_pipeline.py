@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -80,6 +81,25 @@ def test_a_row_that_gets_a_new_world_leaves_the_others():
     np.testing.assert_array_equal(out.rgb[1:], run(b, frame=busy(2)).rgb[1:])
     pipeline.place([0, 1], [World(), World()])
     assert pipeline.stages == []
+
+
+@pytest.mark.parametrize("name", sorted(n for n in of_kind("camera") if effect(n).overrides("image")))
+def test_images_that_do_not_pass_stay_as_rendered_and_are_not_remembered(name):
+    moments = [replace(busy(2), time=np.full(2, 0.16 * k)) for k in range(3)]
+    flipped = replace(moments[1], rgb=moments[1].rgb[:, ::-1].copy(), depth=moments[1].depth[:, ::-1].copy())
+
+    def drawn(k):
+        return [stream(k, "row", i) for i in range(2)]
+
+    plain, disturbed = Pipeline([started(name)] * 2, "c"), Pipeline([started(name)] * 2, "c")
+    for k in (0, 1):
+        first, second = (p.run(moments[k], drawn(k)) for p in (plain, disturbed))
+    beside = disturbed.run(flipped, drawn(7), np.array([False, True]))
+    np.testing.assert_array_equal(beside.rgb[0], flipped.rgb[0])
+    np.testing.assert_array_equal(beside.depth[0], flipped.depth[0])
+    first, second = (p.run(moments[2], drawn(2)) for p in (plain, disturbed))
+    np.testing.assert_array_equal(first.rgb[0], second.rgb[0])
+    np.testing.assert_array_equal(first.depth[0], second.depth[0])
 
 
 def test_mistakes_are_said():

@@ -43,6 +43,27 @@ def test_one_row_sees_what_it_sees_among_many():
         a, b = many.step(np.full((2, 3), 0.3))[0], one.step(np.full((1, 3), 0.3))[0]
 
 
+def test_a_row_that_begins_anew_shows_the_others_no_moment_twice():
+    """With cameras that remember: latency, lost frames, errors that last."""
+    slow = Ranged("camera_delay", "all", {"delay": Uniform(0.1, 0.3)}), Ranged("dropped_frames", "all", {"chance": 0.3})
+    lasting = Ranged("depth_temporal", "all", {"sd": 0.2, "rho": 0.8, "length": 1.0})
+    world = World(ranges=(*WORLD.ranges, *slow, lasting))
+    calm, busy = (
+        PegInHoleVec(3, world=world, obs_mode="rgbd", autoreset_mode="Disabled", **SMALL | {"steps": 9})
+        for _ in range(2)
+    )
+    for env in (calm, busy):
+        env.reset(seed=[4, 5, 6])
+    for k in range(6):
+        if k in (2, 3):
+            busy.reset(seed=[70 + k] * 3, options={"reset_mask": np.array([False, True, False])})
+        action = np.full((3, 3), 0.3 - 0.1 * k)
+        a, b = calm.step(action)[0], busy.step(action)[0]
+        for key in a:
+            assert np.array_equal(a[key][[0, 2]], b[key][[0, 2]]), (k, key)
+            assert k < 2 or not np.array_equal(a[key][1], b[key][1])
+
+
 def test_images_keep_their_spaces_and_their_units():
     """Types and shapes as announced; depth of the near fixture is a few tenths of a metre."""
     env = PegInHoleVec(1, world="nominal", obs_mode="rgbd", **SMALL)

@@ -27,6 +27,13 @@ class Stage:
     streams: Streams
     state: dict[str, Any] = field(default_factory=dict)
 
+    def at(self, rows: np.ndarray | None) -> dict[str, np.ndarray]:
+        """The parameters, null but in these rows (n,) bool; in all if None."""
+        if rows is None:
+            return self.p
+        null = {k: np.where(rows, self.p[k], self.effect.params[k].null) for k in self.effect.magnitudes}
+        return {**self.p, **null}
+
 
 class Pipeline:
     """What a camera makes of rendered images: row i of a stack goes through the effects of world i.
@@ -72,12 +79,13 @@ class Pipeline:
                     stage.p[name][row] = value.value
         self._stages = {name: s for name, s in self._stages.items() if self._at_work(s)}
 
-    def run(self, frame: Frame, rng: Sequence[np.random.Generator]) -> Frame:
+    def run(self, frame: Frame, rng: Sequence[np.random.Generator], rows: np.ndarray | None = None) -> Frame:
         """The images as the camera delivers them; `frame` stays as it is.
 
         Args:
             frame: as rendered, one image a row. Where it has depth but no truth, its depth is the truth.
             rng: one generator an image; each gives one number a call.
+            rows: (n,) bool, the images that pass; the others stay as rendered, and nothing of them is remembered.
 
         Raises:
             ValueError: not one image and one generator for each world.
@@ -93,10 +101,10 @@ class Pipeline:
         )
         for in_light, group in groupby(self.stages, lambda s: isinstance(s.effect, LightEffect)):
             if in_light:
-                pass_light([(s.effect, s.p, s.streams.begin(keys)) for s in group], out)  # type: ignore[misc]
+                pass_light([(s.effect, s.at(rows), s.streams.begin(keys)) for s in group], out)  # type: ignore[misc]
                 continue
             for stage in group:
-                stage.effect.image(stage.state, out, stage.p, stage.streams.begin(keys))
+                stage.effect.image(stage.state, out, stage.at(rows), stage.streams.begin(keys))
         return replace(out, truth=frame.truth)
 
     def _stage(self, kind: Effect) -> Stage:

@@ -126,6 +126,8 @@ class Eyes:
         self._infrared: dict[int, Renderer] = {}
         self._guard: Renderer | None = None
         self._renderers: list[Renderer] = []
+        self._new = np.zeros(sim.nsim, bool)  # rows drawn anew since they were last delivered
+        self._delivered: dict[str, np.ndarray] = {}
         if not sim.scene.cameras:
             return
         self.cameras = task_cameras(sim, self._camera_file)
@@ -135,6 +137,10 @@ class Eyes:
         }
         self._matchers: list[dict[str, dict[str, float]]] = [{} for _ in range(sim.nsim)]  # cameras that match depth
         self._shots: list[dict[str, Shot] | None] = [None] * sim.nsim
+        self._delivered = {
+            name: np.zeros((sim.nsim, *(space.shape or ())), space.dtype)
+            for name, space in image_spaces(obs_mode, self.cameras).items()
+        }
         self._varied = any(effect(r.effect).kind == "appearance" for r in sim.world.ranges)
 
     def _renderer(self, cameras: Sequence[Camera], labels: bool = False) -> Renderer:
@@ -183,22 +189,30 @@ class Eyes:
                 if eyes is not self._renderers[row]:
                     eyes.render(qpos, sim.bodies(row))
                 shots[name] = replace(shots[name], depth=block_matching.depth(eyes, name, p, rng, qpos))
-            self._shots[row] = shots
+            self._shots[row], self._new[row] = shots, True
 
     def see(self) -> dict[str, np.ndarray]:
-        """The images of every row, as `image_spaces` states; rows are drawn anew by `look`."""
-        out: dict[str, np.ndarray] = {}
-        sim = self.sim
+        """The images of every row, as `image_spaces` states; rows are drawn anew by `look`.
+
+        What was not drawn anew is delivered as before: a camera that remembers does not see a moment twice.
+        """
+        if self._new.any():
+            self._deliver(self._new)
+            self._new[:] = False
+        return {name: images.copy() for name, images in self._delivered.items()}
+
+    def _deliver(self, rows: np.ndarray) -> None:
+        sim, some = self.sim, None if rows.all() else rows
         for i, c in enumerate(self.cameras):
             shots = [shots[c.name] for shots in self._shots if shots is not None]
             rng = [stream(int(s), "image", c.name, int(k)) for s, k in zip(sim.seeds, sim.count, strict=True)]
-            frame = self._pipelines[c.name].run(self._frame(i, c, shots), rng)
+            frame = self._pipelines[c.name].run(self._frame(i, c, shots), rng, some)
             if frame.depth is not None:
-                out[f"depth_{c.name}"] = np.clip(np.nan_to_num(frame.depth), 0, FAR)[:, None].astype(np.float32)
+                depth = np.clip(np.nan_to_num(frame.depth[rows]), 0, FAR)
+                self._delivered[f"depth_{c.name}"][rows] = depth[:, None]
             if frame.rgb is not None:
-                image = np.round(255 * np.clip(frame.rgb, 0, 1)).astype(np.uint8)
-                out[f"rgb_{c.name}"] = np.ascontiguousarray(np.moveaxis(image, -1, 1))
-        return out
+                image = np.round(255 * np.clip(frame.rgb[rows], 0, 1)).astype(np.uint8)
+                self._delivered[f"rgb_{c.name}"][rows] = np.moveaxis(image, -1, 1)
 
     def _frame(self, i: int, camera: Camera, shots: Sequence[Shot]) -> Frame:
         rgb = depth = None
