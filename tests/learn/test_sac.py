@@ -29,9 +29,12 @@ def success(model, mode):
     return success_rate(run_episodes(policy, Reach(32, mode), range(5000, 5032)))
 
 
-@pytest.mark.parametrize(("mode", "recurrent", "steps"), [("state", 0, 480), ("depth", 0, 480), ("state", 16, 480)])
-def test_learns_to_reach(mode, recurrent, steps):
-    model = learner(mode, utd=1.0, lr=1e-3, recurrent=recurrent)
+@pytest.mark.parametrize(
+    ("mode", "changes", "steps"),
+    [("state", {}, 480), ("depth", {}, 480), ("state", {"recurrent": 16}, 480), ("depth", {"symmetric": True}, 640)],
+)
+def test_learns_to_reach(mode, changes, steps):
+    model = learner(mode, utd=1.0, lr=1e-3, **changes)
     assert success(model, mode) < 0.5
     model.learn(steps, log_interval=None)
     assert success(model, mode) > 0.9
@@ -85,6 +88,22 @@ def test_critics_take_no_pixels_and_actors_no_ground_truth():
     policy.reset(4)
     lied = obs | {"privileged": obs["privileged"] + 1}
     assert np.array_equal(policy.act(obs), policy.act(lied))
+
+
+@pytest.mark.parametrize("recurrent", [0, 8])
+def test_symmetric_critics_take_pixels_through_encoders_of_their_own_and_no_ground_truth(recurrent):
+    model = learner("depth", symmetric=True, recurrent=recurrent, shift=1)
+    assert set(model.critic.keys) == {"policy"} and set(model.critic.encoders) == {"depth_wrist"}
+    model.learn(320, log_interval=None)
+    batch, _ = model._sample("both")
+    q = model.critic(batch.obs, batch.action)
+    assert q.shape == (*batch.reward.shape, 2)
+    lied = {**batch.obs, "privileged": batch.obs["privileged"] + 1}
+    assert torch.equal(model.critic(lied, batch.action), q)
+    blank = {**batch.obs, "depth_wrist": torch.zeros_like(batch.obs["depth_wrist"])}
+    assert not torch.allclose(model.critic(blank, batch.action), q)
+    own = {id(p) for p in model.critic.encoders.parameters()}
+    assert own and not own & {id(p) for p in model.actor.parameters()}
 
 
 def test_updates_per_step_are_what_was_asked():

@@ -47,7 +47,9 @@ def curve(folder):
         return [{k: v for k, v in row.items() if k != "seconds"} for row in csv.DictReader(stream)]
 
 
-@pytest.mark.parametrize(("mode", "sac"), [("state", {}), ("depth", {}), ("state", {"recurrent": 8})])
+@pytest.mark.parametrize(
+    ("mode", "sac"), [("state", {}), ("depth", {}), ("state", {"recurrent": 8}), ("depth", {"symmetric": True})]
+)
 def test_a_killed_run_goes_on_with_the_same_curve(tmp_path, mode, sac):
     from dataclasses import replace
 

@@ -49,6 +49,8 @@ class Args:
     """Critic updates per environment step."""
     recurrent: int = 0
     """Width of an LSTM in place of stacked observations; 0 for none."""
+    symmetric: bool = False
+    """Critics that see what the actor sees, in place of ground truth; slower, and there for comparison."""
     teacher: str | None = None
     """Policy folder of the teacher for the distill recipes, or expert for the scripted one."""
     distill_steps: int = 4000
@@ -84,7 +86,8 @@ class Args:
             raise UserError("no such task", got=self.task, choices=[f"peg-{name}" for name in names()])
         seen = modality(self.task.removeprefix("peg-"))
         sac = defaults(bool(seen.kinds))
-        sac = replace(sac, recurrent=self.recurrent, utd=sac.utd if self.utd is None else self.utd)
+        utd = sac.utd if self.utd is None else self.utd
+        sac = replace(sac, recurrent=self.recurrent, utd=utd, symmetric=self.symmetric)
         own = () if self.clearance is None else (self.clearance,)
         config = TrainConfig(
             self.task,

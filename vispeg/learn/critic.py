@@ -1,13 +1,14 @@
-"""The critics: Q functions of ground truth and action, which need no pixels."""
+"""The critics: Q functions of ground truth and action, which need no pixels, or of what the actor sees."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 
-from vispeg.learn.nets import Scale, mlp
+from vispeg.learn.nets import Scale, mlp, random_shift
 
 
 class Critic(nn.Module):
@@ -17,13 +18,23 @@ class Critic(nn.Module):
         sizes: length of each observed vector, by key, in the order in which they are read.
         action: length of the action.
         hidden: widths of each perceptron.
+        encoders: image encoders with an attribute `features`, by key, which both Q functions share; none for critics
+            without pixels.
     """
 
-    def __init__(self, sizes: Mapping[str, int], action: int, hidden: Sequence[int] = (256, 256)):
+    def __init__(
+        self,
+        sizes: Mapping[str, int],
+        action: int,
+        hidden: Sequence[int] = (256, 256),
+        encoders: Mapping[str, nn.Module] | None = None,
+    ):
         super().__init__()
         self.keys = tuple(sizes)
-        inputs = sum(sizes.values())
-        self.scale = Scale(inputs)
+        self.scale = Scale(sum(sizes.values()))
+        self.encoders = nn.ModuleDict(encoders or {})
+        seen: list[Any] = list(self.encoders.values())
+        inputs = sum(sizes.values()) + sum(encoder.features for encoder in seen)
         self.nets = nn.ModuleList(
             nn.Sequential(mlp(inputs + action, hidden), nn.Linear(hidden[-1], 1)) for _ in range(2)
         )
@@ -32,7 +43,11 @@ class Critic(nn.Module):
         """(..., inputs) unscaled."""
         return torch.cat([obs[key] for key in self.keys], dim=-1)
 
-    def forward(self, obs: Mapping[str, Tensor], action: Tensor) -> Tensor:
-        """Q values (..., 2)."""
-        x = torch.cat([self.scale(self.inputs(obs)), action], dim=-1)
+    def forward(self, obs: Mapping[str, Tensor], action: Tensor, shift: int = 0) -> Tensor:
+        """Q values (..., 2). `shift` moves images at random, in pixels."""
+        parts = [self.scale(self.inputs(obs))]
+        for key, encoder in self.encoders.items():
+            images = obs[key].flatten(0, -4)  # of a sequence's (time, n)
+            parts.append(encoder(random_shift(images, shift)).unflatten(0, obs[key].shape[:-3]))
+        x = torch.cat([*parts, action], dim=-1)
         return torch.cat([net(x) for net in self.nets], dim=-1)

@@ -1,7 +1,8 @@
 """Soft actor-critic on Stable-Baselines3's loop, with an actor that sees and critics that know.
 
 The critics read ground truth (`privileged`) and the actor's vector (`policy`), never pixels, so that a critic's update
-costs the same for every modality (asymmetric actor-critic, Pinto et al. 2017, arXiv:1710.06542).
+costs the same for every modality (asymmetric actor-critic, Pinto et al. 2017, arXiv:1710.06542). Symmetric critics, for
+comparison, read what the actor reads, images through encoders of their own.
 """
 
 # SB3 declares its networks more widely than what stands in them here.
@@ -35,22 +36,23 @@ class AsymmetricPolicy(SACPolicy):
     """Our actor, critics and target critics where Stable-Baselines3 expects its own."""
 
     def __init__(
-        self, observation_space: Any, action_space: Any, lr_schedule: Any, *, given: Callable[[], Actor], **_: Any
+        self,
+        observation_space: Any,
+        action_space: Any,
+        lr_schedule: Any,
+        *,
+        given: Callable[[], tuple[Actor, Callable[[], Critic]]],
+        **_: Any,
     ):
         self._given = given  # a function, because a module cannot be kept before the base class is ready
         super().__init__(observation_space, action_space, lr_schedule)
 
     def _build(self, lr_schedule: Any) -> None:
         lr, device = float(lr_schedule(1)), self.device
-        sizes = {
-            key: int(np.prod(self.observation_space.spaces[key].shape))  # type: ignore[attr-defined]
-            for key in (PRIVILEGED, VECTOR)
-            if key in self.observation_space.spaces  # type: ignore[attr-defined]
-        }
-        self.actor: Any = self._given().to(device)
-        action, hidden = self.actor.layout.action, self.actor.hidden
-        self.critic: Any = Critic(sizes, action, hidden).to(device)
-        self.critic_target: Any = Critic(sizes, action, hidden).to(device)
+        actor, critic = self._given()
+        self.actor: Any = actor.to(device)
+        self.critic: Any = critic().to(device)
+        self.critic_target: Any = critic().to(device)
         self.critic_target.load_state_dict(self.critic.state_dict())
         self.critic_target.requires_grad_(False)
         self.actor.optimizer = torch.optim.Adam(self.actor.parameters(), lr, fused=True)
@@ -87,6 +89,11 @@ class AsymmetricSAC(SAC):
     ):
         layout = Layout.of(env.observation_space, env.action_space, modality.kinds)
         torch.manual_seed(seed)
+
+        def networks() -> tuple[Actor, Callable[[], Critic]]:
+            actor = Actor(layout, modality, settings.hidden, settings.recurrent)
+            return actor, lambda: critics(env.observation_space, layout, modality, settings)
+
         self.settings, self.measured, self.demos, self.new = settings, False, None, True
         self.demos: Replay | None
         self._owed, self._hidden = 0.0, None
@@ -103,7 +110,7 @@ class AsymmetricSAC(SAC):
             ent_coef=f"auto_{settings.entropy}",
             replay_buffer_class=Replay,  # type: ignore[arg-type]
             replay_buffer_kwargs={"seed": seed},
-            policy_kwargs={"given": lambda: Actor(layout, modality, settings.hidden, settings.recurrent)},
+            policy_kwargs={"given": networks},
             seed=seed,
             device=device,
         )
@@ -123,7 +130,7 @@ class AsymmetricSAC(SAC):
             self._owed -= 1
             self._n_updates += 1
             acts = self._n_updates % s.critic_per_actor == 0 and self._n_updates > s.actor_frozen
-            batch, demos = self._sample("both" if acts else "after")
+            batch, demos = self._sample("both" if acts or s.symmetric else "after")
             told["critic_loss"] = self._update_critic(batch)
             if acts:
                 told |= self._update_actor(batch, demos)
@@ -155,11 +162,12 @@ class AsymmetricSAC(SAC):
 
     def _update_critic(self, batch: Batch) -> Tensor:
         """One step on (Q - (r + gamma (1 - done) (min Q'(s', a') - alpha log pi(a'|s'))))^2 / 2 for both critics."""
+        shift = self.settings.shift
         with torch.no_grad():
             action, log_prob = self.actor.sample(latents(self.actor, batch, after=True))
-            value = self.critic_target(batch.next_obs, action).amin(-1) - self._temperature() * log_prob
+            value = self.critic_target(batch.next_obs, action, shift).amin(-1) - self._temperature() * log_prob
             target = batch.reward + (1 - batch.done) * self.gamma * value
-        error = self.critic(batch.obs, batch.action) - target[..., None]
+        error = self.critic(batch.obs, batch.action, shift) - target[..., None]
         loss = 0.5 * _mean(error.square().sum(-1), batch.weight)
         _step(self.critic, loss)
         return loss.detach()
@@ -170,7 +178,7 @@ class AsymmetricSAC(SAC):
         latent = latents(self.actor, batch, False, s.shift)
         action, log_prob = self.actor.sample(latent)
         self.critic.requires_grad_(False)
-        q = self.critic(batch.obs, action).amin(-1)
+        q = self.critic(batch.obs, action, s.shift).amin(-1)
         self.critic.requires_grad_(True)
         loss = _mean(self._temperature() * log_prob - q, batch.weight)
         if demos:
@@ -234,6 +242,18 @@ class AsymmetricSAC(SAC):
         self.replay.cut()
         self.env.seed(seed)  # type: ignore[union-attr]
         self._last_obs, self._hidden = self.env.reset(), None  # type: ignore[union-attr,assignment]
+
+
+def critics(space: Any, layout: Layout, modality: Modality, settings: SacSettings) -> Critic:
+    """New critics, of ground truth and the actor's vector, or of what the actor sees."""
+    keys = (VECTOR,) if settings.symmetric else tuple(k for k in (PRIVILEGED, VECTOR) if k in space.spaces)
+    images = layout.images if settings.symmetric else {}
+    return Critic(
+        {key: int(np.prod(space.spaces[key].shape)) for key in keys},
+        layout.action,
+        settings.hidden,
+        {key: modality.encoder(key, shape) for key, shape in images.items()},
+    )
 
 
 def tensors(obs: Mapping[str, np.ndarray], layout: Layout, device: torch.device | str) -> dict[str, Tensor]:

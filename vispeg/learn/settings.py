@@ -25,6 +25,7 @@ class SacSettings:
         recurrent: width of the actor's LSTM; 0 for a feed-forward actor.
         horizon: steps of an episode that a recurrent actor learns from.
         shift: random shift of images, in pixels.
+        symmetric: whether critics see what the actor sees, in place of ground truth; of no memory.
         demo_fraction: of each batch, drawn from demonstrations if there are any.
         clone_start, clone_end, clone_updates: weight of imitating demonstrations beside Q, falling linearly over that
             many actor updates.
@@ -44,6 +45,7 @@ class SacSettings:
     recurrent: int = 0
     horizon: int = 50
     shift: int = 2
+    symmetric: bool = False
     demo_fraction: float = 0.5
     clone_start: float = 1.0
     clone_end: float = 0.1
