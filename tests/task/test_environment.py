@@ -8,7 +8,9 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from vispeg.core.distribution import Uniform
+from vispeg.core.errors import UserError
 from vispeg.core.world import Ranged, World
+from vispeg.task.divergence import replay
 from vispeg.task.vector import PegInHoleVec, episode_seed
 
 VARIED = World(
@@ -54,7 +56,9 @@ def test_one_environment_is_a_row_of_many_bit_by_bit(world):
         assert r[1] == s[0] and te[1] == ue[0] and tr[1] == ur[0]
 
 
-@pytest.mark.parametrize("world", [VARIED, "randomized", "noisy-encoders", "P"], ids=["varied", "randomized", "noisy-encoders", "P"])
+@pytest.mark.parametrize(
+    "world", [VARIED, "randomized", "noisy-encoders", "P"], ids=["varied", "randomized", "noisy-encoders", "P"]
+)
 def test_a_row_that_begins_anew_leaves_the_others_as_they_were(world):
     n, seeds = 4, [11, 12, 13, 14]
     quiet, busy = (PegInHoleVec(n, world=world, autoreset_mode="Disabled") for _ in range(2))
@@ -154,3 +158,26 @@ def test_a_diverged_row_ends_alone():
     assert np.isfinite(reward).all() and all(np.isfinite(v).all() for v in obs.values())
     assert all(np.isfinite(v).all() for v in info["final_obs"].values())
     assert all(np.array_equal(obs[k][1], other[k][1]) for k in obs)
+
+
+@pytest.mark.parametrize("world", [VARIED, "randomized"], ids=["varied", "randomized"])
+def test_what_a_diverged_episode_leaves_plays_it_again_bit_by_bit(world, tmp_path):
+    env = PegInHoleVec(3, world=world, autoreset_mode="Disabled", dump=tmp_path, clearance_mm=2.0)
+    env.set_level(0.7, radius=0.01)
+    env.reset(seed=[21, 22, 23])
+    env.push([1], [30.0, 0.0, 0.0], 0.2, 0.2)
+    given = actions(3, 5)
+    for action in given[:4]:
+        env.step(action)
+    before = env.sim.cell.qpos[1].copy(), env.sim.cell.qvel[1].copy()
+    env.sim.cell.qvel[1, 3] = np.nan
+    *_, infos = env.step(given[4])
+    assert infos["record"][1]["replay"] == str(tmp_path / "22") and [p.name for p in tmp_path.iterdir()] == ["22"]
+    again, last = replay(tmp_path / "22")
+    assert np.array_equal(again.sim.cell.qpos[0], before[0]) and np.array_equal(again.sim.cell.qvel[0], before[1])
+    assert np.array_equal(last[0], np.clip(given[4][1], -1, 1))
+    again.step(last)  # without the fault that was planted above
+    assert not again.sim.diverged[0]
+    (tmp_path / "22" / "episode.json").write_text("{}")
+    with pytest.raises(UserError, match="episode.json: not an episode"):
+        replay(tmp_path / "22")

@@ -35,7 +35,7 @@ def environment(job: Job, render_mode: str | None = None) -> Any:
     """The vector environment of a job, that of the last job where it is the same."""
     from vispeg.task.vector import PegInHoleVec
 
-    key = (job.world, job.world_hash, job.entrant.modality, str(job.entrant.task), job.rows, render_mode)
+    key = (job.world, job.world_hash, job.entrant.modality, str(job.entrant.task), job.rows, render_mode, job.dump)
     if key not in _kept:
         for old in _kept.values():
             old.close()
@@ -44,6 +44,7 @@ def environment(job: Job, render_mode: str | None = None) -> Any:
             "obs_mode": job.entrant.modality,
             "render_mode": render_mode,
             "autoreset_mode": "Disabled",
+            "dump": job.dump,
         }
         made |= {k: tuple(v) if isinstance(v, list) else v for k, v in job.entrant.task.items()}
         _kept[key] = PegInHoleVec(job.rows, world=job.world, **made)

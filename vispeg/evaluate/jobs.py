@@ -52,6 +52,7 @@ class Job:
         pushes: or None.
         profile: whether force profiles are kept.
         rows: episodes side by side.
+        dump: folder for episodes that diverge, to be played again.
     """
 
     entrant: Entrant
@@ -64,6 +65,7 @@ class Job:
     pushes: Pushes | None = None
     profile: bool = False
     rows: int = STATE_ROWS
+    dump: Path | None = None
 
     def keys(self) -> list[tuple[str, int, str, str, str, int]]:
         """The keys of the episodes that it makes, see Episode."""

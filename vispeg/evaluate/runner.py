@@ -18,6 +18,7 @@ from vispeg.evaluate.jobs import Job
 from vispeg.evaluate.records import Episode, append, read
 from vispeg.task.world_file import load_world
 
+DIVERGED = "diverged"  # folder of episodes that stopped being finite, to be played again
 EPISODES, RUN = "episodes.jsonl", "run.json"
 Arena = Callable[[Job], list[Episode]]
 Watch = Callable[[list[Episode], int, int], None]
@@ -49,7 +50,7 @@ def run(
     todo = []
     for job in jobs:
         missing = tuple(s for s, key in zip(job.seeds, job.keys(), strict=True) if key not in have)
-        todo += replace(job, seeds=missing).split(job.rows) if missing else []
+        todo += replace(job, seeds=missing, dump=out / DIVERGED).split(job.rows) if missing else []
     done = total - sum(len(job.seeds) for job in todo)
     watch([], done, total)
     for found in _results(todo, workers, arena):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 from gymnasium.vector import AutoresetMode, VectorEnv
@@ -15,15 +16,18 @@ MakeEnv = Callable[[int, Mapping[str, Any]], VectorEnv]  # (rows, task settings)
 HELD_OUT = 2**31  # seeds from here on are never drawn by training, whose seeds are below it
 
 
-def peg_maker(seen: Modality, world: str, sac: SacSettings, threads: int) -> MakeEnv:
-    """Makes peg-in-hole environments of a modality in a world; for a policy with a memory, without a stack."""
+def peg_maker(seen: Modality, world: str, sac: SacSettings, threads: int, dump: Path | None = None) -> MakeEnv:
+    """Makes peg-in-hole environments of a modality in a world; for a policy with a memory, without a stack.
+
+    Episodes that diverge leave themselves behind in `dump`.
+    """
 
     def make(rows: int, settings: Mapping[str, Any]) -> VectorEnv:
         from vispeg.task.vector import PegInHoleVec
 
         own = {"stack": 1, **settings} if sac.recurrent else dict(settings)
         mode = AutoresetMode.DISABLED
-        return PegInHoleVec(rows, world, seen.obs_mode, autoreset_mode=mode, nthread=threads, **own)
+        return PegInHoleVec(rows, world, seen.obs_mode, autoreset_mode=mode, nthread=threads, dump=dump, **own)
 
     return make
 

@@ -31,6 +31,7 @@ from vispeg.learn.rounds import ROUNDS, kept_ring
 from vispeg.learn.sac import AsymmetricSAC
 from vispeg.learn.sb3_env import Sb3Env
 
+DIVERGED = "diverged"  # folder of a run's episodes that stopped being finite, to be played again
 EVALUATION_ROWS = 25  # environments an evaluation steps together, at most
 
 
@@ -54,7 +55,7 @@ class SacRun:
         torch.set_num_threads(1)
         self.config, self.folder, self.show = config, folder, show
         self.modality = modality_of(config.modality)
-        self.make = make or peg_maker(self.modality, config.world, config.sac, config.threads)
+        self.make = make or peg_maker(self.modality, config.world, config.sac, config.threads, folder / DIVERGED)
         self.course = Curriculum(config.stages, config.pass_rate)
         self.env, self.judge = self._environments()
         device = ("cuda" if torch.cuda.is_available() else "cpu") if config.device == "auto" else config.device

@@ -39,7 +39,7 @@ class PegInHoleEnv(gym.Env):
     def step(self, action: np.ndarray):
         """One policy step of 160 ms."""
         self.vec._ended[:] = False  # the caller resets
-        reward, terminated, truncated, (record,) = self.vec.sim.step(np.asarray(action, float)[None])
+        reward, terminated, truncated, (record,) = self.vec.advance(np.asarray(action, float)[None])
         self.vec.eyes.look([0])
         obs = {k: v[0] for k, v in self.vec._observe().items()}
         return obs, float(reward[0]), bool(terminated[0]), bool(truncated[0]), record or {}

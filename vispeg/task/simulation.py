@@ -73,6 +73,7 @@ class PegSimulation:
         self.diverged = np.zeros(n, dtype=bool)
         self.measured = self.home.copy(), np.zeros_like(self.home)
         self.push: list[Any] = [None] * n
+        self.acted: list[list[np.ndarray]] = [[] for _ in range(n)]  # actions of the present episodes
 
     def _tool_weight(self) -> np.ndarray:
         """Weight (3,) N in the world frame that the wrench sensor carries at rest, as the controller knows it."""
@@ -94,7 +95,7 @@ class PegSimulation:
             pos[row] = self.nominal_hole + [*aside, rng.uniform(*c.start_height)]
             worlds.append(self.world.sample(int(seed), self.scene, self.levels))
             self.drawn[row], self.seeds[row] = worlds[-1], seed
-            self.tracks[row], self.push[row] = Track(), None
+            self.tracks[row], self.push[row], self.acted[row] = Track(), None, []
         pos[:, 2] += self.scene.tip
         q, weight = self._start(rows, pos)
         self.cell.begin(rows, [felt(w) for w in worlds], q, weight)
@@ -148,6 +149,8 @@ class PegSimulation:
         """
         c, cell = self.config, self.cell
         self.action = np.clip(np.nan_to_num(np.asarray(action, float)), -1.0, 1.0)
+        for acted, given in zip(self.acted, self.action, strict=True):
+            acted.append(given)
         whole = np.zeros((self.nsim, 6))
         whole[:, self.move] = self.action
         moved = self.flange + c.offset * whole[:, :3]

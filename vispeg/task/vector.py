@@ -15,6 +15,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
 from vispeg.task.config import TaskConfig
+from vispeg.task.divergence import leave
 from vispeg.task.eyes import MODES, Eyes, image_spaces
 from vispeg.task.observe import PRIVILEGED, policy_size
 from vispeg.task.simulation import PegSimulation
@@ -57,6 +58,7 @@ class PegInHoleVec(VectorEnv):
         nthread: threads of the physics.
         backend: of the renderer, for image modes.
         render_mode: None or `rgb_array`.
+        dump: folder in which an episode that diverges leaves what `vispeg.task.divergence.replay` plays again.
         **task: TaskConfig fields that replace the world's.
     """
 
@@ -70,6 +72,7 @@ class PegInHoleVec(VectorEnv):
         nthread: int = 1,
         backend: str = "auto",
         render_mode: str | None = None,
+        dump: str | Path | None = None,
         **task: Any,
     ):
         if obs_mode not in MODES:
@@ -77,7 +80,7 @@ class PegInHoleVec(VectorEnv):
         if num_envs < 1:
             raise UserError("must be at least 1", key="num_envs", got=num_envs)
         self.world, self.config, self.file = world_of(world, task)
-        self.num_envs, self.obs_mode, self.render_mode = num_envs, obs_mode, render_mode
+        self.num_envs, self.obs_mode, self.render_mode, self.dump = num_envs, obs_mode, render_mode, dump
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": 6, "autoreset_mode": self.autoreset_mode}
         self.sim = PegSimulation(self.world, self.config, num_envs, obs_mode, nthread)
@@ -118,7 +121,7 @@ class PegInHoleVec(VectorEnv):
         """One policy step of every row; ended episodes come with their record in `infos`."""
         actions = np.asarray(actions, dtype=float).reshape(self.num_envs, -1)
         waiting = np.flatnonzero(self._ended)
-        rewards, terminated, truncated, records = self.sim.step(actions)
+        rewards, terminated, truncated, records = self.advance(actions)
         self.eyes.look(np.setdiff1d(np.arange(self.num_envs), waiting))
         infos: dict[str, Any] = {}
         if len(waiting) and self.autoreset_mode == AutoresetMode.NEXT_STEP:
@@ -140,6 +143,14 @@ class PegInHoleVec(VectorEnv):
             self._episode[rows] += 1
             self._begin(rows)
         return self._observe(), rewards, terminated, truncated, infos
+
+    def advance(self, actions: np.ndarray):
+        """The simulation's step; an episode that diverged in it is left behind in `dump`."""
+        out = self.sim.step(actions)
+        for row, record in enumerate(out[3]):
+            if self.dump is not None and record is not None and record["category"] == "diverged":
+                record["replay"] = str(leave(Path(self.dump), self, row))
+        return out
 
     def _observe(self) -> dict[str, np.ndarray]:
         return {**self.sim.observation(), **self.eyes.see()}
