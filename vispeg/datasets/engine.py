@@ -14,6 +14,7 @@ from vispeg.core.threads import one_thread
 from vispeg.datasets.layout import Layout
 from vispeg.datasets.plan import Plan, Shard
 from vispeg.datasets.shard import Source, shard_bytes
+from vispeg.render.backend import jobs_a_process
 
 TRIES = 3  # deaths of a worker over one shard before it is given up
 POLL = 0.3  # s
@@ -60,8 +61,7 @@ def _pool(
     context = multiprocessing.get_context("spawn")
     ticks: Any = context.SimpleQueue()  # put is done when it returns, so a frame is told before its shard
     count = min(workers, len(shards))
-    # Filament on Vulkan keeps half a megabyte of every picture for as long as the process lives: a process a shard
-    tasks = 1 if plan.backend == "filament" else None
+    tasks = jobs_a_process(plan.backend)
     with one_thread(), ProcessPoolExecutor(count, context, _listen, (ticks,), max_tasks_per_child=tasks) as pool:
         # few are handed out ahead, so that finished bytes do not pile up while earlier ones are written
         left, waiting = list(shards), dict[Future[bytes], Shard]()

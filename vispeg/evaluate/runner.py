@@ -16,6 +16,7 @@ from vispeg.core.threads import one_thread
 from vispeg.evaluate.arena import play
 from vispeg.evaluate.jobs import Job
 from vispeg.evaluate.records import Episode, append, read
+from vispeg.render.backend import jobs_a_process
 from vispeg.task.world_file import load_world
 
 DIVERGED = "diverged"  # folder of episodes that stopped being finite, to be played again
@@ -62,12 +63,11 @@ def run(
 
 
 def _results(todo: Sequence[Job], workers: int, arena: Arena) -> Iterator[list[Episode]]:
-    leaking = {w for w in {job.world for job in todo} if load_world(w).renderer.get("backend") == "filament"}
-    if not leaking and (workers < 2 or len(todo) < 2):
+    backends = {str(load_world(world).renderer.get("backend", "auto")) for world in {job.world for job in todo}}
+    tasks = min(filter(None, map(jobs_a_process, backends)), default=None)
+    if not tasks and (workers < 2 or len(todo) < 2):
         yield from (arena(job) for job in todo)
         return
-    # Filament on Vulkan keeps half a megabyte of every picture for as long as the process lives: a process a job
-    tasks = 1 if leaking else None
     n, spawn = max(1, min(workers, len(todo))), multiprocessing.get_context("spawn")
     with one_thread(), ProcessPoolExecutor(n, spawn, max_tasks_per_child=tasks) as pool:
         waiting: Iterable[Future[list[Episode]]] = [pool.submit(arena, job) for job in todo]
