@@ -87,15 +87,37 @@ def test_the_seed_decides_everything():
     assert not np.array_equal(runs[0][0], runs[2][0])
     assert episode_seed(3, 0) == 3 and len({episode_seed(3, k) for k in range(50)}) == 50
     _, info = env.reset()
-    assert info["seed"] != 2
+    assert info["seed"] != 2 and 0 < info["world"]["command_delay(all)"]["delay"] <= 0.02
 
 
-def test_it_travels_through_pickle():
+@pytest.mark.parametrize("made", [gym.make, gym.make_vec], ids=["one", "many"])
+def test_it_travels_through_pickle(made):
     """As it was made, not as it stands."""
-    env = gym.make("vispeg:PegInHole-v0", world=VARIED).unwrapped
+    env = made("vispeg:PegInHole-v0", world=VARIED, steps=7).unwrapped
     again = pickle.loads(pickle.dumps(env))
-    a, b = env.reset(seed=8)[0], again.reset(seed=8)[0]
+    (a, told), (b, same) = env.reset(seed=8), again.reset(seed=8)
     assert all(np.array_equal(a[k], b[k]) for k in a)
+    assert again.observation_space == env.observation_space and str(told) == str(same)
+
+
+def test_make_vec_is_gymnasiums_own_vector_of_single_ones_bit_by_bit():
+    """Observations, rewards and ends, over episodes that end at different times, as gymnasium begins them anew."""
+    one_by_one, batch = (
+        gym.make_vec("vispeg:PegInHole-v0", 3, mode, world=VARIED, steps=5, force_abort=4.0, start_height=(0.002, 0.02))
+        for mode in ("sync", "vector_entry_point")
+    )
+    assert batch.single_observation_space == one_by_one.single_observation_space
+    assert batch.action_space == one_by_one.action_space and batch.metadata["autoreset_mode"].name == "NEXT_STEP"
+    a, b = (env.reset(seed=3)[0] for env in (one_by_one, batch))
+    ends = set()
+    for k, action in enumerate(actions(3, 16, seed=2).astype(np.float32) - [0.0, 0.0, 0.4]):
+        assert all(np.array_equal(a[key], b[key]) for key in b), k
+        assert batch.observation_space.contains(b)
+        a, *rest, _ = one_by_one.step(action)
+        b, *same, _ = batch.step(action)
+        assert all(np.array_equal(x, y) for x, y in zip(rest, same, strict=True)), k
+        ends |= {(k, row) for row in np.flatnonzero(same[1] | same[2])}
+    assert len({k for k, _ in ends}) > 3 and len(ends) > 5
 
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])

@@ -33,16 +33,22 @@ class PegInHoleEnv(gym.Env):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         """Begins an episode."""
         super().reset(seed=seed)
-        obs, _ = self.vec.reset(seed=seed)
-        return {k: v[0] for k, v in obs.items()}, {"seed": int(self.vec.sim.seeds[0])}
+        obs, info = self.vec.reset(seed=seed)
+        return {k: v[0] for k, v in obs.items()}, {"seed": int(info["seed"][0]), "world": info["world"][0]}
 
     def step(self, action: np.ndarray):
-        """One policy step of 160 ms."""
+        """One policy step of 160 ms; the info of an episode's last one is its `record`, and holds it as such too."""
         self.vec._ended[:] = False  # the caller resets
         reward, terminated, truncated, (record,) = self.vec.advance(np.asarray(action, float)[None])
         self.vec.eyes.look([0])
         obs = {k: v[0] for k, v in self.vec._observe().items()}
-        return obs, float(reward[0]), bool(terminated[0]), bool(truncated[0]), record or {}
+        return (
+            obs,
+            float(reward[0]),
+            bool(terminated[0]),
+            bool(truncated[0]),
+            {**record, "record": record} if record else {},
+        )
 
     def render(self):
         """An RGB image (H, W, 3) uint8 from outside, or None."""

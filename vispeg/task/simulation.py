@@ -220,8 +220,12 @@ class PegSimulation:
             "lateral_error": t.lateral,
             "depth": t.depths[-1],
             "force_profile": np.concatenate(t.forces).astype(np.float32),
-            "world": {e.label: {k: v.value for k, v in e.params.items()} for e in self.drawn[i].effects},
+            "world": self.values(i),
         }
+
+    def values(self, row: int) -> dict[str, dict[str, float]]:
+        """What the row's world drew: parameters by name, by the effect's label."""
+        return {e.label: {k: v.value for k, v in e.params.items()} for e in self.drawn[row].effects}
 
     # What can be seen -----------------------------------------------------------------------------------------
     def tip_in_hole(self) -> np.ndarray:

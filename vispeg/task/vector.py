@@ -75,6 +75,9 @@ class PegInHoleVec(VectorEnv):
         dump: str | Path | None = None,
         **task: Any,
     ):
+        self._made = {"num_envs": num_envs, "world": world, "obs_mode": obs_mode, "seed": seed, "nthread": nthread}
+        self._made |= {"autoreset_mode": autoreset_mode, "backend": backend, "render_mode": render_mode, "dump": dump}
+        self._made |= task
         if obs_mode not in MODES:
             raise UserError("unknown observation mode", key="obs_mode", got=obs_mode, choices=MODES)
         if num_envs < 1:
@@ -95,7 +98,10 @@ class PegInHoleVec(VectorEnv):
 
     # Episodes -------------------------------------------------------------------------------------------------
     def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None):
-        """Begins an episode in every row, or in those of `options["reset_mask"]`; row i of seed s has seed s + i."""
+        """Begins an episode in every row, or in those of `options["reset_mask"]`; row i of seed s has seed s + i.
+
+        The info holds every row's `seed`, and of the rows that began what their `world` drew.
+        """
         mask = np.ones(self.num_envs, dtype=bool)
         if options and "reset_mask" in options:
             mask = np.asarray(options["reset_mask"], dtype=bool)
@@ -108,8 +114,12 @@ class PegInHoleVec(VectorEnv):
             elif self._started:
                 self._episode[i] += 1
         self._started = True
-        self._begin(np.flatnonzero(mask))
-        return self._observe(), {"seed": self.sim.seeds.copy()}
+        rows = np.flatnonzero(mask)
+        self._begin(rows)
+        worlds = np.full(self.num_envs, None, dtype=object)
+        for i in rows:
+            worlds[i] = self.sim.values(int(i))
+        return self._observe(), {"seed": self.sim.seeds.copy(), "world": worlds}
 
     def _begin(self, rows: np.ndarray) -> None:
         self.sim.reset(rows, [episode_seed(int(self._base[i]), int(self._episode[i])) for i in rows])
@@ -180,7 +190,10 @@ class PegInHoleVec(VectorEnv):
         self.eyes.close()
 
     def __getstate__(self):
-        raise TypeError("a running batch cannot be pickled; pickle how it was made instead")
+        return self._made  # as it was made, not as it stands
+
+    def __setstate__(self, made):
+        self.__init__(**made)
 
 
 def episode_seed(base: int, episode: int) -> int:
