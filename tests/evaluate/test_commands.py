@@ -75,6 +75,53 @@ def test_the_scripted_policy_succeeds_and_a_second_call_plays_nothing(vispeg, tm
     assert [e.seed for e in rows] == list(range(1_000_000, 1_000_006)) and {len(e.world_hash) for e in rows} == {64}
 
 
+@pytest.fixture
+def played(monkeypatch):
+    """Commands play nothing: an episode succeeds as the given function of job and seed says. Returns the jobs."""
+
+    def by(success):
+        import vispeg.cli.evaluation
+        from vispeg.evaluate.records import Episode
+        from vispeg.evaluate.runner import run
+
+        jobs = []
+
+        def toss(job):
+            jobs.append(job)
+            e = job.entrant
+            ok = [bool(success(job, s)) for s in job.seeds]
+            head = (e.name, e.modality, e.train_seed, job.world_name, job.world_hash)
+            ends = [(s, k, "success" if k else "jam") for s, k in zip(job.seeds, ok, strict=True)]
+            more = {"time": 1.0, "control": job.control, "configuration": job.configuration}
+            return [Episode(*head, *end, **more) for end in ends]
+
+        monkeypatch.setattr(vispeg.cli.evaluation, "play_all", lambda todo, out, *_: run(todo, out, arena=toss))
+        return jobs
+
+    return by
+
+
+def small_suite(path, n=9):
+    listed = "".join(f"  - {{name: c{i}, task: {{clearance_mm: {1 + 0.1 * i:g}}}}}\n" for i in range(n))
+    path.write_text(f"format: vispeg-suite/1\nconfigurations:\n{listed}")
+
+
+def test_a_suites_run_exits_with_one_on_an_alarm_so_that_it_can_guard_ci(vispeg, tmp_path, played):
+    small_suite(tmp_path / "s.yaml")
+    common = ("suite", "run", "expert", "--train", "nominal", "--target", "unknown_hole", "--suite", "s.yaml")
+
+    def wins(job, seed, turn=1):
+        i = int(job.configuration[1:])
+        return seed % 20 < 2 * (i if turn > 0 or job.world_name == "nominal" else 8 - i)
+
+    played(wins)
+    code, out, err = vispeg(*common, "--out", "well")
+    assert code == 0 and "healthy: r = 1.00" in out, err
+    played(lambda job, seed: wins(job, seed, -1))
+    code, out, err = vispeg(*common, "--out", "ill")
+    assert code == 1 and "alarm: r = -1.00" in out and (tmp_path / "ill/suite.html").is_file(), err
+
+
 def suite_folder(folder, counts, version):
     from vispeg.evaluate import suite
     from vispeg.evaluate.records import Episode

@@ -2,7 +2,8 @@
 
 `run` plays one version and writes OUT/suite.json and OUT/suite.html. `compare` takes such folders, oldest first: the
 correlation between training world and target over the versions (healthy above 0.8, alarm below 0.6), and what fell from
-the last but one to the last on the same seeds. Exit code 1 on an alarm or a regression, so that it can guard CI.
+the last but one to the last on the same seeds. Both exit with 1 on an alarm, `compare` also on a regression, so that
+they can guard CI.
 
 Example:
     vispeg suite run runs/peg-depth/best --train S --target VNP --version 3 --out suite/v3
@@ -52,7 +53,7 @@ class Run:
     """No progress bar."""
 
     def run(self) -> int:
-        """Plays what is missing, writes the folder, prints health and table."""
+        """Plays what is missing, writes the folder, prints health and table; 1 on an alarm."""
         from vispeg.cli import evaluation
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
@@ -81,7 +82,7 @@ class Run:
         page = write_text_atomic(out / "suite.html", render([values], []), overwrite=True)
         _show(values)
         print(page)
-        return 0
+        return 1 if _alarm(values) else 0
 
 
 @dataclass(frozen=True)
@@ -124,7 +125,7 @@ class Compare:
             values = {"format": "vispeg-suite-compare/1", "versions": versions, "changes": changes}
             evaluation.write_result(out, "compare.json", values, 0, self.folders)
             print(write_text_atomic(out / "suite.html", render(versions, changes), overwrite=True))
-        return 1 if fell or versions[-1]["health"]["status"] == "alarm" else 0
+        return 1 if fell or _alarm(versions[-1]) else 0
 
 
 @dataclass(frozen=True)
@@ -152,6 +153,10 @@ def _result(folder: Path) -> dict[str, Any]:
     if not isinstance(values, dict) or values.get("format") != FORMAT:
         raise UserError("not a suite's result", file=path, key="format", expected=FORMAT)
     return values
+
+
+def _alarm(values: dict[str, Any]) -> bool:
+    return values["health"]["status"] == "alarm"
 
 
 def _show(values: dict[str, Any]) -> None:
