@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from vispeg.task.config import TaskConfig
+from vispeg.task.config import DOF, TaskConfig
+from vispeg.task.observe import TURN, turns
 
 HOVER = 0.004  # m, height at which the lateral error is removed before lowering
 TOUCHING = 2.0  # N
@@ -32,8 +33,11 @@ class Expert:
         self.angle[rows], self.searching[rows] = 0.0, False
 
     def act(self, observation: dict[str, np.ndarray]) -> np.ndarray:
-        """Actions (n, 3) in [-1, 1] from `policy` (n, ..): see PegSimulation for its layout."""
-        seen = observation["policy"]
+        """Actions (n, len(dof)) in [-1, 1] from `policy` (n, ..): see PegSimulation for its layout.
+
+        It turns the peg upright where it may turn it.
+        """
+        c, seen = self.config, observation["policy"]
         tip, force = 0.03 * seen[:, :3].astype(float), 20.0 * seen[:, 6:9].astype(float)
         up = force[:, 2]
         inside = tip[:, 2] < -0.003
@@ -48,5 +52,9 @@ class Expert:
         down = np.where(away, np.where(aligned, -0.006, HOVER - tip[:, 2]), np.where(aligned, -0.003, 0.0))
         down = np.where(self.searching, -0.002, np.where(inside, -0.006, down))
         lateral = np.where(inside[:, None], np.clip(-0.5 * force[:, :2] / 20.0 * -0.003, -0.002, 0.002), error)
-        move = np.concatenate([lateral, down[:, None]], axis=1) / self.config.offset
-        return np.clip(move, -1.0, 1.0).astype(np.float32)
+        whole = np.zeros((len(seen), len(DOF)))
+        whole[:, :3] = np.concatenate([lateral, down[:, None]], axis=1) / c.offset
+        if turns(c):
+            first = 12 + len(c.dof)
+            whole[:, 3:] = -TURN * seen[:, first : first + 3] / c.turn
+        return np.clip(whole[:, [DOF.index(d) for d in c.dof]], -1.0, 1.0).astype(np.float32)

@@ -6,12 +6,21 @@ import numpy as np
 
 from vispeg.task.config import TaskConfig
 
+TURN = 0.1  # rad, a unit of the turn that a policy sees
 PRIVILEGED = 3 + 3 + 3 + 3 + 3 + 1 + 1 + 1 + 4  # see PegSimulation.observation
 
 
+def turns(config: TaskConfig) -> bool:
+    """Whether the policy moves any rotation."""
+    return any(d.startswith("r") for d in config.dof)
+
+
 def policy_size(config: TaskConfig) -> int:
-    """Numbers in one observation of the policy: relative position, velocity, force, torque, last action."""
-    return 12 + len(config.dof)
+    """Numbers in one observation of the policy: relative position, velocity, force, torque, last action.
+
+    A policy that turns the flange also sees how it is turned from straight down, and how fast.
+    """
+    return 12 + len(config.dof) + 6 * turns(config)
 
 
 class Stack:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from vispeg.control.laws import rotation_vector
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
@@ -18,7 +19,7 @@ from vispeg.sim.reach import reach
 from vispeg.task.cell import Cell
 from vispeg.task.config import DOF, TaskConfig
 from vispeg.task.control import PoseControl
-from vispeg.task.observe import Stack, policy_size
+from vispeg.task.observe import TURN, Stack, policy_size
 from vispeg.task.outcome import Track
 from vispeg.task.reward import BONUS, reward
 from vispeg.task.seen import PHYSICS, felt, shown
@@ -54,6 +55,7 @@ class PegSimulation:
         self.control = PoseControl(self.scene.nominal, nsim, config.stiffness, config.force_limit, HOME, nthread)
         self.solo = nominal_of(self.scene.nominal, 1)
         self.move = np.array([d in config.dof for d in DOF])
+        self.places = [DOF.index(d) for d in config.dof]  # of an action's entries among all directions
         self.nominal_hole = np.array(self.scene.config.fixture)
         tip = self.nominal_hole + [0, 0, 0.03 + self.scene.tip]
         rest = np.tile(tip, (nsim, 1)), np.tile(DOWN, (nsim, 1))
@@ -65,7 +67,8 @@ class PegSimulation:
         self.cell.start(self.home, np.zeros_like(self.home), weight, apparent)
         self.tare = self._tool_weight()
         n = nsim
-        self.goal, self.rot = np.zeros((n, 3)), np.tile(DOWN, (n, 1))  # flange pose that is commanded
+        self.straight = np.tile(DOWN, (n, 1))
+        self.goal, self.rot = np.zeros((n, 3)), self.straight.copy()  # flange pose that is commanded
         self.believed, self.seeds = np.zeros((n, 3)), np.zeros(n, dtype=np.int64)
         self.action, self.count = np.zeros((n, len(config.dof))), np.zeros(n, dtype=int)
         self.wrench, self.tracks = np.zeros((n, 6)), [Track() for _ in range(n)]
@@ -152,11 +155,12 @@ class PegSimulation:
         for acted, given in zip(self.acted, self.action, strict=True):
             acted.append(given)
         whole = np.zeros((self.nsim, 6))
-        whole[:, self.move] = self.action
+        whole[:, self.places] = self.action
         moved = self.flange + c.offset * whole[:, :3]
         self.goal = np.where(self.move[:3], moved, self.goal)
-        if self.move[3:].any():
-            self.rot = turned(self.turn, c.turn * whole[:, 3:])
+        if self.move[3:].any():  # directions that the policy does not turn are held, as are those it does not move
+            asked = rotation_vector(self.straight, self.turn) + c.turn * whole[:, 3:]
+            self.rot = turned(self.straight, np.where(self.move[3:], asked, 0.0))
         force, wrenches = np.empty((c.ticks, self.nsim, 3)), np.empty((c.ticks, self.nsim, 6))
         pushed = any(p is not None for p in self.push)
         with quiet(), np.errstate(all="ignore"):
@@ -241,7 +245,10 @@ class PegSimulation:
         return np.arccos(np.clip(np.abs(along), 0.0, 1.0))
 
     def _policy_part(self) -> np.ndarray:
-        """(nsim, d): measured tip relative to the believed hole, twist, wrench and the last action, all near 1."""
+        """(nsim, d): measured tip relative to the believed hole, velocity, wrench, last action, all near 1.
+
+        Where the policy turns the flange: its rotation vector from straight down, and its angular velocity.
+        """
         tip = self.flange - [0, 0, self.scene.tip]
         parts = [
             (tip - self.believed) / 0.03,
@@ -249,7 +256,10 @@ class PegSimulation:
             self.wrench[:, :3] / 20.0,
             self.wrench[:, 3:] / 2.0,
         ]
-        return np.concatenate([*parts, self.action], axis=1)
+        parts.append(self.action)
+        if self.move[3:].any():
+            parts += [rotation_vector(self.straight, self.turn) / TURN, self.twist[:, 3:] / 0.5]
+        return np.concatenate(parts, axis=1)
 
     def observation(self) -> dict[str, np.ndarray]:
         """`policy` (nsim, stack d) and `privileged` (nsim, PRIVILEGED), float32."""

@@ -1,0 +1,53 @@
+"""A policy that turns the peg: what it commands is what happens, it sees it, and the rest is held."""
+
+import numpy as np
+import pytest
+
+from vispeg.control.laws import rotation_vector
+from vispeg.core.world import World
+from vispeg.task.config import TaskConfig
+from vispeg.task.expert import Expert
+from vispeg.task.observe import TURN, policy_size
+from vispeg.task.simulation import PegSimulation
+from vispeg.task.vector import PegInHoleVec
+
+ALL = ("x", "y", "z", "rx", "ry", "rz")
+
+
+def turned_by(sim: PegSimulation) -> np.ndarray:
+    """True rotation vector (3,) rad of the flange from straight down."""
+    sim.see(sim.cell.x.q, sim.cell.x.dq)
+    return rotation_vector(sim.straight, sim.turn)[0]
+
+
+@pytest.mark.parametrize("axis", ["rx", "ry", "rz"])
+def test_a_commanded_turn_is_made_and_seen_about_its_axis_alone(axis):
+    config = TaskConfig(dof=("x", "y", "z", axis), turn=0.04)
+    sim = PegSimulation(World(), config, 1)
+    sim.reset(np.arange(1), [0])
+    for _ in range(3):
+        sim.step(np.array([[0.0, 0.0, 0.0, 1.0]]))
+    way = ALL.index(axis) - 3
+    turn = turned_by(sim)
+    assert 0.04 < turn[way] < 0.12  # three steps of up to 0.04 rad; the spring lags
+    assert np.abs(np.delete(turn, way)).max() < 0.002
+    seen = sim.observation()["policy"][0][: policy_size(config)]
+    assert len(seen) == 12 + 4 + 6
+    assert TURN * seen[16:19] == pytest.approx(turn, abs=0.003)
+
+
+def test_translations_alone_see_what_they_saw():
+    assert policy_size(TaskConfig()) == 15 and policy_size(TaskConfig(dof=("z",))) == 13
+
+
+@pytest.mark.parametrize("dof", [ALL, ("x", "y", "z", "rx", "ry"), ("z", "y", "x")])
+def test_the_expert_knows_its_directions_by_name(dof):
+    env = PegInHoleVec(4, world="searching", autoreset_mode="Disabled", dof=dof)
+    expert, obs = Expert(env.config, 4), env.reset(seed=5)[0]
+    done, found = np.zeros(4, bool), np.zeros(4, bool)
+    for _ in range(env.config.steps):
+        obs, _, terminated, truncated, info = env.step(expert.act(obs))
+        ends = (terminated | truncated) & ~done
+        found |= ends & np.array(info.get("success", np.zeros(4)), bool)
+        done |= ends
+    assert found.sum() >= 3
