@@ -6,7 +6,7 @@ Writes OUT/evaluate.json, OUT/gap.html (the page), OUT/episodes.jsonl and videos
 goes on when the command is given again.
 
 Example:
-    vispeg evaluate runs/peg-state/20261121-0900_s0/checkpoints/best --world randomized --episodes 500 --out evaluated
+    vispeg evaluate runs/peg-state/20261121-0900_s0/checkpoints/best --world randomized --episodes 500
     vispeg evaluate depth=runs/d/best rgb=runs/r/best --world S --controls shuffled frozen --workers 2 --out compared
 """
 
@@ -24,8 +24,8 @@ class Args:
 
     policies: tyro.conf.Positional[tuple[str, ...]]
     """Policy folders, or NAME=FOLDER."""
-    out: Path
-    """Folder for the results."""
+    out: Path | None = None
+    """Folder for the results; evaluated/POLICIES-WORLD where not given."""
     world: str = "nominal"
     """A built-in world's name or a world file."""
     episodes: int = 100
@@ -49,7 +49,14 @@ class Args:
         """Plays what is missing, writes the folder, prints the table."""
         import json
 
-        from vispeg.cli.evaluation import check_episodes, open_folder, play_all, print_table, write_result
+        from vispeg.cli.evaluation import (
+            check_episodes,
+            open_folder,
+            play_all,
+            print_table,
+            tell_clearance,
+            write_result,
+        )
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
         from vispeg.evaluate.controls import CONTROLS
@@ -67,7 +74,9 @@ class Args:
                 raise UserError("unknown control", key="--controls", got=control, choices=CONTROLS)
         who, world = entrants(self.policies), load_world(self.world)
         task = {} if self.clearance is None else {"clearance_mm": self.clearance}
-        out = open_folder(self.out, "evaluate.json", self.overwrite)
+        tell_clearance(who, {**world.task, **task})
+        out = self.out or Path("evaluated") / f"{'+'.join(dict.fromkeys(e.name for e in who))}-{world.name}"
+        out = open_folder(out, "evaluate.json", self.overwrite)
         settings = [Setting(self.world, world.name, task=task, control=c) for c in ("", *self.controls)]
         jobs = make_jobs(who, settings, seeds_of(self.episodes, self.seed), out / "worlds")
         episodes = play_all(jobs, out, self.workers, self.quiet)

@@ -78,6 +78,19 @@ def check_episodes(episodes: int, workers: int) -> None:
         raise UserError("no workers", key="--workers", expected="1 or more", got=workers)
 
 
+def tell_clearance(who: Iterable[Any], task: Mapping[str, Any]) -> None:
+    """Says on stderr which policies are judged at another clearance than the one they were made for."""
+    from vispeg.task.config import TaskConfig
+
+    here = TaskConfig.of(task).clearance_mm
+    for e in who:
+        path = Path(e.path) / "policy.json"
+        made = json.loads(path.read_text(encoding="utf-8"))["meta"].get("task") or {} if path.is_file() else {}
+        own = made.get("clearance_mm", here)
+        if own != here:
+            print(f"{e.name} was made for {own:g} mm, here it is {here:g} mm (--clearance)", file=sys.stderr)
+
+
 def measured(csv: Path | None, policies: Sequence[str], world: str) -> list[Any]:
     """A real robot's records under the name `world`; none without a file."""
     from vispeg.evaluate.measured import read_csv

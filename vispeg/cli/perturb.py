@@ -9,7 +9,7 @@ Example:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import tyro
@@ -33,6 +33,8 @@ class Args:
     """s, of a push."""
     positions: Path | None = None
     """A list of your own, `format: vispeg-positions/1`."""
+    clearance: float | None = None
+    """Diametral clearance in mm in place of the world's."""
     seed: int = 0
     """Another number takes other episodes."""
     workers: int = 1
@@ -44,7 +46,14 @@ class Args:
 
     def run(self) -> int:
         """Plays what is missing, writes the folder, prints the table."""
-        from vispeg.cli.evaluation import check_episodes, open_folder, play_all, print_table, write_result
+        from vispeg.cli.evaluation import (
+            check_episodes,
+            open_folder,
+            play_all,
+            print_table,
+            tell_clearance,
+            write_result,
+        )
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
         from vispeg.evaluate import perturb
@@ -58,9 +67,12 @@ class Args:
         if not 0 <= self.force[0] <= self.force[1] or not self.duration > 0:
             raise UserError("not a push", key="--force", expected="low <= high, a duration above 0", got=self.force)
         who, world = entrants(self.policies), load_world(self.world)
+        task = {} if self.clearance is None else {"clearance_mm": self.clearance}
+        tell_clearance(who, {**world.task, **task})
         listed = perturb.positions(self.positions)
         out = open_folder(self.out, "perturb.json", self.overwrite)
         settings = perturb.settings(self.world, world.name, listed, Pushes(self.force, self.duration))
+        settings = [replace(s, task={**s.task, **task}) for s in settings]
         jobs = make_jobs(who, settings, seeds_of(self.episodes, self.seed), out / "worlds")
         values = perturb.summarise(play_all(jobs, out, self.workers, self.quiet))
         values |= {"world": {"name": world.name, "hash": world.hash}, "force": self.force, "duration": self.duration}

@@ -2,7 +2,7 @@
 
 Example:
     vispeg play runs/peg-depth/20261121-0900_s0/checkpoints/best --episodes 3 --out films
-    vispeg play assets/policies/peg-state-3mm --world P --seed 7 --out films
+    vispeg play assets/policies/state-3mm --world P --seed 7 --out films
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ class Args:
 
     policy: tyro.conf.Positional[Path]
     """A policy's folder."""
-    out: Path
-    """Folder of the videos."""
+    out: Path | None = None
+    """Folder of the videos; films/POLICY-WORLD where not given."""
     world: str | None = None
     """A built-in world or a world file; the one that the policy was trained in where not given."""
     clearance: float | None = None
-    """Diametral clearance in mm; the world's where not given."""
+    """Diametral clearance in mm; where not given the world's, or the policy's own in the world it was trained in."""
     episodes: int = 3
     """How many episodes."""
     seed: int = 0
@@ -42,10 +42,14 @@ class Args:
 
         if self.episodes < 1:
             raise UserError("must be at least 1", key="episodes", got=self.episodes)
-        world = self.world or home(open_policy(self.policy))
-        settings = {} if self.clearance is None else {"clearance_mm": self.clearance}
+        policy = open_policy(self.policy)
+        world, clearance = self.world or home(policy), self.clearance
+        if self.world is None and clearance is None:
+            clearance = (policy.meta.get("task") or {}).get("clearance_mm")
+        settings = {} if clearance is None else {"clearance_mm": clearance}
+        out = self.out or Path("films") / f"{self.policy.resolve().name}-{Path(world).stem}"
         seeds = [self.seed + k for k in range(self.episodes)]
-        for line in films(self.policy, world, settings, seeds, self.out, self.overwrite):
+        for line in films(self.policy, world, settings, seeds, out, self.overwrite):
             print(line)
         return 0
 
