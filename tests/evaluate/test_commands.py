@@ -117,12 +117,15 @@ def test_a_suites_run_exits_with_one_on_an_alarm_so_that_it_can_guard_ci(vispeg,
     played(wins)
     code, out, err = vispeg(*common, "--out", "well")
     assert code == 0 and "healthy: r = 1.00" in out, err
+    hashes = {w["name"]: w["hash"] for w in json.loads((tmp_path / "well/suite.json").read_text())["worlds"]}
+    assert len(hashes) == 2 + 2 * 9 and {len(h) for h in hashes.values()} == {64} and "nominal / c3" in hashes
+    assert hashes["unknown_hole"] in (tmp_path / "well/suite.html").read_text()
     played(lambda job, seed: wins(job, seed, -1))
     code, out, err = vispeg(*common, "--out", "ill")
     assert code == 1 and "alarm: r = -1.00" in out and (tmp_path / "ill/suite.html").is_file(), err
 
 
-def suite_folder(folder, counts, version):
+def suite_folder(folder, counts, version, hashes=None):
     from vispeg.evaluate import suite
     from vispeg.evaluate.records import Episode
 
@@ -134,7 +137,7 @@ def suite_folder(folder, counts, version):
                 category = "success" if ok else "jam"
                 episodes.append(Episode("a", "state", 0, world, f"{world}{i}", s, ok, category, configuration=f"c{i}"))
     append(folder / "episodes.jsonl", episodes)
-    (folder / "suite.json").write_text(json.dumps(suite.summarise(episodes, "S", "T", version)))
+    (folder / "suite.json").write_text(json.dumps(suite.summarise(episodes, "S", "T", version, hashes)))
 
 
 def test_the_suites_exit_code_is_one_on_an_alarm_or_a_regression_and_zero_otherwise(vispeg, tmp_path):
@@ -149,3 +152,11 @@ def test_the_suites_exit_code_is_one_on_an_alarm_or_a_regression_and_zero_otherw
     assert code == 1 and "fell: a in T, c8" in out and "fell: healthy" in out
     assert vispeg("suite", "compare", "alarm")[0] == 1
     assert vispeg("suite", "compare", "v1")[0] == 0
+
+
+def test_versions_that_were_made_in_different_worlds_are_not_compared(vispeg, tmp_path):
+    for name in ("v1", "v2"):
+        suite_folder(tmp_path / name, [4 * (i + 1) for i in range(9)], name, {"S": "aa", "T": f"hash-of-{name}"})
+    code, out, err = vispeg("suite", "compare", "v1", "v2")
+    assert code == 2 and out == "" and "v1 and v2 were made in different worlds" in err
+    assert len(err.strip().splitlines()) == 1

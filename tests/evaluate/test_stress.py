@@ -86,6 +86,27 @@ def test_versions_are_compared_in_the_same_world_on_the_same_seeds_only():
         suite.regressions(old + wins("T", "c0", 3, policy="z"), renamed)
 
 
+def test_a_suites_result_tells_the_hash_of_every_world(tmp_path):
+    found = suite.summarise(two_worlds(RISING, RISING), "S", "T", "v", {"S": "aa", "T": "bb"})
+    hashes = {w["name"]: w["hash"] for w in found["worlds"]}
+    assert (hashes["S"], hashes["T"], hashes["S / c0"], len(hashes)) == ("aa", "bb", "h-S-c0", 2 + 2 * 9)
+
+
+def test_versions_from_other_worlds_are_refused_or_named():
+    def version(name, target="bb", **worlds):
+        made = {"S": "aa", "T": target, "T / c0": "c", **worlds}
+        return {"version": name, "train": "S", "target": "T", "worlds": [{"name": k, "hash": made[k]} for k in made]}
+
+    assert suite.other_worlds([version("v1"), version("v2")]) == []
+    moved = suite.other_worlds([version("v1"), version("v2", **{"T / c0": "d", "T / new": "e"})])
+    assert moved == ["v1: made in other worlds than v2: T / c0"]
+    (line,) = suite.other_worlds([{**version("v1"), "worlds": None}, version("v2")])
+    assert "v1: does not tell" in line
+    for other in ("zz", ""):
+        with pytest.raises(UserError, match="target: versions v1 and v3 were made in different worlds"):
+            suite.other_worlds([version("v1"), version("v2"), version("v3", other)])
+
+
 def test_the_suite_and_the_positions_that_come_with_the_package_can_be_built(tmp_path):
     listed = suite.configurations()
     assert 10 <= len(listed) <= 20

@@ -67,17 +67,20 @@ class Run:
         if (self.target is None) == (self.measured is None):
             raise UserError("no target", expected="either --target WORLD or --measured CSV")
         who, listed = entrants(self.policies), suite.configurations(self.suite)
-        worlds = {load_world(w).name: w for w in (self.train, self.target) if w is not None}
-        names = [*worlds, *(["robot"] if self.measured else [])]
+        files = {w: load_world(w) for w in (self.train, self.target) if w is not None}
+        worlds = {file.name: w for w, file in files.items()}
+        hashes = {file.name: file.hash for file in files.values()} | ({"robot": ""} if self.measured else {})
+        names = list(hashes)
         if len(names) < 2:
             raise UserError("training world and target are the same", got=names[0])
         if self.target is not None and not self.fine_tuned:
-            refuse_trained_on(who, names[1], load_world(self.target).hash)
+            refuse_trained_on(who, names[1], hashes[names[1]])
         out = evaluation.open_folder(self.out, "suite.json", self.overwrite)
         jobs = make_jobs(who, suite.settings(listed, worlds), seeds_of(self.episodes, self.seed), out / "worlds")
         episodes = evaluation.play_all(jobs, out, self.workers, self.quiet)
         episodes += evaluation.measured(self.measured, [e.name for e in who], "robot")
-        values = suite.summarise(episodes, names[0], names[1], self.version or self.out.resolve().name)
+        version = self.version or self.out.resolve().name
+        values = suite.summarise(episodes, names[0], names[1], version, hashes)
         values = evaluation.write_result(out, "suite.json", values, self.seed, [e.path for e in who if e.path.exists()])
         page = write_text_atomic(out / "suite.html", render([values], []), overwrite=True)
         _show(values)
@@ -108,13 +111,14 @@ class Compare:
         if not self.folders:
             raise UserError("nothing to compare", expected="vispeg suite compare FOLDER [FOLDER ...]")
         versions = [_result(folder) for folder in self.folders]
+        notes = suite.other_worlds(versions)
         changes: list[dict[str, Any]] = []
         if len(versions) > 1:
             before, after = (read(folder / "episodes.jsonl") for folder in self.folders[-2:])
             changes = suite.regressions(before, after)
         fell = [c for c in changes if c["verdict"] == "fell"]
-        for values in versions:
-            print(f"{values['version']}: {values['health']['words']}")
+        for line in (*(f"{v['version']}: {v['health']['words']}" for v in versions), *notes):
+            print(line)
         for c in changes:
             if c["verdict"] in ("fell", "rose"):
                 print(f"{c['verdict']}: {c['policy']} in {c['world']}, {c['configuration']}: {_points(c['change'])}")
@@ -122,9 +126,9 @@ class Compare:
             print("no regression beyond doubt")
         if self.out is not None:
             out = evaluation.open_folder(self.out, "compare.json", self.overwrite)
-            values = {"format": "vispeg-suite-compare/1", "versions": versions, "changes": changes}
+            values = {"format": "vispeg-suite-compare/1", "versions": versions, "changes": changes, "notes": notes}
             evaluation.write_result(out, "compare.json", values, 0, self.folders)
-            print(write_text_atomic(out / "suite.html", render(versions, changes), overwrite=True))
+            print(write_text_atomic(out / "suite.html", render(versions, changes, notes), overwrite=True))
         return 1 if fell or _alarm(versions[-1]) else 0
 
 

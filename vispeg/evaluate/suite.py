@@ -24,7 +24,7 @@ from vispeg.evaluate.decide import CANNOT_TELL, decide
 from vispeg.evaluate.jobs import Setting
 from vispeg.evaluate.overlay import Change
 from vispeg.evaluate.ranks import FEWEST, predict
-from vispeg.evaluate.records import Episode
+from vispeg.evaluate.records import Episode, check_worlds
 from vispeg.evaluate.significance import holm, mcnemar
 from vispeg.evaluate.stress import HERE, read_list
 from vispeg.evaluate.table import Cell, Table
@@ -60,12 +60,18 @@ def _change(name: str, entry: Any) -> Change:
     return Change(entry["effect"], dict(entry.get("params") or {}), str(entry.get("where", "*")))
 
 
-def summarise(episodes: Sequence[Episode], train: str, target: str, version: str) -> dict[str, Any]:
-    """{format, version, train, target, rows: [{configuration, policy, train, target}], health}.
+def summarise(
+    episodes: Sequence[Episode], train: str, target: str, version: str, hashes: Mapping[str, str] | None = None
+) -> dict[str, Any]:
+    """{format, version, train, target, worlds, rows: [{configuration, policy, train, target}], health}.
+
+    `worlds` is [{name, hash}] of training world and target as they are (from `hashes`; "" for a measured target) and of
+    every configuration, `WORLD / CONFIGURATION`.
 
     Raises:
-        UserError: no configuration with episodes on both sides.
+        UserError: no configuration with episodes on both sides, one world's name under two hashes.
     """
+    made = {**(hashes or {}), **{name: h for name, h in check_worlds(episodes).items() if h}}
     rows = []
     for policy in dict.fromkeys(e.policy for e in episodes):
         for c in dict.fromkeys(e.configuration for e in episodes if e.policy == policy):
@@ -78,7 +84,8 @@ def summarise(episodes: Sequence[Episode], train: str, target: str, version: str
     if not rows:
         raise UserError("no configuration with episodes in both worlds", got=f"{train}, {target}")
     head = {"format": FORMAT, "version": version, "train": train, "target": target}
-    return {**head, "rows": rows, "health": health(rows)}
+    worlds = [{"name": name, "hash": h} for name, h in made.items()]
+    return {**head, "worlds": worlds, "rows": rows, "health": health(rows)}
 
 
 def health(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -104,6 +111,33 @@ def health(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "status": status,
         "words": f"{status}: r = {r:.2f} ({ends}) over {len(rows)} configurations",
     }
+
+
+def other_worlds(versions: Sequence[Mapping[str, Any]]) -> list[str]:
+    """A line a version whose configurations were other worlds than the last version's, or which does not tell.
+
+    Raises:
+        UserError: the training world or the target was another one, so that the correlations are not of the same thing.
+    """
+    last, lines = versions[-1], []
+    now = _hashes(last)
+    for v in versions[:-1]:
+        then = _hashes(v)
+        for side in ("train", "target"):
+            old, new = then.get(v[side]), now.get(last[side])
+            if old is not None and new is not None and old != new:
+                names = [f"{name} {h[:12] or 'measured'}" for name, h in ((v[side], old), (last[side], new))]
+                message = f"versions {v['version']} and {last['version']} were made in different worlds"
+                raise UserError(message, key=side, expected=names[0], got=names[1])
+        if changed := [name for name in then if now.get(name, then[name]) != then[name]]:
+            lines.append(f"{v['version']}: made in other worlds than {last['version']}: {', '.join(changed)}")
+        elif not then:
+            lines.append(f"{v['version']}: does not tell the hashes of its worlds")
+    return lines
+
+
+def _hashes(version: Mapping[str, Any]) -> dict[str, str]:
+    return {w["name"]: w["hash"] for w in version.get("worlds") or ()}
 
 
 def regressions(old: Sequence[Episode], new: Sequence[Episode]) -> list[dict[str, Any]]:

@@ -10,12 +10,15 @@ from vispeg.report.gap import table_page, words
 from vispeg.report.gap.page import page
 
 
-def render(versions: Sequence[Mapping[str, Any]], changes: Sequence[Mapping[str, Any]]) -> str:
+def render(
+    versions: Sequence[Mapping[str, Any]], changes: Sequence[Mapping[str, Any]], notes: Sequence[str] = ()
+) -> str:
     """The page of `vispeg-suite-result/1` records, oldest first, and of what changed between the last two."""
     last = versions[-1]
     lines = [f"{v['version']}: {v['health']['words']}" for v in versions]
     told = [c for c in changes if c["verdict"] in ("fell", "rose")]
     lines += [f"{c['configuration']} in {c['world']} {c['verdict']}: {words.lost(c['change'])} points" for c in told]
+    lines += notes
     sections = [table_page.title(f"Regression suite, {last['version']}", lines)]
     heads = ("policy", "configuration", last["train"], last["target"])
     rows = [[r["policy"], r["configuration"], words.rate(r["train"]), words.rate(r["target"])] for r in last["rows"]]
@@ -38,7 +41,8 @@ def render(versions: Sequence[Mapping[str, Any]], changes: Sequence[Mapping[str,
             for c in changes
         ]
         sections.append(table_page.table(f"{versions[-2]['version']} to {last['version']}", heads, shown))
-    return page("vispeg suite", "regression suite", [*sections, table_page.origin(last)])
+    worlds = [w for w in last.get("worlds") or () if w["name"] in (last["train"], last["target"])]
+    return page("vispeg suite", "regression suite", [*sections, table_page.origin({**last, "worlds": worlds})])
 
 
 def scatter(versions: Sequence[Mapping[str, Any]]) -> str:

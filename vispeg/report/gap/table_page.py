@@ -35,12 +35,13 @@ def table(
 
 
 def origin(values: Mapping[str, Any]) -> Section:
-    """World, command, versions."""
+    """World (or `worlds`), command, versions."""
+    worlds = [values["world"]] if values.get("world") else list(values.get("worlds") or ())
     return (
         "origin",
         "How this was measured",
         {
-            "world": values.get("world"),
+            "worlds": worlds,
             "provenance": values.get("provenance") or {},
         },
     )
