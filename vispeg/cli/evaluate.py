@@ -78,7 +78,7 @@ class Args:
         out = self.out or Path("evaluated") / f"{'+'.join(dict.fromkeys(e.name for e in who))}-{world.name}"
         out = open_folder(out, "evaluate.json", self.overwrite)
         settings = [Setting(self.world, world.name, task=task, control=c) for c in ("", *self.controls)]
-        jobs = make_jobs(who, settings, seeds_of(self.episodes, self.seed), out / "worlds")
+        jobs = make_jobs(who, settings, seeds_of(self.episodes, self.seed), out / "worlds", profile=True)
         episodes = play_all(jobs, out, self.workers, self.quiet)
         values = gap(episodes, world.name, seed=self.seed)
         values = write_result(out, "gap.json", values, self.seed, [e.path for e in who if e.path.exists()])
