@@ -18,6 +18,7 @@ from vispeg.evaluate.records import Episode
 from vispeg.evaluate.video import write_png, write_video
 from vispeg.report.gap import exploit_page, perturb_page, suite_page, sweep_page, words
 from vispeg.report.gap.build import render, write
+from vispeg.report.gap.headline import context
 
 WORLDS = {"S": 0.95, "V": 0.85, "P": 0.75, "VP": 0.5}
 
@@ -59,6 +60,31 @@ def test_the_page_stands_alone_and_shows_the_records_numbers():
     for row in values["gaps"]:
         assert words.lost(row["gap"]) in html
     assert "The gap to VP, split" in html and "hash-VP" in html and "sees nothing" in html
+
+
+def headline(*known):
+    return context(gap([e for one in known for e in one], worlds=list(WORLDS)))
+
+
+def test_the_headline_crowns_who_sees_and_marks_who_is_told_the_hole():
+    sure = dict.fromkeys(WORLDS, 1.0)
+    teacher, blind = episodes("state", "state", sure), episodes("blind", "proprio")
+    seeing = [episodes(f"d{i}", "depth", {**WORLDS, "VP": 0.1 * i}) for i in range(1, 7)]
+    found = headline(teacher, blind, *seeing)
+    assert found["title"].startswith("d") and "keeps most in VP" in found["title"]
+    assert [n for n, *_ in found["figures"]].count("state") == 0 and len(found["figures"]) == 5
+    shown = [float(value.removesuffix(" %")) for _, value, _ in found["figures"]]
+    assert shown == sorted(shown, reverse=True)
+    few = headline(teacher, blind, seeing[0])
+    assert few["title"].startswith("d1 keeps most")
+    assert [n for n, *_ in few["figures"]] == ["d1", "state", "blind"] == [line["policy"] for line in few["lines"]]
+    assert [line["role"] for line in few["lines"]] == ["", "teacher, told the hole", "blind"]
+    assert few["figures"][1][2].startswith("teacher, told the hole; lost")
+    assert headline(teacher, blind)["title"] == "state keeps most in VP: 100 %"
+    html = render(gap([*teacher, *blind, *seeing[0]], worlds=list(WORLDS)))
+    alone(html)
+    assert html.count("teacher, told the hole</span>") == 2
+    assert html.count("blind control</span>") == 1
 
 
 def test_one_world_without_targets_is_a_page_too():

@@ -8,31 +8,31 @@ from typing import Any
 from vispeg.report.gap import words
 
 TITLE = "The gap"
+RANK = list(words.ROLES.values())  # a policy that is told where the hole is, or sees nothing, wins nothing
+MOST = 5  # figures side by side
 
 
 def context(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The hardest target's headline, one line a policy, and what the controls say."""
+    """The hardest target's headline, one line a policy (those that see first), and what the controls say."""
     target = values["joint"] or (values["worlds"][-1]["name"] if len(values["worlds"]) > 1 else None)
     reference = values["reference"]
     rates = {(r["policy"], r["world"], r["control"]): r["success"] for r in values["success"]}
     gaps = {g["policy"]: g for g in values["gaps"] if g["world"] == target}
+    there = {n: e for (n, w, c), e in rates.items() if w == (target or reference) and not c}
+    shown = [p for p in values["policies"] if p["name"] in (gaps if target else there)]
+    shown.sort(key=lambda p: (RANK.index(words.role(p)), -there[p["name"]]["value"]))
     lines, figures = [], []
-    for p in values["policies"]:
-        g = gaps.get(p["name"])
-        if g is None:
-            continue
-        lines.append(
-            {"policy": p["name"], "words": g["words"], "cost": _dearest(values, p["name"]), "blind": p["blind"]}
-        )
-        figures.append((p["name"], words.percent(rates[p["name"], str(target), ""]["value"]), words.lost(g["gap"])))
-    if target is None:
-        shown = [(n, e) for (n, w, c), e in rates.items() if w == reference and not c]
-        figures = [(n, words.percent(e["value"]), f"{100 * e['low']:.0f} to {100 * e['high']:.0f}") for n, e in shown]
-    best = max((f for f in figures), key=lambda f: rates[f[0], str(target or reference), ""]["value"], default=None)
+    for p in shown:
+        name, role, e, g = p["name"], words.role(p), there[p["name"]], gaps.get(p["name"])
+        note = f"lost {words.lost(g['gap'])}" if g else f"{100 * e['low']:.0f} to {100 * e['high']:.0f}"
+        figures.append((name, words.percent(e["value"]), "; ".join(filter(None, (role, note)))))
+        if g:
+            lines.append({"policy": name, "words": g["words"], "cost": _dearest(values, name), "role": role})
+    best = f"{figures[0][0]} keeps most in {target}: {figures[0][1]}" if lines else ""
     return {
-        "title": f"{best[0]} keeps most in {target}: {best[1]}" if best and target else f"Success in {reference}",
+        "title": best or f"Success in {reference}",
         "lines": lines,
-        "figures": [(n, value, f"lost {rest}" if target else rest) for n, value, rest in figures][:5],
+        "figures": figures[:MOST],
         "target": target or reference,
         "reference": reference,
         "controls": _controls(values),

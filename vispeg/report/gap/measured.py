@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from vispeg.report.gap import words
+
 TITLE = "How this was measured"
 
 
@@ -12,7 +14,7 @@ def context(values: Mapping[str, Any]) -> dict[str, Any]:
     """Worlds, policies, rule, notes, provenance."""
     return {
         "worlds": values["worlds"],
-        "policies": values["policies"],
+        "policies": [{**p, "role": words.role(p)} for p in values["policies"]],
         "notes": values["notes"],
         "rule": values["rule"],
         "provenance": values.get("provenance") or {},

@@ -18,17 +18,16 @@ def context(values: Mapping[str, Any]) -> dict[str, Any]:
     rows: dict[tuple[str, str], dict[str, Any]] = {}
     for row in values["success"]:
         key = (row["policy"], row["control"])
-        shown = rows.setdefault(key, {"name": words.name(row), "control": bool(row["control"]), "cells": {}})
+        shown = rows.setdefault(key, {"name": words.name(row), "tag": "control", "cells": {}})
         shown["cells"][row["world"]] = row
-    blind = {p["name"] for p in values["policies"] if p["blind"]}
+        if not row["control"]:
+            shown["tag"] = "blind control" if words.role(row) == "blind" else words.role(row)
     table = []
-    for (policy, _), row in rows.items():
+    for row in rows.values():
         cells = [_cell(row["cells"].get(w)) for w in worlds]
         known = [c["success"]["n"] for c in row["cells"].values()]
         spread = f"{min(known)}" if min(known) == max(known) else f"{min(known)}-{max(known)}"
-        table.append(
-            {"name": row["name"], "is_control": row["control"] or policy in blind, "cells": cells, "n": spread}
-        )
+        table.append({"name": row["name"], "tag": row["tag"], "cells": cells, "n": spread})
     return {"worlds": worlds, "rows": table, "picture": picture(values), "reference": values["reference"]}
 
 
@@ -43,7 +42,7 @@ def _cell(row: Mapping[str, Any] | None) -> dict[str, str]:
 
 
 def picture(values: Mapping[str, Any]) -> str:
-    """Bars grouped by world, one a policy, with 95 % intervals; blind policies hatched."""
+    """Bars grouped by world, one a policy, with 95 % intervals; blind ones pale, teachers outlined."""
     worlds, policies = [w["name"] for w in values["worlds"]], values["policies"]
     colours = of_policies(policies)
     found = {(r["policy"], r["world"]): r["success"] for r in values["success"] if not r["control"]}
@@ -52,16 +51,19 @@ def picture(values: Mapping[str, Any]) -> str:
         figure = new_figure(2.9)
         ax = figure.add_subplot()
         for i, policy in enumerate(policies):
+            colour, seen = colours[policy["name"]], not words.role(policy)
+            style: dict[str, Any] = {"color": colour, "alpha": 0.45 if policy["blind"] else 0.9}
+            if policy["modality"] == "state":
+                style = {"facecolor": "none", "edgecolor": colour, "linewidth": 1.2}
             for j, world in enumerate(worlds):
                 e = found.get((policy["name"], world))
                 if e is None:
                     continue
                 x = j + (i - (len(policies) - 1) / 2) * width
-                style: dict[str, Any] = {"color": colours[policy["name"]], "alpha": 0.45 if policy["blind"] else 0.9}
                 ax.bar(x, 100 * e["value"], 0.88 * width, **style)
                 ax.plot([x, x], [100 * e["low"], 100 * e["high"]], color=MEASURED, linewidth=1.3)
                 if len(policies) * len(worlds) <= 26:
-                    ink = "white" if e["value"] > 0.08 and not policy["blind"] else MEASURED
+                    ink = "white" if e["value"] > 0.08 and seen else MEASURED
                     ax.annotate(f"{100 * e['value']:.0f}", (x, 1.5), ha="center", fontsize=7, color=ink)
         ax.set(ylim=(0, 104), ylabel="success, %", xlim=(-0.55, len(worlds) - 0.45))
         labels = [f"{w}\ntraining" if w == values["reference"] and len(worlds) > 1 else w for w in worlds]

@@ -12,6 +12,7 @@ CONTROLS = {
     "frozen": "first image for ever",
     "hole_fixed": "hole at its nominal place",
 }
+ROLES = {"": "", "state": "teacher, told the hole", "proprio": "blind"}  # modalities that do not look for the hole
 
 
 def percent(value: float | None) -> str:
@@ -48,6 +49,11 @@ def p_value(p: float | None) -> str:
     if p is None:
         return "-"
     return "< 0.001" if p < 0.001 else f"{p:.3f}" if p < 0.1 else f"{p:.2f}"
+
+
+def role(policy: Row) -> str:
+    """What sets a policy apart from those that see: `teacher, told the hole`, `blind`, or nothing."""
+    return ROLES.get(str(policy["modality"]), "")
 
 
 def name(row: Row) -> str:
