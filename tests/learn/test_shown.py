@@ -83,6 +83,11 @@ def test_every_frame_is_there_with_its_action(folder, executed, feature):
     assert np.array_equal(batch.next_obs["policy"].numpy()[:-1][on], batch.obs["policy"].numpy()[1:][on])
 
 
+def test_batches_are_where_they_are_asked_for(folder):
+    batch = from_folder(folder, SEEN, 0, device="meta").sample(4)
+    assert {part.device.type for part in (*batch.obs.values(), *batch.next_obs.values(), batch.action)} == {"meta"}
+
+
 def test_a_dataset_of_another_observation_is_refused(folder):
     with pytest.raises(UserError, match="another observation"):
         from_folder(folder, Layout(2, {"depth_eye": (1, 9, 9)}, 3), 0)

@@ -5,8 +5,7 @@ import json
 import numpy as np
 import pytest
 import torch
-from test_train import Pointing
-from toy import STEP, Reach
+from toy import STEP, Pointing, Reach
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream

@@ -7,7 +7,7 @@ import shutil
 import numpy as np
 import pytest
 import torch
-from toy import STEP, Reach
+from toy import STEP, Pointing, Reach
 
 from vispeg.core.errors import UserError
 from vispeg.learn.config import Stage, TrainConfig, read_config
@@ -21,16 +21,6 @@ from vispeg.learn.settings import SacSettings
 from vispeg.learn.train import resume, train
 
 SAC = SacSettings(batch=32, hidden=(16, 16), warmup=80, replay=600, horizon=12, utd=0.25)
-
-
-class Pointing:
-    """Walks straight to the target, which it knows from ground truth."""
-
-    def reset(self, n, rows=None):
-        pass
-
-    def act(self, obs):
-        return np.clip(np.pad(obs["privileged"][:, :2] / STEP, ((0, 0), (0, 1))), -1, 1)
 
 
 def config(mode="state", **changes):

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import tyro
 
@@ -43,6 +44,8 @@ class Args:
     """Episodes of the evaluations before and after."""
     seed: int = 0
     """Seed of everything random."""
+    device: Literal["cpu", "cuda", "auto"] = "cpu"
+    """Where the network runs."""
     overwrite: bool = False
     """Replace OUT if it is there."""
 
@@ -60,6 +63,7 @@ class Args:
             settings,
             self.seed,
             dataset=self.dataset,
+            device=self.device,
             overwrite=self.overwrite,
         )
         print(f"policy: {out}")

@@ -41,6 +41,11 @@ class Actor(nn.Module):
         self.log_std = nn.Linear(hidden[-1], layout.action)
         self.offset = nn.Linear(hidden[-1], 3) if layout.images else None
 
+    @property
+    def device(self) -> torch.device:
+        """Where the weights are, and what they are given has to be."""
+        return self.mean.weight.device
+
     def features(self, obs: Mapping[str, Tensor], shift: int = 0) -> Tensor:
         """(n, inputs): scaled vector and image features. `shift` moves images at random, in pixels."""
         parts = [self.scale(obs[VECTOR])]
@@ -83,5 +88,5 @@ class Actor(nn.Module):
         """The state before the first step of n episodes."""
         if not self.recurrent:
             return None
-        zero = torch.zeros(1, n, self.recurrent, device=self.mean.weight.device)
+        zero = torch.zeros(1, n, self.recurrent, device=self.device)
         return zero, zero.clone()

@@ -65,6 +65,7 @@ def collect(
     steps: int,
     noise: float,
     seed: int,
+    device: torch.device | str = "cpu",
 ) -> Replay:
     """A round of experience.
 
@@ -76,20 +77,23 @@ def collect(
         steps: environment steps, over all rows; episodes in progress at the end are kept without their last transition.
         noise: of executed actions.
         seed: of episodes and of the mixing.
+        device: where batches go: the learning network's.
 
     Returns:
         The transitions, with the teacher's actions in place of the executed ones.
     """
     n, rng = env.num_envs, stream(seed, "distill")
     length = -(-steps // n)
-    ring = _room(env, length, seed)
+    ring = _room(env, length, seed, device)
     for obs, ends, label, reward, done, infos in _steps(env, teacher, student, beta, noise, seed, rng, length):
         ring.add(obs, ends, label, reward, done, infos)
     ring.cut()
     return ring
 
 
-def demonstrations(env: Sb3Env, teacher: Teacher, episodes: int, seed: int) -> tuple[Replay, int]:
+def demonstrations(
+    env: Sb3Env, teacher: Teacher, episodes: int, seed: int, device: torch.device | str = "cpu"
+) -> tuple[Replay, int]:
     """Successful episodes of a teacher.
 
     Args:
@@ -97,6 +101,7 @@ def demonstrations(env: Sb3Env, teacher: Teacher, episodes: int, seed: int) -> t
         teacher: acts alone.
         episodes: how many to keep.
         seed: of the episodes.
+        device: where batches go: the learning network's.
 
     Returns:
         Their transitions and how many episodes were tried for them.
@@ -106,7 +111,7 @@ def demonstrations(env: Sb3Env, teacher: Teacher, episodes: int, seed: int) -> t
     """
     limit = max(10 * episodes, 4 * env.num_envs)
     longest = 60  # steps; the ring holds every step that is tried
-    ring = _room(env, -(-limit // env.num_envs) * longest, seed)
+    ring = _room(env, -(-limit // env.num_envs) * longest, seed, device)
     kept = tried = 0
     for obs, ends, label, reward, done, infos in _steps(
         env, teacher, None, 1.0, 0.0, seed, stream(seed, "demos"), None
@@ -127,10 +132,10 @@ def demonstrations(env: Sb3Env, teacher: Teacher, episodes: int, seed: int) -> t
     return ring, tried
 
 
-def _room(env: Sb3Env, length: int, seed: int) -> Replay:
+def _room(env: Sb3Env, length: int, seed: int, device: torch.device | str) -> Replay:
     """A ring for `length` steps of every row; an episode's end takes an entry of its own, every other step at most."""
     size = env.num_envs * (length + length // 2 + 2)
-    return Replay(size, env.observation_space, env.action_space, n_envs=env.num_envs, seed=seed)
+    return Replay(size, env.observation_space, env.action_space, device, env.num_envs, seed=seed)
 
 
 def _steps(
@@ -200,7 +205,7 @@ def distill(
     for number, beta in list(enumerate(settings.betas))[len(rings) :]:
         asked = None if beta >= 1 else student
         noise = settings.noise if 0 < beta < 1 else 0.0
-        rings.append(collect(env, teacher, asked, beta, settings.steps, noise, seed + number))
+        rings.append(collect(env, teacher, asked, beta, settings.steps, noise, seed + number, actor.device))
         if number == 0:
             actor.scale.measure(rings[0].sample(4096, images="none").obs[VECTOR])
         shares = [(ring, float(len(ring))) for ring in rings]

@@ -20,6 +20,7 @@ from vispeg.core.files import new_folder
 from vispeg.core.provenance import command_line
 from vispeg.core.seeds import stream
 from vispeg.learn.clone import CloneSettings, clone
+from vispeg.learn.device import device_of
 from vispeg.learn.distill import collect, demonstrations
 from vispeg.learn.envs import HELD_OUT, MakeEnv, describe, home, of_policy
 from vispeg.learn.evaluation import run_episodes, success_rate
@@ -74,6 +75,7 @@ def finetune(
     seed: int,
     *,
     dataset: Path | None = None,
+    device: str = "cpu",
     overwrite: bool = False,
     say: Callable[[str], None] = print,
 ) -> Path:
@@ -88,6 +90,7 @@ def finetune(
         settings: numbers.
         seed: of everything random.
         dataset: demonstrations in LeRobot's layout, in place of the teacher's in `target`.
+        device: where the network runs: `cpu`, `cuda` or `auto`.
         overwrite: whether `out` may be replaced.
         say: told how it goes.
 
@@ -96,7 +99,7 @@ def finetune(
     """
     torch.set_num_threads(1)
     torch.manual_seed(seed)
-    policy = load(source)
+    policy = load(source, device_of(device))
     actor = policy.actor.requires_grad_(True)
     with new_folder(out, overwrite) as folder:
         env = Sb3Env(target(settings.rows, {}))
@@ -104,14 +107,15 @@ def finetune(
         say(f"before: {before:.0%} of {settings.episodes} episodes in the target world")
         rings: list[tuple[Replay, float]] = []
         if dataset is not None:
-            rings.append((from_folder(dataset, actor.layout, seed), 1 - settings.known))
+            rings.append((from_folder(dataset, actor.layout, seed, device=actor.device), 1 - settings.known))
         else:
-            ring, tried = demonstrations(env, teacher(env.env), settings.demos, seed)
+            ring, tried = demonstrations(env, teacher(env.env), settings.demos, seed, actor.device)
             say(f"{settings.demos} demonstrations, {tried} tried")
             rings.append((ring, 1 - settings.known))
         if known is not None and settings.known > 0:
             home = Sb3Env(known(settings.rows, {}))
-            rings.append((collect(home, teacher(home.env), None, 1.0, settings.known_steps, 0.0, seed), settings.known))
+            ring = collect(home, teacher(home.env), None, 1.0, settings.known_steps, 0.0, seed, actor.device)
+            rings.append((ring, settings.known))
             home.close()
         numbers = CloneSettings(lr=settings.lr, batch=settings.batch, shift=settings.shift)
         loss = clone(actor, rings, settings.updates, numbers, stream(seed, "finetune"), frozen=settings.updates // 2)

@@ -86,8 +86,10 @@ class NetPolicy:
             UserError: an observation of another layout.
         """
         self.actor.layout.check(obs)
-        device = self.actor.mean.weight.device
-        parts = {key: torch.as_tensor(np.ascontiguousarray(obs[key]), device=device) for key in self.actor.layout.keys}
+        parts = {
+            key: torch.as_tensor(np.ascontiguousarray(obs[key]), device=self.actor.device)
+            for key in self.actor.layout.keys
+        }
         n = len(obs[VECTOR])
         with torch.inference_mode():
             blocks = [self._block(parts, slice(at, min(at + BLOCK, n))) for at in range(0, n, BLOCK)]

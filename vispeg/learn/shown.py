@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 
 from vispeg.core.errors import UserError
 from vispeg.learn.layout import PRIVILEGED, Layout
@@ -23,7 +24,9 @@ def feature_of(key: str) -> str:
     return f"observation.images.{key.removeprefix('rgb_')}" if key.startswith("rgb_") else f"observation.{key}"
 
 
-def from_folder(folder: str | Path, layout: Layout, seed: int, executed: bool = False) -> Replay:
+def from_folder(
+    folder: str | Path, layout: Layout, seed: int, executed: bool = False, device: torch.device | str = "cpu"
+) -> Replay:
     """Every episode of the folder.
 
     Args:
@@ -31,6 +34,7 @@ def from_folder(folder: str | Path, layout: Layout, seed: int, executed: bool = 
         layout: what the policy sees; images must have its sizes.
         seed: of later draws from the replay.
         executed: whether the action that was executed counts, in place of the one that was meant (`action`).
+        device: where batches go: the learning network's.
 
     Raises:
         UserError: not such a folder, a feature is missing, or an observation or action of another shape.
@@ -53,7 +57,7 @@ def from_folder(folder: str | Path, layout: Layout, seed: int, executed: bool = 
         raise UserError("another action", file=folder, key=act, expected=layout.action, got=first[act].shape[-1])
     count = len(data.episodes)
     box = spaces.Box(-1, 1, (layout.action,), np.float32)
-    ring = Replay(len(data) + count + 1, spaces.Dict(boxes), box, seed=seed)
+    ring = Replay(len(data) + count + 1, spaces.Dict(boxes), box, device, seed=seed)
     for number in range(count):
         one = data.episode(number)
         seen = {key: _channels_first(key, one[feature_of(key)]) for key in keys}

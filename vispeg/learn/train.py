@@ -22,6 +22,7 @@ from vispeg.core.provenance import command_line, provenance
 from vispeg.learn.checkpoint import load_state, restart_seed, save_state
 from vispeg.learn.config import TrainConfig, read_config
 from vispeg.learn.curriculum import Curriculum
+from vispeg.learn.device import device_of
 from vispeg.learn.envs import HELD_OUT, MakeEnv, describe, peg_maker
 from vispeg.learn.evaluation import Outcome, run_episodes, success_rate
 from vispeg.learn.modalities import modality as modality_of
@@ -58,7 +59,7 @@ class SacRun:
         self.make = make or peg_maker(self.modality, config.world, config.sac, config.threads, folder / DIVERGED)
         self.course = Curriculum(config.stages, config.pass_rate)
         self.env, self.judge = self._environments()
-        device = ("cuda" if torch.cuda.is_available() else "cpu") if config.device == "auto" else config.device
+        device = device_of(config.device)
         self.model = AsymmetricSAC(self.env, self.modality, config.sac, seed=config.seed, device=device)
         self.model.set_logger(Logger(None, []))
         self.best: tuple[float, float] = (-1.0, 0.0)
