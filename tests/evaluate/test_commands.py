@@ -22,13 +22,16 @@ def vispeg(capsys, tmp_path, monkeypatch):
 
 
 def test_a_gap_from_records_and_a_robots_csv(vispeg, tmp_path, invented):
-    append(tmp_path / "e.jsonl", invented({("d", "depth"): 3.0}, {"S": 0.0, "V": -1.0}, 60))
-    (tmp_path / "r.csv").write_text("policy,seed,outcome\n" + "".join(f"d,{i},{i % 3 > 0}\n" for i in range(30)))
+    append(tmp_path / "e.jsonl", invented({("d", "depth"): 3.0}, {"S": 0.0, "V": -1.0}, 60, train_seeds=3))
+    trials = [f"d,{i},{'yes,' if i % 3 else 'no,cable caught'}\n" for i in range(30)]
+    (tmp_path / "r.csv").write_text("policy,seed,outcome,category\n" + "".join(trials))
     code, out, err = vispeg("gap", "--records", "e.jsonl", "--worlds", "S", "V", "--measured", "r.csv", "--out", "g")
     assert code == 0 and "d in robot: loses" in out, err
     values = json.loads((tmp_path / "g" / "gap.json").read_text())
     assert [w["name"] for w in values["worlds"]] == ["S", "V", "robot"] and values["provenance"]["inputs"]
-    assert len(read(tmp_path / "g" / "episodes.jsonl")) == 150
+    assert len(read(tmp_path / "g" / "episodes.jsonl")) == 2 * 3 * 60 + 30
+    assert any("training seed of d (0, 1, 2)" in note for note in values["notes"])
+    assert "cable caught" in (tmp_path / "g" / "gap.html").read_text()
     code, _, err = vispeg("gap", "--records", "e.jsonl", "--worlds", "S", "V", "--out", "g")
     assert code == 2 and "exists already" in err
 
@@ -123,6 +126,22 @@ def test_a_suites_run_exits_with_one_on_an_alarm_so_that_it_can_guard_ci(vispeg,
     played(lambda job, seed: wins(job, seed, -1))
     code, out, err = vispeg(*common, "--out", "ill")
     assert code == 1 and "alarm: r = -1.00" in out and (tmp_path / "ill/suite.html").is_file(), err
+
+
+def test_a_suite_against_a_robot_refuses_configurations_that_it_does_not_know(vispeg, tmp_path, played):
+    small_suite(tmp_path / "s.yaml")
+    trials = [f"expert,{s},{int(s < 2 * i)},c{i}\n" for i in range(9) for s in range(20)]
+    args = ("suite", "run", "expert", "--train", "nominal", "--measured", "r.csv", "--suite", "s.yaml", "--out", "g")
+    (tmp_path / "r.csv").write_text("policy,seed,outcome,configuration\n" + "".join(trials) + "expert,0,1,c11\n")
+    jobs = played(lambda job, s: s % 20 < 2 * int(job.configuration[1:]))
+    code, out, err = vispeg(*args)
+    assert code == 2 and "does not know the configurations 'c11'" in err and len(err.strip().splitlines()) == 1
+    assert not jobs and not (tmp_path / "g").exists()
+    (tmp_path / "r.csv").write_text("policy,seed,outcome,configuration\n" + "".join(trials))
+    code, out, err = vispeg(*args)
+    assert code == 0 and "healthy" in out, err
+    hashes = {w["name"]: w["hash"] for w in json.loads((tmp_path / "g/suite.json").read_text())["worlds"]}
+    assert hashes["robot"] == "" and hashes["nominal"]
 
 
 def suite_folder(folder, counts, version, hashes=None):

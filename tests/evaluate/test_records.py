@@ -66,7 +66,7 @@ def test_a_robots_csv(tmp_path):
     (tmp_path / "r.csv").write_text(
         "policy,seed,outcome,category,configuration\nA,1,success,,c1\nA,2,0,jam,c1\nB,1,Yes,,c2\n"
     )
-    trials = read_csv(tmp_path / "r.csv", policies=("A", "B"))
+    trials = read_csv(tmp_path / "r.csv", policies={"A": {0}, "B": {0}}).episodes
     assert [(e.policy, e.seed, e.success, e.category) for e in trials] == [
         ("A", 1, True, "success"),
         ("A", 2, False, "jam"),
@@ -85,7 +85,7 @@ def test_a_robots_csv(tmp_path):
         ("policy,seed,outcome\nA,one,1\n", "seed is not a number"),
         ("policy,seed,outcome\nA,1,1\nA,1,0\n", "line 3: the same trial twice"),
         ("policy,seed,outcome,category\nA,1,1,jam\n", "contradict"),
-        ("policy,seed,outcome,category\nA,1,0,bored\n", "unknown category"),
+        ("policy,seed,outcome,configuration\nA,1,0,far\nA,1,1,c1\nA,2,1,\n", "does not know .*'', 'far'.*choices: c1"),
         ("policy,seed,outcome\nA,1\n", "another number of cells"),
         ("policy,seed,outcome\n", "no trials"),
     ],
@@ -93,4 +93,24 @@ def test_a_robots_csv(tmp_path):
 def test_a_bad_csv_is_one_clear_line(tmp_path, text, words):
     (tmp_path / "r.csv").write_text(text)
     with pytest.raises(UserError, match=words):
-        read_csv(tmp_path / "r.csv", policies=("A",))
+        read_csv(tmp_path / "r.csv", policies={"A": {0}}, configurations=["c1"] if "configuration" in text else [])
+
+
+def test_a_robots_failure_may_have_a_word_of_its_own(tmp_path):
+    (tmp_path / "r.csv").write_text(
+        "policy,seed,outcome,category\nA,1,0,cable caught\nA,2,0,Jam\nA,3,0,\nA,4,1,Success\n"
+    )
+    trials = read_csv(tmp_path / "r.csv").episodes
+    assert [e.category for e in trials] == ["cable caught", "jam", "failure", "success"]
+    append(tmp_path / "e.jsonl", trials)
+    assert [e.category for e in read(tmp_path / "e.jsonl")] == [e.category for e in trials]
+
+
+def test_an_untold_training_seed_is_the_policys_only_one_else_a_note_says_so(tmp_path):
+    (tmp_path / "r.csv").write_text("policy,seed,outcome\nA,1,1\nB,1,1\nB,2,0\n")
+    found = read_csv(tmp_path / "r.csv", policies={"A": {1}, "B": {3, 2}})
+    assert [e.train_seed for e in found.episodes] == [1, 2, 2]
+    assert found.notes == ["r.csv does not tell which training seed of B (2, 3) was tried; 2 is assumed"]
+    (tmp_path / "r.csv").write_text("policy,seed,outcome,train_seed\nA,1,1,\nB,1,1,3\n")
+    found = read_csv(tmp_path / "r.csv", policies={"A": {1}, "B": {3, 2}})
+    assert [e.train_seed for e in found.episodes] == [1, 3] and found.notes == []

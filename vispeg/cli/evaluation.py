@@ -91,8 +91,13 @@ def tell_clearance(who: Iterable[Any], task: Mapping[str, Any]) -> None:
             print(f"{e.name} was made for {own:g} mm, here it is {here:g} mm (--clearance)", file=sys.stderr)
 
 
-def measured(csv: Path | None, policies: Sequence[str], world: str) -> list[Any]:
-    """A real robot's records under the name `world`; none without a file."""
-    from vispeg.evaluate.measured import read_csv
+def measured(
+    csv: Path | None, policies: Iterable[tuple[str, int]], world: str, configurations: Sequence[str] = ()
+) -> Any:
+    """A real robot's `Trials` of `policies` (name, training seed), under the name `world`; none without a file."""
+    from vispeg.evaluate.measured import Trials, read_csv
 
-    return [] if csv is None else read_csv(csv, world, policies)
+    seeds: dict[str, set[int]] = {}
+    for name, seed in policies:
+        seeds.setdefault(name, set()).add(seed)
+    return Trials() if csv is None else read_csv(csv, world, seeds, configurations)

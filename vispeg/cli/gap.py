@@ -59,6 +59,7 @@ class Args:
         from vispeg.cli.evaluation import measured, open_folder, print_table, write_result
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
+        from vispeg.evaluate.entrants import entrants
         from vispeg.evaluate.gap import gap
         from vispeg.evaluate.records import append, read_all
         from vispeg.report.gap import words
@@ -66,13 +67,16 @@ class Args:
 
         if not self.policies and not self.records:
             raise UserError("nothing to evaluate", expected="policy folders, or --records FILE")
+        who = entrants(self.policies) if self.policies else []
         known = read_all(self.records) if self.records else []
-        names, jobs, played = self._play() if self.policies else (list(self.worlds), [], [])
+        networks = [*((e.name, e.train_seed) for e in who), *((e.policy, e.train_seed) for e in known)]
+        robot = measured(self.measured, networks, self.robot)
+        names, jobs, played = self._play(who) if who else (list(self.worlds), [], [])
         out = open_folder(self.out, "gap.json", self.overwrite) if not self.policies else self.out
         episodes = {e.key: e for e in [*known, *played]}
-        robot = measured(self.measured, [e.policy for e in episodes.values()], self.robot)
-        every = [*episodes.values(), *robot]
-        values = gap(every, names[0], [*names, *([self.robot] if robot else [])], self.seed)
+        every = [*episodes.values(), *robot.episodes]
+        targets = [*names, *([self.robot] if robot.episodes else [])]
+        values = gap(every, names[0], targets, self.seed, robot.notes)
         inputs = [*self.records, *([self.measured] if self.measured else [])]
         values = write_result(out, "gap.json", values, self.seed, inputs)
         if not self.policies:
@@ -91,11 +95,11 @@ class Args:
         print(page)
         return 0
 
-    def _play(self):  # type: ignore[no-untyped-def]
+    def _play(self, who):  # type: ignore[no-untyped-def]
         from vispeg.cli.evaluation import check_episodes, open_folder, play_all
         from vispeg.core.errors import UserError
         from vispeg.evaluate.controls import CONTROLS
-        from vispeg.evaluate.entrants import entrants, refuse_trained_on
+        from vispeg.evaluate.entrants import refuse_trained_on
         from vispeg.evaluate.jobs import Setting, make_jobs, seeds_of
         from vispeg.task.world_file import load_world
 
@@ -103,7 +107,7 @@ class Args:
         for control in self.controls:
             if control not in CONTROLS:
                 raise UserError("unknown control", key="--controls", got=control, choices=CONTROLS)
-        who, files = entrants(self.policies), [load_world(w) for w in self.worlds]
+        files = [load_world(w) for w in self.worlds]
         names = [f.name for f in files]
         if len(set(names)) < len(names):
             raise UserError("two worlds of one name", key="--worlds", got=", ".join(names))

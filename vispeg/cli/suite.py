@@ -75,12 +75,13 @@ class Run:
             raise UserError("training world and target are the same", got=names[0])
         if self.target is not None and not self.fine_tuned:
             refuse_trained_on(who, names[1], hashes[names[1]])
+        known = [(e.name, e.train_seed) for e in who]
+        robot = evaluation.measured(self.measured, known, "robot", [c["name"] for c in listed])
         out = evaluation.open_folder(self.out, "suite.json", self.overwrite)
         jobs = make_jobs(who, suite.settings(listed, worlds), seeds_of(self.episodes, self.seed), out / "worlds")
-        episodes = evaluation.play_all(jobs, out, self.workers, self.quiet)
-        episodes += evaluation.measured(self.measured, [e.name for e in who], "robot")
+        episodes = [*evaluation.play_all(jobs, out, self.workers, self.quiet), *robot.episodes]
         version = self.version or self.out.resolve().name
-        values = suite.summarise(episodes, names[0], names[1], version, hashes)
+        values = suite.summarise(episodes, names[0], names[1], version, hashes) | {"notes": robot.notes}
         values = evaluation.write_result(out, "suite.json", values, self.seed, [e.path for e in who if e.path.exists()])
         page = write_text_atomic(out / "suite.html", render([values], []), overwrite=True)
         _show(values)
@@ -169,7 +170,8 @@ def _show(values: dict[str, Any]) -> None:
 
     rows = [[r["policy"], r["configuration"], words.rate(r["train"]), words.rate(r["target"])] for r in values["rows"]]
     print_table(("policy", "configuration", values["train"], values["target"]), rows)
-    print(values["health"]["words"])
+    for line in (values["health"]["words"], *values["notes"]):
+        print(line)
 
 
 def _points(change: dict[str, Any]) -> str:

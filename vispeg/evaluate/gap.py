@@ -24,7 +24,13 @@ from vispeg.evaluate.table import BLIND, Cell, Table
 FORMAT = "vispeg-gap/1"
 
 
-def gap(episodes: Iterable[Episode], reference: str = "S", worlds: Sequence[str] = (), seed: int = 0) -> dict[str, Any]:
+def gap(
+    episodes: Iterable[Episode],
+    reference: str = "S",
+    worlds: Sequence[str] = (),
+    seed: int = 0,
+    notes: Sequence[str] = (),
+) -> dict[str, Any]:
     """Everything that a gap report shows, ready for JSON.
 
     Args:
@@ -32,6 +38,7 @@ def gap(episodes: Iterable[Episode], reference: str = "S", worlds: Sequence[str]
         reference: the training world.
         worlds: the order of worlds in tables; empty: the order in which they come.
         seed: of the bootstrap and the permutation tests.
+        notes: what else is to be known about the episodes.
 
     Returns:
         {format, reference, worlds, joint, factors, policies, success, gaps, attribution, comparisons, prediction,
@@ -47,7 +54,6 @@ def gap(episodes: Iterable[Episode], reference: str = "S", worlds: Sequence[str]
             raise UserError("no episodes in this world", got=world, choices=table.worlds)
     joint, factors = joint_of(order, reference)
     targets, policies = order[1:], table.policies
-    notes = _notes(table, order)
     return {
         "format": FORMAT,
         "reference": reference,
@@ -63,7 +69,7 @@ def gap(episodes: Iterable[Episode], reference: str = "S", worlds: Sequence[str]
         "comparisons": [_plain(c) for w in order for c in compare(table, w, policies)],
         "prediction": [row for w in targets for row in _prediction(table, reference, w, seed)],
         "categories": [row for p in policies for w in targets for row in _parting(table, p, reference, w, seed)],
-        "notes": notes,
+        "notes": [*_notes(table, order), *notes],
         "rule": decide.RULE,
     }
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from vispeg.core.errors import UserError
@@ -15,22 +16,42 @@ OUTCOMES = {"success": True, "1": True, "true": True, "yes": True, "failure": Fa
 OUTCOMES |= {"fail": False, "no": False}
 
 
-def read_csv(path: str | Path, world: str = "robot", policies: Iterable[str] = ()) -> list[Episode]:
+@dataclass(frozen=True)
+class Trials:
+    """A real robot's trials.
+
+    Attributes:
+        episodes: one a trial.
+        notes: what was assumed about them, for the result.
+    """
+
+    episodes: list[Episode] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+
+def read_csv(
+    path: str | Path,
+    world: str = "robot",
+    policies: Mapping[str, Collection[int]] | None = None,
+    configurations: Collection[str] = (),
+) -> Trials:
     """Reads columns policy, seed, outcome and, where there are, configuration, category, modality, train_seed, time,
     peak_force.
 
     Args:
         path: the CSV, first row its heads, one row a trial. `outcome` is success or failure (also 1/0, true/false,
             yes/no); `seed` is the trial's number, or the simulated episode's seed where the same start and hole were
-            set up.
+            set up. A failure's `category` is one of `vispeg.evaluate.records.CATEGORIES` or a word of one's own.
         world: the name under which these records stand in tables.
-        policies: the names that are known; empty: any.
+        policies: the names that are known, with their training seeds; none: any. Where the file does not tell the
+            training seed, it is the policy's only one; of several the lowest is taken, and a note says so.
+        configurations: the names that are known; empty: any.
 
     Raises:
-        UserError: a file that cannot be read, a missing or unknown column, an unknown policy or outcome, a seed that is
-            not a whole number, an outcome that contradicts its category, a trial that stands twice.
+        UserError: a file that cannot be read, a missing or unknown column, an unknown policy, configuration or outcome,
+            a seed that is not a whole number, an outcome that contradicts its category, a trial that stands twice.
     """
-    path, known = Path(path), set(policies)
+    path, known = Path(path), {name: sorted(seeds) for name, seeds in (policies or {}).items()}
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             reader = csv.DictReader(file)
@@ -46,21 +67,40 @@ def read_csv(path: str | Path, world: str = "robot", policies: Iterable[str] = (
         if column not in REQUIRED + OPTIONAL:
             raise UserError("unknown column", file=path, got=column, choices=REQUIRED + OPTIONAL)
     episodes: dict[tuple[object, ...], Episode] = {}
+    untold: dict[str, None] = {}
     for number, row in rows:
         episode = _episode(row, world, known, path, number)
         if episode.key in episodes:
             raise UserError("the same trial twice", file=path, key=f"line {number}", got=episode.key)
         episodes[episode.key] = episode
+        if not _cell(row, "train_seed") and len(known.get(episode.policy, ())) > 1:
+            untold[episode.policy] = None
     if not episodes:
         raise UserError("no trials", file=path, expected="a row a trial below the heads")
-    return list(episodes.values())
+    others = sorted({e.configuration for e in episodes.values()} - set(configurations))
+    if configurations and others:
+        named = ", ".join(repr(o) for o in others)
+        raise UserError(f"the suite does not know the configurations {named}", file=path, choices=configurations)
+    notes = [_note(path, name, known[name]) for name in untold]
+    return Trials(list(episodes.values()), notes)
 
 
-def _episode(row: dict[str, str | None], world: str, known: set[str], path: Path, number: int) -> Episode:
+def _note(path: Path, policy: str, seeds: list[int]) -> str:
+    listed = ", ".join(map(str, seeds))
+    return f"{path.name} does not tell which training seed of {policy} ({listed}) was tried; {seeds[0]} is assumed"
+
+
+def _cell(row: Mapping[str, str | None], name: str) -> str:
+    return (row.get(name) or "").strip()
+
+
+def _episode(
+    row: dict[str, str | None], world: str, known: Mapping[str, list[int]], path: Path, number: int
+) -> Episode:
     where = {"file": path, "key": f"line {number}"}
     if None in row or any(v is None for v in row.values()):
         raise UserError("another number of cells than heads", **where)
-    cell = {k: (v or "").strip() for k, v in row.items()}
+    cell = {k: _cell(row, k) for k in row}
     policy, outcome = cell["policy"], cell["outcome"].lower()
     if not policy or (known and policy not in known):
         raise UserError("unknown policy", **where, got=policy, choices=sorted(known))
@@ -68,11 +108,11 @@ def _episode(row: dict[str, str | None], world: str, known: set[str], path: Path
         raise UserError("unknown outcome", **where, got=cell["outcome"], choices=OUTCOMES)
     success = OUTCOMES[outcome]
     category = cell.get("category") or ("success" if success else "failure")
+    category = category.lower() if category.lower() in CATEGORIES else category  # a user's own word stays as it is
     if (category == "success") != success:
         raise UserError("outcome and category contradict each other", **where, got=f"{outcome}, {category}")
-    if category not in (*CATEGORIES, "failure"):
-        raise UserError("unknown category", **where, got=category, choices=(*CATEGORIES, "failure"))
-    whole = {k: _number(cell.get(k) or "0", int, k, where) for k in ("seed", "train_seed")}
+    default = str(known[policy][0]) if known.get(policy) else "0"
+    whole = {k: _number(cell.get(k) or d, int, k, where) for k, d in (("seed", "0"), ("train_seed", default))}
     real = {k: _number(cell.get(k) or "nan", float, k, where) for k in ("time", "peak_force")}
     return Episode(
         policy=policy,

@@ -18,7 +18,7 @@ def render(
     lines = [f"{v['version']}: {v['health']['words']}" for v in versions]
     told = [c for c in changes if c["verdict"] in ("fell", "rose")]
     lines += [f"{c['configuration']} in {c['world']} {c['verdict']}: {words.lost(c['change'])} points" for c in told]
-    lines += notes
+    lines += [*(last.get("notes") or ()), *notes]
     sections = [table_page.title(f"Regression suite, {last['version']}", lines)]
     heads = ("policy", "configuration", last["train"], last["target"])
     rows = [[r["policy"], r["configuration"], words.rate(r["train"]), words.rate(r["target"])] for r in last["rows"]]
