@@ -119,6 +119,8 @@ class PegSimulation:
         for some in rows[:, None] if few else [np.arange(self.nsim)]:
             nominal = self.solo if few else self.control.nominal
             q[some], error = reach(nominal, pos[some], np.tile(DOWN, (len(some), 1)), q[some])
+            low, high = self.scene.range.T
+            error = np.where(((q[some] < low) | (q[some] > high)).any(axis=1), np.inf, error)
             asked = np.isin(some, rows)
             if error[asked].max() > 1e-4:
                 place = pos[some[asked][int(error[asked].argmax())]]
