@@ -86,6 +86,11 @@ def test_impossible_geometry_is_refused():
         {"fixture": (0.6, 0.0, 0.01)},
         {"shape": "star"},
         {"depth": 0.2},
+        {"block": 0.005},
+        {"block": 0.3},
+        {"solref": (0.0, 1.0)},
+        {"solref": (0.004,)},
+        {"fixture": (0.6, 0.0)},
     ):
         with pytest.raises(UserError) as error:
             SceneConfig(**bad)

@@ -5,7 +5,9 @@ import pytest
 
 from vispeg.core.errors import UserError
 from vispeg.core.world import World
+from vispeg.render.standard import HOLE, standard_cameras
 from vispeg.task.config import TaskConfig
+from vispeg.task.eyes import task_cameras
 from vispeg.task.observe import Stack
 from vispeg.task.outcome import CATEGORIES, Track
 from vispeg.task.reward import reward
@@ -14,11 +16,11 @@ from vispeg.task.simulation import PegSimulation, turned
 CONFIG = TaskConfig()
 
 
-def track(depths, lateral=0.0, force=5.0, tilt=0.0, slip=0.0):
+def track(depths, lateral=0.0, force=5.0, tilt=0.0, slip=0.0, config=CONFIG):
     """A track that saw these depths (m)."""
     t = Track()
     for d in depths:
-        t.add(CONFIG, np.array([force]), np.array([lateral, 0.0, -d]), tilt, slip)
+        t.add(config, np.array([force]), np.array([lateral, 0.0, -d]), tilt, slip)
     return t
 
 
@@ -65,6 +67,27 @@ def test_dwell_counts_steps_in_a_row():
         assert t.verdict(config) is None
     t.add(config, np.array([1.0]), np.array([0, 0, -0.021]), 0.0, 0.0)
     assert t.verdict(config) == "success"
+
+
+def test_success_may_ask_for_a_smaller_lateral_error():
+    """Half the peg's diameter if nothing is said; a peg that is deep but aside is not stuck, it ran out of time."""
+    assert track([0.021], lateral=0.0079).verdict(CONFIG) == "success"
+    assert track([0.021], lateral=0.0081).verdict(CONFIG) is None
+    strict = TaskConfig(success_lateral=0.001)
+    assert track([0.021], lateral=0.0009, config=strict).verdict(strict) == "success"
+    aside = track([0.021] * 5, lateral=0.0011, config=strict)
+    assert aside.verdict(strict) is None and aside.at_time(strict) == "timeout"
+
+
+def test_success_may_ask_for_a_smaller_force():
+    """Up to `force_abort` if nothing is said; steps that press harder do not count, however long."""
+    assert track([0.021], force=199.0).verdict(CONFIG) == "success"
+    gentle = TaskConfig(success_force=20.0, dwell=2)
+    assert track([0.021] * 2, force=19.0, config=gentle).verdict(gentle) == "success"
+    hard = track([0.021] * 5, force=21.0, config=gentle)
+    assert hard.verdict(gentle) is None and hard.at_time(gentle) == "timeout"
+    hard.add(gentle, np.array([19.0, 21.0]), np.array([0, 0, -0.021]), 0.0, 0.0)
+    assert hard.dwell == 0, "the greatest force of a step counts"
 
 
 def test_reward_against_its_formula():
@@ -118,17 +141,96 @@ def test_free_motion_reaches_what_was_asked():
     assert moved[0] > 0.0065 and np.abs(moved[1:]).max() < 1e-3
 
 
+NAN = float("nan")
+
+
 @pytest.mark.parametrize(
     "bad",
     [
         {"policy_period": 0.0103},
+        {"policy_period": NAN},
+        {"control_period": 0},
+        {"control_period": -0.005},
         {"dof": ("x", "q")},
         {"start_height": (0.05, 0.01)},
+        {"start_height": (NAN, 0.01)},
+        {"start_radius": NAN},
+        {"start_radius": -1},
         {"stack": 0},
+        {"dwell": 0},
+        {"dwell": 100},
+        {"stiffness": (-300.0, 400.0)},
+        {"stiffness": (300.0, 0.0)},
+        {"force_limit": float("inf")},
+        {"solref": (0, 1)},
+        {"solref": (-5, 1)},
         {"clearance_mm": -1.0},
+        {"fixture": (2.0, 0.0, 0.05)},
+        {"fixture": (0.6, NAN, 0.05)},
+        {"block": 0.005},
+        {"block": 1.0},
+        {"success_lateral": 0.009},
+        {"success_lateral": -0.001},
+        {"success_force": 201.0},
+        {"success_force": -1.0},
     ],
 )
 def test_impossible_tasks_are_refused(bad):
-    """With the key at fault."""
-    with pytest.raises(UserError, match=next(iter(bad)).split("_")[0]):
-        TaskConfig(**bad)
+    """With the key at fault, what would do and what came; the same from a file's mapping."""
+    key = next(iter(bad))
+    for make in (lambda: TaskConfig(**bad), lambda: TaskConfig.of(bad, "w.yaml")):
+        with pytest.raises(UserError, match=rf"\b{key}: .*got ") as error:
+            make()
+        assert "expected" in str(error.value) or "choices" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "expected"),
+    [
+        ("stack", 2.5, "a whole number"),
+        ("steps", True, "a whole number"),
+        ("clearance_mm", "3", "a number"),
+        ("shape", 1, "a text"),
+        ("start_height", [0.02], "a list of 2 numbers"),
+        ("start_height", 0.02, "a list of 2 numbers"),
+        ("stiffness", [300], "a list of 2 numbers"),
+        ("stiffness", [300, "400"], "a list of 2 numbers"),
+        ("solref", [1], "a list of 2 numbers"),
+        ("fixture", [0.6, 0], "a list of 3 numbers"),
+        ("hole_origin", ["a", 0, 0], "a list of numbers"),
+        ("dof", "xyz", "a list of texts"),
+        ("cameras", [1], "a list of texts"),
+    ],
+)
+def test_wrong_types_are_refused(key, value, expected):
+    """With file, key, what would do and what came."""
+    with pytest.raises(UserError) as error:
+        TaskConfig.of({key: value}, "w.yaml")
+    assert str(error.value) == f"w.yaml: task.{key}: wrong type; expected {expected}; got {value!r}"
+
+
+def test_whole_numbers_do_where_any_number_does():
+    """And lists of any length where a length is not said."""
+    given = {"clearance_mm": 3, "fixture": [0.6, 0, 0.05], "dof": ["x"], "hole_origin": [], "stiffness": [300, 400]}
+    config = TaskConfig.of(given)
+    assert config.fixture == TaskConfig().fixture and config.dof == ("x",) and config.hole_origin == ()
+
+
+def test_the_fixture_stands_where_the_task_says():
+    """The hole, where a blind policy looks for it, the start above it, what is drawn, and the camera beside it."""
+    place = (0.55, 0.05, 0.08)
+    sim = PegSimulation(World(), TaskConfig.of({"fixture": list(place), "cameras": ["external"]}), 2, "proprio")
+    sim.reset(np.arange(2), [0, 1])
+    np.testing.assert_allclose(sim.cell.site_position("hole"), [place] * 2, atol=1e-9)
+    np.testing.assert_allclose(sim.believed, [place] * 2)
+    np.testing.assert_allclose(sim.bodies(0)["fixture"][:3], place)
+    (camera,) = task_cameras(sim, {})
+    np.testing.assert_allclose(np.subtract(camera.pos, standard_cameras()[2].pos), np.subtract(place, HOLE), atol=1e-12)
+    assert np.all(np.abs(sim.tip_in_hole()[:, :2]) < 0.021) and np.all(sim.tip_in_hole()[:, 2] > 0.019)
+
+
+def test_a_start_beyond_the_joint_limits_is_refused():
+    """Inverse kinematics alone would find it."""
+    sim = PegSimulation(World(), TaskConfig(fixture=(0.42, 0.42, 0.05)), 1)
+    with pytest.raises(UserError, match="out of the arm's reach"):
+        sim.reset(np.arange(1), [0])

@@ -12,7 +12,7 @@ from vispeg.core.distribution import Normal, Uniform
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.robots.scene import build
-from vispeg.task.world_file import built_in, load_world, world_hash, world_text
+from vispeg.task.world_file import LATER, built_in, load_world, world_hash, world_text
 
 SCENE = build()
 FRICTION = {"effect": "contact_friction", "where": "peg", "params": {"scale": {"uniform": [0.5, 1.5]}}}
@@ -156,6 +156,51 @@ def test_the_hash_is_of_content_not_of_words(world):
     assert len(hashes) == len(others) and plain not in hashes
     file = load_world("randomized")
     assert world_hash(file.world, file.task, file.cameras, file.renderer) == file.hash
+
+
+def test_fields_younger_than_the_hash_enter_it_only_where_they_differ(world):
+    """Shipped policies and results carry hashes from before there were such fields."""
+    assert load_world("nominal").hash == "9a06a676d4bd6d5e4d616490927c1ef69ee74ea4cef5a4bbeff87c4efeb691ae"
+    assert load_world("randomized").hash == "a44f418112dce0f31783affd2f60b92a4df60795c9afa9f7d91884fe5b13829e"
+    given = [{"fixture": [0.6, 0, 0.06]}, {"block": 0.06}, {"success_lateral": 0.002}, {"success_force": 50.0}]
+    assert {key for task in given for key in task} == set(LATER)
+    plain = load_world(world()).hash
+    same = {"fixture": [0.6, 0, 0.05], "block": 0.05, "success_lateral": 0, "success_force": 0}
+    assert load_world(world("same", task=same)).hash == plain
+    hashes = {load_world(world(f"o{i}", task=task)).hash for i, task in enumerate(given)}
+    assert len(hashes) == len(given) and plain not in hashes
+
+
+FAR = [
+    ({"x": {"uniform": [-0.15, 0.15]}, "y": {"uniform": [0.0, 0.15]}}, "out of reach"),
+    ({"x": 0.1, "y": {"uniform": [0.0, 0.15]}}, "the arm cannot go"),
+    ({"x": {"choice": [0.0, 0.15]}, "y": 0.05}, "out of reach"),
+    ({"z": {"uniform": [-0.06, 0.0]}}, "0.045 to 0.4 m high"),
+    ({"z": {"normal": [0.0, 0.01]}}, "0.045 to 0.4 m high"),
+    ({"z": -0.1}, "0.045 to 0.4 m high"),
+]
+
+
+@pytest.mark.parametrize(("params", "says"), FAR)
+def test_a_hole_out_of_reach_is_refused(params, says, world):
+    path = world("far", effects=[FRICTION, {"effect": "hole_offset", "where": "fixture", "params": params}])
+    for file in (path, world("above", base="far.yaml")):
+        with pytest.raises(UserError) as error:
+            load_world(file)
+        text = str(error.value)
+        assert text.startswith(f"{path}: effects[1]: ") and says in text and "\n" not in text, text
+
+
+def test_reach_is_judged_by_what_the_whole_file_says(world):
+    """A fixture aside, where joint 7 would have to turn too far; an offset that only another fixture's place allows."""
+    with pytest.raises(UserError, match=r"side.yaml: task.fixture: .*the arm cannot go"):
+        load_world(world("side", task={"fixture": [0.42, 0.42, 0.05]}))
+    low = {"effect": "hole_offset", "where": "all", "params": {"z": {"uniform": [-0.05, 0.0]}}}
+    load_world(world("raised", task={"fixture": [0.6, 0.0, 0.12]}, effects=[low]))
+    near = {"effect": "hole_offset", "where": "all", "params": {"y": {"uniform": [-0.1, 0.1]}}}
+    load_world(world("near", task={"fixture": [0.55, 0.0, 0.05]}, effects=[near]))
+    world("offset", effects=[low])
+    load_world(world("both", base="offset.yaml", task={"fixture": [0.6, 0.0, 0.12]}))
 
 
 WRONG = {

@@ -52,7 +52,7 @@ class SceneConfig:
         depth: of the hole.
         chamfer: of the hole's mouth, at 45 deg.
         friction: sliding friction of the peg in the hole.
-        fixture: position of the centre of the hole's mouth.
+        fixture: position of the centre of the hole's mouth, base frame.
         block: half the width of the fixture.
         solref: time constant (s) and damping ratio of the peg's contacts.
         peg_mesh, hole_mesh: mesh files instead of the built-in shapes, see `vispeg.robots.user_shapes`; a fixture
@@ -88,6 +88,7 @@ class SceneConfig:
             "depth": (0.005, 0.04),
             "chamfer": (-1e-9, 0.01),
             "friction": (-1e-9, 3.0),
+            "block": (0.0, 0.2),
             "mesh_scale": (0.0, 1000.0),
             "mesh_concavity": (0.0099, 1.0),
             "peg_density": (10.0, 25000.0),
@@ -102,9 +103,13 @@ class SceneConfig:
             raise UserError(
                 "the hole is wider than its fixture", key="block", expected=f"> {self.apothem:g}", got=self.block
             )
+        if len(self.solref) != 2 or not min(self.solref) > 0:
+            expected = "a time constant (s) and a damping ratio, both above 0"
+            raise UserError("impossible contact", key="solref", expected=expected, got=self.solref)
+        for key, lengths in (("fixture", (3,)), ("hole_origin", (0, 3))):
+            if len(getattr(self, key)) not in lengths:
+                raise UserError("not a point", key=key, expected="x, y, z", got=getattr(self, key))
         x, y, z = self.fixture
-        if len(self.hole_origin) not in (0, 3):
-            raise UserError("not a point", key="hole_origin", expected="x, y, z", got=self.hole_origin)
         below = self.depth if self.hole_mesh else self.depth + hole.FLOOR
         if not (0.35 <= math.hypot(x, y) <= 0.75 and below - 1e-9 <= z <= 0.4):
             raise UserError(

@@ -22,7 +22,7 @@ class Track:
     Attributes:
         touched: whether the peg ever touched.
         deepest: greatest depth of the tip below the mouth while over the hole, m; beside the fixture is not in it.
-        dwell: policy steps in a row at the goal.
+        dwell: policy steps in a row at the goal: deep, close to the axis and gentle.
         peak: greatest contact force, N.
         forces: contact force at every control tick, N.
         depths: depth after every policy step, m.
@@ -45,7 +45,10 @@ class Track:
         depth = float(-tip[2])
         self.lateral, self.tilt, self.slip = float(np.hypot(tip[0], tip[1])), tilt, slip
         over = self.lateral <= 0.5 * config.diameter
-        self.dwell = self.dwell + 1 if over and depth >= config.success_depth * config.depth else 0
+        close = self.lateral <= (config.success_lateral or 0.5 * config.diameter)
+        gentle = forces.max() <= (config.success_force or config.force_abort)
+        there = close and gentle and depth >= config.success_depth * config.depth
+        self.dwell = self.dwell + 1 if there else 0
         self.deepest = max(self.deepest, depth if over else -1.0)
         self.touched |= bool(forces.max() > TOUCH)
         self.peak = max(self.peak, float(forces.max()))
@@ -65,8 +68,11 @@ class Track:
 
         `wedge` and `jam` follow Whitney (J. Dyn. Sys. Meas. Control 104, 1982): a peg is wedged when it stands across
         the hole at two points, which takes a tilt of clearance over depth; stuck below that tilt it is jammed by the
-        direction of its forces. A peg that was still going in is neither.
+        direction of its forces. A peg that was still going in is neither, nor one that got to its depth and lacked only
+        what else success takes.
         """
+        if self.deepest >= config.success_depth * config.depth:
+            return "timeout"
         if self.deepest > ENTERED:
             recent = self.depths[-4:]
             if len(recent) > 1 and (recent[-1] - recent[0]) / (len(recent) - 1) > MOVING:

@@ -21,12 +21,16 @@ from vispeg.effects.model_file import placed_dict
 from vispeg.effects.yaml_file import read_mapping
 from vispeg.robots.scene import build
 from vispeg.task.config import TaskConfig
+from vispeg.task.hole_places import check_places
 from vispeg.task.identified import ranges_of
 from vispeg.task.world_entry import entry_dict, ranged
 
 FORMAT = "vispeg-world/1"
 BUILT_IN = Path(__file__).parent / "worlds"
 KEYS = ("format", "name", "about", "base", "model", "task", "cameras", "renderer", "effects")
+# fields of TaskConfig that policies and results of before do not know: at its default, such a field is not in the hash,
+# so that theirs stays what it was; whoever adds a field adds it here
+LATER = ("fixture", "block", "success_lateral", "success_force")
 RENDERER = {"backend": ("auto", "classic", "raycast", "filament"), "shadows": (False, True)}
 
 
@@ -55,9 +59,10 @@ class WorldFile:
 
 @dataclass
 class _Parts:
-    """What a file and the files it is based on add up to."""
+    """What a file and the files it is based on add up to; `said` is file and key of each range."""
 
     ranges: dict[tuple[str, str], Ranged] = field(default_factory=dict)
+    said: dict[tuple[str, str], tuple[Path, str]] = field(default_factory=dict)
     task: dict[str, Any] = field(default_factory=dict)
     cameras: dict[str, Any] = field(default_factory=dict)
     renderer: dict[str, Any] = field(default_factory=dict)
@@ -83,7 +88,11 @@ def load_world(source: str | Path) -> WorldFile:
     broad = [r for r in parts.ranges.values() if r.where in ("all", "each")]
     narrow = [r for r in parts.ranges.values() if r.where not in ("all", "each")]
     world = World(ranges=(*broad, *narrow))
-    TaskConfig.of(parts.task, str(path))
+    scene = build(TaskConfig.of(parts.task, str(path)).scene())
+    check_places(scene, None, path, "task.fixture")
+    for place, r in parts.ranges.items():
+        if r.effect == "hole_offset":  # here, not entry by entry: a file may move the fixture that its base speaks of
+            check_places(scene, r, *parts.said[place])
     digest = world_hash(world, parts.task, parts.cameras, parts.renderer)
     return WorldFile(name, world, parts.task, parts.cameras, parts.renderer, digest, path)
 
@@ -99,7 +108,8 @@ def world_hash(
     entries = [{k: v for k, v in entry_dict(r).items() if k != "source"} for r in world.ranges]
     fixed = [{k: v for k, v in placed_dict(e).items() if k != "origin"} for e in world.effects]
     seen = {n: _digest(c) if isinstance(c, str) else c for n, c in (cameras or {}).items()}
-    content = [world.robot, world.tool, fixed, entries, asdict(config), seen, dict(renderer or {})]
+    told = {k: v for k, v in asdict(config).items() if k not in LATER or v != getattr(TaskConfig, k)}
+    content = [world.robot, world.tool, fixed, entries, told, seen, dict(renderer or {})]
     return hashlib.sha256(json.dumps(content, sort_keys=True, default=list).encode()).hexdigest()
 
 
@@ -130,7 +140,7 @@ def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> None:
     parts.renderer |= _renderer(_given(data, "renderer", {}), path)
     if data.get("model") is not None:
         for r in ranges_of(_beside(_typed(data["model"], str, path, "model"), path), World().robot):
-            _replace(parts, r)
+            _replace(parts, r, path, "model")
     scene = build(TaskConfig.of(parts.task, str(path)).scene())
     seen: set[tuple[str, str]] = set()
     for i, entry in enumerate(_typed(_given(data, "effects", []), list, path, "effects")):
@@ -138,13 +148,14 @@ def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> None:
         if (r.effect, r.where) in seen:
             raise UserError(f"{r.label} is given twice", file=path, key=f"effects[{i}]")
         seen.add((r.effect, r.where))
-        _replace(parts, r)
+        _replace(parts, r, path, f"effects[{i}]")
 
 
-def _replace(parts: _Parts, r: Ranged) -> None:
-    """The range takes the place of one for the same effect and place, and stands last."""
+def _replace(parts: _Parts, r: Ranged, path: Path, key: str) -> None:
+    """The range, said there, takes the place of one for the same effect and place, and stands last."""
     parts.ranges.pop((r.effect, r.where), None)
     parts.ranges[r.effect, r.where] = r
+    parts.said[r.effect, r.where] = path, key
 
 
 def _path(source: str | Path, beside: Path | None) -> Path:
@@ -205,3 +216,27 @@ def _renderer(given: Any, path: Path) -> dict[str, Any]:
 
 def _digest(file: str) -> str:
     return hashlib.sha256(Path(file).read_bytes()).hexdigest()
+
+
+def parts(source: str | Path) -> dict[str, str]:
+    """What a world that loads is put together from: SHA-256 (hex) of what a file adds of its own, and its name.
+
+    Only effects and models count: the names, task and renderer that two worlds share tell neither of the other, and a
+    file that only joins others adds nothing.
+    """
+    found: dict[str, str] = {}
+    todo, seen = [_path(source, None)], set()
+    while todo:
+        path = todo.pop()
+        if path.resolve() in seen:
+            continue
+        seen.add(path.resolve())
+        data = read_mapping(path, FORMAT, KEYS, "world")
+        bases = _given(data, "base", [])
+        todo += [_path(base, path) for base in ([bases] if isinstance(bases, str) else bases)]
+        effects = [{k: v for k, v in entry.items() if k != "source"} for entry in _given(data, "effects", [])]
+        model = None if data.get("model") is None else _digest(str(_beside(data["model"], path)))
+        if effects or model:
+            own = json.dumps([effects, model], sort_keys=True)
+            found[hashlib.sha256(own.encode()).hexdigest()] = str(data.get("name", path.stem))
+    return found
