@@ -15,7 +15,7 @@ from vispeg.evaluate.jobs import FIRST_SEED, STATE_ROWS, Job, Pushes, Setting, m
 from vispeg.evaluate.overlay import Change, overlay
 from vispeg.evaluate.records import Episode, read
 from vispeg.evaluate.runner import EPISODES, failures, one_thread, run
-from vispeg.task.world_file import load_world
+from vispeg.task.world_file import load_world, parts
 
 
 @pytest.fixture
@@ -119,6 +119,46 @@ def test_a_policy_is_refused_in_its_own_world_only(policy):
     refuse_trained_on(who, "nominal", here)
     with pytest.raises(UserError, match="a was trained in unknown_hole.*no transfer"):
         refuse_trained_on(who, "unknown_hole", there)
+
+
+@pytest.mark.parametrize(
+    ("home", "target", "part"),
+    [("V", "VNP", "looks-unseen"), ("P", "VNP", "plant"), ("VNP", "N", "sensor-unseen"), ("VNP", "P", "plant")],
+)
+def test_a_policy_is_refused_where_a_part_is_of_its_own_world_and_held_out_from_others(policy, home, target, part):
+    """Whether its record names the parts, as today's do, or only the world, as old ones."""
+    told = [policy("a_s0", world_parts=parts(home)), policy("b_s0", world=home), policy("c_s0", world_file=home)]
+    for e in entrants(told):
+        with pytest.raises(UserError, match=f"{e.name} was trained with .*{part}.*which {target} has too.*fine-tuned"):
+            refuse_trained_on([e], target, load_world(target).hash)
+
+
+def test_policies_of_the_training_world_are_judged_in_every_target(policy):
+    who = entrants(["expert", *(policy(f"{home}_s0", world=home) for home in ("S", "randomized", "searching", "dev"))])
+    for target in ("V", "N", "P", "VNP"):
+        refuse_trained_on(who, target, load_world(target).hash)
+
+
+def test_worlds_of_ones_own_share_what_their_bases_say(policy, tmp_path):
+    def world(name, base, scale):
+        effects = [{"effect": "contact_friction", "where": "peg", "params": {"scale": scale}}]
+        path = tmp_path / f"{name}.yaml"
+        path.write_text(json.dumps({"format": "vispeg-world/1", "name": name, "base": base, "effects": effects}))
+        return load_world(path)
+
+    near, cell = world("near", "VNP", 1.1), world("cell", "S", 1.2)
+    dark = world("dark", str(cell.path), 1.3)
+    (knows,) = entrants([policy("a_s0", world_parts=parts(near.path))])
+    with pytest.raises(UserError, match="which VNP has too"):
+        refuse_trained_on([knows], "VNP", load_world("VNP").hash)
+    (tuned,) = entrants([policy("a_s0", world="VNP")])
+    with pytest.raises(UserError, match="which near has too"):
+        refuse_trained_on([tuned], near.name, near.hash, near.path)
+    (own,) = entrants([policy("a_s0", world_parts=parts(cell.path))])
+    with pytest.raises(UserError, match="trained with cell, which dark has too"):
+        refuse_trained_on([own], dark.name, dark.hash, dark.path)
+    refuse_trained_on([own], dark.name, dark.hash, dark.path, training=cell.path)
+    refuse_trained_on([own], near.name, near.hash, near.path)
 
 
 def test_evaluation_seeds_are_held_out_and_draws_share_none():

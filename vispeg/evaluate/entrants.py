@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from vispeg.core.assets import assets
 from vispeg.core.errors import UserError
 from vispeg.core.provenance import digest
+from vispeg.learn.meta import interface, worlds
+from vispeg.task.world_file import built_in, parts
 
 META = "policy.json"
 EXPERT = "expert"  # the scripted policy of vispeg.task.expert takes part under this name
-INTERFACE = ("stack", "dof", "offset", "turn", "policy_period")  # of the task: what a policy was made for, in any world
+TRAINING = "S"  # the frozen training world; what it is made of is held out from nobody
 
 
 @dataclass(frozen=True)
@@ -28,8 +30,9 @@ class Entrant:
         modality: what it observes.
         train_seed: of its training.
         trained_on: hashes of the worlds it was trained or fine-tuned in.
-        task: the part of the task that it was made for (stack, dof, ...).
+        task: the part of the task that it was made for (stack, dof, cameras, ...).
         digest: SHA-256 of its folder.
+        parts: what those worlds are put together from, see `vispeg.task.world_file.parts`.
     """
 
     name: str
@@ -39,6 +42,7 @@ class Entrant:
     trained_on: tuple[str, ...]
     task: dict[str, Any]
     digest: str
+    parts: Mapping[str, str] = field(default_factory=dict)
 
 
 def entrant(text: str) -> Entrant:
@@ -65,15 +69,16 @@ def entrant(text: str) -> Entrant:
     seed = meta.get("seed", 0)
     seed = seed if isinstance(seed, int) else 0
     stem = _stem(path)
-    hashes = [meta.get("world_hash"), *(meta.get("world_hashes") or ())]
+    made_in = worlds(meta)
     return Entrant(
         name or re.sub(rf"[-_.]?s(eed)?{seed}$", "", stem) or stem,
         path,
         str(record.get("modality", "")),
         seed,
-        tuple(dict.fromkeys(str(h) for h in hashes if h)),
-        {k: v for k, v in (meta.get("task") or {}).items() if k in INTERFACE},
+        tuple(made_in["world_hashes"]),
+        interface(meta),
         digest(path),
+        made_in["world_parts"],
     )
 
 
@@ -98,8 +103,31 @@ def entrants(texts: Sequence[str]) -> list[Entrant]:
     return found
 
 
-def refuse_trained_on(who: Iterable[Entrant], world: str, world_hash: str) -> None:
-    """Raises UserError for a policy that was trained in the world whose unseen success shall be measured."""
+def refuse_trained_on(
+    who: Iterable[Entrant],
+    world: str,
+    world_hash: str,
+    source: str | Path | None = None,
+    training: str | Path = TRAINING,
+) -> None:
+    """Refuses policies that know the world whose unseen success shall be measured.
+
+    They do if they were trained or fine-tuned in it, or in one that shares a part with it which training worlds do not
+    have: V and VNP share looks, P and VNP a plant.
+
+    Args:
+        who: the policies.
+        world, world_hash: the target's name and hash.
+        source: the target's file; where not given, the built-in world of that name.
+        training: the comparison's training world, whose parts are held out from nobody, as those of S are.
+
+    Raises:
+        UserError: one does; the part is named.
+    """
+    if source is None and world in built_in():
+        source = world
+    known = parts(TRAINING) | parts(training)
+    held_out = {} if source is None else {h: name for h, name in parts(source).items() if h not in known}
     for e in who:
         if world_hash and world_hash in e.trained_on:
             raise UserError(
@@ -107,6 +135,13 @@ def refuse_trained_on(who: Iterable[Entrant], world: str, world_hash: str) -> No
                 file=e.path,
                 expected="another target, or --fine-tuned",
                 got=world_hash[:12],
+            )
+        if shared := [name for h, name in held_out.items() if h in e.parts]:
+            told = f"{e.name} was trained with {', '.join(shared)}, which {world} has too"
+            raise UserError(
+                f"{told}, so its success there is no transfer",
+                file=e.path,
+                expected="another target, or --fine-tuned",
             )
 
 

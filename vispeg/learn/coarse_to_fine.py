@@ -17,6 +17,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.learn.layout import VECTOR
+from vispeg.learn.meta import worlds
 from vispeg.learn.policy import META, OFFSET_M, NetPolicy, Policy, load
 
 FORMAT = "vispeg-coarse-to-fine/1"
@@ -83,8 +84,7 @@ def combine(coarse: Path, fine: Path, within: float, out: Path, overwrite: bool 
         UserError: a folder that is no policy's, policies that do not fit, OUT is there.
     """
     both = CoarseToFine(load(coarse), load(fine), within)
-    worlds = [p.meta.get("world_hash") for p in (both.coarse, both.fine)]
-    meta = {**both.meta, "world_hashes": [w for w in worlds if w]}
+    meta = {**both.meta, **worlds(both.coarse.meta, both.fine.meta)}
     record = {"format": FORMAT, "modality": both.modality, "within": within, "meta": meta}
     with new_folder(out, overwrite) as place:
         for name, folder in ((COARSE, coarse), (FINE, fine)):

@@ -8,6 +8,7 @@ from typing import Any
 
 from gymnasium.vector import AutoresetMode, VectorEnv
 
+from vispeg.learn.meta import interface
 from vispeg.learn.modalities import Modality, modality
 from vispeg.learn.policy import Policy
 from vispeg.learn.settings import SacSettings
@@ -39,11 +40,12 @@ def describe(env: Any) -> dict[str, Any]:
         return {}
     from dataclasses import asdict
 
-    from vispeg.task.world_file import world_hash
+    from vispeg.task.world_file import parts, world_hash
 
     file = getattr(env, "file", None)
     if file is not None:
-        return {"world": file.name, "world_hash": file.hash, "task": asdict(config)}
+        made_of = parts(file.path)
+        return {"world": file.name, "world_hash": file.hash, "world_parts": made_of, "task": asdict(config)}
     return {"world": env.world.label, "world_hash": world_hash(env.world, config), "task": asdict(config)}
 
 
@@ -53,9 +55,7 @@ def home(policy: Policy) -> str:
 
 
 def of_policy(policy: Policy, world: str, threads: int = 1) -> MakeEnv:
-    """Makes the environments that a policy can act in, in a world: with its own stack, directions and cameras."""
-    task = policy.meta.get("task") or {}
-    own = {key: task[key] for key in ("stack", "dof", "cameras", "image_size") if task.get(key) is not None}
-    own = {key: tuple(value) if isinstance(value, list) else value for key, value in own.items()}
+    """Makes the environments that a policy can act in, in a world: with its own stack, directions, cameras, ..."""
+    own = interface(policy.meta)
     make = peg_maker(modality(policy.modality), world, SacSettings(recurrent=policy.recurrent), threads)
     return lambda rows, settings: make(rows, {**own, **settings})

@@ -19,11 +19,13 @@ from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.core.provenance import command_line
 from vispeg.core.seeds import stream
+from vispeg.datasets.read import Dataset
 from vispeg.learn.clone import CloneSettings, clone
 from vispeg.learn.device import device_of
 from vispeg.learn.distill import collect, demonstrations
 from vispeg.learn.envs import HELD_OUT, MakeEnv, describe, home, of_policy
 from vispeg.learn.evaluation import run_episodes, success_rate
+from vispeg.learn.meta import worlds
 from vispeg.learn.policy import NetPolicy, load, save
 from vispeg.learn.replay import Replay
 from vispeg.learn.sb3_env import Sb3Env
@@ -106,7 +108,9 @@ def finetune(
         before = _success(policy, env, settings.episodes)
         say(f"before: {before:.0%} of {settings.episodes} episodes in the target world")
         rings: list[tuple[Replay, float]] = []
+        others: list[dict[str, Any]] = []  # of the worlds that it learns in beside the target
         if dataset is not None:
+            others.append(_shown_in(dataset))
             rings.append((from_folder(dataset, actor.layout, seed, device=actor.device), 1 - settings.known))
         else:
             ring, tried = demonstrations(env, teacher(env.env), settings.demos, seed, actor.device)
@@ -116,6 +120,7 @@ def finetune(
             home = Sb3Env(known(settings.rows, {}))
             ring = collect(home, teacher(home.env), None, 1.0, settings.known_steps, 0.0, seed, actor.device)
             rings.append((ring, settings.known))
+            others.append(describe(home.env))
             home.close()
         numbers = CloneSettings(lr=settings.lr, batch=settings.batch, shift=settings.shift)
         loss = clone(actor, rings, settings.updates, numbers, stream(seed, "finetune"), frozen=settings.updates // 2)
@@ -123,10 +128,16 @@ def finetune(
         say(f"after: {after:.0%}, loss {loss:.4f}")
         record = {"before": before, "after": after, "settings": asdict(settings), "seed": seed, **describe(env.env)}
         origin = {"command": command_line(sys.argv), "finetuned": record, "parent": str(source)}
-        save(folder, actor, policy.modality, {**policy.meta, **origin})
+        save(folder, actor, policy.modality, {**policy.meta, **origin, **worlds(policy.meta, record, *others)})
         (folder / "finetune.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
         env.close()
     return out
+
+
+def _shown_in(dataset: Path) -> dict[str, Any]:
+    """The world of a dataset as a record has it; empty entries where the dataset does not say."""
+    plan = Dataset(dataset).made.get("plan") or {}
+    return {"world": plan.get("world"), "world_hash": plan.get("world_hash")}
 
 
 def _success(policy: NetPolicy, env: Sb3Env, episodes: int) -> float:

@@ -1,0 +1,40 @@
+"""What a policy's record (`meta` in policy.json) says of where it was made and for which task; without torch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from vispeg.task.world_file import built_in, parts
+
+INTERFACE = ("stack", "dof", "offset", "turn", "policy_period", "cameras", "image_size")
+# of the task: what a policy sees and what its actions mean, kept in every world
+
+
+def interface(meta: Mapping[str, Any]) -> dict[str, Any]:
+    """The part of the task (TaskConfig's fields) that a policy was made for, as far as its record has it."""
+    task = meta.get("task") or {}
+    own = {key: task[key] for key in INTERFACE if task.get(key) is not None}
+    return {key: tuple(value) if isinstance(value, list) else value for key, value in own.items()}
+
+
+def worlds(*metas: Mapping[str, Any]) -> dict[str, Any]:
+    """The worlds that policies of these records were trained or fine-tuned in, ready for a record.
+
+    Records that do not say what their worlds are put together from are taken to mean the built-in world that they name.
+
+    Returns:
+        `world_hashes`: of the worlds; `world_parts`: what they are put together from, see `world_file.parts`.
+    """
+    hashes: list[Any] = []
+    made_of: dict[str, str] = {}
+    for meta in metas:
+        tuned = meta.get("finetuned")
+        for own in (meta, tuned if isinstance(tuned, Mapping) else {}):
+            hashes += [own.get("world_hash"), *(own.get("world_hashes") or ())]
+            if isinstance(own.get("world_parts"), Mapping):
+                made_of |= own["world_parts"]
+            else:
+                known = [name for name in (own.get("world_file"), own.get("world")) if name in built_in()]
+                made_of |= parts(known[0]) if known else {}
+    return {"world_hashes": list(dict.fromkeys(str(h) for h in hashes if h)), "world_parts": made_of}
