@@ -1,0 +1,20 @@
+"""The worlds that results were published of stay what they were."""
+
+import pytest
+
+from vispeg.task.world_file import load_world
+
+FROZEN = {
+    "S": "e662e2459de5dd6a3919ecfd67a68a8da54aeb5eed86c6ae0520026adea3645e",
+    "V": "72338627df939b81b129219271a31be547631419250f1cc6476de7750199056c",
+    "N": "2907924c2ed376caa10947d8d6bf6610d061156bfa75f2e128a3d416fa748ab5",
+    "P": "12358210cadf9d697269f970f506c5fd3aaf9ef4242401b2512257d9e49e6298",
+    "VNP": "9891ff7909fad8329d0a44a44a6adfebccca661184a71d9745f6a822602ae344",
+    "dev": "b0a3766bd0b7a3c6928aa8a7e90221d9a7639d9d5d23e4840da55fa2dcbe34ec",
+}
+
+
+@pytest.mark.parametrize("name", FROZEN)
+def test_a_world_of_published_results_is_what_it_was(name):
+    said = f"{name}: the worlds of published results: change them only under a new name"
+    assert load_world(name).hash == FROZEN[name], said
