@@ -14,6 +14,8 @@ from gymnasium.vector import VectorEnv
 
 from vispeg.learn.sb3_env import row_info
 
+SPARE = 2**30  # from the first seed to those of rows that have none to play
+
 
 class Acts(Protocol):
     """What can be evaluated: something with a memory of n rows that may be cleared row by row."""
@@ -45,6 +47,7 @@ def run_episodes(
     """One episode for every seed, in the order of `seeds`.
 
     A row that ends begins the next seed; every episode is waited for, so that short ones are not over-represented.
+    Rows that are left over play episodes that do not count, and are nobody else's: a control may show them to others.
 
     Args:
         policy: acts on all rows at once.
@@ -57,7 +60,7 @@ def run_episodes(
     out: list[Outcome | None] = [None] * len(todo)
     given: list[int] = [0] * n
     for row in range(n):
-        number[row], given[row] = todo.pop(0) if todo else (-1, int(seeds[0]))
+        number[row], given[row] = todo.pop(0) if todo else (-1, int(seeds[0]) + SPARE + row)
     obs, _ = env.reset(seed=given)
     policy.reset(n)
     total, steps = np.zeros(n), np.zeros(n, int)
