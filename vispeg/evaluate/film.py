@@ -19,7 +19,8 @@ class Clip:
     """One episode.
 
     Attributes:
-        frames: (T, H, W, 3) uint8 from outside, one a policy step.
+        frames: (T, H, W, 3) uint8 from outside, one a policy step; on them where the policy thinks the peg to be and
+            where it is, if it says.
         views: (T, h, w, 3) uint8, what the policy's cameras saw, side by side; None for policies that see nothing.
         category: how it ended this time.
         time: s, how long it took.
@@ -49,6 +50,8 @@ def film(job: Job, seed: int) -> Clip:
     Raises:
         UserError: nothing renders on this machine.
     """
+    from vispeg.learn.play import thoughts
+
     env = environment(replace(job, rows=1), render_mode="rgb_array")
     policy: Any = player(job.entrant, env.config)
     obs, _ = env.reset(seed=[seed])
@@ -57,14 +60,15 @@ def film(job: Job, seed: int) -> Clip:
     policy.reset(1)
     frames, views = [], []
     told: dict[str, Any] = {}
-    while not told:
-        frames.append(env.render()[0])
+    while True:
+        action = policy.act(obs)  # also on the last observation, for what it thinks of it
+        frames.append(thoughts(env.render()[0], obs, policy))
         views.append(_view(obs))
-        obs, _, terminated, truncated, infos = env.step(policy.act(obs))
+        if told:
+            break
+        obs, _, terminated, truncated, infos = env.step(action)
         if terminated[0] or truncated[0]:
             told = infos["record"][0]
-    frames.append(env.render()[0])
-    views.append(_view(obs))
     seen = None if views[0] is None else np.stack(views)
     return Clip(np.stack(frames), seen, str(told["category"]), float(told["time"]))
 

@@ -24,6 +24,7 @@ class ScriptedPolicy:
 
     modality = "state"
     meta: Mapping[str, Any] = {}
+    estimate: np.ndarray | None = None
 
     def __init__(self, config: Any):
         self.config = config

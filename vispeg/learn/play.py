@@ -60,12 +60,8 @@ def compose(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: Policy, 
         policy: after it acted on `obs`.
         action: (1, action) that it chose.
     """
-    picture = outside.copy()
+    picture = thoughts(outside, obs, policy)
     height = picture.shape[0]
-    if policy.estimate is not None and PRIVILEGED in obs:
-        found, true = 1e3 * policy.estimate[0], 1e3 * OFFSET_M * obs[PRIVILEGED][0, :3]
-        write(picture, "thinks " + " ".join(f"{v:+6.1f}" for v in found) + " mm", (8, height - 22), WHITE)
-        write(picture, "is     " + " ".join(f"{v:+6.1f}" for v in true) + " mm", (8, height - 8), WHITE)
     views = [view(key, obs[key][0]) for key in policy.layout.images]
     if not views:
         return picture
@@ -74,6 +70,22 @@ def compose(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: Policy, 
     for k, image in enumerate(views):
         column[k * size : (k + 1) * size] = enlarged(image, size)
     return np.concatenate([picture, column], axis=1)
+
+
+def thoughts(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: Policy) -> np.ndarray:
+    """The outside view with where the policy thinks the peg's tip to be in the hole's frame, and where it is, in words.
+
+    Args:
+        outside: (H, W, 3) uint8.
+        obs: of one row.
+        policy: after it acted on `obs`; nothing is written where it has no estimate.
+    """
+    picture, height = outside.copy(), outside.shape[0]
+    if policy.estimate is not None and PRIVILEGED in obs:
+        found, true = 1e3 * policy.estimate[0], 1e3 * OFFSET_M * obs[PRIVILEGED][0, :3]
+        write(picture, "thinks " + " ".join(f"{v:+6.1f}" for v in found) + " mm", (8, height - 22), WHITE)
+        write(picture, "is     " + " ".join(f"{v:+6.1f}" for v in true) + " mm", (8, height - 8), WHITE)
+    return picture
 
 
 def view(key: str, image: np.ndarray) -> np.ndarray:
