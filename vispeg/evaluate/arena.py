@@ -33,21 +33,22 @@ def play(job: Job) -> list[Episode]:
 
 def environment(job: Job, render_mode: str | None = None) -> Any:
     """The vector environment of a job, that of the last job where it is the same."""
+    from vispeg.learn.modalities import modality
     from vispeg.task.vector import PegInHoleVec
 
-    key = (job.world, job.world_hash, job.entrant.modality, str(job.entrant.task), job.rows, render_mode, job.dump)
+    obs_mode = modality(job.entrant.modality).obs_mode
+    key = (job.world, job.world_hash, obs_mode, str(job.entrant.task), job.rows, render_mode, job.dump)
     if key not in _kept:
         for old in _kept.values():
             old.close()
         _kept.clear()
         made: dict[str, Any] = {
-            "obs_mode": job.entrant.modality,
+            "obs_mode": obs_mode,
             "render_mode": render_mode,
             "autoreset_mode": "Disabled",
             "dump": job.dump,
         }
-        made |= {k: tuple(v) if isinstance(v, list) else v for k, v in job.entrant.task.items()}
-        _kept[key] = PegInHoleVec(job.rows, world=job.world, **made)
+        _kept[key] = PegInHoleVec(job.rows, world=job.world, **made, **job.entrant.task)
     return _kept[key]
 
 

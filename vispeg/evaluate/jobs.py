@@ -106,14 +106,19 @@ def make_jobs(
     """A job for every policy in every setting; changed worlds are written into `folder`.
 
     A control on images is left out for policies that see none. Rows are few where images are rendered.
+
+    Raises:
+        UserError: a modality that this installation does not have, a world that cannot be.
     """
-    jobs = []
+    from vispeg.learn.modalities import modality
+
+    jobs, seeing = [], {e.modality: bool(modality(e.modality).kinds) for e in who}
     for s in settings:
         changes = (*s.changes, *HOLE_FIXED) if s.control == "hole_fixed" else s.changes
         label = "-".join(part for part in (s.name, s.configuration, s.control) if part)
         made = overlay(s.world, label, folder, changes, s.task)
         for e in who:
-            sees = e.modality not in ("state", "proprio")
+            sees = seeing[e.modality]
             if s.control in ("shuffled", "frozen") and not sees:
                 continue
             rows = IMAGE_ROWS if sees else STATE_ROWS
