@@ -43,6 +43,10 @@ def test_a_gap_from_records_and_a_robots_csv(vispeg, tmp_path, invented):
         (("gap", "nowhere", "--out", "g"), "no such policy"),
         (("gap", "expert", "--worlds", "nominal", "mars", "--out", "g"), "unknown world"),
         (("gap", "expert", "--worlds", "nominal", "nominal", "--out", "g"), "two worlds of one name"),
+        (
+            ("gap", "expert", "--worlds", "nominal", "--control-worlds", "nominl", "--out", "g"),
+            "did you mean 'nominal'",
+        ),
         (("evaluate", "expert", "--episodes", "0", "--out", "g"), "no episodes"),
         (("evaluate", "expert", "--controls", "frosen", "--out", "g"), "did you mean 'frozen'"),
         (("evaluate", "expert", "expert", "--out", "g"), "two policies called expert"),
@@ -102,6 +106,22 @@ def played(monkeypatch):
         return jobs
 
     return by
+
+
+def test_controls_are_played_in_the_first_world_and_the_last_or_where_they_are_asked_for(vispeg, tmp_path, played):
+    worlds = ("--worlds", "nominal", "unknown_hole", "randomized", "--episodes", "4", "--videos", "0")
+    jobs = played(lambda job, seed: seed % 2)
+    code, _, err = vispeg("gap", "expert", *worlds, "--out", "ends")
+    assert code == 0, err
+    assert [j.world_name for j in jobs if j.control == "hole_fixed"] == ["nominal", "randomized"]
+    values = json.loads((tmp_path / "ends/gap.json").read_text())
+    assert {r["world"] for r in values["success"] if r["control"]} == {"nominal", "randomized"}
+    assert "no blind control: add a proprio policy" in values["notes"]
+    html = (tmp_path / "ends/gap.html").read_text()
+    assert all(text in html for text in ("Controls in nominal", "Controls in randomized", "no blind control"))
+    jobs.clear()
+    assert vispeg("gap", "expert", *worlds, "--control-worlds", "unknown_hole", "--out", "one")[0] == 0
+    assert [j.world_name for j in jobs if j.control] == ["unknown_hole"]
 
 
 def small_suite(path, n=9):

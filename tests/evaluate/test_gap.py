@@ -122,6 +122,14 @@ def test_controls_are_rows_of_their_own_and_do_not_enter_the_gap(invented):
     assert both["gaps"] == plain["gaps"] and both["prediction"] == plain["prediction"]
     assert [r["success"]["value"] for r in both["success"] if r["control"]] == [0, 0]
     assert table_has(Table(episodes + shuffled))
+    fixed = [Episode(**{**e.__dict__, "control": "hole_fixed", "world_hash": "fixed"}) for e in episodes]
+    assert Table(fixed + episodes).hashes == {"S": "hash-S", "V": "hash-V"}
+
+
+def test_a_result_without_a_blind_control_says_so():
+    assert any("no blind control" in note for note in gap(exact("a", "S", 50))["notes"])
+    both = gap(exact("a", "S", 50) + exact("b", "S", 5, modality="proprio"))
+    assert not any("no blind control" in note for note in both["notes"])
 
 
 def table_has(table):

@@ -1,9 +1,10 @@
 """The transfer gap: policies in several worlds on the same seeds, what each loses, and to which factor of the change.
 
-The first world is the one of training. A world named after others (VNP after V, N, P) is split into their shares. A
-policy that was trained in a target is refused, unless --fine-tuned says that this is meant. A real robot's records
-(CSV: policy, configuration, seed, outcome, category) take a target's place with --measured. Episodes that `vispeg
-evaluate` or an earlier gap wrote are taken in with --records. Writes OUT/gap.json, OUT/gap.html, OUT/episodes.jsonl.
+The first world is the one of training. A world named after others (VNP after V, N, P) is split into their shares. The
+controls are played in the first world and the last; the blind one is a policy of its own, modality `proprio`. A policy
+that was trained in a target is refused, unless --fine-tuned says that this is meant. A real robot's records (CSV:
+policy, configuration, seed, outcome, category) take a target's place with --measured. Episodes that `vispeg evaluate`
+or an earlier gap wrote are taken in with --records. Writes OUT/gap.json, OUT/gap.html, OUT/episodes.jsonl.
 
 Example:
     vispeg gap runs/depth_s* runs/rgb_s* --worlds S V N P VNP --episodes 500 --workers 2 --out gap
@@ -32,7 +33,9 @@ class Args:
     episodes: int = 100
     """Episodes of every policy in every world."""
     controls: tuple[str, ...] = ("shuffled", "frozen", "hole_fixed")
-    """Controls in the training world: shuffled, frozen, hole_fixed."""
+    """Controls: shuffled, frozen, hole_fixed."""
+    control_worlds: tuple[str, ...] | None = None
+    """Those of --worlds in which the controls are played; where not given, the first and the last."""
     records: tuple[Path, ...] = ()
     """Files of episodes that are there already."""
     measured: Path | None = None
@@ -111,12 +114,18 @@ class Args:
         names = [f.name for f in files]
         if len(set(names)) < len(names):
             raise UserError("two worlds of one name", key="--worlds", got=", ".join(names))
+        places, called = dict(zip(names, self.worlds, strict=True)), dict(zip(self.worlds, names, strict=True))
+        chosen = (names[0], names[-1]) if self.control_worlds is None else self.control_worlds
+        controlled = dict.fromkeys(called.get(w, w) for w in chosen)
+        for name in controlled:
+            if name not in places:
+                raise UserError("not one of --worlds", key="--control-worlds", got=name, choices=names)
         for file in files[1:]:
             if not self.fine_tuned:
                 refuse_trained_on(who, file.name, file.hash)
         out = open_folder(self.out, "gap.json", self.overwrite)
         settings = [Setting(w, n) for w, n in zip(self.worlds, names, strict=True)]
-        settings += [Setting(self.worlds[0], names[0], control=c) for c in self.controls]
+        settings += [Setting(places[n], n, control=c) for n in controlled for c in self.controls]
         jobs = make_jobs(who, settings, seeds_of(self.episodes, self.seed), out / "worlds")
         return names, jobs, play_all(jobs, out, self.workers, self.quiet)
 

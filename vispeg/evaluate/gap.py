@@ -22,6 +22,7 @@ from vispeg.evaluate.records import Episode
 from vispeg.evaluate.table import BLIND, Cell, Table
 
 FORMAT = "vispeg-gap/1"
+NO_BLIND = f"no blind control: add a {BLIND} policy"
 
 
 def gap(
@@ -167,7 +168,7 @@ def _parting(table: Table, policy: str, reference: str, world: str, seed: int) -
 
 
 def _notes(table: Table, order: Sequence[str]) -> list[str]:
-    notes = []
+    notes = [] if BLIND in table.modality.values() else [NO_BLIND]
     for policy in table.policies:
         missing = [w for w in order if not table.has(Cell(policy, w))]
         if missing:

@@ -36,10 +36,12 @@ class Table:
         self.cells: dict[Cell, dict[int, dict[tuple[int, str], Episode]]] = {}
         self.modality: dict[str, str] = {}
         self.hashes: dict[str, str] = {}
+        episodes = list(episodes)
+        for e in sorted(episodes, key=lambda e: e.control != ""):  # a control may be a world of its own
+            self.hashes.setdefault(e.world, e.world_hash)
         for e in episodes:
             cell = self.cells.setdefault(Cell(e.policy, e.world, e.control), {})
             cell.setdefault(e.train_seed, {})[e.seed, e.configuration] = e
-            self.hashes.setdefault(e.world, e.world_hash)
             known = self.modality.setdefault(e.policy, e.modality)
             if e.modality and known and e.modality != known:
                 raise UserError("one policy with two modalities", key=e.policy, expected=known, got=e.modality)

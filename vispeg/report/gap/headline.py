@@ -50,17 +50,18 @@ def _dearest(values: Mapping[str, Any], policy: str) -> str:
     return ""
 
 
-def _controls(values: Mapping[str, Any]) -> list[str]:
-    """A sentence a control in the reference world."""
+def _controls(values: Mapping[str, Any]) -> dict[str, list[str]]:
+    """A sentence a control, by world: the reference world and those that have any."""
     rates = {(r["policy"], r["world"], r["control"]): r["success"] for r in values["success"]}
-    found, reference = [], values["reference"]
+    found: dict[str, list[str]] = {values["reference"]: []}
     for (policy, world, control), e in rates.items():
-        own = rates.get((policy, reference, ""))
-        if control and world == reference and own:
+        own = rates.get((policy, world, ""))
+        if control and own:
             what = words.CONTROLS.get(control, control)
-            found.append(f"{policy} with {what}: {words.rate(e)} instead of {words.percent(own['value'])}")
-    for p in values["policies"]:
-        e = rates.get((p["name"], reference, ""))
-        if p["blind"] and e:
-            found.append(f"{p['name']} sees nothing: {words.rate(e)}")
-    return found
+            line = f"{policy} with {what}: {words.rate(e)} instead of {words.percent(own['value'])}"
+            found.setdefault(world, []).append(line)
+    blind = [p["name"] for p in values["policies"] if p["blind"]]
+    for world, lines in found.items():
+        known = [(name, rates[name, world, ""]) for name in blind if (name, world, "") in rates]
+        lines += [f"{name} sees nothing: {words.rate(e)}" for name, e in known]
+    return {world: lines for world, lines in found.items() if lines}
