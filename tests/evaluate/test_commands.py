@@ -124,6 +124,72 @@ def test_controls_are_played_in_the_first_world_and_the_last_or_where_they_are_a
     assert [j.world_name for j in jobs if j.control] == ["unknown_hole"]
 
 
+def recorded(folder, *seeds, lost=()):
+    """Episodes of the scripted policy in two worlds, as a run would have written them."""
+    from vispeg.evaluate.records import Episode
+    from vispeg.task.world_file import load_world
+
+    episodes = []
+    for world in ("nominal", "unknown_hole"):
+        for s in (1_000_000 + s for s in seeds):
+            ok = world == "nominal" or s - 1_000_000 not in lost
+            head = ("expert", "state", 0, world, load_world(world).hash, s)
+            episodes.append(Episode(*head, ok, "success" if ok else "jam", time=99.0))
+    append(folder / "e.jsonl", episodes)
+    return episodes
+
+
+TWO = ("gap", "expert", "--worlds", "nominal", "unknown_hole", "--controls", "--records", "e.jsonl")
+
+
+def test_only_what_the_records_lack_is_played(vispeg, tmp_path, played):
+    stored = recorded(tmp_path, 0, 1, 3)
+    jobs = played(lambda job, seed: True)
+    code, _, err = vispeg(*TWO, "--episodes", "5", "--out", "g")
+    assert code == 0, err
+    assert {(j.world_name, *j.seeds) for j in jobs} == {(w, 1_000_002, 1_000_004) for w in ("nominal", "unknown_hole")}
+    written = read(tmp_path / "g/episodes.jsonl")
+    assert len(written) == 10 and written[: len(stored)] == stored
+    jobs.clear()
+    (tmp_path / "g/episodes.jsonl").replace(tmp_path / "e.jsonl")
+    assert vispeg(*TWO, "--episodes", "4", "--out", "g", "--overwrite")[0] == 0 and not jobs
+    assert sorted(read(tmp_path / "g/episodes.jsonl"), key=repr) == sorted(written, key=repr)
+
+
+def test_records_of_another_world_or_policy_are_refused_before_anything_is_written(vispeg, tmp_path, played):
+    from dataclasses import replace
+
+    jobs = played(lambda job, seed: True)
+    stored = recorded(tmp_path, 0, 1)
+    (tmp_path / "run.json").write_text(json.dumps({"policies": {"expert/s0": "another", "else/s0": "x"}}))
+    code, out, err = vispeg(*TWO, "--out", "g")
+    assert code == 2 and "another policy than the expert/s0" in err and len(err.strip().splitlines()) == 1
+    (tmp_path / "run.json").unlink()
+    (tmp_path / "e.jsonl").unlink()
+    append(tmp_path / "e.jsonl", [replace(e, world_hash="moved" + e.world) for e in stored])
+    code, out, err = vispeg(*TWO, "--out", "g")
+    assert code == 2 and "nominal: the records are from another world of this name" in err
+    assert out == "" and len(err.strip().splitlines()) == 1 and not jobs and not (tmp_path / "g").exists()
+
+
+def test_a_recorded_episode_is_filmed_without_being_played_and_the_film_says_how_it_ended_this_time(
+    vispeg, tmp_path, played
+):
+    recorded(tmp_path, 0, 1, lost=[1])
+    jobs = played(lambda job, seed: True)
+    code, _, err = vispeg(*TWO, "--episodes", "2", "--videos", "1", "--out", "g")
+    assert code == 0 and not jobs, err
+    (pair,) = json.loads((tmp_path / "g/media.json").read_text())
+    assert (pair["policy"], pair["seed"]) == ("expert", 1_000_001)
+    assert [s["world"] for s in pair["sides"]] == ["nominal", "unknown_hole"]
+    assert all((tmp_path / "g" / s["video"]).stat().st_size > 200 for s in pair["sides"])
+    outcomes = [s["outcome"] for s in pair["sides"]]
+    assert all(o.startswith("success after") and "99" not in o for o in outcomes), "the record said jam after 99 s"
+    assert outcomes[1] in (tmp_path / "g/gap.html").read_text()
+    values = json.loads((tmp_path / "g/gap.json").read_text())
+    assert [r["success"]["value"] for r in values["success"]] == [1.0, 0.5]
+
+
 def small_suite(path, n=9):
     listed = "".join(f"  - {{name: c{i}, task: {{clearance_mm: {1 + 0.1 * i:g}}}}}\n" for i in range(n))
     path.write_text(f"format: vispeg-suite/1\nconfigurations:\n{listed}")

@@ -4,11 +4,13 @@ The first world is the one of training. A world named after others (VNP after V,
 controls are played in the first world and the last; the blind one is a policy of its own, modality `proprio`. A policy
 that was trained in a target is refused, unless --fine-tuned says that this is meant. A real robot's records (CSV:
 policy, configuration, seed, outcome, category) take a target's place with --measured. Episodes that `vispeg evaluate`
-or an earlier gap wrote are taken in with --records. Writes OUT/gap.json, OUT/gap.html, OUT/episodes.jsonl.
+or an earlier gap wrote are taken in with --records and not played again; given the policies too, they are filmed.
+Writes OUT/gap.json, OUT/gap.html, OUT/episodes.jsonl.
 
 Example:
     vispeg gap runs/depth_s* runs/rgb_s* --worlds S V N P VNP --episodes 500 --workers 2 --out gap
     vispeg gap --records gap/episodes.jsonl --worlds S VNP --out again
+    vispeg gap runs/depth_s* runs/rgb_s* --records gap/episodes.jsonl --episodes 500 --videos 4 --out filmed
     vispeg gap depth=runs/d/best --worlds S --measured robot.csv --out real
 """
 
@@ -37,7 +39,7 @@ class Args:
     control_worlds: tuple[str, ...] | None = None
     """Those of --worlds in which the controls are played; where not given, the first and the last."""
     records: tuple[Path, ...] = ()
-    """Files of episodes that are there already."""
+    """Files of episodes that are there already; they are not played again."""
     measured: Path | None = None
     """CSV of a real robot's trials."""
     robot: str = "robot"
@@ -74,7 +76,7 @@ class Args:
         known = read_all(self.records) if self.records else []
         networks = [*((e.name, e.train_seed) for e in who), *((e.policy, e.train_seed) for e in known)]
         robot = measured(self.measured, networks, self.robot)
-        names, jobs, played = self._play(who) if who else (list(self.worlds), [], [])
+        names, jobs, played = self._play(who, known) if who else (list(self.worlds), [], [])
         out = open_folder(self.out, "gap.json", self.overwrite) if not self.policies else self.out
         episodes = {e.key: e for e in [*known, *played]}
         every = [*episodes.values(), *robot.episodes]
@@ -86,7 +88,7 @@ class Args:
             (out / "episodes.jsonl").unlink(missing_ok=True)
             append(out / "episodes.jsonl", every)
             write_text_atomic(out / "run.json", json.dumps({"policies": {}, "worlds": {}}) + "\n", overwrite=True)
-        media = self._films(jobs, played, names)
+        media = self._films(jobs, list(episodes.values()), names)
         write_text_atomic(out / "media.json", json.dumps(media) + "\n", overwrite=True)
         page = write(out, overwrite=True)
         shown = {(r["policy"], r["world"]): words.rate(r["success"]) for r in values["success"] if not r["control"]}
@@ -98,9 +100,12 @@ class Args:
         print(page)
         return 0
 
-    def _play(self, who):  # type: ignore[no-untyped-def]
+    def _play(self, who, known):  # type: ignore[no-untyped-def]
+        from tempfile import TemporaryDirectory
+
         from vispeg.cli.evaluation import check_episodes, open_folder, play_all
         from vispeg.core.errors import UserError
+        from vispeg.evaluate import stored
         from vispeg.evaluate.controls import CONTROLS
         from vispeg.evaluate.entrants import refuse_trained_on
         from vispeg.evaluate.jobs import Setting, make_jobs, seeds_of
@@ -122,11 +127,17 @@ class Args:
                 raise UserError("not one of --worlds", key="--control-worlds", got=name, choices=names)
         for file in files[1:]:
             if not self.fine_tuned:
-                refuse_trained_on(who, file.name, file.hash)
-        out = open_folder(self.out, "gap.json", self.overwrite)
+                refuse_trained_on(who, file.name, file.hash, file.path, training=files[0].path)
         settings = [Setting(w, n) for w, n in zip(self.worlds, names, strict=True)]
         settings += [Setting(places[n], n, control=c) for n in controlled for c in self.controls]
-        jobs = make_jobs(who, settings, seeds_of(self.episodes, self.seed), out / "worlds")
+        seeds = seeds_of(self.episodes, self.seed)
+        if known:
+            with TemporaryDirectory() as folder:  # OUT, which may hold the records, is not touched before they fit
+                stored.check(make_jobs(who, settings, seeds, Path(folder)), known, self.records)
+        out = open_folder(self.out, "gap.json", self.overwrite)
+        if known:
+            stored.take_in(known, out)
+        jobs = make_jobs(who, settings, seeds, out / "worlds")
         return names, jobs, play_all(jobs, out, self.workers, self.quiet)
 
     def _films(self, jobs, episodes, names):  # type: ignore[no-untyped-def]
