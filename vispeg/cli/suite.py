@@ -74,7 +74,8 @@ class Run:
         if len(names) < 2:
             raise UserError("training world and target are the same", got=names[0])
         if self.target is not None and not self.fine_tuned:
-            refuse_trained_on(who, names[1], hashes[names[1]])
+            target = files[self.target]
+            refuse_trained_on(who, target.name, target.hash, target.path, training=files[self.train].path)
         known = [(e.name, e.train_seed) for e in who]
         robot = evaluation.measured(self.measured, known, "robot", [c["name"] for c in listed])
         out = evaluation.open_folder(self.out, "suite.json", self.overwrite)
