@@ -7,6 +7,9 @@ from test_train import Pointing
 from toy import Reach
 
 from vispeg.core.errors import UserError
+from vispeg.core.files import write_text_atomic
+from vispeg.datasets.layout import COUNTED
+from vispeg.datasets.lerobot import INFO, RENDER, VERSION
 from vispeg.evaluate.entrants import entrant, refuse_trained_on
 from vispeg.learn.actor import Actor
 from vispeg.learn.coarse_to_fine import combine
@@ -15,6 +18,7 @@ from vispeg.learn.layout import Layout
 from vispeg.learn.meta import interface, worlds
 from vispeg.learn.modalities import modality
 from vispeg.learn.policy import load, save
+from vispeg.learn.shown import made_in
 from vispeg.task.config import TaskConfig
 from vispeg.task.world_file import load_world, parts
 
@@ -74,6 +78,15 @@ def test_a_record_of_before_that_was_fine_tuned_is_understood(tuned):
     assert found["world_hashes"] == ["of S as it was", VNP.hash]
     assert found["world_parts"] == parts("S") | parts("VNP")
     assert worlds({}) == worlds({"finetuned": None, "world": "mars"}) == {"world_hashes": [], "world_parts": {}}
+
+
+def test_a_datasets_world_counts_as_one_that_was_learned_in(tmp_path):
+    info = {"codebase_version": VERSION, "features": dict.fromkeys(COUNTED, {}), "total_frames": 0, "fps": 1}
+    for name, said in ((INFO, {**info, "data_path": ""}), (RENDER, {"plan": {"world": "VNP", "world_hash": "its"}})):
+        write_text_atomic(tmp_path / name, json.dumps(said))
+    assert worlds(made_in(tmp_path)) == {"world_hashes": ["its"], "world_parts": parts("VNP")}
+    (tmp_path / RENDER).unlink()
+    assert worlds(made_in(tmp_path)) == worlds({}), "another's dataset does not say"
 
 
 def test_what_a_policy_was_made_for_is_kept_in_every_world():

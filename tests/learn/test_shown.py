@@ -1,7 +1,10 @@
-"""Demonstrations read from a dataset are the dataset's own frames, in its order."""
+"""Demonstrations read from a dataset are its successful episodes' own frames, in its order."""
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from gymnasium import spaces
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
@@ -12,7 +15,7 @@ from vispeg.datasets.read import Dataset
 from vispeg.datasets.rendering import render
 from vispeg.learn.layout import Layout
 from vispeg.learn.replay import DEPTH_STEP_M
-from vispeg.learn.shown import from_folder
+from vispeg.learn.shown import from_folder, successes
 from vispeg.render.camera import Camera
 
 EYE = Camera("eye", 8, 8, 10.0, 10.0, 3.5, 3.5, pos=(0, 0, 0.5), quat=(0.0, 1.0, 0.0, 0.0))
@@ -23,6 +26,7 @@ LAYOUT = lay.Layout(
         "observation.environment_state": lay.numbers(("x", "y", "z")),
         "action": lay.numbers(("x", "y", "z")),
         "executed.action": lay.numbers(("x", "y", "z")),
+        "next.reward": lay.number(),
         "observation.images.eye": lay.picture(EYE, 3),
         "observation.images.eye_depth": lay.picture(EYE, 1, depth=True),
     },
@@ -35,7 +39,17 @@ LAYOUT = lay.Layout(
 SEEN = Layout(2, {"depth_eye": (1, 8, 8), "rgb_eye": (3, 8, 8)}, 3)
 
 
-def source(plan, layout, shard):
+BESIDE = spaces.Dict(
+    {
+        "policy": spaces.Box(-9, 9, (2,), np.float32),
+        "privileged": spaces.Box(-9, 9, (3,), np.float32),
+        "depth_eye": spaces.Box(0, 4, (1, 8, 8), np.float32),
+        "rgb_eye": spaces.Box(0, 255, (3, 8, 8), np.uint8),
+    }
+)
+
+
+def episodes(layout, failed=()):
     for number in range(4):
         recorder = Recorder(layout)
         for step in range(5):
@@ -46,24 +60,28 @@ def source(plan, layout, shard):
                     "observation.environment_state": rng.standard_normal(3),
                     "action": rng.uniform(-1, 1, 3),
                     "executed.action": rng.uniform(-1, 1, 3),
+                    "next.reward": rng.uniform(-1, 1),
                     "observation.images.eye": rng.integers(0, 256, (8, 8, 3), dtype=np.uint8),
                     "observation.images.eye_depth": rng.uniform(0.1, 1, (8, 8)).astype(np.float32),
                 }
             )
         about = {"task": layout.task, "seed": number, "look": 0, "redraws": 0, "redraws_exhausted": False, "cut": False}
-        yield recorder.finish(about | {"success": True, "category": "success", "world": {}, "cameras": []})
+        ending = {"success": number not in failed, "category": "made", "world": {}, "cameras": []}
+        yield recorder.finish(about | ending)
+
+
+def made(out, failed=()):
+    return render(PLAN, LAYOUT, lambda plan, layout, shard: episodes(layout, failed), out, workers=0)
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    out = tmp_path_factory.mktemp("data") / "demos"
-    render(PLAN, LAYOUT, source, out, workers=0)
-    return out
+    return made(tmp_path_factory.mktemp("data") / "demos")
 
 
-@pytest.mark.parametrize(("executed", "feature"), [(False, "action"), (True, "executed.action")])
-def test_every_frame_is_there_with_its_action(folder, executed, feature):
-    ring, data = from_folder(folder, SEEN, 0, executed), Dataset(folder)
+@pytest.mark.parametrize(("beside", "feature"), [(None, "action"), (BESIDE, "executed.action")])
+def test_every_frame_is_there_with_its_action(folder, beside, feature):
+    ring, data = from_folder(folder, "rgbd", SEEN, 0, beside=beside), Dataset(folder)
     at, row = np.nonzero(ring.starts)
     batch = ring._batch(at, row)
     assert len(at) == len(data) == 20
@@ -79,19 +97,45 @@ def test_every_frame_is_there_with_its_action(folder, executed, feature):
     depth = batch.obs["depth_eye"].numpy()[:, 0]
     assert np.abs(depth - column("observation.images.eye_depth")).max() <= 0.5 * DEPTH_STEP_M + 1e-6
     assert batch.done.numpy().tolist() == [0, 0, 0, 0, 1] * 4
+    assert np.allclose(batch.reward.numpy(), column("next.reward") if beside else 0)
     on = batch.done.numpy()[:-1] == 0
     assert np.array_equal(batch.next_obs["policy"].numpy()[:-1][on], batch.obs["policy"].numpy()[1:][on])
 
 
 def test_batches_are_where_they_are_asked_for(folder):
-    batch = from_folder(folder, SEEN, 0, device="meta").sample(4)
+    batch = from_folder(folder, "rgbd", SEEN, 0, "meta").sample(4)
     assert {part.device.type for part in (*batch.obs.values(), *batch.next_obs.values(), batch.action)} == {"meta"}
 
 
 def test_a_dataset_of_another_observation_is_refused(folder):
     with pytest.raises(UserError, match="another observation"):
-        from_folder(folder, Layout(2, {"depth_eye": (1, 9, 9)}, 3), 0)
+        from_folder(folder, "depth", Layout(2, {"depth_eye": (1, 9, 9)}, 3), 0)
     with pytest.raises(UserError, match="no such feature"):
-        from_folder(folder, Layout(2, {"depth_other": (1, 8, 8)}, 3), 0)
+        from_folder(folder, "depth", Layout(2, {"depth_other": (1, 8, 8)}, 3), 0)
     with pytest.raises(UserError, match="another action"):
-        from_folder(folder, Layout(2, {}, 6), 0)
+        from_folder(folder, "proprio", Layout(2, {}, 6), 0)
+    with pytest.raises(UserError, match="does not see"):
+        from_folder(folder, "state", Layout(2, {}, 3), 0)
+    larger = spaces.Dict(BESIDE.spaces | {"privileged": spaces.Box(-9, 9, (4,), np.float32)})
+    with pytest.raises(UserError, match="another observation"):
+        from_folder(folder, "rgbd", SEEN, 0, beside=larger)
+
+
+def test_only_episodes_that_succeeded_are_shown(tmp_path):
+    folder = made(tmp_path / "some", failed=(0, 2))
+    ring, data = from_folder(folder, "rgbd", SEEN, 0), Dataset(folder)
+    at, row = np.nonzero(ring.starts)
+    kept = [*range(5, 10), *range(15, 20)]
+    seen = ring._batch(at, row).obs["policy"].numpy()
+    assert np.allclose(seen, np.stack([data[i]["observation.policy"] for i in kept]), atol=1e-6)
+    with pytest.raises(UserError, match="no episode of the dataset succeeded"):
+        from_folder(made(tmp_path / "none", failed=range(4)), "rgbd", SEEN, 0)
+
+
+def test_another_writers_dataset_says_by_its_steps_who_succeeded_or_not_at_all():
+    rows = [{"dataset_from_index": 3 * k, "dataset_to_index": 3 * k + 3} for k in range(3)]
+    reached = np.array([0, 0, 1, 0, 0, 0, 0, 1, 1], bool)
+    data = SimpleNamespace(episodes=rows, info={"features": {"next.success": {}}}, numbers=lambda name: reached)
+    assert successes(data) == [0, 2]
+    data.info = {"features": {}}
+    assert successes(data) == [0, 1, 2]

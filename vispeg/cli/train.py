@@ -8,6 +8,7 @@ Example:
     vispeg train peg-state --world nominal --seed 0
     vispeg train peg-state --clearance 0.5 --curriculum 3 1 --target 0.98
     vispeg train peg-depth --recipe distill+sac --teacher runs/peg-state/best
+    vispeg train peg-depth --recipe distill --dataset demos
     vispeg train --resume runs/peg-state/20261121-0900_s0 --steps 200000
 """
 
@@ -53,6 +54,9 @@ class Args:
     """Critics that see what the actor sees, in place of ground truth; slower, and there for comparison."""
     teacher: str | None = None
     """Policy folder of the teacher for the distill recipes, or expert for the scripted one."""
+    dataset: Path | None = None
+    """Demonstrations in LeRobot's layout, as `vispeg render` writes them: what the distill recipes imitate in place of
+    a teacher, or half of each batch of sac. Only episodes that succeeded count."""
     distill_steps: int = 4000
     """Environment steps of each of the five rounds of a distillation."""
     distill_updates: int = 2000
@@ -103,6 +107,7 @@ class Args:
             settings={} if self.clearance is None else {"clearance_mm": self.clearance},
             sac=sac,
             teacher=self.teacher,
+            dataset=None if self.dataset is None else str(self.dataset),
             distill={} if self.recipe == "sac" else {"steps": self.distill_steps, "updates": self.distill_updates},
             device=self.device,
             threads=self.threads,

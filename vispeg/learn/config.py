@@ -50,6 +50,7 @@ class TrainConfig:
         settings: TaskConfig fields that replace the world's.
         sac: the algorithm's numbers.
         teacher: policy folder of the teacher, for `distill`.
+        dataset: folder of demonstrations in LeRobot's layout: in place of a teacher, or half of each batch of `sac`.
         distill: DistillSettings fields that replace the defaults.
         device: `cpu`, `cuda` or `auto`.
         threads: of the physics.
@@ -69,6 +70,7 @@ class TrainConfig:
     settings: Mapping[str, Any] = field(default_factory=dict)
     sac: SacSettings = SacSettings()
     teacher: str | None = None
+    dataset: str | None = None
     distill: Mapping[str, Any] = field(default_factory=dict)
     device: str = "cpu"
     threads: int = 1
@@ -81,6 +83,8 @@ class TrainConfig:
             raise UserError("no such recipe", key="recipe", got=self.recipe, choices=RECIPES)
         if not self.task.startswith("peg-"):
             raise UserError("no such task", key="task", got=self.task, expected="peg-<modality>")
+        if self.teacher is not None and self.dataset is not None:
+            raise UserError("a dataset stands in place of a teacher", key="dataset", expected="one of them", got="both")
         if not self.stages:
             raise UserError("a curriculum needs a stage", key="stages")
 

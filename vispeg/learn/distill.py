@@ -199,13 +199,53 @@ def distill(
     Returns:
         The rounds' transitions with the teacher's actions, first round first.
     """
-    optimizer = torch.optim.Adam(actor.parameters(), settings.clone.lr, fused=True)
-    rings = rounds.restore(actor, optimizer) if rounds is not None else []
     student = NetPolicy(actor, modality)
-    for number, beta in list(enumerate(settings.betas))[len(rings) :]:
+
+    def played(number: int, beta: float) -> Replay:
         asked = None if beta >= 1 else student
         noise = settings.noise if 0 < beta < 1 else 0.0
-        rings.append(collect(env, teacher, asked, beta, settings.steps, noise, seed + number, actor.device))
+        return collect(env, teacher, asked, beta, settings.steps, noise, seed + number, actor.device)
+
+    return _learn(actor, [], played, settings, seed, watch, rounds)
+
+
+def imitate(
+    actor: Actor,
+    shown: Replay,
+    settings: DistillSettings,
+    seed: int,
+    watch: Callable[[int, float], dict[str, Any]] | None = None,
+    rounds: Rounds | None = None,
+) -> None:
+    """Behaviour cloning of what is there, with the updates of all rounds and watched after as many; moves `actor`.
+
+    Args:
+        actor: the student.
+        shown: transitions with the actions to imitate.
+        settings, seed, watch, rounds: as for `distill`.
+    """
+    _learn(actor, [shown], None, settings, seed, watch, rounds)
+
+
+def _learn(
+    actor: Actor,
+    shown: list[Replay],
+    played: Callable[[int, float], Replay] | None,
+    settings: DistillSettings,
+    seed: int,
+    watch: Callable[[int, float], dict[str, Any]] | None,
+    rounds: Rounds | None,
+) -> list[Replay]:
+    """Rounds of cloning from what was shown and from what each of them (number, beta) plays before; returns both."""
+    optimizer = torch.optim.Adam(actor.parameters(), settings.clone.lr, fused=True)
+    done, rings = 0, list(shown)
+    if rounds is not None:
+        rounds.restore(actor, optimizer)
+        done = rounds.done
+        rings += rounds.rings() if played is not None else []
+    for number, beta in list(enumerate(settings.betas))[done:]:
+        own = None if played is None else played(number, beta)
+        rings += [] if own is None else [own]
         if number == 0:
             actor.scale.measure(rings[0].sample(4096, images="none").obs[VECTOR])
         shares = [(ring, float(len(ring))) for ring in rings]
@@ -213,5 +253,5 @@ def distill(
         loss = clone(actor, shares, settings.updates, settings.clone, rng, optimizer=optimizer)
         told = watch(number, loss) if watch is not None else {}
         if rounds is not None:
-            rounds.keep(rings[-1], actor, optimizer, told)
+            rounds.keep(own, actor, optimizer, told)
     return rings

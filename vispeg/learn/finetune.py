@@ -19,7 +19,6 @@ from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.core.provenance import command_line
 from vispeg.core.seeds import stream
-from vispeg.datasets.read import Dataset
 from vispeg.learn.clone import CloneSettings, clone
 from vispeg.learn.device import device_of
 from vispeg.learn.distill import collect, demonstrations
@@ -29,7 +28,7 @@ from vispeg.learn.meta import worlds
 from vispeg.learn.policy import NetPolicy, load, save
 from vispeg.learn.replay import Replay
 from vispeg.learn.sb3_env import Sb3Env
-from vispeg.learn.shown import from_folder
+from vispeg.learn.shown import from_folder, made_in
 from vispeg.learn.teacher import Teacher, teacher_of
 
 
@@ -110,8 +109,10 @@ def finetune(
         rings: list[tuple[Replay, float]] = []
         others: list[dict[str, Any]] = []  # of the worlds that it learns in beside the target
         if dataset is not None:
-            others.append(_shown_in(dataset))
-            rings.append((from_folder(dataset, actor.layout, seed, device=actor.device), 1 - settings.known))
+            others.append(made_in(dataset))
+            ring = from_folder(dataset, policy.modality, actor.layout, seed, actor.device)
+            say(f"{int(ring.done.sum())} demonstrations that succeeded")
+            rings.append((ring, 1 - settings.known))
         else:
             ring, tried = demonstrations(env, teacher(env.env), settings.demos, seed, actor.device)
             say(f"{settings.demos} demonstrations, {tried} tried")
@@ -132,12 +133,6 @@ def finetune(
         (folder / "finetune.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
         env.close()
     return out
-
-
-def _shown_in(dataset: Path) -> dict[str, Any]:
-    """The world of a dataset as a record has it; empty entries where the dataset does not say."""
-    plan = Dataset(dataset).made.get("plan") or {}
-    return {"world": plan.get("world"), "world_hash": plan.get("world_hash")}
 
 
 def _success(policy: NetPolicy, env: Sb3Env, episodes: int) -> float:

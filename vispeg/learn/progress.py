@@ -43,16 +43,16 @@ class Table:
     Args:
         path: of the file, which may not exist yet.
         upto: steps of reinforcement from which the run goes on.
-        taught: the same of its distillation; all of it if not given.
+        rounds: of its distillation that are finished; all of them if not given.
     """
 
-    def __init__(self, path: Path, upto: int, taught: float = math.inf):
+    def __init__(self, path: Path, upto: int, rounds: float = math.inf):
         self.path = path
         self.rows: list[dict[str, Any]] = []
         if path.is_file():
             with path.open(newline="", encoding="utf-8") as stream:
                 found = list(csv.DictReader(stream))
-            self.rows = [r for r in found if int(r["steps"]) <= (upto if r["stage"].isdigit() else taught)]
+            self.rows = [r for r in found if _before(r, upto, rounds)]
 
     @property
     def seconds(self) -> float:
@@ -143,6 +143,12 @@ def failures(categories: list[str]) -> str:
     """`jam 3 search 1`, most frequent first; successes left out."""
     counted = Counter(category for category in categories if category != "success")
     return " ".join(f"{name} {number}" for name, number in counted.most_common())
+
+
+def _before(row: Mapping[str, str], upto: int, rounds: float) -> bool:
+    if row["stage"].isdigit():
+        return int(row["steps"]) <= upto
+    return int(row["stage"].removeprefix("distill ")) < rounds
 
 
 def _cell(value: Any) -> Any:

@@ -13,10 +13,11 @@ from typing import Any
 
 from vispeg.core.errors import UserError
 from vispeg.learn.config import TrainConfig
-from vispeg.learn.distill import DistillSettings, distill
+from vispeg.learn.distill import DistillSettings, distill, imitate
 from vispeg.learn.envs import MakeEnv
 from vispeg.learn.progress import Bar, Table
 from vispeg.learn.rounds import ROUNDS, Rounds, keep_ring
+from vispeg.learn.shown import from_folder
 from vispeg.learn.teacher import Teacher, teacher_of
 from vispeg.learn.train import SacRun, line
 
@@ -31,21 +32,25 @@ def distilled(
     Rounds that a killed distillation finished in the folder are not done again.
 
     Args:
-        config: with `teacher` set, unless `teacher` is given.
+        config: with `teacher` or `dataset` set, unless `teacher` is given.
         folder: of the run.
         make: environments; peg-in-hole if not given.
         show: whether to tell of progress on stderr.
         teacher: in place of the configuration's.
 
     Raises:
-        UserError: there is no teacher, or it does not fit the task.
+        UserError: there is neither teacher nor dataset, or it does not fit the task.
     """
     sac = replace(config.sac, warmup=0, actor_frozen=config.sac.actor_frozen or FROZEN)
     config = replace(config, sac=sac)
-    if teacher is None and config.teacher is None:
-        raise UserError("this recipe needs a teacher", key="teacher", expected="a state policy's folder, or expert")
+    if teacher is None and config.teacher is None and config.dataset is None:
+        expected = "a state policy's folder, or expert; or a dataset"
+        raise UserError("this recipe needs a teacher", key="teacher", expected=expected)
     run = SacRun(config, folder, make, show)
-    if teacher is None:
+    actor, seen, shown = run.model.actor, run.modality.name, None
+    if config.dataset is not None:
+        shown = from_folder(config.dataset, seen, actor.layout, config.seed, actor.device)
+    elif teacher is None:
         teacher = teacher_of(str(config.teacher), run.env.env.config)  # type: ignore[attr-defined]
     folder.mkdir(parents=True, exist_ok=True)
     config.write(folder / "config.yaml")
@@ -53,25 +58,27 @@ def distilled(
     settings, known = distill_settings(config.distill), rounds.state
     if known:
         run.best, run.command = (known["best"][0], known["best"][1]), known["command"]
-    table = Table(folder / "progress.csv", 0, taught=int(known.get("rounds", 0)) * settings.steps)
+    table = Table(folder / "progress.csv", 0, rounds.done)
     bar, started = Bar(len(settings.betas), show), time.monotonic() - table.seconds
 
     def tell(number: int, loss: float) -> dict[str, Any]:
         row = run.row(run.evaluate(), time.monotonic() - started)
-        row |= {"steps": (number + 1) * settings.steps, "stage": f"distill {number}", "actor_loss": loss}
+        row |= {"updates": (number + 1) * settings.updates, "stage": f"distill {number}", "actor_loss": loss}
+        row["steps"] = (number + 1) * settings.steps if shown is None else 0
         table.add(row)
         bar.say(line(row))
         run.keep_best(row)
         return {"best": list(run.best), "command": run.command}
 
-    rings = distill(run.model.actor, run.modality.name, run.env, teacher, settings, config.seed, tell, rounds)
+    if shown is not None:
+        imitate(actor, shown, settings, config.seed, tell, rounds)
+    elif teacher is not None:
+        demos = distill(actor, seen, run.env, teacher, settings, config.seed, tell, rounds)[0]
+        if config.recipe == "distill+sac":
+            keep_ring(demos, folder / "demos")
+            run.model.demos = demos
     run.model.new = False
-    if config.recipe == "distill":
-        best = run.close()
-    else:
-        keep_ring(rings[0], folder / "demos")
-        run.model.demos = rings[0]
-        best = run.run()
+    best = run.close() if config.recipe == "distill" else run.run()
     shutil.rmtree(folder / ROUNDS)
     return best
 

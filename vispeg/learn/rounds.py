@@ -43,25 +43,35 @@ class Rounds:
         except ValueError as error:
             raise UserError("not the state of a distillation", file=path) from error
 
-    def keep(self, ring: Replay, actor: Actor, optimizer: torch.optim.Optimizer, told: dict[str, Any]) -> None:
+    @property
+    def done(self) -> int:
+        """How many rounds are finished."""
+        return int(self.state.get("rounds", 0))
+
+    def keep(self, ring: Replay | None, actor: Actor, optimizer: torch.optim.Optimizer, told: dict[str, Any]) -> None:
         """Stores one more round. `told` (JSON) comes back as `state`, which is written last: only then it counts."""
-        done = int(self.state.get("rounds", 0))
+        done = self.done
         self.folder.mkdir(exist_ok=True)
-        keep_ring(ring, self.folder / f"ring-{done}")
+        if ring is not None:
+            keep_ring(ring, self.folder / f"ring-{done}")
         name = f"student-{done}.safetensors"
         write(self.folder / name, {"rng": torch.get_rng_state(), **_tensors(actor, optimizer)})
         text = json.dumps({**told, "rounds": done + 1, "student": name}, indent=1) + "\n"
         write_text_atomic(self.folder / "state.json", text, overwrite=True)
 
-    def restore(self, actor: Actor, optimizer: torch.optim.Optimizer) -> list[Replay]:
-        """Puts student, optimizer and torch's generator where the last round left them; returns the rounds' rings.
+    def rings(self) -> list[Replay]:
+        """What was played in the finished rounds, of which each has a ring. Raises UserError where one lacks."""
+        return [kept_ring(self.folder / f"ring-{number}", self.like) for number in range(self.done)]
+
+    def restore(self, actor: Actor, optimizer: torch.optim.Optimizer) -> None:
+        """Puts student, optimizer and torch's generator where the last round left them, if there was one.
 
         Raises:
             UserError: a file is missing, damaged, or of another student.
         """
         state = self.state
         if not state:
-            return []
+            return
         path = self.folder / state["student"]
         try:
             found = load_file(path)
@@ -71,7 +81,6 @@ class Rounds:
         random = found.pop("rng", torch.get_rng_state())
         fill(_tensors(actor, optimizer), found, path)
         torch.set_rng_state(random)
-        return [kept_ring(self.folder / f"ring-{k}", self.like) for k in range(state["rounds"])]
 
 
 def keep_ring(ring: Replay, folder: Path) -> None:

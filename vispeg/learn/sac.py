@@ -140,8 +140,10 @@ class AsymmetricSAC(SAC):
         self.logger.record("train/updates", self._n_updates)
 
     def measure(self) -> None:
-        """Sets the input scales of critics and of a new actor from what is in the replay, or in the demonstrations."""
+        """Sets the input scales of critics and of a new actor from what batches will hold."""
         batch = (self.replay if self.demos is None else self.demos).sample(MEASURED_ON, images="none")
+        if self.demos is not None and self.new and len(self.replay):  # what is new explores far from demonstrations
+            batch = mixed(batch, self.replay.sample(MEASURED_ON, images="none"))
         if self.new:
             self.actor.scale.measure(batch.obs[VECTOR])
         for critic in (self.critic, self.critic_target):

@@ -7,12 +7,17 @@ from typing import Any
 
 import numpy as np
 import torch
+from gymnasium import spaces
 
 from vispeg.core.errors import UserError
+from vispeg.datasets.lerobot import OWN
+from vispeg.datasets.read import Dataset
 from vispeg.learn.layout import PRIVILEGED, Layout
+from vispeg.learn.modalities import modality as modality_of
 from vispeg.learn.replay import Replay
 
 TRUTH = "observation.environment_state"  # LeRobot's name for what only a simulation knows
+SUCCESS, REACHED = f"{OWN}success", "next.success"  # of an episode, as we write it, and of a step, as LeRobot's own do
 
 
 def feature_of(key: str) -> str:
@@ -25,43 +30,57 @@ def feature_of(key: str) -> str:
 
 
 def from_folder(
-    folder: str | Path, layout: Layout, seed: int, executed: bool = False, device: torch.device | str = "cpu"
+    folder: str | Path,
+    modality: str,
+    layout: Layout,
+    seed: int,
+    device: torch.device | str = "cpu",
+    beside: spaces.Dict | None = None,
 ) -> Replay:
-    """Every episode of the folder.
+    """The folder's successful episodes; all of them where it does not say which succeeded.
 
     Args:
         folder: of a LeRobotDataset v3.0.
+        modality: of the policy that learns from it; not one that is told the hole.
         layout: what the policy sees; images must have its sizes.
         seed: of later draws from the replay.
-        executed: whether the action that was executed counts, in place of the one that was meant (`action`).
         device: where batches go: the learning network's.
+        beside: observation space of the replay beside which this one is reinforced from. Then all of that must be
+            there, and rewards; an action is the one that was executed, in place of the one that was meant (`action`).
 
     Raises:
-        UserError: not such a folder, a feature is missing, or an observation or action of another shape.
+        UserError: not such a folder, no episode succeeded, a feature is missing, an observation or action of another
+            shape, or a policy that would see something else than the folder holds.
     """
-    from gymnasium import spaces
+    from vispeg.task.simulation import TARGET_KNOWN
 
-    from vispeg.datasets.read import Dataset
-
-    known = Dataset(folder).features
-    keys = [*layout.keys, *([PRIVILEGED] if TRUTH in known else [])]
-    act = "executed.action" if executed and "executed.action" in known else "action"
-    ends = [name for name in ("next.reward", "next.done") if name in known]
-    data = Dataset(folder, [feature_of(key) for key in keys] + [act, *ends])
-    first = data.episode(0)
+    if modality_of(modality).obs_mode in TARGET_KNOWN:
+        expected = "a policy that is not told where the hole is"
+        raise UserError("a dataset shows what such a policy does not see", file=folder, expected=expected, got=modality)
+    known = Dataset(folder)
+    wanted = layout.shapes if beside is None else {key: box.shape or () for key, box in beside.spaces.items()}
+    keys = list(wanted) if PRIVILEGED in wanted or TRUTH not in known.features else [*wanted, PRIVILEGED]
+    act = "executed.action" if beside is not None and "executed.action" in known.features else "action"
+    gains = ["next.reward"] if beside is not None else []
+    data = Dataset(folder, [feature_of(key) for key in keys] + [act, *gains])
+    numbers = successes(known)
+    if not numbers:
+        raise UserError("no episode of the dataset succeeded", file=folder, got=f"{len(known.episodes)} that did not")
+    first = data.episode(numbers[0])
     boxes: dict[str, Any] = {key: _box(key, _channels_first(key, first[feature_of(key)])) for key in keys}
-    for key, shape in layout.shapes.items():
+    for key, shape in wanted.items():
         if boxes[key].shape != shape:
             raise UserError("made for another observation", file=folder, key=key, expected=shape, got=boxes[key].shape)
     if first[act].shape[-1] != layout.action:
         raise UserError("another action", file=folder, key=act, expected=layout.action, got=first[act].shape[-1])
-    count = len(data.episodes)
     box = spaces.Box(-1, 1, (layout.action,), np.float32)
-    ring = Replay(len(data) + count + 1, spaces.Dict(boxes), box, device, seed=seed)
-    for number in range(count):
+    frames = sum(int(data.episodes[number]["length"]) for number in numbers)
+    ring = Replay(frames + len(numbers) + 1, spaces.Dict(boxes), box, device, seed=seed)
+    for number in numbers:
         one = data.episode(number)
         seen = {key: _channels_first(key, one[feature_of(key)]) for key in keys}
         steps = len(one[act])
+        gain = np.asarray(one["next.reward"] if gains else np.zeros(steps), np.float32)
         for t in range(steps):
             # A dataset has no frame after its last action; the last one stands for it, and no value is read from it.
             last, after = t == steps - 1, min(t + 1, steps - 1)
@@ -69,23 +88,39 @@ def from_folder(
                 {key: value[t : t + 1] for key, value in seen.items()},
                 {key: value[after : after + 1] for key, value in seen.items()},
                 np.clip(one[act][t : t + 1], -1, 1),
-                np.asarray(one["next.reward"][t : t + 1] if "next.reward" in one else [0.0], np.float32),
+                gain[t : t + 1],
                 np.array([last]),
                 [{}],
             )
     return ring
 
 
+def successes(data: Dataset) -> list[int]:
+    """Numbers of the episodes that succeeded, by `meta/episodes` or by `next.success`; all where neither is there."""
+    rows = data.episodes
+    if all(SUCCESS in row for row in rows):
+        return [number for number, row in enumerate(rows) if row[SUCCESS]]
+    if REACHED not in data.info["features"]:
+        return list(range(len(rows)))
+    reached = data.numbers(REACHED)
+    spans = [slice(row["dataset_from_index"], row["dataset_to_index"]) for row in rows]
+    return [number for number, span in enumerate(spans) if reached[span].any()]
+
+
+def made_in(folder: str | Path) -> dict[str, Any]:
+    """The dataset's world as a policy's record has it; empty entries where the dataset does not say."""
+    plan = Dataset(folder).made.get("plan") or {}
+    return {"world": plan.get("world"), "world_hash": plan.get("world_hash")}
+
+
 def _channels_first(key: str, value: np.ndarray) -> np.ndarray:
-    """Images (T, H, W[, C]) -> (T, C, H, W); vectors as they are."""
+    """Images (T, H, W[, C]) -> (T, C, H, W); vectors (T, n), a lone number being one of them."""
     if not key.startswith(("depth_", "rgb_")):
-        return value
+        return value.reshape(len(value), -1)
     return value[:, None] if value.ndim == 3 else np.moveaxis(value, -1, 1)
 
 
 def _box(key: str, value: np.ndarray) -> Any:
-    from gymnasium import spaces
-
     if key.startswith("rgb_"):
         return spaces.Box(0, 255, value.shape[1:], np.uint8)
     return spaces.Box(-np.inf, np.inf, value.shape[1:], np.float32)

@@ -25,12 +25,14 @@ from vispeg.learn.curriculum import Curriculum
 from vispeg.learn.device import device_of
 from vispeg.learn.envs import HELD_OUT, MakeEnv, describe, peg_maker
 from vispeg.learn.evaluation import Outcome, run_episodes, success_rate
+from vispeg.learn.meta import worlds
 from vispeg.learn.modalities import modality as modality_of
 from vispeg.learn.policy import NetPolicy, save
 from vispeg.learn.progress import Bar, Table, Watch, failures, tensorboard
 from vispeg.learn.rounds import ROUNDS, kept_ring
 from vispeg.learn.sac import AsymmetricSAC
 from vispeg.learn.sb3_env import Sb3Env
+from vispeg.learn.shown import from_folder, made_in
 
 DIVERGED = "diverged"  # folder of a run's episodes that stopped being finite, to be played again
 EVALUATION_ROWS = 25  # environments an evaluation steps together, at most
@@ -62,6 +64,9 @@ class SacRun:
         device = device_of(config.device)
         self.model = AsymmetricSAC(self.env, self.modality, config.sac, seed=config.seed, device=device)
         self.model.set_logger(Logger(None, []))
+        if config.dataset is not None and config.recipe != "distill":
+            seen, beside = (self.modality.name, self.model.actor.layout), self.model.replay.observation_space
+            self.model.demos = from_folder(config.dataset, *seen, config.seed, self.model.device, beside)
         self.best: tuple[float, float] = (-1.0, 0.0)
         self.reached = 0
         self.recent: deque[tuple[bool, str]] = deque(maxlen=100)  # success and category of the last training episodes
@@ -191,7 +196,8 @@ class SacRun:
             "success": row["success"],
             "versions": origin["versions"] | {"torch": torch.__version__},
         }
-        return record | describe(self.judge)
+        own = describe(self.judge)
+        return record | own | (worlds(own, made_in(self.config.dataset)) if self.config.dataset is not None else {})
 
 
 def line(row: dict[str, Any]) -> str:
