@@ -61,6 +61,15 @@ def test_only_the_edge_counts():
     assert adaptive.levels[FRICTION.label] == 0.55
 
 
+def test_a_place_with_a_range_to_itself_says_nothing_of_the_broad_one():
+    each = Ranged("viscous_friction", "each", {"damping": Uniform(0.0, 2.0)})
+    own = Ranged("viscous_friction", "joint4", {"damping": Uniform(0.0, 9.0)})
+    adaptive = Adaptive(World(ranges=(each, own)), start=0.5)
+    inner, outer = {"damping": 0.1}, {"damping": 4.0}
+    adaptive.record({"viscous_friction(joint1)": inner, own.label: outer}, True, dict(adaptive.levels))
+    assert adaptive.outcomes == {each.label: [], own.label: [True]}
+
+
 def test_a_level_of_nought_is_nominal_and_levels_scale_draws():
     for seed in range(20):
         whole, half = WORLD.sample(seed, SCENE), WORLD.sample(seed, SCENE, {FRICTION.label: 0.5, OFFSET.label: 0.0})

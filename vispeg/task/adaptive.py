@@ -79,6 +79,7 @@ class Adaptive:
             raise UserError("not thresholds", expected="window > 0 and low < high", got=(window, low, high))
         self.step, self.window, self.low, self.high, self.edge = step, window, low, high, edge
         self.ranges = {r.label: r for r in world.ranges if any(_reaches(r, n)[2] for n in r.params)}
+        self.own = {r.label for r in world.ranges}  # places that have a range to themselves are in no broad one
         self.levels = dict.fromkeys(self.ranges, float(start))
         self.outcomes: dict[str, list[bool]] = {label: [] for label in self.ranges}
 
@@ -93,8 +94,7 @@ class Adaptive:
         for label, r in self.ranges.items():
             if levels.get(label) != self.levels[label]:
                 continue
-            places = [v for name, v in drawn.items() if name == label or _broad(r) and name.startswith(f"{r.effect}(")]
-            if any(self._at_edge(r, values) for values in places):
+            if any(self._at_edge(r, values) for name, values in drawn.items() if self._governs(r, name)):
                 self.outcomes[label].append(bool(success))
                 self._move(label)
 
@@ -113,6 +113,10 @@ class Adaptive:
             raise UserError("levels of another world", expected=sorted(self.levels), got=other)
         self.levels = {k: float(v) for k, v in state["levels"].items()}
         self.outcomes = {k: [bool(x) for x in v] for k, v in state["outcomes"].items()}
+
+    def _governs(self, r: Ranged, name: str) -> bool:
+        broad = r.where in ("all", "each")
+        return name == r.label or broad and name.startswith(f"{r.effect}(") and name not in self.own
 
     def _at_edge(self, r: Ranged, values: Mapping[str, float]) -> bool:
         level = self.levels[r.label]
@@ -134,10 +138,6 @@ class Adaptive:
         change = self.step if rate >= self.high else -self.step if rate <= self.low else 0.0
         self.levels[label] = float(np.clip(round(self.levels[label] + change, 9), 0.0, 1.0))
         self.outcomes[label] = []
-
-
-def _broad(r: Ranged) -> bool:
-    return r.where in ("all", "each")
 
 
 def _reaches(r: Ranged, name: str) -> tuple[float, float, bool]:
