@@ -11,7 +11,7 @@ from toy import STEP, Pointing, Reach
 
 from vispeg.core.errors import UserError
 from vispeg.learn.config import Stage, TrainConfig, read_config
-from vispeg.learn.curriculum import Curriculum, clearances
+from vispeg.learn.curriculum import Curriculum, stages
 from vispeg.learn.distill import collect, demonstrations
 from vispeg.learn.evaluation import run_episodes, success_rate
 from vispeg.learn.policy import load
@@ -19,6 +19,7 @@ from vispeg.learn.recipes import distilled
 from vispeg.learn.sb3_env import Sb3Env
 from vispeg.learn.settings import SacSettings
 from vispeg.learn.train import resume, train
+from vispeg.task.config import TaskConfig
 
 SAC = SacSettings(batch=32, hidden=(16, 16), warmup=80, replay=600, horizon=12, utd=0.25)
 
@@ -66,8 +67,7 @@ def test_a_resumed_run_tells_the_command_that_made_it_and_clears_its_rounds(tmp_
 
 
 def test_stages_follow_success_and_are_remembered(tmp_path):
-    stages = (Stage(level=0.1), Stage(level=1.0))
-    c = config(stages=stages, pass_rate=0.5, steps=160)
+    c = config(stages=(Stage(level=0.1), Stage(level=1.0)), pass_rate=0.5, steps=160)
     train(c, tmp_path / "run", make("state"), show=False)  # at level 0.1 every start is at the target
     assert [row["stage"] for row in curve(tmp_path / "run")] == ["0"]
     assert not (tmp_path / "run/checkpoints/best").exists()  # only what is trained for can be the best
@@ -159,7 +159,8 @@ def test_demonstrations_are_successes_only_and_as_many_as_asked():
 
 
 def test_configuration_survives_its_file(tmp_path):
-    c = config(stages=clearances((6.0, 3.0)), settings={"clearance_mm": 3.0}, distill={"betas": [1.0, 0.0]})
+    course = stages((6.0, 4.5), (0.005,), TaskConfig())
+    c = config(stages=course, settings={"clearance_mm": 3.0}, distill={"betas": [1.0, 0.0]})
     c.write(tmp_path / "config.yaml")
     assert read_config(tmp_path / "config.yaml") == c
 
@@ -197,6 +198,41 @@ def test_runs_are_not_overwritten_and_strangers_not_resumed(tmp_path):
 
 
 def test_a_curriculum_moves_on_only_by_success():
-    course = Curriculum(clearances((6.0, 3.0, 1.0)), 0.8)
+    course = Curriculum(stages((6.0, 3.0), (0.01,), TaskConfig(clearance_mm=1.0)), 0.8)
+    assert course.settings({"stack": 3, "clearance_mm": 1.0}) == {"stack": 3, "clearance_mm": 6.0, "start_radius": 0.01}
     assert [course.after(s) for s in (0.7, 0.8, 0.79, 1.0, 1.0)] == [False, True, False, True, False]
-    assert course.last and course.settings({"stack": 3}) == {"stack": 3, "clearance_mm": 1.0}
+    assert course.last and course.settings({"stack": 3}) == {"stack": 3}
+
+
+@pytest.mark.parametrize(
+    ("wide", "near", "made"),
+    [
+        ((), (), []),
+        ((3.0, 1.0), (), [(3.0, None), (1.0, None)]),
+        ((3.0, 1.0, 0.5), (), [(3.0, None), (1.0, None)]),  # 0.5 mm is what is trained for anyway
+        ((3.0, 1.0), (0.005,), [(3.0, 0.005), (1.0, None)]),
+        ((3.0,), (0.005, 0.01, 0.02), [(3.0, 0.005), (None, 0.01)]),
+        ((), (0.005, 0.01), [(None, 0.005), (None, 0.01)]),
+    ],
+)
+def test_stages_lead_to_the_task_as_it_is(wide, near, made):
+    *first, last = stages(wide, near, TaskConfig(clearance_mm=0.5))
+    assert [(stage.clearance_mm, stage.radius) for stage in first] == made and last == Stage()
+    assert [stage.level for stage in first] == [0.5, 1.0, 1.0][: len(made)]
+
+
+@pytest.mark.parametrize(
+    ("wide", "near", "said"),
+    [
+        ((6.0, 3.0, 1.0), (), "--curriculum: .*widest first, above the 3 mm"),
+        ((4.0, 6.0), (), "widest first"),
+        ((6.0, 6.0), (), "widest first"),
+        ((float("nan"),), (), "widest first"),
+        ((), (0.01, 0.005), "--start-radius: .*nearest first, below the 0.02 m"),
+        ((), (0.03,), "nearest first"),
+        ((), (0.0,), "above 0"),
+    ],
+)
+def test_stages_that_do_not_become_harder_are_refused(wide, near, said):
+    with pytest.raises(UserError, match=said):
+        stages(wide, near, TaskConfig())

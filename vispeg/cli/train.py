@@ -15,9 +15,10 @@ Example:
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import tyro
 
@@ -36,6 +37,8 @@ class Args:
     """Diametral clearance in mm; the world's where not given."""
     curriculum: tuple[float, ...] = ()
     """Wider clearances (mm) to begin with, widest first; the run moves on when an evaluation reaches 80 %."""
+    start_radius: tuple[float, ...] = ()
+    """Lateral ranges of starts (m) to begin with, nearest first, each beside a clearance of --curriculum."""
     steps: int | None = None
     """Environment steps in all; 100000 where not given. With --resume: up to where to go on."""
     target: float = 0.995
@@ -66,45 +69,52 @@ class Args:
     episodes: int = 50
     """Episodes of an evaluation."""
     films: int = 2
-    """Episodes of the best policy that are filmed at the end."""
+    """Episodes of the best policy that are filmed at the end, where the run has no films yet."""
     device: Literal["cpu", "cuda", "auto"] = "cpu"
     """Where networks run."""
     out: Path | None = None
     """Folder of the run; runs/TASK/TIME_sSEED where not given."""
     resume: Path | None = None
-    """Goes on with the run in this folder, from its last checkpoint, as if it had never stopped."""
+    """Goes on with the run in this folder, from its last checkpoint, as if it had never stopped. Of the other options
+    only --steps and --films may stand beside it."""
 
     def run(self) -> int:
         """Trains and says where the policy is."""
         from vispeg.core.errors import UserError
+
+        if self.films < 0:
+            raise UserError("must not be negative", key="--films", got=self.films)
+        return self._train() if self.resume is None else self._resume(self.resume)
+
+    def _train(self) -> int:
+        from vispeg.core.errors import UserError
         from vispeg.learn.config import TrainConfig
-        from vispeg.learn.curriculum import clearances
+        from vispeg.learn.curriculum import stages
         from vispeg.learn.modalities import modality, names
         from vispeg.learn.settings import defaults
-        from vispeg.learn.train import resume, train
+        from vispeg.learn.train import train
+        from vispeg.task.vector import world_of
 
-        if self.resume is not None:
-            print(f"best policy: {resume(self.resume, self.steps)}")
-            return 0
         if self.task is None or not self.task.startswith("peg-"):
             raise UserError("no such task", got=self.task, choices=[f"peg-{name}" for name in names()])
         seen = modality(self.task.removeprefix("peg-"))
         sac = defaults(bool(seen.kinds))
         utd = sac.utd if self.utd is None else self.utd
         sac = replace(sac, recurrent=self.recurrent, utd=utd, symmetric=self.symmetric)
-        own = () if self.clearance is None else (self.clearance,)
+        settings = {} if self.clearance is None else {"clearance_mm": self.clearance}
+        task = world_of(self.world, dict(settings))[1]
         config = TrainConfig(
             self.task,
             self.recipe,
             self.world,
-            self.steps or 100_000,
+            100_000 if self.steps is None else self.steps,
             self.seed,
             self.envs,
             self.every,
             self.episodes,
             self.target,
-            stages=clearances((*self.curriculum, *(own or ((3.0,) if self.curriculum else ())))),
-            settings={} if self.clearance is None else {"clearance_mm": self.clearance},
+            stages=stages(self.curriculum, self.start_radius, task),
+            settings=settings,
             sac=sac,
             teacher=self.teacher,
             dataset=None if self.dataset is None else str(self.dataset),
@@ -113,13 +123,32 @@ class Args:
             threads=self.threads,
         )
         out = self.out or Path("runs") / self.task / f"{time.strftime('%Y%m%d-%H%M%S')}_s{self.seed}"
-        best = train(config, out)
+        self._tell(train(config, out), out, self.world, settings)
+        return 0
+
+    def _resume(self, folder: Path) -> int:
+        from vispeg.core.errors import UserError
+        from vispeg.learn.config import read_config
+        from vispeg.learn.train import resume
+
+        others = [f for f in fields(self) if f.name not in ("resume", "steps", "films")]
+        given = [f.name for f in others if getattr(self, f.name) != f.default]
+        if given:
+            got = " ".join("TASK" if name == "task" else f"--{name.replace('_', '-')}" for name in given)
+            expected = "--steps and --films alone"
+            raise UserError("goes on as the run was begun", key="--resume", expected=expected, got=got)
+        best = resume(folder, self.steps)
+        config = read_config(folder / "config.yaml")
+        self._tell(best, folder, config.world, config.settings)
+        return 0
+
+    def _tell(self, best: Path, folder: Path, world: str, settings: Mapping[str, Any]) -> None:
+        """Says where the policy is, and films it unless that was done before."""
         print(f"best policy: {best}")
-        if self.films:
+        if self.films and not (folder / "films").exists():
             from vispeg.cli.play import films
             from vispeg.learn.envs import HELD_OUT
 
             seeds = [HELD_OUT + k for k in range(self.films)]
-            for line in films(best, self.world, dict(config.settings), seeds, out / "films", False):
+            for line in films(best, world, dict(settings), seeds, folder / "films", False):
                 print(line)
-        return 0

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import zip_longest
 from typing import Any
 
+import numpy as np
+
+from vispeg.core.errors import UserError
 from vispeg.learn.config import Stage
+from vispeg.task.config import TaskConfig
 
 
 class Curriculum:
@@ -42,12 +47,31 @@ class Curriculum:
         return {**given, **{key: value for key, value in own.items() if value is not None}}
 
 
-def clearances(values: Sequence[float]) -> tuple[Stage, ...]:
-    """Stages that narrow the hole and open the world: half the ranges at first, all of them once the second stage is
-    reached.
+def stages(clearances: Sequence[float], radii: Sequence[float], task: TaskConfig) -> tuple[Stage, ...]:
+    """Stages that narrow the hole, move the start away and open the world; the last one is the task as it is.
 
-    `values` are diametral clearances in mm, widest first; none gives the task as it is.
+    The first has half of every range, all others have all of it.
+
+    Args:
+        clearances: diametral, mm, of the stages before the last, widest first.
+        radii: lateral ranges of their starts, m, nearest first. Where one list is shorter, the task's own value stands.
+        task: what is trained for; either list may end with its value, which is not trained for twice.
+
+    Raises:
+        UserError: a list is out of order, or does not lead to the task's own value.
     """
-    if not values:
-        return (Stage(),)
-    return tuple(Stage(value, level=0.5 if i == 0 and len(values) > 1 else 1.0) for i, value in enumerate(values))
+    wide_first = f"widest first, above the {task.clearance_mm:g} mm that are trained for"
+    near_first = f"above 0, nearest first, below the {task.start_radius:g} m that are trained for"
+    wide = _towards(clearances, np.inf, task.clearance_mm, "--curriculum", wide_first)
+    near = _towards(radii, 0.0, task.start_radius, "--start-radius", near_first)
+    easier = enumerate(zip_longest(wide, near))
+    return (*(Stage(mm, radius, level=1.0 if i else 0.5) for i, (mm, radius) in easier), Stage())
+
+
+def _towards(values: Sequence[float], easiest: float, own: float, key: str, order: str) -> list[float]:
+    """The values without `own` at their end; they must go one way from `easiest` to it."""
+    before = [*values[:-1], *(v for v in values[-1:] if v != own)]
+    steps = np.diff([easiest, *before, own])
+    if len(values) and not (np.all(steps > 0) or np.all(steps < 0)):
+        raise UserError("not stages that become harder", key=key, expected=order, got=tuple(values))
+    return before
