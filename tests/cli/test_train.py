@@ -55,7 +55,7 @@ def test_shipped_policies_commands_mean_what_they_meant(asked):
     half = asked("--world", "randomized", "--clearance", "0.5", "--curriculum", "3", "1")
     fine = asked("--world", "searching", "--clearance", "0.2", "--curriculum", "3", "1", "0.5")
     assert clearances(half) == [3.0, 1.0, 0.5] and clearances(fine) == [3.0, 1.0, 0.5, 0.2]
-    assert [stage.level for stage in half.stages] == [0.5, 1.0, 1.0]
+    assert [stage.level for stage in half.stages] == [0.5, 1.0, 1.0] and half.ranges == "full"
     assert asked().stages == asked("--clearance", "1").stages == (Stage(),)
 
 
@@ -76,6 +76,9 @@ def test_a_curriculum_leads_to_the_worlds_own_clearance(asked, tmp_path):
         (["--curriculum", "6", "3", "1"], ["--curriculum", "widest first", "above the 3 mm"]),
         (["--clearance", "1", "--curriculum", "2", "3"], ["--curriculum", "widest first"]),
         (["--start-radius", "0.01", "0.005"], ["--start-radius", "nearest first", "below the 0.02 m"]),
+        (["--ranges", "adaptive", "--world", "searching", "--curriculum", "6"], ["ranges", "a curriculum opens"]),
+        (["--ranges", "schedule", "--recipe", "distill"], ["ranges", "distillation alone"]),
+        (["--ranges", "wide"], ["--ranges", "adaptive"]),
         (["--steps", "0"], ["steps", "at least 1"]),
         (["--films", "-1"], ["--films", "negative"]),
     ],

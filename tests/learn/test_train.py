@@ -9,12 +9,15 @@ import pytest
 import torch
 from toy import STEP, Pointing, Reach
 
+from vispeg.core.distribution import Uniform
 from vispeg.core.errors import UserError
+from vispeg.core.world import Ranged, World
 from vispeg.learn.config import Stage, TrainConfig, read_config
 from vispeg.learn.curriculum import Curriculum, stages
 from vispeg.learn.distill import collect, demonstrations
 from vispeg.learn.evaluation import run_episodes, success_rate
 from vispeg.learn.policy import load
+from vispeg.learn.ranges import Opening
 from vispeg.learn.recipes import distilled
 from vispeg.learn.sb3_env import Sb3Env
 from vispeg.learn.settings import SacSettings
@@ -161,8 +164,9 @@ def test_demonstrations_are_successes_only_and_as_many_as_asked():
 def test_configuration_survives_its_file(tmp_path):
     course = stages((6.0, 4.5), (0.005,), TaskConfig())
     c = config(stages=course, settings={"clearance_mm": 3.0}, distill={"betas": [1.0, 0.0]})
-    c.write(tmp_path / "config.yaml")
-    assert read_config(tmp_path / "config.yaml") == c
+    for given in (c, config(ranges="adaptive")):
+        given.write(tmp_path / "config.yaml")
+        assert read_config(tmp_path / "config.yaml") == given
 
 
 @pytest.mark.parametrize(
@@ -172,6 +176,9 @@ def test_configuration_survives_its_file(tmp_path):
         ({"task": "poke"}, "no such task"),
         ({"steps": 0}, "at least 1"),
         ({"stages": ()}, "needs a stage"),
+        ({"ranges": "wide"}, "ranges: no such opening.*choices: full, schedule, adaptive"),
+        ({"ranges": "adaptive", "recipe": "distill"}, "distillation alone opens no ranges"),
+        ({"ranges": "schedule", "stages": stages((6.0,), (), TaskConfig())}, "a curriculum opens the ranges itself"),
         ({"sac": {"gamma": 2.0}}, "between 0 and 1"),
         ({"sac": {"lr": -1.0}}, "positive"),
     ],
@@ -236,3 +243,102 @@ def test_stages_lead_to_the_task_as_it_is(wide, near, made):
 def test_stages_that_do_not_become_harder_are_refused(wide, near, said):
     with pytest.raises(UserError, match=said):
         stages(wide, near, TaskConfig())
+
+
+class Drawn(Reach):
+    """The toy in a world: an episode states its draw, starts as far away as that says, and counts as a success."""
+
+    world = World(ranges=(Ranged("contact_friction", "peg", {"scale": Uniform(0.5, 1.5)}),))
+    killed_at = None  # steps after which it dies
+
+    def __init__(self, rows):
+        super().__init__(rows)
+        self.level, self.began, self.steps = 1.0, [1.0] * rows, 0
+
+    def set_level(self, level):
+        super().set_level(level["contact_friction(peg)"] if isinstance(level, dict) else level)
+
+    def reset(self, *, seed=None, options=None):
+        rows = np.ones(self.num_envs, bool) if options is None else options["reset_mask"]
+        self.began = [self.level if new else was for new, was in zip(rows, self.began, strict=True)]
+        return super().reset(seed=seed, options=options)
+
+    def step(self, actions):
+        self.steps += 1
+        if self.steps == self.killed_at:
+            raise KeyboardInterrupt
+        obs, reward, success, late, info = super().step(actions)
+        draws = [{"world": {"contact_friction(peg)": {"scale": 1 + 0.5 * level}}} for level in self.began]
+        info |= {"record": np.array(draws, dtype=object), "_record": success | late, "success": success | late}
+        return obs, reward, success, late, info
+
+
+@pytest.mark.parametrize("ranges", ["schedule", "adaptive"])
+def test_ranges_open_in_training_alone_and_a_killed_run_opens_them_the_same(tmp_path, ranges):
+    made = []
+
+    def toy(rows, settings):
+        made.append(Drawn(rows))
+        return made[-1]
+
+    def dying(rows, settings):
+        env = toy(rows, settings)
+        env.killed_at = 45 if len(made) % 2 else None  # steps of all rows: after the second checkpoint, at 40
+        return env
+
+    c = config(ranges=ranges, steps=960)
+    train(c, tmp_path / "whole", toy, show=False)
+    made.clear()
+    with pytest.raises(KeyboardInterrupt):
+        train(c, tmp_path / "part", dying, show=False)
+    resume(tmp_path / "part", make=toy, show=False)
+    assert curve(tmp_path / "part") == curve(tmp_path / "whole")
+    states = [(tmp_path / name / "checkpoints/last/state.safetensors").read_bytes() for name in ("whole", "part")]
+    assert states[0] == states[1]
+    levels = [float(row["level"]) for row in curve(tmp_path / "whole")]
+    assert levels == sorted(levels) and levels[0] < levels[-1]
+    if ranges == "schedule":
+        assert levels == pytest.approx([1 / 3, 2 / 3, 1, 1, 1, 1], abs=1e-4)
+    assert made[-1].level == 1.0, "evaluations are at the full ranges"
+
+
+def test_ranges_are_whole_while_actions_are_random_and_a_prolonged_run_keeps_its_schedule():
+    env = Sb3Env(Drawn(2))
+    opening = Opening("schedule", Drawn.world, 100, random=10)
+    seen = []
+    for step in (0, 8, 10, 25, 50, 90):
+        opening.begin(env, step)
+        seen.append(env.env.level)
+    assert seen == [1, 1, 0.2, 0.5, 1, 1]
+    longer = Opening("schedule", Drawn.world, 1000, random=10)
+    longer.restore(json.loads(json.dumps(opening.state())))
+    longer.begin(env, 25)
+    assert longer.level == 0.5
+
+
+def test_ranges_that_a_world_does_not_have_are_refused_before_anything_is_written(tmp_path):
+    with pytest.raises(UserError, match="ranges: nothing varies in this world"):
+        train(config(ranges="adaptive"), tmp_path / "run", make("state"), show=False)
+    assert not (tmp_path / "run").exists()
+
+
+def test_episodes_of_the_task_widen_its_ranges():
+    """The real environment's records are what the opening reads, and its next episodes are what it sets."""
+    from vispeg.learn.envs import peg_maker
+    from vispeg.learn.modalities import modality
+
+    env = Sb3Env(peg_maker(modality("state"), "searching", SAC, 1)(2, {"steps": 1}))
+    opening = Opening("adaptive", env.env.sim.world, 100, random=0)
+    opening.begin(env, 0)
+    env.seed(0)
+    env.reset()
+    for _ in range(2):
+        _, _, dones, infos = env.step(np.zeros((2, 3)))
+        assert dones.all() and infos[0]["record"]["world"]["hole_offset(fixture)"]["x"] == 0.0
+        for info in infos:
+            info["success"] = True
+        opening.after(env, 0, dones, infos)
+    assert set(opening.adaptive.outcomes) == {"hole_offset(fixture)", "goal_imprecision(hole)"}
+    assert all(counted == [True] * 4 for counted in opening.adaptive.outcomes.values())
+    assert env.env.sim.levels == opening.levels == dict.fromkeys(opening.adaptive.outcomes, 0.0)
+    env.close()

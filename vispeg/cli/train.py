@@ -7,6 +7,7 @@ evaluate` take.
 Example:
     vispeg train peg-state --world nominal --seed 0
     vispeg train peg-state --clearance 0.5 --curriculum 3 1 --target 0.98
+    vispeg train peg-state --world randomized --ranges adaptive
     vispeg train peg-depth --recipe distill+sac --teacher runs/peg-state/best
     vispeg train peg-depth --recipe distill --dataset demos
     vispeg train --resume runs/peg-state/20261121-0900_s0 --steps 200000
@@ -39,6 +40,9 @@ class Args:
     """Wider clearances (mm) to begin with, widest first; the run moves on when an evaluation reaches 80 %."""
     start_radius: tuple[float, ...] = ()
     """Lateral ranges of starts (m) to begin with, nearest first, each beside a clearance of --curriculum."""
+    ranges: Literal["full", "schedule", "adaptive"] = "full"
+    """Randomization from the first step on, opening over the first half of the steps, or, range by range, as the policy
+    copes with it."""
     steps: int | None = None
     """Environment steps in all; 100000 where not given. With --resume: up to where to go on."""
     target: float = 0.995
@@ -121,6 +125,7 @@ class Args:
             distill={} if self.recipe == "sac" else {"steps": self.distill_steps, "updates": self.distill_updates},
             device=self.device,
             threads=self.threads,
+            ranges=self.ranges,
         )
         out = self.out or Path("runs") / self.task / f"{time.strftime('%Y%m%d-%H%M%S')}_s{self.seed}"
         self._tell(train(config, out), out, self.world, settings)

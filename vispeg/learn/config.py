@@ -14,6 +14,7 @@ from vispeg.learn.settings import SacSettings
 
 FORMAT = "vispeg-train/1"
 RECIPES = ("sac", "distill", "distill+sac")
+RANGES = ("full", "schedule", "adaptive")
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,8 @@ class TrainConfig:
         distill: DistillSettings fields that replace the defaults.
         device: `cpu`, `cuda` or `auto`.
         threads: of the physics.
+        ranges: how far draws may leave nominal in reinforcement: `full` is the whole ranges from the first step on,
+            `schedule` opens them over the first half of the steps, `adaptive` each as the policy copes with it.
     """
 
     task: str
@@ -74,6 +77,7 @@ class TrainConfig:
     distill: Mapping[str, Any] = field(default_factory=dict)
     device: str = "cpu"
     threads: int = 1
+    ranges: str = "full"
 
     def __post_init__(self) -> None:
         for key in ("steps", "envs", "every", "episodes", "threads"):
@@ -87,6 +91,12 @@ class TrainConfig:
             raise UserError("a dataset stands in place of a teacher", key="dataset", expected="one of them", got="both")
         if not self.stages:
             raise UserError("a curriculum needs a stage", key="stages")
+        if self.ranges not in RANGES:
+            raise UserError("no such opening of ranges", key="ranges", got=self.ranges, choices=RANGES)
+        if self.ranges != "full" and self.recipe == "distill":
+            raise UserError("distillation alone opens no ranges", key="ranges", expected="full", got=self.ranges)
+        if self.ranges != "full" and any(stage.level != 1 for stage in self.stages):
+            raise UserError("a curriculum opens the ranges itself", key="ranges", expected="full", got=self.ranges)
 
     @property
     def modality(self) -> str:

@@ -16,6 +16,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
 
 from vispeg.core.files import write_text_atomic
+from vispeg.learn.ranges import Opening
 
 COLUMNS = (
     "steps",
@@ -27,6 +28,7 @@ COLUMNS = (
     "peak_force",
     "episode_steps",
     "train_success",
+    "level",
     "failures",
     "critic_loss",
     "actor_loss",
@@ -38,7 +40,8 @@ COLUMNS = (
 class Table:
     """progress.csv: a row an evaluation. Rows past the step from which a run goes on are dropped.
 
-    `stage` is the curriculum's number, or `distill K`, whose steps are the teacher's and the student's together.
+    `stage` is the curriculum's number, or `distill K`, whose steps are the teacher's and the student's together;
+    `level` how far training's ranges are open, where they are not so all along.
 
     Args:
         path: of the file, which may not exist yet.
@@ -62,26 +65,30 @@ class Table:
     def add(self, row: Mapping[str, Any]) -> None:
         """Adds a row and writes the whole file anew."""
         self.rows.append({name: _cell(row.get(name)) for name in COLUMNS})
-        lines = [",".join(COLUMNS), *(",".join(str(row[name]) for name in COLUMNS) for row in self.rows)]
+        lines = [",".join(COLUMNS), *(",".join(str(row.get(name, "")) for name in COLUMNS) for row in self.rows)]
         write_text_atomic(self.path, "\n".join(lines) + "\n", overwrite=True)
 
 
 class Watch(BaseCallback):
-    """Follows the training episodes and shows how they go.
+    """Follows the training episodes, shows how they go, and opens the ranges of the next ones.
 
     Args:
         bar: where it is shown.
         recent: success and category of the last episodes, newest last; added to.
+        opening: of the ranges; None where they are open all along.
     """
 
-    def __init__(self, bar: Bar, recent: deque[tuple[bool, str]]):
+    def __init__(self, bar: Bar, recent: deque[tuple[bool, str]], opening: Opening | None = None):
         super().__init__()
-        self.bar, self.recent = bar, recent
+        self.bar, self.recent, self.opening = bar, recent, opening
 
     def _on_step(self) -> bool:
         for row in np.flatnonzero(self.locals["dones"]):
             info = self.locals["infos"][row]
             self.recent.append((bool(info.get("success", False)), str(info.get("category", "timeout"))))
+        if self.opening is not None:
+            seen = self.locals["dones"], self.locals["infos"]
+            self.opening.after(self.training_env, self.num_timesteps, *seen)
         self.bar.at(self.num_timesteps, self.success)
         return True
 

@@ -19,6 +19,7 @@ from stable_baselines3.common.logger import Logger
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.core.provenance import command_line, provenance
+from vispeg.core.world import World
 from vispeg.learn.checkpoint import load_state, restart_seed, save_state
 from vispeg.learn.config import TrainConfig, read_config
 from vispeg.learn.curriculum import Curriculum
@@ -29,6 +30,7 @@ from vispeg.learn.meta import worlds
 from vispeg.learn.modalities import modality as modality_of
 from vispeg.learn.policy import NetPolicy, save
 from vispeg.learn.progress import Bar, Table, Watch, failures, tensorboard
+from vispeg.learn.ranges import Opening
 from vispeg.learn.rounds import ROUNDS, kept_ring
 from vispeg.learn.sac import AsymmetricSAC
 from vispeg.learn.sb3_env import Sb3Env
@@ -61,6 +63,11 @@ class SacRun:
         self.make = make or peg_maker(self.modality, config.world, config.sac, config.threads, folder / DIVERGED)
         self.course = Curriculum(config.stages, config.pass_rate)
         self.env, self.judge = self._environments()
+        self.opening: Opening | None = None
+        if config.ranges != "full":
+            drawn = getattr(self.env.env, "sim", self.env.env)  # whose world is without what no camera sees
+            world = getattr(drawn, "world", World())
+            self.opening = Opening(config.ranges, world, config.steps, config.sac.warmup)
         device = device_of(config.device)
         self.model = AsymmetricSAC(self.env, self.modality, config.sac, seed=config.seed, device=device)
         self.model.set_logger(Logger(None, []))
@@ -90,6 +97,8 @@ class SacRun:
         self.command = counters.get("command", self.command)  # what made the policy; to resume alone would make none
         self.best, self.reached = (counters["best"][0], counters["best"][1]), counters["reached"]
         self.recent.extend((bool(success), str(category)) for success, category in counters["recent"])
+        if self.opening is not None and counters.get("ranges"):
+            self.opening.restore(counters["ranges"])
         if counters["stage"] != self.course.at:
             self._move_to(counters["stage"])
         if (self.folder / "demos").is_dir():
@@ -102,6 +111,11 @@ class SacRun:
         self.env, self.judge = self._environments()
         self.model.set_env(self.env, force_reset=False)
 
+    def _restart(self) -> None:
+        if self.opening is not None:
+            self.opening.begin(self.env, self.model.num_timesteps)
+        self.model.restart(restart_seed(self.config.seed, self.model.num_timesteps))
+
     def run(self) -> Path:
         """Trains to the end of the configuration's steps; returns the folder of the best policy."""
         c, model = self.config, self.model
@@ -110,21 +124,23 @@ class SacRun:
         logger = tensorboard(self.folder / "tensorboard")
         model.set_logger(logger)
         with Bar(c.steps, self.show) as bar:
-            watch = Watch(bar, self.recent)
-            model.restart(restart_seed(c.seed, model.num_timesteps))
+            watch = Watch(bar, self.recent, self.opening)
+            self._restart()
             while model.num_timesteps < c.steps and self.reached < 2:
                 goal = min((model.num_timesteps // c.every + 1) * c.every, c.steps)
                 more = goal - model.num_timesteps
                 model.learn(more, watch, log_interval=None, reset_num_timesteps=False)  # type: ignore[arg-type]
                 outcomes = self.evaluate()
-                row = self.row(outcomes, time.monotonic() - started) | {"train_success": watch.success}
+                level = None if self.opening is None else self.opening.level
+                row = self.row(outcomes, time.monotonic() - started) | {"train_success": watch.success, "level": level}
                 self._note(row)
                 table.add(row)
-                for name in ("success", "reward", "peak_force", "train_success"):
-                    logger.record(f"eval/{name}", row[name])
+                for name in ("success", "reward", "peak_force", "train_success", "level"):
+                    if row[name] is not None:
+                        logger.record(f"eval/{name}", row[name])
                 logger.dump(model.num_timesteps)
                 bar.say(line(row))
-                model.restart(restart_seed(c.seed, model.num_timesteps))
+                self._restart()
         logger.close()
         return self.close()
 
@@ -177,6 +193,7 @@ class SacRun:
             "best": list(self.best),
             "reached": self.reached,
             "recent": [*self.recent],
+            "ranges": None if self.opening is None else self.opening.state(),
         }
         with new_folder(self.folder / "checkpoints" / "last", overwrite=True) as place:
             save(place, self.model.actor, self.modality.name, self.meta(row))
@@ -202,9 +219,10 @@ class SacRun:
 
 def line(row: dict[str, Any]) -> str:
     """A row of progress.csv for a terminal."""
+    opened = "" if row.get("level") is None else f"  ranges {row['level']:4.0%}"
     return (
         f"{row['steps']:>8} steps {row['seconds']:6.0f} s  success {row['success']:4.0%}  "
-        f"force {row['peak_force']:5.1f} N  stage {row['stage']}  {row['failures']}"
+        f"force {row['peak_force']:5.1f} N  stage {row['stage']}{opened}  {row['failures']}"
     )
 
 
