@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -102,6 +103,12 @@ def test_names_and_training_seeds_of_policies(policy, tmp_path):
     ]
     assert entrant(f"mine={policy('x')}").name == "mine"
     assert entrant(policy("steps", seed=7)).name == "steps"
+    kept = tmp_path / "peg-depth" / "20261121-090000_s0" / "checkpoints" / "steps-8000"
+    shutil.copytree(policy("y"), kept)
+    assert (
+        entrant(str(kept)).name == "peg-depth@8000"
+        and entrant(str(kept.rename(kept.with_name("best")))).name == "peg-depth"
+    )
     with pytest.raises(UserError, match="two policies called depth with training seed 0.*NAME=FOLDER"):
         entrants([policy("depth_s0"), policy("depth-s0")])
     with pytest.raises(UserError, match="no such policy"):

@@ -74,6 +74,7 @@ def test_stages_follow_success_and_are_remembered(tmp_path):
     train(c, tmp_path / "run", make("state"), show=False)  # at level 0.1 every start is at the target
     assert [row["stage"] for row in curve(tmp_path / "run")] == ["0"]
     assert not (tmp_path / "run/checkpoints/best").exists()  # only what is trained for can be the best
+    assert load(tmp_path / "run/checkpoints/steps-160").meta["steps"] == 160  # but every evaluation's is kept
     resume(tmp_path / "run", 320, make("state"), show=False)
     assert [row["stage"] for row in curve(tmp_path / "run")] == ["0", "1"]
 

@@ -146,8 +146,13 @@ def refuse_trained_on(
 
 
 def _stem(path: Path) -> str:
-    """The folder's name; of a run's checkpoint (runs/TASK/TIME_sSEED/checkpoints/best) the task's."""
+    """The folder's name; of a run's checkpoint (runs/TASK/TIME_sSEED/checkpoints/best) the task's.
+
+    Of one that was kept on the way (checkpoints/steps-8000), the task's and the steps: `peg-depth@8000`.
+    """
     place = path.resolve()
+    if kept := re.fullmatch(r"(?:steps|updates)-(\d+)", place.name):
+        return f"{_stem(place.parent)}@{kept[1]}"
     while place.name in ("best", "last", "checkpoints") or re.match(r"\d{8}-\d{4}", place.name):
         place = place.parent
     return place.name or path.resolve().name

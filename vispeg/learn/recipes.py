@@ -67,7 +67,7 @@ def distilled(
         row["steps"] = (number + 1) * settings.steps if shown is None else 0
         table.add(row)
         bar.say(line(row))
-        run.keep_best(row)
+        run.keep(row)
         return {"best": list(run.best), "command": run.command}
 
     if shown is not None:

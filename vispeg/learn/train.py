@@ -172,19 +172,25 @@ class SacRun:
             **{name: told.get(f"train/{name}") for name in ("critic_loss", "actor_loss", "entropy", "temperature")},
         }
 
-    def keep_best(self, row: dict[str, Any]) -> None:
-        """Exports the actor if it did better than ever: more successes, or as many with less force."""
+    def keep(self, row: dict[str, Any], contender: bool = True) -> None:
+        """Exports the actor, and as the best if it did better than ever: more successes, or as many with less force.
+
+        Every evaluation's actor is kept, bad ones too: how well success at home foretells success elsewhere is only
+        known from policies that differ.
+        """
+        places = [f"steps-{row['steps']}" if row["steps"] else f"updates-{row['updates']}"]
         found = row["success"], -row["peak_force"]
-        if found > self.best:
+        if contender and found > self.best:
             self.best = found
-            with new_folder(self.folder / "checkpoints" / "best", overwrite=True) as best:
-                save(best, self.model.actor, self.modality.name, self.meta(row))
+            places.append("best")
+        for name in places:
+            with new_folder(self.folder / "checkpoints" / name, overwrite=True) as place:
+                save(place, self.model.actor, self.modality.name, self.meta(row))
 
     def _note(self, row: dict[str, Any]) -> None:
         """Keeps the best, moves the curriculum on, writes the checkpoint."""
         success, last = row["success"], self.course.last
-        if last:
-            self.keep_best(row)
+        self.keep(row, last)
         self.reached = self.reached + 1 if last and success >= self.config.target else 0
         moved = self.course.after(success)
         counters = {
