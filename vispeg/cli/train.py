@@ -68,6 +68,8 @@ class Args:
     """Environment steps of each of the five rounds of a distillation."""
     distill_updates: int = 2000
     """Gradient steps after each round of a distillation."""
+    distill_looks: int = 1
+    """Looks of the world in which a distillation keeps each state; each one more is drawn beside the episode's own."""
     every: int = 5000
     """Environment steps between evaluations and checkpoints."""
     episodes: int = 50
@@ -107,6 +109,7 @@ class Args:
         sac = replace(sac, recurrent=self.recurrent, utd=utd, symmetric=self.symmetric)
         settings = {} if self.clearance is None else {"clearance_mm": self.clearance}
         task = world_of(self.world, dict(settings))[1]
+        rounds = {"steps": self.distill_steps, "updates": self.distill_updates, "looks": self.distill_looks}
         config = TrainConfig(
             self.task,
             self.recipe,
@@ -122,7 +125,7 @@ class Args:
             sac=sac,
             teacher=self.teacher,
             dataset=None if self.dataset is None else str(self.dataset),
-            distill={} if self.recipe == "sac" else {"steps": self.distill_steps, "updates": self.distill_updates},
+            distill={} if self.recipe == "sac" else rounds,
             device=self.device,
             threads=self.threads,
             ranges=self.ranges,

@@ -24,6 +24,7 @@ from vispeg.learn.actor import Actor
 from vispeg.learn.checkpoint import restart_seed
 from vispeg.learn.clone import CloneSettings, clone
 from vispeg.learn.layout import VECTOR
+from vispeg.learn.looks import looking, side_by_side
 from vispeg.learn.policy import NetPolicy
 from vispeg.learn.replay import Replay
 from vispeg.learn.rounds import Rounds
@@ -39,6 +40,7 @@ class DistillSettings:
         betas: probability of the teacher acting, round by round.
         steps: environment steps a round.
         updates: gradient steps after each round.
+        looks: in which each state is kept, of the world's: the episode's own, and others under the same physics.
         noise: standard deviation of what is added to executed actions in the mixed rounds, so that the teacher shows
             how to come back; none in the teacher's own, whose labels are then what was done.
         clone: numbers of the imitation.
@@ -47,14 +49,16 @@ class DistillSettings:
     betas: tuple[float, ...] = (1.0, 0.5, 0.25, 0.0, 0.0)
     steps: int = 4_000
     updates: int = 2_000
+    looks: int = 1
     noise: float = 0.1
     clone: CloneSettings = CloneSettings()
 
     def __post_init__(self) -> None:
         if not self.betas or min(self.betas) < 0 or max(self.betas) > 1:
             raise UserError("probabilities between 0 and 1", key="betas", got=self.betas)
-        if self.steps < 1 or self.updates < 1:
-            raise UserError("must be at least 1", key="steps, updates", got=(self.steps, self.updates))
+        for key in ("steps", "updates", "looks"):
+            if getattr(self, key) < 1:
+                raise UserError("must be at least 1", key=key, got=getattr(self, key))
 
 
 def collect(
@@ -66,6 +70,7 @@ def collect(
     noise: float,
     seed: int,
     device: torch.device | str = "cpu",
+    looks: int = 1,
 ) -> Replay:
     """A round of experience.
 
@@ -78,15 +83,18 @@ def collect(
         noise: of executed actions.
         seed: of episodes and of the mixing.
         device: where batches go: the learning network's.
+        looks: in which each state is kept. Who acts sees the first one.
 
     Returns:
         The transitions, with the teacher's actions in place of the executed ones.
     """
     n, rng = env.num_envs, stream(seed, "distill")
-    length = -(-steps // n)
-    ring = _room(env, length, seed, device)
-    for obs, ends, label, reward, done, infos in _steps(env, teacher, student, beta, noise, seed, rng, length):
-        ring.add(obs, ends, label, reward, done, infos)
+    length, rows = -(-steps // n), np.tile(np.arange(n), looks)
+    ring = _room(env, length, seed, device, looks)
+    with looking(env.env, looks):
+        for obs, ends, label, reward, done, infos in _steps(env, teacher, student, beta, noise, seed, rng, length):
+            seen = side_by_side(obs, looks), side_by_side(ends, looks)
+            ring.add(*seen, label[rows], reward[rows], done[rows], [infos[row] for row in rows])
     ring.cut()
     return ring
 
@@ -132,10 +140,12 @@ def demonstrations(
     return ring, tried
 
 
-def _room(env: Sb3Env, length: int, seed: int, device: torch.device | str) -> Replay:
-    """A ring for `length` steps of every row; an episode's end takes an entry of its own, every other step at most."""
-    size = env.num_envs * (length + length // 2 + 2)
-    return Replay(size, env.observation_space, env.action_space, device, env.num_envs, seed=seed)
+def _room(env: Sb3Env, length: int, seed: int, device: torch.device | str, looks: int = 1) -> Replay:
+    """A ring for `length` steps of every row in every look; an episode's end takes an entry of its own, every other
+    step at most."""
+    rows = env.num_envs * looks
+    size = rows * (length + length // 2 + 2)
+    return Replay(size, env.observation_space, env.action_space, device, rows, seed=seed)
 
 
 def _steps(
@@ -204,7 +214,8 @@ def distill(
     def played(number: int, beta: float) -> Replay:
         asked = None if beta >= 1 else student
         noise = settings.noise if 0 < beta < 1 else 0.0
-        return collect(env, teacher, asked, beta, settings.steps, noise, seed + number, actor.device)
+        play = settings.steps, noise, seed + number
+        return collect(env, teacher, asked, beta, *play, actor.device, settings.looks)
 
     return _learn(actor, [], played, settings, seed, watch, rounds)
 
