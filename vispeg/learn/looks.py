@@ -67,19 +67,26 @@ class ManyEyes:
         return self.own.see() | others
 
 
+def check(env: Any, looks: int) -> None:
+    """Raises UserError for more looks than one of an environment without images, or of a world that varies none."""
+    eyes: Any = getattr(env, "eyes", None)
+    varied = eyes is not None and eyes.cameras and seen_world(env.sim.world, env.sim.config.cameras).ranges
+    if looks > 1 and not varied:
+        raise UserError("all looks would be the same: nothing that is seen varies", key="looks", expected=1, got=looks)
+
+
 @contextmanager
 def looking(env: Any, looks: int) -> Iterator[None]:
     """Inside, the observations of a PegInHoleVec hold its images in this many looks; it has to be reset at first.
 
     Raises:
-        UserError: more looks than one of an environment without images, or of a world in which nothing seen varies.
+        UserError: as `check`.
     """
+    check(env, looks)
     if looks == 1:
         yield
         return
-    own: Any = getattr(env, "eyes", None)
-    if own is None or not own.cameras or not seen_world(env.sim.world, env.sim.config.cameras).ranges:
-        raise UserError("all looks would be the same: nothing that is seen varies", key="looks", expected=1, got=looks)
+    own: Any = env.eyes
     sims: list[Any] = [OtherLook(env.sim, k) for k in range(1, looks)]
     further = [Eyes(sim, env.obs_mode, env.file, own.backend) for sim in sims]
     env.eyes = ManyEyes(own, further)

@@ -15,6 +15,7 @@ from vispeg.core.errors import UserError
 from vispeg.learn.config import TrainConfig
 from vispeg.learn.distill import DistillSettings, distill, imitate
 from vispeg.learn.envs import MakeEnv
+from vispeg.learn.looks import check
 from vispeg.learn.progress import Bar, Table
 from vispeg.learn.rounds import ROUNDS, Rounds, keep_ring
 from vispeg.learn.shown import from_folder
@@ -47,15 +48,19 @@ def distilled(
         expected = "a state policy's folder, or expert; or a dataset"
         raise UserError("this recipe needs a teacher", key="teacher", expected=expected)
     run = SacRun(config, folder, make, show)
+    settings = distill_settings(config.distill)
     actor, seen, shown = run.model.actor, run.modality.name, None
     if config.dataset is not None:
+        if settings.looks > 1:
+            raise UserError("a dataset keeps the looks that it has", key="looks", expected=1, got=settings.looks)
         shown = from_folder(config.dataset, seen, actor.layout, config.seed, actor.device)
-    elif teacher is None:
-        teacher = teacher_of(str(config.teacher), run.env.env.config)  # type: ignore[attr-defined]
+    else:
+        check(run.env.env, settings.looks)
+        teacher = teacher or teacher_of(str(config.teacher), run.env.env.config)  # type: ignore[attr-defined]
     folder.mkdir(parents=True, exist_ok=True)
     config.write(folder / "config.yaml")
     rounds = Rounds(folder / ROUNDS, run.model.replay)
-    settings, known = distill_settings(config.distill), rounds.state
+    known = rounds.state
     if known:
         run.best, run.command = (known["best"][0], known["best"][1]), known["command"]
     table = Table(folder / "progress.csv", 0, rounds.done)
