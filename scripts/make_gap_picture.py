@@ -33,11 +33,14 @@ def main(result: Path, picture: Path) -> None:
     figure, axes = plt.subplots(figsize=(9, 3.6), dpi=130)
     width = 0.8 / len(policies)
     for i, (policy, modality) in enumerate(policies):
+        hatch = "///" if any(m == modality for _, m in policies[:i]) else None  # another of the same modality
         for j, world in enumerate(worlds):
             for r in (r for r in rows if r["policy"] == policy and r["world"] == world):
                 s = r["success"]
                 x = j + (i - (len(policies) - 1) / 2) * width
-                axes.bar(x, 100 * s["value"], 0.92 * width, color=COLOURS[modality], label=policy if j == 0 else None)
+                label = policy if j == 0 else None
+                style = {"color": COLOURS[modality], "hatch": hatch, "edgecolor": "white", "linewidth": 0}
+                axes.bar(x, 100 * s["value"], 0.92 * width, label=label, **style)
                 low, high = 100 * (s["value"] - s["low"]), 100 * (s["high"] - s["value"])
                 axes.errorbar(x, 100 * s["value"], [[max(low, 0)], [max(high, 0)]], color="black", lw=1, capsize=2)
     axes.set_xticks(range(len(worlds)), [WORDS[w] for w in worlds])
@@ -45,7 +48,7 @@ def main(result: Path, picture: Path) -> None:
     axes.set_ylabel("success, %")
     axes.grid(axis="y", alpha=0.3)
     axes.set_axisbelow(True)
-    axes.legend(ncols=len(policies), loc="upper center", bbox_to_anchor=(0.5, 1.14), frameon=False)
+    axes.legend(ncols=len(policies), loc="upper center", bbox_to_anchor=(0.5, 1.14), frameon=False, fontsize=8)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     figure.tight_layout()
