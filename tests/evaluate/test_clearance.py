@@ -2,8 +2,11 @@
 
 import pytest
 
+from vispeg.cli.evaluation import at_clearance
 from vispeg.cli.main import main
+from vispeg.evaluate.entrants import entrants
 from vispeg.evaluate.records import read
+from vispeg.task.world_file import load_world
 
 
 @pytest.mark.parametrize(("more", "told"), [((), "here it is 3 mm"), (("--clearance", "0.5"), "")])
@@ -27,3 +30,13 @@ def test_a_policy_is_played_at_its_own_clearance_in_its_own_world(capsys, tmp_pa
     assert main(["play", policy]) == 0 and asked == {"clearance_mm": 0.5, "world": "randomized"}
     asked.clear()
     assert main(["play", policy, "--world", "nominal"]) == 0 and asked == {"world": "nominal"}
+
+
+def test_a_policy_that_does_not_say_what_it_was_made_for_is_taken_as_it_is(capsys, tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "policy.json").write_text('{"modality": "state"}')
+    who, world = entrants([str(tmp_path / "mine"), "state-0.5mm"]), load_world("searching")
+    assert [e.clearance_mm for e in who] == [None, 0.5]
+    assert at_clearance(who, world, 2.0) == {"clearance_mm": 2.0}
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("state-0.5mm was made for 0.5 mm, here it is 2 mm")

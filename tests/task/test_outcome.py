@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from vispeg.control.laws import turned
 from vispeg.core.errors import UserError
 from vispeg.core.world import World
 from vispeg.render.standard import HOLE, standard_cameras
@@ -11,7 +12,7 @@ from vispeg.task.eyes import task_cameras
 from vispeg.task.observe import Stack
 from vispeg.task.outcome import CATEGORIES, Track
 from vispeg.task.reward import reward
-from vispeg.task.simulation import PegSimulation, turned
+from vispeg.task.simulation import PegSimulation
 
 CONFIG = TaskConfig()
 

@@ -50,11 +50,11 @@ class Args:
         import json
 
         from vispeg.cli.evaluation import (
+            at_clearance,
             check_episodes,
             open_folder,
             play_all,
             print_table,
-            tell_clearance,
             write_result,
         )
         from vispeg.core.errors import UserError
@@ -73,8 +73,7 @@ class Args:
             if control not in CONTROLS:
                 raise UserError("unknown control", key="--controls", got=control, choices=CONTROLS)
         who, world = entrants(self.policies), load_world(self.world)
-        task = {} if self.clearance is None else {"clearance_mm": self.clearance}
-        tell_clearance(who, {**world.task, **task})
+        task = at_clearance(who, world, self.clearance)
         out = self.out or Path("evaluated") / f"{'+'.join(dict.fromkeys(e.name for e in who))}-{world.name}"
         out = open_folder(out, "evaluate.json", self.overwrite)
         settings = [Setting(self.world, world.name, task=task, control=c) for c in ("", *self.controls)]

@@ -78,17 +78,22 @@ def check_episodes(episodes: int, workers: int) -> None:
         raise UserError("no workers", key="--workers", expected="1 or more", got=workers)
 
 
-def tell_clearance(who: Iterable[Any], task: Mapping[str, Any]) -> None:
-    """Says on stderr which policies are judged at another clearance than the one they were made for."""
+def at_clearance(who: Iterable[Any], world: Any, clearance: float | None) -> dict[str, Any]:
+    """The task of `world` that `--clearance` changes; says which policies were made for another clearance than that.
+
+    Args:
+        who: entrants.
+        world: what they are judged in.
+        clearance: diametral, mm, in place of the world's; None for the world's own.
+    """
     from vispeg.task.config import TaskConfig
 
-    here = TaskConfig.of(task).clearance_mm
+    task = {} if clearance is None else {"clearance_mm": clearance}
+    here = TaskConfig.of({**world.task, **task}).clearance_mm
     for e in who:
-        path = Path(e.path) / "policy.json"
-        made = json.loads(path.read_text(encoding="utf-8"))["meta"].get("task") or {} if path.is_file() else {}
-        own = made.get("clearance_mm", here)
-        if own != here:
-            print(f"{e.name} was made for {own:g} mm, here it is {here:g} mm (--clearance)", file=sys.stderr)
+        if e.clearance_mm not in (None, here):
+            print(f"{e.name} was made for {e.clearance_mm:g} mm, here it is {here:g} mm (--clearance)", file=sys.stderr)
+    return task
 
 
 def measured(

@@ -47,11 +47,11 @@ class Args:
     def run(self) -> int:
         """Plays what is missing, writes the folder, prints the table."""
         from vispeg.cli.evaluation import (
+            at_clearance,
             check_episodes,
             open_folder,
             play_all,
             print_table,
-            tell_clearance,
             write_result,
         )
         from vispeg.core.errors import UserError
@@ -67,8 +67,7 @@ class Args:
         if not 0 <= self.force[0] <= self.force[1] or not self.duration > 0:
             raise UserError("not a push", key="--force", expected="low <= high, a duration above 0", got=self.force)
         who, world = entrants(self.policies), load_world(self.world)
-        task = {} if self.clearance is None else {"clearance_mm": self.clearance}
-        tell_clearance(who, {**world.task, **task})
+        task = at_clearance(who, world, self.clearance)
         listed = perturb.positions(self.positions)
         out = open_folder(self.out, "perturb.json", self.overwrite)
         settings = perturb.settings(self.world, world.name, listed, Pushes(self.force, self.duration))

@@ -24,6 +24,17 @@ def rotation_vector(measured: np.ndarray, commanded: np.ndarray) -> np.ndarray:
     return v * np.where(sine > 1e-12, factor, 2.0)[:, None]
 
 
+def turned(quat: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """Quaternions (n, 4) wxyz turned by rotation vectors (n, 3) rad given in the base frame."""
+    angle = np.linalg.norm(vector, axis=1, keepdims=True)
+    axis = vector / np.maximum(angle, 1e-12)
+    w1, v1 = np.cos(angle / 2), axis * np.sin(angle / 2)
+    w0, v0 = quat[:, :1], quat[:, 1:]
+    return np.concatenate(
+        [w1 * w0 - np.sum(v1 * v0, axis=1, keepdims=True), w1 * v0 + w0 * v1 + np.cross(v1, v0)], axis=1
+    )
+
+
 # rows of the matrix that multiplies a quaternion wxyz by the conjugate of another from the right
 CONJUGATE = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])
 CONJUGATE_SIGN = np.array([[1, 1, 1, 1], [-1, 1, -1, 1], [-1, 1, 1, -1], [-1, -1, 1, 1]])

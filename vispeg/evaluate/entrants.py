@@ -12,7 +12,7 @@ from typing import Any
 from vispeg.core.assets import assets
 from vispeg.core.errors import UserError
 from vispeg.core.provenance import digest
-from vispeg.learn.meta import interface, worlds
+from vispeg.learn.meta import clearance_of, interface, worlds
 from vispeg.task.world_file import built_in, parts
 
 META = "policy.json"
@@ -33,6 +33,7 @@ class Entrant:
         task: the part of the task that it was made for (stack, dof, cameras, ...).
         digest: SHA-256 of its folder.
         parts: what those worlds are put together from, see `vispeg.task.world_file.parts`.
+        clearance_mm: diametral clearance that it was made for; None where it does not say.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Entrant:
     task: dict[str, Any]
     digest: str
     parts: Mapping[str, str] = field(default_factory=dict)
+    clearance_mm: float | None = None
 
 
 def entrant(text: str) -> Entrant:
@@ -79,6 +81,7 @@ def entrant(text: str) -> Entrant:
         interface(meta),
         digest(path),
         made_in["world_parts"],
+        clearance_of(meta),
     )
 
 

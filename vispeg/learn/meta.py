@@ -18,6 +18,12 @@ def interface(meta: Mapping[str, Any]) -> dict[str, Any]:
     return {key: tuple(value) if isinstance(value, list) else value for key, value in own.items()}
 
 
+def clearance_of(meta: Mapping[str, Any]) -> float | None:
+    """Diametral clearance in mm that a policy was made for; None where its record does not say."""
+    own = (meta.get("task") or {}).get("clearance_mm")
+    return float(own) if isinstance(own, (int, float)) else None
+
+
 def worlds(*metas: Mapping[str, Any]) -> dict[str, Any]:
     """The worlds that policies of these records were trained or fine-tuned in, ready for a record.
 

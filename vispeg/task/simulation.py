@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from vispeg.control.laws import rotation_vector
+from vispeg.control.laws import rotation_vector, turned
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
@@ -19,7 +19,7 @@ from vispeg.sim.reach import reach
 from vispeg.task.cell import Cell
 from vispeg.task.config import DOF, TaskConfig
 from vispeg.task.control import PoseControl
-from vispeg.task.observe import TURN, Stack, policy_size
+from vispeg.task.observe import Stack, observation, policy_part, policy_size
 from vispeg.task.outcome import Track
 from vispeg.task.reward import BONUS, reward
 from vispeg.task.seen import PHYSICS, felt, shown
@@ -110,7 +110,7 @@ class PegSimulation:
         true = self.cell.x.q, self.cell.x.dq
         q, dq = (np.where(begun, new, known) for new, known in zip(true, self.measured, strict=True))
         self.see(q, dq)
-        self.stack.fill(rows, self._policy_part())
+        self.stack.fill(rows, policy_part(self))
 
     def _start(self, rows: np.ndarray, pos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Joint angles (len(rows), nj) in rad that put these rows' flanges at `pos`, and the weight there, N m."""
@@ -212,7 +212,7 @@ class PegSimulation:
                 category = track.at_time(c)
             if category is not None:
                 records[i] = self._record(i, category)
-        self.stack.push(np.nan_to_num(self._policy_part(), posinf=0.0, neginf=0.0))
+        self.stack.push(np.nan_to_num(policy_part(self), posinf=0.0, neginf=0.0))
         return gain, terminated, truncated & ~terminated, records
 
     def _record(self, i: int, category: str) -> dict[str, Any]:
@@ -246,40 +246,9 @@ class PegSimulation:
         )
         return np.arccos(np.clip(np.abs(along), 0.0, 1.0))
 
-    def _policy_part(self) -> np.ndarray:
-        """(nsim, d): measured tip relative to the believed hole, velocity, wrench, last action, all near 1.
-
-        Where the policy turns the flange: its rotation vector from straight down, and its angular velocity.
-        """
-        tip = self.flange - [0, 0, self.scene.tip]
-        parts = [
-            (tip - self.believed) / 0.03,
-            self.twist[:, :3] / 0.1,
-            self.wrench[:, :3] / 20.0,
-            self.wrench[:, 3:] / 2.0,
-        ]
-        parts.append(self.action)
-        if self.move[3:].any():
-            parts += [rotation_vector(self.straight, self.turn) / TURN, self.twist[:, 3:] / 0.5]
-        return np.concatenate(parts, axis=1)
-
     def observation(self) -> dict[str, np.ndarray]:
-        """`policy` (nsim, stack d) and `privileged` (nsim, PRIVILEGED), float32."""
-        tip, hole = np.nan_to_num(self.tip_in_hole()), self.cell.site_position("hole")
-        force = np.nan_to_num(self.cell.sensors[:, 7:10])
-        truth = [
-            tip / 0.03,
-            (hole - self.nominal_hole) / 0.03,
-            (self.believed - hole) / 0.003,
-            np.nan_to_num(self.twist[:, :3]) / 0.1,
-            force / 20.0,
-            np.nan_to_num(self.cell.qpos[:, [self.cell.slip]]) / 0.003,
-            np.nan_to_num(self.tilt())[:, None] / 0.05,
-            (self.count / self.config.steps)[:, None],
-            self.physics,
-        ]
-        privileged = np.clip(np.concatenate(truth, axis=1), -20, 20).astype(np.float32)
-        return {"policy": np.clip(self.stack.flat(), -20, 20).astype(np.float32), "privileged": privileged}
+        """See `vispeg.task.observe.observation`."""
+        return observation(self)
 
     def bodies(self, row: int) -> dict[str, np.ndarray]:
         """Where this row's fixture and peg are placed in their parents, (7,) each, for whoever draws them."""
@@ -292,29 +261,5 @@ class PegSimulation:
             out[name] = np.concatenate([pos, quat])
         return out
 
-    @property
-    def physics(self) -> np.ndarray:
-        """Physics (nsim, 4) that a critic may know: friction and mass scale, latency, clearance; near 1."""
-        p = {a.effect.name: a.p for a in self.cell.active}
-        out = np.zeros((self.nsim, 4))
-        for column, (name, key, scale) in enumerate(
-            (("contact_friction", "scale", 1.0), ("object_mass", "scale", 1.0), ("command_delay", "delay", 0.02))
-        ):
-            if name in p and key in p[name]:
-                out[:, column] = p[name][key].mean(axis=1) / scale
-        out[:, 3] = self.config.clearance_mm / 3.0
-        return out
 
-
-def turned(quat: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Quaternions (n, 4) wxyz turned by rotation vectors (n, 3) rad given in the base frame."""
-    angle = np.linalg.norm(vector, axis=1, keepdims=True)
-    axis = vector / np.maximum(angle, 1e-12)
-    w1, v1 = np.cos(angle / 2), axis * np.sin(angle / 2)
-    w0, v0 = quat[:, :1], quat[:, 1:]
-    return np.concatenate(
-        [w1 * w0 - np.sum(v1 * v0, axis=1, keepdims=True), w1 * v0 + w0 * v1 + np.cross(v1, v0)], axis=1
-    )
-
-
-__all__ = ["DOWN", "HOME", "IMAGE_MODES", "PHYSICS", "PegSimulation", "felt", "shown", "turned"]
+__all__ = ["DOWN", "HOME", "IMAGE_MODES", "PHYSICS", "PegSimulation", "felt", "shown"]
