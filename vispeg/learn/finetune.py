@@ -39,7 +39,7 @@ class FinetuneSettings:
     Attributes:
         demos: successful episodes of the teacher in the target world.
         updates: gradient steps.
-        lr: a tenth of what the policy was trained with.
+        lr: a tenth of what a policy is trained with by `distill`; it falls as there.
         known: share of each batch from the world that the policy was trained in, 0 to 0.5.
         known_steps: environment steps collected there.
         batch: transitions an update.
@@ -50,11 +50,11 @@ class FinetuneSettings:
 
     demos: int = 100
     updates: int = 2_000
-    lr: float = 3e-5
+    lr: float = 2e-4
     known: float = 0.15
     known_steps: int = 2_000
     batch: int = 128
-    shift: int = 2
+    shift: int = 1
     rows: int = 8
     episodes: int = 50
 
