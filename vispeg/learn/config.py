@@ -54,7 +54,7 @@ class TrainConfig:
         dataset: folder of demonstrations in LeRobot's layout: in place of a teacher, or half of each batch of `sac`.
         distill: DistillSettings fields that replace the defaults.
         device: `cpu`, `cuda` or `auto`.
-        threads: of the physics.
+        threads: of the physics and of the networks.
         ranges: how far draws may leave nominal in reinforcement: `full` is the whole ranges from the first step on,
             `schedule` opens them over the first half of the steps, `adaptive` each as the policy copes with it.
     """

@@ -57,7 +57,7 @@ class SacRun:
         make: MakeEnv | None = None,
         show: bool = True,
     ):
-        torch.set_num_threads(1)
+        torch.set_num_threads(config.threads)
         self.config, self.folder, self.show = config, folder, show
         self.modality = modality_of(config.modality)
         self.make = make or peg_maker(self.modality, config.world, config.sac, config.threads, folder / DIVERGED)
