@@ -83,6 +83,17 @@ def test_frozen_encoders_stay_and_the_rest_moves():
     assert not all(torch.equal(a, b) for a, b in zip(actor.encoders.parameters(), encoders, strict=True))
 
 
+def test_the_learning_rate_falls_along_half_a_cosine_and_begins_anew_with_the_next_imitation():
+    actor, ring = trained_pair()
+    adam, settings = torch.optim.Adam(actor.parameters(), 1.0, fused=True), CloneSettings(batch=16)
+    rates = []
+    for _ in range(2):
+        watch = lambda update, loss: rates.append(adam.param_groups[0]["lr"])  # noqa: E731
+        clone(actor, [(ring, 1.0)], 6, settings, stream(0, "y"), optimizer=adam, watch=watch)
+    expected = settings.lr * (1 + np.cos(np.pi * np.arange(1, 7) / 6)) / 2  # as it is left after each update
+    assert np.allclose(rates, [*expected, *expected])
+
+
 def trained_pair():
     env = Sb3Env(Reach(4, "depth"))
     seen = modality("depth")
