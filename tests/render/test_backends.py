@@ -1,12 +1,14 @@
 """Every backend shows things where K says, at the depth that rays measure, and the same each time."""
 
+import os
+
 import mujoco
 import numpy as np
 import pytest
 from spheres import BALLS, EYE, RADIUS, model, outline
 
 from vispeg.core.errors import UserError
-from vispeg.render import filament, model_camera
+from vispeg.render import filament, gl, model_camera
 from vispeg.render.backend import Renderer
 from vispeg.render.raycast import cast
 from vispeg.render.standard import standard_cameras
@@ -259,3 +261,15 @@ def test_mistakes_are_said(cell):
             renderer.render(np.zeros(7))
         with pytest.raises(UserError, match="fixture"):
             renderer.render(OVER, {"fixtur": (0, 0, 0)})
+
+
+@pytest.mark.parametrize(("given", "kept"), [(None, "0"), ("2", "2")])
+def test_the_software_driver_draws_in_one_thread_unless_told_otherwise(monkeypatch, given, kept):
+    monkeypatch.setenv("LP_NUM_THREADS", "")
+    monkeypatch.delenv("LP_NUM_THREADS")
+    if given is not None:
+        monkeypatch.setenv("LP_NUM_THREADS", given)
+    monkeypatch.setenv("MUJOCO_GL", "egl")
+    monkeypatch.setattr(gl, "_class", lambda name: lambda width, height: name)
+    assert gl._open(640, 480) == "egl"
+    assert os.environ["LP_NUM_THREADS"] == kept

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import multiprocessing
-import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -85,7 +84,6 @@ _TICKS: Any = None
 def _listen(ticks: Any) -> None:
     global _TICKS
     _TICKS = ticks
-    os.environ.setdefault("LP_NUM_THREADS", "0")  # Mesa's software driver: every worker has its core
 
 
 def _make(source: Source, plan: Plan, layout: Layout, shard: Shard) -> bytes:

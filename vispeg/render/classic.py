@@ -38,7 +38,7 @@ class Classic:
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int, shadows: bool):
         self.model, self.shadows = model, shadows
-        self._gl: Any = shared(width, height, threads=shadows)
+        self._gl: Any = shared(width, height)
         self._gl.make_current()
         quality, size = model.vis.quality, model.vis.global_
         quality.offsamples, quality.shadowsize, quality.numslices = 0, SHADOW_MAP if shadows else 0, SLICES

@@ -11,12 +11,11 @@ from typing import Any
 
 from vispeg.core.errors import UserError
 
-ONE_THREAD = 256 * 256  # px
 HINT = "sudo apt-get install -y libegl1 libopengl0 libgl1-mesa-dri; `vispeg doctor` tells more"
 _OPEN: dict[tuple[int, int], Any] = {}  # (process, thread) -> its context
 
 
-def shared(width: int, height: int, threads: bool = False) -> Any:
+def shared(width: int, height: int) -> Any:
     """This thread's context, not yet current; opened at the first call and kept until the process ends.
 
     Renderers share it, each with framebuffers and textures of its own: a driver compiles its shaders once a context,
@@ -25,28 +24,28 @@ def shared(width: int, height: int, threads: bool = False) -> Any:
 
     Args:
         width, height: of the largest picture, px.
-        threads: whether pictures need more work than their size tells (shadow maps).
 
     Raises:
         UserError: nothing here can draw.
     """
     key = os.getpid(), threading.get_ident()
     if key not in _OPEN:
-        _OPEN[key] = _open(width, height, threads)
+        _OPEN[key] = _open(width, height)
         atexit.register(_OPEN[key].free)  # while Python is whole, and before the library ends
     return _OPEN[key]
 
 
-def _open(width: int, height: int, threads: bool) -> Any:
+def _open(width: int, height: int) -> Any:
     """A context from the library that MUJOCO_GL names; else, on Linux without a display, from EGL or OSMesa.
 
-    MuJoCo reads the variable when the first picture is drawn, so it is set here to what was found. Mesa's software
-    driver hands tiles of 64 x 64 px to threads, which only costs time in small pictures: LP_NUM_THREADS becomes 0
-    then, unless it is set.
+    MuJoCo reads the variable when the first picture is drawn, so it is set here to what was found.
+
+    LP_NUM_THREADS becomes 0 unless it is set: Mesa's software driver then draws in this thread. With threads of its own
+    it writes to fences that were freed already (Mesa 22.3.6: 4 zero bytes where a freed 112-byte block's mutex was),
+    which ends a process once in ten to forty minutes of drawing; in small pictures they only cost time, too.
     """
     chosen = os.environ.get("MUJOCO_GL", "").lower().strip()
-    if width * height <= ONE_THREAD and not threads:
-        os.environ.setdefault("LP_NUM_THREADS", "0")
+    os.environ.setdefault("LP_NUM_THREADS", "0")
     headless = sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
     names = [chosen] if chosen else (["egl", "osmesa"] if headless else ["glfw"])
     reasons = []
