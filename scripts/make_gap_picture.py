@@ -28,7 +28,7 @@ def main(result: Path, picture: Path) -> None:
     """Bars with 95 % intervals, one group a world."""
     found = json.loads(result.read_text())
     rows = [r for r in found["success"] if not r["control"]]
-    policies = sorted({(r["policy"], r["modality"]) for r in rows}, key=lambda p: list(COLOURS).index(p[1]))
+    policies = sorted({(r["policy"], r["modality"]) for r in rows}, key=lambda p: (list(COLOURS).index(p[1]), p[0]))
     worlds = [w for w in WORDS if any(r["world"] == w for r in rows)]
     figure, axes = plt.subplots(figsize=(9, 3.6), dpi=130)
     width = 0.8 / len(policies)
