@@ -52,7 +52,7 @@ class Args:
     envs: int = 16
     """Environments that are stepped together."""
     threads: int = 1
-    """Threads of the physics and of the networks; two make policies that see a tenth quicker."""
+    """Threads of the physics and of the networks."""
     utd: float | None = None
     """Critic updates per environment step."""
     recurrent: int = 0

@@ -42,7 +42,7 @@ def _open(width: int, height: int) -> Any:
 
     LP_NUM_THREADS becomes 0 unless it is set: Mesa's software driver then draws in this thread. With threads of its own
     it writes to fences that were freed already (Mesa 22.3.6: 4 zero bytes where a freed 112-byte block's mutex was),
-    which ends a process once in ten to forty minutes of drawing; in small pictures they only cost time, too.
+    which ends a process once in five to forty minutes of drawing; in small pictures they only cost time, too.
     """
     chosen = os.environ.get("MUJOCO_GL", "").lower().strip()
     os.environ.setdefault("LP_NUM_THREADS", "0")
