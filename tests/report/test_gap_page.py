@@ -15,7 +15,7 @@ from vispeg.core.seeds import stream
 from vispeg.evaluate import exploit, perturb, sensitivity, suite
 from vispeg.evaluate.gap import gap
 from vispeg.evaluate.records import Episode
-from vispeg.evaluate.video import write_png, write_video
+from vispeg.evaluate.video import write_image, write_video
 from vispeg.report.gap import exploit_page, perturb_page, suite_page, sweep_page, words
 from vispeg.report.gap.build import render, write
 from vispeg.report.gap.headline import context
@@ -104,7 +104,7 @@ def test_videos_and_stills_are_inside_the_page(tmp_path):
     frames = np.zeros((12, 33, 48, 3), np.uint8)
     frames[:, :, :24] = 200
     video = write_video(tmp_path / "media" / "v", frames)
-    still = write_png(tmp_path / "media" / "s.png", frames[0])
+    still = write_image(tmp_path / "media" / "s.png", frames[0])
     side = {
         "world": "S",
         "outcome": "success after 3.0 s",

@@ -10,7 +10,7 @@ from vispeg.evaluate.film import Clip, film
 from vispeg.evaluate.jobs import Job
 from vispeg.evaluate.records import Episode
 from vispeg.evaluate.runner import failures
-from vispeg.evaluate.video import write_png, write_video
+from vispeg.evaluate.video import write_image, write_video
 
 
 def film_pairs(
@@ -58,8 +58,8 @@ def side(clip: Clip, world: str, folder: Path, stem: str, step: int) -> dict[str
     step = min(step, len(clip.frames) - 1)
     names: dict[str, Path | None] = {
         "video": write_video(folder / stem, clip.together),
-        "image": write_png(folder / f"{stem}.png", clip.frames[step]),
-        "view": None if clip.views is None else write_png(folder / f"{stem}-view.png", clip.views[step]),
+        "image": write_image(folder / f"{stem}.jpg", clip.frames[step]),
+        "view": None if clip.views is None else write_image(folder / f"{stem}-view.png", clip.views[step]),
     }
     shown = {k: None if p is None else str(p.relative_to(folder.parent)) for k, p in names.items()}
     return {"world": world, "outcome": f"{clip.category} after {clip.time:.1f} s", **shown}
