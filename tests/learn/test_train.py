@@ -57,6 +57,22 @@ def test_a_killed_run_goes_on_with_the_same_curve(tmp_path, mode, sac):
     assert weights[0] == weights[1]
 
 
+def test_networks_have_the_threads_that_the_run_was_given_and_keep_them_when_it_goes_on(tmp_path):
+    before, seen = torch.get_num_threads(), []
+
+    def made(rows, settings):
+        seen.append(torch.get_num_threads())
+        return Reach(rows, "state")
+
+    try:
+        train(config(threads=2, steps=160), tmp_path / "run", made, show=False)
+        torch.set_num_threads(1)
+        resume(tmp_path / "run", 320, made, show=False)
+    finally:
+        torch.set_num_threads(before)
+    assert set(seen) == {2}
+
+
 def test_a_resumed_run_tells_the_command_that_made_it_and_clears_its_rounds(tmp_path, monkeypatch):
     monkeypatch.setattr("sys.argv", ["vispeg", "train", "reach", "--seed", "7"])
     train(config(steps=160), tmp_path / "run", make("state"), show=False)
