@@ -48,7 +48,7 @@ def main(result: Path, picture: Path) -> None:
     axes.set_ylabel("success, %")
     axes.grid(axis="y", alpha=0.3)
     axes.set_axisbelow(True)
-    axes.legend(ncols=len(policies), loc="upper center", bbox_to_anchor=(0.5, 1.14), frameon=False, fontsize=8)
+    axes.legend(ncols=5, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False, fontsize=8)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     figure.tight_layout()
