@@ -104,7 +104,7 @@ def thin(time: np.ndarray, values: np.ndarray, most: int = 1500) -> tuple[np.nda
 
 
 def legend(figure: Figure, entries: dict[str, tuple[str, str]]) -> None:
-    """One line above the figure: name -> (colour, line style or the marker "|")."""
+    """Lines of five above the figure: name -> (colour, line style or the marker "|")."""
     from matplotlib.lines import Line2D
 
     draw: Any = Line2D  # style names come from a table
@@ -114,7 +114,7 @@ def legend(figure: Figure, entries: dict[str, tuple[str, str]]) -> None:
         else draw([], [], color=colour, linestyle=style, linewidth=2)
         for colour, style in entries.values()
     ]
-    figure.legend(lines, list(entries), loc="outside upper left", ncols=len(entries), handlelength=1.4)
+    figure.legend(lines, list(entries), loc="outside upper left", ncols=min(len(entries), 5), handlelength=1.4)
 
 
 def quiet(ax: Axes, *, grid: str = "y") -> None:
