@@ -59,7 +59,7 @@ def _by_opencv(path: Path, frames: np.ndarray, fps: float) -> Path:
 
 
 def write_image(path: Path, image: np.ndarray) -> Path:
-    """Writes an RGB image (H, W, 3) uint8, as its suffix says: .png, or .jpg, which takes a fifth of the room."""
+    """Writes an RGB image (H, W, 3) uint8, as its suffix says: .png, or .jpg, which is smaller."""
     import cv2
 
     path.parent.mkdir(parents=True, exist_ok=True)
