@@ -52,6 +52,15 @@ def test_every_built_in_world_loads_states_its_sources_and_survives_a_round_trip
     assert again.world == file.world and again.hash == file.hash
 
 
+def test_a_part_is_a_base_by_name_and_no_world(world):
+    made = load_world(world(base=["randomized", "looks", "sensor"]))
+    assert made.hash == load_world("S").hash, "S is made of these"
+    seen = {r.effect for r in load_world(world("bare", base=["nominal", "looks", "sensor"])).world.ranges}
+    assert "part_colour" in seen and "contact_friction" not in seen
+    with pytest.raises(UserError, match="unknown world"):
+        load_world("looks")
+
+
 def test_nominal_draws_nothing():
     assert load_world("nominal").world.sample(3, SCENE).effects == ()
 

@@ -159,15 +159,18 @@ def _replace(parts: _Parts, r: Ranged, path: Path, key: str) -> None:
 
 
 def _path(source: str | Path, beside: Path | None) -> Path:
-    """A built-in world's file, or the file named, seen from the file that names it."""
+    """A built-in world's file - or one of its parts, for a base - or the file named, seen from the file that names it."""
     text = str(source)
     if not isinstance(source, str | Path) or not text:
         raise UserError("not a world", file=beside, key="base", expected="a name or a path", got=source)
     if Path(text).suffix.lower() not in (".yaml", ".yml"):
-        if text in built_in():
-            return BUILT_IN / f"{text}.yaml"
+        named = {name: BUILT_IN / f"{name}.yaml" for name in built_in()}
+        if beside is not None:  # a part is something to build on, no world by itself
+            named |= {part.stem: part for part in sorted((BUILT_IN / "parts").glob("*.yaml"))}
+        if text in named:
+            return named[text]
         expected = "a built-in world's name or a .yaml file"
-        raise UserError("unknown world", file=beside, expected=expected, got=text, choices=built_in())
+        raise UserError("unknown world", file=beside, expected=expected, got=text, choices=list(named))
     path = Path(text).expanduser() if beside is None else _beside(text, beside)
     if not path.is_file():
         raise UserError("no such world file", file=path)
