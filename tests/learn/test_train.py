@@ -147,6 +147,23 @@ def test_a_killed_distillation_goes_on_after_its_last_round(tmp_path):
         resume(tmp_path / "part", make=make("depth"), show=False)
 
 
+def test_a_distillation_stops_once_its_target_was_reached_twice_and_stays_stopped(tmp_path, monkeypatch):
+    def killed(folder, **_):
+        raise KeyboardInterrupt
+
+    betas = {"steps": 160, "updates": 20, "betas": (1.0, 0.5, 0.0, 0.0)}
+    c = config("depth", recipe="distill", target=0.0, distill=betas)
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr("vispeg.learn.recipes.shutil.rmtree", killed)
+        distilled(c, tmp_path / "run", make("depth"), False, Pointing())
+    assert len(curve(tmp_path / "run")) == 2
+    distilled(c, tmp_path / "run", make("depth"), False, Pointing())
+    assert len(curve(tmp_path / "run")) == 2 and not (tmp_path / "run/rounds").exists()
+    never = config("depth", recipe="distill", target=2.0, distill=betas)
+    distilled(never, tmp_path / "never", make("depth"), False, Pointing())
+    assert len(curve(tmp_path / "never")) == 4
+
+
 def test_labels_are_the_teachers_whoever_acts():
     env = Sb3Env(Reach(4))
     ring = collect(env, Pointing(), None, 1.0, 80, 0.3, seed=0)

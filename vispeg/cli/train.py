@@ -46,7 +46,8 @@ class Args:
     steps: int | None = None
     """Environment steps in all; 100000 where not given. With --resume: up to where to go on."""
     target: float = 0.995
-    """Stops early once this success rate was reached in two evaluations in a row; 2 never stops early."""
+    """Stops early once this success rate was reached in two evaluations in a row, imitation and reinforcement each by
+    itself; 2 never stops early."""
     seed: int = 0
     """Seed of networks, exploration and episodes."""
     envs: int = 16

@@ -203,7 +203,8 @@ def distill(
         teacher: whose actions are the labels.
         settings: numbers.
         seed: of everything drawn.
-        watch: called after each round with its number and the loss; what it returns is kept with the round.
+        watch: called after each round with its number and the loss; what it returns is kept with the round, and where
+            that says `stop`, no more rounds follow.
         rounds: where rounds are kept; goes on after those that are there.
 
     Returns:
@@ -252,7 +253,7 @@ def _learn(
     done, rings = 0, list(shown)
     if rounds is not None:
         rounds.restore(actor, optimizer)
-        done = rounds.done
+        done = len(settings.betas) if rounds.state.get("stop") else rounds.done
         rings += rounds.rings() if played is not None else []
     for number, beta in list(enumerate(settings.betas))[done:]:
         own = None if played is None else played(number, beta)
@@ -265,4 +266,6 @@ def _learn(
         told = watch(number, loss) if watch is not None else {}
         if rounds is not None:
             rounds.keep(own, actor, optimizer, told)
+        if told.get("stop"):
+            break
     return rings

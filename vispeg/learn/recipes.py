@@ -63,17 +63,20 @@ def distilled(
     known = rounds.state
     if known:
         run.best, run.command = (known["best"][0], known["best"][1]), known["command"]
+    reached = int(known.get("reached", 0))  # rounds in a row, as of SAC's own evaluations afterwards
     table = Table(folder / "progress.csv", 0, rounds.done)
     bar, started = Bar(len(settings.betas), show), time.monotonic() - table.seconds
 
     def tell(number: int, loss: float) -> dict[str, Any]:
+        nonlocal reached
         row = run.row(run.evaluate(), time.monotonic() - started)
         row |= {"updates": (number + 1) * settings.updates, "stage": f"distill {number}", "actor_loss": loss}
         row["steps"] = (number + 1) * settings.steps if shown is None else 0
         table.add(row)
         bar.say(line(row))
         run.keep(row)
-        return {"best": list(run.best), "command": run.command}
+        reached = reached + 1 if row["success"] >= config.target else 0
+        return {"best": list(run.best), "command": run.command, "reached": reached, "stop": reached >= 2}
 
     if shown is not None:
         imitate(actor, shown, settings, config.seed, tell, rounds)

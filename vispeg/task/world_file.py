@@ -159,7 +159,7 @@ def _replace(parts: _Parts, r: Ranged, path: Path, key: str) -> None:
 
 
 def _path(source: str | Path, beside: Path | None) -> Path:
-    """A built-in world's file - or one of its parts, for a base - or the file named, seen from the file that names it."""
+    """A built-in world's file, or for a base also a part's, or the file named, seen from the file that names it."""
     text = str(source)
     if not isinstance(source, str | Path) or not text:
         raise UserError("not a world", file=beside, key="base", expected="a name or a path", got=source)
