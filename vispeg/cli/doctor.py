@@ -194,12 +194,9 @@ def _vulkan() -> Finding:
 
 
 def _ffmpeg() -> Finding:
-    path = shutil.which("ffmpeg")
-    if path is None:
-        try:
-            from imageio_ffmpeg import get_ffmpeg_exe
+    from vispeg.evaluate.video import ffmpeg
 
-            path = get_ffmpeg_exe()
-        except (ImportError, RuntimeError):
-            return Finding("ffmpeg", False, "no ffmpeg, so no videos", fix="sudo apt-get install -y ffmpeg")
+    path = ffmpeg()
+    if path is None:
+        return Finding("ffmpeg", False, "no ffmpeg, so no videos", fix="sudo apt-get install -y ffmpeg")
     return Finding("ffmpeg", True, Path(path).name)

@@ -10,7 +10,7 @@ from typing import Any
 from vispeg.core.errors import UserError
 
 TITLE, SINGLE = "The same episode in two worlds", "Failures, filmed"
-TYPES = {".mp4": "video/mp4", ".webm": "video/webm", ".png": "image/png", ".jpg": "image/jpeg"}
+TYPES = {".mp4": "video/mp4", ".png": "image/png", ".jpg": "image/jpeg"}
 
 
 def context(pairs: Sequence[Mapping[str, Any]], folder: Path) -> dict[str, Any]:
