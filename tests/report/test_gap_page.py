@@ -145,6 +145,13 @@ def test_a_video_is_one_that_plays_with_the_frames_it_was_given(tmp_path):
         write_video(tmp_path / "w", frames.astype(float))
 
 
+def test_a_picture_is_written_without_a_word(tmp_path, capfd):
+    image = np.full((8, 8, 3), 90, np.uint8)
+    for suffix in (".png", ".jpg"):
+        assert write_image(tmp_path / f"v{suffix}", image).stat().st_size > 50
+    assert capfd.readouterr() == ("", "")
+
+
 def test_a_video_that_cannot_be_made_says_why(tmp_path, monkeypatch):
     frames = np.zeros((2, 32, 48, 3), np.uint8)
     monkeypatch.setattr("vispeg.evaluate.video.ffmpeg", lambda: None)

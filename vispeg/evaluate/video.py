@@ -49,7 +49,8 @@ def write_image(path: Path, image: np.ndarray) -> Path:
     import cv2
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    ok, data = cv2.imencode(path.suffix, cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 90])
+    quality = [cv2.IMWRITE_JPEG_QUALITY, 90] if path.suffix == ".jpg" else []  # PNG warns of keys that it does not know
+    ok, data = cv2.imencode(path.suffix, cv2.cvtColor(image, cv2.COLOR_RGB2BGR), quality)
     if not ok:
         raise UserError("not a picture", got=image.shape)
     path.write_bytes(data.tobytes())
