@@ -75,6 +75,9 @@ def test_the_scripted_policy_succeeds_and_a_second_call_plays_nothing(vispeg, tm
     args = ("evaluate", "expert", "--world", "nominal", "--episodes", "6", "--videos", "0", "--quiet", "--out", "ev")
     code, out, err = vispeg(*args)
     assert code == 0 and "100 %" in out, err
+    page = (tmp_path / "ev" / "evaluate.html").read_text()  # an evaluation is not a gap
+    assert "<title>vispeg evaluate</title>" in page and "transfer gap" not in page
+    assert not list((tmp_path / "ev").glob("gap.*"))
     first = (tmp_path / "ev" / "episodes.jsonl").read_bytes()
     (tmp_path / "ev" / "evaluate.json").unlink()
     assert vispeg(*args)[0] == 0 and (tmp_path / "ev" / "episodes.jsonl").read_bytes() == first

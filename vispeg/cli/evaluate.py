@@ -2,7 +2,7 @@
 
 A policy is a folder with policy.json and policy.safetensors, NAME=FOLDER, or `expert`, the scripted one; several are
 compared on the same seeds.
-Writes OUT/evaluate.json, OUT/gap.html (the page), OUT/episodes.jsonl and videos of failures. A run that was stopped
+Writes OUT/evaluate.json, OUT/evaluate.html, OUT/episodes.jsonl and videos of failures. A run that was stopped
 goes on when the command is given again.
 
 Example:
@@ -80,11 +80,10 @@ class Args:
         jobs = make_jobs(who, settings, seeds_of(self.episodes, self.seed), out / "worlds", profile=True)
         episodes = play_all(jobs, out, self.workers, self.quiet)
         values = gap(episodes, world.name, seed=self.seed)
-        values = write_result(out, "gap.json", values, self.seed, [e.path for e in who if e.path.exists()])
         media = film_failures(jobs, episodes, out / "media", self.videos) if self.videos else []
         write_text_atomic(out / "media.json", json.dumps(media) + "\n", overwrite=True)
-        page = write(out, overwrite=True)
-        (out / "gap.json").replace(out / "evaluate.json")
+        values = write_result(out, "evaluate.json", values, self.seed, [e.path for e in who if e.path.exists()])
+        page = write(out, "evaluate", overwrite=True)
         heads = ("policy", "success", "time", "peak force", "failures")
         print_table(heads, [_row(r, words) for r in values["success"]])
         for c in values["comparisons"]:

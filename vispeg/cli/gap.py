@@ -82,14 +82,14 @@ class Args:
         every = [*episodes.values(), *robot.episodes]
         targets = [*names, *([self.robot] if robot.episodes else [])]
         values = gap(every, names[0], targets, self.seed, robot.notes)
-        inputs = [*self.records, *([self.measured] if self.measured else [])]
-        values = write_result(out, "gap.json", values, self.seed, inputs)
         if not self.policies:
             (out / "episodes.jsonl").unlink(missing_ok=True)
             append(out / "episodes.jsonl", every)
             write_text_atomic(out / "run.json", json.dumps({"policies": {}, "worlds": {}}) + "\n", overwrite=True)
         media = self._films(jobs, list(episodes.values()), names)
         write_text_atomic(out / "media.json", json.dumps(media) + "\n", overwrite=True)
+        inputs = [*self.records, *([self.measured] if self.measured else [])]
+        values = write_result(out, "gap.json", values, self.seed, inputs)
         page = write(out, overwrite=True)
         shown = {(r["policy"], r["world"]): words.rate(r["success"]) for r in values["success"] if not r["control"]}
         order = [w["name"] for w in values["worlds"]]

@@ -1,4 +1,4 @@
-"""Builds the page of a gap evaluation from its gap.json and the media beside it."""
+"""Builds the page of a gap (gap.json) or of an evaluation in one world (evaluate.json), and the media beside it."""
 
 from __future__ import annotations
 
@@ -13,10 +13,13 @@ from vispeg.report.gap import against, factors, failures, headline, measured, pa
 from vispeg.report.gap.page import page
 
 FORMAT = "vispeg-gap/1"
+KINDS = {"gap": "transfer gap", "evaluate": "evaluation"}  # command, also the stem of record and page -> what it is
 
 
-def render(values: Mapping[str, Any], media: Sequence[Mapping[str, Any]] = (), folder: Path = Path()) -> str:
-    """The page as text; `media` as `pairs.context` takes it."""
+def render(
+    values: Mapping[str, Any], media: Sequence[Mapping[str, Any]] = (), folder: Path = Path(), command: str = "gap"
+) -> str:
+    """The page as text; `media` as `pairs.context` takes it, `command` one of KINDS."""
     sections = [(m.__name__.rpartition(".")[2], m.TITLE, m.context(values)) for m in (headline, success)]
     if values["gaps"]:
         sections.append(("factors", factors.TITLE, factors.context(values)))
@@ -29,16 +32,16 @@ def render(values: Mapping[str, Any], media: Sequence[Mapping[str, Any]] = (), f
         heading = pairs.TITLE if any(len(m["sides"]) > 1 for m in media) else pairs.SINGLE
         sections.append(("pairs", heading, pairs.context(media, folder)))
     sections.append(("measured", measured.TITLE, measured.context(values)))
-    return page("vispeg gap", "transfer gap", sections)
+    return page(f"vispeg {command}", KINDS[command], sections)
 
 
-def write(out: Path, *, overwrite: bool = False) -> Path:
-    """Reads OUT/gap.json and, where there is one, OUT/media.json; writes OUT/gap.html and returns its path.
+def write(out: Path, command: str = "gap", *, overwrite: bool = False) -> Path:
+    """Reads OUT/COMMAND.json and, where there is one, OUT/media.json; writes OUT/COMMAND.html and returns its path.
 
     Raises:
-        UserError: no gap.json, another format, or a page there already while `overwrite` is False.
+        UserError: no such record, another format, or a page there already while `overwrite` is False.
     """
-    path = Path(out) / "gap.json"
+    path = Path(out) / f"{command}.json"
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
@@ -48,4 +51,5 @@ def write(out: Path, *, overwrite: bool = False) -> Path:
         raise UserError("not a gap's record", file=path, key="format", expected=FORMAT, got=got)
     listed = Path(out) / "media.json"
     media = json.loads(listed.read_text(encoding="utf-8")) if listed.is_file() else []
-    return write_text_atomic(Path(out) / "gap.html", render(values, media, Path(out)), overwrite=overwrite)
+    html = render(values, media, Path(out), command)
+    return write_text_atomic(path.with_suffix(".html"), html, overwrite=overwrite)
