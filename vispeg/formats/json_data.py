@@ -1,0 +1,56 @@
+"""JSON of unknown origin as plain data."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from vispeg.core.errors import UserError
+from vispeg.formats.guard import MB, check, read_text
+
+
+class _Twice(Exception):
+    """A key that is given twice."""
+
+
+def read_json(path: str | Path, *, most: int = 64 * MB, finite: bool = True) -> Any:
+    """What a JSON file says.
+
+    Args:
+        path: of the file.
+        most: bytes that it may have.
+        finite: whether infinite numbers and NaN are refused.
+
+    Raises:
+        UserError: unreadable, not JSON, a key given twice, or beyond the limits of `vispeg.formats.guard`.
+    """
+    return parse_json(read_text(path, most), path, finite=finite)
+
+
+def parse_json(text: str | bytes, file: str | Path, key: str | None = None, *, finite: bool = True) -> Any:
+    """What JSON text says; `file` and `key` are what messages name. Raises UserError as `read_json` does."""
+    try:
+        data = json.loads(text, object_pairs_hook=_mapping)
+    except json.JSONDecodeError as error:
+        at = key or f"line {error.lineno}"
+        raise UserError(f"is not JSON ({error.msg.lower()})", file=file, key=at) from None
+    except _Twice as error:
+        raise UserError("is given twice", file=file, key=": ".join(filter(None, (key, str(error))))) from None
+    except RecursionError:
+        raise UserError("is nested too deeply", file=file, key=key) from None
+    except UnicodeDecodeError as error:
+        raise UserError(f"is not UTF-8 text (byte {error.start})", file=file, key=key) from None
+    except ValueError:  # Python's own limit, thousands of digits
+        raise UserError("holds a number with too many digits", file=file, key=key) from None
+    check(data, file, key, finite=finite)
+    return data
+
+
+def _mapping(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+    data = dict(pairs)
+    if len(data) < len(pairs):
+        seen: set[str] = set()
+        raise _Twice(next(k for k, _ in pairs if k in seen or seen.add(k)))  # type: ignore[func-returns-value]
+    return data

@@ -1,0 +1,72 @@
+"""XML of unknown origin as an element tree."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import NoReturn
+from xml.parsers import expat
+
+from vispeg.core.errors import UserError
+from vispeg.formats.guard import DEPTH, MB, NOT_TEXT, read_bytes
+
+ELEMENTS = 100_000
+
+
+def read_xml(path: str | Path, *, most: int = 64 * MB) -> ET.Element:
+    """The root of an XML file. Entities of its own (which can stand for gigabytes, or for other files) are refused.
+
+    Raises:
+        UserError: unreadable, not XML, nested too deeply, too many elements, or an entity.
+    """
+    return _Tree(path).read(read_bytes(path, most))
+
+
+class _Tree:
+    """Builds the tree; `depth` and `count` are of the elements so far."""
+
+    def __init__(self, path: str | Path):
+        self.path, self.depth, self.count = path, 0, 0
+        self.builder = ET.TreeBuilder()
+        self.parser = expat.ParserCreate()
+        self.parser.buffer_text = True
+        self.parser.StartElementHandler = self.start
+        self.parser.EndElementHandler = self.end
+        self.parser.CharacterDataHandler = self.builder.data
+        self.parser.EntityDeclHandler = self.entity
+
+    def read(self, data: bytes) -> ET.Element:
+        """The root element."""
+        try:
+            self.parser.Parse(data, True)
+        except expat.ExpatError as error:
+            said = expat.ErrorString(error.code)
+            raise UserError(f"is not XML ({said})", file=self.path, key=f"line {error.lineno}") from None
+        except (ValueError, LookupError) as error:  # an encoding that is unknown, or of several bytes
+            raise UserError(f"is not XML ({error})", file=self.path) from None
+        return self.builder.close()
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        """An element begins."""
+        self.depth, self.count = self.depth + 1, self.count + 1
+        if self.depth > DEPTH:
+            self.refuse("is nested too deeply", f"at most {DEPTH} levels")
+        if self.count > ELEMENTS:
+            self.refuse("has too many elements", f"at most {ELEMENTS}")
+        if any(NOT_TEXT.search(text) for text in attributes.values()):
+            self.refuse("holds a character that is no text")
+        self.builder.start(tag, attributes)
+
+    def end(self, tag: str) -> None:
+        """An element ends."""
+        self.depth -= 1
+        self.builder.end(tag)
+
+    def entity(self, *_: object) -> None:
+        """An entity is declared."""
+        self.refuse("declares an entity", "XML without entities of its own")
+
+    def refuse(self, message: str, expected: str | None = None) -> NoReturn:
+        """Says what is wrong, and in which line."""
+        key = f"line {self.parser.CurrentLineNumber}"
+        raise UserError(message, file=self.path, key=key, expected=expected)

@@ -1,0 +1,165 @@
+"""YAML of unknown origin as plain data: mappings with text for keys, lists, text, numbers, truth values, nothing else.
+
+Built from the parser's events one by one, so that what is too deep, too much or an alias bomb is refused before it is
+built. Dates stay text; aliases are written out.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from vispeg.core.errors import UserError
+from vispeg.formats.guard import DEPTH, MB, check, read_text
+
+VALUES = 100_000  # after aliases are written out: nested aliases can stand for billions
+LONG = 100  # characters of a number
+CORE = "tag:yaml.org,2002:"
+SCALARS = {CORE + kind for kind in ("null", "bool", "int", "float", "str")}
+PARSER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml's, where PyYAML was built with it
+
+
+def read_yaml(path: str | Path, *, most: int = MB, finite: bool = True) -> Any:
+    """What a YAML file says.
+
+    Args:
+        path: of the file.
+        most: bytes that it may have.
+        finite: whether infinite numbers and NaN are refused.
+
+    Raises:
+        UserError: unreadable, not YAML, a key given twice, a tag beyond plain data, or beyond the limits here and in
+            `vispeg.formats.guard`.
+    """
+    return parse_yaml(read_text(path, most), path, finite=finite)
+
+
+def parse_yaml(text: str, file: str | Path, *, finite: bool = True) -> Any:
+    """What YAML text says; `file` is what messages name. Raises UserError as `read_yaml` does."""
+    try:
+        data = _Builder(text, file).document()
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        said = getattr(error, "problem", None) or getattr(error, "reason", None) or "cannot be parsed"
+        raise UserError(f"is not YAML ({said})", file=file, key=f"line {mark.line + 1}" if mark else None) from None
+    check(data, file, finite=finite)
+    return data
+
+
+class _Builder:
+    """Values from events; `room` is how many more there may be."""
+
+    def __init__(self, text: str, file: str | Path):
+        self.file, self.room, self.line = file, VALUES, 1
+        self.events: Iterator[yaml.Event] = yaml.parse(text, Loader=PARSER)
+        self.words = yaml.SafeLoader("")  # knows what a bare word means
+        self.anchors: dict[str, tuple[Any, int]] = {}  # the value and how many it stands for; 0: not yet complete
+
+    def document(self) -> Any:
+        """The only document of the stream."""
+        event = next(self.events)
+        while not isinstance(event, yaml.DocumentStartEvent):
+            if isinstance(event, yaml.StreamEndEvent):
+                raise UserError("is empty", file=self.file)
+            event = next(self.events)
+        value = self.value(next(self.events), DEPTH)
+        next(self.events)
+        if isinstance(next(self.events), yaml.DocumentStartEvent):
+            raise self.error("holds a second document", expected="one")
+        return value
+
+    def value(self, event: Any, levels: int) -> Any:
+        """The value that begins with an event; `levels` more may lie in each other."""
+        self.line = event.start_mark.line + 1
+        if isinstance(event, yaml.AliasEvent):
+            return self.alias(event.anchor)
+        self.take(1)
+        before, anchor = self.room, event.anchor
+        if anchor is not None:
+            self.anchors[anchor] = None, 0
+        if isinstance(event, yaml.ScalarEvent):
+            value = self.scalar(event)
+        elif levels == 0:
+            raise self.error("is nested too deeply", expected=f"at most {DEPTH} levels")
+        elif isinstance(event, yaml.SequenceStartEvent):
+            self.plain_tag(event, "seq")
+            value = [self.value(item, levels - 1) for item in self.until(yaml.SequenceEndEvent)]
+        else:
+            self.plain_tag(event, "map")
+            value = self.mapping(levels - 1)
+        if anchor is not None:
+            self.anchors[anchor] = value, before - self.room + 1
+        return value
+
+    def mapping(self, levels: int) -> dict[str, Any]:
+        """A mapping up to its end; `<<` merges others into it, which its own keys override."""
+        own: dict[str, Any] = {}
+        merged: dict[str, Any] = {}
+        for event in self.until(yaml.MappingEndEvent):
+            self.line = event.start_mark.line + 1
+            if not isinstance(event, yaml.ScalarEvent):
+                raise self.error("a key is no text", expected="a word")
+            self.take(1)
+            key, line = event.value, self.line
+            value = self.value(next(self.events), levels)
+            if key in own or (key == "<<" and merged):
+                self.line = line
+                raise self.error(f"'{key}' is given twice")
+            if key != "<<" or not event.implicit[0]:
+                own[key] = value
+                continue
+            for other in reversed(value if isinstance(value, list) else [value]):
+                if not isinstance(other, dict):
+                    raise self.error("'<<' merges mappings only")
+                merged |= other
+        return merged | own
+
+    def scalar(self, event: yaml.ScalarEvent) -> Any:
+        """Text, a number, a truth value or None."""
+        tag = event.tag
+        if tag is None or tag == "!":
+            tag = self.words.resolve(yaml.ScalarNode, event.value, event.implicit)
+        if tag == CORE + "timestamp" and event.tag is None:
+            tag = CORE + "str"
+        if tag not in SCALARS and not (tag in (CORE + "merge", CORE + "value") and event.tag is None):
+            raise self.error("a tag beyond plain data", got=tag)
+        if tag in (CORE + "int", CORE + "float") and len(event.value) > LONG:
+            raise self.error("is a number with too many digits")
+        try:
+            return self.words.construct_object(yaml.ScalarNode(tag if tag in SCALARS else CORE + "str", event.value))
+        except (ValueError, KeyError, IndexError, OverflowError):  # `!!int x`, `!!bool x`, `0b`
+            raise self.error("is not the value that its tag says", got=event.value) from None
+
+    def alias(self, anchor: str) -> Any:
+        """A copy of what an anchor stands for."""
+        if anchor not in self.anchors:
+            raise self.error("an alias without its anchor", got=anchor)
+        value, count = self.anchors[anchor]
+        if not count:
+            raise self.error("an alias refers to itself", got=anchor)
+        self.take(count)
+        return copy.deepcopy(value)
+
+    def take(self, count: int) -> None:
+        """Counts values."""
+        self.room -= count
+        if self.room < 0:
+            raise self.error("holds too many values", expected=f"at most {VALUES}, aliases written out")
+
+    def until(self, end: type) -> Iterator[Any]:
+        """Events up to the one that ends a list or mapping."""
+        while not isinstance(event := next(self.events), end):
+            yield event
+
+    def plain_tag(self, event: Any, kind: str) -> None:
+        """No sets, ordered mappings, or Python objects."""
+        if event.tag not in (None, "!", CORE + kind):
+            raise self.error("a tag beyond plain data", got=event.tag)
+
+    def error(self, message: str, **more: Any) -> UserError:
+        """What is wrong, and in which line."""
+        return UserError(message, file=self.file, key=f"line {self.line}", **more)
