@@ -1,9 +1,11 @@
 """The gap, its attribution, comparisons and categories: known answers, identities, and what must not change."""
 
 import json
+import math
 
 import numpy as np
 import pytest
+from scipy.stats import fisher_exact
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
@@ -143,10 +145,37 @@ def test_failures_of_one_distribution_pass_and_of_another_are_found_where_they_p
     assert np.mean(np.array(p) < 0.05) < 0.1
     found = part(["search"] * 30 + ["jam"] * 10, ["search"] * 10 + ["jam"] * 30 + ["success"] * 50, rng)
     assert found.p < 0.001 and found.where in ("jam", "search") and found.second == {"search": 10, "jam": 30}
-    few = part(["jam"] * 4, ["jam"] * 100, rng)
-    assert few.p is None and few.where is None
     one = part(["jam"] * 9, ["jam"] * 20, rng)
     assert one.p == 1.0 and one.residual == 0.0
+
+
+def test_few_failures_are_compared_too_and_where_they_say_nothing_the_record_says_so():
+    rng = stream(0, "few")
+    first, second = ["jam"] * 3 + ["success"] * 37, ["search"] * 4 + ["slip"] * 5 + ["success"] * 31
+    found = part(first, second, rng)
+    assert found.p == pytest.approx(1 / math.comb(12, 3)) and found.where == "jam" and found.verdict == "different"
+    tables = [[[3, 0], [0, 9]], [[3, 37], [0, 40]], [[0, 40], [5, 35]]]
+    assert found.p == pytest.approx(fisher_exact(tables[0]).pvalue)  # the three jams against all others
+    assert {k.category: k.p for k in found.kinds}["jam"] == pytest.approx(fisher_exact(tables[1]).pvalue)
+    few = part(["jam"] * 2, ["jam", "slip", "slip"], rng)
+    assert few.p > 0.05 and few.verdict == CANNOT_TELL and CANNOT_TELL in few.words and few.where
+
+    sure = part(["success"] * 40, ["success"] * 11 + ["search"] * 8 + ["dropped"], rng)  # the usual case of a robot
+    assert sure.p == 1.0 and sure.verdict == CANNOT_TELL
+    assert [(k.category, k.verdict) for k in sure.kinds] == [("search", "more"), ("dropped", CANNOT_TELL)]
+    assert sure.kinds[0].p == pytest.approx(fisher_exact([[0, 40], [8, 12]]).pvalue)
+    assert "more search: 0 to 40 % of the episodes" in sure.words
+    none = part(["success"] * 4, ["success"] * 4, rng)
+    assert none.words == "no failure on either side" and none.kinds == ()
+    assert None not in (*found.to_json().values(), *sure.to_json().values(), *none.to_json().values())
+
+
+def test_listed_and_drawn_tables_agree(monkeypatch):
+    rng = stream(0, "drawn")
+    sides = ["a"] * 6 + ["b"] * 2 + ["c"] * 3, ["a"] * 3 + ["b"] * 8 + ["c"] * 4
+    listed = part(*sides, rng).p
+    monkeypatch.setattr("vispeg.evaluate.categories.MOST_TABLES", 0)
+    assert part(*sides, rng, 40_000).p == pytest.approx(listed, abs=0.01)
 
 
 def test_the_largest_residual_is_the_two_proportion_z():

@@ -9,6 +9,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.evaluate import exploit, perturb, sensitivity, suite
 from vispeg.evaluate.decide import CANNOT_TELL
+from vispeg.evaluate.fall import beyond_doubt, fall
 from vispeg.evaluate.intervals import wilson
 from vispeg.evaluate.overlay import overlay
 from vispeg.evaluate.records import Episode
@@ -63,6 +64,44 @@ def test_too_few_configurations_cannot_tell():
     assert suite.summarise(two_worlds([1, 20, 39], [1, 20, 39]), "S", "T", "v")["health"]["status"] == CANNOT_TELL
     with pytest.raises(UserError, match="both worlds"):
         suite.summarise(wins("S", "c0", 3), "S", "T", "v")
+
+
+@pytest.mark.parametrize("configurations", [1, 2, 9])
+def test_a_fall_beyond_doubt_is_an_alarm_whatever_the_correlation(configurations):
+    full, lower = [40] * configurations, [26] * configurations
+    found = suite.summarise(two_worlds(full, lower), "S", "T", "v")
+    assert found["health"]["status"] == "alarm" and found["health"]["words"].startswith("alarm: a loses 35 points (")
+    assert found["falls"][0]["beyond_doubt"] and found["falls"][0]["fall"]["value"] == pytest.approx(0.35)
+    assert suite.summarise(two_worlds(lower, full), "S", "T", "v")["health"]["status"] == CANNOT_TELL, "a rise is none"
+    assert suite.summarise(two_worlds(full, full), "S", "T", "v")["health"]["status"] == CANNOT_TELL
+    measured = [replace(e, world_hash="") if e.world == "T" else e for e in two_worlds(full, lower)]
+    robot = suite.summarise(measured, "S", "T", "v")
+    assert robot["health"]["status"] == "alarm" and robot["falls"][0]["fall"]["low"] > 0.05
+
+
+def test_a_correlation_is_not_healthy_over_a_fall():
+    lower = [n - 4 for n in RISING]  # ranks every configuration as the training world does, 10 points lower
+    found = suite.summarise(two_worlds(RISING, lower), "S", "T", "v")["health"]
+    assert found["pearson"]["value"] > 0.99 and found["status"] == "alarm" and "r = 1.00" in found["words"]
+
+
+def test_a_falls_interval_covers_the_truth_as_often_as_it_says():
+    rng, inside, alarms = stream(0, "falls"), [0, 0], [0, 0]
+    for _ in range(300):
+        hard = rng.standard_normal(20)  # a seed that is hard is hard in all configurations
+        y = [rng.uniform(size=(6, 20)) < 1 / (1 + np.exp(-m - 1.5 * hard)) for m in (1.5, 1.5)]
+        for i, digest in enumerate(("hash", "")):
+            sides = []
+            for a, b in zip(*y, strict=True):
+                sides.append([[outcome(w, s, ok, digest) for s, ok in enumerate(o)] for w, o in (("S", a), ("T", b))])
+            found = fall(sides)
+            inside[i] += not found.excludes(0.0)
+            alarms[i] += beyond_doubt(found)
+    assert all(0.92 <= n / 300 for n in inside) and max(alarms) == 0
+
+
+def outcome(world, seed, ok, digest):
+    return Episode("a", "state", 0, world, digest and digest + world, seed, bool(ok), "success" if ok else "jam")
 
 
 def test_a_regression_is_found_where_it_is_and_chance_is_not_one():

@@ -2,8 +2,9 @@
 
 `run` plays one version and writes OUT/suite.json and OUT/suite.html. `compare` takes such folders, oldest first: the
 correlation between training world and target over the versions (healthy above 0.8, alarm below 0.6), and what fell from
-the last but one to the last on the same seeds. Both exit with 1 on an alarm, `compare` also on a regression, so that
-they can guard CI.
+the last but one to the last on the same seeds. A mean fall from training world to target that is above 5 points beyond
+doubt is an alarm whatever the correlation. Both exit with 1 on an alarm, `compare` also on a regression, so that they
+can guard CI.
 
 Example:
     vispeg suite run runs/peg-depth/best --train S --target VNP --version 3 --out suite/v3

@@ -84,15 +84,16 @@ def rate(outcomes: np.ndarray) -> Estimate:
     return Estimate(p, max(0.0, middle - half), min(1.0, middle + half), k * n)
 
 
-def contrast(blocks: Sequence[Block], limit: float = 1.0) -> Estimate:
+def contrast(blocks: Sequence[Block], limit: float = 1.0, pairs: int | None = None) -> Estimate:
     """The sum of the blocks' means with a t interval, never narrower than Z^2 / (n + Z^2), Tango's at no discordance.
 
     Args:
         blocks: signed, weighted values a policy.
         limit: the largest value that the contrast can take.
+        pairs: n, where a column is the mean of several pairs.
     """
     value, variance, df = spread(blocks)
-    n = blocks[0].values.shape[1]
+    n = pairs or blocks[0].values.shape[1]
     quantile = float(student.ppf(0.5 + LEVEL / 2, df)) if math.isfinite(df) else Z
     half = max(quantile * math.sqrt(variance), Z**2 / (n + Z**2))
     return Estimate(value, max(-limit, value - half), min(limit, value + half), n)

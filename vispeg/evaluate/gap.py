@@ -163,7 +163,7 @@ def _parting(table: Table, policy: str, reference: str, world: str, seed: int) -
     if not table.has(*cells):
         return []
     first, second = ([e.category for e in table.all(cell)] for cell in cells)
-    found = asdict(part(first, second, stream(seed, "categories", policy, world)))
+    found = part(first, second, stream(seed, "categories", policy, world)).to_json()
     return [{"policy": policy, "world": world, **found, "n": [len(first), len(second)]}]
 
 

@@ -4,7 +4,8 @@ policy.
 After the practitioners' article: the correlation of success between simulation and target, over configurations, is
 healthy above 0.8 and an alarm below 0.6. A low correlation means that the training world no longer ranks situations
 as the target does, whatever the averages say. Where success hardly varies there is no correlation to speak of, and
-these data cannot tell.
+these data cannot tell. A correlation does not see a fall that is the same everywhere: one beyond doubt
+(`vispeg.evaluate.fall`) is an alarm whatever the correlation.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.evaluate.crossed import difference, rate
 from vispeg.evaluate.decide import CANNOT_TELL, decide
+from vispeg.evaluate.fall import beyond_doubt, fall
 from vispeg.evaluate.jobs import Setting
 from vispeg.evaluate.overlay import Change
 from vispeg.evaluate.ranks import FEWEST, predict
@@ -63,8 +65,9 @@ def _change(name: str, entry: Any) -> Change:
 def summarise(
     episodes: Sequence[Episode], train: str, target: str, version: str, hashes: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
-    """{format, version, train, target, worlds, rows: [{configuration, policy, train, target}], health}.
+    """{format, version, train, target, worlds, rows: [{configuration, policy, train, target}], falls, health}.
 
+    `falls` is [{policy, fall, beyond_doubt}], success in the training world less that in the target.
     `worlds` is [{name, hash}] of training world and target as they are (from `hashes`; "" for a measured target) and of
     every configuration, `WORLD / CONFIGURATION`.
 
@@ -72,8 +75,9 @@ def summarise(
         UserError: no configuration with episodes on both sides, one world's name under two hashes.
     """
     made = {**(hashes or {}), **{name: h for name, h in check_worlds(episodes).items() if h}}
-    rows = []
+    rows, falls = [], []
     for policy in dict.fromkeys(e.policy for e in episodes):
+        both = []
         for c in dict.fromkeys(e.configuration for e in episodes if e.policy == policy):
             sides = [
                 [e for e in episodes if (e.policy, e.configuration, e.world) == (policy, c, w)] for w in (train, target)
@@ -81,36 +85,43 @@ def summarise(
             if all(sides):
                 found = [rate(Table(side).outcomes(Cell(policy, side[0].world))).to_json() for side in sides]
                 rows.append({"configuration": c, "policy": policy, "train": found[0], "target": found[1]})
+                both.append((sides[0], sides[1]))
+        if both:
+            lost = fall(both)
+            falls.append({"policy": policy, "fall": lost.to_json(), "beyond_doubt": beyond_doubt(lost)})
     if not rows:
         raise UserError("no configuration with episodes in both worlds", got=f"{train}, {target}")
     head = {"format": FORMAT, "version": version, "train": train, "target": target}
     worlds = [{"name": name, "hash": h} for name, h in made.items()]
-    return {**head, "worlds": worlds, "rows": rows, "health": health(rows)}
+    return {**head, "worlds": worlds, "rows": rows, "falls": falls, "health": health(rows, falls)}
 
 
-def health(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def health(rows: Sequence[Mapping[str, Any]], falls: Sequence[Mapping[str, Any]] = ()) -> dict[str, Any]:
     """{pearson, mean_difference, mmrv, n, status, words}; status: healthy, watch, alarm or cannot tell."""
-    x, y = (np.array([r[k]["value"] for r in rows], float) for k in ("train", "target"))
+    known, status, words = _correlation(rows)
+    fallen = [f for f in falls if f["beyond_doubt"]]
+    if fallen:
+        lost = [f"{f['policy']} loses {_points(f['fall'])} from the training world to the target" for f in fallen]
+        status, words = "alarm", "; ".join([*lost, words])
+    return {**known, "n": len(rows), "status": status, "words": f"{status}: {words}"}
+
+
+def _points(e: Mapping[str, Any]) -> str:
+    return f"{100 * e['value']:.0f} points ({100 * e['low']:.0f} to {100 * e['high']:.0f})"
+
+
+def _correlation(rows: Sequence[Mapping[str, Any]]) -> tuple[dict[str, Any], str, str]:
+    """What a correlation over the configurations says: measures, status, words."""
     if len(rows) < FEWEST:
-        return {
-            "n": len(rows),
-            "status": CANNOT_TELL,
-            "words": f"{CANNOT_TELL}: {len(rows)} configurations, {FEWEST} are the fewest",
-        }
+        return {}, CANNOT_TELL, f"{len(rows)} configurations, a correlation needs {FEWEST}"
+    x, y = (np.array([r[k]["value"] for r in rows], float) for k in ("train", "target"))
     found = predict(x, y, stream(0, "suite health"))
     kept = {k: getattr(found, k).to_json() for k in ("pearson", "mmrv", "mean_difference")}
-    r = found.pearson.value
-    if min(x.std(), y.std()) < SPREAD or not math.isfinite(r):
-        words = f"{CANNOT_TELL}: success hardly varies over the configurations"
-        return {**kept, "n": len(rows), "status": CANNOT_TELL, "words": words}
-    status = "healthy" if r > HEALTHY else "alarm" if r < ALARM else "watch"
-    ends = f"{found.pearson.low:.2f} to {found.pearson.high:.2f}"
-    return {
-        **kept,
-        "n": len(rows),
-        "status": status,
-        "words": f"{status}: r = {r:.2f} ({ends}) over {len(rows)} configurations",
-    }
+    r = found.pearson
+    if min(x.std(), y.std()) < SPREAD or not math.isfinite(r.value):
+        return kept, CANNOT_TELL, "success hardly varies over the configurations, so there is no correlation"
+    status = "healthy" if r.value > HEALTHY else "alarm" if r.value < ALARM else "watch"
+    return kept, status, f"r = {r.value:.2f} ({r.low:.2f} to {r.high:.2f}) over {len(rows)} configurations"
 
 
 def other_worlds(versions: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from vispeg.evaluate.decide import CANNOT_TELL
 from vispeg.report.figures import MEASURED, new_figure, quiet, styled, svg
 from vispeg.report.gap import words
 from vispeg.report.gap.colours import BY_CATEGORY, SPARE
@@ -16,13 +17,7 @@ def context(values: Mapping[str, Any]) -> dict[str, Any]:
     """The picture, and a row a policy and target."""
     rows = []
     for row in values["categories"]:
-        if row["p"] is None:
-            verdict = "too few failures on a side to tell"
-        elif row["p"] < 0.05:
-            more = "more" if row["residual"] > 0 else "fewer"
-            verdict = f"part at {row['where']}: {more} in {row['world']} ({row['residual']:+.1f} standard deviations)"
-        else:
-            verdict = "no difference seen"
+        verdict = row.get("words", CANNOT_TELL)
         counts = [_counts(row["first"], row["n"][0]), _counts(row["second"], row["n"][1])]
         rows.append({**row, "counts": counts, "p_text": words.p_value(row["p"]), "verdict": verdict})
     return {"picture": picture(values), "rows": rows, "reference": values["reference"]}
