@@ -4,7 +4,9 @@ import json
 
 import pytest
 
+from vispeg.cli.check import limits_of
 from vispeg.core.assets import assets
+from vispeg.recordings.check import check
 from vispeg.recordings.load import load
 
 RIGS = ("rig-a", "rig-b", "rig-c")
@@ -20,6 +22,13 @@ def test_bundled_recordings_are_small_whole_and_say_what_is_hidden():
         assert "friction" not in text and "payload" not in text
     hidden = json.loads((folder / "truth.json").read_text())["hidden"]
     assert {(h["effect"], h["where"]) for h in hidden} == {("coulomb_friction", "joint4"), ("payload", "flange")}
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_no_bundled_recording_breaks_a_limit_of_the_robot(name):
+    rec = load(assets() / "recordings" / name)
+    for joint in check(rec, limits_of(rec)).joints:
+        assert joint.over_velocity == joint.outside_range == joint.over_torque == 0 and not joint.saturated, joint.name
 
 
 def test_truth_explains_the_bundled_recordings_of_another_program(vispeg, tmp_path):

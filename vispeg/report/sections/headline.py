@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from vispeg.report import words
 from vispeg.report.figures import AFTER, BEFORE, MEASURED, MUTED, legend, new_figure, quiet, styled, svg
 from vispeg.report.quantities import fold, interval, number, plain, prefix, quantity
 from vispeg.report.record import Record, label, params_of, rows
 from vispeg.report.sections.parameters import AT_BOUND, bounds_of, remark
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 TITLE = "Verdict"
 
@@ -87,11 +90,20 @@ def at_bound(effect: str, param: str, value: Any) -> str:
 
 
 def ladder_picture(record: Record) -> str:
-    """Bars of held-out error on a log scale, one a model, with the noise floor as a line; empty without numbers."""
+    """The ladder as inline SVG; empty without numbers."""
+    figure = ladder_figure(record)
+    if figure is None:
+        return ""
+    with styled():
+        return svg(figure, "ladder", words.fall(record.values))
+
+
+def ladder_figure(record: Record) -> Figure | None:
+    """Bars of held-out error on a log scale, one a model, with the noise floor as a line; None without numbers."""
     ladder = [(str(row.get("model", "?")), number(row.get("heldout_error")), row) for row in record.rows("ladder")]
     positive = [held for _, held, _ in ladder if held is not None and held > 0]
     if not positive:
-        return ""
+        return None
     floor = record.floor if record.floor is not None and record.floor > 0 else None
     unit = str(ladder[0][2].get("unit") or "")
     factor, shown = prefix(max(positive), unit)
@@ -135,7 +147,7 @@ def ladder_picture(record: Record) -> str:
             entries["error on the fitted recordings"] = (MEASURED, "|")
         if entries:
             legend(figure, entries)
-        return svg(figure, "ladder", words.fall(record.values))
+        return figure
 
 
 def _label(value: float, unit: str, first: float | None, held: float) -> str:

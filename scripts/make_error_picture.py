@@ -1,0 +1,28 @@
+"""Draws the README picture of the error that falls, from a diagnosis such as `vispeg demo` leaves.
+
+python scripts/make_error_picture.py vispeg-demo docs/img/error-falling.png
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from vispeg.report.figures import styled
+from vispeg.report.record import load_record
+from vispeg.report.sections.headline import ladder_figure
+
+
+def main(found: Path, picture: Path) -> None:
+    """The ladder of the diagnosis in `found`, on white."""
+    with styled():
+        figure = ladder_figure(load_record(found))
+        if figure is None:
+            sys.exit(f"{found}: holds no errors to draw")
+        figure.savefig(picture, dpi=115, facecolor="white")
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 3:
+        sys.exit(__doc__)
+    main(Path(sys.argv[1]), Path(sys.argv[2]))
