@@ -217,7 +217,7 @@ def test_a_suites_run_exits_with_one_on_an_alarm_so_that_it_can_guard_ci(vispeg,
     assert code == 1 and "alarm: r = -1.00" in out and (tmp_path / "ill/suite.html").is_file(), err
     played(lambda job, seed: job.world_name == "nominal" or seed % 3)  # 100 % at home, 66 % in the target, everywhere
     code, out, err = vispeg(*common, "--out", "fallen")
-    assert code == 1 and "alarm: expert loses 35 points (" in out and "hardly varies" in out, err
+    assert code == 1 and "alarm: expert loses 30 points (" in out and "hardly varies" in out, err
 
 
 def test_a_suite_against_a_robot_refuses_configurations_that_it_does_not_know(vispeg, tmp_path, played):

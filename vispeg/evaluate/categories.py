@@ -112,9 +112,9 @@ def _kinds(names: Sequence[str], counts: np.ndarray, n: tuple[int, int]) -> tupl
     p = [min(1.0, float(fisher_exact(np.array(t, int))[1])) for t in tables]
     found = []
     for i, (name, adjusted) in enumerate(zip(names, holm(p), strict=True)):
-        shares = [float(counts[j, i] / n[j]) for j in (0, 1)]
-        verdict = CANNOT_TELL if adjusted >= ALPHA else "more" if shares[1] > shares[0] else "fewer"
-        found.append(Kind(name, *shares, p[i], adjusted, verdict))
+        here, there = (float(counts[j, i] / n[j]) for j in (0, 1))
+        verdict = CANNOT_TELL if adjusted >= ALPHA else "more" if there > here else "fewer"
+        found.append(Kind(name, here, there, p[i], adjusted, verdict))
     return tuple(sorted(found, key=lambda k: (k.p, -abs(k.second - k.first))))
 
 
