@@ -42,9 +42,9 @@ def fall(sides: Sides) -> Estimate:
             math.hypot(*d) for d in ((a.value - a.low, b.high - b.value), (a.high - a.value, b.value - b.low))
         )
         ends.append((a.value - b.value, below, above, min(a.n, b.n)))
-    value, below, above = np.array(ends)[:, 0].mean(), *np.array(ends)[:, 1:3].T
+    value, below, above = float(np.mean([e[0] for e in ends])), *np.array(ends)[:, 1:3].T
     reach = [float(d.mean() if networks > 1 else math.sqrt(np.sum(d**2)) / len(d)) for d in (below, above)]
-    return Estimate(float(value), max(-1.0, value - reach[0]), min(1.0, value + reach[1]), sum(int(e[3]) for e in ends))
+    return Estimate(value, max(-1.0, value - reach[0]), min(1.0, value + reach[1]), sum(int(e[3]) for e in ends))
 
 
 def beyond_doubt(found: Estimate) -> bool:
