@@ -39,7 +39,7 @@ def test_the_given_file_is_not_touched(vispeg, refused, tmp_path):
         (["iiwa14", "payload", "flange", "--set", "mass=nan"], ["out of bounds"]),
         (["iiwa14", "payload", "flange", "--set", "mass"], ["name=number"]),
         (["iiwa15", "payload", "flange"], ["unknown robot", "iiwa14"]),
-        (["gone.yaml", "payload", "flange"], ["no such model file"]),
+        (["gone.yaml", "payload", "flange"], ["gone.yaml: no such file"]),
     ],
 )
 def test_mistakes(refused, args, words):

@@ -63,7 +63,7 @@ def test_mistakes(refused, rigs, tmp_path):
     refused(["compare", "iiwa14", "--recording", "gone", "--out", "c"], "does not exist")
     refused(["compare", "iiwa14", *["--recording", rigs["nominal"]] * 2, "--out", "c"], "--recording", "given twice")
     refused(["compare", "iiwa14", "--recording", rigs["nominal"], rigs["nominal"], "--out", "c"], "Unrecognized")
-    refused(["compare", "gone.yaml", "--recording", rigs["nominal"], "--out", "c"], "no such model file")
+    refused(["compare", "gone.yaml", "--recording", rigs["nominal"], "--out", "c"], "gone.yaml: no such file")
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "mine").write_text("mine")
     refused(["compare", "iiwa14", "--recording", rigs["nominal"], "--out", "full"], "not empty")

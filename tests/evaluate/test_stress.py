@@ -170,7 +170,7 @@ def test_the_suite_and_the_positions_that_come_with_the_package_can_be_built(tmp
         ("format: vispeg-suite/1\nconfigurations: [{task: {}}]\n", "without a name"),
         ("format: vispeg-suite/1\nconfigurations: [{name: a, tsak: {}}]\n", "did you mean 'task'"),
         ("format: vispeg-suite/1\nconfigurations: [{name: a}, {name: a}]\n", "stands twice"),
-        ("format: [\n", "not readable as YAML"),
+        ("format: [\n", "is not YAML"),
     ],
 )
 def test_a_bad_suite_is_one_clear_line(tmp_path, text, words):

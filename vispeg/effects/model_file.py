@@ -12,9 +12,11 @@ import yaml
 from vispeg.core.effect import ALL_NAMES, REGISTRY, Placed, Value, effect
 from vispeg.core.errors import UserError
 from vispeg.core.world import World
-from vispeg.effects.yaml_file import read_mapping
+from vispeg.formats.format import Format, enrol
+from vispeg.formats.guard import is_file
 
 FORMAT = "vispeg-model/1"
+MODEL = Format(FORMAT, "a model", keys=("robot", "tool", "effects"))
 
 
 class _Plain(yaml.SafeDumper):
@@ -25,20 +27,26 @@ class _Plain(yaml.SafeDumper):
         return True
 
 
+def _example(folder: Path) -> Path:
+    friction = Placed.of("coulomb_friction", "joint4", torque=1.2)
+    tool = {"mass_kg": 0.5, "com_m": [0.0, 0.0, 0.05], "inertia_kgm2": [1e-3, 1e-3, 1e-3]}
+    (folder / "model.yaml").write_text(model_text(World("iiwa14", tool, (friction,))), encoding="utf-8")
+    return folder / "model.yaml"
+
+
+@enrol(FORMAT, _example)
 def load_model(source: str | Path) -> World:
     """A World from a model file; a robot's name or a path to an MJCF or URDF gives that robot with no effects."""
     text = str(source)
     path = Path(text)
     if path.suffix.lower() not in (".yaml", ".yml"):
         return World(robot=text)
-    if not path.is_file():
-        raise UserError("no such model file", file=path)
-    data = read_mapping(path, FORMAT, ("format", "robot", "tool", "effects"), "model")
+    data = MODEL.read(path)
     robot = data.get("robot", "iiwa14")
     if not isinstance(robot, str) or not robot:
         raise UserError("wrong robot", file=path, key="robot", expected="a name or a path", got=robot)
     beside = path.parent / robot
-    if Path(robot).suffix and not Path(robot).is_absolute() and beside.exists():
+    if Path(robot).suffix and not Path(robot).is_absolute() and is_file(beside):
         robot = str(beside)
     entries = data.get("effects") or []
     if not isinstance(entries, list):

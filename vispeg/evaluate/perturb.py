@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from vispeg.core.errors import UserError
 from vispeg.evaluate.crossed import difference, rate
 from vispeg.evaluate.decide import decide
 from vispeg.evaluate.jobs import Pushes, Setting
@@ -20,15 +21,25 @@ from vispeg.evaluate.overlay import Change
 from vispeg.evaluate.records import Episode
 from vispeg.evaluate.stress import HERE, read_list
 from vispeg.evaluate.table import Cell, Table
+from vispeg.formats.format import Format, copy, enrol
 
-FORMAT, LIST = "vispeg-perturb/1", "vispeg-positions/1"
+FORMAT = "vispeg-perturb/1"
+LIST = Format("vispeg-positions/1", "a list of positions", keys=("name", "about", "positions"))
 KEYS = ("name", "x", "y", "height", "roll", "pitch", "yaw")
 FREE = "anywhere"
 
 
+@enrol(LIST.name, lambda folder: copy(HERE / "hard_positions.yaml", folder))
 def positions(path: Path | None = None) -> list[dict[str, Any]]:
-    """The frozen list, or one of the user's own. Raises UserError as `read_list`."""
-    return read_list(path or HERE / "hard_positions.yaml", LIST, "positions", KEYS)
+    """The frozen list, or one of the user's own. Raises UserError as `read_list`, and for what is no number."""
+    file = path or HERE / "hard_positions.yaml"
+    listed = read_list(file, LIST, "positions", KEYS)
+    for i, entry in enumerate(listed):
+        for key in KEYS[1:]:
+            if key in entry and (isinstance(entry[key], bool) or not isinstance(entry[key], int | float)):
+                at = f"positions[{i}].{key}"
+                raise UserError("not a number", file=file, key=at, expected="m or rad", got=entry[key])
+    return listed
 
 
 def settings(world: str, name: str, listed: Sequence[dict[str, Any]], pushes: Pushes | None = None) -> list[Setting]:

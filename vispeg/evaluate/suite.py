@@ -30,16 +30,40 @@ from vispeg.evaluate.records import Episode, check_worlds
 from vispeg.evaluate.significance import holm, mcnemar
 from vispeg.evaluate.stress import HERE, read_list
 from vispeg.evaluate.table import Cell, Table
+from vispeg.formats.format import Format, copy, enrol
+from vispeg.robots.scene import build
+from vispeg.task.config import TaskConfig
+from vispeg.task.world_entry import ranged
 
-FORMAT, LIST = "vispeg-suite-result/1", "vispeg-suite/1"
+FORMAT = "vispeg-suite-result/1"
+LIST = Format("vispeg-suite/1", "a suite", keys=("name", "about", "configurations"))
 HEALTHY, ALARM = 0.8, 0.6
 SPREAD = 0.05  # standard deviation of success over configurations below which it does not vary
 KEYS = ("name", "task", "effects", "about")
 
 
+@enrol(LIST.name, lambda folder: copy(HERE / "suite.yaml", folder))
 def configurations(path: Path | None = None) -> list[dict[str, Any]]:
-    """The suite that comes with the package, or one of the user's own. Raises UserError as `read_list`."""
-    return read_list(path or HERE / "suite.yaml", LIST, "configurations", KEYS)
+    """The suite that comes with the package, or one of the user's own.
+
+    Raises:
+        UserError: as `read_list`; a task or an effect that no world can have.
+    """
+    file = path or HERE / "suite.yaml"
+    listed = read_list(file, LIST, "configurations", KEYS)
+    cell = build(TaskConfig().scene())
+    for i, entry in enumerate(listed):
+        at = f"configurations[{i}]"
+        task, effects = entry.get("task") or {}, entry.get("effects") or []
+        if not isinstance(task, dict):
+            raise UserError("wrong task", file=file, key=f"{at}.task", expected="a mapping", got=task)
+        if not isinstance(effects, list):
+            raise UserError("wrong effects", file=file, key=f"{at}.effects", expected="a list", got=effects)
+        TaskConfig.of(task, f"{file}: {at}")
+        for j, effect in enumerate(effects):
+            place = {"where": "all"} if isinstance(effect, dict) and effect.get("where") in (None, "*") else {}
+            ranged(effect | place if place else effect, cell, file, f"{at}.effects[{j}]")
+    return listed
 
 
 def settings(listed: Sequence[Mapping[str, Any]], worlds: Mapping[str, str]) -> list[Setting]:
@@ -47,19 +71,9 @@ def settings(listed: Sequence[Mapping[str, Any]], worlds: Mapping[str, str]) -> 
     found = []
     for name, world in worlds.items():
         for c in listed:
-            changes = [_change(c["name"], e) for e in c.get("effects") or ()]
+            changes = [Change(e["effect"], e.get("params") or {}, e.get("where", "*")) for e in c.get("effects") or ()]
             found.append(Setting(world, name, c["name"], tuple(changes), dict(c.get("task") or {})))
     return found
-
-
-def _change(name: str, entry: Any) -> Change:
-    if (
-        not isinstance(entry, Mapping)
-        or not isinstance(entry.get("effect"), str)
-        or set(entry) - {"effect", "where", "params"}
-    ):
-        raise UserError("wrong effect", key=name, expected="effect, params and where", got=entry)
-    return Change(entry["effect"], dict(entry.get("params") or {}), str(entry.get("where", "*")))
 
 
 def summarise(

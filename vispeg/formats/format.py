@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,6 +34,13 @@ class Enrolled:
 
 ENROLLED: dict[str, Enrolled] = {}
 DECLARED: list[Format] = []
+
+
+def copy(source: Path, folder: Path) -> Path:
+    """An example that comes with the package: a file, or a folder with all that it holds, copied into `folder`."""
+    if source.is_dir():
+        return Path(shutil.copytree(source, folder / source.name))
+    return Path(shutil.copy(source, folder / source.name))
 
 
 def enrol(name: str, example: Example) -> Callable[[Reader], Reader]:

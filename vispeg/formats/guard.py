@@ -40,19 +40,23 @@ def read_bytes(path: str | Path, most: int = MB) -> bytes:
     """
     try:
         handle = os.open(Path(path).expanduser(), os.O_RDONLY | os.O_NONBLOCK)  # a pipe without a writer must not block
-        with os.fdopen(handle, "rb") as file:
-            kind = os.fstat(handle)
-            if not stat.S_ISREG(kind.st_mode):
-                raise UserError("is not a regular file", file=path, expected="a file")
-            data = file.read(most + 1)
-    except IsADirectoryError:
-        raise UserError("is a folder", file=path, expected="a file") from None
+        try:
+            found = os.fstat(handle)
+            if not stat.S_ISREG(found.st_mode):
+                what = "a folder" if stat.S_ISDIR(found.st_mode) else "no regular file"
+                raise UserError(f"is {what}", file=path, expected="a file")
+            with open(handle, "rb", closefd=False) as file:
+                data = file.read(most + 1)
+        finally:
+            os.close(handle)
+    except FileNotFoundError:
+        raise UserError("no such file", file=path) from None
     except OSError as error:
         raise UserError(f"cannot be read: {(error.strerror or str(error)).lower()}", file=path) from None
     except (ValueError, RuntimeError) as error:  # a NUL in the name, no home directory
         raise UserError(f"cannot be read: {error}", file=path) from None
     if len(data) > most:
-        raise UserError("is too large", file=path, expected=f"at most {size(most)}", got=size(kind.st_size))
+        raise UserError("is too large", file=path, expected=f"at most {size(most)}", got=size(found.st_size))
     return data
 
 

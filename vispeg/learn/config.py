@@ -10,6 +10,8 @@ from typing import Any
 import yaml
 
 from vispeg.core.errors import UserError
+from vispeg.formats.format import Format, enrol
+from vispeg.formats.typed import typed
 from vispeg.learn.settings import SacSettings
 
 FORMAT = "vispeg-train/1"
@@ -112,28 +114,22 @@ class TrainConfig:
         path.write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
 
 
+CONFIG = Format(FORMAT, "a training run's configuration", keys=tuple(f.name for f in fields(TrainConfig)))
+
+
+def _example(folder: Path) -> Path:
+    stages = (Stage(clearance_mm=6.0), Stage())
+    TrainConfig("peg-state", stages=stages, settings={"start_height": (0.02, 0.04)}).write(folder / "config.yaml")
+    return folder / "config.yaml"
+
+
+@enrol(FORMAT, _example)
 def read_config(path: Path) -> TrainConfig:
     """Reads what `TrainConfig.write` wrote.
 
     Raises:
         UserError: no such file, not YAML, an unknown key, or a value that a run cannot have.
     """
-    try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UserError("not a training run's folder", file=path, expected="config.yaml in it") from error
-    except yaml.YAMLError as error:
-        raise UserError("not YAML", file=path) from error
-    if not isinstance(data, dict) or data.pop("format", None) != FORMAT:
-        raise UserError("not a training run's configuration", file=path, expected=FORMAT)
-    known = [f.name for f in fields(TrainConfig)]
-    for key in data:
-        if key not in known:
-            raise UserError("unknown key", file=path, got=key, choices=known)
-    try:
-        sac = data.pop("sac", {})
-        sac["hidden"] = tuple(sac.get("hidden", (256, 256)))
-        stages = tuple(Stage(**stage) for stage in data.pop("stages", [{}]))
-        return TrainConfig(**data, sac=SacSettings(**sac), stages=stages)
-    except TypeError as error:
-        raise UserError(str(error), file=path) from error
+    if not path.exists():
+        raise UserError("not a training run's folder", file=path, expected="config.yaml in it")
+    return typed(TrainConfig, CONFIG.read(path), path)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.formats.format import enrol
 from vispeg.recordings.columns import JOINT_SIGNALS, NEEDED, SIGNALS, SPATIAL_SIGNALS, columns_of
 from vispeg.recordings.recording import Control, Nullspace, Recording
 from vispeg.recordings.schema import ControlSection, Header, plain, read_header
@@ -18,6 +19,19 @@ from vispeg.recordings.validate import check_angles, check_episodes, check_finit
 HEADER, SAMPLES = "recording.yaml", ("samples.csv", "samples.parquet")
 
 
+def _example(folder: Path) -> Path:
+    from vispeg.recordings.write import write
+
+    time = np.arange(20) / 100.0
+    q = np.column_stack([0.1 * np.sin(time), 0.2 * np.cos(time)])
+    ee = np.tile([0.5, 0.0, 0.4, 1.0, 0.0, 0.0, 0.0], (20, 1))
+    rest = {"tool": {"mass_kg": 0.3}, "noise": {"q": 1e-4}, "torque_sensor": "joint", "episode": np.repeat([0, 1], 10)}
+    control = Control("position", 100.0, "model", np.full(2, 100.0), np.full(2, 10.0))
+    rec = Recording(folder / "rig", "iiwa14", ("a", "b"), 100.0, control, time, q, tau=q, q_cmd=q, ee=ee, **rest)
+    return write(rec, folder / "rig")
+
+
+@enrol("vispeg-recording/1", _example)
 def load(path: Path | str) -> Recording:
     """The recording in a folder with recording.yaml and samples.csv or samples.parquet.
 

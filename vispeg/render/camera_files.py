@@ -5,7 +5,7 @@ The other two hold intrinsics and a lens only; a camera read from them sits at i
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,38 +14,46 @@ import yaml
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
+from vispeg.formats.format import Format, enrol
+from vispeg.formats.guard import read_text
+from vispeg.formats.yaml_data import parse_yaml
 from vispeg.render.camera import FIELDS, Camera
 
 FORMAT = "vispeg-camera/1"
+CAMERAS = Format(FORMAT, "a camera file")
 Style = Literal["vispeg", "opencv", "ros"]
 REQUIRED = FIELDS[:7]
 
 
+def _example(style: Style) -> Callable[[Path], Path]:
+    def write(folder: Path) -> Path:
+        camera = Camera("eye", 64, 48, 60.0, 61.0, 31.0, 24.0, (0.1, -0.05, 1e-3, 1e-3, 0.0), "flange", (0.0, 0.1, 0.2))
+        many = [camera, camera.moved(name="other")] if style == "vispeg" else camera
+        return save_cameras(folder / "camera.yaml", many, style=style)
+
+    return write
+
+
+@enrol("camera_info (ROS)", _example("ros"))
+@enrol("FileStorage (OpenCV)", _example("opencv"))
+@enrol(FORMAT, _example("vispeg"))
 def load_cameras(path: str | Path) -> tuple[Camera, ...]:
     """All cameras of a file, whichever of the three formats it has.
 
     Raises:
         UserError: no such file, none of the formats, or values that no camera can have; names file and key.
     """
-    try:
-        text = Path(path).expanduser().read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "not text"
-        raise UserError(f"cannot be read: {reason}", file=path, expected="a camera file (YAML)") from error
+    text = read_text(path)
     opencv = text.startswith("%YAML:1.0")  # what FileStorage writes; no YAML parser but OpenCV's takes that line
     if opencv:
         text = text.partition("\n")[2].replace("!!opencv-matrix", "")
-    try:
-        record = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise UserError("is not YAML", file=path, got=str(error).partition("\n")[0]) from error
+    record = parse_yaml(text, path)
     if not isinstance(record, dict):
         raise UserError("is no camera file", file=path, expected=f"'format: {FORMAT}', OpenCV's or ROS's YAML")
     if opencv or "camera_matrix" in record:
         return (_from_matrix(record, path),)
-    if record.get("format") != FORMAT:
-        raise UserError("unknown format", file=path, key="format", expected=FORMAT, got=record.get("format"))
-    many = record["cameras"] if "cameras" in record else [{k: v for k, v in record.items() if k != "format"}]
+    rest = CAMERAS.open(record, path)
+    many = rest["cameras"] if "cameras" in rest else [rest]
     if not isinstance(many, list) or not many:
         raise UserError("not a list of cameras", file=path, key="cameras", got=many)
     cameras = tuple(_from_record(one, path) for one in many)

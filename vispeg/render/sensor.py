@@ -15,6 +15,7 @@ from vispeg.core.distribution import Normal, parse
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.core.world import Ranged
+from vispeg.formats.yaml_data import read_yaml
 
 PRESETS = Path(__file__).parent / "presets"
 
@@ -41,10 +42,8 @@ def sensor(name: str, where: str | None = None) -> tuple[Ranged, ...]:
     Raises:
         UserError: no such sensor.
     """
-    import yaml
-
     path = sensor_file(name)
-    entries = yaml.safe_load(path.read_text(encoding="utf-8"))["effects"]
+    entries = read_yaml(path)["effects"]
     return tuple(_ranged(entry, where, str(path), f"effects[{i}]") for i, entry in enumerate(entries))
 
 

@@ -18,7 +18,8 @@ from vispeg.core.effect import Placed
 from vispeg.core.errors import UserError
 from vispeg.core.world import Ranged, World
 from vispeg.effects.model_file import placed_dict
-from vispeg.effects.yaml_file import read_mapping
+from vispeg.formats.format import Format, enrol
+from vispeg.formats.guard import is_file, read_bytes
 from vispeg.robots.scene import build
 from vispeg.task.config import TaskConfig
 from vispeg.task.hole_places import check_places
@@ -27,7 +28,8 @@ from vispeg.task.world_entry import entry_dict, ranged
 
 FORMAT = "vispeg-world/1"
 BUILT_IN = Path(__file__).parent / "worlds"
-KEYS = ("format", "name", "about", "base", "model", "task", "cameras", "renderer", "effects")
+WORLD = Format(FORMAT, "a world", keys=("name", "about", "base", "model", "task", "cameras", "renderer", "effects"))
+FILES = 100  # that a world may be put together from: bases that name bases can be many times that
 # fields of TaskConfig that policies and results of before do not know: at its default, such a field is not in the hash,
 # so that theirs stays what it was; whoever adds a field adds it here
 LATER = ("fixture", "block", "success_lateral", "success_force")
@@ -66,6 +68,7 @@ class _Parts:
     task: dict[str, Any] = field(default_factory=dict)
     cameras: dict[str, Any] = field(default_factory=dict)
     renderer: dict[str, Any] = field(default_factory=dict)
+    files: int = 0
 
 
 def built_in() -> list[str]:
@@ -73,6 +76,18 @@ def built_in() -> list[str]:
     return sorted(p.stem for p in BUILT_IN.glob("*.yaml"))
 
 
+def _example(folder: Path) -> Path:
+    own = load_world("searching")
+    base = folder / "base.yaml"
+    base.write_text(world_text(own), encoding="utf-8")
+    camera = {"external": {"width": 64, "height": 48, "fx": 60.0, "fy": 60.0, "cx": 31.5, "cy": 23.5}}
+    late = {"effect": "command_delay", "params": {"delay": {"uniform": [0.0, 0.02]}}, "chance": 0.5}
+    more = {"name": "mine", "base": "base.yaml", "task": {"clearance_mm": 2.0}, "cameras": camera, "effects": [late]}
+    (folder / "world.yaml").write_text(yaml.safe_dump({"format": FORMAT, **more}), encoding="utf-8")
+    return folder / "world.yaml"
+
+
+@enrol(FORMAT, _example)
 def load_world(source: str | Path) -> WorldFile:
     """A world by name or by file.
 
@@ -80,7 +95,7 @@ def load_world(source: str | Path) -> WorldFile:
         UserError: naming the file, the key, what came and what there is to choose from.
     """
     path = _path(source, None)
-    parts, name = _Parts(), read_mapping(path, FORMAT, KEYS, "world").get("name", path.stem)
+    parts, name = _Parts(), WORLD.read(path).get("name", path.stem)
     if not isinstance(name, str):
         raise UserError("wrong name", file=path, key="name", expected="a text", got=name)
     _collect(path, parts, ())
@@ -129,7 +144,10 @@ def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> None:
     """Adds what a file says to `parts`: its bases first, then what its model identified, then its own words."""
     if path in above:
         raise UserError("a world that is based on itself", file=path, key="base", got=path.stem)
-    data = read_mapping(path, FORMAT, KEYS, "world")
+    parts.files += 1
+    if parts.files > FILES:
+        raise UserError("a world of too many files", file=path, key="base", expected=f"at most {FILES}")
+    data = WORLD.read(path)
     bases = _given(data, "base", [])
     for base in [bases] if isinstance(bases, str) else _typed(bases, list, path, "base"):
         _collect(_path(base, path), parts, (*above, path))
@@ -172,8 +190,6 @@ def _path(source: str | Path, beside: Path | None) -> Path:
         expected = "a built-in world's name or a .yaml file"
         raise UserError("unknown world", file=beside, expected=expected, got=text, choices=list(named))
     path = Path(text).expanduser() if beside is None else _beside(text, beside)
-    if not path.is_file():
-        raise UserError("no such world file", file=path)
     return path
 
 
@@ -201,7 +217,7 @@ def _cameras(given: Any, path: Path) -> dict[str, Any]:
         if not isinstance(camera, str | Mapping):
             expected = "a camera file or a mapping"
             raise UserError("wrong camera", file=path, key=f"cameras.{name}", expected=expected, got=camera)
-        if isinstance(camera, str) and not _beside(camera, path).is_file():
+        if isinstance(camera, str) and not is_file(_beside(camera, path)):
             raise UserError("no such camera file", file=path, key=f"cameras.{name}", got=camera)
         out[str(name)] = str(_beside(camera, path)) if isinstance(camera, str) else dict(camera)
     return out
@@ -218,7 +234,7 @@ def _renderer(given: Any, path: Path) -> dict[str, Any]:
 
 
 def _digest(file: str) -> str:
-    return hashlib.sha256(Path(file).read_bytes()).hexdigest()
+    return hashlib.sha256(read_bytes(file)).hexdigest()
 
 
 def parts(source: str | Path) -> dict[str, str]:
@@ -234,7 +250,7 @@ def parts(source: str | Path) -> dict[str, str]:
         if path.resolve() in seen:
             continue
         seen.add(path.resolve())
-        data = read_mapping(path, FORMAT, KEYS, "world")
+        data = WORLD.read(path)
         bases = _given(data, "base", [])
         todo += [_path(base, path) for base in ([bases] if isinstance(bases, str) else bases)]
         effects = [{k: v for k, v in entry.items() if k != "source"} for entry in _given(data, "effects", [])]

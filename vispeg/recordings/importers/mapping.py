@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from vispeg.core.errors import UserError
+from vispeg.formats.format import enrol
+from vispeg.formats.yaml_data import read_yaml
 from vispeg.recordings.columns import SIGNALS, columns_of
-from vispeg.recordings.schema import read_yaml
 
 FACTORS = {
     **{"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
@@ -45,6 +46,18 @@ class ColumnMap:
     columns: Mapping[str, Source] = field(default_factory=dict)
     joints: Mapping[str, str] = field(default_factory=dict)
     recording: Mapping[str, Any] = field(default_factory=dict)
+
+
+def _example(folder: Path) -> Path:
+    text = "time: {column: t, unit: ms}\nq.a: {column: A, unit: deg, scale: -1, offset: 0.1}\nq.b: B\n"
+    text += "joints: {a: axis1}\nrecording: {torque_sensor: joint, tool: {mass_kg: 1.0}}\n"
+    (folder / "map.yaml").write_text(text, encoding="utf-8")
+    return folder / "map.yaml"
+
+
+@enrol("map of columns", _example)
+def _read(file: Path) -> ColumnMap:
+    return read_map(file, ["a", "b"])
 
 
 def read_map(file: Path | None, joints: Sequence[str]) -> ColumnMap:

@@ -6,10 +6,21 @@ import re
 from pathlib import Path
 
 from vispeg.core.errors import UserError
+from vispeg.formats.format import enrol
+from vispeg.formats.guard import read_text
 from vispeg.render.calibration.intrinsics import Intrinsics
 from vispeg.render.camera_files import load_camera
 
 
+def _example(folder: Path) -> Path:
+    numbers = {"image_width": 640, "image_height": 480, "px": 600.0, "py": 602.0, "u0": 322.0, "v0": 243.0, "kud": 0}
+    tags = "".join(f"<{tag}>{value}</{tag}>\n" for tag, value in numbers.items())
+    text = f'<?xml version="1.0"?>\n<root>\n<camera>\n{tags}</camera>\n</root>\n'
+    (folder / "visp.xml").write_text(text, encoding="utf-8")
+    return folder / "visp.xml"
+
+
+@enrol("camera model (ViSP)", _example)
 def read_intrinsics(path: str | Path) -> Intrinsics:
     """The intrinsics in a file.
 
@@ -26,11 +37,7 @@ def read_intrinsics(path: str | Path) -> Intrinsics:
         k1, k2, p1, p2, k3 = camera.distortion
         size, focal, centre = (camera.width, camera.height), (camera.fx, camera.fy), (camera.cx, camera.cy)
         return Intrinsics(size, focal, centre, (k1, k2, p1, p2, k3))
-    try:
-        text = file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError("cannot be read", file=path) from error
-    return _visp(text, file)
+    return _visp(read_text(file), file)
 
 
 def _visp(text: str, file: Path) -> Intrinsics:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,10 +11,26 @@ from pathlib import Path
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.formats.format import enrol
+from vispeg.formats.guard import read_text
+from vispeg.formats.yaml_data import read_yaml
 from vispeg.render.calibration.rigid import from_quaternion, transform
 
 COLUMNS = ("file", "x", "y", "z", "qw", "qx", "qy", "qz")
 FAR = 20.0  # m: farther than any arm reaches, so millimetres
+
+
+def _table_example(folder: Path) -> Path:
+    text = ",".join(COLUMNS) + "\n1.png,0.4,0.1,0.3,1,0,0,0\n2.png,0.5,0.1,0.3,0.6,0,0.8,0\n"
+    (folder / "poses.csv").write_text(text, encoding="utf-8")
+    return folder / "poses.csv"
+
+
+def _visp_example(folder: Path) -> Path:
+    for number in (1, 2):
+        text = "rows: 6\ncols: 1\ndata:\n  - [0.4]\n  - [0.1]\n  - [0.3]\n  - [0]\n  - [0.1]\n  - [3.0]\n"
+        (folder / f"pose_{number}.yaml").write_text(text, encoding="utf-8")
+    return folder
 
 
 def read_poses(path: str | Path, names: Sequence[str]) -> np.ndarray:
@@ -31,8 +48,6 @@ def read_poses(path: str | Path, names: Sequence[str]) -> np.ndarray:
     root = Path(path)
     if root.is_dir():
         return np.stack([_visp(root, name) for name in names])
-    if not root.is_file():
-        raise UserError("no such poses", file=path, expected="a CSV file, or a folder of YAML files")
     table = _table(root)
     for name in names:
         if name not in table:
@@ -40,12 +55,15 @@ def read_poses(path: str | Path, names: Sequence[str]) -> np.ndarray:
     return np.stack([table[name] for name in names])
 
 
+for _name, _example in (("poses (CSV)", _table_example), ("poses (ViSP)", _visp_example)):
+    enrol(_name, _example)(lambda path: read_poses(path, ["1.png", "2.png"]))
+
+
 def _table(path: Path) -> dict[str, np.ndarray]:
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = list(csv.DictReader(file, skipinitialspace=True))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise UserError("cannot be read as CSV", file=path) from error
+        rows = list(csv.DictReader(io.StringIO(read_text(path), newline=""), skipinitialspace=True))
+    except csv.Error as error:
+        raise UserError(f"is not CSV ({error})", file=path) from None
     missing = [column for column in COLUMNS if not rows or column not in rows[0]]
     if missing:
         raise UserError(f"no column {missing[0]}", file=path, expected=", ".join(COLUMNS))
@@ -63,8 +81,6 @@ def _table(path: Path) -> dict[str, np.ndarray]:
 
 
 def _visp(folder: Path, name: str) -> np.ndarray:
-    import yaml
-
     number = _number(name)
     files = [p for p in sorted(folder.iterdir()) if p.suffix.lower() in (".yaml", ".yml") and _number(p.name) == number]
     if number is None or len(files) != 1:
@@ -72,11 +88,10 @@ def _visp(folder: Path, name: str) -> np.ndarray:
         raise UserError(
             f"{what} for the image '{name}'", file=folder, expected="one YAML file with the image's last number"
         )
-    try:
-        tree = yaml.safe_load(files[0].read_text(encoding="utf-8"))
-        data = np.ravel(tree["data"])
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, TypeError, KeyError, ValueError) as error:
-        raise UserError("not a pose as ViSP writes it", file=files[0], expected="rows: 6, cols: 1, data") from error
+    tree = read_yaml(files[0])
+    if not isinstance(tree, dict) or not isinstance(tree.get("data"), list):
+        raise UserError("not a pose as ViSP writes it", file=files[0], expected="rows: 6, cols: 1, data")
+    data = [cell for row in tree["data"] for cell in (row if isinstance(row, list) else [row])]
     values = _numbers(data, 6, files[0], "data")
     return _near(transform(values[3:], values[:3]), files[0], "data")
 

@@ -1,0 +1,72 @@
+"""Plain data held to types: dataclasses and pydantic models say what may stand where."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import TypeAdapter, ValidationError
+
+from vispeg.core.errors import UserError
+
+T = TypeVar("T")
+KINDS = {  # pydantic's complaint: what a person would have had to write
+    "model_type": "a mapping of keys to values",
+    "dict_type": "a mapping of keys to values",
+    "dataclass_type": "a mapping of keys to values",
+    "list_type": "a list",
+    "tuple_type": "a list",
+    "string_type": "text",
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "int_type": "a whole number",
+    "int_parsing": "a whole number",
+    "int_from_float": "a whole number",
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
+}
+UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
+
+
+def typed(kind: type[T], data: Any, file: str | Path, key: str = "") -> T:
+    """The data as a `kind`.
+
+    Args:
+        kind: a dataclass or a pydantic model.
+        data: plain data, as the readers of this room give it.
+        file, key: where it stands, for the error.
+
+    Raises:
+        UserError: a value of another type, a missing or an unknown key; what `kind` itself refuses, with the file.
+    """
+    try:
+        return _adapter(kind).validate_python(data)
+    except ValidationError as error:
+        raise as_user_error(error, file, key) from None
+    except UserError as error:
+        raise UserError(str(error), file=file, key=key or None) from None
+
+
+def as_user_error(error: ValidationError, file: str | Path, key: str = "") -> UserError:
+    """The first of pydantic's complaints in one line, with the choices where there are any."""
+    first = error.errors(include_url=False)[0]
+    at = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"])
+    where = f"{key}{at}".lstrip(".") or None
+    context = first.get("ctx", {})
+    if first["type"] == "missing":
+        return UserError("is missing", file=file, key=where)
+    if first["type"] in UNKNOWN:
+        return UserError("unknown key", file=file, key=where)
+    if first["type"] == "literal_error":
+        choices = [part.strip(" '") for part in str(context["expected"]).replace(" or ", ", ").split(",")]
+        return UserError("is not one of the choices", file=file, key=where, got=first["input"], choices=choices)
+    if first["type"] in KINDS:
+        return UserError("is of another kind", file=file, key=where, expected=KINDS[first["type"]], got=first["input"])
+    said = first["msg"].removeprefix("Value error, ")
+    return UserError(said[:1].lower() + said[1:], file=file, key=where, got=first["input"])
+
+
+@cache
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
