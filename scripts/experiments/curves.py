@@ -21,12 +21,14 @@ class Curve:
         steps: (n,) environment steps so far.
         seconds: (n,) wall clock so far, evaluations included.
         success: (n,) success rate, 0 to 1.
+        returns: (n,) mean of the episodes' sum of rewards.
         peak_force: (n,) mean of the episodes' largest contact force, N.
     """
 
     steps: np.ndarray
     seconds: np.ndarray
     success: np.ndarray
+    returns: np.ndarray
     peak_force: np.ndarray
 
     def reaches(self, rate: float) -> int | None:
@@ -48,15 +50,16 @@ def read_curve(path: Path) -> Curve:
         raise UserError("not a training run's progress", file=path) from error
     if not rows:
         raise UserError("no evaluation yet", file=path)
-    seconds, success, force = (np.array([float(r[k]) for r in rows]) for k in ("seconds", "success", "peak_force"))
-    return Curve(np.array([int(r["steps"]) for r in rows]), seconds, success, force)
+    columns = ("seconds", "success", "reward", "peak_force")
+    return Curve(np.array([int(r["steps"]) for r in rows]), *(np.array([float(r[k]) for r in rows]) for k in columns))
 
 
 def together(curves: Sequence[Curve]) -> dict[str, Any]:
     """Several seeds at the steps that all of them were evaluated at, ready for JSON.
 
     Returns:
-        {seeds, steps, seconds (mean), mean, low, high}: success rates, `low` and `high` the worst and the best seed.
+        {seeds, steps, seconds (mean), mean, low, high, return}: success rates, `low` and `high` the worst and the best
+        seed; `return` has mean, low and high likewise.
 
     Raises:
         UserError: no curve, or no step in common.
@@ -64,12 +67,22 @@ def together(curves: Sequence[Curve]) -> dict[str, Any]:
     steps = sorted(set.intersection(*(set(c.steps.tolist()) for c in curves))) if curves else []
     if not steps:
         raise UserError("learning curves with no step in common", got=len(curves))
-    success = np.array([c.success[np.searchsorted(c.steps, steps)] for c in curves])  # (seeds, steps)
-    seconds = np.array([c.seconds[np.searchsorted(c.steps, steps)] for c in curves])
-    found = {
-        "seconds": seconds.mean(0),
-        "mean": success.mean(0),
-        "low": success.min(0),
-        "high": success.max(0),
+    found = {name: _at(curves, name, steps) for name in ("success", "returns", "seconds")}
+    return {
+        "seeds": len(curves),
+        "steps": steps,
+        "seconds": np.round(found["seconds"].mean(0), 4).tolist(),
+        **_band(found["success"]),
+        "return": _band(found["returns"]),
     }
-    return {"seeds": len(curves), "steps": steps, **{k: np.round(v, 4).tolist() for k, v in found.items()}}
+
+
+def _at(curves: Sequence[Curve], name: str, steps: Sequence[int]) -> np.ndarray:
+    """A quantity (seeds, len(steps)) at these steps."""
+    return np.array([getattr(c, name)[np.searchsorted(c.steps, steps)] for c in curves])
+
+
+def _band(values: np.ndarray) -> dict[str, list[float]]:
+    """Mean, worst and best over seeds of values (seeds, n)."""
+    bands = {"mean": values.mean(0), "low": values.min(0), "high": values.max(0)}
+    return {name: np.round(band, 4).tolist() for name, band in bands.items()}

@@ -2,8 +2,8 @@
 
     python scripts/experiments/fig3.py --seeds 1 2 3
 
-The comparison of Fig. 3 in Kaspar, Munoz Osorio and Bock (IROS 2020) on this project's task: success against
-environment steps and wall clock. Every run has the same budget; every run's best checkpoint by its own evaluations is
+The comparison of Fig. 3 in Kaspar and Bock, "Reinforcement Learning with Cartesian Commands and Sim to Real Transfer
+for Peg in Hole Tasks", on this project's task: success and return against environment steps. Every run has the same budget; every run's best checkpoint by its own evaluations is
 judged on the same held-out episodes in the world without randomization and the one with it, whichever it was trained
 in. A command that was stopped goes on when given again; results and picture are made anew after every run.
 """
@@ -23,6 +23,7 @@ from results import write_result
 from training import Variant, trained
 from transfer_table import success_table
 
+from vispeg.task.reward import REWARDS
 from vispeg.task.world_file import load_world
 
 WORLDS = ("searching", "randomized")
@@ -34,14 +35,15 @@ def main() -> None:
     """Trains, judges, writes OUT/fig3.json and draws the picture."""
     parser = arguments.parser(__doc__ or "")
     parser.add_argument("--picture", type=Path, default=Path("docs/img/fig3.png"), help="the picture")
+    parser.add_argument("--reward", choices=REWARDS, default="shaped", help="the task's; `paper` is that of the figure")
     parser.add_argument("--lstm", type=int, default=LSTM, help="width of the LSTM")
     given = parser.parse_args()
     budget = arguments.budget(given)
+    memories = {"ff": {"stack": given.stack}, "lstm": {"recurrent": given.lstm}}
     variants = [
-        Variant("ff-nominal", "searching", given.stack),
-        Variant("ff-randomized", "randomized", given.stack),
-        Variant("lstm-nominal", "searching", recurrent=given.lstm),
-        Variant("lstm-randomized", "randomized", recurrent=given.lstm),
+        Variant(f"{memory}-{name}", world, reward=given.reward, **own)
+        for memory, own in memories.items()
+        for name, world in (("nominal", "searching"), ("randomized", "randomized"))
     ]
     finished: dict[str, list[tuple[int, Path]]] = {}
     for seed in given.seeds:
@@ -68,6 +70,7 @@ def described(variant: Variant, runs: Sequence[tuple[int, Path]]) -> dict[str, A
             "steps": curve.steps.tolist(),
             "seconds": curve.seconds.tolist(),
             "success": curve.success.tolist(),
+            "return": curve.returns.tolist(),
             "peak_force": curve.peak_force.tolist(),
             f"steps_to_{100 * LEARNED:.0f}": curve.reaches(LEARNED),
         }

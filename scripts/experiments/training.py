@@ -9,6 +9,7 @@ from pathlib import Path
 from vispeg.core.errors import UserError
 from vispeg.learn.config import TrainConfig, read_config
 from vispeg.learn.settings import SacSettings
+from vispeg.task.config import TaskConfig
 
 NEVER_EARLY = 2.0  # a success rate that no run reaches, so that every run has the whole budget
 
@@ -22,12 +23,18 @@ class Variant:
         world: that it trains in, a built-in name or a file.
         stack: observations and actions that a feed-forward actor sees; a recurrent one sees the last alone.
         recurrent: width of the actor's LSTM, 0 for a feed-forward actor.
+        modality: what the policy sees.
+        reward: of the task, see vispeg.task.reward.
+        dof: directions that the policy moves.
     """
 
     name: str
     world: str
     stack: int = 2
     recurrent: int = 0
+    modality: str = "state"
+    reward: str = "shaped"
+    dof: tuple[str, ...] = ("x", "y", "z")
 
 
 @dataclass(frozen=True)
@@ -40,16 +47,19 @@ class Budget:
 
 
 def configuration(variant: Variant, seed: int, budget: Budget) -> TrainConfig:
-    """The run's configuration; all variants differ in world and memory alone."""
+    """The run's configuration; all variants differ in what `Variant` names alone. The task's own values go unsaid."""
+    settings = {"stack": 1 if variant.recurrent else variant.stack}
+    settings |= {} if variant.reward == TaskConfig.reward else {"reward": variant.reward}
+    settings |= {} if variant.dof == TaskConfig.dof else {"dof": list(variant.dof)}
     return TrainConfig(
-        task="peg-state",
+        task=f"peg-{variant.modality}",
         world=variant.world,
         steps=budget.steps,
         seed=seed,
         every=budget.every,
         episodes=budget.episodes,
         target=NEVER_EARLY,
-        settings={"stack": 1 if variant.recurrent else variant.stack},
+        settings=settings,
         sac=SacSettings(recurrent=variant.recurrent),
     )
 

@@ -24,7 +24,7 @@ def episodes(policy, train_seed, outcomes, world="plant"):
 
 def curve(steps, success):
     steps = np.array(steps)
-    return Curve(steps, steps / 50.0, np.array(success, float), np.full(len(steps), 20.0))
+    return Curve(steps, steps / 50.0, np.array(success, float), 50.0 * np.array(success), np.full(len(steps), 20.0))
 
 
 def test_transfer_table_counts_by_seed_and_pools():
@@ -65,16 +65,17 @@ def test_curves_meet_at_shared_steps_only():
     assert found["mean"] == pytest.approx([0.1, 0.8])
     assert found["low"] == pytest.approx([0.0, 0.6]) and found["high"] == pytest.approx([0.2, 1.0])
     assert found["seconds"] == pytest.approx([0.2, 0.6])
+    assert found["return"]["mean"] == pytest.approx([5, 40]) and found["return"]["high"] == pytest.approx([10, 50])
     with pytest.raises(UserError, match="no step in common"):
         together([curve([10], [0.0]), curve([20], [0.0])])
 
 
 def test_a_curve_says_when_it_first_reached_a_rate(tmp_path):
     path = tmp_path / "progress.csv"
-    path.write_text("steps,seconds,success,peak_force\n10,1.5,0.1,20\n20,3,0.8,30\n30,4,0.7,25\n")
+    path.write_text("steps,seconds,success,reward,peak_force\n10,1.5,0.1,-8,20\n20,3,0.8,30,30\n30,4,0.7,25,25\n")
     found = read_curve(path)
     assert found.reaches(0.8) == 20 and found.reaches(0.9) is None
-    assert found.seconds.tolist() == [1.5, 3, 4]
-    path.write_text("steps,seconds,success,peak_force\n")
+    assert found.seconds.tolist() == [1.5, 3, 4] and found.returns.tolist() == [-8, 30, 25]
+    path.write_text("steps,seconds,success,reward,peak_force\n")
     with pytest.raises(UserError, match="no evaluation yet"):
         read_curve(path)

@@ -16,7 +16,8 @@ KINDS = {"depth": (1, 24, 24), "rgb": (3, 24, 24)}
 def actor_of(name, recurrent=0):
     torch.manual_seed(0)
     seen = modality(name)
-    return Actor(Layout(5, {f"{kind}_cam": KINDS[kind] for kind in seen.kinds}, 3), seen, (32, 32), recurrent)
+    images = {f"{kind}_cam": KINDS[kind] for kind in seen.kinds}
+    return Actor(Layout(5, images, 3, 4 * seen.truth), seen, (32, 32), recurrent)
 
 
 def observation(actor, n):
@@ -24,7 +25,7 @@ def observation(actor, n):
     for key, shape in actor.layout.images.items():
         noise = torch.rand(n, *shape)
         images[key] = (255 * noise).to(torch.uint8) if key.startswith("rgb") else noise
-    return {"policy": torch.randn(n, 5), **images}
+    return {**{key: torch.randn(n, length) for key, length in actor.layout.vectors.items()}, **images}
 
 
 def test_density_of_one_squashed_action_integrates_to_one():

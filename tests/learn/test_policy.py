@@ -19,12 +19,14 @@ def made(name="depth", recurrent=0):
     torch.manual_seed(0)
     seen = modality(name)
     images = {f"{kind}_wrist": SHAPES[kind] for kind in seen.kinds}
-    return NetPolicy(Actor(Layout(5, images, 3), seen, (32,), recurrent), name)
+    return NetPolicy(Actor(Layout(5, images, 3, 4 * seen.truth), seen, (32,), recurrent), name)
 
 
 def observation(policy, n=4, seed=0):
     rng = np.random.default_rng(seed)
     obs = {"policy": rng.standard_normal((n, 5)).astype(np.float32)}
+    if policy.layout.truth:
+        obs["privileged"] = rng.standard_normal((n, policy.layout.truth)).astype(np.float32)
     for key, shape in policy.actor.layout.images.items():
         image = rng.uniform(0, 0.4, (n, *shape))
         obs[key] = (600 * image).astype(np.uint8) if key.startswith("rgb") else image.astype(np.float32)

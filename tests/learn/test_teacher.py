@@ -36,6 +36,23 @@ def test_teachers_view_of_a_blind_students_episode_is_the_state_policys_own():
         a, b = state.step(action)[0], blind.step(action)[0]
 
 
+def test_a_teacher_that_knows_is_shown_the_ground_truth_that_it_was_trained_on(tmp_path):
+    """The same episodes for a policy that believes the true hole and for a student that does not know it."""
+    from vispeg.task.vector import PegInHoleVec
+
+    told, blind = (PegInHoleVec(2, "unknown_hole", mode, autoreset_mode="Disabled") for mode in ("state", "proprio"))
+    seen = modality("privileged")
+    layout = Layout.of(told.single_observation_space, told.single_action_space, (), seen.truth)
+    save(tmp_path, Actor(layout, seen, (16,)), "privileged", {})
+    teacher, policy = teacher_of(tmp_path, blind.config), load(tmp_path)
+    a, b = told.reset(seed=[4, 5])[0], blind.reset(seed=[4, 5])[0]
+    assert np.allclose(teacher.act(b), policy.act(a), atol=1e-4)
+    other = dict(b) | {"privileged": b["privileged"] + np.eye(22, dtype=np.float32)[18]}  # another friction
+    assert not np.allclose(teacher.act(other), teacher.act(b), atol=1e-4)
+    with pytest.raises(UserError, match="made for another observation|lacks a part"):
+        policy.act({"policy": a["policy"]})
+
+
 def trained(folder, mode="depth"):
     """A student of the pointing teacher for steps of the toy's own length."""
     torch.manual_seed(0)

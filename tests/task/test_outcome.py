@@ -1,4 +1,4 @@
-"""Rules and formulas of the task: categories, reward, stacking, controller."""
+"""Rules and formulas of the task: categories, stacking, controller."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,6 @@ from vispeg.task.config import TaskConfig
 from vispeg.task.eyes import task_cameras
 from vispeg.task.observe import Stack
 from vispeg.task.outcome import CATEGORIES, Track
-from vispeg.task.reward import reward
 from vispeg.task.simulation import PegSimulation
 
 CONFIG = TaskConfig()
@@ -89,17 +88,6 @@ def test_success_may_ask_for_a_smaller_force():
     assert hard.verdict(gentle) is None and hard.at_time(gentle) == "timeout"
     hard.add(gentle, np.array([19.0, 21.0]), np.array([0, 0, -0.021]), 0.0, 0.0)
     assert hard.dwell == 0, "the greatest force of a step counts"
-
-
-def test_reward_against_its_formula():
-    """Equation (4) by hand at one point, and monotone along the way in."""
-    tip, goal = np.array([[0.003, 0.004, 0.0]]), 0.02
-    d, lateral = np.sqrt(0.005**2 + 0.02**2), 0.005
-    r_l = np.exp(-0.5 * (lateral / 0.002) ** 2) - 1
-    expected = -0.5 * d / 0.05 + 0.25 * r_l - 0.2 * (10 / 40) ** 2
-    assert reward(tip, goal, np.array([10.0]), 0.05)[0] == pytest.approx(expected)
-    way = np.stack([np.zeros(50), np.zeros(50), np.linspace(0.05, -0.02, 50)], axis=1)
-    assert np.all(np.diff(reward(way, goal, np.zeros(50), 0.05)) > 0)
 
 
 def test_stack_keeps_the_newest_first():

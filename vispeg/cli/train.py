@@ -8,6 +8,7 @@ Example:
     vispeg train peg-state --world nominal --seed 0
     vispeg train peg-state --clearance 0.5 --curriculum 3 1 --target 0.98
     vispeg train peg-state --world randomized --ranges adaptive
+    vispeg train peg-state --world P --dof x y z rx ry --stack 4
     vispeg train peg-depth --recipe distill+sac --teacher runs/peg-state/best
     vispeg train peg-depth --recipe distill --dataset demos
     vispeg train --resume runs/peg-state/20261121-0900_s0 --steps 200000
@@ -40,6 +41,12 @@ class Args:
     """Wider clearances (mm) to begin with, widest first; the run moves on when an evaluation reaches 80 %."""
     start_radius: tuple[float, ...] = ()
     """Lateral ranges of starts (m) to begin with, nearest first, each beside a clearance of --curriculum."""
+    stack: int | None = None
+    """Observations and actions that the policy sees, the present one included; the world's where not given (2)."""
+    dof: tuple[str, ...] = ()
+    """Directions that the policy moves, of x y z rx ry rz; the world's where not given (x y z)."""
+    reward: Literal["shaped", "paper"] | None = None
+    """This project's reward, or the one of Kaspar and Bock's paper; the world's where not given (shaped)."""
     ranges: Literal["full", "schedule", "adaptive"] = "full"
     """Randomization from the first step on, opening over the first half of the steps, or, range by range, as the policy
     copes with it."""
@@ -108,7 +115,7 @@ class Args:
         sac = defaults(bool(seen.kinds))
         utd = sac.utd if self.utd is None else self.utd
         sac = replace(sac, recurrent=self.recurrent, utd=utd, symmetric=self.symmetric)
-        settings = {} if self.clearance is None else {"clearance_mm": self.clearance}
+        settings = self._settings()
         task = world_of(self.world, dict(settings))[1]
         rounds = {"steps": self.distill_steps, "updates": self.distill_updates, "looks": self.distill_looks}
         config = TrainConfig(
@@ -134,6 +141,16 @@ class Args:
         out = self.out or Path("runs") / self.task / f"{time.strftime('%Y%m%d-%H%M%S')}_s{self.seed}"
         self._tell(train(config, out), out, self.world, settings)
         return 0
+
+    def _settings(self) -> dict[str, Any]:
+        """Of the task, in place of the world's."""
+        from vispeg.core.errors import UserError
+
+        if self.recurrent and self.stack not in (None, 1):
+            expected = "one of them, as the LSTM stands in place of the stack"
+            raise UserError("a memory and a stack", key="--stack", expected=expected, got=self.stack)
+        asked = {"clearance_mm": self.clearance, "stack": self.stack, "dof": self.dof or None, "reward": self.reward}
+        return {key: value for key, value in asked.items() if value is not None}
 
     def _resume(self, folder: Path) -> int:
         from vispeg.core.errors import UserError

@@ -12,7 +12,6 @@ from typing import Any
 from vispeg.core.errors import UserError
 
 CATEGORIES = ("success", "approach", "search", "jam", "wedge", "slip", "force limit", "timeout", "diverged")
-MODALITIES = ("state", "proprio", "depth", "rgb", "rgbd")
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from vispeg.learn.layout import VECTOR, Layout
+from vispeg.learn.layout import Layout
 from vispeg.learn.modalities import Modality
 from vispeg.learn.nets import Scale, mlp, random_shift
 
@@ -31,10 +31,11 @@ class Actor(nn.Module):
     def __init__(self, layout: Layout, modality: Modality, hidden: Sequence[int] = (256, 256), recurrent: int = 0):
         super().__init__()
         self.layout, self.hidden, self.recurrent = layout, tuple(hidden), recurrent
-        self.scale = Scale(layout.vector)
+        known = sum(layout.vectors.values())
+        self.scale = Scale(known)
         self.encoders = nn.ModuleDict({key: modality.encoder(key, shape) for key, shape in layout.images.items()})
         seen: list[Any] = list(self.encoders.values())
-        inputs = layout.vector + sum(encoder.features for encoder in seen)
+        inputs = known + sum(encoder.features for encoder in seen)
         self.memory = nn.LSTM(inputs, recurrent) if recurrent else None
         self.body = mlp(recurrent or inputs, hidden)
         self.mean = nn.Linear(hidden[-1], layout.action)
@@ -46,9 +47,14 @@ class Actor(nn.Module):
         """Where the weights are, and what they are given has to be."""
         return self.mean.weight.device
 
+    def vector(self, obs: Mapping[str, Tensor]) -> Tensor:
+        """(..., n) what it reads beside images, unscaled."""
+        parts = [obs[key] for key in self.layout.vectors]
+        return torch.cat(parts, dim=-1) if len(parts) > 1 else parts[0]
+
     def features(self, obs: Mapping[str, Tensor], shift: int = 0) -> Tensor:
         """(n, inputs): scaled vector and image features. `shift` moves images at random, in pixels."""
-        parts = [self.scale(obs[VECTOR])]
+        parts = [self.scale(self.vector(obs))]
         parts += [encoder(random_shift(obs[key], shift)) for key, encoder in self.encoders.items()]
         return torch.cat(parts, dim=-1) if len(parts) > 1 else parts[0]
 

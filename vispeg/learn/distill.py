@@ -23,7 +23,6 @@ from vispeg.core.seeds import stream
 from vispeg.learn.actor import Actor
 from vispeg.learn.checkpoint import restart_seed
 from vispeg.learn.clone import CloneSettings, clone
-from vispeg.learn.layout import VECTOR
 from vispeg.learn.looks import looking, side_by_side
 from vispeg.learn.policy import NetPolicy
 from vispeg.learn.replay import Replay
@@ -259,7 +258,7 @@ def _learn(
         own = None if played is None else played(number, beta)
         rings += [] if own is None else [own]
         if number == 0:
-            actor.scale.measure(rings[0].sample(4096, images="none").obs[VECTOR])
+            actor.scale.measure(actor.vector(rings[0].sample(4096, images="none").obs))
         shares = [(ring, float(len(ring))) for ring in rings]
         rng = stream(seed, "clone", number)
         loss = clone(actor, shares, settings.updates, settings.clone, rng, optimizer=optimizer)

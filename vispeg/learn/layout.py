@@ -20,39 +20,49 @@ class Layout:
         images: shape (C, H, W) of every image the policy sees, by key: `depth_<camera>` in metres, `rgb_<camera>` in
             0-255.
         action: length of the action.
+        truth: length of the observation's `privileged` part; 0 for a policy that does not read it.
     """
 
     vector: int
     images: Mapping[str, tuple[int, int, int]]
     action: int = 3
+    truth: int = 0
 
     @classmethod
-    def of(cls, observation_space: Any, action_space: Any, kinds: tuple[str, ...]) -> Layout:
+    def of(cls, observation_space: Any, action_space: Any, kinds: tuple[str, ...], truth: bool = False) -> Layout:
         """The layout of an environment's spaces for one environment, of which images of these kinds are seen.
 
         Args:
             observation_space: gymnasium Dict with `policy` and perhaps images.
             action_space: gymnasium Box.
             kinds: any of `depth`, `rgb`.
+            truth: whether `privileged` is seen.
 
         Raises:
-            UserError: no `policy` key, or no image of a kind.
+            UserError: no `policy` or `privileged` key, or no image of a kind.
         """
         spaces = getattr(observation_space, "spaces", {})
-        if VECTOR not in spaces:
-            raise UserError("the environment's observation lacks a part", expected=VECTOR, got=sorted(spaces))
+        for key in (VECTOR, PRIVILEGED) if truth else (VECTOR,):
+            if key not in spaces:
+                raise UserError("the environment's observation lacks a part", expected=key, got=sorted(spaces))
         images = {}
         for kind in kinds:
             found = {key: tuple(space.shape) for key, space in spaces.items() if key.startswith(f"{kind}_")}
             if not found:
                 raise UserError("the environment gives no such images", expected=f"{kind}_<camera>", got=sorted(spaces))
             images |= found
-        return cls(spaces[VECTOR].shape[0], images, action_space.shape[-1])
+        known = spaces[PRIVILEGED].shape[0] if truth else 0
+        return cls(spaces[VECTOR].shape[0], images, action_space.shape[-1], known)
 
     @property
     def keys(self) -> tuple[str, ...]:
         """Keys of the observation that the policy reads, in order."""
-        return (VECTOR, *self.images)
+        return (*self.vectors, *self.images)
+
+    @property
+    def vectors(self) -> dict[str, int]:
+        """Length of every part that is no image, by key, in order."""
+        return {VECTOR: self.vector, **({PRIVILEGED: self.truth} if self.truth else {})}
 
     def check(self, obs: Mapping[str, Any]) -> None:
         """Refuses an observation of another layout. `obs` holds arrays with one leading axis.
@@ -69,7 +79,8 @@ class Layout:
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Shape of every part, without the leading axis."""
-        return {VECTOR: (self.vector,), **{key: tuple(shape) for key, shape in self.images.items()}}
+        vectors = {key: (length,) for key, length in self.vectors.items()}
+        return {**vectors, **{key: tuple(shape) for key, shape in self.images.items()}}
 
     def to_json(self) -> dict[str, Any]:
         """Ready for JSON; `from_json` reads it."""
@@ -77,6 +88,7 @@ class Layout:
             "vector": self.vector,
             "images": {key: list(shape) for key, shape in self.images.items()},
             "action": self.action,
+            **({"truth": self.truth} if self.truth else {}),
         }
 
     @classmethod
@@ -84,7 +96,7 @@ class Layout:
         """The inverse of `to_json`. Raises UserError where an entry is missing or no shape."""
         try:
             images = {str(key): _chw(shape) for key, shape in found["images"].items()}
-            return cls(int(found["vector"]), images, int(found["action"]))
+            return cls(int(found["vector"]), images, int(found["action"]), int(found.get("truth", 0)))
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise UserError(
                 "not a policy's layout", key="layout", expected="vector, images, action", got=found

@@ -87,7 +87,7 @@ class AsymmetricSAC(SAC):
         seed: int,
         device: str = "cpu",
     ):
-        layout = Layout.of(env.observation_space, env.action_space, modality.kinds)
+        layout = Layout.of(env.observation_space, env.action_space, modality.kinds, modality.truth)
         torch.manual_seed(seed)
 
         def networks() -> tuple[Actor, Callable[[], Critic]]:
@@ -145,7 +145,7 @@ class AsymmetricSAC(SAC):
         if self.demos is not None and self.new and len(self.replay):  # what is new explores far from demonstrations
             batch = mixed(batch, self.replay.sample(MEASURED_ON, images="none"))
         if self.new:
-            self.actor.scale.measure(batch.obs[VECTOR])
+            self.actor.scale.measure(self.actor.vector(batch.obs))
         for critic in (self.critic, self.critic_target):
             critic.scale.measure(critic.inputs(batch.obs))
         self.measured = True

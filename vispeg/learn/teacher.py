@@ -10,11 +10,12 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.learn.layout import PRIVILEGED, VECTOR
+from vispeg.learn.modalities import modality
 from vispeg.learn.policy import load
 
-HOLE = slice(
-    3, 6
-)  # of `privileged`: where the hole is, relative to its nominal place, in the units of the relative position
+# of `privileged`: where the hole is, relative to its nominal place, in the units of the relative position; and how far
+# from it the policy believes it to be
+HOLE, MISTAKE = slice(3, 6), slice(6, 9)
 
 
 class Teacher(Protocol):
@@ -33,7 +34,8 @@ def knowing(obs: Mapping[str, np.ndarray], size: int) -> dict[str, np.ndarray]:
     """A student's observation as a `state` policy would have it that believes the truth about the hole.
 
     A student's relative position counts from the hole's nominal place; a teacher's from where the hole is. The two
-    differ by the hole's displacement, the same in every stacked observation.
+    differ by the hole's displacement, the same in every stacked observation. Who believes the truth makes no mistake
+    about the hole, and of the ground truth that part is 0.
 
     Args:
         obs: `policy` (n, stack size) and `privileged` (n, k) at least.
@@ -41,7 +43,9 @@ def knowing(obs: Mapping[str, np.ndarray], size: int) -> dict[str, np.ndarray]:
     """
     seen = obs[VECTOR].reshape(len(obs[VECTOR]), -1, size).copy()
     seen[:, :, :3] -= obs[PRIVILEGED][:, None, HOLE]
-    return {VECTOR: seen.reshape(obs[VECTOR].shape).astype(np.float32)}
+    truth = obs[PRIVILEGED].copy()
+    truth[:, MISTAKE] = 0.0
+    return {VECTOR: seen.reshape(obs[VECTOR].shape).astype(np.float32), PRIVILEGED: truth}
 
 
 class StateTeacher:
@@ -92,20 +96,22 @@ def teacher_of(source: str | Path, config: Any) -> StateTeacher:
     """A teacher for students of a task.
 
     Args:
-        source: a state policy's folder, or `expert` for the scripted one.
+        source: folder of a policy of `peg-state` or `peg-privileged`, or `expert` for the scripted one.
         config: the task's TaskConfig.
 
     Raises:
-        UserError: not a policy, not a state policy, or one that was made for another stack of observations.
+        UserError: not a policy, one that is not told where the hole is, or one that was made for another stack of observations.
     """
     from vispeg.task.observe import policy_size
+    from vispeg.task.simulation import TARGET_KNOWN
 
     size = policy_size(config)
     if str(source) == "expert":
         return StateTeacher(Scripted(config), size)
     policy = load(source)
-    if policy.modality != "state":
-        raise UserError("a teacher knows the state", file=source, expected="a state policy", got=policy.modality)
+    if modality(policy.modality).obs_mode not in TARGET_KNOWN:
+        expected = "a policy of peg-state or peg-privileged"
+        raise UserError("a teacher knows the state", file=source, expected=expected, got=policy.modality)
     if policy.actor.layout.vector != config.stack * size:
         raise UserError(
             "the teacher was made for another stack of observations or other directions of motion",

@@ -9,6 +9,7 @@ from typing import Any, get_args, get_type_hints
 
 from vispeg.core.errors import UserError
 from vispeg.robots.scene import SceneConfig
+from vispeg.task.reward import REWARDS
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,8 @@ class TaskConfig:
         success_lateral: greatest distance of the tip from the hole's axis there, m; 0 for half the peg's diameter.
         success_force: greatest contact force there, N; 0 for `force_abort`.
         dwell: policy steps in a row that all three must hold.
-        reward_scale: m, distance at which the dense reward is -1.
+        reward: `shaped` or `paper`, see vispeg.task.reward.
+        reward_scale: m, d0 of the shaped reward.
         cameras: that policies with images look through.
         image_size: px of the shorter side of an image, the field of view kept; 0 for the cameras' own.
     """
@@ -70,6 +72,7 @@ class TaskConfig:
     success_lateral: float = 0.0
     success_force: float = 0.0
     dwell: int = 1
+    reward: str = "shaped"
     reward_scale: float = 0.05
     cameras: tuple[str, ...] = ("wrist_wide", "wrist_crop")
     image_size: int = 48
@@ -94,6 +97,8 @@ class TaskConfig:
             )
         if not self.dof or any(d not in DOF for d in self.dof) or len(set(self.dof)) < len(self.dof):
             raise UserError("unknown directions", key="dof", got=self.dof, choices=DOF)
+        if self.reward not in REWARDS:
+            raise UserError("unknown reward", key="reward", got=self.reward, choices=REWARDS)
         low, high = self.start_height
         if not 0.002 <= low <= high <= 0.2:
             raise UserError(

@@ -21,7 +21,7 @@ from vispeg.task.config import DOF, TaskConfig
 from vispeg.task.control import PoseControl
 from vispeg.task.observe import Stack, observation, policy_part, policy_size
 from vispeg.task.outcome import Track
-from vispeg.task.reward import BONUS, reward
+from vispeg.task.reward import REWARDS, Moment
 from vispeg.task.seen import PHYSICS, felt, shown
 
 DOWN = np.array([0.0, 1.0, 0.0, 0.0])  # flange z straight down, wxyz
@@ -198,7 +198,8 @@ class PegSimulation:
         site = cell.site_rotation("flange")
         self.wrench[:, :3] = -np.einsum("nij,nj->ni", site, recent[:, :3]) - self.tare
         self.wrench[:, 3:] = -np.einsum("nij,nj->ni", site, recent[:, 3:])
-        gain = reward(tip, c.success_depth * c.depth, forces.max(axis=0), c.reward_scale)
+        reward, goal = REWARDS[c.reward], np.array([0.0, 0.0, -c.success_depth * c.depth])
+        gain = reward.dense(Moment(tip, goal, forces.max(axis=0), self.action, c.reward_scale))
         tilt, slip = self.tilt(), cell.qpos[:, cell.slip]
         terminated, truncated = np.zeros(self.nsim, dtype=bool), self.count >= c.steps
         records: list[dict[str, Any] | None] = [None] * self.nsim
@@ -207,7 +208,7 @@ class PegSimulation:
             category = "diverged" if self.diverged[i] else track.verdict(c)
             terminated[i] = category is not None
             if category is not None:
-                gain[i] += BONUS if category == "success" else -BONUS
+                gain[i] += reward.success if category == "success" else reward.abort
             elif truncated[i]:
                 category = track.at_time(c)
             if category is not None:

@@ -32,7 +32,7 @@ WORLD = Format(FORMAT, "a world", keys=("name", "about", "base", "model", "task"
 FILES = 100  # that a world may be put together from: bases that name bases can be many times that
 # fields of TaskConfig that policies and results of before do not know: at its default, such a field is not in the hash,
 # so that theirs stays what it was; whoever adds a field adds it here
-LATER = ("fixture", "block", "success_lateral", "success_force")
+LATER = ("fixture", "block", "success_lateral", "success_force", "reward")
 RENDERER = {"backend": ("auto", "classic", "raycast", "filament"), "shadows": (False, True)}
 
 

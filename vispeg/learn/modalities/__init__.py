@@ -25,6 +25,7 @@ class Modality:
         encoder: (key, (C, H, W)) -> a module from raw images (n, C, H, W) to (n, features) with an attribute
             `features`.
         summary: one line for people.
+        truth: whether it also reads the ground truth (`privileged`) that critics do: for teachers, as no robot has it.
     """
 
     name: str
@@ -32,6 +33,7 @@ class Modality:
     kinds: tuple[str, ...]
     encoder: Callable[[str, tuple[int, int, int]], nn.Module]
     summary: str
+    truth: bool = False
 
 
 def enrol(modality: Modality) -> Modality:

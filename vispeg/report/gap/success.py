@@ -53,7 +53,7 @@ def picture(values: Mapping[str, Any]) -> str:
         for i, policy in enumerate(policies):
             colour, seen = colours[policy["name"]], not words.role(policy)
             style: dict[str, Any] = {"color": colour, "alpha": 0.45 if policy["blind"] else 0.9}
-            if policy["modality"] == "state":
+            if words.role(policy).startswith("teacher"):
                 style = {"facecolor": "none", "edgecolor": colour, "linewidth": 1.2}
             for j, world in enumerate(worlds):
                 e = found.get((policy["name"], world))

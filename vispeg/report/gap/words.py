@@ -12,7 +12,12 @@ CONTROLS = {
     "frozen": "first image for ever",
     "hole_fixed": "hole at its nominal place",
 }
-ROLES = {"": "", "state": "teacher, told the hole", "proprio": "blind"}  # modalities that do not look for the hole
+ROLES = {  # of modalities that do not look for the hole
+    "": "",
+    "state": "teacher, told the hole",
+    "privileged": "teacher, told hole and physics",
+    "proprio": "blind",
+}
 
 
 def percent(value: float | None) -> str:
