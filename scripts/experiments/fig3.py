@@ -3,9 +3,10 @@
     python scripts/experiments/fig3.py --seeds 1 2 3
 
 The comparison of Fig. 3 in Kaspar and Bock, "Reinforcement Learning with Cartesian Commands and Sim to Real Transfer
-for Peg in Hole Tasks", on this project's task: success and return against environment steps. Every run has the same budget; every run's best checkpoint by its own evaluations is
-judged on the same held-out episodes in the world without randomization and the one with it, whichever it was trained
-in. A command that was stopped goes on when given again; results and picture are made anew after every run.
+for Peg in Hole Tasks", on this project's task: success and return against environment steps. Every run has the same
+budget; every run's best checkpoint by its own evaluations is judged on the same held-out episodes in the world without
+randomization and the one with it, whichever it was trained in. A command that was stopped goes on when given again;
+results and picture are made anew after every run.
 """
 
 from __future__ import annotations

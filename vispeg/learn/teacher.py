@@ -100,7 +100,8 @@ def teacher_of(source: str | Path, config: Any) -> StateTeacher:
         config: the task's TaskConfig.
 
     Raises:
-        UserError: not a policy, one that is not told where the hole is, or one that was made for another stack of observations.
+        UserError: not a policy, one that is not told where the hole is, or one that was made for another stack of
+            observations.
     """
     from vispeg.task.observe import policy_size
     from vispeg.task.simulation import TARGET_KNOWN

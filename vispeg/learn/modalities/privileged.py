@@ -1,4 +1,4 @@
-"""Privileged: the state, and the ground truth that critics see: friction, mass, latency, contact. A teacher that knows."""
+"""Privileged: the state, and the ground truth that critics see: friction, mass, latency, contact; a teacher."""
 
 from vispeg.learn.modalities import Modality, blind, enrol
 
