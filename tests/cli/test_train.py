@@ -7,7 +7,8 @@ import pytest
 pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
 
-from vispeg.learn.config import Stage, TrainConfig  # noqa: E402
+from vispeg.learn.config import Stage, TrainConfig, read_config  # noqa: E402
+from vispeg.task.vector import spaces, world_of  # noqa: E402
 
 
 @pytest.fixture
@@ -70,6 +71,16 @@ def test_a_curriculum_leads_to_the_worlds_own_clearance(asked, tmp_path):
     assert asked("--start-radius", "0.005", "0.01").stages == (Stage(None, 0.005, 0.5), Stage(None, 0.01), Stage())
 
 
+def test_stack_directions_and_reward_are_asked_for_and_kept_through_the_runs_file(asked, tmp_path):
+    config = asked("--stack", "4", "--dof", "x", "y", "z", "rx", "--reward", "paper", "--clearance", "1")
+    config.write(tmp_path / "config.yaml")
+    settings = read_config(tmp_path / "config.yaml").settings
+    task = world_of(config.world, dict(settings))[1]
+    assert (task.stack, task.dof, task.reward) == (4, ("x", "y", "z", "rx"), "paper")
+    assert spaces(task, "state", ())[0]["policy"].shape == (4 * (12 + 4 + 6),)
+    assert asked().settings == {}
+
+
 @pytest.mark.parametrize(
     ("args", "words"),
     [
@@ -77,6 +88,9 @@ def test_a_curriculum_leads_to_the_worlds_own_clearance(asked, tmp_path):
         (["--clearance", "1", "--curriculum", "2", "3"], ["--curriculum", "widest first"]),
         (["--start-radius", "0.01", "0.005"], ["--start-radius", "nearest first", "below the 0.02 m"]),
         (["--ranges", "adaptive", "--world", "searching", "--curriculum", "6"], ["ranges", "a curriculum opens"]),
+        (["--stack", "4", "--recurrent", "64"], ["--stack", "a memory and a stack"]),
+        (["--dof", "x", "q"], ["dof", "unknown directions", "choices: x, y, z, rx, ry, rz"]),
+        (["--stack", "0"], ["stack", "too small"]),
         (["--ranges", "schedule", "--recipe", "distill"], ["ranges", "distillation alone"]),
         (["--ranges", "wide"], ["--ranges", "adaptive"]),
         (["--steps", "0"], ["steps", "at least 1"]),

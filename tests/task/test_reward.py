@@ -26,7 +26,7 @@ def test_shaped_is_its_equation_at_one_point():
 
 
 def test_paper_is_its_equations_at_one_point():
-    """(20, 20, 50) mm cost 0.1 * 0.0574 + 0.9 * 0.09 = 0.0867; full motion along two axes costs 0.001; force nothing."""
+    """(20, 20, 50) mm cost 0.1 * 0.0574 + 0.9 * 0.09 = 0.0867; full motion of two axes costs 0.001; force nothing."""
     at = moment(GOAL - [0.02, 0.02, 0.05], force=100.0, action=(1.0, -1.0, 0.0))
     assert paper(at)[0] == pytest.approx(-(0.1 * np.sqrt(0.0033) + 0.9 * 0.09) - 0.001, abs=1e-12)
 
