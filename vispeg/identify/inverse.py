@@ -21,6 +21,7 @@ from vispeg.recordings.noise import highpass_sigma
 from vispeg.recordings.recording import Control, Recording
 from vispeg.sim.compiled import compiled
 from vispeg.sim.nominal import dense
+from vispeg.sim.physics import EffectLoop, total
 from vispeg.sim.placement import activate
 from vispeg.sim.segment import Segment
 from vispeg.sim.state import DriveState, Fields
@@ -77,17 +78,11 @@ class TorqueEvidence(Evidence):
         needed += fields["jnt_stiffness"][0, joint] * (seg.q - fields["qpos_spring"][0, spring])
         x = DriveState(1e-3, 1e-3, seg.q, seg.dq, ddq, needed.copy(), np.ones_like(needed))
         dry = np.broadcast_to(fields["dof_frictionloss"][0, dof], needed.shape).copy()
-        for a in active:
-            if a.effect.overrides("friction"):
-                dry += a.effect.friction(None, x, a.p)
-        needed = needed + dry * np.tanh(seg.dq / STICK)
-        for a in active:
-            if a.effect.overrides("torque"):
-                needed = needed - a.effect.torque(None, x, a.p)
-        for a in active:
-            if a.effect.overrides("inverse"):
-                needed = a.effect.inverse(needed, item.recording.torque_sensor, a.p)
-        return needed
+        loop = EffectLoop(active)
+        needed = needed + loop.friction(x, dry) * np.tanh(seg.dq / STICK)
+        beside = total(*loop.torque(x))
+        needed = needed if beside is None else needed - beside
+        return loop.inverse(needed, item.recording.torque_sensor)
 
     def _body(self, i: int, world: World) -> tuple[np.ndarray, np.ndarray]:
         """Inertia (m, nj, nj) and bias torque (m, nj) along a motion: each sample is a row of one batch; remembered."""

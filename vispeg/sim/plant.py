@@ -14,10 +14,10 @@ from mujoco import batch as mjb
 from vispeg.core.world import World
 from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import columns, compiled
-from vispeg.sim.placement import activate
+from vispeg.sim.physics import EffectLoop, Forces, derive
+from vispeg.sim.placement import Active, activate
 from vispeg.sim.state import DriveState, Fields
 
-GEAR = 80  # drive stages from here on lie behind the motor, where its current no longer tells
 STIFF_FRICTION = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # impedance at which dry friction stops a joint within one step
 
 
@@ -33,6 +33,7 @@ class Plant:
 
     Attributes:
         x: the state that effects read.
+        loop: the effects at work.
     """
 
     x: DriveState
@@ -44,29 +45,26 @@ class Plant:
         self.qadr = columns([self.model.joint(j).qposadr[0] for j in robot.joints])
         self.vadr = columns([self.model.joint(j).dofadr[0] for j in robot.joints])
         self.u = columns([self.model.actuator(j).id for j in robot.joints])
-        self.active = activate(robot, worlds)
+        self.loop = EffectLoop(self._active(worlds))
+        self.active = self.loop.active
         self.batch.expand("opt.timestep")[:] = h
         self._write()
+
+    def _active(self, worlds: Sequence[World]) -> list[Active]:
+        return activate(self.robot, worlds)
 
     def _write(self) -> None:
         """Effects that are numbers in the model."""
         fields = Fields(self.batch, self.robot)
         for a in self.active:
             a.effect.write(fields, a.p)
-        if fields.touched:
-            keep = {n: self.batch.expand(n).copy() for n in fields.touched if n.startswith("qpos")}
-            self.batch.set_const()
-            for name, values in keep.items():  # set_const derives the spring references anew
-                self.batch.expand(name)[:] = values
-        self.friction = [a for a in self.active if a.effect.overrides("friction")]
-        if self.friction or "dof_frictionloss" in fields.touched:
+        derive(self.batch, fields)
+        self.dry: np.ndarray | None = None
+        if self.loop.frictions or "dof_frictionloss" in fields.touched:
             self.loss = self.batch.expand("dof_frictionloss")
             self.dry = self.loss[:, self.vadr].copy()
             self.batch.expand("dof_solref")[:, self.vadr] = (2 * self.h, 1.0)
             self.batch.expand("dof_solimp")[:, self.vadr] = STIFF_FRICTION
-        self.drives = [a for a in self.active if a.effect.overrides("drive")]
-        self.extra = [a for a in self.active if a.effect.overrides("torque")]
-        self.senses = [a for a in self.active if a.effect.overrides("observe")]
         self.armature, self.damping = self._row_field("dof_armature"), self._row_field("dof_damping")
         self.damped, self.late = bool(self.damping.any()), self.damping * self.h
 
@@ -94,14 +92,11 @@ class Plant:
         self.half = np.zeros_like(self.acc)
         self.first, self.pushed = True, False
         self.x = DriveState(self.h, self.tick, q.copy(), dq.copy(), np.zeros_like(self.acc), weight.copy(), inertia)
-        self._begin()
-        if self.senses:  # the encoders, not the links, start at the measured angles
+        self.loop.begin(self.x)
+        if self.loop.senses:  # the encoders, not the links, start at the measured angles
             self.qpos[:, self.qadr] += q - self.measure()[0]
             self.x.q = self.qpos[:, self.qadr].copy()
-            self._begin()
-
-    def _begin(self) -> None:
-        self.states = {a.effect.name: a.effect.start(self.x, a.p) for a in self.active}
+            self.loop.begin(self.x)
 
     def read(self) -> None:
         """True joint motion at this instant, into `x`."""
@@ -112,36 +107,24 @@ class Plant:
 
     def measure(self) -> tuple[np.ndarray, np.ndarray]:
         """What the encoders make of `x`: (nsim, nj) rad and rad/s."""
-        q, dq = self.x.q, self.x.dq
-        for a in self.senses:
-            q, dq = a.effect.observe(self.states[a.effect.name], q, dq, self.x, a.p)
-        return q, dq
+        return self.loop.read(self.x.q, self.x.dq, self.x)
+
+    def forces(self, command: np.ndarray) -> Forces:
+        """What the effects make of `command` (nsim, nj) N m in the step that comes; sets the dry friction."""
+        forces = self.loop.forces(command, self.x, self.dry)
+        if forces.friction is not None:
+            self.loss[:, self.vadr] = forces.friction
+        return forces
 
     def step(self, command: np.ndarray, hold: np.ndarray | float) -> np.ndarray:
         """One physics step under `command` (nsim, nj) N m and a torque `hold` at the links; gives the motor torque."""
-        tau = command
-        motor = None
-        for a in self.drives:
-            if motor is None and a.effect.order >= GEAR:
-                motor = tau
-            tau = a.effect.drive(self.states[a.effect.name], tau, self.x, a.p)
-        motor = tau if motor is None else motor
-        if self.friction:
-            level = self.dry.copy()
-            for a in self.friction:
-                level += a.effect.friction(self.states[a.effect.name], self.x, a.p)
-            self.loss[:, self.vadr] = level
-        drive_side, link_side = None, hold
-        for a in self.extra:
-            t = a.effect.torque(self.states[a.effect.name], self.x, a.p)
-            if a.effect.side() == "drive":
-                drive_side = t if drive_side is None else drive_side + t
-            else:
-                link_side = link_side + t
+        forces = self.forces(command)
+        tau = forces.drive
+        beside = hold if forces.beside is None else forces.beside + hold
         # the kick spans half of the last step and half of this one
         self.ctrl[:, self.u] = tau if self.first else 0.5 * (tau + self.last)
         self.last = tau
-        self._apply(link_side if drive_side is None else drive_side + link_side)
+        self._apply(beside)
         # velocity forces act at the whole step, the position moves with the half step's
         half, before = self.half, self.x.dq
         self.qvel[:, self.vadr] = before
@@ -154,12 +137,12 @@ class Plant:
             half, self.first = 0.5 * self.h * self.acc, False
         self.qvel[:, self.vadr] = velocity - half
         self.qpos[:, self.qadr] = angle - self.h * half
-        self.x.tau = tau if drive_side is None else tau + drive_side
+        self.x.tau = tau if forces.geared is None else tau + forces.geared
         if self.damped:
             self.x.tau = self.x.tau + self.damper[:, self.vadr]
         self.x.tau = self.x.tau + self.constraint[:, self.vadr]
         self.x.tau -= self.armature * self.acc
-        return motor
+        return forces.motor
 
     def _apply(self, torque: np.ndarray | float) -> None:
         """Torques beside the motors'; MuJoCo damps at the end of the step, which is stable but a step late: that step

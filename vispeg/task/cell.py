@@ -10,9 +10,10 @@ import numpy as np
 from vispeg.core.effect import effect
 from vispeg.core.world import World
 from vispeg.robots.scene import Scene
+from vispeg.sim.physics import derive
 from vispeg.sim.placement import Active, activate
 from vispeg.sim.plant import Plant
-from vispeg.sim.restart import RowFields, merged
+from vispeg.sim.restart import RowFields
 from vispeg.sim.state import Fields
 
 CONSTANT = frozenset(mujoco.MjModel._setconst_inputs)  # fields that other fields are derived from
@@ -24,6 +25,10 @@ BAD = [
 
 class Cell(Plant):
     """Cells with effects, one a row; see Plant. Contact is resolved by MuJoCo's own semi-implicit step.
+
+    That step's positions are second order where its velocity is read as that of the half step and a command is taken
+    to begin in the middle of its first step. Plant also makes forces of velocity second order, at twice the cost of a
+    step; here friction, damping and Coriolis terms are half a step late.
 
     Args:
         scene: the nominal cell.
@@ -42,16 +47,18 @@ class Cell(Plant):
         self.sensors = self.batch.bind("sensordata")
         self.slip = self.model.joint("peg_slip").qposadr[0]
         self.qposes = np.arange(self.model.nq)[self.qadr]
+        self.dofs = np.arange(self.model.nv)[self.vadr]
+        self.bodies = self.model.dof_bodyid[self.dofs]
         self.warned = np.zeros(self.nsim, dtype=np.int64)
         self.external = np.zeros((self.nsim, 3))  # N, pushes at the flange, world frame
         self.outer = self.batch.bind("xfrc_applied")
         self.hand = int(self.model.site_bodyid[self.site["flange"]])
 
-    def _write(self) -> None:
-        known = {a.effect.name for a in self.active}
+    def _active(self, worlds: Sequence[World]) -> list[Active]:
+        active = super()._active(worlds)
+        known = {a.effect.name for a in active}
         absent = [Active(effect(n), self._null(n)) for n in self.names if n not in known]
-        self.active = sorted([*self.active, *absent], key=lambda a: (a.effect.order, a.effect.name))
-        super()._write()
+        return sorted([*active, *absent], key=lambda a: (a.effect.order, a.effect.name))
 
     def _null(self, name: str) -> dict[str, np.ndarray]:
         kind = effect(name)
@@ -77,11 +84,8 @@ class Cell(Plant):
         for name, values in fresh.values.items():
             self.batch.expand(name)[rows] = values
         if CONSTANT & set(fresh.values):
-            keep = {n: self.batch.expand(n).copy() for n in fresh.values if n.startswith("qpos")}
-            self.batch.set_const()
-            for name, values in keep.items():
-                self.batch.expand(name)[:] = values
-        if self.friction or "dof_frictionloss" in fields.touched:
+            derive(self.batch, fields)
+        if self.dry is not None:
             self.dry[rows] = self.loss[rows][:, self.vadr]
         self.armature, self.damping = self._row_field("dof_armature"), self._row_field("dof_damping")
         self.batch.reset(ids=rows, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
@@ -91,9 +95,8 @@ class Cell(Plant):
         self.external[rows] = 0.0
         self.acc[rows] = 0.0
         self.x.q[rows], self.x.dq[rows], self.x.ddq[rows], self.x.tau[rows] = q, 0.0, 0.0, weight
-        for a in self.active:
-            name = a.effect.name
-            self.states[name] = merged(self.states[name], a.effect.start(self.x, a.p), rows)
+        self.last[rows] = weight
+        self.loop.restart(self.x, rows)
         self.warned[rows] = self._warnings()[rows]
         self.batch.forward(ids=rows)
 
@@ -104,43 +107,47 @@ class Cell(Plant):
         """(nsim,) rows that MuJoCo found not finite and put back to the start since they began."""
         return self._warnings() > self.warned
 
-    def read(self) -> None:
-        """True joint motion at this instant, into `x`."""
-        self.x.q = self.qpos[:, self.qadr].copy()
-        self.x.dq = self.qvel[:, self.vadr].copy()
-        self.x.ddq = self.acc
+    def start(self, q: np.ndarray, dq: np.ndarray, weight: np.ndarray, inertia: np.ndarray) -> None:
+        """See Plant.start; a drive carries `weight` before its first command."""
+        self.last = weight.copy()
+        self.wrench, self.axis = self.batch.bind("cfrc_int"), self.batch.bind("cdof")
+        self.spring = self.batch.bind("qfrc_spring")
+        super().start(q, dq, weight, inertia)
 
     def advance(self, command: np.ndarray, nsub: int) -> None:
         """`nsub` physics steps under the held command (nsim, nj) N m."""
         self.outer[:, self.hand, :3] = self.external
-        if not (self.drives or self.extra or self.friction):  # nothing to be asked between the steps
-            self.ctrl[:, self.u] = command
-            before = self.qvel[:, self.vadr].copy()
-            self.batch.step(nstep=nsub)
-            self.acc = (self.qvel[:, self.vadr] - before) / (self.h * nsub)
+        if not self.loop.acts:  # nothing to be asked between the steps
+            self._move(command)
+            if nsub > 1:
+                self._move(command, nsub - 1)
             return
         for sub in range(nsub):
             if sub:
                 self.read()
-            self._substep(command)
+            forces = self.forces(command)
+            if forces.beside is not None:
+                self.applied[:, self.vadr] = forces.beside
+            self._move(forces.drive)
+            self.x.tau = self._geared(forces.link)
 
-    def _substep(self, command: np.ndarray) -> None:
-        tau = command
-        for a in self.drives:
-            tau = a.effect.drive(self.states[a.effect.name], tau, self.x, a.p)
-        if self.friction:
-            level = self.dry.copy()
-            for a in self.friction:
-                level += a.effect.friction(self.states[a.effect.name], self.x, a.p)
-            self.loss[:, self.vadr] = level
-        self.ctrl[:, self.u] = tau
-        if self.extra:
-            parts = [a.effect.torque(self.states[a.effect.name], self.x, a.p) for a in self.extra]
-            self.applied[:, self.vadr] = np.sum(parts, axis=0)
+    def _move(self, tau: np.ndarray, nstep: int = 1) -> None:
+        """Steps under the torque `tau` (nsim, nj) N m; the first kick spans half of the last step, half of this one."""
+        self.ctrl[:, self.u] = 0.5 * (tau + self.last)
+        self.last = tau
         before = self.qvel[:, self.vadr].copy()
-        self.batch.step()
-        self.acc = (self.qvel[:, self.vadr] - before) / self.h
-        self.x.tau = tau
+        self.batch.step(nstep=nstep)
+        self.acc = (self.qvel[:, self.vadr] - before) / (self.h * nstep)
+
+    def _geared(self, link: np.ndarray | None) -> np.ndarray:
+        """Torque (nsim, nj) N m that the gears handed to the links: what goes through the joints less what acts beside.
+
+        The wrench between neighbouring links along the joint's axis, MuJoCo's `cfrc_int`, is what Plant sums up from
+        the drive's parts; here contact forces are among the constraint forces, and do not pass through the gear alone.
+        """
+        through = np.einsum("njk,njk->nj", self.axis[:, self.dofs], self.wrench[:, self.bodies])
+        through -= self.spring[:, self.vadr]
+        return through if link is None else through - link
 
     def site_position(self, name: str) -> np.ndarray:
         """World position (nsim, 3) m of `hole`, `peg_tip` or `flange`."""

@@ -226,7 +226,9 @@ class PegSimulation:
             "peak_force": t.peak,
             "lateral_error": t.lateral,
             "depth": t.depths[-1],
-            "force_profile": np.concatenate(t.forces).astype(np.float32),
+            "force_profile": tuple(
+                np.concatenate(t.forces).tolist()
+            ),  # not an array: gymnasium stacks these, of one length
             "world": self.values(i),
         }
 

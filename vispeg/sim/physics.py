@@ -1,0 +1,153 @@
+"""What effects do in a physics step, asked in one place for identification, inverse dynamics and training alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from vispeg.effects._delay import DelayLine
+from vispeg.sim.placement import Active
+from vispeg.sim.state import DriveState, Fields
+
+GEAR = 80  # drive stages from here on lie behind the motor, where its current no longer tells
+
+
+@dataclass(frozen=True)
+class Forces:
+    """What the effects make of a command in one physics step, each (nsim, nj) N m.
+
+    Attributes:
+        drive: torque that leaves the last stage of the drive.
+        motor: torque before the gear, which the motor's current tells.
+        geared: torque of effects that sit in the drive, so that a sensor behind the gear sees it; None without any.
+        link: torque of effects that act on the link; None without any.
+        friction: level of the joints' dry friction; None where it is the model's own and constant.
+    """
+
+    drive: np.ndarray
+    motor: np.ndarray
+    geared: np.ndarray | None
+    link: np.ndarray | None
+    friction: np.ndarray | None
+
+    @property
+    def beside(self) -> np.ndarray | None:
+        """Torque beside the drive's, (nsim, nj); None where there is none."""
+        return total(self.geared, self.link)
+
+
+class EffectLoop:
+    """The effects at work in a batch, in the order of their drive stage, with the states that they carry.
+
+    Args:
+        active: effects with their parameters.
+    """
+
+    def __init__(self, active: Sequence[Active]):
+        self.active = list(active)
+        self.drives = [a for a in active if a.effect.overrides("drive")]
+        self.frictions = [a for a in active if a.effect.overrides("friction")]
+        self.torques = [a for a in active if a.effect.overrides("torque")]
+        self.senses = [a for a in active if a.effect.overrides("observe")]
+        self.inverses = [a for a in active if a.effect.overrides("inverse")]
+        self.states: dict[str, Any] = {a.effect.name: None for a in active}
+
+    @property
+    def acts(self) -> bool:
+        """Whether anything must be asked between two physics steps."""
+        return bool(self.drives or self.frictions or self.torques)
+
+    def begin(self, x: DriveState) -> None:
+        """All rows begin in the state `x`."""
+        self.states = {a.effect.name: a.effect.start(x, a.p) for a in self.active}
+
+    def restart(self, x: DriveState, rows: np.ndarray) -> None:
+        """Rows (indices) begin anew in the state `x`; the others go on."""
+        for a in self.active:
+            name = a.effect.name
+            self.states[name] = merged(self.states[name], a.effect.start(x, a.p), rows)
+
+    def forces(self, command: np.ndarray, x: DriveState, dry: np.ndarray | None) -> Forces:
+        """One step under `command` (nsim, nj) N m, with the model's own dry friction `dry` (nsim, nj) N m."""
+        tau, motor = command, None
+        for a in self.drives:
+            if motor is None and a.effect.order >= GEAR:
+                motor = tau
+            tau = a.effect.drive(self.states[a.effect.name], tau, x, a.p)
+        level = self.friction(x, dry) if self.frictions and dry is not None else None
+        return Forces(tau, tau if motor is None else motor, *self.torque(x), level)
+
+    def friction(self, x: DriveState, dry: np.ndarray) -> np.ndarray:
+        """Level (nsim, nj) N m of dry friction, given the model's own."""
+        level = dry.copy()
+        for a in self.frictions:
+            level += a.effect.friction(self.states[a.effect.name], x, a.p)
+        return level
+
+    def torque(self, x: DriveState) -> tuple[np.ndarray | None, np.ndarray | None]:
+        """Torques (nsim, nj) N m that no actuator commands: in the drive, and on the link."""
+        geared, link = None, None
+        for a in self.torques:
+            t = a.effect.torque(self.states[a.effect.name], x, a.p)
+            if a.effect.side() == "drive":
+                geared = total(geared, t)
+            else:
+                link = total(link, t)
+        return geared, link
+
+    def read(self, q: np.ndarray, dq: np.ndarray, x: DriveState) -> tuple[np.ndarray, np.ndarray]:
+        """What the encoders make of q (nsim, nj) rad and dq rad/s."""
+        for a in self.senses:
+            q, dq = a.effect.observe(self.states[a.effect.name], q, dq, x, a.p)
+        return q, dq
+
+    def inverse(self, needed: np.ndarray, sensor: str) -> np.ndarray:
+        """What a torque sensor (`joint` or `motor`) reads (n, nj) where the link needs `needed`, N m."""
+        for a in self.inverses:
+            needed = a.effect.inverse(needed, sensor, a.p)
+        return needed
+
+
+def total(a: np.ndarray | None, b: np.ndarray | None) -> np.ndarray | None:
+    """The sum of two torques that may be absent."""
+    return b if a is None else a if b is None else a + b
+
+
+def derive(batch: Any, fields: Fields) -> None:
+    """Brings up to date what MuJoCo derives from the fields that effects wrote, and keeps what they wrote.
+
+    `set_const` takes spring references and the like from `qpos0`, and would undo an effect that writes them.
+    """
+    if not fields.touched:
+        return
+    keep = {n: batch.expand(n).copy() for n in fields.touched if n.startswith("qpos")}
+    batch.set_const()
+    for name, values in keep.items():
+        batch.expand(name)[:] = values
+
+
+def merged(old: Any, new: Any, rows: np.ndarray) -> Any:
+    """The effect state `old` with `rows` (indices) taken from `new`, a state that `start` made for all rows.
+
+    States are None, arrays whose leading axis is the simulation, delay lines, or dicts and tuples of these.
+
+    Raises:
+        TypeError: a state of another type, which nobody could begin anew row by row.
+    """
+    if isinstance(old, dict):
+        return {k: merged(v, new[k], rows) for k, v in old.items()}
+    if isinstance(old, tuple):
+        return tuple(merged(a, b, rows) for a, b in zip(old, new, strict=True))
+    if isinstance(old, np.ndarray):
+        old = old.copy()
+        old[rows] = new[rows]
+        return old
+    if isinstance(old, DelayLine):
+        old.forget(rows)
+        return old
+    if old is None:
+        return new
+    raise TypeError(f"an effect's state of type {type(old).__name__} cannot begin anew row by row")
