@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from vispeg.cli.main import main
@@ -51,6 +52,8 @@ def test_a_gap_from_records_and_a_robots_csv(vispeg, tmp_path, invented):
         (("evaluate", "expert", "--controls", "frosen", "--out", "g"), "did you mean 'frozen'"),
         (("evaluate", "expert", "expert", "--out", "g"), "two policies called expert"),
         (("sensitivity", "expert", "--out", "g"), "nothing to sweep"),
+        (("sensitivity", "expert", "--sweep", "camera-shift", "--out", "g"), "expert (state) looks at none"),
+        (("sensitivity", "expert", "--sweep", "friction", "--sweep", "light", "--out", "g"), "changes images alone"),
         (("perturb", "expert", "--force", "60", "20", "--out", "g"), "not a push"),
         (("suite", "run", "expert", "--out", "g"), "no target"),
         (("suite", "run", "expert", "--train", "nominal", "--target", "nominal", "--out", "g"), "the same"),
@@ -75,7 +78,11 @@ def test_the_scripted_policy_succeeds_and_a_second_call_plays_nothing(vispeg, tm
     args = ("evaluate", "expert", "--world", "nominal", "--episodes", "6", "--videos", "0", "--quiet", "--out", "ev")
     code, out, err = vispeg(*args)
     assert code == 0 and "100 %" in out, err
+    told = "expert: 6 of 6: 61 to 100 %; to tell it within 5 points takes up to 367 episodes"
+    assert told in out and told in json.loads((tmp_path / "ev" / "evaluate.json").read_text())["notes"]
     page = (tmp_path / "ev" / "evaluate.html").read_text()  # an evaluation is not a gap
+    assert "6 of 6 succeed, so 61 to 100 %</h1>" in page and told in page
+    assert "training seeds:" not in page, "nobody trained the scripted policy"
     assert "<title>vispeg evaluate</title>" in page and "transfer gap" not in page
     assert not list((tmp_path / "ev").glob("gap.*"))
     first = (tmp_path / "ev" / "episodes.jsonl").read_bytes()
@@ -191,6 +198,45 @@ def test_a_recorded_episode_is_filmed_without_being_played_and_the_film_says_how
     assert outcomes[1] in (tmp_path / "g/gap.html").read_text()
     values = json.loads((tmp_path / "g/gap.json").read_text())
     assert [r["success"]["value"] for r in values["success"]] == [1.0, 0.5]
+
+
+@pytest.mark.parametrize(
+    ("lost", "filmed"),
+    [([], [0, 1]), ([3], [3, 0]), ([1, 2, 3], [1, 2])],
+    ids=["nothing is lost", "one is", "more are lost than films asked for"],
+)
+def test_so_many_seeds_of_every_policy_are_filmed_and_those_that_are_lost_first(
+    vispeg, tmp_path, played, monkeypatch, lost, filmed
+):
+    from vispeg.evaluate.film import Clip
+
+    shots = []
+
+    def shoot(job, seed):
+        shots.append((job.entrant.name, job.world_name, seed - 1_000_000))
+        return Clip(np.zeros((2, 16, 16, 3), np.uint8), None, "success", 1.0)
+
+    monkeypatch.setattr("vispeg.evaluate.media.film", shoot)
+    monkeypatch.setattr("vispeg.evaluate.media.write_video", lambda path, frames: path.with_suffix(".mp4"))
+    played(lambda job, seed: job.world_name == "nominal" or seed - 1_000_000 not in lost)
+    args = ("gap", "expert", "twin=expert", "--worlds", "nominal", "randomized", "--controls", "--episodes", "4")
+    monkeypatch.setattr("vispeg.report.gap.pairs.data_uri", lambda folder, name: "data:")
+    code, _, err = vispeg(*args, "--videos", "2", "--out", "g")
+    assert code == 0, err
+    both = [(p, w, s) for p in ("expert", "twin") for s in filmed for w in ("nominal", "randomized")]
+    assert shots == both
+    listed = json.loads((tmp_path / "g/media.json").read_text())
+    assert [(m["policy"], m["seed"] - 1_000_000) for m in listed] == [
+        (p, s) for p in ("expert", "twin") for s in filmed
+    ]
+    shots.clear()
+    assert (
+        vispeg("gap", "expert", "--worlds", "nominal", "--controls", "--episodes", "4", "--videos", "1", "--out", "h")[
+            0
+        ]
+        == 0
+    )
+    assert shots == [("expert", "nominal", 0)]
 
 
 def small_suite(path, n=9):

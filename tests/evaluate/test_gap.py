@@ -105,6 +105,16 @@ def test_unpaired_seeds_of_a_robot_are_compared_as_independent_samples():
     assert not row["paired"] and (row["gap"]["low"], row["gap"]["high"]) == pytest.approx((0.0524, 0.3339), abs=5e-5)
 
 
+def test_a_rate_says_what_its_episodes_can_tell_and_the_scripted_policy_lacks_no_training_seeds():
+    few, many = gap(exact("a", "S", 4, 4) + exact("expert", "S", 4, 4)), gap(exact("a", "S", 1960, 2000))
+    assert [(r["words"], r["needed"]) for r in few["success"]] == [("4 of 4: 51 to 100 %", 384)] * 2
+    assert many["success"][0]["needed"] is None
+    networks = gap([e for t in range(3) for e in exact("a", "S", 2 + t, 4, t)])
+    assert networks["success"][0]["needed"] is None, "more episodes do not make three networks more"
+    assert [n for n in few["notes"] if "training seeds" in n] == [n for n in few["notes"] if n.startswith("a ")] != []
+    assert [(p["scripted"], p["train_seeds"]) for p in few["policies"]] == [(False, [0]), (True, [])]
+
+
 def test_pairing_takes_only_shared_seeds():
     table = Table(exact("a", "S", 50) + exact("a", "T", 50)[:60])
     y = table.aligned("a", ["S", "T"])

@@ -79,13 +79,18 @@ class Args:
         settings = [Setting(self.world, world.name, task=task, control=c) for c in ("", *self.controls)]
         jobs = make_jobs(who, settings, seeds_of(self.episodes, self.seed), out / "worlds", profile=True)
         episodes = play_all(jobs, out, self.workers, self.quiet)
-        values = gap(episodes, world.name, seed=self.seed)
+        scripted = [e.name for e in who if e.scripted]
+        values = gap(episodes, world.name, seed=self.seed, scripted=scripted)
+        values["notes"] += [words.told(r) for r in values["success"] if r["needed"]]
         media = film_failures(jobs, episodes, out / "media", self.videos) if self.videos else []
         write_text_atomic(out / "media.json", json.dumps(media) + "\n", overwrite=True)
         values = write_result(out, "evaluate.json", values, self.seed, [e.path for e in who if e.path.exists()])
         page = write(out, "evaluate", overwrite=True)
         heads = ("policy", "success", "time", "peak force", "failures")
         print_table(heads, [_row(r, words) for r in values["success"]])
+        for r in values["success"]:
+            if r["needed"]:
+                print(words.told(r))
         for c in values["comparisons"]:
             print(f"{c['first']} - {c['second']}: {words.lost(c['difference'])} points, {c['verdict']}")
         print(page)

@@ -45,7 +45,7 @@ class Args:
     robot: str = "robot"
     """The name of the measured target in tables."""
     videos: int = 2
-    """Seeds of each policy filmed in the first world and the last; 0 for none."""
+    """Seeds of each policy filmed in the first world and the last, those that are lost on the way first; 0 for none."""
     fine_tuned: bool = False
     """Allow policies that were trained or fine-tuned in a target."""
     seed: int = 0
@@ -64,7 +64,7 @@ class Args:
         from vispeg.cli.evaluation import measured, open_folder, print_table, write_result
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
-        from vispeg.evaluate.entrants import entrants
+        from vispeg.evaluate.entrants import EXPERT, entrants
         from vispeg.evaluate.gap import gap
         from vispeg.evaluate.records import append, read_all
         from vispeg.report.gap import words
@@ -81,7 +81,8 @@ class Args:
         episodes = {e.key: e for e in [*known, *played]}
         every = [*episodes.values(), *robot.episodes]
         targets = [*names, *([self.robot] if robot.episodes else [])]
-        values = gap(every, names[0], targets, self.seed, robot.notes)
+        scripted = [e.name for e in who if e.scripted] if who else [EXPERT]
+        values = gap(every, names[0], targets, self.seed, robot.notes, scripted)
         if not self.policies:
             (out / "episodes.jsonl").unlink(missing_ok=True)
             append(out / "episodes.jsonl", every)
@@ -141,8 +142,9 @@ class Args:
         return names, jobs, play_all(jobs, out, self.workers, self.quiet)
 
     def _films(self, jobs, episodes, names):  # type: ignore[no-untyped-def]
-        from vispeg.evaluate.media import film_pairs
+        from vispeg.evaluate.media import film_seeds
 
-        if not self.videos or not jobs or len(names) < 2:
+        if not self.videos or not jobs:
             return []
-        return film_pairs(jobs, episodes, names[0], names[-1], self.out / "media", self.videos)
+        ends = list(dict.fromkeys((names[0], names[-1])))
+        return film_seeds(jobs, episodes, ends, self.out / "media", self.videos)

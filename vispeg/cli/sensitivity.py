@@ -1,7 +1,8 @@
 """Success against one parameter of one effect, as a curve with bands: how wrong may a camera be, how late a command.
 
 SWEEP is focal-length, camera-shift, camera-turn, depth-noise, light, latency, image-latency, friction, or
-EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,... Writes OUT/sensitivity.json and OUT/sensitivity.html.
+EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,... What only images show is swept with policies that see. Writes
+OUT/sensitivity.json and OUT/sensitivity.html.
 
 Example:
     vispeg sensitivity runs/depth/best --world S --sweep focal-length --episodes 200 --out focal
@@ -55,6 +56,7 @@ class Args:
             raise UserError("nothing to sweep", key="--sweep", expected="a sweep", choices=sensitivity.SWEEPS)
         who, world = entrants(self.policies), load_world(self.world)
         sweeps = [sensitivity.sweep(text) for text in self.sweep]
+        sensitivity.refuse_unseen(sweeps, who)
         out = open_folder(self.out, "sensitivity.json", self.overwrite)
         settings = [s for what in sweeps for s in sensitivity.settings(self.world, world.name, what)]
         jobs = make_jobs(who, settings, seeds_of(self.episodes, self.seed), out / "worlds")

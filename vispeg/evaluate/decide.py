@@ -10,9 +10,10 @@ pairs that was seen) is said.
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
-from vispeg.evaluate.intervals import Estimate
+from vispeg.evaluate.intervals import Estimate, Z
 from vispeg.evaluate.significance import ALPHA, pairs_needed
 
 MARGIN = 0.05
@@ -33,6 +34,22 @@ def decide(difference: Estimate, p: float | None = None, margin: float = MARGIN)
     if -margin <= difference.low and difference.high <= margin:
         return "equal"
     return CANNOT_TELL
+
+
+def rate_words(rate: Estimate) -> str:
+    """What the episodes can tell of a success rate: `4 of 4: 51 to 100 %`."""
+    return f"{round(rate.value * rate.n)} of {rate.n}: {100 * rate.low:.0f} to {100 * rate.high:.0f} %"
+
+
+def episodes_needed(rate: Estimate) -> int | None:
+    """Episodes that would tell one network's success rate to within the margin, None where these do.
+
+    Wald's number for a half-width as large as the margin, at the rate within the interval that needs most.
+    """
+    if max(rate.high - rate.value, rate.value - rate.low) <= MARGIN:
+        return None
+    p = min(max(rate.low, 0.5), rate.high)
+    return math.ceil(Z**2 * p * (1 - p) / MARGIN**2)
 
 
 def needed(discordant: float, margin: float = MARGIN) -> int:

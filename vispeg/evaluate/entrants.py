@@ -46,6 +46,11 @@ class Entrant:
     parts: Mapping[str, str] = field(default_factory=dict)
     clearance_mm: float | None = None
 
+    @property
+    def scripted(self) -> bool:
+        """Whether it is the scripted policy, which nobody trained."""
+        return self.digest == EXPERT
+
 
 def entrant(text: str) -> Entrant:
     """`FOLDER`, `NAME=FOLDER`, or `expert` (the scripted policy). A folder that is not there may be a shipped policy.

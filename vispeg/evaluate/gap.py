@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -15,6 +15,7 @@ from vispeg.evaluate import decide
 from vispeg.evaluate.attribution import attribute, joint_of
 from vispeg.evaluate.categories import part
 from vispeg.evaluate.crossed import difference, rate
+from vispeg.evaluate.entrants import EXPERT
 from vispeg.evaluate.intervals import Estimate, unpaired_difference
 from vispeg.evaluate.modalities import compare
 from vispeg.evaluate.ranks import FEWEST, Prediction, predict
@@ -31,6 +32,7 @@ def gap(
     worlds: Sequence[str] = (),
     seed: int = 0,
     notes: Sequence[str] = (),
+    scripted: Collection[str] = (EXPERT,),
 ) -> dict[str, Any]:
     """Everything that a gap report shows, ready for JSON.
 
@@ -40,6 +42,7 @@ def gap(
         worlds: the order of worlds in tables; empty: the order in which they come.
         seed: of the bootstrap and the permutation tests.
         notes: what else is to be known about the episodes.
+        scripted: policies that were not trained, and so have no training seeds.
 
     Returns:
         {format, reference, worlds, joint, factors, policies, success, gaps, attribution, comparisons, prediction,
@@ -61,7 +64,7 @@ def gap(
         "worlds": [{"name": w, "hash": table.hashes[w]} for w in order],
         "joint": joint,
         "factors": factors,
-        "policies": [_policy(table, p) for p in policies],
+        "policies": [_policy(table, p, p in scripted) for p in policies],
         "success": [
             row for c in ("", *table.controls) for p in policies for w in order for row in _success(table, p, w, c)
         ],
@@ -70,15 +73,16 @@ def gap(
         "comparisons": [_plain(c) for w in order for c in compare(table, w, policies)],
         "prediction": [row for w in targets for row in _prediction(table, reference, w, seed)],
         "categories": [row for p in policies for w in targets for row in _parting(table, p, reference, w, seed)],
-        "notes": [*_notes(table, order), *notes],
+        "notes": [*_notes(table, order, scripted), *notes],
         "rule": decide.RULE,
     }
 
 
-def _policy(table: Table, policy: str) -> dict[str, Any]:
+def _policy(table: Table, policy: str, scripted: bool) -> dict[str, Any]:
     seeds = sorted({t for cell, rows in table.cells.items() if cell.policy == policy for t in rows})
     modality = table.modality[policy]
-    return {"name": policy, "modality": modality, "train_seeds": seeds, "blind": modality == BLIND}
+    row = {"name": policy, "modality": modality, "train_seeds": [] if scripted else seeds, "blind": modality == BLIND}
+    return {**row, "scripted": scripted}
 
 
 def _success(table: Table, policy: str, world: str, control: str) -> list[dict[str, Any]]:
@@ -87,7 +91,11 @@ def _success(table: Table, policy: str, world: str, control: str) -> list[dict[s
         return []
     episodes = table.all(cell)
     row: dict[str, Any] = {"policy": policy, "modality": table.modality[policy], "world": world, "control": control}
-    row |= {"success": rate(table.outcomes(cell)).to_json(), "categories": dict(Counter(e.category for e in episodes))}
+    y = table.outcomes(cell)
+    found = rate(y)
+    more = decide.episodes_needed(found) if len(y) == 1 else None  # of several networks, more episodes are not the cure
+    row |= {"success": found.to_json(), "words": decide.rate_words(found), "needed": more}
+    row |= {"categories": dict(Counter(e.category for e in episodes))}
     for name in ("time", "peak_force"):
         values = np.array([getattr(e, name) for e in episodes if name != "time" or e.success], float)
         values = values[np.isfinite(values)]
@@ -167,7 +175,7 @@ def _parting(table: Table, policy: str, reference: str, world: str, seed: int) -
     return [{"policy": policy, "world": world, **found, "n": [len(first), len(second)]}]
 
 
-def _notes(table: Table, order: Sequence[str]) -> list[str]:
+def _notes(table: Table, order: Sequence[str], scripted: Collection[str]) -> list[str]:
     notes = [] if BLIND in table.modality.values() else [NO_BLIND]
     for policy in table.policies:
         missing = [w for w in order if not table.has(Cell(policy, w))]
@@ -179,7 +187,7 @@ def _notes(table: Table, order: Sequence[str]) -> list[str]:
             notes.append(
                 f"{policy} has {min(counts)} to {max(counts)} episodes a world; comparisons use the shared seeds"
             )
-        if len(_policy(table, policy)["train_seeds"]) < 3:
+        if policy not in scripted and len(_policy(table, policy, False)["train_seeds"]) < 3:
             notes.append(
                 f"{policy} has fewer than three training seeds: intervals speak of these networks, not of the recipe"
             )

@@ -16,6 +16,7 @@ from vispeg.evaluate.overlay import Change, overlay
 # run of two thousand
 FIRST_SEED = 1_000_000
 STATE_ROWS, IMAGE_ROWS = 50, 20
+EYELESS = ("state", "proprio")  # modalities without images; others are looked up where networks are
 
 
 @dataclass(frozen=True)
@@ -112,9 +113,7 @@ def make_jobs(
     Raises:
         UserError: a modality that this installation does not have, a world that cannot be.
     """
-    from vispeg.learn.modalities import modality
-
-    jobs, seeing = [], {e.modality: bool(modality(e.modality).kinds) for e in who}
+    jobs, seeing = [], {e.modality: has_eyes(e) for e in who}
     for s in settings:
         changes = (*s.changes, *HOLE_FIXED) if s.control == "hole_fixed" else s.changes
         label = "-".join(part for part in (s.name, s.configuration, s.control) if part)
@@ -127,6 +126,19 @@ def make_jobs(
             job = Job(e, str(made.path), s.name, made.hash, tuple(seeds), s.control, s.configuration, s.pushes, profile)
             jobs.append(replace(job, rows=rows))
     return jobs
+
+
+def has_eyes(who: Entrant) -> bool:
+    """Whether a policy looks at images.
+
+    Raises:
+        UserError: a modality that this installation does not have.
+    """
+    if who.modality in EYELESS:
+        return False
+    from vispeg.learn.modalities import modality
+
+    return bool(modality(who.modality).kinds)
 
 
 def seeds_of(episodes: int, seed: int = 0) -> list[int]:

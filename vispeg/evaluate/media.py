@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,35 +13,47 @@ from vispeg.evaluate.runner import failures
 from vispeg.evaluate.video import write_image, write_video
 
 
-def film_pairs(
-    jobs: Sequence[Job], episodes: Sequence[Episode], reference: str, target: str, folder: Path, most: int
+def film_seeds(
+    jobs: Sequence[Job], episodes: Sequence[Episode], worlds: Sequence[str], folder: Path, most: int
 ) -> list[dict[str, Any]]:
-    """Films up to `most` seeds a policy that succeed in `reference` and fail in `target`.
+    """Films `most` seeds a policy (its first training seed), each in all of `worlds`, the first and the last of a gap.
 
-    The stills show both sides at the step at which the failing one ended, or the last step of one that was done before.
+    Seeds that succeed in the first world and fail in the last come first, then those that fail in the last, in the
+    first, and in neither; of failures every category in turn. The stills show all sides at the step at which the last
+    one ended, or at the last step of one that was done before.
     """
     found = []
     by = {(e.policy, e.train_seed, e.world, e.seed): e for e in episodes if not e.control and not e.configuration}
-    for job in _first(jobs, target):
-        other = [j for j in jobs if j.entrant == job.entrant and j.world_name == reference and not j.control]
-        if not other:
-            continue
-        who = (job.entrant.name, job.entrant.train_seed)
-        lost = [by[*who, target, s] for s in job.seeds if _lost(by, who, s, reference, target)]
-        for e in failures(lost, most):
-            clips = [film(j, e.seed) for j in (other[0], job)]
-            step = len(clips[1].frames) - 1
-            stem = f"{e.policy}-{e.seed}"
-            sides = [
-                side(clip, world, folder, f"{stem}-{world}", step)
-                for clip, world in zip(clips, (reference, target), strict=True)
-            ]
-            found.append({"policy": e.policy, "seed": e.seed, "sides": sides})
+    for job in _first(jobs, worlds[-1]):
+        name, network = job.entrant.name, job.entrant.train_seed
+        played = {s: [by[name, network, w, s] for w in worlds] for s in job.seeds}
+        for seed in _worth_seeing(played)[:most]:
+            clips = [film(_like(job, w, jobs), seed) for w in worlds]
+            step = len(clips[-1].frames) - 1
+            named = zip(clips, worlds, strict=True)
+            sides = [side(clip, world, folder, f"{name}-{seed}-{world}", step) for clip, world in named]
+            found.append({"policy": name, "seed": seed, "sides": sides})
     return found
 
 
+def _like(job: Job, world: str, jobs: Sequence[Job]) -> Job:
+    """The job of the same network in another world."""
+    return next(j for j in jobs if j.entrant == job.entrant and j.world_name == world and not j.control)
+
+
+def _worth_seeing(played: Mapping[int, Sequence[Episode]]) -> list[int]:
+    """All seeds, in the order of `film_seeds`."""
+    groups = (
+        [row[-1] for row in played.values() if row[0].success],
+        [row[-1] for row in played.values()],
+        [row[0] for row in played.values()],
+    )
+    order = [e.seed for group in groups for e in failures(group, len(group))]
+    return list(dict.fromkeys([*order, *played]))
+
+
 def film_failures(jobs: Sequence[Job], episodes: Sequence[Episode], folder: Path, most: int) -> list[dict[str, Any]]:
-    """Films up to `most` failures a policy, every category in turn; for the page as `film_pairs`, with one side."""
+    """Films up to `most` failures a policy, every category in turn; for the page as `film_seeds`, with one side."""
     found = []
     for world in dict.fromkeys(j.world_name for j in jobs):
         for job in _first(jobs, world):
@@ -72,8 +84,3 @@ def _first(jobs: Sequence[Job], world: str) -> list[Job]:
         if job.world_name == world and not job.control and not job.configuration:
             found.setdefault(job.entrant.name, job)
     return list(found.values())
-
-
-def _lost(by: dict[Any, Episode], who: tuple[str, int], seed: int, reference: str, target: str) -> bool:
-    here, there = by.get((*who, reference, seed)), by.get((*who, target, seed))
-    return here is not None and there is not None and here.success and not there.success

@@ -7,7 +7,7 @@ correction.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,7 +16,8 @@ from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.evaluate.crossed import difference, rate
 from vispeg.evaluate.decide import CANNOT_TELL, decide
-from vispeg.evaluate.jobs import Setting
+from vispeg.evaluate.entrants import Entrant
+from vispeg.evaluate.jobs import Setting, has_eyes
 from vispeg.evaluate.overlay import Change
 from vispeg.evaluate.records import Episode
 from vispeg.evaluate.significance import holm, mcnemar
@@ -95,6 +96,19 @@ def sweep(text: str) -> Sweep:
         if not low <= v <= high:
             raise UserError("out of bounds", key="--sweep", expected=f"{low:g} to {high:g}", got=v)
     return Sweep(name, params, values, where or "*")
+
+
+def refuse_unseen(sweeps: Iterable[Sweep], who: Iterable[Entrant]) -> None:
+    """Raises UserError for a sweep of what is only seen, by a policy that sees nothing: its curve would be one number."""
+    for what in sweeps:
+        for e in who:
+            if effect(what.effect).kind in ("camera", "appearance") and not has_eyes(e):
+                raise UserError(
+                    f"{what.effect} changes images alone, and {e.name} ({e.modality}) looks at none",
+                    key="--sweep",
+                    expected="policies that see, or an effect that they feel, such as latency",
+                    got=what.label,
+                )
 
 
 def settings(world: str, name: str, what: Sweep) -> list[Setting]:

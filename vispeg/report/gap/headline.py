@@ -30,7 +30,7 @@ def context(values: Mapping[str, Any]) -> dict[str, Any]:
             lines.append({"policy": name, "words": g["words"], "cost": _dearest(values, name), "role": role})
     best = f"{figures[0][0]} keeps most in {target}: {figures[0][1]}" if lines else ""
     return {
-        "title": best or f"Success in {reference}",
+        "title": best or _evaluation(values),
         "lines": lines,
         "figures": figures[:MOST],
         "target": target or reference,
@@ -38,6 +38,15 @@ def context(values: Mapping[str, Any]) -> dict[str, Any]:
         "controls": _controls(values),
         "factors": values["factors"],
     }
+
+
+def _evaluation(values: Mapping[str, Any]) -> str:
+    """The title of an evaluation in one world: what the episodes of its only policy can tell, or that it compares."""
+    rows = [r for r in values["success"] if not r["control"]]
+    if len(rows) > 1:
+        return f"Success in {values['reference']}"
+    count, _, interval = rows[0]["words"].partition(": ")
+    return f"{rows[0]['policy']} in {values['reference']}: {count} succeed, so {interval}"
 
 
 def _dearest(values: Mapping[str, Any], policy: str) -> str:

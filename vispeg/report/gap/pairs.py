@@ -9,7 +9,7 @@ from typing import Any
 
 from vispeg.core.errors import UserError
 
-TITLE, SINGLE = "The same episode in two worlds", "Failures, filmed"
+TITLE, SINGLE = "The same episode in two worlds", "Episodes, filmed"
 TYPES = {".mp4": "video/mp4", ".png": "image/png", ".jpg": "image/jpeg"}
 
 

@@ -16,12 +16,14 @@ def context(values: Mapping[str, Any]) -> dict[str, Any]:
     """The picture, and rows of policies (then controls) by worlds."""
     worlds = [w["name"] for w in values["worlds"]]
     rows: dict[tuple[str, str], dict[str, Any]] = {}
+    roles = {p["name"]: words.role(p) for p in values["policies"]}
     for row in values["success"]:
         key = (row["policy"], row["control"])
         shown = rows.setdefault(key, {"name": words.name(row), "tag": "control", "cells": {}})
         shown["cells"][row["world"]] = row
         if not row["control"]:
-            shown["tag"] = "blind control" if words.role(row) == "blind" else words.role(row)
+            role = roles[row["policy"]]
+            shown["tag"] = "blind control" if role == "blind" else role
     table = []
     for row in rows.values():
         cells = [_cell(row["cells"].get(w)) for w in worlds]

@@ -12,8 +12,9 @@ CONTROLS = {
     "frozen": "first image for ever",
     "hole_fixed": "hole at its nominal place",
 }
-ROLES = {  # of modalities that do not look for the hole
+ROLES = {  # of modalities that do not look for the hole, and of the policy that was never trained
     "": "",
+    "scripted": "scripted, told the hole",
     "state": "teacher, told the hole",
     "privileged": "teacher, told hole and physics",
     "proprio": "blind",
@@ -58,7 +59,13 @@ def p_value(p: float | None) -> str:
 
 def role(policy: Row) -> str:
     """What sets a policy apart from those that see: `teacher, told the hole`, `blind`, or nothing."""
-    return ROLES.get(str(policy["modality"]), "")
+    return ROLES.get("scripted" if policy.get("scripted") else str(policy["modality"]), "")
+
+
+def told(row: Row) -> str:
+    """What the episodes of a row of `success` can tell, and how many could tell more."""
+    more = f"; to tell it within 5 points takes up to {row['needed']} episodes" if row.get("needed") else ""
+    return f"{name(row)}: {row['words']}{more}"
 
 
 def name(row: Row) -> str:
