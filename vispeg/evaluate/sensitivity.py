@@ -99,7 +99,7 @@ def sweep(text: str) -> Sweep:
 
 
 def refuse_unseen(sweeps: Iterable[Sweep], who: Iterable[Entrant]) -> None:
-    """Raises UserError for a sweep of what is only seen, by a policy that sees nothing: its curve would be one number."""
+    """Raises UserError for a sweep of what is only seen with a policy that sees nothing: its curve is a line."""
     for what in sweeps:
         for e in who:
             if effect(what.effect).kind in ("camera", "appearance") and not has_eyes(e):
