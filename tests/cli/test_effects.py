@@ -1,4 +1,4 @@
-"""`vispeg effects`: every effect is listed with what a user needs, and one is drawn without overwriting."""
+"""`vispeg effects`: every effect is listed with what a user needs, and one is explained, and drawn where asked."""
 
 import json
 import re
@@ -38,13 +38,19 @@ def test_the_page_on_formats_names_every_effect_and_no_other():
     assert set(named) == {n for n, kind in own.items() if kind.kind != "appearance"}
 
 
-def test_one_effect_is_explained_and_drawn_once(vispeg, refused, tmp_path):
+def test_one_effect_is_explained_and_drawn_only_where_asked(vispeg, tmp_path):
     code, out, _ = vispeg("effects", "coulomb_friction")
-    picture = tmp_path / "effect-coulomb_friction.png"
     assert code == 0 and "sign(dq)" in out and "N m" in out
+    assert not list(tmp_path.iterdir()), "nothing is dropped where the user stands"
+    assert vispeg("effects", "coulomb_friction", "--out", ".")[0] == 0
+    picture = tmp_path / "effect-coulomb_friction.png"
     first = picture.read_bytes()
     assert first.startswith(b"\x89PNG")
-    refused(["effects", "coulomb_friction"], "exists already", "--overwrite")
+    picture.write_bytes(first + b"mine")
+    code, out, _ = vispeg("effects", "coulomb_friction", "--out", ".")
+    assert code == 0 and "sign(dq)" in out and "--overwrite" in out, "explained also when its picture is there"
+    assert picture.read_bytes() == first + b"mine"
+    assert vispeg("effects", "coulomb_friction", "--out", ".", "--overwrite")[0] == 0
     assert picture.read_bytes() == first
 
 
@@ -62,4 +68,6 @@ def test_picture_of_friction_shows_the_servo_deflected_by_friction():
 
 def test_no_effect_no_picture(refused):
     refused(["effects", "coulomb"], "unknown effect", "did you mean 'coulomb_friction'")
-    refused(["effects", "payload", "--where", "joint3"], "no such place", "flange")
+    refused(["effects", "payload", "--where", "joint3", "--out", "."], "no such place", "flange")
+    refused(["effects", "payload", "--where", "flange"], "--where", "--out")
+    refused(["effects", "--out", "pictures"], "--out", "NAME")

@@ -95,37 +95,36 @@ class Calibrate:
 
 def show(results: dict[str, Any], out: Path) -> None:
     """Tables for a person: the numbers with their intervals, a row a view, the notes."""
-    from rich.console import Console
     from rich.markup import escape
-    from rich.table import Table
 
-    console, inner, eye = Console(soft_wrap=True, highlight=False), results["intrinsics"], results["hand_eye"]
-    table = Table("what", "value", "95 %", "unit", box=None, padding=(0, 1), header_style="dim")
+    from vispeg.report.tables import Column, Sheet, terminal
+
+    console, inner, eye = terminal(), results["intrinsics"], results["hand_eye"]
+    rows: list[list[str]] = []
     half = inner.get("half_width_95", {})
     for key, value in inner["values"].items():
         free = half.get(key, 0.0) > 0
         if value != 0 or free:
             width = f"+- {half[key]:.2g}" if free else "given" if not inner["fitted"] else "held"
-            table.add_row(key, f"{value:.5g}", width, "px" if key in ("fx", "fy", "cx", "cy") else "")
+            rows.append([key, f"{value:.5g}", width, "px" if key in ("fx", "fy", "cx", "cy") else ""])
     if eye is not None:
         for axis, value, width in zip("xyz", eye["pos_m"], eye["half_width_95"]["pos_m"], strict=True):
-            table.add_row(f"{axis} on {eye['parent']}", f"{1e3 * value:.2f}", f"+- {1e3 * width:.2g}", "mm")
+            rows.append([f"{axis} on {eye['parent']}", f"{1e3 * value:.2f}", f"+- {1e3 * width:.2g}", "mm"])
         for axis, width in zip("xyz", eye["half_width_95"]["turn_rad"], strict=True):
-            table.add_row(f"turn about its {axis}", "", f"+- {57.29578 * width:.2g}", "deg")
-        table.add_row("quaternion wxyz", " ".join(f"{value:.4f}" for value in eye["quat_wxyz"]))
-    console.print(table)
+            rows.append([f"turn about its {axis}", "", f"+- {57.29578 * width:.2g}", "deg"])
+        rows.append(["quaternion wxyz", " ".join(f"{value:.4f}" for value in eye["quat_wxyz"]), "", ""])
+    console.print(Sheet([Column(head) for head in ("what", "value", "95 %", "unit")], rows))
     keys = [key for key in ("reprojection_px", "through_robot_px", "misfit") if key in results["views"][0]]
     heads = {"reprojection_px": "reprojection px", "through_robot_px": "through robot px", "misfit": "misfit sigma"}
-    table = Table("image", "corners", *map(heads.__getitem__, keys), box=None, padding=(0, 1), header_style="dim")
-    for row in results["views"]:
-        table.add_row(escape(row["file"]), str(row["corners"]), *(f"{row[key]:.2f}" for key in keys))
-    console.print(table)
+    columns = [Column("image"), *(Column(head, right=True) for head in ("corners", *map(heads.__getitem__, keys)))]
+    views = [[row["file"], str(row["corners"]), *(f"{row[key]:.2f}" for key in keys)] for row in results["views"]]
+    console.print(Sheet(columns, views))
     line = f"{results['images']['used']} images, reprojection {inner['reprojection_px']:.2f} px RMS"
     if eye is not None:
         robot = eye["robot_error"]
         line += f", board origin scatter {eye['board_scatter_mm']:.1f} mm RMS"
         line += f"; robot's own error about {robot['mm']:.2g} mm, {robot['deg']:.2g} deg"
-    console.print(line)
+    console.print(line, soft_wrap=True)
     for note in results["notes"]:
-        console.print(f"  [yellow]![/yellow] {escape(note)}")
-    console.print(f"wrote {escape(str(out))}: camera.yaml, results.json, corners/")
+        console.print(f"  [yellow]![/yellow] {escape(note)}", soft_wrap=True)
+    console.print(f"wrote {escape(str(out))}: camera.yaml, results.json, corners/", soft_wrap=True)

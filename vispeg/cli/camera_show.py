@@ -25,32 +25,32 @@ class Show:
         import json
 
         import numpy as np
-        from rich.console import Console
-        from rich.markup import escape
-        from rich.table import Table
 
         from vispeg.render.camera_files import load_cameras, to_record
+        from vispeg.report.tables import Column, Sheet, terminal
 
         cameras = load_cameras(self.file)
         if self.json:
             print(json.dumps([to_record(camera) for camera in cameras], indent=2, allow_nan=False))
             return 0
         heads = ("camera", "px", "fx fy", "cx cy", "field deg", "lens k1 k2 p1 p2 k3", "on", "at m", "looks along")
-        table = Table(*heads, box=None, padding=(0, 1), header_style="dim")
+        rows = []
         for camera in cameras:
             field = [
                 2 * np.degrees(np.arctan(s / 2 / f)) for s, f in ((camera.width, camera.fx), (camera.height, camera.fy))
             ]
-            table.add_row(
-                escape(camera.name),
-                f"{camera.width}x{camera.height}",
-                f"{camera.fx:.1f} {camera.fy:.1f}",
-                f"{camera.cx:.1f} {camera.cy:.1f}",
-                f"{field[0]:.0f}x{field[1]:.0f}",
-                " ".join(f"{value:.3g}" for value in camera.distortion) if any(camera.distortion) else "none",
-                escape(camera.parent),
-                " ".join(f"{value:+.4f}" for value in camera.pos),
-                " ".join(f"{value:+.2f}" for value in camera.rotation[:, 2]),
+            rows.append(
+                [
+                    camera.name,
+                    f"{camera.width}x{camera.height}",
+                    f"{camera.fx:.1f} {camera.fy:.1f}",
+                    f"{camera.cx:.1f} {camera.cy:.1f}",
+                    f"{field[0]:.0f}x{field[1]:.0f}",
+                    " ".join(f"{value:.3g}" for value in camera.distortion) if any(camera.distortion) else "none",
+                    camera.parent,
+                    " ".join(f"{value:+.4f}" for value in camera.pos),
+                    " ".join(f"{value:+.2f}" for value in camera.rotation[:, 2]),
+                ]
             )
-        Console(soft_wrap=True, highlight=False).print(table)
+        terminal().print(Sheet([Column(head) for head in heads], rows))
         return 0

@@ -1,9 +1,11 @@
-"""Lists the effects that a model can have; with a name, explains one and draws what it does to a motion.
+"""Lists the effects that a model can have; with a name, explains one, and with --out draws what it does.
 
-The picture shows what the effect, at its typical size, changes in one joint under position control.
+The picture shows what the effect, at its typical size, changes in one joint under position control, or in the pictures
+of the cell's cameras.
 
 Example:
     vispeg effects
+    vispeg effects stribeck_friction
     vispeg effects stribeck_friction --where joint2 --out pictures
 """
 
@@ -12,8 +14,12 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import tyro
+
+if TYPE_CHECKING:
+    from vispeg.core.effect import Effect
 
 
 @dataclass(frozen=True)
@@ -26,18 +32,18 @@ class Args:
     """Where the picture puts the effect (a joint, a link, flange, base, all)."""
     robot: str = "iiwa14"
     """A robot's name or a path to an MJCF or URDF: it says which places there are."""
-    out: Path = Path(".")
-    """Folder for effect-NAME.png."""
+    out: Path | None = None
+    """Folder for the picture, effect-NAME.png; without it none is drawn."""
     overwrite: bool = False
-    """Replace the picture if it is there."""
+    """Draw the picture anew if it is there."""
     json: bool = False
     """Print JSON and draw nothing."""
 
     def run(self) -> int:
-        """Prints the table, or one effect's words, equation and parameters; draws its picture."""
+        """Prints the list, or one effect's words, equation and parameters; draws its picture where asked to."""
         import vispeg.effects  # noqa: F401  (enrols the library)
         from vispeg.core.effect import ARM, REGISTRY, effect
-        from vispeg.core.errors import UserError
+        from vispeg.effects.words import place
         from vispeg.report.catalogue import describe, print_catalogue, print_effect
         from vispeg.robots.model import load
         from vispeg.robots.scene import build
@@ -45,37 +51,49 @@ class Args:
         chosen = [effect(self.name)] if self.name else [REGISTRY[name] for name in sorted(REGISTRY)]
         arm, scene = load(self.robot), build()
         models = [arm if kind.kind in ARM else scene for kind in chosen]
+        self._check()
+        if self.where is not None:
+            place(chosen[0], self.where, models[0])
         if self.json:
             print(json.dumps([describe(kind, m) for kind, m in zip(chosen, models, strict=True)], indent=1))
-            return 0
-        if self.name is None:
+        elif self.name is None:
             print_catalogue(chosen, models)
-            return 0
-        if chosen[0].kind == "contact":  # felt, not seen
-            print_effect(chosen[0], scene)
-            return 0
-        path = self.out / f"effect-{self.name}.png"
+        else:
+            print_effect(chosen[0], models[0])
+            if self.out is not None:
+                print(self._picture(chosen[0], scene, self.out / f"effect-{self.name}.png"))
+        return 0
+
+    def _check(self) -> None:
+        """Raises UserError for arguments that would do nothing."""
+        from vispeg.core.errors import UserError
+
+        for flag, given in (("--where", self.where), ("--out", self.out)):
+            if given is not None and (self.name is None or self.json):
+                raise UserError("is about the picture of one effect", key=flag, expected="NAME, and no --json")
+        if self.where is not None and self.out is None:
+            raise UserError("says where the picture puts the effect", key="--where", expected="--out FOLDER beside it")
+
+    def _picture(self, kind: Effect, scene: Any, path: Path) -> str:
+        """Draws what the effect does; says where the picture lies, or why there is none."""
+        if kind.kind == "contact":
+            return "no picture: a contact is felt, not seen"
         if path.exists() and not self.overwrite:
-            raise UserError("exists already; name another folder with --out or pass --overwrite", file=path)
-        if chosen[0].kind in ("camera", "appearance"):
+            return f"picture: {path} (from before; --overwrite draws it anew)"
+        if kind.kind in ("camera", "appearance"):
             from vispeg.report.look import draw
 
-            print_effect(chosen[0], scene)
-            draw(chosen[0], self.where, scene, path, overwrite=self.overwrite)
-            print(f"picture: {path}")
-            return 0
+            draw(kind, self.where, scene, path, overwrite=self.overwrite)
+            return f"picture: {path}"
         from vispeg.identify.signature import signature
         from vispeg.report.signature import signature_panels
 
-        s = signature(self.name, self.where, robot=self.robot)
-        print_effect(chosen[0], arm)
-        sizes = ", ".join(f"{k} {v.value:g} {chosen[0].params[k].unit}" for k, v in s.placed.params.items())
+        s = signature(kind.name, self.where, robot=self.robot)
+        sizes = ", ".join(f"{k} {v.value:g} {kind.params[k].unit}" for k, v in s.placed.params.items())
         panels = [
             ("rad", {f"angle of {s.joint}, with less without": s.deviation}),
             ("N m", {f"motor torque of {s.joint}, with less without": s.torque}),
         ]
         over = {f"angle of {s.joint} (rad)": s.angle, f"speed of {s.joint} (rad/s)": s.speed}
-        title = f"{s.placed.label}\n{sizes}"
-        signature_panels(title, s.time, panels, path, against=over, overwrite=self.overwrite)
-        print(f"picture: {path}")
-        return 0
+        signature_panels(f"{s.placed.label}\n{sizes}", s.time, panels, path, against=over, overwrite=self.overwrite)
+        return f"picture: {path}"

@@ -60,14 +60,9 @@ def write_result(
 
 def print_table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     """A plain table."""
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
+    from vispeg.report.tables import Column, Sheet, terminal
 
-    table = Table(*heads, box=None, padding=(0, 2), header_style="dim")
-    for row in rows:
-        table.add_row(*map(escape, row))
-    Console(soft_wrap=True, highlight=False).print(table)
+    terminal().print(Sheet([Column(head) for head in heads], list(rows)))
 
 
 def check_episodes(episodes: int, workers: int) -> None:

@@ -1,23 +1,25 @@
-"""The library of effects as text: a table of all, or one in full."""
+"""The library of effects as text: a list of all, or one in full."""
 
 from __future__ import annotations
 
-import inspect
-import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, get_args
 
-from vispeg.core.effect import Effect
+from vispeg.core.effect import Effect, Kind
+from vispeg.core.params import Param
+from vispeg.report.effect_words import equation, summary, unit
+from vispeg.report.tables import Column, Sheet, terminal, wrapped
 
-
-def summary(kind: Effect) -> str:
-    """First line of the effect's own words."""
-    return (inspect.getdoc(type(kind)) or "").partition("\n")[0]
-
-
-def equation(kind: Effect) -> str:
-    """What its file says: equation, mechanism and source."""
-    return (sys.modules[type(kind).__module__].__doc__ or "").strip()
+WIDEST = 100  # columns that a list of sentences takes, however wide the terminal
+GROUPS = get_args(Kind)
+GROUP_WORDS = {
+    "joint": "friction, springs and play in a joint",
+    "drive": "between a command and the torque, and from a joint to its reading",
+    "body": "masses, and how the base stands",
+    "contact": "the peg, its grip, the hole, and what touches",
+    "camera": "what a lens, a sensor and a codec make of a picture",
+    "appearance": "colours, textures, lamps and surroundings",
+}
 
 
 def places(kind: Effect, robot: Any) -> str:
@@ -45,53 +47,62 @@ def describe(kind: Effect, robot: Any) -> dict[str, Any]:
 
 
 def print_catalogue(kinds: Sequence[Effect], models: Sequence[Any]) -> None:
-    """A table of effects, each with the robot or scene it acts on: where, parameters, bounds, null, what it is."""
-    from rich.console import Console
+    """The effects as a list, groups by kind: what each is, where it acts, its parameters with bounds and null."""
+    from rich.text import Text
 
-    table = _table("Effect", "Kind", "Where", "Parameter", "Unit", "From", "To", "Null", "What it is")
+    console = terminal()
+    width = min(console.width, WIDEST)
+    groups: dict[str, list[tuple[Effect, Any]]] = {}
     for kind, robot in zip(kinds, models, strict=True):
-        for i, (name, p) in enumerate(kind.params.items()):
-            first = i == 0
-            head = (kind.name, kind.kind, places(kind, robot)) if first else ("", "", "")
-            null = "shape" if p.shape else f"{p.null:g}"
-            what = summary(kind) if first else ""
-            table.add_row(*_safe(*head, name, p.unit, f"{p.low:g}", f"{p.high:g}", null, what))
-    _console(Console).print(table)
+        groups.setdefault(kind.kind, []).append((kind, robot))
+    text = Text(no_wrap=True, overflow="ignore")
+    for group in sorted(groups, key=GROUPS.index):
+        text.append(f"# {group}: {GROUP_WORDS[group]}\n", style="bold")
+        for kind, robot in groups[group]:
+            text.append(f"\n{kind.name}", style="bold").append(f"  {places(kind, robot)}\n", style="dim")
+            text.append(f"{_block(summary(kind), width, 2)}\n")
+            for name, p in kind.params.items():
+                text.append(f"{_block(f'{name}: {bounds(p)}', width, 4)}\n")
+        text.append("\n")
+    text.right_crop(2)
+    console.print(text)
 
 
 def print_effect(kind: Effect, robot: Any) -> None:
     """One effect: words, equation, places, parameters."""
-    from rich.console import Console
     from rich.text import Text
 
-    console = _console(Console)
-    console.print(Text(f"{kind.name}", style="bold").append(f"  {summary(kind)}", style="not bold"))
-    console.print(Text("\n" + equation(kind) + "\n"))
+    console = terminal()
+    console.print(Text(kind.name, style="bold").append(f"  {summary(kind)}", style="not bold"))
+    for paragraph in equation(kind).split("\n\n"):
+        lines = paragraph.splitlines()
+        flowing = not any(line.startswith(" ") for line in lines)  # else lines are where they should be
+        console.print(Text("\n" + (" ".join(lines) if flowing else paragraph)), width=min(console.width, WIDEST))
+    console.print()
     console.print(Text(f"where: {places(kind, robot)}"))
-    table = _table("Parameter", "Unit", "From", "To", "Null", "Typical", "What it is")
-    for name, p in kind.params.items():
-        null = "shape" if p.shape else f"{p.null:g}"
-        table.add_row(*_safe(name, p.unit, f"{p.low:g}", f"{p.high:g}", null, f"{p.start:g}", p.doc))
-    console.print(table)
+    heads = ("From", "To", "Null", "Typical")
+    columns = [Column("Parameter"), Column("Unit"), *(Column(head, right=True) for head in heads)]
+    rows = [
+        [
+            name,
+            unit(p.unit) or "-",
+            f"{p.low:g}",
+            f"{p.high:g}",
+            "shape" if p.shape else f"{p.null:g}",
+            f"{p.start:g}",
+            p.doc,
+        ]
+        for name, p in kind.params.items()
+    ]
+    console.print(Sheet([*columns, Column("What it is", prose=True)], rows))
 
 
-def _console(cls: Any) -> Any:
-    """A terminal's width, and a wide one for a file or a pipe: no column may be lost there."""
-    return cls(highlight=False) if sys.stdout.isatty() else cls(highlight=False, width=160)
+def bounds(p: Param) -> str:
+    """`0 to 30 N m, null 0`; a shape parameter has no null of its own."""
+    null = "shape" if p.shape else f"null {p.null:g}"
+    return f"{p.low:g} to {p.high:g} {unit(p.unit)}".rstrip() + f", {null}" + (f": {p.doc}" if p.doc else "")
 
 
-def _table(*columns: str) -> Any:
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
-    for name in columns:
-        numeric = name in ("From", "To", "Null", "Typical")
-        table.add_column(name, justify="right" if numeric else "left", overflow="fold")
-    return table
-
-
-def _safe(*cells: str) -> list[str]:
-    from rich.markup import escape
-
-    return [escape(cell) for cell in cells]
+def _block(text: str, width: int, indent: int) -> str:
+    """The text wrapped, every line `indent` columns in."""
+    return "\n".join(" " * indent + line for line in wrapped(text, width - indent))

@@ -16,6 +16,7 @@ from vispeg.effects.model_file import placed_dict
 from vispeg.identify.calibrate import Calibration, labels, strong_pairs
 from vispeg.identify.evidence import Evidence
 from vispeg.report import words
+from vispeg.report.tables import terminal
 from vispeg.report.terminal import effects_table, ladder_table
 
 HOPELESS = 5e5  # noise variances: where most readings are counted at the cap of a diverged rollout
@@ -85,10 +86,9 @@ def _honest(world: World, free: Sequence[int], before: float, after: float) -> l
 
 def print_fit(record: Mapping[str, Any], out: Path) -> None:
     """Prints errors before and after, values with intervals, and every doubt there is about them."""
-    from rich.console import Console
     from rich.text import Text
 
-    console = Console(highlight=False)
+    console = terminal()
     console.print(ladder_table(record))
     held = record["ladder"][-1]["heldout_error"] is not None
     console.print(

@@ -1,0 +1,110 @@
+"""In a narrow terminal and in a pipe every number, name and interval is whole: real processes, own widths."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+
+import pytest
+
+from vispeg.core.effect import REGISTRY
+from vispeg.report.sections.headline import effect_rows, ladder_rows
+from vispeg.report.terminal import _record, joints_table
+
+WIDTHS = [None, 80, 60]  # None: a pipe of which nothing is said
+
+
+def run(*args, columns=None, cwd=None):
+    """Standard output of `vispeg ARGS`, a pipe."""
+    environment = {k: v for k, v in os.environ.items() if k != "COLUMNS"}
+    if columns is not None:
+        environment["COLUMNS"] = str(columns)
+    command = [sys.executable, "-m", "vispeg", *map(str, args)]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=cwd, stdin=subprocess.DEVNULL)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def within(text, columns):
+    return [line for line in text.splitlines() if len(line) > (columns or 80) and "/" not in line]
+
+
+def whole(text, parts):
+    """Parts that no line has in one piece, between blanks."""
+    lines = text.splitlines()
+    return [p for p in parts if p and not any(re.search(rf"(?<!\S){re.escape(p)}(?!\S)", line) for line in lines)]
+
+
+@pytest.mark.parametrize("columns", WIDTHS)
+def test_the_list_of_effects(columns):
+    text = run("effects", columns=columns)
+    assert not within(text, columns)
+    assert not whole(text, REGISTRY) and re.findall(r"^# (\w+)", text, re.M) == [
+        "joint", "drive", "body", "contact", "camera", "appearance",
+    ]  # fmt: skip
+    ends = [f"{p.low:g} to {p.high:g}" for kind in REGISTRY.values() for p in kind.params.values()]
+    assert not [e for e in ends if not any(e in line for line in text.splitlines())]
+
+
+@pytest.mark.parametrize("columns", WIDTHS[1:])
+def test_one_effect(columns):
+    text = run("effects", "stribeck_friction", columns=columns)
+    assert not within(text, columns) and not whole(text, ["coulomb", "excess", "velocity", "rad/s", "0.005", "shape"])
+
+
+def test_compare(rigs, tmp_path):
+    text = run("compare", "iiwa14", "--recording", rigs["short"], "--out", "c", columns=60, cwd=tmp_path)
+    record = json.loads((tmp_path / "c" / "compare.json").read_text())
+    assert not within(text, 60) and not whole(text, [cell for row in joints_table(record).rows for cell in row])
+
+
+PRINTING = """
+import json, sys, pathlib
+from vispeg.report.fitted import print_fit
+from vispeg.report.terminal import print_comparison, print_diagnosis
+record = json.loads(sys.stdin.read())
+print_comparison(record, pathlib.Path("out"))
+print_diagnosis(record, pathlib.Path("out"))
+print_fit(record, pathlib.Path("out"))
+"""
+
+
+@pytest.mark.parametrize("columns", WIDTHS)
+def test_what_compare_fit_diagnose_and_demo_print(columns):
+    """As a process prints what took them seconds to minutes to find."""
+    small = {"value": -7.237e-7, "low": -2.836e-6, "high": 1.389e-6, "unit": "m"}
+    friction = {"effect": "coulomb_friction", "where": "joint4", "params": {"torque": {"value": 1.2}}}
+    joint = {"joint": "joint7", "error": 1.234e-4, "floor": 2.04e-5, "unit": "rad RMS", "torque_error": 0.236}
+    record = {
+        "verdict": "identified",
+        "effects": [
+            {"effect": "payload", "where": "flange", "params": {"y": small, "mass": {"value": 15.0}}},
+            friction,
+        ],
+        "ladder": [
+            {"model": "+ coulomb_friction(joint4)", "fit_error": 4.72e-5, "heldout_error": 4.01e-5, "unit": "rad RMS"}
+        ],
+        "joints": [{**joint, "times_floor": 6.05}],
+        "noise_floor": {"value": 2.04e-5, "unit": "rad RMS"},
+        **{"chi2": 1.0, "converged": True, "at_bound": [], "unidentifiable": [], "hardly_told_apart": []},
+        **{"starts": [], "notes": []},
+    }
+    environment = {**os.environ, "COLUMNS": "" if columns is None else str(columns)}
+    command = [sys.executable, "-c", PRINTING]
+    done = subprocess.run(command, input=json.dumps(record), capture_output=True, text=True, env=environment)
+    assert done.returncode == 0, done.stderr
+    cells = [row[k] for row in effect_rows(_record(record)) for k in ("value", "interval", "unit", "bound")]
+    cells += [row[k] for row in ladder_rows(_record(record)) for k in ("model", "fit", "heldout", "floor")]
+    cells += [cell for row in joints_table(record).rows for cell in row]
+    assert len(cells) > 15 and "at its bound" in cells
+    assert not within(done.stdout, columns) and not whole(done.stdout, cells)
+
+
+def test_cameras(tmp_path):
+    from vispeg.render.camera_files import save_cameras
+    from vispeg.render.standard import standard_cameras
+
+    save_cameras(tmp_path / "camera.yaml", standard_cameras()[:1])
+    text = run("camera", "show", "camera.yaml", columns=60, cwd=tmp_path)
+    assert not within(text, 60) and not whole(text, ["wrist_wide", "64x64", "75x75", "flange"])

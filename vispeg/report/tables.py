@@ -1,0 +1,108 @@
+"""Tables for a terminal of any width: a number, a name or an interval is never broken over two lines.
+
+What does not fit side by side is printed as a list, one block a row. A pipe or a file has 80 columns unless COLUMNS
+says otherwise, so that a redirected table reads as one on a screen does.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import Console, ConsoleOptions, RenderableType
+
+PIPED = 80  # columns of what is no terminal
+GAP = 2  # columns between cells
+PROSE = 24  # columns that a sentence needs at least
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: its heading, and whether it holds numbers (set right) or sentences (the only cells that may wrap)."""
+
+    head: str
+    right: bool = False
+    prose: bool = False
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """Rows of text under columns; a renderable of rich.
+
+    Attributes:
+        columns: the headings.
+        rows: a cell for each column; markup in them is not interpreted.
+        keys: how many leading cells name a row where rows are printed as a list.
+    """
+
+    columns: Sequence[Column]
+    rows: Sequence[Sequence[str]]
+    keys: int = 1
+
+    def width(self) -> int:
+        """Columns of the terminal that the rows need side by side."""
+        return sum(self._widths()) + GAP * (len(self.columns) - 1)
+
+    def _widths(self) -> list[int]:
+        from rich.cells import cell_len
+
+        found = []
+        for i, column in enumerate(self.columns):
+            cells = [column.head, *(row[i] for row in self.rows)]
+            widest = max(cell_len(line) for cell in cells for line in cell.split("\n"))
+            found.append(min(widest, PROSE) if column.prose else widest)
+        return found
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
+        yield self._table() if self.width() <= options.max_width else self._list(options.max_width)
+
+    def _table(self) -> Any:
+        from rich import box
+        from rich.table import Table
+        from rich.text import Text
+
+        padding = (0, GAP - 1, 0, 0)  # the box draws one more blank between columns
+        table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=padding, header_style="bold", show_edge=False)
+        for column, width in zip(self.columns, self._widths(), strict=True):
+            side: Any = "right" if column.right else "left"
+            table.add_column(column.head, justify=side, no_wrap=not column.prose, overflow="fold", min_width=width)
+        for row in self.rows:
+            table.add_row(*map(Text, row))
+        return table
+
+    def _list(self, width: int) -> Any:
+        """Blocks of `heading  cell` lines; cells without text are left out."""
+        from rich.text import Text
+
+        text = Text()
+        indent = 2 + GAP + max((len(" ".join(c.head.split())) for c in self.columns[self.keys :]), default=0)
+        for row in self.rows:
+            text.append(" ".join(cell for cell in row[: self.keys] if cell) + "\n", style="bold")
+            for column, cell in zip(self.columns[self.keys :], row[self.keys :], strict=True):
+                if cell:
+                    lines = wrapped(cell, width - indent) if column.prose else [cell]
+                    text.append(f"  {' '.join(column.head.split())}".ljust(indent), style="dim")
+                    text.append(f"\n{' ' * indent}".join(lines) + "\n")
+        text.right_crop(1)
+        text.no_wrap, text.overflow = True, "ignore"
+        return text
+
+
+def terminal() -> Console:
+    """The standard output as rich sees it, 80 columns wide where it is a pipe or a file."""
+    from rich.console import Console
+
+    if sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdigit():
+        return Console(highlight=False)
+    return Console(highlight=False, width=PIPED)
+
+
+def wrapped(text: str, width: int) -> list[str]:
+    """Lines of at most `width` columns, words kept whole."""
+    import textwrap
+
+    return textwrap.wrap(text, max(width, PROSE), break_long_words=False, break_on_hyphens=False) or [""]
