@@ -77,7 +77,7 @@ def osc(
     kd: np.ndarray,
     posture: np.ndarray | None = None,
     dof: np.ndarray | None = None,
-    force_limit: float | None = None,
+    force_limit: float | np.ndarray | None = None,
 ) -> np.ndarray:
     """Khatib's operational space law (IEEE J. Robotics and Automation 3(1), 1987, eqs. 17-20), no Coriolis, no gravity.
 
@@ -91,7 +91,7 @@ def osc(
         kp, kd: (n, 6) gains per unit mass, 1/s^2 and 1/s.
         posture: (n, nv) null-space torque tau_0, N m.
         dof: (6,) bool, the Cartesian directions that are controlled; the others are left free.
-        force_limit: greatest norm of the commanded force (first three components), N: a spring that yields on contact.
+        force_limit: greatest norm of the commanded force (first three components), N, one or (n,).
 
     Returns:
         (n, nv) N m.

@@ -150,6 +150,7 @@ def _control(section: ControlSection, rate_hz: float, nj: int, file: Path) -> Co
         rate_hz=section.rate_hz or rate_hz,
         gravity_compensation=section.gravity_compensation,
         nullspace=None if null is None else Nullspace(null.kp, null.kd, np.array(null.q, float)),
+        force_limit=section.force_limit_n,
         **gains,
     )
 

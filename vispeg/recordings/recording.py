@@ -31,6 +31,7 @@ class Control:
     kp: np.ndarray | None = None
     kd: np.ndarray | None = None
     nullspace: Nullspace | None = None
+    force_limit: float | None = None  # N, osc: the greatest commanded force
 
 
 @dataclass(frozen=True)

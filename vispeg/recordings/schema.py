@@ -44,6 +44,7 @@ class ControlSection(_Section):
     kp: list[Gain] | None = None
     kd: list[Gain] | None = None
     nullspace: NullspaceSection | None = None
+    force_limit_n: Positive | None = None
 
 
 class ToolSection(_Section):

@@ -107,6 +107,8 @@ def _control(control: Control) -> dict[str, Any]:
     if control.nullspace is not None:
         null = control.nullspace
         out["nullspace"] = {"kp": float(null.kp), "kd": float(null.kd), "q": _plain(null.q)}
+    if control.force_limit is not None:
+        out["force_limit_n"] = float(control.force_limit)
     return out
 
 

@@ -38,6 +38,11 @@ class Controller:
             self.q_cmd = rows.by_tick(lambda s: s.command["q_cmd"])
             self.dq_cmd = rows.by_tick(lambda s: s.command.get("dq_cmd", np.zeros_like(s.q)))
         elif self.mode == "osc":
+            limits = [s.control.force_limit for s in rows.segments]
+            self.force_limit = None
+            if any(limit is not None for limit in limits):
+                bound = rows.constant(lambda s: np.inf if s.control.force_limit is None else s.control.force_limit, 1)
+                self.force_limit = bound[:, 0]
             self.ee_cmd = rows.by_tick(lambda s: s.command["ee_cmd"])
         elif self.mode == "torque":
             self.tau_cmd = rows.by_tick(lambda s: s.command["tau_cmd"] + once(s, robot, measured_gravity))
@@ -69,4 +74,5 @@ class Controller:
         posture = None
         if self.null is not None:
             posture = np.einsum("nij,nj->ni", mass, self.null.kp * (self.null.q - q) - self.null.kd * dq)
-        return osc(error, twist, mass, jac, self.kp, self.kd, posture) + self.compensation * weight
+        tau = osc(error, twist, mass, jac, self.kp, self.kd, posture, force_limit=self.force_limit)
+        return tau + self.compensation * weight
