@@ -14,11 +14,12 @@ from vispeg.core.world import World
 from vispeg.robots.model import load
 from vispeg.sim.compiled import compiled
 from vispeg.sim.placement import activate
-from vispeg.sim.state import Fields
+from vispeg.sim.state import DriveState, Fields
 
 EFFECTS = of_kind("contact")
 NAMES = sorted(EFFECTS)
 SENSES = ("dropped_readings", "encoder_noise")
+WRISTS = [n for n in NAMES if EFFECTS[n].overrides("wrench")]
 
 
 def placed(name: str, where: str, **values: float) -> World:
@@ -65,10 +66,26 @@ def sensed(worlds: list[World], ticks: int) -> np.ndarray:
     return np.array(out)
 
 
+def weighed(worlds: list[World], ticks: int, tick: float = 0.005) -> np.ndarray:
+    """Readings (ticks, nsim, 6) of a wrench whose numbers are 1 to 6 times a random walk, the same in every row."""
+    walk = np.cumsum(stream(2, "wrench").standard_normal(ticks))
+    still = np.zeros((len(worlds), 7))
+    x = DriveState(1e-3, tick, still, still, still, still, still)
+    active = activate(SCENE, worlds)
+    states = [a.effect.start(x, a.p) for a in active]
+    out = []
+    for level in walk:
+        wrench = np.tile(level * np.arange(1.0, 7.0), (len(worlds), 1))
+        for a, state in zip(active, states, strict=True):
+            wrench = a.effect.wrench(state, wrench, x, a.p)
+        out.append(wrench)
+    return np.array(out)
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_no_place_on_an_arm_alone_and_places_of_the_cell(name):
     assert EFFECTS[name].targets(load("iiwa14")) == []
-    assert set(EFFECTS[name].targets(SCENE)) <= {*SCENE.parts, *SCENE.joints, "scene", "hole"}
+    assert set(EFFECTS[name].targets(SCENE)) <= {*SCENE.parts, *SCENE.joints, "scene", "hole", "flange"}
     assert EFFECTS[name].targets(SCENE)
 
 
@@ -77,6 +94,9 @@ def test_null_is_bit_identical_to_no_effect(name):
     np.testing.assert_array_equal(*jammed([null(name), World()]))
     if name in SENSES:
         readings = sensed([null(name), World()], 20)
+        np.testing.assert_array_equal(readings[:, 0], readings[:, 1])
+    if name in WRISTS:
+        readings = weighed([null(name), World()], 20)
         np.testing.assert_array_equal(readings[:, 0], readings[:, 1])
     if EFFECTS[name].overrides("believe"):
         (a,) = activate(SCENE, [null(name)])
@@ -163,6 +183,39 @@ def test_dropped_readings_repeat_the_last_at_the_stated_rate_and_never_the_first
     assert not lost[0]
     np.testing.assert_array_equal(q[1:, 0][lost[1:]], q[:-1, 0][lost[1:]])
     assert abs(lost.mean() - chance) < 4 * np.sqrt(chance * (1 - chance) / n)
+
+
+def test_a_late_wrench_is_exactly_late_and_begins_with_its_first_reading():
+    """Of whole ticks exactly, between them halfway: against the oracle that looks the past up."""
+    true, late, between = np.moveaxis(
+        weighed([World(), *(placed("wrench_delay", "flange", delay=d) for d in (0.02, 0.0125))], 60), 1, 0
+    )
+    past = true[np.maximum(np.arange(60)[:, None] - np.arange(5), 0)]  # (60, 5, 6), the last five readings
+    np.testing.assert_array_equal(late, past[:, 4])
+    np.testing.assert_allclose(between, 0.5 * (past[:, 2] + past[:, 3]), rtol=1e-12)
+
+
+def test_wrench_noise_is_white_gaussian_of_its_own_for_each_force_and_torque():
+    n = 4000
+    worlds = [World(), *(placed("wrench_noise", "flange", force=0.3, torque=0.02, seed=s) for s in (5, 6, 5))]
+    readings = weighed(worlds, n)
+    off = readings[:, 1] - readings[:, 0]
+    np.testing.assert_allclose(off.std(axis=0), [0.3] * 3 + [0.02] * 3, rtol=0.05)
+    flat = off / off.std(axis=0)
+    assert np.abs(np.corrcoef(flat.T) - np.eye(6)).max() < 0.07
+    assert np.abs(np.mean(flat[1:] * flat[:-1], axis=0)).max() < 0.07, "white from tick to tick"
+    assert np.abs(np.mean(flat**4, axis=0) - 3).max() < 0.5, "Gaussian"
+    np.testing.assert_array_equal(readings[:, 3], readings[:, 1], err_msg="one seed, one stream, in any row")
+    assert np.abs(np.mean(flat * (readings[:, 2] - readings[:, 0]) / off.std(axis=0), axis=0)).max() < 0.07
+    np.testing.assert_array_equal(weighed(worlds[1:2], 50)[:, 0], readings[:50, 1])
+
+
+def test_gain_and_bias_of_the_wrench_are_an_affine_reading():
+    """Gain first, then bias, whichever is named first; the axes are those that are named."""
+    bias = {"fx": 1.0, "fy": -2.0, "fz": 3.0, "tx": 0.1, "ty": -0.2, "tz": 0.3}
+    both = placed("wrench_bias", "flange", **bias).add(Placed.of("wrench_gain", "flange", gain=0.9))
+    readings = weighed([World(), both], 20)
+    np.testing.assert_allclose(readings[:, 1], 0.9 * readings[:, 0] + list(bias.values()), rtol=1e-12, atol=1e-12)
 
 
 def _body(model: mujoco.MjModel, field: str, i: int) -> str:

@@ -47,6 +47,8 @@ def seen(worlds: list[World]) -> list[list[np.ndarray]]:
                 passed.append(a.effect.torque(state, x, a.p))
             if a.effect.overrides("friction"):
                 passed.append(a.effect.friction(state, x, a.p))
+            if a.effect.overrides("wrench"):
+                passed.append(a.effect.wrench(state, value[:, :6], x, a.p))
         if passed:
             out.append(np.swapaxes(np.array(passed), 0, 1))
         if a.effect.overrides("believe"):

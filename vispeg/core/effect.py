@@ -96,6 +96,13 @@ class Effect(ABC):
         """What the encoders make of joint angles and velocities, both (nsim, nj)."""
         return q, dq
 
+    def wrench(self, state: Any, wrench: np.ndarray, x: Any, p: Values) -> np.ndarray:
+        """What the wrist's force sensor makes of the wrench (nsim, 6) that the tool puts on the flange: N, N m.
+
+        Forces, then torques, at the flange and in its frame; asked once a control tick.
+        """
+        return wrench
+
     def reading_noise(self, sigma: float, p: Mapping[str, float]) -> float:
         """RMS of a measured angle about what the right model reads, rad, where the sensor's own noise is `sigma`."""
         return sigma

@@ -52,6 +52,7 @@ class EffectLoop:
         self.frictions = [a for a in active if a.effect.overrides("friction")]
         self.torques = [a for a in active if a.effect.overrides("torque")]
         self.senses = [a for a in active if a.effect.overrides("observe")]
+        self.wrists = [a for a in active if a.effect.overrides("wrench")]
         self.inverses = [a for a in active if a.effect.overrides("inverse")]
         self.states: dict[str, Any] = {a.effect.name: None for a in active}
 
@@ -103,6 +104,12 @@ class EffectLoop:
         for a in self.senses:
             q, dq = a.effect.observe(self.states[a.effect.name], q, dq, x, a.p)
         return q, dq
+
+    def feel(self, wrench: np.ndarray, x: DriveState) -> np.ndarray:
+        """What the wrist's force sensor makes of a wrench (nsim, 6) N, N m; to be asked once a control tick."""
+        for a in self.wrists:
+            wrench = a.effect.wrench(self.states[a.effect.name], wrench, x, a.p)
+        return wrench
 
     def inverse(self, needed: np.ndarray, sensor: str) -> np.ndarray:
         """What a torque sensor (`joint` or `motor`) reads (n, nj) where the link needs `needed`, N m."""

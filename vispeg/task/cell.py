@@ -114,6 +114,12 @@ class Cell(Plant):
         self.spring = self.batch.bind("qfrc_spring")
         super().start(q, dq, weight, inertia)
 
+    def felt(self) -> np.ndarray:
+        """What the wrist's force sensor says of the last step: (nsim, 6) N and N m that the tool puts on the flange, in
+        the flange's frame. To be asked once a control tick.
+        """
+        return self.loop.feel(-self.sensors[:, :6], self.x)
+
     def advance(self, command: np.ndarray, nsub: int) -> None:
         """`nsub` physics steps under the held command (nsim, nj) N m."""
         self.outer[:, self.hand, :3] = self.external

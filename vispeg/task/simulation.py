@@ -172,7 +172,7 @@ class PegSimulation:
                 if pushed:
                     self._pushes(k)
                 cell.advance(self.control.torque(q, dq, self.goal, self.rot), c.substeps)
-                wrenches[k] = cell.sensors[:, :6]
+                wrenches[k] = cell.felt()
                 force[k] = cell.sensors[:, 7:10]
             forces = np.linalg.norm(force, axis=2)
             cell.read()
@@ -196,8 +196,8 @@ class PegSimulation:
         tip = np.where(bad[:, None], 0.5, tip)
         recent = np.nan_to_num(wrenches[-4:].mean(axis=0))
         site = cell.site_rotation("flange")
-        self.wrench[:, :3] = -np.einsum("nij,nj->ni", site, recent[:, :3]) - self.tare
-        self.wrench[:, 3:] = -np.einsum("nij,nj->ni", site, recent[:, 3:])
+        self.wrench[:, :3] = np.einsum("nij,nj->ni", site, recent[:, :3]) - self.tare
+        self.wrench[:, 3:] = np.einsum("nij,nj->ni", site, recent[:, 3:])
         reward, goal = REWARDS[c.reward], np.array([0.0, 0.0, -c.success_depth * c.depth])
         gain = reward.dense(Moment(tip, goal, forces.max(axis=0), self.action, c.reward_scale))
         tilt, slip = self.tilt(), cell.qpos[:, cell.slip]

@@ -1,0 +1,28 @@
+"""Wrench delay: the wrist's force sensor says what was `delay` ago.
+
+Filters and buses of a force sensor. Readings are taken at control ticks; between them the past is interpolated linearly. No
+MuJoCo mechanism is used: a sensor's own `delay` counts physics steps and cannot differ from row to row. Source: a pure
+dead time, w'(t) = w(t - delay).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.params import Param
+from vispeg.effects._delay import DelayLine
+from vispeg.effects._wrist import WristEffect
+
+
+class WrenchDelay(WristEffect):
+    """Stale forces."""
+
+    name = "wrench_delay"
+    order = 20
+    params = {"delay": Param(0.0, 0.0, 0.2, "s", start=0.01, doc="age of a reading")}
+
+    def start(self, x, p):
+        return DelayLine(x.tick, p["delay"].max(initial=0.0))
+
+    def wrench(self, state, wrench, x, p):
+        return state(wrench, np.broadcast_to(p["delay"], wrench.shape))
