@@ -241,7 +241,7 @@ def test_controls_on_images_are_not_asked_of_policies_that_see_none(policy, tmp_
     assert jobs[0].world_hash != jobs[-1].world_hash
 
 
-def test_pushes_are_of_the_seed_horizontal_and_of_the_papers_size():
+def test_pushes_are_of_the_seed_horizontal_and_of_the_stated_size():
     drawn = [Pushes().draw(s) for s in range(200)]
     size = [np.hypot(f[0], f[1]) for f, _, _ in drawn]
     assert 20 <= min(size) < 25 and 55 < max(size) <= 60 and all(f[2] == 0 for f, _, _ in drawn)

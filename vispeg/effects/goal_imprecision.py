@@ -1,7 +1,7 @@
 """Goal imprecision: the hole is believed (x, y, z) from where it is, base axes.
 
-The physics does not change, what the task tells a policy does. Source: Kaspar, Munoz Osorio and Bock 2020, who train
-with an imprecise goal so that a policy learns to search for the hole.
+The physics does not change, what the task tells a policy does. Source: Kaspar and Bock, Reinforcement
+Learning with Cartesian Commands and Sim to Real Transfer for Peg in Hole Tasks: a subtler search emerged from it.
 """
 
 from __future__ import annotations

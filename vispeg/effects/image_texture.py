@@ -1,4 +1,4 @@
-"""Image texture: a photograph on a part, in its own colours: the part's colour goes to white as the image comes.
+"""Image texture: a picture on a part, in its own colours: the part's colour goes to white as the picture comes.
 
 The image is the one at `pick` (0 to 1) of the sorted list of images (`vispeg.effects._images` says where from), so the
 same world works with a folder of any size. Native mechanism: `tex_data`, `mat_texrepeat`, `mat_rgba`.

@@ -1,7 +1,7 @@
 """Wrench bias: the wrist's force sensor reads a constant more than there is, `w' = w + b`, in the flange frame.
 
-What taring leaves and drift brings. No MuJoCo mechanism, since it is the reading that is wrong. Source: the affine model
-of a multi-axis force sensor, e.g. Traversaro et al. 2015, In situ calibration of six-axis force-torque sensors.
+What taring leaves and drift brings. No MuJoCo mechanism, since it is the reading that is wrong. Source: the affine
+model of a multi-axis force sensor, e.g. Traversaro et al. 2015, In situ calibration of six-axis force-torque sensors.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Wrench delay: the wrist's force sensor says what was `delay` ago.
 
-Filters and buses of a force sensor. Readings are taken at control ticks; between them the past is interpolated linearly. No
-MuJoCo mechanism is used: a sensor's own `delay` counts physics steps and cannot differ from row to row. Source: a pure
-dead time, w'(t) = w(t - delay).
+Filters and buses of a force sensor, as a pure dead time: w'(t) = w(t - delay). Readings are taken at control ticks;
+between them the past is interpolated linearly. MuJoCo's own mechanism is a sensor's `delay`; as in `sensor_delay` the
+ring buffer is kept in the measurement chain, where each row of a batch has a delay of its own.
 """
 
 from __future__ import annotations

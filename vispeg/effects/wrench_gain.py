@@ -1,8 +1,8 @@
 """Wrench gain: the wrist's force sensor reads a share of what there is, `w' = gain w`, all six numbers alike.
 
-A wrong scale. The tool's weight is scaled too, and the controller subtracts the weight it knows. No MuJoCo mechanism, since
-it is the reading that is wrong. Source: the affine model of a multi-axis force sensor, e.g. Traversaro et al. 2015, In
-situ calibration of six-axis force-torque sensors, with a multiple of the identity as its matrix.
+A wrong scale. The tool's weight is scaled too, and the task subtracts the weight that it knows. No MuJoCo mechanism,
+since it is the reading that is wrong. Source: the affine model of a multi-axis force sensor, e.g. Traversaro et al.
+2015, In situ calibration of six-axis force-torque sensors, with a multiple of the identity as its matrix.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Wrench noise: every force and torque that the wrist's sensor reads is off by a Gaussian of its own, white from tick to tick.
+"""Wrench noise: each force and torque that the wrist's sensor reads is off by a Gaussian of its own, white over ticks.
 
-No MuJoCo mechanism: a sensor's `noise` attribute is not applied by its engine. Each simulation draws from a stream keyed by
-the shape parameter `seed`, so a world replays and a row does not depend on its neighbours. Source: the noise that data
+No MuJoCo mechanism: its engine does not apply a sensor's `noise`. Each simulation draws from a stream keyed by the
+shape parameter `seed`, so a world replays and a row does not depend on its neighbours. Source: the noise that data
 sheets of force sensors state, as one standard deviation for forces and one for torques.
 """
 

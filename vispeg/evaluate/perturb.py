@@ -1,7 +1,7 @@
 """Pushes, and hard positions: where a policy that does well on average does not.
 
-In the paper's test, the arm was pushed by hand while it inserted (Kaspar, Munoz Osorio and Bock, IROS 2020). Here
-every pushed episode gets 20-60 N from any side for 0.2 s. Every position of a frozen list is tried as often as asked
+Kaspar and Bock (docs/sources.md) pushed the arm away from the hole by hand, and say no force. Here every pushed episode
+gets 20-60 N from any side for 0.2 s. Every position of a frozen list is tried as often as asked
 for, still and pushed on the same seeds, each with its own interval: an average over positions hides the one that
 always fails.
 """

@@ -1,0 +1,78 @@
+"""World files quote their sources truly: a range said to be theirs is, and what they do not name is ours."""
+
+import re
+
+import pytest
+
+from vispeg.core.distribution import Choice, Distribution, LogUniform, Uniform
+from vispeg.task.world_file import built_in, load_world
+
+# what the article states: effect -> its parameter and range
+ARTICLE = {
+    "command_delay": ("delay", (0.0, 0.02)),
+    "object_mass": ("scale", (0.7, 1.3)),
+    "contact_friction": ("scale", (0.5, 1.5)),
+    "dropped_readings": ("chance", (0.001, 0.01)),
+    "encoder_noise": ("sd", (0.001, 0.01)),
+    "brightness": ("change", (-0.3, 0.3)),
+    "saturation": ("change", (-0.15, 0.15)),
+    "hue": ("turn", (-0.2, 0.2)),
+    "blur": ("sigma", (0.0, 2.0)),
+    "occlusion": ("area", (0.05, 0.2)),
+    "rgb_noise": ("read", (0.0, 0.05)),
+    "motion_blur": ("length", (0.0, 3.0)),
+    "light_position": ("x", (-1.0, 1.0)),
+    "light_temperature": ("kelvin", (3000.0, 6500.0)),
+    "distractors": ("count", (0.0, 5.0)),
+    "part_colour": ("hue", (0.0, 1.0)),
+}
+NAMED = {  # what the sources name without a number, or with one of another kind
+    "article": {
+        *("contact_stiffness", "contact_damping", "restitution", "solver_iterations", "viscous_friction"),
+        *("encoder_quantization", "sensor_delay", "part_texture"),
+    },
+    "paper": {
+        *("link_mass", "contact_friction", "viscous_friction", "gravity_scale", "hole_offset", "goal_imprecision"),
+    },
+}
+RANGES = {f"{name}: {r.label}": r for name in built_in() for r in load_world(name).world.ranges}
+QUOTING = {key: r for key, r in RANGES.items() if re.match(r"(paper|article)\b", r.source)}
+
+
+def ends(value: float | Distribution) -> tuple[float, float]:
+    match value:
+        case Uniform(low, high) | LogUniform(low, high):
+            return low, high
+        case Choice(values):
+            return min(values), max(values)
+    raise AssertionError(value)
+
+
+@pytest.mark.parametrize("key", sorted(QUOTING))
+def test_a_range_that_quotes_a_source_is_what_the_source_says(key):
+    """A number of the article's is the article's; what it only names has a width that is called ours."""
+    r = QUOTING[key]
+    ours = "ours" in r.source
+    for source in re.findall(r"^(paper|article)(?: and (article))?:", r.source)[0]:
+        if source == "article" and r.effect in ARTICLE:
+            name, stated = ARTICLE[r.effect]
+            assert ends(r.params[name]) == stated or (ours and name in r.params), r
+        elif source:
+            assert r.effect in NAMED[source] and ours, r
+
+
+def test_what_no_source_names_is_not_said_to_be_theirs():
+    """The paper states no width, and neither source names payload, the fingers' grip or the number of lamps."""
+    for key, r in RANGES.items():
+        if r.effect in ("payload", "gripper_slip", "light_count", "wrench_bias", "wrench_gain", "wrench_delay"):
+            assert not re.match("paper|article", r.source), key
+
+
+def test_s2_has_the_article_s_ranges_and_inexact_readings():
+    """Where S quotes none, S2 does."""
+    ranges = {r.effect: r for r in load_world("S2").world.ranges}
+    for effect in ("saturation", "hue", "rgb_noise", "motion_blur", "encoder_noise", "brightness", "occlusion"):
+        name, stated = ARTICLE[effect]
+        assert ends(ranges[effect].params[name]) == stated, effect
+    assert {"sensor_delay", "wrench_bias", "wrench_gain", "wrench_noise", "wrench_delay"} <= set(ranges)
+    assert {r.label for r in load_world("S").world.ranges} <= {r.label for r in load_world("S2").world.ranges}
