@@ -191,8 +191,8 @@ FLAT = URDF.replace('izz="0.04"', 'izz="0.4"')
     [
         ("a.xml", FREE, "fixed-base"),
         ("a.xml", BARE, "no hinge"),
-        ("a.xml", "<mujoco", "MuJoCo cannot read"),
-        ("a.urdf", "<robot", "well-formed"),
+        ("a.xml", "<mujoco", "is not XML"),
+        ("a.urdf", "<robot", "is not XML"),
         ("a.urdf", "<mujoco/>", "not a URDF"),
         ("a.urdf", URDF.replace('effort="50"', 'effort="lots"'), "shoulder.effort"),
         ("a.urdf", TIP, "turns no mass"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from statistics import NormalDist
@@ -89,7 +90,7 @@ def parse(raw: Any, file: str | None = None, key: str | None = None) -> float | 
     Raises:
         UserError: anything else, and ranges that invert.
     """
-    if isinstance(raw, (int, float)) and not isinstance(raw, bool) and np.isfinite(raw):
+    if isinstance(raw, (int, float)) and not isinstance(raw, bool) and math.isfinite(raw):
         return float(raw)
     where: dict[str, Any] = {"file": file, "key": key}
     if not isinstance(raw, Mapping) or len(raw) != 1:
@@ -99,7 +100,7 @@ def parse(raw: Any, file: str | None = None, key: str | None = None) -> float | 
         raise UserError("unknown distribution", **where, got=kind, choices=KINDS)
     numbers: list[Any] = list(given) if isinstance(given, (list, tuple)) else [None]
     ok = len(numbers) > 0 and all(
-        isinstance(x, (int, float)) and not isinstance(x, bool) and np.isfinite(x) for x in numbers
+        isinstance(x, (int, float)) and not isinstance(x, bool) and math.isfinite(x) for x in numbers
     )
     if not ok or (kind != "choice" and len(numbers) != 2):
         expected = "numbers" if kind == "choice" else "two numbers"

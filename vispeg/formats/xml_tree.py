@@ -8,9 +8,10 @@ from typing import NoReturn
 from xml.parsers import expat
 
 from vispeg.core.errors import UserError
-from vispeg.formats.guard import DEPTH, MB, NOT_TEXT, read_bytes
+from vispeg.formats.guard import MB, NOT_TEXT, read_bytes
 
 ELEMENTS = 100_000
+DEPTH = 250  # an arm may have a hundred bodies, each in the other
 
 
 def read_xml(path: str | Path, *, most: int = 64 * MB) -> ET.Element:

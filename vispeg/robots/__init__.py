@@ -1,1 +1,5 @@
+"""Robots, tools and cells as MuJoCo models."""
 
+from vispeg.robots.log import keep_quiet
+
+keep_quiet()

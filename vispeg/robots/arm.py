@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -12,6 +13,8 @@ import numpy as np
 from vispeg.core.errors import UserError
 
 HINGE, SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
+LARGEST = 1e6  # kg, m, kg m^2, rad: what is larger is a mistake
+REFUSALS = (ValueError, TypeError, RuntimeError, MemoryError, mujoco.FatalError)  # MuJoCo's ways to say no
 FLANGE_WORDS = ("flange", "tool0", "attachment", "ee")  # best first
 Limits = Mapping[str, tuple[float, float]]  # joint -> (N m, rad/s)
 
@@ -91,9 +94,29 @@ def prepare(spec: mujoco.MjSpec, limits: Limits, label: str) -> Arm:
 def compiled(spec: mujoco.MjSpec, label: str) -> mujoco.MjModel:
     """A model of a copy of `spec`; MuJoCo's complaint becomes a UserError."""
     try:
-        return spec.copy().compile()
-    except ValueError as error:
+        model = spec.copy().compile()
+    except REFUSALS as error:
         raise UserError(f"MuJoCo cannot compile it: {error}", file=label) from error
+    _sound(model, label)
+    return model
+
+
+def _sound(model: mujoco.MjModel, label: str) -> None:
+    """Raises UserError for a body or joint with a number that is not finite, or that no arm has."""
+    if not np.isfinite(model.opt.gravity).all():
+        raise UserError("gravity is not finite", file=label, got=model.opt.gravity.tolist())
+    limited = np.where(model.jnt_limited[:, None], model.jnt_range, 0.0)
+    bodies = {k: getattr(model, f"body_{k}") for k in ("mass", "inertia", "pos", "quat", "ipos", "iquat")}
+    joints = {"axis": model.jnt_axis, "pos": model.jnt_pos, "range": limited, "ref": model.qpos0[model.jnt_qposadr]}
+    for kind, arrays in (("body", bodies), ("joint", joints)):
+        for key, values in arrays.items():
+            rows = np.abs(values).reshape(len(values), values.size // max(1, len(values))).max(axis=1, initial=0.0)
+            bad = np.flatnonzero(~(rows <= LARGEST))  # NaN too
+            if len(bad):
+                name = getattr(model, kind)(int(bad[0])).name
+                got = np.ravel(values[bad[0]]).tolist()
+                expected = f"finite numbers, at most {LARGEST:g}"
+                raise UserError(f"an impossible {key}", file=label, key=name or kind, expected=expected, got=got)
 
 
 def _hinges_only(spec: mujoco.MjSpec, label: str) -> None:
@@ -109,6 +132,8 @@ def _hinges_only(spec: mujoco.MjSpec, label: str) -> None:
             coupled = equality.type in (mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_TENDON)
             if coupled and (equality.type == mujoco.mjtEq.mjEQ_TENDON or gone & {equality.name1, equality.name2}):
                 spec.delete(equality)
+        named = ", ".join(sorted(name or "without a name" for name in gone))
+        warnings.warn(f"{label}: sliding joints are held where they stand: {named}", stacklevel=2)
         for joint in slides:
             spec.delete(joint)
     if not list(spec.joints):

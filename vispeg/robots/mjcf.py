@@ -7,6 +7,9 @@ from pathlib import Path
 import mujoco
 
 from vispeg.core.errors import UserError
+from vispeg.formats.guard import is_file
+from vispeg.robots.arm import REFUSALS, compiled
+from vispeg.robots.resources import check_resources
 
 
 def read_mjcf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]]:
@@ -18,10 +21,12 @@ def read_mjcf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]
     Raises:
         UserError: MuJoCo cannot read it, or a moving body's mass would come from a mesh that is missing.
     """
+    check_resources(path)
     try:
         spec = mujoco.MjSpec.from_file(str(path))
-    except ValueError as error:
+    except REFUSALS as error:
         raise UserError(f"MuJoCo cannot read it: {error}", file=path) from error
+    spec.memory, spec.nuserdata, spec.nkey, spec.njmax, spec.nconmax = -1, 0, 0, -1, -1  # of another scene than ours
     _strip(spec, path)
     limits = _limits(spec, path)
     for group in (spec.actuators, spec.sensors, spec.keys):  # they name, or count, what is replaced
@@ -48,6 +53,8 @@ def _strip(spec: mujoco.MjSpec, path: Path) -> None:
             spec.delete(geom)
     for element in [*meshes.values(), *fields.values()]:
         spec.delete(element)
+    for skin in [s for s in spec.skins if _missing(spec, base, folder, s.file)]:
+        spec.delete(skin)
     for texture in list(spec.textures):
         files = [texture.file, *texture.cubefiles]
         if any(_missing(spec, base, spec.texturedir, f) for f in files):
@@ -57,15 +64,12 @@ def _strip(spec: mujoco.MjSpec, path: Path) -> None:
 
 
 def _missing(spec: mujoco.MjSpec, base: Path, folder: str, file: str) -> bool:
-    return bool(file) and not ((base / folder / file).is_file() or file in spec.assets)
+    return bool(file) and not (is_file(base / folder / file) or file in spec.assets)
 
 
 def _limits(spec: mujoco.MjSpec, path: Path) -> dict[str, tuple[float, float]]:
     """Greatest torque that each joint's own actuator can give, or the joint's `actuatorfrcrange`."""
-    try:
-        model = spec.copy().compile()
-    except ValueError as error:
-        raise UserError(f"MuJoCo cannot compile it: {error}", file=path) from error
+    model = compiled(spec, str(path))
     limits: dict[str, float] = {}
     for i in range(model.njnt):
         if model.jnt_actfrclimited[i]:

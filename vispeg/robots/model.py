@@ -14,8 +14,11 @@ import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.formats.format import enrol
+from vispeg.formats.guard import is_file
 from vispeg.robots import iiwa14, tools
 from vispeg.robots.arm import Limits, prepare
+from vispeg.robots.examples import write_mjcf, write_urdf
 from vispeg.robots.mjcf import read_mjcf
 from vispeg.robots.urdf import read_urdf
 
@@ -60,6 +63,8 @@ class RobotModel:
         return self.spec().compile()
 
 
+@enrol("URDF", write_urdf)
+@enrol("MJCF", write_mjcf)
 def load(robot: str | Path, tool: Tool = None, base_tilt: tuple[float, float] = (0.0, 0.0)) -> RobotModel:
     """A robot by name or by file; the same arguments give the same object.
 
@@ -134,11 +139,10 @@ def _file(robot: str) -> Path | None:
     """The file that a robot's name means; None for a robot that is built in."""
     if robot == "iiwa14":
         return None
-    path = Path(robot).expanduser()
-    if path.suffix.lower() in SUFFIXES:
-        if not path.is_file():
+    if Path(robot).suffix.lower() in SUFFIXES:
+        if not is_file(robot):
             raise UserError("no such robot file", file=robot)
-        return path.resolve()
+        return Path(robot).expanduser().resolve()
     folders = _menagerie()
     if robot not in folders:
         hint = "a name, or a path to an .xml (MJCF) or .urdf"

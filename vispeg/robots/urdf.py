@@ -14,6 +14,10 @@ import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.formats.guard import is_file
+from vispeg.formats.xml_tree import read_xml
+from vispeg.robots.arm import REFUSALS
+from vispeg.robots.urdf_check import check_urdf
 
 READABLE = (".stl", ".obj", ".msh")
 SPECK = 1e-9, 1e-12  # kg, kg m^2: what a massless link between joints gets, as MuJoCo asks for some
@@ -25,14 +29,10 @@ def read_urdf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]
     Raises:
         UserError: not a URDF, or MuJoCo cannot read it.
     """
-    try:
-        root = ET.parse(path).getroot()
-    except ET.ParseError as error:
-        raise UserError(f"not well-formed XML ({error})", file=path) from error
-    except OSError as error:
-        raise UserError(f"cannot be read: {error.strerror}", file=path) from error
+    root = read_xml(path)
     if root.tag != "robot":
         raise UserError("not a URDF", file=path, expected="<robot>", got=f"<{root.tag}>")
+    check_urdf(root, path)
     limits = {j.get("name", ""): _limits(j, path) for j in root.iter("joint") if j.find("limit") is not None}
     _strip(root, path)
     for old in root.findall("mujoco"):
@@ -42,7 +42,7 @@ def read_urdf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]
     ET.SubElement(ET.SubElement(root, "mujoco"), "compiler", options)
     try:
         spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
-    except ValueError as error:
+    except REFUSALS as error:
         raise UserError(f"MuJoCo cannot read it: {error}", file=path) from error
     for joint in spec.joints:
         joint.damping, joint.frictionloss = [0.0, 0.0, 0.0], 0.0
@@ -99,4 +99,4 @@ def locate(name: str, folder: Path) -> Path | None:
         tries += [r / rest for r in [*roots, *above] if r.name == package]
     else:
         tries = [folder / name.removeprefix("file://")]
-    return next((t for t in tries if t.is_file()), None)
+    return next((t for t in tries if is_file(t)), None)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 import vispeg.effects  # noqa: F401  (names must be enrolled)
 from vispeg.core.distribution import Choice, Distribution, LogUniform, Normal, Uniform, parse, written
@@ -119,7 +118,7 @@ def _param(kind: Effect, name: Any, raw: Any, file: Path, key: str) -> float | D
 
 
 def _number(value: Any, low: float, high: float, file: Path, key: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise UserError("not a number", file=file, key=key, expected=f"{low:g} to {high:g}", got=value)
     if not low <= value <= high:
         raise UserError("out of bounds", file=file, key=key, expected=f"{low:g} to {high:g}", got=value)

@@ -1,0 +1,18 @@
+"""MuJoCo's own warnings, which it would print and write into MUJOCO_LOG.TXT where the user stands."""
+
+from __future__ import annotations
+
+import warnings
+from contextlib import suppress
+
+import mujoco
+
+
+def keep_quiet() -> None:
+    """MuJoCo's warnings become Python's in this process; no file is written."""
+    mujoco.set_mju_user_warning(_told)
+
+
+def _told(message: str) -> None:
+    with suppress(Warning):  # called from C, where nothing may be raised
+        warnings.warn(f"MuJoCo: {message}", RuntimeWarning, stacklevel=2)

@@ -1,0 +1,83 @@
+"""What an MJCF may ask for: looked at before MuJoCo reads it, which would obey."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+from vispeg.core.errors import UserError
+from vispeg.formats.guard import MB, read_text
+from vispeg.formats.xml_tree import read_xml
+
+ELEMENTS = 20_000  # after `replicate`; arms have some hundreds
+COPIES = ("replicate", "composite", "flexcomp")
+LARGEST = 16_384  # of a picture's or field's side
+SIDES = {
+    "texture": ("width", "height"),
+    "hfield": ("nrow", "ncol"),
+    "global": ("offwidth", "offheight"),
+    "quality": ("shadowsize",),
+    "option": ("iterations", "ls_iterations", "noslip_iterations", "ccd_iterations", "sdf_iterations"),
+}
+NAMES = ("name", "class", "childclass", "file", "prefix", "content", "meshdir", "texturedir", "assetdir", "model")
+
+
+def check_resources(path: Path) -> None:
+    """Looks through an MJCF and the files that it includes.
+
+    Raises:
+        UserError: a file that cannot be read or includes itself, one that is no regular file, NaN or an infinite number
+            anywhere but in a range, a range that inverts, too many copies, too large a picture.
+    """
+    total = _file(path, path.resolve().parent, ())
+    if total > ELEMENTS:
+        raise UserError("has too many elements", file=path, expected=f"at most {ELEMENTS}, copies counted", got=total)
+
+
+def _file(path: Path, base: Path, above: tuple[Path, ...]) -> float:
+    """Number of elements in a file, those that it includes and copies counted."""
+    if path.resolve() in above:
+        raise UserError("includes itself", file=path)
+    read_text(path, 64 * MB)  # MuJoCo knows UTF-8 only
+    root = read_xml(path)
+    if not above and root.tag != "mujoco":
+        raise UserError("not an MJCF", file=path, expected="<mujoco> (a URDF is called .urdf)", got=f"<{root.tag}>")
+    return _element(root, path, base, (*above, path.resolve()))
+
+
+def _element(element: ET.Element, path: Path, base: Path, above: tuple[Path, ...]) -> float:
+    if element.tag in ("include", "model") and element.get("file"):
+        try:
+            return _file(base / element.get("file", ""), base, above)
+        except UserError as error:
+            raise UserError(str(error), file=path, key=element.tag) from None
+    for key, text in element.attrib.items():
+        if key not in NAMES:
+            _numbers(text, f"{element.tag}.{key}", path)
+    for key in SIDES.get(element.tag, ()):
+        if _whole(element.get(key)) > LARGEST:
+            at = f"{element.tag}.{key}"
+            raise UserError("is too large", file=path, key=at, expected=f"at most {LARGEST}", got=element.get(key))
+    copies = 1.0
+    if element.tag in COPIES:
+        copies = math.prod(max(1.0, _whole(word)) for word in (element.get("count") or "1").split())
+    return copies * (1 + sum(_element(child, path, base, above) for child in element))
+
+
+def _numbers(text: str, key: str, path: Path) -> None:
+    try:
+        numbers = [float(word) for word in text.split()]
+    except ValueError:
+        return  # a name, or for MuJoCo to judge
+    if any(math.isnan(x) or (math.isinf(x) and not key.endswith("range")) for x in numbers):
+        raise UserError("is not finite", file=path, key=key, expected="finite numbers", got=text)
+    if key.endswith("range") and len(numbers) == 2 and numbers[0] > numbers[1]:  # MuJoCo takes it for no limit
+        raise UserError("limits are inverted", file=path, key=key, expected="low <= high", got=text)
+
+
+def _whole(text: str | None) -> float:
+    try:
+        return float(text or 0)
+    except ValueError:
+        return 0.0  # for MuJoCo to judge

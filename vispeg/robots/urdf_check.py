@@ -1,0 +1,87 @@
+"""What a URDF may say: names, kinds of joints and numbers, looked at before MuJoCo reads it, which takes anything."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from pathlib import Path
+
+from vispeg.core.errors import UserError
+
+JOINTS = ("revolute", "continuous", "prismatic", "fixed")
+LINKS = 1000
+LARGEST = 1e6  # kg, m, kg m^2, rad: what is larger is a mistake
+NUMBERS = {
+    "origin": {"xyz": 3, "rpy": 3},
+    "axis": {"xyz": 3},
+    "mass": {"value": 1},
+    "inertia": dict.fromkeys(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), 1),
+    "box": {"size": 3},
+    "sphere": {"radius": 1},
+    "cylinder": {"radius": 1, "length": 1},
+    "capsule": {"radius": 1, "length": 1},
+    "mesh": {"scale": 3},
+}
+
+
+def check_urdf(root: ET.Element, path: Path) -> None:
+    """Raises UserError for a name given twice, a joint of another kind, or a number that no arm has."""
+    for tag in ("link", "joint"):
+        seen: set[str] = set()
+        for element in root.findall(tag):
+            name = element.get("name")
+            if not name:
+                raise UserError(f"a {tag} without a name", file=path)
+            if name in seen:
+                raise UserError(f"two {tag}s of one name", file=path, key=name)
+            seen.add(name)
+            for child in element.iter():
+                for key, count in NUMBERS.get(child.tag, {}).items():
+                    _numbers(child, key, count, f"{name}.{child.tag}.{key}", path)
+        if len(seen) > LINKS:
+            raise UserError(f"has too many {tag}s", file=path, expected=f"at most {LINKS}", got=len(seen))
+    for joint in root.findall("joint"):
+        _joint(joint, path)
+    for link in root.findall("link"):
+        mass = link.find("inertial/mass")
+        if mass is not None and float(mass.get("value") or 0) < 0:
+            key = f"{link.get('name')}.mass"
+            raise UserError("negative mass", file=path, key=key, expected="kg, zero or more", got=mass.get("value"))
+
+
+def _joint(joint: ET.Element, path: Path) -> None:
+    name, kind = joint.get("name"), joint.get("type")
+    if kind not in JOINTS:
+        raise UserError("a joint of another kind", file=path, key=name, got=kind, choices=JOINTS)
+    axis = joint.find("axis")
+    if axis is not None and kind != "fixed" and math.hypot(*_numbers(axis, "xyz", 3, f"{name}.axis", path)) < 1e-6:
+        raise UserError("an axis without a direction", file=path, key=f"{name}.axis", got=axis.get("xyz"))
+    limit = joint.find("limit")
+    if limit is None:
+        return
+    low, high = (_number(limit.get(key) or "0", f"{name}.{key}", path) for key in ("lower", "upper"))
+    if low > high:
+        raise UserError("limits are inverted", file=path, key=name, expected="lower <= upper", got=[low, high])
+
+
+def _numbers(element: ET.Element, key: str, count: int, where: str, path: Path) -> Sequence[float]:
+    text = element.get(key)
+    if text is None:
+        return [1.0] * count if element.tag == "axis" else []
+    values = [_number(word, where, path) for word in text.split()]
+    if len(values) != count:
+        raise UserError("another count of numbers", file=path, key=where, expected=count, got=text)
+    if any(abs(value) > LARGEST for value in values):
+        raise UserError("no arm has this", file=path, key=where, expected=f"at most {LARGEST:g}", got=text)
+    return values
+
+
+def _number(text: str, where: str, path: Path) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if math.isnan(value):
+        raise UserError("not a number", file=path, key=where, got=text)
+    return value
