@@ -1,10 +1,15 @@
 """A policy on disk acts as it did in memory, and nothing else is taken for one."""
 
 import json
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 import torch
+from torch import nn
+from torch.nn import functional as F
 
 from vispeg.core.errors import UserError
 from vispeg.learn.actor import Actor
@@ -47,9 +52,10 @@ def test_saving_and_loading_keeps_every_action(tmp_path, name, recurrent):
         assert np.array_equal(policy.act(obs), other.act(obs))
 
 
-@pytest.mark.parametrize(("name", "recurrent"), [("state", 0), ("state", 8), ("depth", 0), ("rgbd", 8)])
-def test_actions_are_the_same_bit_for_bit_whatever_plays_beside(name, recurrent):
-    policy, n = made(name, recurrent), 21
+KINDS = [("state", 0), ("state", 8), ("depth", 0), ("rgbd", 8)]
+
+
+def assert_each_row_acts_as_it_would_alone(policy, n=21):
     obs = [observation(policy, n, seed=k) for k in range(3)]
 
     def played(rows):
@@ -59,6 +65,60 @@ def test_actions_are_the_same_bit_for_bit_whatever_plays_beside(name, recurrent)
     together = played(np.arange(n))
     for rows in ([0], [13], [20, 3], list(range(7)), list(range(n))[::-1]):
         assert np.array_equal(played(np.array(rows)), together[:, rows])
+
+
+@pytest.mark.parametrize(("name", "recurrent"), KINDS)
+def test_actions_are_the_same_bit_for_bit_whatever_plays_beside(name, recurrent):
+    assert_each_row_acts_as_it_would_alone(made(name, recurrent))
+
+
+def placed(x, out, axis=0):
+    """What a processor may make of a product: by a row's place, the number of rows, and where memory begins."""
+    shape = [1] * out.ndim
+    shape[axis] = out.shape[axis]
+    place = torch.arange(out.shape[axis], dtype=out.dtype).reshape(shape)
+    return out + 1e-4 * (place + out.shape[axis] + x.data_ptr() % 64)
+
+
+@pytest.mark.parametrize(("name", "recurrent"), KINDS)
+def test_they_are_on_a_processor_that_rounds_by_place_number_and_alignment(name, recurrent, monkeypatch):
+    """Such as those with AVX-512, whose kernels take other ways through the last rows of a block than the first."""
+    linear, conv, lstm = F.linear, F.conv2d, torch._VF.lstm
+
+    def remembered(x, *args):
+        out, *after = lstm(x, *args)
+        return placed(x, out, 1), *after
+
+    policy = made(name, recurrent)
+    policy.reset(1)
+    obs = observation(policy, 1)
+    plain = policy.act(obs)
+    monkeypatch.setattr(F, "linear", lambda x, *args: placed(x, linear(x, *args)))
+    monkeypatch.setattr(nn.Conv2d, "_conv_forward", lambda self, x, w, b: placed(x, conv(x, w, b, 2, 1)))
+    monkeypatch.setattr(torch._VF, "lstm", remembered)
+    policy.reset(1)
+    assert not np.array_equal(policy.act(obs), plain)  # it does round otherwise
+    assert_each_row_acts_as_it_would_alone(policy)
+
+
+@pytest.mark.parametrize("path", [{"ATEN_CPU_CAPABILITY": "default", "DNNL_MAX_CPU_ISA": "SSE41"}])
+def test_they_are_on_other_paths_through_this_processor(path):
+    this = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", __file__, "-k", "whatever_plays_beside"]
+    done = subprocess.run(this, env={**os.environ, **path}, capture_output=True, text=True, timeout=200)
+    assert done.returncode == 0 and f"{len(KINDS)} passed" in done.stdout, done.stdout
+
+
+def test_threads_change_no_action_and_are_left_as_they_were():
+    policy, before = made("rgbd"), torch.get_num_threads()
+    obs, found = observation(policy), []
+    try:
+        for threads in (1, 2):
+            torch.set_num_threads(threads)
+            found.append(policy.act(obs))
+            assert torch.get_num_threads() == threads
+    finally:
+        torch.set_num_threads(before)
+    assert np.array_equal(*found)
 
 
 def test_a_row_that_begins_anew_forgets_and_others_do_not():

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -51,9 +52,6 @@ class Policy(Protocol):
         ...
 
 
-BLOCK = 8  # rows a network sees at once; more would cost a lone episode, fewer a crowd
-
-
 class NetPolicy:
     """A trained actor that acts without exploring.
 
@@ -79,8 +77,9 @@ class NetPolicy:
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
         """See Policy. An episode's actions are the same, bit for bit, whatever plays beside it.
 
-        A product of matrices rounds otherwise when it has other rows, and contact makes another episode of a last bit;
-        so the network always sees blocks of one size.
+        What a sum of products rounds to depends on the processor, and on it also on the number of rows, a row's place
+        among them, where memory begins, and threads; contact makes another episode of a last bit. So the network sees
+        every row alone, in memory of its own, in one thread: the same computation on any processor.
 
         Raises:
             UserError: an observation of another layout.
@@ -90,31 +89,33 @@ class NetPolicy:
             key: torch.as_tensor(np.ascontiguousarray(obs[key]), device=self.actor.device)
             for key in self.actor.layout.keys
         }
-        n = len(obs[VECTOR])
-        with torch.inference_mode():
-            blocks = [self._block(parts, slice(at, min(at + BLOCK, n))) for at in range(0, n, BLOCK)]
-        actions, offsets, hidden, cell = zip(*blocks, strict=True)
+        with torch.inference_mode(), one_thread():
+            rows = [self._row(parts, slice(row, row + 1)) for row in range(len(obs[VECTOR]))]
+        actions, offsets, hidden, cell = zip(*rows, strict=True)
         if self.recurrent:
             self._state = torch.cat(hidden, dim=1), torch.cat(cell, dim=1)
         if self.actor.offset is not None:
             self.estimate = OFFSET_M * torch.cat(offsets).cpu().numpy()
         return torch.cat(actions).cpu().numpy().astype(np.float32)
 
-    def _block(self, parts: Mapping[str, Tensor], rows: slice) -> tuple[Any, Any, Any, Any]:
-        """Action, offset, hidden and cell state of some rows, of which there may be fewer than a block's."""
-        n = rows.stop - rows.start
-        state = None if self._state is None else tuple(_full(x[:, rows], 1) for x in self._state)
-        features = self.actor.features({key: _full(x[rows], 0) for key, x in parts.items()})
+    def _row(self, parts: Mapping[str, Tensor], row: slice) -> tuple[Any, Any, Any, Any]:
+        """Action, offset, hidden and cell state of one row; a copy begins where torch lets all memory begin."""
+        state = None if self._state is None else tuple(x[:, row].clone() for x in self._state)
+        features = self.actor.features({key: x[row].clone() for key, x in parts.items()})
         latent, after = self.actor.latent(features, state)  # type: ignore[arg-type]
-        hidden, cell = (None, None) if after is None else (x[:, :n] for x in after)
-        offset = None if self.actor.offset is None else self.actor.offset(latent)[:n]
-        return torch.tanh(self.actor.mean(latent))[:n], offset, hidden, cell
+        offset = None if self.actor.offset is None else self.actor.offset(latent)
+        return torch.tanh(self.actor.mean(latent)), offset, *(after or (None, None))
 
 
-def _full(x: Tensor, axis: int) -> Tensor:
-    """Some rows, the first repeated until there are a block's."""
-    lack = BLOCK - x.shape[axis]
-    return torch.cat([x, *[x.narrow(axis, 0, 1)] * lack], dim=axis) if lack else x
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Networks compute in one thread meanwhile."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 OFFSET_M = 0.03  # a unit of the offset that actors estimate: `privileged[:3]` is the tip in the hole's frame over this
