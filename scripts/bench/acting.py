@@ -2,8 +2,8 @@
 
     python scripts/bench/acting.py --block 8
 
-Columns: rows, ms that the policy takes for all of them, ms with rows in blocks (as no policy plays: what a row gets then
-depends, on some processors, on its place in its block), ms of one step of the environment in world S.
+Columns: rows, ms that the policy takes for all of them, ms with rows in blocks (as no policy plays: what a row gets
+then depends, on some processors, on its place in its block), ms of one step of the environment in world S.
 """
 
 from __future__ import annotations

@@ -20,6 +20,14 @@ print([plan_of(name, 10)[0].world_hash for name in ("S", "V", "N", "P", "VNP", "
 """
 
 
+# a policy by name, read from the installation's own files
+POLICY = """
+from vispeg.learn.shipped import names, policy_folder
+print(names(), policy_folder("depth-S"), sep="\\n")
+"""
+LIMIT_MB = 20  # of the wheel, of which policies are most
+
+
 def call(*command: object, **options) -> str:
     done = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=280, **options)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -45,6 +53,7 @@ def test_wheel_holds_the_package_and_what_it_needs_at_run_time(wheel):
     data |= {f"vispeg/_textures/{n}" for n in shipped("textures")}
     assert "vispeg/py.typed" in code and "vispeg/_assets/README.md" in data
     assert names == code | data
+    assert wheel.stat().st_size < 1e6 * LIMIT_MB
 
 
 def test_wheel_runs_away_from_the_checkout(wheel, tmp_path):
@@ -58,6 +67,9 @@ def test_wheel_runs_away_from_the_checkout(wheel, tmp_path):
     assert Path(call(sys.executable, "-c", "import vispeg; print(vispeg.__file__)", **options)).is_relative_to(site)
     where = "from vispeg.core.assets import assets; print(assets(), end='')"
     assert Path(call(sys.executable, "-c", where, **options)) == site / "vispeg" / "_assets"
+    shipped_there, folder = call(sys.executable, "-c", POLICY, **options).splitlines()
+    assert shipped_there == call(sys.executable, "-c", POLICY, cwd=ROOT).splitlines()[0] != "[]"
+    assert Path(folder) == site / "vispeg" / "_assets" / "policies" / "depth-S"
     here = call(sys.executable, "-c", LISTS, cwd=ROOT)
     assert call(sys.executable, "-c", LISTS, **options) == here != "[]\n"
 

@@ -147,3 +147,40 @@ def test_a_share_that_is_none_is_refused():
     actor, ring = trained_pair()
     with pytest.raises(UserError, match="positive shares"):
         clone(actor, [(ring, 0.0)], 1, CloneSettings(), stream(0, "z"))
+
+
+RATES = [({"recipe": "distill"}, 2e-3), ({"recipe": "sac"}, 1e-3), ({"lr": 4e-4}, 4e-4)]
+
+
+@pytest.mark.parametrize(("record", "rate"), RATES)
+def test_finetuning_is_at_a_tenth_of_trainings_rate_and_thawed_encoders_at_a_hundredth_of_that(tmp_path, record, rate):
+    """Two updates, the encoders frozen in the first; Adam's first step is its rate, whatever the gradient's size."""
+    torch.manual_seed(0)
+    env, seen = Reach(1, "depth"), modality("depth")
+    layout = Layout.of(env.single_observation_space, env.single_action_space, seen.kinds)
+    save(tmp_path / "old", Actor(layout, seen, (32,)), "depth", {"world": "home", **record})
+    settings = FinetuneSettings(demos=4, updates=2, known=0.0, batch=64, shift=0, episodes=1)
+    target = lambda rows, given: Reach(rows, "depth")  # noqa: E731
+    args = tmp_path / "old", tmp_path / "new", target, None, lambda env: Pointing(), settings, 0
+    finetune(*args, say=lambda line: None)
+    before, after = (dict(load(tmp_path / name).actor.named_parameters()) for name in ("old", "new"))
+
+    def moved(part):
+        """The furthest that any weight near 0 went, where float32 can tell such steps."""
+        steps = [(after[k] - before[k])[before[k].abs() < 0.01] for k in before if k.startswith(part)]
+        return max(float(step.abs().max()) for step in steps if len(step))
+
+    lr = json.loads((tmp_path / "new/finetune.json").read_text())["settings"]["lr"]
+    assert lr == pytest.approx(0.1 * rate)
+    assert moved("encoders.") == pytest.approx(0.01 * 0.5 * lr, rel=0.02)  # half way down the cosine
+    assert lr <= 1.001 * moved(("mean.", "body.")) <= 1.6 * lr
+
+
+def test_the_commands_defaults_are_the_settings(monkeypatch, tmp_path):
+    """Those of the command once were a seventh of what its help and the settings said."""
+    from vispeg.cli.main import main
+
+    found = []
+    monkeypatch.setattr("vispeg.learn.finetune.finetune_in_worlds", lambda *args, **_: found.append(args[5]))
+    assert main(["finetune", "depth-S", "--world", "dev", "--out", str(tmp_path / "x")]) == 0
+    assert found == [FinetuneSettings()]

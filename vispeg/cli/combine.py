@@ -1,7 +1,7 @@
 """Combines a coarse policy that sees with a fine one for contact, which takes over near the hole.
 
 Example:
-    vispeg combine assets/policies/depth-S assets/policies/state-0.5mm --within-mm 6 --out depth-then-contact
+    vispeg combine depth-S state-0.5mm --within-mm 6 --out depth-then-contact
     vispeg evaluate depth-then-contact --world S --clearance 0.5
 """
 
@@ -18,9 +18,9 @@ class Args:
     """Arguments of `vispeg combine`."""
 
     coarse: tyro.conf.Positional[Path]
-    """Folder of the policy that begins."""
+    """Folder or name of the policy that begins."""
     fine: tyro.conf.Positional[Path]
-    """Folder of the policy that takes over; it may read no more than the coarse one."""
+    """Folder or name of the policy that takes over; it may read no more than the coarse one."""
     out: Path
     """Folder of the two as one policy."""
     within_mm: float = 6.0

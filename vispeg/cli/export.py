@@ -17,7 +17,7 @@ class Args:
     """Arguments of `vispeg export`."""
 
     policy: tyro.conf.Positional[Path]
-    """A policy's folder."""
+    """A policy's folder, or the name of one that comes with the package."""
     out: Path
     """The ONNX file."""
     overwrite: bool = False

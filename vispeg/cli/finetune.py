@@ -21,21 +21,21 @@ class Args:
     """Arguments of `vispeg finetune`."""
 
     policy: tyro.conf.Positional[Path]
-    """A policy's folder."""
+    """A policy's folder, or the name of one that comes with the package."""
     world: str
     """The target world: a built-in name or a world file."""
     out: Path
     """Folder of the new policy."""
     teacher: str = "expert"
-    """Who demonstrates: expert for the scripted policy, or a state policy's folder."""
+    """Who demonstrates: expert for the scripted policy, or a state policy's folder or name."""
     dataset: Path | None = None
     """Demonstrations in LeRobot's layout, in place of the teacher's."""
     demos: int = 100
     """Successful demonstrations in the target world."""
     updates: int = 2000
-    """Gradient steps; image encoders are frozen for the first half."""
-    lr: float = 3e-5
-    """Learning rate: a tenth of training's."""
+    """Gradient steps; image encoders are frozen for the first half, and learn at a hundredth of --lr after it."""
+    lr: float | None = None
+    """Learning rate; where not given, a tenth of the one that the policy was trained at."""
     known: float = 0.15
     """Share of each batch from the world that the policy was trained in, 0 to 0.5."""
     known_world: str | None = None
@@ -53,7 +53,7 @@ class Args:
         """Fine-tunes and says what it brought."""
         from vispeg.learn.finetune import FinetuneSettings, finetune_in_worlds
 
-        settings = FinetuneSettings(self.demos, self.updates, self.lr, self.known, episodes=self.episodes)
+        settings = FinetuneSettings(self.demos, self.updates, self.lr, known=self.known, episodes=self.episodes)
         out = finetune_in_worlds(
             self.policy,
             self.world,

@@ -2,7 +2,7 @@
 
 Example:
     vispeg play runs/peg-depth/20261121-0900_s0/checkpoints/best --episodes 3 --out films
-    vispeg play assets/policies/state-3mm --world P --seed 7 --out films
+    vispeg play state-3mm --world P --seed 7 --out films
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ class Args:
     """Arguments of `vispeg play`."""
 
     policy: tyro.conf.Positional[Path]
-    """A policy's folder."""
+    """A policy's folder, or the name of one that comes with the package (`depth-S`)."""
     out: Path | None = None
     """Folder of the videos; films/POLICY-WORLD where not given."""
     world: str | None = None

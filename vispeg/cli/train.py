@@ -68,7 +68,7 @@ class Args:
     symmetric: bool = False
     """Critics that see what the actor sees, in place of ground truth; slower, and there for comparison."""
     teacher: str | None = None
-    """Policy folder of the teacher for the distill recipes, or expert for the scripted one."""
+    """Folder or name of the policy that teaches in the distill recipes, or expert for the scripted one."""
     dataset: Path | None = None
     """Demonstrations in LeRobot's layout, as `vispeg render` writes them: what the distill recipes imitate in place of
     a teacher, or half of each batch of sac. Only episodes that succeeded count."""

@@ -9,13 +9,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from vispeg.core.assets import assets
 from vispeg.core.errors import UserError
 from vispeg.core.provenance import digest
 from vispeg.learn.meta import clearance_of, interface, worlds
+from vispeg.learn.shipped import META, policy_folder
 from vispeg.task.world_file import built_in, parts
 
-META = "policy.json"
 EXPERT = "expert"  # the scripted policy of vispeg.task.expert takes part under this name
 TRAINING = "S"  # the frozen training world; what it is made of is held out from nobody
 
@@ -62,15 +61,9 @@ def entrant(text: str) -> Entrant:
         UserError: no such policy, a folder without a readable policy.json.
     """
     name, _, place = text.rpartition("=")
-    path = Path(place).expanduser()
     if place == EXPERT:
         return Entrant(name or EXPERT, Path(EXPERT), "state", 0, (), {}, EXPERT)
-    if not path.exists():
-        shipped = assets() / "policies"
-        path = shipped / place
-        if not path.is_dir():
-            known = sorted(p.parent.name for p in shipped.glob(f"*/{META}"))
-            raise UserError("no such policy", got=place, expected="a policy's folder", choices=[EXPERT, *known])
+    path = policy_folder(place, [EXPERT])
     record = _record(path / META)
     meta = record.get("meta") or {}
     seed = meta.get("seed", 0)

@@ -27,6 +27,7 @@ class CloneSettings:
         shift: random shift of images, in pixels.
         offset: weight of the peg-to-hole estimate beside the action.
         horizon: steps of an episode that a recurrent actor learns from.
+        encoders: learning rate of the image encoders, as a share of `lr`.
     """
 
     lr: float = 2e-3
@@ -34,6 +35,17 @@ class CloneSettings:
     shift: int = 1
     offset: float = 1.0
     horizon: int = 50
+    encoders: float = 1.0
+
+
+def optimizer_of(actor: Actor, settings: CloneSettings) -> torch.optim.Optimizer:
+    """Adam on an actor, its image encoders in a group of their own where they learn at another rate."""
+    if settings.encoders == 1.0 or not len(actor.encoders):
+        return torch.optim.Adam(actor.parameters(), settings.lr, fused=True)
+    eyes = [*actor.encoders.parameters()]
+    seen = {id(p) for p in eyes}
+    head = {"params": [p for p in actor.parameters() if id(p) not in seen], "share": 1.0}
+    return torch.optim.Adam([head, {"params": eyes, "share": settings.encoders}], settings.lr, fused=True)
 
 
 def clone(
@@ -68,9 +80,9 @@ def clone(
     if not rings or min(share for _, share in rings) <= 0:
         raise UserError("imitation needs stores with positive shares", got=[share for _, share in rings])
     whole = sum(share for _, share in rings)
-    adam = optimizer or torch.optim.Adam(actor.parameters(), settings.lr, fused=True)
+    adam = optimizer or optimizer_of(actor, settings)
     for group in adam.param_groups:
-        group["lr"] = settings.lr
+        group["lr"] = settings.lr * group.get("share", 1.0)
     falling = torch.optim.lr_scheduler.CosineAnnealingLR(adam, updates)
     losses = []
     for update in range(updates):

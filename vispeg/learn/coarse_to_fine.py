@@ -18,7 +18,8 @@ from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.learn.layout import VECTOR
 from vispeg.learn.meta import worlds
-from vispeg.learn.policy import META, OFFSET_M, NetPolicy, Policy, load
+from vispeg.learn.policy import OFFSET_M, NetPolicy, Policy, load
+from vispeg.learn.shipped import META, policy_folder
 
 FORMAT = "vispeg-coarse-to-fine/1"
 COARSE, FINE = "coarse", "fine"  # sub-folders, each a policy's
@@ -88,13 +89,13 @@ def combine(coarse: Path, fine: Path, within: float, out: Path, overwrite: bool 
     record = {"format": FORMAT, "modality": both.modality, "within": within, "meta": meta}
     with new_folder(out, overwrite) as place:
         for name, folder in ((COARSE, coarse), (FINE, fine)):
-            shutil.copytree(folder, place / name)
+            shutil.copytree(policy_folder(folder), place / name)
         (place / META).write_text(json.dumps(record, indent=2) + "\n")
 
 
 def open_policy(folder: str | Path) -> Policy:
     """What a policy's folder holds: one network, or two of which one takes over. Raises UserError as `load` does."""
-    path = Path(folder)
+    path = policy_folder(folder)
     try:
         record = json.loads((path / META).read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -1,7 +1,8 @@
 """A few demonstrations in a target world make a trained policy at home there.
 
-Imitation at a tenth of the learning rate, the image encoders frozen for the first half of the updates, and a share of
-each batch from the world that the policy knows, so that it forgets little.
+Imitation at a tenth of the learning rate that the policy was trained at; the image encoders frozen for the first half
+of the updates, and at a hundredth of the other networks' rate after that; a share of each batch from the world that
+the policy knows, so that it forgets little.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ from vispeg.learn.meta import worlds
 from vispeg.learn.policy import NetPolicy, load, save
 from vispeg.learn.replay import Replay
 from vispeg.learn.sb3_env import Sb3Env
+from vispeg.learn.settings import defaults
 from vispeg.learn.shown import from_folder, made_in
 from vispeg.learn.teacher import Teacher, teacher_of
 
@@ -39,7 +41,8 @@ class FinetuneSettings:
     Attributes:
         demos: successful episodes of the teacher in the target world.
         updates: gradient steps.
-        lr: a tenth of what a policy is trained with by `distill`; it falls as there.
+        lr: learning rate, which falls as in `distill`; None for a tenth of the one that the policy was trained at.
+        encoders: learning rate of the image encoders once they thaw, as a share of it.
         known: share of each batch from the world that the policy was trained in, 0 to 0.5.
         known_steps: environment steps collected there.
         batch: transitions an update.
@@ -50,7 +53,8 @@ class FinetuneSettings:
 
     demos: int = 100
     updates: int = 2_000
-    lr: float = 2e-4
+    lr: float | None = None
+    encoders: float = 0.01
     known: float = 0.15
     known_steps: int = 2_000
     batch: int = 128
@@ -62,6 +66,8 @@ class FinetuneSettings:
         for key in ("demos", "updates", "known_steps", "batch", "rows", "episodes"):
             if getattr(self, key) < 1:
                 raise UserError("must be at least 1", key=key, got=getattr(self, key))
+        if self.lr is not None and not 0 < self.lr < 1:
+            raise UserError("not a learning rate", key="lr", expected="above 0, below 1", got=self.lr)
         if not 0 <= self.known <= 0.5:
             raise UserError("a share between 0 and 0.5", key="known", got=self.known)
 
@@ -102,8 +108,11 @@ def finetune(
     torch.manual_seed(seed)
     policy = load(source, device_of(device))
     actor = policy.actor.requires_grad_(True)
+    lr = settings.lr or 0.1 * trained_at(policy)
+    settings = replace(settings, lr=lr)
     with new_folder(out, overwrite) as folder:
         env = Sb3Env(target(settings.rows, {}))
+        teacher(env.env)  # refuses who cannot teach here, before anything is played
         before = _success(policy, env, settings.episodes)
         say(f"before: {before:.0%} of {settings.episodes} episodes in the target world")
         rings: list[tuple[Replay, float]] = []
@@ -123,7 +132,7 @@ def finetune(
             rings.append((ring, settings.known))
             others.append(describe(home.env))
             home.close()
-        numbers = CloneSettings(lr=settings.lr, batch=settings.batch, shift=settings.shift)
+        numbers = CloneSettings(lr, settings.batch, settings.shift, encoders=settings.encoders)
         loss = clone(actor, rings, settings.updates, numbers, stream(seed, "finetune"), frozen=settings.updates // 2)
         after = _success(policy, env, settings.episodes)
         say(f"after: {after:.0%}, loss {loss:.4f}")
@@ -133,6 +142,14 @@ def finetune(
         (folder / "finetune.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
         env.close()
     return out
+
+
+def trained_at(policy: NetPolicy) -> float:
+    """The learning rate of a policy's training, by its record; of its recipe's default where the record has none."""
+    if "lr" in policy.meta:
+        return float(policy.meta["lr"])
+    imitated = policy.meta.get("recipe") == "distill"
+    return CloneSettings.lr if imitated else defaults(bool(policy.layout.images)).lr
 
 
 def _success(policy: NetPolicy, env: Sb3Env, episodes: int) -> float:

@@ -20,9 +20,10 @@ from vispeg.core.files import write_bytes_atomic, write_text_atomic
 from vispeg.learn.actor import Actor, State
 from vispeg.learn.layout import VECTOR, Layout
 from vispeg.learn.modalities import modality as modality_of
+from vispeg.learn.shipped import META, policy_folder
 
 FORMAT = "vispeg-policy/1"
-WEIGHTS, META = "policy.safetensors", "policy.json"
+WEIGHTS = "policy.safetensors"
 
 
 class Policy(Protocol):
@@ -104,7 +105,8 @@ class NetPolicy:
         features = self.actor.features({key: x[row].clone() for key, x in parts.items()})
         latent, after = self.actor.latent(features, state)  # type: ignore[arg-type]
         offset = None if self.actor.offset is None else self.actor.offset(latent)
-        return torch.tanh(self.actor.mean(latent)), offset, *(after or (None, None))
+        hidden, cell = after or (None, None)
+        return torch.tanh(self.actor.mean(latent)), offset, hidden, cell
 
 
 @contextmanager
@@ -136,14 +138,14 @@ def save(folder: str | Path, actor: Actor, modality: str, meta: Mapping[str, Any
 
 
 def load(folder: str | Path, device: str = "cpu") -> NetPolicy:
-    """Reads a policy's folder; nothing in it is executed.
+    """Reads a policy's folder, or the shipped policy of that name; nothing in it is executed.
 
     Raises:
         UserError: no such folder, a file is missing or damaged, weights that do not fit what the JSON says, or a
         modality that this
             installation does not have.
     """
-    path = Path(folder)
+    path = policy_folder(folder)
     record = _record(path / META)
     modality = modality_of(str(record.get("modality")))
     net = record.get("net") or {}

@@ -21,6 +21,7 @@ from vispeg.core.files import new_folder
 from vispeg.core.provenance import command_line, provenance
 from vispeg.core.world import World
 from vispeg.learn.checkpoint import load_state, restart_seed, save_state
+from vispeg.learn.clone import CloneSettings
 from vispeg.learn.config import TrainConfig, read_config
 from vispeg.learn.curriculum import Curriculum
 from vispeg.learn.device import device_of
@@ -214,6 +215,7 @@ class SacRun:
             "command": self.command,
             "seed": self.config.seed,
             "recipe": self.config.recipe,
+            "lr": CloneSettings.lr if self.config.recipe == "distill" else self.config.sac.lr,
             "world_file": self.config.world,
             "steps": row["steps"],
             "success": row["success"],

@@ -1,0 +1,64 @@
+"""A policy that comes with the package goes by its name in every command that takes one, wherever the user stands."""
+
+import json
+
+import pytest
+
+from vispeg.cli.main import main
+from vispeg.core.assets import assets
+from vispeg.learn.policy import load
+from vispeg.learn.shipped import names, policy_folder
+from vispeg.learn.teacher import teacher_of
+from vispeg.task.config import TaskConfig
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def test_export_and_combine_write_them(tmp_path):
+    pytest.importorskip("onnx")
+    assert main(["export", "state-3mm", "--out", "p.onnx"]) == 0 and (tmp_path / "p.onnx").stat().st_size > 1e5
+    assert main(["combine", "depth-S", "state-0.5mm", "--out", "both"]) == 0
+    own = [json.loads((tmp_path / "both" / part / "policy.json").read_text()) for part in ("coarse", "fine")]
+    assert [one["modality"] for one in own] == ["depth", "state"]
+
+
+def test_play_finetune_and_teachers_take_them(monkeypatch):
+    asked = []
+    monkeypatch.setattr("vispeg.cli.play.films", lambda folder, world, *_: [asked.append((folder.name, world))] * 0)
+    monkeypatch.setattr("vispeg.learn.finetune.finetune", lambda source, *_, **__: asked.append(source.name))
+    assert main(["play", "depth-S", "--episodes", "1"]) == 0
+    assert main(["finetune", "depth-S", "--world", "dev", "--out", "tuned"]) == 0
+    assert asked == [("depth-S", "S"), "depth-S"]
+    assert teacher_of("state-3mm-randomized", TaskConfig()).policy.meta["world_file"] == "randomized"
+
+
+def test_a_folder_of_ones_own_comes_before_a_shipped_policy_of_its_name(tmp_path):
+    assert policy_folder("rgb-S") == assets() / "policies" / "rgb-S"
+    (tmp_path / "rgb-S").mkdir()
+    assert policy_folder("rgb-S").resolve() == tmp_path / "rgb-S"
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["play", "depht-S"],
+        ["export", "depht-S", "--out", "x"],
+        ["combine", "depht-S", "state-3mm", "--out", "x"],
+        ["finetune", "depht-S", "--world", "dev", "--out", "x"],
+        ["finetune", "depth-S", "--teacher", "depht-S", "--world", "dev", "--out", "x", "--episodes", "1"],
+        ["evaluate", "depht-S", "--out", "x"],
+    ],
+)
+def test_a_misspelt_name_is_one_line_with_the_choices_and_leaves_nothing(command, capsys, tmp_path):
+    assert main(command) == 2
+    said = capsys.readouterr().err.strip().splitlines()
+    assert "no such policy" in said[-1] and "did you mean 'depth-S'" in said[-1] and "state-3mm" in said[-1]
+    assert len(said) == 1 and not list(tmp_path.iterdir())
+
+
+def test_all_of_them_are_listed():
+    assert set(names()) == {path.name for path in (assets() / "policies").iterdir() if path.is_dir()}
+    assert load(names()[0]).meta
