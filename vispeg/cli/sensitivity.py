@@ -1,8 +1,8 @@
 """Success against one parameter of one effect, as a curve with bands: how wrong may a camera be, how late a command.
 
-SWEEP is focal-length, camera-shift, camera-turn, depth-noise, light, latency, image-latency, friction, or
-EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,... What only images show is swept with policies that see. Writes
-OUT/sensitivity.json and OUT/sensitivity.html.
+SWEEP is focal-length, camera-shift, camera-turn, depth-noise, light, latency, image-latency, encoder-noise, force-bias,
+force-noise, friction, or EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,... What only images show is swept with policies that
+see. Writes OUT/sensitivity.json and OUT/sensitivity.html.
 
 Example:
     vispeg sensitivity runs/depth/best --world S --sweep focal-length --episodes 200 --out focal

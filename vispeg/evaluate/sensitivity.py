@@ -65,6 +65,9 @@ SWEEPS = {
     "light": Sweep("light_intensity", ("gain",), (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)),
     "latency": Sweep("command_delay", ("delay",), (0.0, 0.005, 0.01, 0.015, 0.02, 0.03)),
     "image-latency": Sweep("camera_delay", ("delay",), (0.0, 0.04, 0.08, 0.16, 0.32)),
+    "encoder-noise": Sweep("encoder_noise", ("sd",), (0.0, 0.0005, 0.001, 0.002, 0.005, 0.01)),
+    "force-bias": Sweep("wrench_bias", ("fx", "fy", "fz"), (0.0, 0.25, 0.5, 1.0, 2.0, 4.0)),
+    "force-noise": Sweep("wrench_noise", ("force",), (0.0, 0.1, 0.3, 1.0, 3.0)),
     "friction": Sweep("contact_friction", ("scale",), (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0), "peg"),
 }
 
