@@ -54,7 +54,7 @@ def main() -> int:
     runs = [Run(HIDDEN, m, "position", int(stream(SEED, "noise", rig).integers(2**31))) for rig, m in motions.items()]
     readme = out / "README.md"
     words = readme.read_text(encoding="utf-8") if readme.is_file() else ""
-    with new_folder(out, overwrite=True) as part:
+    with new_folder(out, overwrite=True, holds=None) as part:
         for (rig, m), signals in zip(motions.items(), simulate(runs), strict=True):
             write_csv(part / rig, m.time, "position", m.name, signals)
             rec = replace(load(part / rig), notes="simulated by a program that shares no code with vispeg's effects")

@@ -1,6 +1,8 @@
 """Results appear whole or not at all, and never on top of what is not theirs."""
 
 import os
+import re
+import shutil
 import signal
 import stat
 import subprocess
@@ -11,7 +13,8 @@ from pathlib import Path
 import pytest
 
 from vispeg.core.errors import UserError
-from vispeg.core.files import new_folder, write_bytes_atomic, write_text_atomic
+from vispeg.core.files import new_folder, remove_abandoned, write_bytes_atomic, write_text_atomic
+from vispeg.core.marker import MARKER
 
 
 def test_folder_takes_its_name_only_when_complete(tmp_path):
@@ -27,12 +30,13 @@ def test_folder_takes_its_name_only_when_complete(tmp_path):
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt, UserError])
 def test_failure_leaves_what_stood_there_and_nothing_else(tmp_path, error):
     target = tmp_path / "out"
-    target.mkdir()
-    (target / "old.txt").write_text("old")
+    with new_folder(target) as folder:
+        (folder / "old.txt").write_text("old")
+    before = sorted(tmp_path.rglob("*"))
     with pytest.raises(error), new_folder(target, overwrite=True) as folder:
         (folder / "new.txt").write_text("new")
         raise error("x")
-    assert [p.relative_to(tmp_path).as_posix() for p in sorted(tmp_path.rglob("*"))] == ["out", "out/old.txt"]
+    assert sorted(tmp_path.rglob("*")) == before and (target / "old.txt").read_text() == "old"
 
 
 def test_existing_content_is_kept_unless_overwrite(tmp_path):
@@ -44,7 +48,9 @@ def test_existing_content_is_kept_unless_overwrite(tmp_path):
         pass
     with new_folder(target, overwrite=True) as folder:
         (folder / "two").touch()
-    assert [p.name for p in target.iterdir()] == ["two"], "replaced as a whole: no stale result beside a new one"
+    assert {p.name for p in target.iterdir()} == {"two", MARKER}, (
+        "replaced as a whole: no stale result beside a new one"
+    )
     assert list(tmp_path.iterdir()) == [target]
 
 
@@ -144,7 +150,7 @@ def writer(target):
     return process
 
 
-@pytest.mark.parametrize(("number", "left"), [(signal.SIGTERM, 0), (signal.SIGINT, 0), (signal.SIGKILL, 1)])
+@pytest.mark.parametrize(("number", "left"), [(signal.SIGTERM, 0), (signal.SIGINT, 0), (signal.SIGKILL, 2)])
 def test_a_run_that_is_ended_leaves_nothing_and_the_next_one_clears_up(tmp_path, number, left):
     with writer(tmp_path / "out") as process:
         process.send_signal(number)
@@ -161,10 +167,94 @@ def test_what_is_not_ours_or_still_being_written_stays(tmp_path):
         (tmp_path / name).mkdir()
     with writer(tmp_path / "out") as process:
         half = next(tmp_path.glob(".out.*/half")).parent
-        with new_folder(tmp_path / "out"):
-            assert half.is_dir()
-        assert {p.name for p in tmp_path.iterdir()} == {*others, half.name, "out"}
+        remove_abandoned(tmp_path / "out")
+        assert {p.name for p in tmp_path.iterdir()} == {*others, half.name, ".out.lock"}
         process.kill()
+
+
+def test_the_second_writer_is_told_who_the_first_is(tmp_path):
+    with writer(tmp_path / "out") as process:
+        said = rf"process {process.pid} writes it since \d{{4}}-\d\d-\d\d .*{re.escape(str(tmp_path))}.*another folder"
+        before = sorted(tmp_path.rglob("*"))
+        for path in (tmp_path / "out", tmp_path / "x" / ".." / "out"):
+            with pytest.raises(UserError, match=said), new_folder(path, overwrite=True):
+                pass
+        assert sorted(tmp_path.rglob("*")) == before
+        process.kill()
+    with new_folder(tmp_path / "out"):  # a lock ends with its process
+        pass
+
+
+def test_overwrite_takes_only_what_this_program_wrote_and_of_its_kind(tmp_path):
+    target = tmp_path / "out"
+    (target / "deep").mkdir(parents=True)
+    (target / "deep" / "mine.csv").write_text("years of work")
+
+    def refused(said, holds="comparison"):
+        before = {p: p.read_bytes() for p in target.rglob("*") if p.is_file()}
+        with pytest.raises(UserError, match=said), new_folder(target, overwrite=True, holds=holds):
+            pass
+        assert {p: p.read_bytes() for p in target.rglob("*") if p.is_file()} == before
+
+    refused("has no .vispeg.json .*move it away or name another folder")
+    shutil.rmtree(target)
+    with new_folder(target, holds="recording") as folder:
+        (folder / "deep").mkdir()
+        (folder / "deep" / "samples.csv").touch()
+    refused("holds another kind of result .recording, not comparison.*move it away")
+    (target / "deep" / "notes.txt").touch()
+    refused("holds deep/notes.txt, which this program did not write", "recording")
+    (target / "deep" / "notes.txt").unlink()
+    (target / MARKER).write_text("{}")
+    refused("has no .vispeg.json", "recording")
+
+
+def test_an_output_is_no_input_and_not_above_one(tmp_path, monkeypatch):
+    (tmp_path / "data" / "rig").mkdir(parents=True)
+    (tmp_path / "link").symlink_to(tmp_path / "data" / "rig")
+    (tmp_path / "data" / "away").symlink_to(tmp_path / "elsewhere")
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "data")
+    for out, given, said in (
+        ("rig", "rig/.", "is read by this command"),
+        ("../data/rig", tmp_path / "link", "is read"),
+        ("../link", "./rig", "is read"),
+        ("../data", Path("rig"), "holds rig, which this command reads"),
+        (tmp_path, Path("rig"), "holds rig"),
+        (tmp_path / "data", Path("away"), "holds away"),
+        (tmp_path / "elsewhere", Path("away"), "is read"),
+    ):
+        with pytest.raises(UserError, match=said), new_folder(out, overwrite=True, inputs=[None, given]):
+            pass
+    with new_folder("rig/checked", inputs=[Path("rig"), "iiwa14", Path("nowhere")]):
+        pass
+    (tmp_path / "data" / "iiwa14").mkdir()
+    with new_folder("iiwa14", inputs=["iiwa14"]):  # a name of something built in
+        pass
+
+
+def test_killed_in_the_act_of_replacing_the_old_result_comes_back(tmp_path):
+    target = tmp_path / "out"
+    with new_folder(target) as folder:
+        (folder / "x").write_text("old")
+    os.replace(target, tmp_path / ".out.01234567.old")
+    with pytest.raises(UserError, match="--overwrite"), new_folder(target):
+        pass
+    assert (target / "x").read_text() == "old" and [p.name for p in tmp_path.iterdir()] == ["out"]
+    (tmp_path / ".out.76543210.old").mkdir()  # killed before it had cleared up
+    with new_folder(target, overwrite=True):
+        pass
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_disk_that_is_full_is_said_in_one_line(tmp_path):
+    target = tmp_path / "out"
+    with pytest.raises(UserError, match="out: cannot be written: No space left"), new_folder(target) as folder:
+        (folder / "half").write_text("x")
+        raise OSError(28, "No space left on device")
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(FileNotFoundError), new_folder(target):  # reading something else is another matter
+        (tmp_path / "input.csv").read_text()
 
 
 def test_the_way_termination_was_handled_comes_back(tmp_path):

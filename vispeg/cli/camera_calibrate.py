@@ -73,7 +73,7 @@ class Calibrate:
         known = None if self.intrinsics is None else read_intrinsics(self.intrinsics)
         inputs = [path for path in (self.images, self.poses, self.intrinsics) if path is not None and path.exists()]
         origin = provenance(sys.argv, None, inputs)
-        with new_folder(self.out, self.overwrite) as folder:
+        with new_folder(self.out, self.overwrite, holds="calibration", inputs=inputs) as folder:
             views, missed = detect(self.images, board)
             flange = None if self.poses is None else read_poses(self.poses, [view.name for view in views])
             found = calibrate(views, board, distortion=self.distortion, camera=known, flange=flange, mount=self.mount)

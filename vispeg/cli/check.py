@@ -66,7 +66,7 @@ class Args:
     ) -> None:
         from vispeg.recordings.plot import plot
 
-        with new_folder(out, self.overwrite) as folder:
+        with new_folder(out, self.overwrite, holds="check", inputs=self.recordings) as folder:
             (folder / "check.json").write_text(json.dumps(record, indent=2, allow_nan=False) + "\n", encoding="utf-8")
             for number, (rec, limit, report) in enumerate(zip(recs, limits, reports, strict=True), start=1):
                 name = "check.png" if len(recs) == 1 else f"check-{number}-{rec.name}.png"

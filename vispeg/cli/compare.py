@@ -41,7 +41,8 @@ class Args:
         from vispeg.report.write import write_comparison
 
         world, recordings, _ = read_inputs(self.model, self.recording, (), need_validate=False)
-        with new_folder(self.out, overwrite=self.overwrite) as folder:
+        inputs = (self.model, world.robot, *self.recording)
+        with new_folder(self.out, overwrite=self.overwrite, holds="comparison", inputs=inputs) as folder:
             found = compare(world, recordings, nthread=self.threads)
             record = {**found.record, "provenance": provenance(sys.argv, None, self.recording)}
             write_comparison(folder, record, found.arrays)

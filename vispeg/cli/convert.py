@@ -54,7 +54,7 @@ class Args:
     def run(self) -> int:
         """Writes the recording and says what is in it."""
         rec = self._read()
-        write(rec, self.out, self.overwrite, self.table)
+        write(rec, self.out, self.overwrite, self.table, inputs=(self.source, self.map))
         names = ("q", "dq", "tau", "tau_cmd", "q_cmd", "dq_cmd", "ee", "ee_cmd", "ft")
         found = ", ".join(name for name in names if getattr(rec, name) is not None)
         print(f"{self.out}: {len(rec.time)} samples of {len(rec.joints)} joints at {rec.rate_hz:g} Hz: {found}")

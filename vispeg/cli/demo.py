@@ -51,7 +51,10 @@ class Args:
         inputs = [folder_of / name for name in (*FITTED, *HELD_OUT)]
         paths = inputs[: len(FITTED)], inputs[len(FITTED) :]
         progress = Console(stderr=True, highlight=False, quiet=self.quiet)
-        with new_folder(self.out, overwrite=self.overwrite) as folder, progress.status("reading") as status:
+        with (
+            new_folder(self.out, overwrite=self.overwrite, holds="demonstration") as folder,
+            progress.status("reading") as status,
+        ):
             world, fitted, held_out = read_inputs("iiwa14", *paths)
             for rec in (*fitted, *held_out):
                 role = "fitted" if rec.name in FITTED else "held out"

@@ -57,7 +57,8 @@ class Args:
         robot = digest(world.robot) if Path(world.robot).is_file() else None
         key = [model_text(world), robot, content, self.seed, stamp["versions"]]
         part = self.out.with_name(self.out.name + ".part")
-        with new_folder(self.out, overwrite=self.overwrite) as folder:
+        read = (self.model, world.robot, *inputs)
+        with new_folder(self.out, overwrite=self.overwrite, holds="diagnosis", inputs=read) as folder:
             progress = Progress(part / "progress.json", key)
             options = {"seed": self.seed, "nthread": self.threads, "progress": progress}
             if self.quiet:

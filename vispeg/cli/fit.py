@@ -88,7 +88,8 @@ class Args:
         stamp = provenance(sys.argv, self.seed, inputs)
         key = [model_text(world), list(free), self.method, self.starts, self.seed, stamp["inputs"]]
         part = self.out.with_name(self.out.name + ".part")
-        with new_folder(self.out, overwrite=self.overwrite) as folder:
+        read = (self.model, world.robot, *inputs)
+        with new_folder(self.out, overwrite=self.overwrite, holds="fit", inputs=read) as folder:
             steps = self.iterations or ITERATIONS
             with following(self.starts, steps, self.quiet) as told:
                 checkpoint = Checkpoint(part / "checkpoint.json", key, self.starts, self.resume, told)

@@ -33,7 +33,8 @@ def run_paper(args: Args) -> int:
     stamp = provenance(sys.argv, args.seed, [*args.recording, *args.validate])
     part = args.out.with_name(args.out.name + ".part")
     key = ["paper", model_text(world), args.seed, stamp["inputs"]]
-    with new_folder(args.out, overwrite=args.overwrite) as folder:
+    read = (args.model, world.robot, *args.recording, *args.validate)
+    with new_folder(args.out, overwrite=args.overwrite, holds="fit", inputs=read) as folder:
         steps = args.iterations or GENERATIONS
         with _following(steps, args.quiet) as told:
             checkpoint = Checkpoint(part / "checkpoint.json", key, 1, args.resume, told)

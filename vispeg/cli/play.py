@@ -76,7 +76,7 @@ def films(
     policy = open_policy(folder)
     env = of_policy(policy, world)(1, {"render_mode": "rgb_array", **settings})
     try:
-        with new_folder(out, overwrite) as place:
+        with new_folder(out, overwrite, holds="films", inputs=(folder, world)) as place:
             for played in play(policy, env, seeds):
                 category = str(played.record.get("category", "episode"))
                 file = write_video(place / f"{played.seed}-{category.replace(' ', '-')}", played.frames)

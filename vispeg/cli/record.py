@@ -79,7 +79,8 @@ class Args:
         rng = stream(self.seed, "record", "noise")
         sensor, name = self.torque_sensor, self.out.name
         rec = record(world, motion, control, self._noise(), rng, torque_sensor=sensor, repeat=self.repeat, name=name)
-        write(rec, self.out, overwrite=self.overwrite, table=self.table)
+        inputs = (self.model, world.robot, self.motion)
+        write(rec, self.out, overwrite=self.overwrite, table=self.table, inputs=inputs)
         runs = f"{self.repeat} runs of " if self.repeat > 1 else ""
         how = f"{runs}{motion.name}, {motion.time[-1]:.3g} s at {self.rate:g} Hz, {mode} control"
         print(f"{self.out}: {how}, {world.label}")

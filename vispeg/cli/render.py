@@ -58,17 +58,18 @@ class Args:
     def run(self) -> int:
         """Renders, and says how fast and where."""
         from vispeg.core.errors import UserError
+        from vispeg.core.files import refuse
         from vispeg.core.provenance import provenance
         from vispeg.datasets.engine import local
         from vispeg.datasets.engine_ray import on_ray
         from vispeg.datasets.formats import EXPORTS
-        from vispeg.datasets.rendering import refuse, render
+        from vispeg.datasets.rendering import render
         from vispeg.learn.demonstration_plan import plan_of
         from vispeg.learn.demonstrations import shard
 
         if self.workers < 0:
             raise UserError("must not be negative", key="workers", got=self.workers)
-        refuse(self.out, self.overwrite)
+        refuse(self.out, self.overwrite, holds="dataset", inputs=(self.world,))
         plan, layout = plan_of(
             self.world,
             self.frames,

@@ -9,15 +9,24 @@ import shutil
 import signal
 import threading
 import uuid
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 
+from vispeg.core.disk import failed_in, why
 from vispeg.core.errors import UserError
+from vispeg.core.lock import claimed
+from vispeg.core.marker import apart, mark, refuse_foreign
 
 
 @contextmanager
-def new_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
+def new_folder(
+    path: str | Path,
+    overwrite: bool = False,
+    *,
+    holds: str | None = "result",
+    inputs: Iterable[str | Path | None] = (),
+) -> Iterator[Path]:
     """A folder that takes its name only once everything in it has been written.
 
     The body writes into a temporary sibling, which is renamed to `path` at the end, and removed if the body raises or
@@ -27,34 +36,79 @@ def new_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
     Args:
         path: where the folder shall be; its parents are made.
         overwrite: whether an existing folder with content is replaced, as a whole.
+        holds: what it is, in a word: kept in its marker (see `vispeg.core.marker`), and only a folder with the same
+            word and no file of anybody else's is replaced. None for a part of a folder that is this program's own.
+        inputs: what the body reads; `path` may be none of it, nor a folder above.
 
     Raises:
-        UserError: `path` is a file, or a folder with content while `overwrite` is False, or not a folder of results at
-            all (the working or home directory, one above them, a git checkout), or cannot be written.
+        UserError: `path` is a file, or a folder with content while `overwrite` is False, or one that must not be
+            replaced (see `holds`, `inputs`; the working or home directory, one above them, a git checkout), or another
+            process is writing it, or it cannot be written.
     """
     target = Path(path).expanduser().resolve()  # through a link: its target is replaced, not the link
-    _refuse(target, path, overwrite)
-    part = _sibling(target)
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        remove_abandoned(target)
-        part.mkdir()
-    except OSError as error:
-        raise UserError(f"cannot be written: {_why(error)}", file=path) from error
-    try:
-        with _terminable(), _held(part):
-            yield part
-            _refuse(target, path, overwrite)  # something may have come to stand there meanwhile
-            _swap(part, target)
-    except BaseException:
-        shutil.rmtree(part, ignore_errors=True)
-        raise
+    refuse(path, overwrite, holds=holds, inputs=inputs)
+    with claimed(path) if holds is not None else nullcontext():
+        part = _sibling(target)
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            remove_abandoned(target)
+            recover(target)
+            refuse(path, overwrite, holds=holds)  # what was recovered, or what another process has just finished
+            part.mkdir()
+        except OSError as error:
+            raise UserError(f"cannot be written: {why(error)}", file=path) from error
+        try:
+            with _terminable(), _held(part):
+                yield part
+                if holds is not None:
+                    mark(part, holds)
+                refuse(path, overwrite, holds=holds)  # something may have come to stand there meanwhile
+                _swap(part, target)
+        except BaseException as error:
+            shutil.rmtree(part, ignore_errors=True)
+            if isinstance(error, OSError) and failed_in(part, error):
+                raise UserError(f"cannot be written: {why(error)}", file=path) from error
+            raise
+
+
+def refuse(
+    path: str | Path, overwrite: bool, *, holds: str | None = "result", inputs: Iterable[str | Path | None] = ()
+) -> None:
+    """Raises the UserError with which `new_folder` would refuse, for work that takes long before it comes to that."""
+    target = Path(path).expanduser().resolve()
+    apart(path, inputs)
+    if not target.exists():
+        return
+    if not target.is_dir():
+        raise UserError("is a file", file=path, expected="a folder, new or empty")
+    if not any(target.iterdir()):
+        return
+    if not overwrite:
+        raise UserError("exists already and is not empty; name another or pass --overwrite", file=path)
+    for kept in (Path.cwd(), Path.home()):
+        if kept.resolve().is_relative_to(target):
+            raise UserError(f"holds {kept}, so it is not replaced", file=path, expected="a folder of results")
+    if (target / ".git").exists():
+        raise UserError("is a git checkout, so it is not replaced", file=path, expected="a folder of results")
+    if holds is not None:
+        refuse_foreign(target, holds, path)
+
+
+def recover(target: Path) -> None:
+    """Puts back what a process that was killed in the act of replacing `target` had put aside; clears up after it."""
+    if not target.parent.is_dir():
+        return
+    aside = _siblings(target, "old")
+    with suppress(OSError):
+        if aside and not target.exists():
+            os.replace(aside.pop(), target)
+        for old in aside:
+            shutil.rmtree(old, ignore_errors=True)
 
 
 def remove_abandoned(target: Path) -> None:
     """Removes the temporary siblings of `target` (made here: `.NAME.8 hex digits.part`) that no process holds."""
-    ours = re.compile(re.escape(f".{target.name}.") + r"[0-9a-f]{8}\.part")
-    for part in [p for p in target.parent.iterdir() if ours.fullmatch(p.name) and not p.is_symlink()]:
+    for part in _siblings(target, "part"):
         with suppress(OSError), _held(part, surely=True):  # held by another, or a disk without locks: it stays
             shutil.rmtree(part, ignore_errors=True) if part.is_dir() else part.unlink()
 
@@ -85,7 +139,7 @@ def write_bytes_atomic(path: str | Path, data: bytes, *, overwrite: bool = False
     except OSError as error:
         with suppress(OSError):  # where its folder is none, asking for it is an error too
             part.unlink()
-        raise UserError(f"cannot be written: {_why(error)}", file=path) from error
+        raise UserError(f"cannot be written: {why(error)}", file=path) from error
     except BaseException:
         part.unlink(missing_ok=True)
         raise
@@ -141,29 +195,19 @@ def _terminable() -> Iterator[None]:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
-def _why(error: OSError) -> str | None:
-    """What the system said; of a parent that is a file it says no more than that it exists."""
-    return "a folder above it is a file" if isinstance(error, FileExistsError | NotADirectoryError) else error.strerror
-
-
 def _sibling(target: Path, end: str = "part") -> Path:
     return target.with_name(f".{target.name}.{uuid.uuid4().hex[:8]}.{end}")
 
 
-def _refuse(target: Path, said: str | Path, overwrite: bool) -> None:
-    if not target.exists():
-        return
-    if not target.is_dir():
-        raise UserError("is a file", file=said, expected="a folder, new or empty")
-    if not any(target.iterdir()):
-        return
-    if not overwrite:
-        raise UserError("exists already and is not empty; name another or pass --overwrite", file=said)
-    for kept in (Path.cwd(), Path.home()):
-        if kept.resolve().is_relative_to(target):
-            raise UserError(f"holds {kept}, so it is not replaced", file=said, expected="a folder of results")
-    if (target / ".git").exists():
-        raise UserError("is a git checkout, so it is not replaced", file=said, expected="a folder of results")
+def _siblings(target: Path, end: str) -> list[Path]:
+    """What `_sibling` has named, oldest first."""
+    ours = re.compile(re.escape(f".{target.name}.") + rf"[0-9a-f]{{8}}\.{end}")
+    found = [p for p in target.parent.iterdir() if ours.fullmatch(p.name) and not p.is_symlink()]
+    aged = []
+    for path in found:
+        with suppress(OSError):  # another process has just cleared it away
+            aged.append((path.stat().st_mtime_ns, path))
+    return [path for _, path in sorted(aged)]
 
 
 def _swap(part: Path, target: Path) -> None:
@@ -176,9 +220,9 @@ def _swap(part: Path, target: Path) -> None:
         os.replace(target, old)
         try:
             os.replace(part, target)
-        except OSError:
+        except BaseException:
             os.replace(old, target)
             raise
         shutil.rmtree(old, ignore_errors=True)
     except OSError as error:
-        raise UserError(f"cannot be replaced: {error.strerror}", file=target) from error
+        raise UserError(f"cannot be replaced: {why(error)}", file=target) from error

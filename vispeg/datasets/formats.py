@@ -30,7 +30,7 @@ def export(source: Path, out: Path, layout: str, *, overwrite: bool = False) -> 
 
     if layout not in EXPORTS:
         raise UserError("unknown layout", got=layout, choices=EXPORTS)
-    with new_folder(out, overwrite=overwrite) as folder:
+    with new_folder(out, overwrite=overwrite, holds="dataset", inputs=(source,)) as folder:
         try:
             EXPORTS[layout](source, folder)
         except OSError as error:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from vispeg.core.errors import UserError
-from vispeg.core.files import new_folder, write_bytes_atomic, write_text_atomic
+from vispeg.core.files import new_folder, refuse, write_bytes_atomic, write_text_atomic
 from vispeg.datasets.engine import Engine, local
 from vispeg.datasets.layout import Layout
 from vispeg.datasets.lerobot import DATA, EPISODES, finish, path_of, place
@@ -57,7 +57,7 @@ def render(
             source raises. What is done is kept.
     """
     target = Path(out).expanduser()
-    refuse(target, overwrite)
+    refuse(target, overwrite, holds="dataset", inputs=(plan.world,))
     work = target.resolve().with_name(target.resolve().name + ".unfinished")
     _begin(work, plan)
     placer = _Placer(work, plan)
@@ -68,21 +68,13 @@ def render(
         placer.advance()
     placer.advance()
     finish(work, plan, layout, provenance or {})
-    with new_folder(target, overwrite=overwrite) as folder:
+    with new_folder(target, overwrite=overwrite, holds="dataset") as folder:
         try:
             (export or _take_over)(work, folder)
         except OSError as error:
             raise UserError(f"cannot be written: {error.strerror}; {work} is kept", file=out) from error
     shutil.rmtree(work, ignore_errors=True)
     return Path(out)
-
-
-def refuse(target: Path, overwrite: bool) -> None:
-    """Says at once what `new_folder` would say only when hours of rendering are done."""
-    if target.exists() and not target.is_dir():
-        raise UserError("is a file", file=target, expected="a folder, new or empty")
-    if target.is_dir() and any(target.iterdir()) and not overwrite:
-        raise UserError("exists already and is not empty; name another or pass --overwrite", file=target)
 
 
 class _Placer:

@@ -87,7 +87,7 @@ def combine(coarse: Path, fine: Path, within: float, out: Path, overwrite: bool 
     both = CoarseToFine(load(coarse), load(fine), within)
     meta = {**both.meta, **worlds(both.coarse.meta, both.fine.meta)}
     record = {"format": FORMAT, "modality": both.modality, "within": within, "meta": meta}
-    with new_folder(out, overwrite) as place:
+    with new_folder(out, overwrite, holds="policy", inputs=(coarse, fine)) as place:
         for name, folder in ((COARSE, coarse), (FINE, fine)):
             shutil.copytree(policy_folder(folder), place / name)
         (place / META).write_text(json.dumps(record, indent=2) + "\n")

@@ -110,7 +110,7 @@ def finetune(
     actor = policy.actor.requires_grad_(True)
     lr = settings.lr or 0.1 * trained_at(policy)
     settings = replace(settings, lr=lr)
-    with new_folder(out, overwrite) as folder:
+    with new_folder(out, overwrite, holds="policy", inputs=(source, dataset)) as folder:
         env = Sb3Env(target(settings.rows, {}))
         teacher(env.env)  # refuses who cannot teach here, before anything is played
         before = _success(policy, env, settings.episodes)

@@ -85,7 +85,7 @@ class Rounds:
 
 def keep_ring(ring: Replay, folder: Path) -> None:
     """Stores transitions, with the size of the ring that they need."""
-    with new_folder(folder, overwrite=True) as place:
+    with new_folder(folder, overwrite=True, holds=None) as place:
         ring.save(place)
         (place / "ring.json").write_text(json.dumps({"length": ring.length, "n_envs": ring.n_envs}) + "\n")
 

@@ -185,7 +185,7 @@ class SacRun:
             self.best = found
             places.append("best")
         for name in places:
-            with new_folder(self.folder / "checkpoints" / name, overwrite=True) as place:
+            with new_folder(self.folder / "checkpoints" / name, overwrite=True, holds=None) as place:
                 save(place, self.model.actor, self.modality.name, self.meta(row))
 
     def _note(self, row: dict[str, Any]) -> None:
@@ -202,7 +202,7 @@ class SacRun:
             "recent": [*self.recent],
             "ranges": None if self.opening is None else self.opening.state(),
         }
-        with new_folder(self.folder / "checkpoints" / "last", overwrite=True) as place:
+        with new_folder(self.folder / "checkpoints" / "last", overwrite=True, holds=None) as place:
             save(place, self.model.actor, self.modality.name, self.meta(row))
             save_state(place, self.model, counters)
         if moved:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,7 +18,11 @@ from vispeg.recordings.schema import FORMAT
 
 
 def write(
-    recording: Recording, folder: Path | str, overwrite: bool = False, table: Literal["csv", "parquet"] = "csv"
+    recording: Recording,
+    folder: Path | str,
+    overwrite: bool = False,
+    table: Literal["csv", "parquet"] = "csv",
+    inputs: Iterable[str | Path | None] = (),
 ) -> Path:
     """Writes recording.yaml and samples.csv or samples.parquet; the folder appears whole or not at all.
 
@@ -26,6 +31,7 @@ def write(
         folder: where to; a `robot` that is an absolute path is written relative to it.
         overwrite: whether an existing folder with content is replaced.
         table: the format of the samples.
+        inputs: files and folders that the recording was made from, none of which is replaced.
 
     Returns:
         The folder.
@@ -36,7 +42,7 @@ def write(
     samples = _samples(recording)
     target = Path(folder).expanduser()
     text = yaml.safe_dump(_header(recording, target), sort_keys=False, allow_unicode=True, width=120)
-    with new_folder(folder, overwrite) as part:
+    with new_folder(folder, overwrite, holds="recording", inputs=(recording.robot, *inputs)) as part:
         (part / "recording.yaml").write_text(text, encoding="utf-8")
         if table == "csv":
             _write_csv(part / "samples.csv", samples)

@@ -39,7 +39,7 @@ def leave(folder: Path, env: PegInHoleVec, row: int) -> Path:
         "push": None if push is None else {**asdict(push), "force": np.asarray(push.force).tolist()},
         "actions": [action.tolist() for action in sim.acted[row]],
     }
-    with new_folder(folder / str(seed), overwrite=True) as place:
+    with new_folder(folder / str(seed), overwrite=True, holds=None) as place:
         text = world_text(WorldFile(f"diverged-{seed}", world, task, cameras, renderer, digest, place / WORLD))
         (place / WORLD).write_text(text, encoding="utf-8")
         (place / EPISODE).write_text(json.dumps(told) + "\n", encoding="utf-8")

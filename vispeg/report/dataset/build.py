@@ -40,7 +40,7 @@ def write(dataset: str | Path, out: str | Path, tiles: int = 36, *, overwrite: b
     data = Dataset(dataset)
     if not data.cameras:
         raise UserError("does not say what its cameras are, so there is nothing to show", file=dataset)
-    with new_folder(out, overwrite=overwrite) as folder:
+    with new_folder(out, overwrite=overwrite, holds="page", inputs=(dataset,)) as folder:
         (folder / SHEET).write_bytes(encode(np.ascontiguousarray(sheet(data, tiles))))
         (folder / PAGE).write_text(render(data), encoding="utf-8")
     return Path(out) / PAGE

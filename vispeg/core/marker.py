@@ -1,0 +1,83 @@
+"""What this program wrote and may replace: the marker in a folder of results; and what it reads and never replaces."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from vispeg.core.errors import UserError
+
+MARKER, FORMAT = ".vispeg.json", "vispeg-output/1"
+ELSEWHERE = "so it is not replaced; move it away or name another folder"
+
+
+def mark(folder: Path, holds: str) -> None:
+    """Writes down what a finished folder holds: a word for it, and the names of its files."""
+    files = sorted(name for name in _names(folder) if name != MARKER)
+    text = json.dumps({"format": FORMAT, "holds": holds, "files": files}, indent=0) + "\n"
+    (folder / MARKER).write_text(text, encoding="utf-8", errors="surrogateescape")
+
+
+def refuse_foreign(folder: Path, holds: str, said: str | Path | None = None) -> None:
+    """Raises UserError unless all that `folder` holds was written by this program, as a result of that kind.
+
+    Args:
+        folder: about to be replaced.
+        holds: the kind of what shall take its place, as given to `mark`.
+        said: the folder as the user named it.
+    """
+    file, found = said or folder, _marker(folder)
+    if found is None:
+        raise UserError(
+            f"has no {MARKER} (this program did not write it, or an old version did), {ELSEWHERE}", file=file
+        )
+    if found["holds"] != holds:
+        raise UserError(f"holds another kind of result ({found['holds']}, not {holds}), {ELSEWHERE}", file=file)
+    ours = {MARKER, *found["files"]}
+    for name in _names(folder):
+        if name not in ours:
+            raise UserError(f"holds {name}, which this program did not write, {ELSEWHERE}", file=file)
+
+
+def apart(out: str | Path, inputs: Iterable[str | Path | None]) -> None:
+    """Raises UserError where `out` is one of the files and folders that a command reads, or a folder above one.
+
+    Links, relative paths and the case of letters make no difference where the file system makes none. A `str` without a
+    separator or suffix is a name of something built in, not a path.
+    """
+    for given in inputs:
+        if given is None or (isinstance(given, str) and not (os.sep in given or Path(given).suffix)):
+            continue
+        path = Path(given).expanduser()
+        if not path.exists():
+            continue
+        named, real = Path(os.path.abspath(path)), path.resolve()
+        if any(_same(one, out) for one in (named, real)):
+            raise UserError("is read by this command", file=out, expected="another place for what it writes")
+        if any(_same(one, out) for one in (*named.parents, *real.parents)):
+            raise UserError(f"holds {given}, which this command reads", file=out, expected="another place to write to")
+
+
+def _same(one: Path, out: str | Path) -> bool:
+    try:
+        return os.path.samefile(one, Path(out).expanduser())
+    except OSError:  # one of them is not there
+        return False
+
+
+def _marker(folder: Path) -> dict | None:
+    try:
+        found = json.loads((folder / MARKER).read_text(encoding="utf-8", errors="surrogateescape"))
+        known = found["format"] == FORMAT and isinstance(found["holds"], str) and isinstance(found["files"], list)
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return found if known else None
+
+
+def _names(folder: Path) -> Iterator[str]:
+    """Relative names of everything in a folder that is not a folder itself; links are not followed."""
+    for place, folders, files in os.walk(folder):
+        for name in (*files, *(d for d in folders if os.path.islink(os.path.join(place, d)))):
+            yield os.path.relpath(os.path.join(place, name), folder)
