@@ -12,7 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from vispeg.core.files import new_folder
 from vispeg.effects.model_file import load_model
+from vispeg.identify.checkpoint import Trace
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -68,8 +70,8 @@ def test_what_the_recording_cannot_tell_is_said(vispeg, rigs, tmp_path):
 
 
 def test_killed_fit_leaves_what_was_there_and_goes_on(rigs, tmp_path):
-    (tmp_path / "f").mkdir()
-    (tmp_path / "f" / "mine").write_text("mine")
+    with new_folder(tmp_path / "f", holds="fit") as old:
+        (old / "before").touch()
     args = [
         *["fit", "iiwa14", "--recording", rigs["short"], "--effects", "backlash:joint2", "--iterations", "1"],
         *["--out", "f", "--overwrite", "--quiet"],
@@ -89,7 +91,7 @@ def test_killed_fit_leaves_what_was_there_and_goes_on(rigs, tmp_path):
     running.wait()
     known = generations()
     assert 2 <= len(known) < 10
-    assert [p.name for p in (tmp_path / "f").iterdir()] == ["mine"]
+    assert (tmp_path / "f" / "before").exists()
 
     whole = subprocess.run(
         [*command[:-3], "g", "--quiet"], cwd=tmp_path, env=environment, capture_output=True, text=True
@@ -101,6 +103,29 @@ def test_killed_fit_leaves_what_was_there_and_goes_on(rigs, tmp_path):
     assert not checkpoint.exists()
     assert one["method"] == "cma"  # backlash is not smooth
     assert one["effects"][0]["params"]["gap"]["value"] < 1e-3
+
+
+def test_a_fit_killed_anywhere_ends_as_if_it_had_not_been(vispeg, rigs, tmp_path, monkeypatch):
+    effects = ["--effects", "stribeck_friction:joint4"]  # a valley: the trust region matters
+    args = ["fit", "iiwa14", "--recording", rigs["short"], *effects, "--starts", "2", "--iterations", "4", "--quiet"]
+    assert vispeg(*args, "--out", "whole")[0] == 0
+    told, point, killed = [], Trace.point, 5  # in the third step of one of them
+
+    def counted(self, *answer):
+        point(self, *answer)
+        told.append(answer)
+        if len(told) == killed:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Trace, "point", counted)
+        code, _, err = vispeg(*args, "--out", "f")
+    assert code == 130 and not (tmp_path / "f").exists()
+    assert "this goes on: vispeg fit" in err and err.endswith("--out f --resume\n")
+    assert vispeg(*args, "--out", "f", "--resume")[0] == 0
+    one, two = fitted(tmp_path / "f"), fitted(tmp_path / "whole")
+    assert {k: v for k, v in one.items() if k != "provenance"} == {k: v for k, v in two.items() if k != "provenance"}
+    assert (tmp_path / "f" / "model.yaml").read_bytes() == (tmp_path / "whole" / "model.yaml").read_bytes()
 
 
 def test_resume_refuses_another_fit(refused, rigs, tmp_path):

@@ -10,6 +10,7 @@ import pytest
 from rendered import LAYOUT, PLAN, always_deadly, content, deadly, source
 
 from vispeg.core.errors import UserError
+from vispeg.core.files import new_folder
 from vispeg.datasets.engine import local
 from vispeg.datasets.plan import Plan, shard_frames
 from vispeg.datasets.rendering import render
@@ -121,8 +122,8 @@ def test_a_folder_that_holds_something_else_is_left_alone(tmp_path):
 
 def test_overwriting_replaces_only_when_the_new_one_is_complete(tmp_path, whole):
     out = tmp_path / "d"
-    out.mkdir()
-    (out / "old").write_text("old")
+    with new_folder(out, holds="dataset") as folder:
+        (folder / "old").write_text("old")
 
     def stops(*rest):
         assert (out / "old").exists()

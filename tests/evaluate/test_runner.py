@@ -10,12 +10,13 @@ import pytest
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
+from vispeg.core.workers import one_thread
 from vispeg.evaluate.controls import Controlled
 from vispeg.evaluate.entrants import entrant, entrants, refuse_trained_on
 from vispeg.evaluate.jobs import FIRST_SEED, STATE_ROWS, Job, Pushes, Setting, make_jobs, seeds_of
 from vispeg.evaluate.overlay import Change, overlay
 from vispeg.evaluate.records import Episode, read
-from vispeg.evaluate.runner import EPISODES, failures, one_thread, run
+from vispeg.evaluate.runner import EPISODES, failures, run
 from vispeg.task.world_file import load_world, parts
 
 

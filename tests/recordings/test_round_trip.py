@@ -70,7 +70,7 @@ def test_nothing_is_overwritten_unless_asked(tmp_path):
         write(recording(30), tmp_path / "r")
     assert (tmp_path / "r" / "samples.csv").read_bytes() == before
     write(recording(30), tmp_path / "r", overwrite=True, table="parquet")
-    assert sorted(p.name for p in (tmp_path / "r").iterdir()) == ["recording.yaml", "samples.parquet"]
+    assert {p.name for p in (tmp_path / "r").iterdir()} == {".vispeg.json", "recording.yaml", "samples.parquet"}
     assert [p.name for p in tmp_path.iterdir()] == ["r"]
 
 

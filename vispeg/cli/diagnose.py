@@ -18,6 +18,8 @@ from typing import Annotated
 
 import tyro
 
+from vispeg.core.interrupt import goes_on
+
 
 @dataclass(frozen=True)
 class Args:
@@ -39,6 +41,7 @@ class Args:
     quiet: bool = False
     """No progress, only the table."""
 
+    @goes_on()
     def run(self) -> int:
         """Runs the diagnosis and writes its folder."""
         from vispeg.cli.inputs import read_inputs

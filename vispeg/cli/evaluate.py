@@ -17,6 +17,8 @@ from pathlib import Path
 
 import tyro
 
+from vispeg.core.interrupt import goes_on
+
 
 @dataclass(frozen=True)
 class Args:
@@ -45,6 +47,7 @@ class Args:
     quiet: bool = False
     """No progress bar."""
 
+    @goes_on()
     def run(self) -> int:
         """Plays what is missing, writes the folder, prints the table."""
         import json
@@ -75,7 +78,7 @@ class Args:
         who, world = entrants(self.policies), load_world(self.world)
         task = at_clearance(who, world, self.clearance)
         out = self.out or Path("evaluated") / f"{'+'.join(dict.fromkeys(e.name for e in who))}-{world.name}"
-        out = open_folder(out, "evaluate.json", self.overwrite)
+        out = open_folder(out, "evaluate.json", self.overwrite, [world.path, *(e.path for e in who)])
         settings = [Setting(self.world, world.name, task=task, control=c) for c in ("", *self.controls)]
         jobs = make_jobs(who, settings, seeds_of(self.episodes, self.seed), out / "worlds", profile=True)
         episodes = play_all(jobs, out, self.workers, self.quiet)

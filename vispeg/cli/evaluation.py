@@ -10,24 +10,50 @@ from typing import Any
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
+from vispeg.core.lock import claim
+from vispeg.core.marker import apart, holds, mark
 from vispeg.core.provenance import provenance
 
 
-def open_folder(out: Path, result: str, overwrite: bool) -> Path:
+def open_folder(out: Path, result: str, overwrite: bool, inputs: Iterable[str | Path | None] = ()) -> Path:
     """The folder of results: new, one in which the same command was stopped, or one whose result may be replaced.
 
+    Until the command ends, no other process may write there.
+
+    Args:
+        out: where.
+        result: name of the file that stands there once all is done.
+        overwrite: whether a finished result is replaced.
+        inputs: what the command reads; `out` may be none of it, nor a folder above.
+
     Raises:
-        UserError: a finished result is there and `overwrite` is False, or files of something else are.
+        UserError: a finished result is there and `overwrite` is False, or files of something else are, or another
+            process writes there, or nothing can be written.
     """
+    kind = Path(result).stem
+    apart(out, inputs)
+    if out.is_file() or (out.is_dir() and any(out.iterdir()) and _kind(out) not in (kind, "")):
+        raise UserError("is not a folder of such results", file=out, expected="a new or empty folder, or one of a run")
+    claim(out)
     if (out / result).exists() and not overwrite:
         raise UserError("exists already; name another folder or pass --overwrite", file=out / result)
-    if out.is_file() or (out.is_dir() and any(out.iterdir()) and not (out / "run.json").exists()):
-        raise UserError("is not a folder of such results", file=out, expected="a new or empty folder, or one of a run")
     if overwrite and (out / result).exists():  # a new run, so nothing of the old one is continued
-        for old in ("episodes.jsonl", "run.json"):
+        for old in (result, f"{kind}.html", "episodes.jsonl", "run.json"):
             (out / old).unlink(missing_ok=True)
     out.mkdir(parents=True, exist_ok=True)
+    mark(out, kind, files=())
     return out
+
+
+def _kind(out: Path) -> str | None:
+    """What a folder holds by its marker; "" if it is of a version without, None if it is not of a run at all."""
+    if (found := holds(out)) is not None:
+        return found
+    try:
+        known = json.loads((out / "run.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return "" if isinstance(known, dict) and {"policies", "worlds"} <= set(known) else None
 
 
 def play_all(jobs: Sequence[Any], out: Path, workers: int, quiet: bool) -> list[Any]:

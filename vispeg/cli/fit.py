@@ -22,6 +22,8 @@ from typing import Literal
 
 import tyro
 
+from vispeg.core.interrupt import goes_on
+
 
 @dataclass(frozen=True)
 class Args:
@@ -56,6 +58,7 @@ class Args:
     quiet: bool = False
     """No progress, only the result."""
 
+    @goes_on("--resume")
     def run(self) -> int:
         """Fits, writes the folder, prints values with intervals."""
         from vispeg.core.errors import UserError
@@ -74,7 +77,7 @@ class Args:
         from vispeg.cli.fit_progress import following
         from vispeg.cli.inputs import read_inputs
         from vispeg.core.files import new_folder
-        from vispeg.core.provenance import provenance
+        from vispeg.core.provenance import digest, provenance
         from vispeg.effects.model_file import model_text
         from vispeg.identify.calibrate import ITERATIONS, calibrate
         from vispeg.identify.checkpoint import Checkpoint
@@ -86,7 +89,9 @@ class Args:
         world, free = self._free(given)
         inputs = [*self.recording, *self.validate]
         stamp = provenance(sys.argv, self.seed, inputs)
-        key = [model_text(world), list(free), self.method, self.starts, self.seed, stamp["inputs"]]
+        robot = digest(world.robot) if Path(world.robot).is_file() else None
+        content = [[stamp["inputs"][str(path)] for path in paths] for paths in (self.recording, self.validate)]
+        key = [model_text(world), robot, list(free), self.method, self.starts, self.seed, content, stamp["versions"]]
         part = self.out.with_name(self.out.name + ".part")
         read = (self.model, world.robot, *inputs)
         with new_folder(self.out, overwrite=self.overwrite, holds="fit", inputs=read) as folder:

@@ -32,7 +32,7 @@ def run_paper(args: Args) -> int:
     pieces = {rec.name: cut(rec) for rec in (*fitted, *held_out)}
     stamp = provenance(sys.argv, args.seed, [*args.recording, *args.validate])
     part = args.out.with_name(args.out.name + ".part")
-    key = ["paper", model_text(world), args.seed, stamp["inputs"]]
+    key = ["paper", model_text(world), args.seed, stamp["inputs"], stamp["versions"]]
     read = (args.model, world.robot, *args.recording, *args.validate)
     with new_folder(args.out, overwrite=args.overwrite, holds="fit", inputs=read) as folder:
         steps = args.iterations or GENERATIONS

@@ -21,6 +21,8 @@ from pathlib import Path
 
 import tyro
 
+from vispeg.core.interrupt import goes_on
+
 
 @dataclass(frozen=True)
 class Args:
@@ -57,6 +59,7 @@ class Args:
     quiet: bool = False
     """No progress bar."""
 
+    @goes_on()
     def run(self) -> int:
         """Plays what is missing, writes the folder, prints the gaps."""
         import json
@@ -77,7 +80,7 @@ class Args:
         networks = [*((e.name, e.train_seed) for e in who), *((e.policy, e.train_seed) for e in known)]
         robot = measured(self.measured, networks, self.robot)
         names, jobs, played = self._play(who, known) if who else (list(self.worlds), [], [])
-        out = open_folder(self.out, "gap.json", self.overwrite) if not self.policies else self.out
+        out = self.out if self.policies else open_folder(self.out, "gap.json", self.overwrite, self._read())
         episodes = {e.key: e for e in [*known, *played]}
         every = [*episodes.values(), *robot.episodes]
         targets = [*names, *([self.robot] if robot.episodes else [])]
@@ -100,6 +103,9 @@ class Args:
             print(f"{row['policy']} in {row['world']}: {row['words']}")
         print(page)
         return 0
+
+    def _read(self) -> list[Path | None]:
+        return [*self.records, self.measured]
 
     def _play(self, who, known):  # type: ignore[no-untyped-def]
         from tempfile import TemporaryDirectory
@@ -135,7 +141,8 @@ class Args:
         if known:
             with TemporaryDirectory() as folder:  # OUT, which may hold the records, is not touched before they fit
                 stored.check(make_jobs(who, settings, seeds, Path(folder)), known, self.records)
-        out = open_folder(self.out, "gap.json", self.overwrite)
+        read = [*self._read(), *(f.path for f in files), *(e.path for e in who)]
+        out = open_folder(self.out, "gap.json", self.overwrite, read)
         if known:
             stored.take_in(known, out)
         jobs = make_jobs(who, settings, seeds, out / "worlds")

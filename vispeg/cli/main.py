@@ -13,7 +13,11 @@ from pathlib import Path
 
 from vispeg import __version__
 from vispeg.cli.graphics import choose_backend
+from vispeg.core.disk import FULL, why
 from vispeg.core.errors import UserError
+from vispeg.core.interrupt import Interrupted
+from vispeg.core.lock import release
+from vispeg.core.provenance import command_line
 
 # In the order in which a newcomer meets them. A module is imported when its command runs, so that help stays quick.
 COMMANDS: dict[str, str] = {
@@ -93,21 +97,42 @@ def run(argv: Sequence[str]) -> int:
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point. Exit codes: 0 done, 2 bad input or usage, 130 interrupted, 141 the output's reader went away."""
     warnings.showwarning = _note
+    argv = [*(sys.argv[1:] if argv is None else argv)]
     try:
-        code = run(sys.argv[1:] if argv is None else argv)
+        code = run(argv)
         sys.stdout.flush()
         return code
     except UserError as error:
         print(f"vispeg: error: {error}", file=sys.stderr)
         return EXIT_USAGE
-    except KeyboardInterrupt:
-        print("vispeg: interrupted", file=sys.stderr)
+    except Interrupted as stop:
+        print(f"vispeg: interrupted; this goes on: {command_line(['vispeg', *stop.again(argv)])}", file=sys.stderr)
         return EXIT_INTERRUPT
-    except BrokenPipeError:  # `vispeg effects | head`: nothing may be written any more, not even at exit
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except KeyboardInterrupt:
+        print(f"vispeg: interrupted; this begins anew: {command_line(['vispeg', *argv])}", file=sys.stderr)
+        return EXIT_INTERRUPT
+    except BrokenPipeError:  # `vispeg effects | head`
+        _drop_output()
         return EXIT_PIPE
+    except OSError as error:
+        if not (error.errno in FULL or isinstance(error, PermissionError)):
+            raise
+        what = f"cannot be written: {why(error)}" if error.errno in FULL else why(error)
+        print(f"vispeg: error: {UserError(what, file=error.filename)}", file=sys.stderr)
+        _drop_output()
+        return EXIT_USAGE
     except SystemExit as stop:  # the argument parser's: 0 after --help, 2 after a usage error
         return stop.code if isinstance(stop.code, int) else EXIT_USAGE
+    finally:
+        release()
+
+
+def _drop_output() -> None:
+    """Nothing may be written to standard output any more, not even at exit, if it does not take it."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _note(message: Warning | str, *_: object, **__: object) -> None:

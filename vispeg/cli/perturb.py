@@ -14,6 +14,8 @@ from pathlib import Path
 
 import tyro
 
+from vispeg.core.interrupt import goes_on
+
 
 @dataclass(frozen=True)
 class Args:
@@ -44,6 +46,7 @@ class Args:
     quiet: bool = False
     """No progress bar."""
 
+    @goes_on()
     def run(self) -> int:
         """Plays what is missing, writes the folder, prints the table."""
         from vispeg.cli.evaluation import (
@@ -69,7 +72,8 @@ class Args:
         who, world = entrants(self.policies), load_world(self.world)
         task = at_clearance(who, world, self.clearance)
         listed = perturb.positions(self.positions)
-        out = open_folder(self.out, "perturb.json", self.overwrite)
+        read = [world.path, self.positions, *(e.path for e in who)]
+        out = open_folder(self.out, "perturb.json", self.overwrite, read)
         settings = perturb.settings(self.world, world.name, listed, Pushes(self.force, self.duration))
         settings = [replace(s, task={**s.task, **task}) for s in settings]
         jobs = make_jobs(who, settings, seeds_of(self.episodes, self.seed), out / "worlds")

@@ -21,6 +21,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from vispeg.core.interrupt import goes_on
+
 
 @dataclass(frozen=True)
 class Args:
@@ -55,6 +57,7 @@ class Args:
     overwrite: bool = False
     """Replace OUT, if it is there, once the new dataset is complete."""
 
+    @goes_on()
     def run(self) -> int:
         """Renders, and says how fast and where."""
         from vispeg.core.errors import UserError

@@ -16,6 +16,8 @@ from pathlib import Path
 
 import tyro
 
+from vispeg.core.interrupt import goes_on
+
 
 @dataclass(frozen=True)
 class Args:
@@ -40,6 +42,7 @@ class Args:
     quiet: bool = False
     """No progress bar."""
 
+    @goes_on()
     def run(self) -> int:
         """Plays what is missing, writes the folder, prints a line a curve."""
         from vispeg.cli.evaluation import check_episodes, open_folder, play_all, write_result
@@ -57,7 +60,7 @@ class Args:
         who, world = entrants(self.policies), load_world(self.world)
         sweeps = [sensitivity.sweep(text) for text in self.sweep]
         sensitivity.refuse_unseen(sweeps, who)
-        out = open_folder(self.out, "sensitivity.json", self.overwrite)
+        out = open_folder(self.out, "sensitivity.json", self.overwrite, [world.path, *(e.path for e in who)])
         settings = [s for what in sweeps for s in sensitivity.settings(self.world, world.name, what)]
         jobs = make_jobs(who, settings, seeds_of(self.episodes, self.seed), out / "worlds")
         episodes = play_all(jobs, out, self.workers, self.quiet)

@@ -21,6 +21,8 @@ from typing import Annotated, Any
 
 import tyro
 
+from vispeg.core.interrupt import goes_on
+
 
 @dataclass(frozen=True)
 class Run:
@@ -53,6 +55,7 @@ class Run:
     quiet: bool = False
     """No progress bar."""
 
+    @goes_on()
     def run(self) -> int:
         """Plays what is missing, writes the folder, prints health and table; 1 on an alarm."""
         from vispeg.cli import evaluation
@@ -79,7 +82,8 @@ class Run:
             refuse_trained_on(who, target.name, target.hash, target.path, training=files[self.train].path)
         known = [(e.name, e.train_seed) for e in who]
         robot = evaluation.measured(self.measured, known, "robot", [c["name"] for c in listed])
-        out = evaluation.open_folder(self.out, "suite.json", self.overwrite)
+        read = [self.measured, self.suite, *(f.path for f in files.values()), *(e.path for e in who)]
+        out = evaluation.open_folder(self.out, "suite.json", self.overwrite, read)
         jobs = make_jobs(who, suite.settings(listed, worlds), seeds_of(self.episodes, self.seed), out / "worlds")
         episodes = [*evaluation.play_all(jobs, out, self.workers, self.quiet), *robot.episodes]
         version = self.version or self.out.resolve().name
@@ -128,7 +132,7 @@ class Compare:
         if len(versions) > 1 and not fell:
             print("no regression beyond doubt")
         if self.out is not None:
-            out = evaluation.open_folder(self.out, "compare.json", self.overwrite)
+            out = evaluation.open_folder(self.out, "compare.json", self.overwrite, self.folders)
             values = {"format": "vispeg-suite-compare/1", "versions": versions, "changes": changes, "notes": notes}
             evaluation.write_result(out, "compare.json", values, 0, self.folders)
             print(write_text_atomic(out / "suite.html", render(versions, changes, notes), overwrite=True))

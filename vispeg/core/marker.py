@@ -13,11 +13,21 @@ MARKER, FORMAT = ".vispeg.json", "vispeg-output/1"
 ELSEWHERE = "so it is not replaced; move it away or name another folder"
 
 
-def mark(folder: Path, holds: str) -> None:
-    """Writes down what a finished folder holds: a word for it, and the names of its files."""
-    files = sorted(name for name in _names(folder) if name != MARKER)
-    text = json.dumps({"format": FORMAT, "holds": holds, "files": files}, indent=0) + "\n"
+def mark(folder: Path, holds: str, files: Iterable[str] | None = None) -> None:
+    """Writes down what a folder holds: a word for it, and the names of its files, which are those in it if not given.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    names = sorted(name for name in _names(folder) if name != MARKER) if files is None else [*files]
+    text = json.dumps({"format": FORMAT, "holds": holds, "files": names}, indent=0) + "\n"
     (folder / MARKER).write_text(text, encoding="utf-8", errors="surrogateescape")
+
+
+def holds(folder: Path) -> str | None:
+    """The word for what a folder holds, or None where this program has not marked it."""
+    found = _marker(folder)
+    return None if found is None else found["holds"]
 
 
 def refuse_foreign(folder: Path, holds: str, said: str | Path | None = None) -> None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
 from vispeg.core.errors import UserError
-from vispeg.core.threads import one_thread
+from vispeg.core.workers import pool_of
 from vispeg.datasets.layout import Layout
 from vispeg.datasets.plan import Plan, Shard
 from vispeg.datasets.shard import Source, shard_bytes
@@ -61,21 +61,17 @@ def _pool(
     ticks: Any = context.SimpleQueue()  # put is done when it returns, so a frame is told before its shard
     count = min(workers, len(shards))
     tasks = jobs_a_process(plan.backend)
-    with one_thread(), ProcessPoolExecutor(count, context, _listen, (ticks,), max_tasks_per_child=tasks) as pool:
+    with pool_of(count, tasks, _listen, (ticks,)) as pool:
         # few are handed out ahead, so that finished bytes do not pile up while earlier ones are written
         left, waiting = list(shards), dict[Future[bytes], Shard]()
-        try:
-            while left or waiting:
-                while left and len(waiting) < count + 1:
-                    waiting[pool.submit(_make, source, plan, layout, left[0])] = left[0]
-                    left.pop(0)
-                finished, _ = wait(waiting, timeout=POLL, return_when=FIRST_COMPLETED)
-                _drain(ticks, tick)
-                for future in finished:
-                    yield waiting.pop(future), future.result()
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+        while left or waiting:
+            while left and len(waiting) < count + 1:
+                waiting[pool.submit(_make, source, plan, layout, left[0])] = left[0]
+                left.pop(0)
+            finished, _ = wait(waiting, timeout=POLL, return_when=FIRST_COMPLETED)
             _drain(ticks, tick)
+            for future in finished:
+                yield waiting.pop(future), future.result()
 
 
 _TICKS: Any = None

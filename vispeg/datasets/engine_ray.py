@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from vispeg.core.errors import UserError
-from vispeg.core.threads import THREADS
+from vispeg.core.workers import THREADS
 from vispeg.datasets.engine import TRIES, Made
 from vispeg.datasets.layout import Layout
 from vispeg.datasets.plan import Plan, Shard

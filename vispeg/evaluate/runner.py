@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import json
-import multiprocessing
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
-from vispeg.core.threads import one_thread
+from vispeg.core.workers import pool_of
 from vispeg.evaluate.arena import play
 from vispeg.evaluate.jobs import Job
 from vispeg.evaluate.records import Episode, append, read
@@ -68,16 +67,12 @@ def _results(todo: Sequence[Job], workers: int, arena: Arena) -> Iterator[list[E
     if not tasks and (workers < 2 or len(todo) < 2):
         yield from (arena(job) for job in todo)
         return
-    n, spawn = max(1, min(workers, len(todo))), multiprocessing.get_context("spawn")
-    with one_thread(), ProcessPoolExecutor(n, spawn, max_tasks_per_child=tasks) as pool:
+    with pool_of(max(1, min(workers, len(todo))), tasks) as pool:
         waiting: Iterable[Future[list[Episode]]] = [pool.submit(arena, job) for job in todo]
-        try:
-            while waiting:
-                finished, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-                for future in finished:
-                    yield future.result()
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+        while waiting:
+            finished, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            for future in finished:
+                yield future.result()
 
 
 def _same_run(jobs: Sequence[Job], out: Path) -> None:

@@ -1,7 +1,8 @@
-"""Where a fit has got to, on disk: written after each step of the optimizer, so that a killed fit can go on.
+"""Where a fit has got to, on disk: written after each evaluation, so that a killed fit can go on.
 
-A least-squares fit goes on from its last point. CMA-ES draws the same populations again from its seed and is told the
-costs that are known, so it stands exactly where it stood, without a rollout.
+An optimizer that goes on is begun anew and given the answers that are known, without a rollout: the costs of the
+candidates, of each population that CMA-ES draws again from its seed, and what least squares asks of each point. So it
+stands exactly where it stood, and ends with the same bits.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.core.files import remove_unfinished, write_text_atomic
 
-FORMAT = "vispeg-checkpoint/1"
+FORMAT = "vispeg-checkpoint/2"
 
 
 @dataclass
@@ -28,18 +29,26 @@ class Trace:
     """One optimizer's way so far.
 
     Attributes:
-        u: the point of its last least-squares step in optimizer coordinates, or None before the first.
+        candidates: costs of the points that one is chosen from to begin with; empty before.
         generations: costs of each CMA-ES population, in order.
+        points: what least squares was told of each point that it asked for, in order: the coordinates, and an array
+            (n + 1, n + 1) as `vispeg.identify.fit` makes it.
         laps: least-squares steps done.
         cost: the best mean squared whitened residual so far.
-        told: called after each step.
+        told: called after each evaluation and each step.
     """
 
-    u: np.ndarray | None = None
+    candidates: list[float] = field(default_factory=list)
     generations: list[list[float]] = field(default_factory=list)
+    points: list[tuple[list[float], list[list[float]]]] = field(default_factory=list)
     laps: int = 0
     cost: float = math.inf
     told: Callable[[], None] = lambda: None
+
+    def chosen(self, costs: list[float]) -> None:
+        """The candidates have been evaluated."""
+        self.candidates = [float(c) for c in costs]
+        self.told()
 
     def generation(self, costs: list[float]) -> None:
         """A CMA-ES population has been evaluated."""
@@ -47,10 +56,18 @@ class Trace:
         self.cost = min(self.cost, *costs)
         self.told()
 
-    def lap(self, u: np.ndarray, cost: float) -> None:
-        """A least-squares step has been made."""
-        self.u, self.laps, self.cost = np.array(u), self.laps + 1, float(cost)
+    def point(self, u: np.ndarray, answer: np.ndarray) -> None:
+        """A point of least squares has been evaluated."""
+        self.points.append((u.tolist(), answer.tolist()))
         self.told()
+
+    def lap(self, laps: int, cost: float) -> None:
+        """So many least-squares steps have been made."""
+        self.laps, self.cost = laps, float(cost)
+        self.told()
+
+
+KEPT = ("candidates", "generations", "points", "laps", "cost")
 
 
 class Checkpoint:
@@ -83,10 +100,7 @@ class Checkpoint:
         self.told(i, self.traces[i])
 
     def _write(self) -> None:
-        rows = [
-            {"u": None if t.u is None else t.u.tolist(), "generations": t.generations, "laps": t.laps, "cost": t.cost}
-            for t in self.traces
-        ]
+        rows = [{name: getattr(t, name) for name in KEPT} for t in self.traces]
         text = json.dumps({"format": FORMAT, "key": self.key, "traces": rows})
         write_text_atomic(self.file, text, overwrite=True)
 
@@ -98,15 +112,9 @@ class Checkpoint:
 def _read(file: Path, key: str, starts: int) -> list[Trace]:
     try:
         data = json.loads(file.read_text(encoding="utf-8"))
-        rows = data["traces"]
-        traces = [
-            Trace(
-                None if r["u"] is None else np.array(r["u"], float), r["generations"], int(r["laps"]), float(r["cost"])
-            )
-            for r in rows
-        ]
+        known, traces = data["key"], [Trace(**{name: row[name] for name in KEPT}) for row in data["traces"]]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise UserError("cannot be read as a checkpoint; remove it to begin anew", file=file) from error
-    if data.get("key") != key or len(traces) != starts:
+    if known != key or len(traces) != starts:
         raise UserError("belongs to another fit; drop --resume to begin anew", file=file)
     return traces

@@ -35,7 +35,9 @@ def minimise(
     """
     import cma
 
-    options = {"bounds": [low.tolist(), high.tolist()], "seed": int(rng.integers(1, 2**31)), "verbose": -9}
+    # its own stream, not NumPy's global one, which the other starts draw from in threads beside this one
+    randn = np.random.RandomState(int(rng.integers(1, 2**31))).randn
+    options = {"bounds": [low.tolist(), high.tolist()], "seed": np.nan, "randn": randn, "verbose": -9}
     search = cma.CMAEvolutionStrategy(start, sigma, options)
     known = list(trace.generations) if trace is not None else []
     for k in range(generations):

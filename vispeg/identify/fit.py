@@ -95,16 +95,18 @@ def fit_job(
         low, high = space.bounds
         candidates = [space.start] + [Space(w, free).start for w in starts]
         candidates = [np.clip(u, low + 1e-9, high - 1e-9) for u in candidates]
-        if trace is not None and trace.u is not None and len(trace.u) == len(low):
-            candidates = [np.clip(trace.u, low + 1e-9, high - 1e-9)]
-        elif method == "cma":
+        if method == "cma":
             candidates.append(_cma(space, candidates[0], submit, iterations * 10, rng, trace))
+        best = candidates[0]
         if len(candidates) > 1:
-            costs = [_cost(r) for r in submit([space.at(u) for u in candidates])]
+            costs = [] if trace is None else trace.candidates
+            if not costs:
+                costs = [_cost(r) for r in submit([space.at(u) for u in candidates])]
+                if trace is not None:
+                    trace.chosen(costs)
             best = candidates[int(np.argmin(costs))]
-        else:
-            best = candidates[0]
-        point, u, converged = _least_squares(space, best, submit, iterations, race, trace)
+        size = sum(item.measured.size for item in evidence.items)
+        point, u, converged = _least_squares(space, best, submit, iterations, race, trace, size)
         return _summary(evidence, space, u, converged, point)
 
     return job
@@ -115,21 +117,21 @@ def _cost(r: np.ndarray) -> float:
 
 
 def _least_squares(
-    space: Space, u0: np.ndarray, submit: Submit, iterations: int, race: Race | None, trace: Trace | None
+    space: Space, u0: np.ndarray, submit: Submit, iterations: int, race: Race | None, trace: Trace | None, size: int
 ) -> tuple[_Point, np.ndarray, bool]:
     low, high = space.bounds
-    point = _Point(space, submit)
+    point = _Point(space, submit, trace)
 
     def lap(intermediate_result: optimize.OptimizeResult) -> None:
-        cost = 2.0 * intermediate_result.cost / len(intermediate_result.fun)
+        cost = 2.0 * intermediate_result.cost / size
         if trace is not None:
-            trace.lap(intermediate_result.x, cost)
+            trace.lap(intermediate_result.nit, cost)
         if race is not None:
             race.check(cost, intermediate_result.nit)
 
     result = optimize.least_squares(
-        lambda u: point.at(u)[0], u0, lambda u: point.at(u)[1], bounds=(low, high), method="trf", x_scale=1.0,
-        max_nfev=iterations, callback=lap, ftol=5e-4, xtol=1e-4, gtol=1e-12,
+        lambda u: point.answer(u)[:, -1], u0, lambda u: point.answer(u)[:, :-1], bounds=(low, high), method="trf",
+        x_scale=1.0, max_nfev=iterations, callback=lap, ftol=5e-4, xtol=1e-4, gtol=1e-12,
     )  # fmt: skip
     return point, result.x, result.status > 0
 
@@ -137,9 +139,11 @@ def _least_squares(
 class _Point:
     """Residual and finite-difference Jacobian of a point in one batch: a few more rows cost less than one more call."""
 
-    def __init__(self, space: Space, submit: Submit):
-        self.space, self.submit = space, submit
+    def __init__(self, space: Space, submit: Submit, trace: Trace | None = None):
+        self.space, self.submit, self.trace = space, submit, trace
         self.known: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+        told = [] if trace is None else trace.points
+        self.answers = {np.array(u, float).tobytes(): np.array(answer, float) for u, answer in told}
 
     def at(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         key = u.tobytes()
@@ -152,6 +156,23 @@ class _Point:
             while len(self.known) > 3:  # the solver looks back one point at most
                 del self.known[next(iter(self.known))]
         return self.known[key]
+
+    def answer(self, u: np.ndarray) -> np.ndarray:
+        """All that least squares needs of a point, few enough numbers to be kept: [R Q'r; 0 |r - QQ'r|].
+
+        Here r (m,) is the residual and QR (m, n) the Jacobian. The n + 1 rows have the inner products of all m, hence
+        the same gradient, the same steps and the same decrease of the cost, up to rounding.
+        """
+        key = u.tobytes()
+        if key not in self.answers:
+            r, jac = self.at(u)
+            q, upper = np.linalg.qr(jac)
+            along = q.T @ r
+            rest = np.append(np.zeros(len(u)), np.linalg.norm(r - q @ along))
+            self.answers[key] = np.vstack([np.column_stack([upper, along]), rest])
+            if self.trace is not None:
+                self.trace.point(u, self.answers[key])
+        return self.answers[key]
 
 
 def _cma(
