@@ -9,19 +9,23 @@ from __future__ import annotations
 
 import numpy as np
 
-WEIGHT = (
-    0.55  # of the end of the step in the spring's mean stretch: second order nearly, and damped at the grid's frequency
-)
+# of the end of the step in the spring's mean stretch: second order nearly, and damped at the grid's frequency
+WEIGHT = 0.55
 
 
 def motor_step(theta, omega, tau, x, offset, compliance, relaxation, inertia):
-    """One step of `J d(omega)/dt = tau - s`, `s = (delta + relaxation d(delta)/dt) / compliance`, delta = theta - q
-    - offset.
+    """One step of the rotor: `J d(omega)/dt = tau - s`, `s = (delta + relaxation d(delta)/dt) / compliance`.
 
-    Args: (nsim, nj) arrays: motor angle (rad, link units) and velocity, motor torque (N m), the free play `offset`
-    (rad),
-        compliance (rad/(N m), > 0), relaxation time of the gear's damping (s), reflected motor inertia (kg m^2, may
-        be 0).
+    `delta = theta - q - offset` is the stretch. All arrays are (nsim, nj).
+
+    Args:
+        theta, omega: motor angle (rad, link units) and velocity.
+        tau: motor torque, N m.
+        x: the state of the batch.
+        offset: free play, rad.
+        compliance: rad/(N m), above 0.
+        relaxation: time constant of the gear's damping, s.
+        inertia: of the motor, reflected to the link, kg m^2; may be 0.
 
     Returns:
         the new angle and velocity, and the gear torque s on the link, N m.

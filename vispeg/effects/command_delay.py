@@ -1,8 +1,7 @@
 """Command delay: the torque acts `delay` after it was commanded (bus cycle, drive firmware).
 
-MuJoCo's own mechanism is the actuator's `delay` with a history buffer of fixed length; the same ring buffer is kept
-in the
-drive chain here so that any delay runs in one compiled model. Interpolation over a physics step gives the step's
+MuJoCo's own mechanism is the actuator's `delay` with a history buffer of fixed length; the same ring buffer is kept in
+the drive chain here so that any delay runs in one compiled model. Interpolation over a physics step gives the step's
 mean torque.
 """
 

@@ -2,9 +2,8 @@
 
 * `shuffled`: every episode sees the images of another one that runs beside it. A policy that looks must fail.
 * `frozen`: the first image for the whole episode. What is left is what one look is worth.
-* `hole_fixed`: the hole at its nominal place in every episode (a change of the world, see `HOLE_FIXED`). A policy
-that succeeds
-  only here has learnt a place, not to look.
+* `hole_fixed`: the hole at its nominal place in every episode (a change of the world, see `HOLE_FIXED`). A policy that
+  succeeds only here has learnt a place, not to look.
 
 The fourth, a blind policy, is one of its own: modality `proprio`.
 """

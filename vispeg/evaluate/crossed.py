@@ -68,8 +68,7 @@ def rate(outcomes: np.ndarray) -> Estimate:
     """The success rate of a recipe from (k, n) outcomes.
 
     One training seed: Wilson's interval. Several: Wilson's form with the effective number of episodes p (1 - p) / var
-        and
-    the t quantile; where all succeed or all fail, the n episodes count once, however many networks ran them.
+    and the t quantile; where all succeed or all fail, the n episodes count once, however many networks ran them.
     """
     outcomes = np.atleast_2d(np.asarray(outcomes, float))
     k, n = outcomes.shape

@@ -2,10 +2,10 @@
 
 The rule, the same in every table: with d the difference of two success rates and its 95 % interval,
 
-* different: the interval excludes 0, and where several comparisons stand side by side, Holm's adjusted p is below 5
-%; * equal: the interval lies within +-5 points (the margin); * otherwise these data cannot tell, and the number of
-paired episodes that would find a difference as large as the margin with 80 % power (from the share of discordant
-pairs that was seen) is said.
+* different: the interval excludes 0, and where several comparisons stand side by side, Holm's adjusted p is below 5 %;
+* equal: the interval lies within +-5 points (the margin);
+* otherwise these data cannot tell. The number of paired episodes that would find a difference as large as the margin
+  with 80 % power is then said; it follows from the measured share of discordant pairs.
 """
 
 from __future__ import annotations

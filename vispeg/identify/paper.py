@@ -85,9 +85,8 @@ def cut(rec: Recording, pieces: int = PIECES, steps: int = STEPS) -> Pieces:
 
 def _piece(whole: Segment, first: int, ticks: int, steps: int) -> Segment:
     rows = slice(first, first + ticks)
-    at = (
-        np.arange(1, steps + 1) * ticks
-    ) // steps - 1  # ticks at which the flange is compared; the last one is the end
+    # ticks at which the flange is compared; the last one is the end
+    at = np.arange(1, steps + 1) * ticks // steps - 1
     grid = np.interp((first + at) * whole.tick, whole.time, whole.rows)  # row numbers, whole where the clocks agree
     command = {name: values[rows] for name, values in whole.command.items()}
     q, dq, raw = whole.q[rows], whole.dq[rows], whole.q_raw[rows]

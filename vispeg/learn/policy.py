@@ -142,8 +142,7 @@ def load(folder: str | Path, device: str = "cpu") -> NetPolicy:
 
     Raises:
         UserError: no such folder, a file is missing or damaged, weights that do not fit what the JSON says, or a
-        modality that this
-            installation does not have.
+            modality that this installation does not have.
     """
     path = policy_folder(folder)
     record = _record(path / META)

@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import mujoco
 import numpy as np
 
 from vispeg.robots.model import RobotModel
 from vispeg.sim.nominal import Nominal, columns
 
-_COMPILED: dict[int, mujoco.MjModel] = {}
-_KEEP: list[RobotModel] = []  # ids stay unique while the robots live
 
-
+@lru_cache(maxsize=64)  # robots compare by identity
 def compiled(robot: RobotModel) -> mujoco.MjModel:
-    """The robot's compiled model with the solver settings of rollouts; cached by the robot object."""
-    key = id(robot)
-    if key not in _COMPILED:
-        model = robot.spec().compile()
-        model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
-        model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-        _COMPILED[key] = model
-        _KEEP.append(robot)
-    return _COMPILED[key]
+    """The robot's compiled model with the solver settings of rollouts; kept for the robots used last."""
+    model = robot.spec().compile()
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    return model
 
 
 def nominal_of(robot: RobotModel, nsim: int, nthread: int = 1) -> Nominal:

@@ -17,9 +17,8 @@ def context(pairs: Sequence[Mapping[str, Any]], folder: Path) -> dict[str, Any]:
     """Pairs with their media as data URIs.
 
     Args:
-        pairs: {policy, seed, sides: [{world, outcome, video, image, view}, ...]}; video: whole episode, image:
-            outside view and
-            view: the policy's own at the moment of failure; paths relative to `folder`, or None.
+        pairs: {policy, seed, sides: [{world, outcome, video, image, view}, ...]}. `video` is the whole episode, `image`
+            the outside view and `view` the policy's own at the moment of failure; paths relative to `folder`, or None.
         folder: where the media lie.
     """
     shown = []
