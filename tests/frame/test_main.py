@@ -1,5 +1,6 @@
 """The command line: quick help, an example for each command, one line and the right exit code for each failure."""
 
+import os
 import subprocess
 import sys
 from ast import literal_eval
@@ -12,7 +13,7 @@ from vispeg.cli import main as cli
 from vispeg.core.errors import UserError
 
 ROOT = Path(__file__).parents[2]
-HEAVY = {"torch", "matplotlib", "plotly", "pyarrow", "rosbags", "trimesh", "cv2", "mitsuba", "ray"}
+HEAVY = {"torch", "matplotlib", "plotly", "pyarrow", "rosbags", "trimesh", "cv2", "ray"}
 FAKE = '''"""Does nothing.
 
 Example:
@@ -91,6 +92,29 @@ def test_usage_errors_exit_2(argv, capsys):
 def test_nearest_command_is_suggested(capsys):
     cli.main(["doctr"])
     assert "did you mean 'doctor'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("argv", "said"),
+    [
+        (("evaluate", "expert", "--wolrd", "S"), "--wolrd, S (did you mean --world?)"),
+        (("gap", "expert", "--world", "S", "--out", "g"), "or --worlds?)"),
+        (("train", "peg-depth", "--modality", "depth"), "in the name of its task, as in peg-depth"),
+    ],
+)
+def test_nearest_option_is_suggested_without_its_help(argv, said, capsys):
+    assert cli.main(list(argv)) == 2
+    err = capsys.readouterr().err
+    assert said in err and len(err) < 220 and err.count("\n") == 1
+
+
+def test_the_parsers_frame_is_taken_off_where_the_terminal_writes_ascii_alone():
+    env = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    said = (
+        python("-m", "vispeg", "doctor", "--nope", env=env).stderr
+        + python("-m", "vispeg", "demo", "--seed", "x", env=env).stderr
+    )
+    assert "--nope" in said and "--seed" in said and "---" not in said and said.count("\n") == 2
 
 
 def test_version(capsys):

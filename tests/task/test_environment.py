@@ -203,3 +203,42 @@ def test_what_a_diverged_episode_leaves_plays_it_again_bit_by_bit(world, tmp_pat
     (tmp_path / "22" / "episode.json").write_text("{}")
     with pytest.raises(UserError, match="episode.json: not an episode"):
         replay(tmp_path / "22")
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"modality": "depth"}, "no such setting of the task; got 'modality' (did you mean 'obs_mode'?)"),
+        ({"clearance": 1.0}, "did you mean 'clearance_mm'?"),
+        ({"n_envs": 4}, "did you mean 'num_envs'?"),
+        ({"clearance_mm": "1"}, "clearance_mm: wrong type; expected a number"),
+        ({"clearance_mm": -1.0}, "clearance_mm: impossible geometry"),
+        ({"start_height": [0.5, 0.6]}, "start_height: impossible start"),
+        ({"obs_mode": "dpeth"}, "did you mean 'depth'?"),
+        ({"autoreset_mode": "samestep"}, "did you mean 'SameStep'?"),
+        ({"render_mode": "human"}, "choices: rgb_array"),
+    ],
+)
+def test_a_wrong_argument_is_named_with_what_was_meant_and_no_file_is_blamed_that_the_caller_did_not_write(
+    given, words
+):
+    with pytest.raises(UserError) as error:
+        gym.make("vispeg:PegInHole-v0", **given) if "modality" in given else PegInHoleVec(2, **given)
+    assert words in str(error.value) and ".yaml" not in str(error.value)
+    assert "/" not in str(error.value), "no file, so no path"
+
+
+def test_every_other_name_for_a_setting_leads_to_one_that_there_is():
+    import inspect
+
+    from vispeg.task.config import TaskConfig
+    from vispeg.task.vector import MEANT
+
+    known = {*inspect.signature(PegInHoleVec.__init__).parameters, *TaskConfig.__dataclass_fields__}
+    assert set(MEANT.values()) <= known and not set(MEANT) & known
+
+
+def test_a_mistake_in_a_world_file_still_names_the_file(tmp_path):
+    (tmp_path / "w.yaml").write_text("format: vispeg-world/1\ntask: {clearance_mm: -1.0}\n")
+    with pytest.raises(UserError, match=r"w\.yaml: .*clearance_mm"):
+        PegInHoleVec(2, world=tmp_path / "w.yaml", steps=5)

@@ -9,28 +9,33 @@ Example:
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import platform
-import re
 import shutil
-import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from importlib import metadata
 from pathlib import Path
+from typing import NoReturn
 
 from vispeg import __version__
 from vispeg.cli.graphics import APT_LINE, has_library, probe
+from vispeg.cli.installed import BASE, EDITABLE, wrong_packages
+from vispeg.core.broken import meaning, run
+from vispeg.core.errors import UserError
 
 MIN_PYTHON, MIN_MEMORY_GB, MIN_DISK_GB = (3, 11), 4.0, 2.0
-_PYPROJECT = Path(__file__).parents[2] / "pyproject.toml"  # there in a checkout, not in an installed wheel
+_INSTALL = f"pip install --force-reinstall {EDITABLE}{BASE}"
 _TORCH = """
 import torch
 gpus = [torch.cuda.get_device_name(i) for i in range(torch.cuda.device_count())]
 print(f"torch {torch.__version__} on", ", ".join(gpus) or f"{torch.get_num_threads()} CPU threads (--device cpu)")
 """
+_FILAMENT = "from vispeg.render.filament import unusable; print('.' + unusable())"
+_VIDEO = "from vispeg.evaluate.video import ffmpeg; print(ffmpeg() or '')"
 _PHYSICS = "import mujoco; m = mujoco.MjModel.from_xml_string('<mujoco/>'); mujoco.mj_step(m, mujoco.MjData(m))"
 
 
@@ -70,9 +75,33 @@ class Args:
         return 0 if healthy else 1
 
 
+def parse(argv: Sequence[str]) -> Args:
+    """The arguments, without the package that reads those of other commands: it may be what is missing."""
+    form = argparse.RawDescriptionHelpFormatter
+    parser = _Parser("vispeg doctor", description=__doc__, formatter_class=form, allow_abbrev=False)
+    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    return Args(**vars(parser.parse_args(argv)))
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise UserError(f"{message}; see vispeg doctor --help")
+
+
 def examine() -> list[Finding]:
-    """All findings about this machine, the needed ones first."""
-    return [_python(), *_packages(), _physics(), _memory(), _disk(), _torch(), *_pictures(), _gpu(), _ffmpeg()]
+    """All findings about this machine, the needed ones first; an examination that fails is a finding too."""
+    parts = {"python": _python, "packages": _packages, "physics": _physics, "cores, memory": _memory, "disk": _disk}
+    parts |= {"training (torch)": _torch, "pictures": _pictures, "gpu": _gpu, "ffmpeg": _ffmpeg}
+    return [finding for name, look in parts.items() for finding in _look(name, look)]
+
+
+def _look(name: str, look: Callable[[], Finding | Iterable[Finding]]) -> list[Finding]:
+    try:
+        found = look()
+        return [found] if isinstance(found, Finding) else list(found)
+    except Exception as error:  # a broken installation may raise anything, and nothing of it is for a user's eyes
+        needed = name in ("python", "packages", "physics")
+        return [Finding(name, False, f"cannot be looked at: {meaning(error)}", needed, _INSTALL)]
 
 
 def _python() -> Finding:
@@ -83,49 +112,25 @@ def _python() -> Finding:
 
 def _packages() -> Iterator[Finding]:
     """One finding for the base's packages and one for each extra, against the versions this release was made for."""
-    from packaging.requirements import Requirement
-
-    groups: dict[str, list[str]] = {"": []}
-    for text in _requirements():
-        requirement = Requirement(text)
-        extra = re.search(r"extra == ['\"]([\w-]+)['\"]", str(requirement.marker or ""))
-        name = extra[1] if extra else ""
-        if requirement.marker and not requirement.marker.evaluate({"extra": name}):
-            continue
-        wrong = groups.setdefault(name, [])
-        try:
-            have = metadata.version(requirement.name)
-        except metadata.PackageNotFoundError:
-            wrong.append(f"{requirement.name} is not installed")
-            continue
-        if not requirement.specifier.contains(have, prereleases=True):
-            wrong.append(f"{requirement.name} {have}, needed {requirement.specifier}")
-    this = "-e " if _PYPROJECT.is_file() else ""  # a checkout is installed from where it stands
-    base = "." if this else "vispeg"
-    for name, wrong in groups.items():
-        label, target = (f"extra '{name}'", f"'{base}[{name}]'") if name else ("packages", base)
-        yield Finding(label, not wrong, "; ".join(wrong) or "all here", not name, f"pip install {this}{target}")
-
-
-def _requirements() -> list[str]:
-    """What this release asks for; a checkout's own word counts, as its installation may be older than itself."""
-    if _PYPROJECT.is_file():
-        import tomllib
-
-        project = tomllib.loads(_PYPROJECT.read_text(encoding="utf-8"))["project"]
-        extras = project["optional-dependencies"].items()
-        return project["dependencies"] + [f"{text}; extra == '{name}'" for name, texts in extras for text in texts]
-    try:
-        return metadata.requires("vispeg") or []
-    except metadata.PackageNotFoundError:
-        return []
+    for name, wrong in wrong_packages().items():
+        target = f"'{BASE}[{name}]'" if name else BASE
+        again = "--force-reinstall " * any(": " in w for w in wrong)
+        label, fix = f"extra '{name}'" if name else "packages", f"pip install {again}{EDITABLE}{target}"
+        yield Finding(label, not wrong, "; ".join(wrong) or "all here", not name, fix)
 
 
 def _physics() -> Finding:
-    environment = {**os.environ, "MUJOCO_GL": "disabled"}
-    done = subprocess.run([sys.executable, "-c", _PHYSICS], env=environment, capture_output=True, text=True)
-    detail = "MuJoCo steps" if done.returncode == 0 else (done.stderr.strip().splitlines() or ["no answer"])[-1]
-    return Finding("physics", done.returncode == 0, detail, True, "pip install --force-reinstall 'mujoco>=4.0,<4.1'")
+    command, fix = [sys.executable, "-c", _PHYSICS], "pip install --force-reinstall 'mujoco>=4.0,<4.1'"
+    ok, said = run(command, {**os.environ, "MUJOCO_GL": "disabled"})
+    if not ok:
+        return Finding("physics", False, said, True, fix)
+    chosen = os.environ.get("MUJOCO_GL")
+    ok, said = run(command) if chosen else (True, "")
+    if not ok:
+        return Finding(
+            "physics", False, f"MuJoCo does not start with MUJOCO_GL={chosen}: {said}", True, "unset MUJOCO_GL"
+        )
+    return Finding("physics", True, "MuJoCo steps", True)
 
 
 def _memory() -> Finding:
@@ -145,15 +150,13 @@ def _disk() -> Finding:
 
 def _torch() -> Finding:
     """Whether networks can be trained here, and on what; torch itself is imported in another process."""
-    target = "'.[learn]'" if _PYPROJECT.is_file() else "'vispeg[learn]'"
-    fix = f"pip install {'-e ' if _PYPROJECT.is_file() else ''}{target}; without it everything but policies works"
+    fix = f"pip install {EDITABLE}'{BASE}[learn]'; without it everything but policies works"
     try:
         metadata.version("torch")
     except metadata.PackageNotFoundError:
         return Finding("training (torch)", False, "not installed, so no policies are trained or played", fix=fix)
-    done = subprocess.run([sys.executable, "-c", _TORCH], capture_output=True, text=True)
-    detail = (done.stdout if done.returncode == 0 else done.stderr).strip().splitlines() or ["no answer"]
-    return Finding("training (torch)", done.returncode == 0, detail[-1], fix=fix)
+    ok, said = run([sys.executable, "-c", _TORCH], timeout=120.0)
+    return Finding("training (torch)", ok, said, fix=fix)
 
 
 def _pictures() -> Iterator[Finding]:
@@ -173,11 +176,8 @@ def _gpu() -> Finding:
     if (tool := shutil.which("nvidia-smi")) is None:
         return Finding("gpu", False, "no nvidia-smi", fix=fix)
     query = [tool, "--query-gpu=name,memory.total", "--format=csv,noheader"]
-    try:
-        done = subprocess.run(query, capture_output=True, text=True, timeout=30)
-    except (subprocess.TimeoutExpired, OSError):
-        return Finding("gpu", False, "nvidia-smi does not answer", fix=fix)
-    return Finding("gpu", done.returncode == 0, "; ".join(done.stdout.splitlines()) or "nvidia-smi failed", fix=fix)
+    ok, said = run(query, timeout=30.0)
+    return Finding("gpu", ok, said if ok else f"nvidia-smi: {said}", fix=fix)
 
 
 def _vulkan() -> Finding:
@@ -187,16 +187,13 @@ def _vulkan() -> Finding:
     drivers = sorted(file.stem for folder in folders if folder.is_dir() for file in folder.glob("*.json"))
     if not drivers or not has_library("libvulkan.so.1"):
         return Finding(name, False, "no Vulkan driver, so no physically based pictures", fix=fix)
-    from vispeg.render.filament import unusable
-
-    reason = unusable()
+    ok, said = run([sys.executable, "-c", _FILAMENT], {**os.environ, "MUJOCO_GL": "disabled"}, 90.0)
+    reason = said.removeprefix(".") if ok else said
     return Finding(name, not reason, reason or f"Vulkan draws ({len(drivers)} drivers installed)", fix=fix)
 
 
 def _ffmpeg() -> Finding:
-    from vispeg.evaluate.video import ffmpeg
-
-    path = ffmpeg()
-    if path is None:
-        return Finding("ffmpeg", False, "no ffmpeg, so no videos", fix="sudo apt-get install -y ffmpeg")
-    return Finding("ffmpeg", True, Path(path).name)
+    ok, said = run([sys.executable, "-c", _VIDEO], {**os.environ, "MUJOCO_GL": "disabled"})
+    if ok and said:
+        return Finding("ffmpeg", True, Path(said).name)
+    return Finding("ffmpeg", False, said or "no ffmpeg, so no videos", fix="sudo apt-get install -y ffmpeg")

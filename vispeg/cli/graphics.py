@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import ctypes
 import os
-import subprocess
 import sys
 from dataclasses import dataclass
+
+from vispeg.core.broken import run
 
 APT_LINE = "sudo apt-get install -y libegl1 libopengl0 libgl1-mesa-dri"
 # In a process of its own: a driver that crashes takes nothing else with it, and MuJoCo reads MUJOCO_GL at import.
@@ -41,15 +42,7 @@ class Probe:
 
 def probe(backend: str, timeout: float = 60.0) -> Probe:
     """Renders one small picture with a backend, in another process; `timeout` in seconds."""
-    command = [sys.executable, "-c", _PROBE]
-    environment = {**os.environ, "MUJOCO_GL": backend}
-    try:
-        done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=timeout)
-    except subprocess.TimeoutExpired:
-        return Probe(backend, False, f"no answer in {timeout:.0f} s")
-    if done.returncode == 0:
-        return Probe(backend, True, _last(done.stdout))
-    return Probe(backend, False, _last(done.stderr) or f"ended with status {done.returncode}")
+    return Probe(backend, *run([sys.executable, "-c", _PROBE], {**os.environ, "MUJOCO_GL": backend}, timeout))
 
 
 def choose_backend() -> None:
@@ -70,8 +63,3 @@ def has_library(name: str) -> bool:
     except OSError:
         return False
     return True
-
-
-def _last(text: str) -> str:
-    lines = [line.strip() for line in text.splitlines() if line.strip()]
-    return lines[-1][:160] if lines else ""

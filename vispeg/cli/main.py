@@ -90,7 +90,8 @@ def run(argv: Sequence[str]) -> int:
 
     choose_backend()
     module = importlib.import_module(COMMANDS[argv[0]])
-    args = parse(module.Args, f"vispeg {argv[0]}", module.__doc__, argv[1:])
+    own = getattr(module, "parse", None)  # the doctor's, who has to work where the parser is what is missing
+    args = own(argv[1:]) if own else parse(module.Args, f"vispeg {argv[0]}", module.__doc__, argv[1:])
     return int(args.run() or 0)
 
 

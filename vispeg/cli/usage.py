@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Sequence
 from contextlib import redirect_stderr
 from typing import Any
 
 from vispeg.core.errors import UserError
 
-RULE = "─"
+RULE, PLAIN_RULE = "─", "-"  # the latter where the terminal writes ASCII alone
 FRAME = "│╭╮╰╯ " + RULE
 POINTERS = ("For full helptext", "Argument helptext")
+UNKNOWN = "Unrecognized options: "
+ELSEWHERE = {  # what is looked for as an option and stands elsewhere
+    "--modality": "what a policy sees is in the name of its task, as in peg-depth, and in its folder",
+    "--obs-mode": "what a policy sees is in the name of its task, as in peg-depth, and in its folder",
+}
 
 
 def parse(kind: type[Any], program: str, description: str | None, argv: Sequence[str]) -> Any:
@@ -39,9 +45,21 @@ def one_line(framed: str) -> str:
     parts: list[list[str]] = [[]]
     for line in framed.splitlines()[1:]:
         row = line.strip(FRAME)
-        if row:
+        if row.strip(PLAIN_RULE):
             parts[-1].append(row)
-        elif RULE in line:
+        elif RULE in line or PLAIN_RULE in line:
             parts.append([])
     said = [" ".join(" ".join(part).split()) for part in parts]
-    return "; ".join(text.rstrip(".") for text in said if text and not text.startswith(POINTERS)) or "bad arguments"
+    kept = [text.rstrip(".") for text in said if text and not text.startswith(POINTERS)]
+    if kept and kept[0].startswith(UNKNOWN):
+        return _unknown(kept[0].removeprefix(UNKNOWN), " ".join(kept[1:]))
+    return "; ".join(kept) or "bad arguments"
+
+
+def _unknown(given: str, hints: str) -> str:
+    """The first option that there is not, and those that are most like it, without the parser's lines of help."""
+    near = dict.fromkeys(re.findall(r"(?<!\S)--[a-z][a-z-]*(?!\S)", hints))
+    name = given.partition(",")[0].strip()
+    if name in ELSEWHERE:
+        return f"{UNKNOWN}{given}; {ELSEWHERE[name]}"
+    return f"{UNKNOWN}{given}" + (f" (did you mean {' or '.join(near)}?)" if near else "")

@@ -21,6 +21,7 @@ class UserError(Exception):
         got: what came.
         choices: the legal values; the one nearest to `got` is suggested, and of very many only a few near ones listed.
         see: how to get at all the choices, such as a command.
+        meant: the choice to suggest where spelling does not tell it.
     """
 
     def __init__(
@@ -33,6 +34,7 @@ class UserError(Exception):
         got: object = None,
         choices: Iterable[str] = (),
         see: str = "",
+        meant: str = "",
     ):
         self.file, self.key, self.expected, self.got = file, key, expected, got
         self.choices = tuple(choices)
@@ -43,7 +45,7 @@ class UserError(Exception):
         if got is not None:
             text += f"; got {_short(got)}"
         if self.choices:
-            near = difflib.get_close_matches(str(got), self.choices, n=1)
+            near = [meant] if meant else difflib.get_close_matches(str(got), self.choices, n=1)
             text += f" (did you mean '{near[0]}'?)" if near else ""
             text += f"; {_listed(str(got), self.choices)}"
             text += f"; {see}" if see else ""

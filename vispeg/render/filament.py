@@ -18,6 +18,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from vispeg.core.broken import in_words
 from vispeg.core.errors import UserError
 from vispeg.render.picture import COLLISION, HIDDEN, Picture, shown
 from vispeg.render.raycast import cast
@@ -133,13 +134,15 @@ def unusable() -> str:
     """Why Filament cannot draw here, or nothing where it can; tried once, in another process (about a second)."""
     try:
         done = subprocess.run([sys.executable, "-c", _TRY], env=_headless(), capture_output=True, text=True, timeout=60)
-    except (subprocess.TimeoutExpired, OSError) as error:
-        return f"{type(error).__name__}"
+    except subprocess.TimeoutExpired:
+        return "no answer in 60 s"
+    except OSError as error:
+        return error.strerror or "it cannot be started"
     if "vispeg-drawn" in done.stdout:
         return ""
     lines = [line.strip() for line in (done.stderr + "\n" + done.stdout).splitlines() if line.strip()]
-    told = [line for line in lines if line.startswith(("reason", "ImportError"))]
-    return (told or lines or ["it ended without a word"])[-1][:160]
+    told = [line for line in lines if line.startswith("reason")]
+    return told[-1][:160] if told else in_words("\n".join(lines)) or "it ended without a word"
 
 
 def _headless() -> dict[str, str]:

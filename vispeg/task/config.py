@@ -134,13 +134,13 @@ class TaskConfig:
     @classmethod
     def of(cls, given: Mapping[str, Any], file: str | None = None) -> TaskConfig:
         """From a mapping (a world file's `task:`), with an error for unknown keys and wrong types."""
-        hints, values = get_type_hints(cls), {}
+        hints, values, at = get_type_hints(cls), {}, "task." if file else ""
         for key, value in given.items():
             if key not in hints:
-                raise UserError("unknown key", file=file, key=f"task.{key}", got=key, choices=hints)
+                raise UserError("unknown key", file=file, key=f"{at}{key}", got=key, choices=hints)
             values[key] = tuple(value) if isinstance(value, list) else value
             if not _fits(values[key], hints[key]):
-                raise UserError("wrong type", file=file, key=f"task.{key}", expected=_said(hints[key]), got=value)
+                raise UserError("wrong type", file=file, key=f"{at}{key}", expected=_said(hints[key]), got=value)
         try:
             return cls(**values)
         except UserError as error:

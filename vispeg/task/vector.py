@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -33,13 +34,38 @@ def spaces(config: TaskConfig, obs_mode: str, cameras: Sequence[Any]) -> tuple[g
 
 
 def world_of(world: World | str | Path | None, given: dict[str, Any]) -> tuple[World, TaskConfig, Any]:
-    """A world, the task it states with `given` on top, and its file (None for a World object)."""
+    """A world, the task it states with `given` on top, and its file (None for a World object).
+
+    Raises:
+        UserError: as `load_world`; of what is `given`, without the file, in which it does not stand.
+    """
     if isinstance(world, World):
         return world, TaskConfig.of(given), None
     from vispeg.task.world_file import load_world
 
     file = load_world(world if world is not None else "nominal")
-    return file.world, TaskConfig.of({**file.task, **given}, str(file.path)), file
+    return file.world, TaskConfig.of({**file.task, **given}, None if given else str(file.path)), file
+
+
+MEANT = {  # what others call it -> what it is called here, where spelling does not tell
+    **dict.fromkeys(("modality", "observation", "observations", "sensors", "images"), "obs_mode"),
+    **dict.fromkeys(("env", "scenario", "domain", "randomization", "domain_randomization"), "world"),
+    **dict.fromkeys(("n_envs", "nenv", "batch_size", "rows"), "num_envs"),
+    **dict.fromkeys(("horizon", "max_steps", "episode_length"), "steps"),
+    **dict.fromkeys(("resolution", "width", "height", "img_size"), "image_size"),
+    **dict.fromkeys(("threads", "num_threads", "n_threads"), "nthread"),
+    **dict.fromkeys(("renderer", "engine"), "backend"),
+    **dict.fromkeys(("tolerance", "gap", "play"), "clearance_mm"),
+    "frame_stack": "stack",
+}
+
+
+def check_names(given: Iterable[str], others: Iterable[str]) -> None:
+    """Raises UserError for a keyword argument that is neither a field of TaskConfig nor among `others`."""
+    choices = (*others, *(f.name for f in fields(TaskConfig)))
+    for name in given:
+        if name not in choices:
+            raise UserError("no such setting of the task", got=name, choices=choices, meant=MEANT.get(name, ""))
 
 
 TOLD = ("success", "category", "seed", "time", "peak_force", "lateral_error", "depth")  # as arrays in `infos`
@@ -75,11 +101,17 @@ class PegInHoleVec(VectorEnv):
         dump: str | Path | None = None,
         **task: Any,
     ):
-        self._made = {"num_envs": num_envs, "world": world, "obs_mode": obs_mode, "seed": seed, "nthread": nthread}
-        self._made |= {"autoreset_mode": autoreset_mode, "backend": backend, "render_mode": render_mode, "dump": dump}
-        self._made |= task
+        made = {"num_envs": num_envs, "world": world, "obs_mode": obs_mode, "seed": seed, "nthread": nthread}
+        made |= {"autoreset_mode": autoreset_mode, "backend": backend, "render_mode": render_mode, "dump": dump}
+        check_names(task, made)
+        self._made = {**made, **task}
         if obs_mode not in MODES:
             raise UserError("unknown observation mode", key="obs_mode", got=obs_mode, choices=MODES)
+        if render_mode not in (None, "rgb_array"):
+            raise UserError("unknown render mode", key="render_mode", got=render_mode, choices=("rgb_array",))
+        resets = {mode.value: mode for mode in AutoresetMode}
+        if autoreset_mode not in (*resets, *resets.values()):
+            raise UserError("unknown way of resetting", key="autoreset_mode", got=autoreset_mode, choices=resets)
         if num_envs < 1:
             raise UserError("must be at least 1", key="num_envs", got=num_envs)
         self.world, self.config, self.file = world_of(world, task)

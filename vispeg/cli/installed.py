@@ -1,0 +1,111 @@
+"""Which of the packages that this release was made for are here, in a right version, and whole."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Sequence
+from importlib import metadata
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from vispeg.core.broken import run
+
+_PYPROJECT = Path(__file__).parents[2] / "pyproject.toml"  # there in a checkout, not in an installed wheel
+EDITABLE, BASE = ("-e ", ".") if _PYPROJECT.is_file() else ("", "vispeg")  # a checkout is installed where it stands
+_IMPORT = """
+import importlib, sys
+from vispeg.core.broken import meaning
+for module in sys.argv[1:]:
+    try:
+        importlib.import_module(module)
+    except BaseException as error:
+        sys.exit(f"{module}: " + meaning(error))
+"""
+
+
+def wrong_packages() -> dict[str, list[str]]:
+    """What is wrong with each group's packages, in words: that of the base ("") and of every extra.
+
+    The base's are imported, in another process; of the others it is only seen that their files are there.
+    """
+    from packaging.requirements import Requirement
+
+    groups: dict[str, list[str]] = {"": []}
+    there: dict[str, list[str]] = {}
+    for text in _requirements():
+        requirement = Requirement(text)
+        extra = re.search(r"extra == ['\"]([\w-]+)['\"]", str(requirement.marker or ""))
+        name = extra[1] if extra else ""
+        if requirement.marker and not requirement.marker.evaluate({"extra": name}):
+            continue
+        wrong = groups.setdefault(name, [])
+        if reason := _version_wrong(requirement):
+            wrong.append(f"{requirement.name} {reason}")
+        else:
+            there.setdefault(name, []).append(requirement.name)
+    modules = _modules()
+    for name, packages in there.items():
+        known = {module: package for package in packages for module in modules.get(_plain(package), [_plain(package)])}
+        reasons = {m: "half installed" for m in known if find_spec(m) is None} if name else _unimportable(list(known))
+        groups[name] += [f"{known[module]}: {reason}" for module, reason in reasons.items()]
+    return groups
+
+
+def _version_wrong(requirement: Any) -> str:
+    """What is wrong with an installed package's version, or nothing."""
+    try:
+        have = metadata.version(requirement.name)
+        fits = requirement.specifier.contains(have, prereleases=True)
+    except metadata.PackageNotFoundError:
+        return "is not installed"
+    except Exception:  # a folder of metadata without its files
+        return "is half installed"
+    return "" if fits else f"{have}, needed {requirement.specifier}"
+
+
+def _modules() -> dict[str, list[str]]:
+    """Package -> what it is imported by."""
+    found: dict[str, list[str]] = {}
+    for module, packages in metadata.packages_distributions().items():
+        for package in packages:
+            if not module.startswith("_"):
+                found.setdefault(_plain(package), []).append(module)
+    return {name: [name] if name in modules else modules for name, modules in found.items()}
+
+
+def _plain(package: str) -> str:
+    return re.sub(r"[-_.]+", "_", package).lower()
+
+
+def _unimportable(modules: Sequence[str]) -> dict[str, str]:
+    """Module -> in words, why it cannot be imported; tried in another process, which one of them may end."""
+    left, found = list(modules), {}
+    while left:
+        ok, said = run([sys.executable, "-c", _IMPORT, *left], {**os.environ, "MUJOCO_GL": "disabled"}, 120.0)
+        if ok:
+            break
+        culprit, _, reason = said.partition(": ")
+        if culprit not in left:  # the process ended before it could tell, so each is asked for by itself
+            return found | (
+                {left[0]: said} if len(left) == 1 else {k: v for m in left for k, v in _unimportable([m]).items()}
+            )
+        found[culprit] = reason
+        left = left[left.index(culprit) + 1 :]
+    return found
+
+
+def _requirements() -> list[str]:
+    """What this release asks for; a checkout's own word counts, as its installation may be older than itself."""
+    if _PYPROJECT.is_file():
+        import tomllib
+
+        project = tomllib.loads(_PYPROJECT.read_text(encoding="utf-8"))["project"]
+        extras = project["optional-dependencies"].items()
+        return project["dependencies"] + [f"{text}; extra == '{name}'" for name, texts in extras for text in texts]
+    try:
+        return metadata.requires("vispeg") or []
+    except metadata.PackageNotFoundError:
+        return []
