@@ -3,8 +3,8 @@
 One Maxwell-slip element: `tau = -clip(stiffness (q - z), +-torque)`, the anchor z dragged along once the element slips.
 The spring is taken at the whole step, where the stepping is second order and loses no energy; one that is stiffer than
 the step can follow on a light link is softened to what it can. MuJoCo's own mechanism is a fixed tendon with
-`springyield`, which needs a compiled model for each candidate. Source: Al-Bender, Lampaert and Swevers, IEEE Trans. Automatic Control
-50(11), 2005, eq. (3), one element.
+`springyield`, which needs a compiled model for each candidate. Source: Al-Bender, Lampaert and Swevers,
+IEEE Trans. Automatic Control 50(11), 2005, eq. (3), one element.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Joint elasticity: a spring between motor and link, with the encoder on the motor side.
 
 `J d(omega)/dt = tau - s`, `s = (delta + relaxation d(delta)/dt) / compliance`, `delta = theta - q`. The link gets s,
-the encoder reads theta. A massless motor (`motor_inertia` 0, as in the nominal arm) leaves the link's torque as it was and
-shifts the reading by `compliance tau`. Source: Spong, J. Dynamic Systems, Measurement and Control 109, 1987, eq. (6).
+the encoder reads theta. A massless motor (`motor_inertia` 0, as in the nominal arm) leaves the link's torque as it was
+and shifts the reading by `compliance tau`. Source: Spong, J. Dynamic Systems, Measurement and Control 109, 1987,
+eq. (6).
 """
 
 from __future__ import annotations
