@@ -15,6 +15,7 @@ from vispeg.recordings.check import check
 from vispeg.recordings.excitation import PARAMETERS, excitation, regressor
 from vispeg.recordings.noise import highpass_sigma, noise_from_repeats
 from vispeg.recordings.quality import Limits, quantization, saturated
+from vispeg.recordings.spikes import spikes
 from vispeg.recordings.timing import timing
 from vispeg.recordings.write import write
 
@@ -80,6 +81,45 @@ def test_missing_held_and_zeroed_readings():
     lost = moving()
     lost.q[[400, 401, 900]] = 0.0
     assert timing(lost).zeroed == 3
+
+
+@pytest.mark.parametrize("size, count", [(-3.14, 1), (0.05, 1), (0.4, 2)])
+def test_a_single_bad_reading_is_named_and_left_out(size, count):
+    rec, clean = moving(), check(moving()).joints[0]
+    rec.q[2718 : 2718 + count, 0] += size
+    report = check(rec)
+    joint = report.joints[0]
+    assert [spike.row for spike in joint.spikes] == list(range(2718, 2718 + count))
+    assert joint.spikes[0].size == pytest.approx(size, abs=0.02) and joint.spikes[0].time == rec.time[2718]
+    assert joint.excitation.peak_speed == pytest.approx(clean.excitation.peak_speed, rel=1e-3)
+    assert (joint.low, joint.high) == pytest.approx((clean.low, clean.high), abs=1e-3)
+    said = " ".join(report.warnings)
+    assert "joint1: " in said and "away and back" in said and "sample 2719" in said
+
+
+def test_honest_motion_has_no_bad_readings():
+    rng = np.random.default_rng(5)
+    time = np.arange(6000) / 50.0  # a slow log of a fast servo: steps, sharp turns, a coarse encoder
+    steps = np.where(np.sin(time) > 0, 1.0, -1.0)
+    turns = np.abs((3.0 * time) % 2.0 - 1.0)
+    bounce = np.abs(np.sin(4 * time))
+    for q in (steps, turns, bounce):
+        coarse = np.round(q / 1.53e-3) * 1.53e-3
+        for values in (q, coarse, q + rng.normal(scale=1e-3, size=q.shape)):
+            assert spikes(time, values) == ()
+
+
+def test_the_tracking_error_is_told_in_degrees(tmp_path, capsys):
+    rec = moving(q_cmd=moving(noise_q=0.0).q + np.deg2rad([3.0, 0.5]))
+    rec.q_cmd[100, 1] += np.deg2rad(4.0)  # type: ignore[index]
+    a, b = check(rec).joints
+    assert np.degrees(a.tracking_rms) == pytest.approx(3.0, rel=0.01)  # type: ignore[arg-type]
+    assert np.degrees(b.tracking_worst) == pytest.approx(4.5, rel=0.01)  # type: ignore[arg-type]
+    assert Args((write(rec, tmp_path / "rig"),)).run() == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "deg RMS" in printed and "3.00 3.00" in printed and "0.50 4.50" in printed
+    assert "joint1: is off its command by 3.0 degrees RMS" in printed and "joint2: is off" not in printed
+    assert check(replace(rec, q_cmd=None)).joints[0].tracking_rms is None
 
 
 @pytest.mark.parametrize("rows", [2, 3, 4, 11])
@@ -197,9 +237,10 @@ def test_the_command_writes_what_it_prints(tmp_path, capsys):
     assert (tmp_path / "out" / "check.png").read_bytes().startswith(b"\x89PNG")
     assert Args((robot, write(moving(seed=5), tmp_path / "again"))).run() == 0
     printed = capsys.readouterr().out
-    assert "1 gaps, 5 samples lost" in " ".join(printed.split())
-    heads, units = printed.splitlines()[1:3]
-    assert heads.split()[-2:] == ["friction", "to"] and units.split()[-5:] == ["rad", "N", "m", "N", "m"]
+    assert "1 gap, 5 samples lost" in " ".join(printed.split())
+    for head in ("lowest", "top speed", "reversals", "off its command", "largest torque", "dry friction known to"):
+        assert head in printed, head
+    assert all(len(line) <= 80 for line in printed.splitlines() if line.startswith(" ") and "!" not in line)
     with pytest.raises(UserError, match="exists"):
         Args((robot,), out=tmp_path / "out").run()
 

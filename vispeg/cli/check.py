@@ -1,4 +1,4 @@
-"""Checks recordings before anybody fits to them: clock, gaps, limits, saturation, noise, excitation.
+"""Checks recordings before anybody fits to them: clock, bad readings, limits, tracking, noise, excitation.
 
 Exits 0 when the recordings can be used, whatever it warns about; 2 with one line when one cannot.
 
@@ -10,19 +10,27 @@ Example:
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import tyro
 
+from vispeg.cli.reading import size_of, told
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
-from vispeg.recordings.check import CheckReport, check
+from vispeg.recordings.check import SIGNALS, CheckReport, check
 from vispeg.recordings.load import load
 from vispeg.recordings.noise import noise_from_repeats, same_motion
+from vispeg.recordings.plot import plot
 from vispeg.recordings.quality import Limits
 from vispeg.recordings.recording import Recording
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+HEAD = 20_000  # rows of each recording that are held against the others'
 
 
 @dataclass(frozen=True)
@@ -42,35 +50,42 @@ class Args:
         """Prints what was found, and writes it if asked."""
         if not self.recordings:
             raise UserError("no recording given", expected="vispeg check FOLDER [FOLDER ...]")
-        recs = [load(path) for path in self.recordings]
-        limits = [limits_of(rec) for rec in recs]
-        reports = [check(rec, limit) for rec, limit in zip(recs, limits, strict=True)]
+        if self.out is None:
+            self._examine(None)
+        else:
+            with new_folder(self.out, self.overwrite, holds="check", inputs=self.recordings) as folder:
+                record = self._examine(folder)
+                text = json.dumps(record, indent=2, allow_nan=False) + "\n"
+                (folder / "check.json").write_text(text, encoding="utf-8")
+        return 0
+
+    def _examine(self, folder: Path | None) -> dict[str, Any]:
+        """Checks, shows and draws one recording after the other, so that only one is in memory."""
+        reports, heads = [], []
+        for number, path in enumerate(self.recordings, start=1):
+            with told(f"reading {path}", size_of(path)) as share:
+                rec = load(path, lambda _: SIGNALS, share)
+            limits = limits_of(rec)
+            with told(f"examining {path}") as share:
+                reports.append(check(rec, limits, share))
+            heads.append(head_of(rec))
+            if folder is not None:
+                name = "check.png" if len(self.recordings) == 1 else f"check-{number}-{rec.name}.png"
+                (folder / name).write_bytes(plot(rec, reports[-1], limits))
+            del rec
         record = {
             "format": "vispeg-check/1",
             "recordings": [report.to_json() for report in reports],
-            "repeats": repeats(recs),
+            "repeats": repeats(heads),
         }
         if self.json:
             print(json.dumps(record, indent=2, allow_nan=False))
-        else:
-            for report in reports:
-                show(report)
-            for found in record["repeats"]:
-                print(f"repeats of one motion: {', '.join(found['recordings'])}; noise of q", *_short(found["noise_q"]))
-        if self.out is not None:
-            self._write(self.out, recs, limits, reports, record)
-        return 0
-
-    def _write(
-        self, out: Path, recs: list[Recording], limits: list[Limits], reports: list[CheckReport], record: Any
-    ) -> None:
-        from vispeg.recordings.plot import plot
-
-        with new_folder(out, self.overwrite, holds="check", inputs=self.recordings) as folder:
-            (folder / "check.json").write_text(json.dumps(record, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-            for number, (rec, limit, report) in enumerate(zip(recs, limits, reports, strict=True), start=1):
-                name = "check.png" if len(recs) == 1 else f"check-{number}-{rec.name}.png"
-                (folder / name).write_bytes(plot(rec, report, limit))
+            return record
+        for report in reports:
+            show(report)
+        for found in record["repeats"]:
+            print(f"repeats of one motion: {', '.join(found['recordings'])}; noise of q", *_short(found["noise_q"]))
+        return record
 
 
 def limits_of(rec: Recording) -> Limits:
@@ -89,6 +104,13 @@ def limits_of(rec: Recording) -> Limits:
     return Limits(robot.range[order], robot.velocity_limit[order], robot.torque_limit[order])
 
 
+def head_of(rec: Recording) -> Recording:
+    """The first rows of a recording, copied, so that the rest can go: as many as repeats need to show their noise."""
+    arrays = ("time", "q", "q_cmd", "tau_cmd", "episode")
+    cut = {name: value[:HEAD].copy() for name in arrays if (value := getattr(rec, name)) is not None}
+    return replace(rec, tau=None, **cut)
+
+
 def repeats(recs: list[Recording]) -> list[dict[str, Any]]:
     """Groups of recordings that repeat one commanded motion, with the noise that they show (rad, one a joint)."""
     left, out = list(recs), []
@@ -102,35 +124,63 @@ def repeats(recs: list[Recording]) -> list[dict[str, Any]]:
 
 
 def show(report: CheckReport) -> None:
-    """A table for a person."""
+    """Two tables for a person, and what is to be said."""
     from rich.console import Console
     from rich.markup import escape
-    from rich.table import Table
 
     clock = report.timing
     console = Console(soft_wrap=True, highlight=False)
+    gaps = f"{len(clock.gaps)} gap{'s' * (len(clock.gaps) != 1)}"
     console.print(
         f"[bold]{escape(report.recording)}[/bold]  {escape(report.robot)}, {report.mode} control, "
         f"{clock.duration_s:.1f} s at {clock.rate_hz:.1f} Hz (jitter {1e3 * clock.jitter:.3g} ms), "
-        f"{clock.episodes} episode{'s' * (clock.episodes != 1)}, {len(clock.gaps)} gaps"
+        f"{clock.episodes} episode{'s' * (clock.episodes != 1)}, {gaps}"
     )
-    named = ("joint", "from", "to", "speed", "turns", "torque", "noise q", "noise tau", "friction to")
-    units = ("", "rad", "rad", "rad/s", "", "N m", "rad", "N m", "N m")
-    heads = (f"{name}\n{unit}" for name, unit in zip(named, units, strict=True))
-    table = Table(*heads, box=None, padding=(0, 1), header_style="dim")
-    for joint in report.joints:
-        motion = joint.excitation
-        table.add_row(
-            escape(joint.name),
-            f"{joint.low:+.2f}",
-            f"{joint.high:+.2f}",
-            f"{motion.peak_speed:.2f}",
-            str(motion.reversals),
-            *_cells(joint.peak_torque, joint.noise_q, joint.noise_tau, (motion.sigma or {}).get("coulomb")),
-        )
-    console.print(table)
+    console.print(_motion_table(report))
+    console.print()
+    console.print(_signal_table(report))
     for line in report.warnings:
         console.print(f"  [yellow]![/yellow] {escape(line)}")
+
+
+def _motion_table(report: CheckReport) -> Table:
+    """Where each joint went, how fast, how often it turned back, and how far it was off its command."""
+    from rich.markup import escape
+
+    table = _table("lowest\nrad", "highest\nrad", "top speed\nrad/s", "reversals\n")
+    tracked = any(joint.tracking_rms is not None for joint in report.joints)
+    if tracked:
+        table.add_column("off its command\ndeg RMS", justify="right")
+        table.add_column("at most\ndeg", justify="right")
+    for joint in report.joints:
+        motion = joint.excitation
+        off = ["-" if x is None else f"{np.degrees(x):.2f}" for x in (joint.tracking_rms, joint.tracking_worst)]
+        row = [f"{joint.low:+.2f}", f"{joint.high:+.2f}", f"{motion.peak_speed:.2f}", str(motion.reversals)]
+        table.add_row(escape(joint.name), *row, *(off if tracked else ()))
+    return table
+
+
+def _signal_table(report: CheckReport) -> Table:
+    """The largest torque, the noise, and how well dry friction could be told with it."""
+    from rich.markup import escape
+
+    table = _table(
+        "largest torque\nN m", "angle noise\nrad", "torque noise\nN m", "dry friction known to\nN m (1 sigma)"
+    )
+    for joint in report.joints:
+        friction = (joint.excitation.sigma or {}).get("coulomb")
+        table.add_row(escape(joint.name), *_cells(joint.peak_torque, joint.noise_q, joint.noise_tau, friction))
+    return table
+
+
+def _table(*heads: str) -> Table:
+    from rich.table import Table
+
+    table = Table(box=None, padding=(0, 1), header_style="dim")
+    table.add_column("joint\n", no_wrap=True)
+    for head in heads:
+        table.add_column(head, justify="right", no_wrap=True)
+    return table
 
 
 def _cells(*values: float | None) -> list[str]:

@@ -1,8 +1,8 @@
-"""Checks a recording before anybody fits to it: clock, limits, saturation, noise, excitation."""
+"""Checks a recording before anybody fits to it: clock, bad readings, limits, tracking, noise, excitation."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -13,12 +13,13 @@ from vispeg.recordings.excitation import Excitation, excitation
 from vispeg.recordings.noise import highpass_sigma
 from vispeg.recordings.quality import Limits, quantization, saturated
 from vispeg.recordings.recording import Recording
+from vispeg.recordings.spikes import Spike, spikes, without
 from vispeg.recordings.timing import Timing, timing, within_episode
 
 SMOOTHING_HZ = 20.0
 OVER_ANGLE, OVER_SPEED, OVER_TORQUE = 1e-3, 1.02, 1.02  # rad; factors: beyond what noise can do
-SILENT_Q, SILENT_TAU = 1e-7, 1e-5  # rad; share of the peak torque: no sensor is as quiet as this
-FLAT = 0.02  # least share of its own that a parameter's column needs to be told from the others
+SILENT_TAU = 1e-5  # share of the peak torque: no sensor is as quiet as this
+SIGNALS = ("tau", "tau_cmd", "q_cmd")  # beside q: all that is looked at here
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,9 @@ class JointCheck:
         name: the joint.
         missing: share of its angle readings that are missing.
         longest_missing_s: the longest stretch without one.
+        spikes: single bad readings; what follows about angle and speed is told without them.
         low, high: extremes of the angle.
+        tracking_rms, tracking_worst: commanded minus measured angle, RMS and largest size.
         peak_torque: largest measured torque.
         outside_range, over_velocity, over_torque: number of rows beyond the robot's limits.
         saturated: signal (`tau`, `tau_cmd`) -> number of clipped rows, those above zero only.
@@ -41,8 +44,11 @@ class JointCheck:
     name: str
     missing: float
     longest_missing_s: float
+    spikes: tuple[Spike, ...]
     low: float
     high: float
+    tracking_rms: float | None
+    tracking_worst: float | None
     peak_torque: float | None
     outside_range: int
     over_velocity: int
@@ -73,17 +79,22 @@ class CheckReport:
         return _finite(asdict(self))
 
 
-def check(rec: Recording, limits: Limits | None = None) -> CheckReport:
-    """Examines a recording.
+def check(
+    rec: Recording, limits: Limits | None = None, told: Callable[[float], None] = lambda share: None
+) -> CheckReport:
+    """Examines a recording, joint by joint, so that a long one needs little more memory than it takes itself.
 
     Args:
         rec: the recording.
         limits: the robot's limits in the order of `rec.joints`, or None where they are not known.
+        told: is told which share of the joints has been examined.
     """
-    clock = timing(rec)
-    cutoff = min(SMOOTHING_HZ, 0.2 * clock.rate_hz)
-    motion = smooth(rec.time, rec.q, cutoff)
-    joints = tuple(_joint(rec, j, motion, clock, limits) for j in range(len(rec.joints)))
+    from vispeg.recordings.check_words import warnings_of
+
+    clock, joints = timing(rec), []
+    for j in range(len(rec.joints)):
+        joints.append(_joint(rec, j, clock, limits))
+        told(len(joints) / len(rec.joints))
     return CheckReport(
         recording=str(rec.path),
         robot=rec.robot,
@@ -91,17 +102,21 @@ def check(rec: Recording, limits: Limits | None = None) -> CheckReport:
         motion=rec.motion,
         rows=len(rec.time),
         timing=clock,
-        joints=joints,
-        warnings=tuple(
-            _clock_warnings(clock)
-            + _silence_warnings(joints, rec)
-            + [line for joint in joints for line in _joint_warnings(joint, rec)]
-        ),
+        joints=tuple(joints),
+        warnings=tuple(warnings_of(rec, clock, joints)),
     )
 
 
-def _joint(rec: Recording, j: int, motion: tuple[np.ndarray, ...], clock: Timing, limits: Limits | None) -> JointCheck:
-    q, speed = rec.q[:, j], np.abs(motion[1][:, j])
+def smoothed(rec: Recording, j: int, clock: Timing, bad: tuple[Spike, ...]) -> tuple[np.ndarray, ...]:
+    """Angle, speed and acceleration (n,) of one joint, its bad readings left out."""
+    cutoff = min(SMOOTHING_HZ, 0.2 * clock.rate_hz)
+    return tuple(part[:, 0] for part in smooth(rec.time, without(rec.q[:, j], bad)[:, None], cutoff))
+
+
+def _joint(rec: Recording, j: int, clock: Timing, limits: Limits | None) -> JointCheck:
+    bad = spikes(rec.time, rec.q[:, j])
+    motion = smoothed(rec, j, clock, bad)
+    q, speed = without(rec.q[:, j], bad), np.abs(motion[1])
     tau = None if rec.tau is None else rec.tau[:, j]
     dt = 1.0 / clock.rate_hz
     low, high = limits.range[j] if limits else (-np.inf, np.inf)
@@ -111,15 +126,20 @@ def _joint(rec: Recording, j: int, motion: tuple[np.ndarray, ...], clock: Timing
     sigma_tau = None if tau is None else _sigma(tau)
     peak_tau = None if tau is None or np.isnan(tau).all() else float(np.nanmax(np.abs(tau)))
     used = float(rec.noise["tau"]) if tau is not None and "tau" in rec.noise else sigma_tau
-    if "tau" not in rec.noise and _silent(sigma_tau, peak_tau):
+    if "tau" not in rec.noise and silent(sigma_tau, peak_tau):
         used = None  # what is left of a filtered signal's noise says nothing about how well a parameter is known
-    missing, longest = _missing(rec, q)
+    missing, longest = _missing(rec, rec.q[:, j])
+    off = None if rec.q_cmd is None else np.abs(rec.q_cmd[:, j] - q)
+    off = None if off is None or np.isnan(off).all() else off
     return JointCheck(
         name=rec.joints[j],
         missing=missing,
         longest_missing_s=longest,
+        spikes=bad,
         low=float(np.nanmin(q)),
         high=float(np.nanmax(q)),
+        tracking_rms=None if off is None else float(np.sqrt(np.nanmean(off**2))),
+        tracking_worst=None if off is None else float(np.nanmax(off)),
         peak_torque=peak_tau,
         outside_range=int(np.sum((q < low - OVER_ANGLE) | (q > high + OVER_ANGLE))),
         over_velocity=int(np.sum(speed > OVER_SPEED * top_speed)),
@@ -129,8 +149,13 @@ def _joint(rec: Recording, j: int, motion: tuple[np.ndarray, ...], clock: Timing
         quantum_tau=None if tau is None else quantization(tau),
         noise_q=_sigma(q),
         noise_tau=sigma_tau,
-        excitation=excitation(*(part[:, j] for part in motion), noise_tau=used),  # type: ignore[misc]
+        excitation=excitation(*motion, noise_tau=used),
     )
+
+
+def silent(sigma: float | None, peak: float | None) -> bool:
+    """Whether a torque signal shows less noise than any sensor has."""
+    return sigma is not None and peak is not None and sigma < SILENT_TAU * peak
 
 
 def _sigma(values: np.ndarray) -> float:
@@ -154,73 +179,6 @@ def _missing(rec: Recording, q: np.ndarray) -> tuple[float, float]:
         if skips.any():
             longest = max(longest, float(np.diff(marks)[skips].max()))
     return float(bad.mean()), longest
-
-
-def _clock_warnings(clock: Timing) -> list[str]:
-    out = []
-    if abs(clock.rate_hz / clock.stated_hz - 1) > 0.02:
-        out.append(f"samples come at {clock.rate_hz:.4g} Hz, recording.yaml says {clock.stated_hz:.4g} Hz")
-    if clock.jitter * clock.rate_hz > 0.1:
-        out.append(f"the sample period jitters by {1e3 * clock.jitter:.3g} ms RMS ({clock.jitter * clock.rate_hz:.0%})")
-    if clock.gaps:
-        lost = sum(gap.samples for gap in clock.gaps)
-        worst = max(clock.gaps, key=lambda gap: gap.seconds)
-        where = f"the longest, {1e3 * worst.seconds:.0f} ms, at {worst.start:.3f} s"
-        out.append(f"{len(clock.gaps)} gaps, {lost} samples lost; {where}")
-    if clock.repeated:
-        out.append(f"{clock.repeated} rows repeat the one before bit for bit: readings were dropped and held")
-    if clock.zeroed:
-        out.append(f"{clock.zeroed} rows have every angle at exactly zero: missing readings should be empty cells")
-    return out
-
-
-def _silent(sigma: float | None, peak: float | None) -> bool:
-    return sigma is not None and peak is not None and sigma < SILENT_TAU * peak
-
-
-def _silence_warnings(joints: tuple[JointCheck, ...], rec: Recording) -> list[str]:
-    quiet = {
-        "q": [joint.name for joint in joints if joint.noise_q < SILENT_Q],
-        "tau": [joint.name for joint in joints if _silent(joint.noise_tau, joint.peak_torque)],
-    }
-    out = []
-    for signal, names in quiet.items():
-        if names and signal not in rec.noise:
-            whose = "every joint" if len(names) == len(joints) else ", ".join(names)
-            why = "filtered before it was recorded, or simulated"
-            out.append(f"{signal} of {whose} shows no sensor noise ({why}): state `noise.{signal}` in recording.yaml")
-    return out
-
-
-def _joint_warnings(joint: JointCheck, rec: Recording) -> list[str]:
-    out, motion = [], joint.excitation
-    if joint.missing:
-        out.append(
-            f"{joint.missing:.1%} of the angles are missing, up to {1e3 * joint.longest_missing_s:.0f} ms in a row"
-        )
-    for count, what in (
-        (joint.outside_range, "outside the joint's range"),
-        (joint.over_velocity, "above the velocity limit"),
-        (joint.over_torque, "above the torque limit"),
-    ):
-        if count:
-            out.append(f"{count} rows are {what}")
-    out += [f"{name} is saturated in {count} rows" for name, count in joint.saturated.items()]
-    if joint.quantum_q is not None and joint.quantum_q > 1e-4:
-        out.append(f"the angle comes in steps of {joint.quantum_q:.2g} rad")
-    for name, estimate in (("q", joint.noise_q), ("tau", joint.noise_tau)):
-        stated = rec.noise.get(name)
-        if stated and estimate and not 1 / 3 < estimate / stated < 3:
-            out.append(f"noise of {name} looks like {estimate:.2g}, recording.yaml says {stated:.2g}")
-    if motion.condition is None:
-        out.append("does not move enough to tell anything about it")
-    else:
-        if motion.reversals < 2:
-            out.append(f"reverses {motion.reversals} times: dry friction cannot be told from a constant torque")
-        weak = [name for name, own in motion.identifiability.items() if own < FLAT]
-        if weak:
-            out.append(f"this motion alone cannot separate {', '.join(weak)}")
-    return [f"{joint.name}: {line}" for line in out]
 
 
 def _finite(value: Any) -> Any:

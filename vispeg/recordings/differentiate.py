@@ -10,6 +10,8 @@ ORDER = 4  # of the Butterworth filter, which runs forwards and backwards: gain 
 SETTLE = 20  # over the cutoff in half-cycles a sample: extension after which the start-up has died out below 1e-9
 GAP_S = 0.020  # readings missing for longer than this are not invented
 UNEVEN = 1e-3  # of a sample period: beyond this, samples are put on an even grid before filtering
+BLOCK = 1 << 18  # samples that are filtered at once; longer runs in blocks that overlap, so that memory stays small
+SPLINE = 200  # samples over which a spline forgets its end
 
 
 def smooth(time: np.ndarray, q: np.ndarray, cutoff_hz: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -34,9 +36,10 @@ def smooth(time: np.ndarray, q: np.ndarray, cutoff_hz: float) -> tuple[np.ndarra
             good = rows[np.isfinite(q[rows, columns[0]])]
             for run in _runs(time, good):
                 inside = rows[(rows >= run[0]) & (rows <= run[-1])]
-                parts = _smooth_run(time[run], q[np.ix_(run, columns)], time[inside], cutoff_hz)
-                for full, part in zip(out, parts, strict=True):
-                    full[np.ix_(inside, columns)] = part
+                for block, at in _blocks(time, run, inside, cutoff_hz):
+                    parts = _smooth_run(time[block], q[np.ix_(block, columns)], time[at], cutoff_hz)
+                    for full, part in zip(out, parts, strict=True):
+                        full[np.ix_(at, columns)] = part
     return out[0], out[1], out[2]
 
 
@@ -45,8 +48,29 @@ def episodes(time: np.ndarray) -> list[np.ndarray]:
     return [rows for rows in np.split(np.arange(len(time)), np.flatnonzero(np.diff(time) <= 0) + 1) if len(rows)]
 
 
+def _blocks(
+    time: np.ndarray, run: np.ndarray, inside: np.ndarray, cutoff_hz: float
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Pieces of a run of rows to filter, and the rows of `inside` that each is to answer for.
+
+    A piece reaches so far beyond what it answers for that the filter and the spline have forgotten its ends.
+    """
+    if len(run) <= BLOCK:
+        yield run, inside
+        return
+    period = float(np.median(np.diff(time[run[:BLOCK]])))
+    margin = SPLINE + int(min(np.ceil(SETTLE / max(2 * cutoff_hz * period, 1e-9)), BLOCK))
+    for start in range(0, len(run), BLOCK):
+        stop = min(start + BLOCK, len(run))
+        first, last = run[start], run[stop] if stop < len(run) else run[-1] + 1
+        yield run[max(start - margin, 0) : stop + margin], inside[(inside >= first) & (inside < last)]
+
+
 def _alike(finite: np.ndarray) -> Iterator[np.ndarray]:
     """Columns of (n, nj) that miss the same readings, so that most signals are filtered all at once."""
+    if finite.all():
+        yield np.arange(finite.shape[1])
+        return
     masks, group = np.unique(finite, axis=1, return_inverse=True)
     for index in range(masks.shape[1]):
         if masks[:, index].any():

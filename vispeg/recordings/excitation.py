@@ -10,6 +10,7 @@ PARAMETERS: tuple[str, ...] = ("coulomb", "viscous", "inertia", "gravity_sin", "
 UNITS = ("N m", "N m s/rad", "kg m^2", "N m", "N m", "N m")
 MOVES = 0.02  # of the peak speed: below it a joint counts as standing
 LEAST_SPEED = 1e-3  # rad/s
+BLOCK = 1 << 17  # rows of the regressor that are in memory at once
 
 
 @dataclass(frozen=True)
@@ -57,9 +58,8 @@ def excitation(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, noise_tau: float 
     turns = int(np.sum(np.diff(np.sign(dq[moving])) != 0))
     condition, identifiability, sigma = None, dict.fromkeys(PARAMETERS, 0.0), None
     if len(speed) > len(PARAMETERS):
-        columns = regressor(q, dq, ddq)
-        condition, own = _judge(columns)
-        identifiability = dict(zip(PARAMETERS, (own / np.linalg.norm(columns, axis=0)).tolist(), strict=True))
+        condition, own, norms = _judge(q, dq, ddq)
+        identifiability = dict(zip(PARAMETERS, (own / norms).tolist(), strict=True))
         if noise_tau is not None:
             sigma = {k: float(noise_tau / o) if o > 0 else float("inf") for k, o in zip(PARAMETERS, own, strict=True)}
     return Excitation(float(np.ptp(q)), peak, turns, float(moving.mean()), spread, condition, identifiability, sigma)
@@ -70,16 +70,21 @@ def regressor(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
     return np.stack([np.sign(dq), dq, ddq, np.sin(q), np.cos(q), np.ones_like(q)], axis=1)
 
 
-def _judge(columns: np.ndarray) -> tuple[float | None, np.ndarray]:
-    """Condition number of the scaled columns, and the norm of each column's part that no other column spans.
+def _judge(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> tuple[float | None, np.ndarray, np.ndarray]:
+    """Condition number of the regressor's scaled columns, the norm of each column's own part, and of each column.
 
-    The latter is 1 / sqrt(diag((A'A)^-1)), so noise / norm is the least-squares standard deviation.
+    A column's own part is what no other spans: 1 / sqrt(diag((A'A)^-1)), so noise / norm is the least-squares standard
+    deviation. The triangle of A = QR has A's singular values, and grows block by block.
     """
-    norms = np.linalg.norm(columns, axis=0)
+    triangle = np.zeros((0, len(PARAMETERS)))
+    for start in range(0, len(q), BLOCK):
+        part = slice(start, start + BLOCK)
+        triangle = np.linalg.qr(np.concatenate([triangle, regressor(q[part], dq[part], ddq[part])]), mode="r")
+    norms = np.linalg.norm(triangle, axis=0)
     if not np.all(norms > 0):
-        return None, np.zeros(columns.shape[1])
-    _, s, vt = np.linalg.svd(columns / norms, full_matrices=False)
+        return None, np.zeros(len(PARAMETERS)), np.maximum(norms, 1e-300)
+    _, s, vt = np.linalg.svd(triangle / norms, full_matrices=False)
     if s[-1] < 1e-12 * s[0]:
-        return None, np.zeros(columns.shape[1])
+        return None, np.zeros(len(PARAMETERS)), norms
     own = 1.0 / np.sqrt(np.sum((vt / s[:, None]) ** 2, axis=0))
-    return float(s[0] / s[-1]), own * norms
+    return float(s[0] / s[-1]), own * norms, norms

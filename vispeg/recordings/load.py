@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from vispeg.formats.format import enrol
 from vispeg.recordings.columns import JOINT_SIGNALS, NEEDED, SIGNALS, SPATIAL_SIGNALS, columns_of
 from vispeg.recordings.recording import Control, Nullspace, Recording
 from vispeg.recordings.schema import ControlSection, Header, plain, read_header
-from vispeg.recordings.table import Table, read_table
+from vispeg.recordings.table import Reading, Table, read_table
 from vispeg.recordings.validate import check_angles, check_episodes, check_finite, check_share, check_time, check_unit
 
 HEADER, SAMPLES = "recording.yaml", ("samples.csv", "samples.parquet")
@@ -32,7 +33,11 @@ def _example(folder: Path) -> Path:
 
 
 @enrol("vispeg-recording/1", _example)
-def load(path: Path | str) -> Recording:
+def load(
+    path: Path | str,
+    signals: Callable[[Header], Collection[str]] | None = None,
+    told: Callable[[float], None] = lambda share: None,
+) -> Recording:
     """The recording in a folder with recording.yaml and samples.csv or samples.parquet.
 
     Values are taken as they are: no resampling, no normalisation, NaN for empty cells. Unknown keys and columns are
@@ -40,6 +45,9 @@ def load(path: Path | str) -> Recording:
 
     Args:
         path: the folder.
+        signals: header -> those of `SIGNALS` to keep beside `q`, such as `needed`; the others are checked as they pass,
+            and None in the recording. None keeps all.
+        told: is told how much has been read, 0 to 1.
 
     Returns:
         The recording; SI units, radians, a `robot` path made absolute.
@@ -52,13 +60,42 @@ def load(path: Path | str) -> Recording:
         folder = folder.resolve()
     header_file, samples_file = _files(folder)
     header = read_header(header_file)
-    table = read_table(samples_file)
-    rec = assemble(header, table, folder, header_file)
+    keep = None if signals is None else signals(header)
+    table = read_table(samples_file, _reading(header.joints, keep, told))
+    rec = assemble(header, table, folder, header_file, keep)
     _warn_unknown(table, header)  # last, so that an error stands alone
     return rec
 
 
-def assemble(header: Header, table: Table, folder: Path, header_file: Path) -> Recording:
+def needed(header: Header) -> tuple[str, ...]:
+    """What a recording with this header is compared by: torque where it says what it measures, and commands."""
+    torque = ("tau",) if header.torque_sensor != "none" else ()
+    rates = {"position": ("dq_cmd",), "osc": ("dq",)}.get(header.control.mode, ())
+    return (*NEEDED[header.control.mode], *rates, *torque)
+
+
+def _reading(joints: list[str], keep: Collection[str] | None, told: Callable[[float], None]) -> Reading:
+    """Reads the columns of the signals; those that are not kept are looked at block by block."""
+    kept = SIGNALS if keep is None else tuple(s for s in SIGNALS if s == "q" or s in keep)
+    passing = tuple(s for s in SIGNALS if s not in kept)
+
+    def look(block: Table) -> None:
+        for name in passing:
+            columns = columns_of(name, joints)
+            if all(column in block.columns for column in columns):
+                _check(block, name, np.stack([block.columns[column] for column in columns], axis=1), columns)
+
+    return Reading(
+        keep=lambda _: ["time", "episode", *(c for s in kept for c in columns_of(s, joints))],
+        glance=lambda _: [c for s in passing for c in columns_of(s, joints)],
+        look=look if passing else None,
+        told=told,
+    )
+
+
+def assemble(
+    header: Header, table: Table, folder: Path, header_file: Path, keep: Collection[str] | None = None
+) -> Recording:
     """A checked recording from a header and a table, wherever they come from.
 
     Args:
@@ -66,12 +103,14 @@ def assemble(header: Header, table: Table, folder: Path, header_file: Path) -> R
         table: the samples; columns that are no signal of the header's joints are left out.
         folder: what the recording is called, and what a relative `robot` path starts from.
         header_file: what a message about the header names.
+        keep: signals to keep beside `q`; None keeps all.
 
     Raises:
         UserError: as for `load`.
     """
     control = _control(header.control, header.rate_hz, len(header.joints), header_file)
-    signals = {name: _signal(table, name, header.joints) for name in SIGNALS}
+    kept = {*SIGNALS} if keep is None else {"q", *keep}
+    signals = {name: _signal(table, name, header.joints, name in kept) for name in SIGNALS}
     _need(table, header, signals)
     time, episode = _clock(table, header.rate_hz)
     q = signals.pop("q")
@@ -155,19 +194,32 @@ def _control(section: ControlSection, rate_hz: float, nj: int, file: Path) -> Co
     )
 
 
-def _signal(table: Table, name: str, joints: list[str]) -> np.ndarray | None:
-    """One signal (n, width), or None where none of its columns is there. A set must be complete."""
+def _signal(table: Table, name: str, joints: list[str], keep: bool) -> np.ndarray | None:
+    """One signal (n, width), or None where none of its columns is there or it is not kept. A set must be complete.
+
+    A table's columns are used up as they become a signal: a long recording is not held twice.
+    """
     columns = columns_of(name, joints)
-    present = [c for c in columns if c in table.columns or c in table.text]
-    if not present and name != "q":
+    if name != "q" and not any(column in table.names for column in columns):
         return None
-    values = np.stack([table.number(column) for column in columns], axis=1)
+    for column in columns:
+        if column in table.text or column not in table.names:
+            table.number(column)
+    if not keep:
+        return None
+    values = np.empty((table.rows, len(columns)))
+    for j, column in enumerate(columns):
+        values[:, j] = table.columns.pop(column)
+    _check(table, name, values, columns)
+    return values
+
+
+def _check(table: Table, name: str, values: np.ndarray, columns: list[str]) -> None:
     check_finite(table, values, columns)
     if name in ("q", "q_cmd"):
         check_angles(table, values, columns)
     if name in ("ee", "ee_cmd"):
         check_unit(table, values[:, 3:], name)
-    return values
 
 
 def _need(table: Table, header: Header, signals: dict[str, np.ndarray | None]) -> None:
@@ -175,10 +227,11 @@ def _need(table: Table, header: Header, signals: dict[str, np.ndarray | None]) -
     for name in ("q", *NEEDED[mode]):
         values = signals[name]
         columns = columns_of(name, header.joints)
-        if values is None:
+        if columns[0] not in table.names:
             raise UserError(f"control mode '{mode}' needs {columns[0]} ... {columns[-1]}", file=table.file)
-        check_share(table, values, columns)
-    if signals["tau"] is not None and header.torque_sensor == "none":
+        if values is not None:
+            check_share(table, values, columns)
+    if columns_of("tau", header.joints)[0] in table.names and header.torque_sensor == "none":
         warnings.warn(
             f"{table.file}: has tau columns, but `torque_sensor` is none: they are not used; say joint or motor",
             stacklevel=3,
@@ -188,7 +241,7 @@ def _need(table: Table, header: Header, signals: dict[str, np.ndarray | None]) -
 def _clock(table: Table, rate_hz: float) -> tuple[np.ndarray, np.ndarray | None]:
     time = table.number("time")
     episode = None
-    if "episode" in table.columns or "episode" in table.text:
+    if "episode" in table.names:
         episode = check_episodes(table, table.number("episode"))
     check_time(table, time, episode, rate_hz)
     return time, episode

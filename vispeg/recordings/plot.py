@@ -6,20 +6,22 @@ from io import BytesIO
 
 import numpy as np
 
-from vispeg.recordings.check import SMOOTHING_HZ, CheckReport
-from vispeg.recordings.differentiate import smooth
+from vispeg.recordings.check import CheckReport, smoothed
 from vispeg.recordings.quality import Limits, saturated
 from vispeg.recordings.recording import Recording
+from vispeg.recordings.spikes import without
 from vispeg.recordings.timing import within_episode
 
 MEASURED, COMMANDED, LIMIT, LOST, CLIPPED = "#1f5a94", "#e07b39", "#888888", "#d62728", "#b30000"
 MAX_POINTS = 6000
+MOST_GAPS = 200  # bands drawn: more would be one red area, and take minutes
 
 
 def plot(rec: Recording, report: CheckReport, limits: Limits | None = None) -> bytes:
     """A PNG: one row a joint; columns q (rad), dq (rad/s), tau (N m). Episodes are laid end to end.
 
-    Gaps are red bands, saturated torque thick red dots, limits dashed where the motion comes near them.
+    Gaps are red bands, bad readings and saturated torque thick red dots, limits dashed where the motion comes near
+    them. Of a long recording the lowest and highest value of every stretch are drawn, so that nothing is missed.
     """
     import matplotlib
 
@@ -27,23 +29,24 @@ def plot(rec: Recording, report: CheckReport, limits: Limits | None = None) -> b
     from matplotlib.figure import Figure
 
     time = _laid_out(rec)
-    cutoff = min(SMOOTHING_HZ, 0.2 * report.timing.rate_hz)
-    speed = smooth(rec.time, rec.q, cutoff)[1]
     torque, torque_name = (rec.tau, "measured") if rec.tau is not None else (rec.tau_cmd, "commanded")
-    nj, every = len(rec.joints), slice(None, None, max(1, len(time) // MAX_POINTS))
+    nj = len(rec.joints)
     figure = Figure(figsize=(13, 0.8 + 1.35 * nj), dpi=110, layout="constrained")
     axes = figure.subplots(nj, 3, squeeze=False, sharex=True)
     for j, name in enumerate(rec.joints):
         position, velocity, effort = axes[j]
+        spikes = report.joints[j].spikes
         if rec.q_cmd is not None:
-            position.plot(time[every], rec.q_cmd[every, j], color=COMMANDED, lw=0.8)
-        position.plot(time[every], rec.q[every, j], color=MEASURED, lw=0.9)
-        velocity.plot(time[every], speed[every, j], color=MEASURED, lw=0.9)
+            position.plot(*_thin(time, rec.q_cmd[:, j]), color=COMMANDED, lw=0.8)
+        position.plot(*_thin(time, without(rec.q[:, j], spikes)), color=MEASURED, lw=0.9)
+        bad = [spike.row for spike in spikes]
+        position.plot(time[bad], rec.q[bad, j], ".", color=CLIPPED, ms=5)
+        velocity.plot(*_thin(time, smoothed(rec, j, report.timing, spikes)[1]), color=MEASURED, lw=0.9)
         if torque is not None:
-            effort.plot(time[every], torque[every, j], color=MEASURED, lw=0.7)
+            effort.plot(*_thin(time, torque[:, j]), color=MEASURED, lw=0.7)
             top = float(limits.torque[j]) if limits else np.inf
             clipped = saturated(torque[:, j], 1.0 / report.timing.rate_hz, top)
-            effort.plot(time[clipped], torque[clipped, j], ".", color=CLIPPED, ms=4)
+            effort.plot(*_thin(time[clipped], torque[clipped, j]), ".", color=CLIPPED, ms=4)
         if limits is not None:
             for axis, bounds in (
                 (position, limits.range[j]),
@@ -55,7 +58,7 @@ def plot(rec: Recording, report: CheckReport, limits: Limits | None = None) -> b
         for axis in axes[j]:
             axis.tick_params(labelsize=7)
             axis.grid(alpha=0.25, lw=0.5)
-            for gap in report.timing.gaps:
+            for gap in sorted(report.timing.gaps, key=lambda gap: -gap.seconds)[:MOST_GAPS]:
                 axis.axvspan(time[gap.row], time[gap.row + 1], color=LOST, alpha=0.25, lw=0)
     titles = ("angle, rad" + (" (command orange)" if rec.q_cmd is not None else ""), "speed, rad/s")
     for axis, title in zip(axes[0], (*titles, f"torque, N m ({torque_name})"), strict=True):
@@ -67,6 +70,19 @@ def plot(rec: Recording, report: CheckReport, limits: Limits | None = None) -> b
     out = BytesIO()
     figure.savefig(out, format="png")
     return out.getvalue()
+
+
+def _thin(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """At most MAX_POINTS of (n,) arrays, with the lowest and the highest of every stretch."""
+    n = len(time)
+    if n <= MAX_POINTS:
+        return time, values
+    length = int(np.ceil(2 * n / MAX_POINTS))
+    whole = n // length * length
+    low = np.where(np.isfinite(values[:whole]), values[:whole], np.inf).reshape(-1, length).argmin(axis=1)
+    high = np.where(np.isfinite(values[:whole]), values[:whole], -np.inf).reshape(-1, length).argmax(axis=1)
+    rows = np.sort(np.concatenate([low, high]) + np.tile(np.arange(0, whole, length), 2))
+    return time[rows], values[rows]
 
 
 def _laid_out(rec: Recording) -> np.ndarray:

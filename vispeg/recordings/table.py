@@ -1,8 +1,12 @@
-"""Reads a table of numbers from CSV or Parquet, naming the row and column of what is not a number."""
+"""Reads a table of numbers from CSV or Parquet, naming the row and column of what is not a number.
+
+A table is read block by block, and only the columns that somebody wants are kept, so that half an hour at 1 kHz needs
+little more memory than its numbers.
+"""
 
 from __future__ import annotations
 
-import csv
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,16 +20,24 @@ MAX_COLUMNS = 5_000
 
 
 @dataclass(frozen=True)
+class Dialect:
+    """How a text table is written: what stands between cells, and what in a number."""
+
+    separator: str = ","
+    decimal: str = "."
+
+
+@dataclass(frozen=True)
 class Table:
     """Columns by name, each (n,) float64 with NaN for an empty cell.
 
     Attributes:
         file: where it came from.
-        columns: name -> values.
-        text: name -> (row, cell) of the first cell that is not a number; such a column is not in `columns`.
-        first_row: what a message calls the first sample: 2 in a CSV (line 1 is the header), 0 in Parquet.
+        columns: name -> values, of the columns that were kept.
         names: all columns in the order of the file.
         rows: number of samples.
+        first_row: what a message calls the first sample: 2 in a CSV (line 1 is the header), 0 in Parquet.
+        text: name -> (row, cell) of the first cell that is not a number; such a column is not in `columns`.
     """
 
     file: Path
@@ -44,22 +56,63 @@ class Table:
         if name in self.text:
             row, cell = self.text[name]
             point = cell.strip().replace(",", ".")
-            comma = point != cell.strip() and _float(point) is not None
+            comma = point != cell.strip() and as_float(point) is not None
             expected = f"a decimal point ({point})" if comma else None
             message = "has a decimal comma" if comma else "is not a number"
             raise UserError(message, file=self.file, key=f"row {row}, column {name}", expected=expected, got=cell)
-        if name not in self.columns:
+        if name not in self.names:
             raise UserError("column is missing", file=self.file, got=name, choices=self.names)
         return self.columns[name]
 
 
-def read_table(file: Path) -> Table:
-    """Reads a .csv or .parquet file. Raises UserError for anything that is not a table with a header and samples."""
+@dataclass(frozen=True)
+class Reading:
+    """What of a table is wanted, and who looks on.
+
+    Attributes:
+        keep: column names in the file -> those to keep; the others are not even converted. None keeps all.
+        glance: column names in the file -> those that `look` sees although they are not kept.
+        look: is shown every block as it is read, and raises UserError for values that cannot be.
+        told: is told how much has been read, 0 to 1.
+        most_rows: reading stops after that many rows at least; None reads all.
+        dialect: of a text table.
+    """
+
+    keep: Callable[[list[str]], Collection[str]] | None = None
+    glance: Callable[[list[str]], Collection[str]] = lambda names: ()
+    look: Callable[[Table], None] | None = None
+    told: Callable[[float], None] = lambda share: None
+    most_rows: int | None = None
+    dialect: Dialect = Dialect()
+
+    def kept(self, names: list[str]) -> list[str]:
+        """Those of `names` that are kept, in the file's order."""
+        return _in_order(names, self.keep(names)) if self.keep is not None else names
+
+    def wanted(self, names: list[str]) -> list[str]:
+        """Those of `names` that are kept or looked at, in the file's order."""
+        return _in_order(names, [*self.kept(names), *self.glance(names)])
+
+    def enough(self, rows: int) -> bool:
+        """Whether reading may stop."""
+        return self.most_rows is not None and rows >= self.most_rows
+
+
+def _in_order(names: list[str], some: Collection[str]) -> list[str]:
+    chosen = set(some)
+    return [name for name in names if name in chosen]
+
+
+def read_table(file: Path, reading: Reading = Reading()) -> Table:
+    """Reads a .csv, .csv.gz or .parquet file. Raises UserError for what is no table of a header and samples."""
+    from vispeg.recordings.table_csv import read_csv
+    from vispeg.recordings.table_parquet import read_parquet
+
     try:
         size = file.stat().st_size
         if size > MAX_BYTES:
             raise UserError("is too large", file=file, expected=f"at most {MAX_BYTES} bytes; split it", got=size)
-        table = _parquet(file) if file.suffix == ".parquet" else _csv(file)
+        table = (read_parquet if file.suffix.lower() == ".parquet" else read_csv)(file, reading)
     except OSError as error:
         raise UserError(f"cannot be read: {error.strerror or error}", file=file) from error
     if table.rows == 0:
@@ -67,7 +120,8 @@ def read_table(file: Path) -> Table:
     return table
 
 
-def _header(names: list[str], file: Path) -> list[str]:
+def checked_names(names: list[str], file: Path) -> list[str]:
+    """A header's names; raises UserError where there are too many, or one comes twice."""
     if len(names) > MAX_COLUMNS:
         raise UserError("has too many columns", file=file, expected=f"at most {MAX_COLUMNS}", got=len(names))
     seen: set[str] = set()
@@ -78,75 +132,14 @@ def _header(names: list[str], file: Path) -> list[str]:
     return names
 
 
-def _csv(file: Path) -> Table:
-    try:
-        text = file.read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise UserError(f"is not UTF-8 text (byte {error.start})", file=file) from error
-    head, _, body = text.partition("\n")
-    if not head.strip():
-        raise UserError("is empty" if not text.strip() else "has no header line", file=file)
-    other = max((";", "\t"), key=head.count)
-    if head.count(other) > head.count(","):
-        commas = other == ";" and "," in body.partition("\n")[0]
-        also = ", and its numbers have decimal commas: write it with points and commas (1.5,2.5)" if commas else ""
-        name = "semicolons" if other == ";" else "tabs"
-        raise UserError(f"columns are separated by {name}{also}", file=file, expected="','", got=other)
-    try:
-        names = _header([name.strip() for name in next(csv.reader([head.rstrip("\r")]))], file)
-    except (csv.Error, StopIteration) as error:
-        raise UserError(f"header line cannot be read: {error}", file=file) from error
-    if body.count("\n") > MAX_ROWS:
+def check_rows(rows: int, file: Path) -> None:
+    """Raises UserError beyond the number of rows that is read."""
+    if rows > MAX_ROWS:
         raise UserError("has too many rows", file=file, expected=f"at most {MAX_ROWS}; split it")
-    if not body.strip():
-        return Table(file, {}, names, 0, 2)
-    quick = _all_numbers(body, names)
-    return Table(file, quick, names, len(quick[names[0]]), 2) if quick else _cell_by_cell(file, names, body)
 
 
-def _all_numbers(body: str, names: list[str]) -> dict[str, np.ndarray] | None:
-    """The columns where every cell is a number or empty; None where a closer look is needed."""
-    import pyarrow as pa
-    from pyarrow import csv as arrow
-
-    try:
-        table = arrow.read_csv(
-            pa.BufferReader(body.rstrip().encode()),
-            arrow.ReadOptions(column_names=names, use_threads=False),
-            arrow.ParseOptions(ignore_empty_lines=False),
-            arrow.ConvertOptions(column_types=dict.fromkeys(names, pa.float64()), null_values=[""]),
-        )
-    except pa.ArrowException:
-        return None
-    return {name: table.column(name).to_numpy(zero_copy_only=False).copy() for name in names}
-
-
-def _cell_by_cell(file: Path, names: list[str], body: str) -> Table:
-    columns: list[list[float]] = [[] for _ in names]
-    text: dict[str, tuple[int, str]] = {}
-    lines = body.rstrip().splitlines()
-    try:
-        for number, cells in enumerate(csv.reader(lines), start=2):
-            if len(cells) != len(names):
-                whole = all("." not in cell and _float(cell) is not None for cell in cells)
-                commas = whole and len(names) < len(cells) <= 2 * len(names)
-                why = "looks like decimal commas: write 1.5, not 1,5" if commas else "cut off?"
-                key, got = f"row {number}", len(cells)
-                message = f"has the wrong number of cells ({why})"
-                raise UserError(message, file=file, key=key, expected=len(names), got=got)
-            for name, column, cell in zip(names, columns, cells, strict=True):
-                value = _float(cell)
-                if value is None:
-                    text.setdefault(name, (number, cell))
-                    value = np.nan
-                column.append(value)
-    except csv.Error as error:
-        raise UserError(f"cannot be read: {error}", file=file) from error
-    values = {name: np.array(column) for name, column in zip(names, columns, strict=True) if name not in text}
-    return Table(file, values, names, len(columns[0]), 2, text)
-
-
-def _float(cell: str) -> float | None:
+def as_float(cell: str) -> float | None:
+    """A cell's number, NaN for an empty one, None for what is no number."""
     cell = cell.strip()
     if not cell:
         return np.nan
@@ -156,25 +149,26 @@ def _float(cell: str) -> float | None:
         return None
 
 
-def _parquet(file: Path) -> Table:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
+class Columns:
+    """Columns (n,) that grow block by block."""
 
-    values: dict[str, np.ndarray] = {}
-    text: dict[str, tuple[int, str]] = {}
-    try:
-        with pq.ParquetFile(file) as source:
-            names = _header(list(source.schema_arrow.names), file)
-            if source.metadata.num_rows > MAX_ROWS:
-                raise UserError("has too many rows", file=file, expected=f"at most {MAX_ROWS}; split it")
-            table = source.read()
-        for name in names:
-            column = table.column(name)
-            kind = column.type
-            if pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_null(kind):
-                values[name] = column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False).copy()
+    def __init__(self, names: list[str]):
+        self._parts: dict[str, list[np.ndarray]] = {name: [] for name in names}
+        self.rows = 0
+
+    def add(self, block: dict[str, np.ndarray], rows: int) -> None:
+        """Takes the next rows of every column that is not text; arrays are copied, so that the block can go."""
+        for name in list(self._parts):
+            if name in block:
+                self._parts[name].append(np.array(block[name], float))
             else:
-                text[name] = (0, f"a column of {kind}")
-    except (pa.ArrowException, OSError, ValueError, OverflowError, NotImplementedError, MemoryError) as error:
-        raise UserError(f"is not a Parquet file that can be read: {error}", file=file) from error
-    return Table(file, values, names, table.num_rows, 0, text)
+                del self._parts[name]
+        self.rows += rows
+
+    def joined(self) -> dict[str, np.ndarray]:
+        """The whole columns; each one's parts are freed before the next is joined."""
+        out = {}
+        for name in list(self._parts):
+            parts = self._parts.pop(name)
+            out[name] = parts[0] if len(parts) == 1 else np.concatenate(parts) if parts else np.empty(0)
+        return out

@@ -82,23 +82,28 @@ def within_episode(rec: Recording) -> np.ndarray:
 
 def _repeated(rec: Recording, inside: np.ndarray) -> int:
     """An arm that moves through rows k-1, k, k+1 cannot read exactly the same twice in every joint at once."""
-    same = inside & np.all(np.diff(rec.q, axis=0) == 0, axis=1)
-    if rec.tau is not None:
-        same &= np.all(np.diff(rec.tau, axis=0) == 0, axis=1)
-    step = np.nanmax(np.abs(np.nan_to_num(np.diff(rec.q, axis=0))), axis=1)
+    same, step = inside.copy(), np.zeros(len(inside))
+    for column in rec.q.T:
+        change = np.diff(column)
+        same &= change == 0
+        step = np.maximum(step, np.abs(np.nan_to_num(change)))
+    for column in () if rec.tau is None else rec.tau.T:
+        same &= np.diff(column) == 0
     # Before and after, steps beyond a typical one: a coarse encoder on a slow arm repeats itself honestly.
     usual = np.median(step[step > 0]) if np.any(step > 0) else np.inf
-    large = np.pad((step >= usual).astype(int), 1)
+    large = np.pad((step >= usual).astype(np.int8), 1)
     moving = large[:-2] + large[2:] == 2
     return int(np.sum(same & moving))
 
 
 def _zeroed(q: np.ndarray) -> int:
-    zero = np.all(q == 0, axis=1)
+    zero = np.ones(len(q), bool)
+    for column in q.T:
+        zero &= column == 0
     if zero.all() or not zero.any():
         return 0
     # Passing through zero or resting there takes small steps; a missing reading jumps by far more than the usual step.
-    step = np.max(np.abs(np.nan_to_num(np.diff(q, axis=0))), axis=1)
+    step = np.max([np.abs(np.nan_to_num(np.diff(column))) for column in q.T], axis=0)
     usual = max(float(np.median(step)), 1e-6)
-    edges = np.flatnonzero(np.diff(zero.astype(int)) != 0)
+    edges = np.flatnonzero(np.diff(zero.astype(np.int8)) != 0)
     return int(zero.sum()) if len(edges) and np.median(step[edges]) > 20 * usual else 0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from vispeg.core.errors import UserError
@@ -15,15 +17,21 @@ CLOCKS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
 
 def check_finite(table: Table, values: np.ndarray, columns: list[str]) -> None:
     """No infinite value in (n, k); NaN is a missing reading and passes."""
-    bad = np.argwhere(np.isinf(values))
-    if len(bad):
-        row, column = bad[0]
+    found = _first(values, np.isinf)
+    if found is not None:
+        row, column = found
         raise UserError("is infinite", file=table.file, key=f"{table.row(row)}, column {columns[column]}")
+
+
+def _first(values: np.ndarray, wrong: Callable[[np.ndarray], np.ndarray]) -> tuple[int, int] | None:
+    """(row, column) of the first value in (n, k) that is wrong, a column at a time so that memory stays small."""
+    found = [(int(np.argmax(bad)), j) for j, column in enumerate(values.T) if (bad := wrong(column)).any()]
+    return min(found, default=None)
 
 
 def check_share(table: Table, values: np.ndarray, columns: list[str]) -> None:
     """At most half of a needed column is missing."""
-    missing = np.mean(np.isnan(values), axis=0)
+    missing = np.array([np.mean(np.isnan(column)) for column in values.T])
     worst = int(np.argmax(missing))
     if missing[worst] > MAX_MISSING:
         raise UserError(
@@ -36,9 +44,9 @@ def check_share(table: Table, values: np.ndarray, columns: list[str]) -> None:
 
 def check_angles(table: Table, values: np.ndarray, columns: list[str]) -> None:
     """Angles (n, nj) are radians: beyond two turns they are taken for degrees."""
-    bad = np.argwhere(np.abs(values) > MAX_ANGLE)
-    if len(bad):
-        row, column = bad[0]
+    found = _first(values, lambda column: np.abs(column) > MAX_ANGLE)
+    if found is not None:
+        row, column = found
         raise UserError(
             "looks like degrees",
             file=table.file,

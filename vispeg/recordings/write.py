@@ -16,6 +16,8 @@ from vispeg.recordings.columns import SIGNALS, columns_of
 from vispeg.recordings.recording import Control, Recording
 from vispeg.recordings.schema import FORMAT
 
+BLOCK = 4096  # rows of text in memory at once
+
 
 def write(
     recording: Recording,
@@ -70,10 +72,13 @@ def _samples(rec: Recording) -> dict[str, np.ndarray]:
 
 def _write_csv(file: Path, columns: dict[str, np.ndarray]) -> None:
     """`repr` of a float is the shortest text that reads back to the same bits."""
-    texts = [["" if v != v else repr(v) for v in column.tolist()] for column in columns.values()]
+    rows = len(columns["time"])
     with file.open("w", encoding="utf-8", newline="") as stream:
         stream.write(",".join(columns) + "\n")
-        stream.writelines(",".join(row) + "\n" for row in zip(*texts, strict=True))
+        for start in range(0, rows, BLOCK):
+            block = [column[start : start + BLOCK].tolist() for column in columns.values()]
+            texts = [["" if v != v else repr(v) for v in column] for column in block]
+            stream.writelines(",".join(row) + "\n" for row in zip(*texts, strict=True))
 
 
 def _write_parquet(file: Path, columns: dict[str, np.ndarray]) -> None:
