@@ -15,6 +15,7 @@ import json
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "scripts/bench/hidden_effects")]
@@ -69,7 +70,7 @@ def main() -> int:
     return 0
 
 
-def _paced(pace: float) -> type[Arm]:
+def _paced(pace: float) -> Any:
     """The arm for planning, as if its joints were that much slower."""
     return type("Paced", (Arm,), {"velocity_limit": pace * Arm.velocity_limit})
 

@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+import gzip
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from made import recording
 
 from vispeg.cli.convert import Args
 from vispeg.core.errors import UserError
-from vispeg.recordings.importers.mapping import ColumnMap, read_map
+from vispeg.formats.yaml_data import parse_yaml
+from vispeg.recordings.importers.guess import words as said_of
+from vispeg.recordings.importers.guess.source import guess
+from vispeg.recordings.importers.mapping import ColumnMap, map_from, read_map
 from vispeg.recordings.importers.npz import import_npz
+from vispeg.recordings.importers.plausible import doubts
 from vispeg.recordings.importers.table import import_table
 from vispeg.recordings.load import load
+from vispeg.recordings.quality import Limits
 from vispeg.recordings.write import write
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*torque_sensor")
+pytestmark = pytest.mark.filterwarnings("ignore:.*torque_sensor", "ignore:.*unknown")
 JOINTS = ("joint1", "joint2")
 
 
@@ -35,7 +45,7 @@ def test_a_table_in_degrees_and_milliseconds(tmp_path):
         "recording: {joints: [joint1, joint2], noise: {tau: 0.1}, motion: sines}\n"
     )
     out = tmp_path / "out"
-    args = Args(tmp_path / "log.csv", out, "iiwa14", map=tmp_path / "map.yaml", torque_sensor="motor")
+    args = Args(tmp_path / "log.csv", "iiwa14", out, map=tmp_path / "map.yaml", torque_sensor="motor")
     assert args.run() == 0
     back = load(out)
     assert np.allclose(back.time, rec.time, atol=1e-12) and np.allclose(back.tau, rec.tau, atol=1e-12)  # type: ignore[arg-type]
@@ -126,7 +136,157 @@ def test_what_cannot_be_converted(tmp_path):
     for source, words in (("log.csv", "q.joint1"), ("gone.csv", "exist"), (".", "convert"), ("log.xlsx", "convert")):
         (tmp_path / "log.xlsx").touch()
         with pytest.raises(UserError, match=words):
-            Args(tmp_path / source, tmp_path / "out", "iiwa14").run()
+            Args(tmp_path / source, "iiwa14", tmp_path / "out").run()
     with pytest.raises(UserError, match="--topic is for bags"):
-        Args(tmp_path / "log.csv", tmp_path / "out", "iiwa14", topic="/a").run()
+        Args(tmp_path / "log.csv", "iiwa14", tmp_path / "out", topic="/a").run()
     assert not (tmp_path / "out").exists()
+
+
+def rolled(seconds=2.0, rate=200.0):
+    """Two joints that move as an arm does: time s, q rad, dq rad/s, tau N m."""
+    time = np.arange(round(seconds * rate)) / rate
+    q = np.stack([0.8 * np.sin(3 * time), 0.5 * np.cos(2 * time)], 1)
+    return time, q, np.gradient(q, time, axis=0), 20 * np.cos(q)
+
+
+UNITS = {  # factors on time, q, dq, tau as they are in the file; the units that a map states; what has to be said
+    "milliseconds for seconds": ((1e3, 1, None, None), {}, "samples a second.*likely ms where s was taken"),
+    "seconds for milliseconds": ((1, 1, None, None), {"time": "ms"}, "2e.05 samples.*likely s where ms was taken"),
+    "ms for s, at 8 kHz": ((1e3, 1, None, None), {}, "never faster than .*ms for s"),
+    "s for ms, slowly logged": (
+        (25, 1, None, None),
+        {"time": "ms"},
+        "times as fast as they can be.*longer unit of time",
+    ),
+    "degrees for radians": ((1, 8, None, None), {}, "outside the joints' ranges.*likely deg"),
+    "radians for degrees": ((1, 1, None, None), {"q": "deg"}, "no angle is larger than.*likely rad, not deg"),
+    "small degrees, by the speeds": (
+        (1, 2 / 0.8, 1, None),
+        {"dq": "deg/s"},
+        "measured speeds are .* times what the angles do",
+    ),
+    "milliseconds, by the speeds": ((1e3 / 50, 1, 1, None), {}, "measured speeds are"),
+    "millinewton metres": ((1, 1, None, 1e3), {}, "torques are up to .*likely mNm"),
+}
+
+
+@pytest.mark.parametrize("case", UNITS)
+def test_a_unit_that_cannot_be_true_is_refused_and_can_be_insisted_on(tmp_path, case):
+    factors, units, words = UNITS[case]
+    made = rolled(2.0, 8000.0 if "8 kHz" in case else 200.0)
+    arrays = dict(zip(("time", "q", "dq", "tau"), made, strict=True))
+    columns = {}
+    for (name, values), factor in zip(arrays.items(), factors, strict=True):
+        if factor is not None:
+            columns |= {name: factor * values} if name == "time" else {
+                f"{name}.joint{j + 1}": factor * values[:, j] for j in range(2)
+            }  # fmt: skip
+    rows = np.stack(list(columns.values()), 1).tolist()
+    (tmp_path / "log.csv").write_text(
+        "\n".join([",".join(columns), *(",".join(map(repr, row)) for row in rows)]) + "\n"
+    )
+    lines = [f"{c}: {{column: {c}, unit: {units[c.split('.')[0]]}}}" for c in columns if c.split(".")[0] in units]
+    (tmp_path / "map.yaml").write_text("\n".join([*lines, "recording: {joints: [joint1, joint2]}"]))
+    given = {"map": tmp_path / "map.yaml", "torque_sensor": "joint"}
+    with pytest.raises(UserError, match=f"a unit cannot be true: .*{words}.*--insist"):
+        Args(tmp_path / "log.csv", "iiwa14", tmp_path / "out", **given).run()
+    assert not (tmp_path / "out").exists()
+    assert Args(tmp_path / "log.csv", "iiwa14", tmp_path / "out", insist=True, **given).run() == 0
+
+
+@pytest.mark.parametrize("rate", [10.0, 50.0, 8000.0])
+def test_units_that_can_be_true_pass(rate):
+    time, q, dq, tau = rolled(4.0, rate)
+    limits = Limits(np.full((2, 2), [-3.0, 3.0]), np.full(2, 1.5), np.full(2, 100.0))
+    unknown = Limits(np.full((2, 2), [-np.inf, np.inf]), np.full(2, np.inf), np.full(2, np.inf))
+    rec = recording(len(time), rate, time=time, q=q, dq=dq, tau=tau)
+    for known in (limits, unknown):
+        assert doubts(rec, known) == []
+        assert doubts(replace(rec, q=np.zeros_like(q), dq=np.zeros_like(q)), known) == []  # a robot at rest
+        assert doubts(replace(rec, q=0.02 * q + [0.4, -1], dq=None), known) == []  # small motion
+
+
+@pytest.mark.parametrize("separator, decimal", [(";", ","), ("\t", "."), (" ", "."), (",", ".")])
+def test_a_map_says_how_a_table_is_written(tmp_path, separator, decimal):
+    rec = recording(30, rate_hz=100.0)
+    rows = [separator.join(repr(x).replace(".", decimal) for x in row) for row in np.c_[rec.time, rec.q].tolist()]
+    (tmp_path / "log.csv").write_text("\r\n".join([separator.join(["time", "q.joint1", "q.joint2"]), *rows, ""]))
+    (tmp_path / "map.yaml").write_text(
+        f"table: {{separator: {separator!r}, decimal: '{decimal}'}}".replace("\\t", "\t")
+    )
+    back = import_table(tmp_path / "log.csv", "iiwa14", JOINTS, read_map(tmp_path / "map.yaml", JOINTS))
+    assert np.array_equal(back.q, rec.q) and np.array_equal(back.time, rec.time)
+
+
+SNIPPETS = [
+    b"",
+    b"\n",
+    b",",
+    b";",
+    b"nan",
+    b"1e999",
+    b"-",
+    b"\xff",
+    b"\0",
+    b'"',
+    b"&a",
+    b"*a",
+    b"[",
+    b"{",
+    b": ",
+    b"!!",
+    b"table: ",
+]
+edits = st.lists(
+    st.tuples(st.integers(0, 2), st.floats(0, 1), st.integers(0, 40), st.sampled_from(SNIPPETS)), min_size=1, max_size=4
+)
+
+
+@pytest.fixture(scope="module")
+def material(tmp_path_factory):
+    """A table, a map for it and an archive."""
+    root = tmp_path_factory.mktemp("fuzz")
+    rec = recording(12, ee=None, ee_cmd=None, ft=None, tau_cmd=None, dq=None)
+    table = (write(rec, root / "r") / "samples.csv").read_bytes()
+    text = b"time: {column: time, unit: s}\nq.joint1: {column: q.joint1, unit: rad, scale: 1.0}\n"
+    text += b"recording: {joints: [joint1, joint2], torque_sensor: joint}\ntable: {separator: ',', decimal: '.'}\n"
+    np.savez(root / "run.npz", time=rec.time, q=rec.q, tau=rec.tau)
+    return root, table, text, (root / "run.npz").read_bytes()
+
+
+@settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
+@given(edits=edits, way=st.sampled_from(["map", "guess", "npz", "gz"]))
+def test_every_damaged_source_or_map_gives_a_recording_or_a_user_error(material, edits, way):
+    root, *parts = material
+    for which, place, drop, put in edits:
+        at = int(place * len(parts[which]))
+        parts[which] = parts[which][:at] + put + parts[which][at + drop :]
+    table, text, archive = parts
+    name = {"npz": "run.npz", "gz": "log.csv.gz"}.get(way, "log.csv")
+    packed = gzip.compress(table)
+    data = {"npz": archive, "gz": packed[: len(packed) - edits[0][2] // 10]}.get(way, table)
+    (root / name).write_bytes(data)
+    (root / "map.yaml").write_bytes(text)
+    limits = Limits(np.full((2, 2), [-3.0, 3.0]), np.full(2, 1.5), np.full(2, 100.0))
+    try:
+        if way == "guess":
+            proposal = guess(root / name, JOINTS, limits)
+            mapping = map_from(parse_yaml(said_of.text(proposal), "map"), root / name, JOINTS)
+            assert said_of.advice(proposal)
+        else:
+            mapping = read_map(root / "map.yaml", JOINTS)
+        load_it = import_npz if way == "npz" else import_table
+        rec = load_it(root / name, "iiwa14", JOINTS, mapping)
+        doubts(
+            rec,
+            Limits(
+                *(
+                    np.concatenate([part] * 8)[: len(rec.joints)]
+                    for part in (limits.range, limits.velocity, limits.torque)
+                )
+            ),
+        )
+    except UserError as error:
+        assert "\n" not in str(error)
+    else:
+        assert rec.q.shape == (len(rec.time), len(rec.joints))

@@ -105,7 +105,7 @@ def test_a_bag_comes_back(tmp_path, kind, stamped):
     rec = made()
     path = bag(tmp_path / "run", kind, rec, stamped)
     args = Args(
-        path, tmp_path / "out", "iiwa14", topic="/joint_states", command_topic="/command", torque_sensor="joint"
+        path, "iiwa14", tmp_path / "out", topic="/joint_states", command_topic="/command", torque_sensor="joint"
     )
     (tmp_path / "map.yaml").write_text("recording: {joints: [joint1, joint2]}")
     assert dataclasses.replace(args, map=tmp_path / "map.yaml").run() == 0

@@ -1,27 +1,35 @@
 """Converts a CSV or Parquet table, a NumPy archive or a ROS bag into a recording folder.
 
 Example:
+    vispeg convert log.csv --robot iiwa14 --guess --save-map map.yaml
     vispeg convert log.csv --robot iiwa14 --map map.yaml --out rig-a
     vispeg convert run.mcap --robot arm.urdf --topic /joint_states --torque-sensor joint --out rig-b
 
 A map names columns and units, one a line: `time: {column: t, unit: ms}`, `q.joint1: {column: pos_1, unit: deg}`;
-`joints: {joint1: lbr_A1}` renames a bag's joints, `recording: {control: {mode: torque}}` adds to recording.yaml.
+`joints: {joint1: lbr_A1}` renames a bag's joints, `recording: {control: {mode: torque}}` adds to recording.yaml,
+`table: {separator: ";", decimal: ","}` says how a text table is written. `--guess` proposes a map from a table's header
+and ranges. Units that cannot be true (200 kHz, angles far outside the joints' ranges) are refused, or `--insist`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import sys
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import tyro
 
+from vispeg.cli.reading import told
 from vispeg.core.errors import UserError
-from vispeg.recordings.importers.mapping import ColumnMap, read_map
+from vispeg.core.files import write_text_atomic
+from vispeg.recordings.importers.mapping import FACTORS, ColumnMap, map_from, read_map
+from vispeg.recordings.importers.plausible import doubts
+from vispeg.recordings.quality import Limits
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.write import write
 
-TABLES, BAGS = (".csv", ".parquet"), (".bag", ".db3", ".mcap")
+TABLES, BAGS = (".csv", ".csv.gz", ".parquet"), (".bag", ".db3", ".mcap")
 
 
 @dataclass(frozen=True)
@@ -29,13 +37,21 @@ class Args:
     """Arguments of `vispeg convert`."""
 
     source: tyro.conf.Positional[Path]
-    """A .csv, .parquet, .npz, .bag, .db3 or .mcap file, or a ROS 2 bag's folder."""
-    out: Path
-    """The recording folder to write."""
+    """A .csv, .csv.gz, .parquet, .npz, .bag, .db3 or .mcap file, or a ROS 2 bag's folder."""
     robot: str
     """A robot's name (iiwa14) or a path to its MJCF or URDF."""
+    out: Path | None = None
+    """The recording folder to write; not needed where --guess only shows or saves a map."""
     map: Path | None = None
     """A YAML file with the source's names and units."""
+    guess: bool = False
+    """Tables: propose the map, with a reason for each column, and ask before it is used."""
+    yes: bool = False
+    """With --guess: take what is proposed."""
+    save_map: Path | None = None
+    """With --guess: write what is proposed into this file, to be looked at and passed as --map."""
+    insist: bool = False
+    """Take the stated units even where they cannot be true."""
     topic: str | None = None
     """Bags: the JointState topic with what was measured (default: the only one)."""
     command_topic: str | None = None
@@ -44,8 +60,8 @@ class Args:
     """Bags: the PoseStamped topic of the flange in the base (default: the only one, if there is one)."""
     wrench_topic: str | None = None
     """Bags: the WrenchStamped topic at the flange (default: the only one, if there is one)."""
-    torque_sensor: Literal["joint", "motor", "none"] = "none"
-    """What measured torque is: behind the gear (joint) or from the current (motor)."""
+    torque_sensor: Literal["joint", "motor", "none"] | None = None
+    """What measured torque is: behind the gear (joint) or from the current (motor). Not stated, it is not used."""
     table: Literal["csv", "parquet"] = "csv"
     """Format of the samples."""
     overwrite: bool = False
@@ -53,40 +69,103 @@ class Args:
 
     def run(self) -> int:
         """Writes the recording and says what is in it."""
-        rec = self._read()
+        from vispeg.robots.model import load as load_robot
+
+        if not self.source.exists():
+            raise UserError("does not exist", file=self.source)
+        robot = str(Path(self.robot).expanduser().resolve()) if Path(self.robot).suffix else self.robot
+        model = load_robot(robot)
+        limits = Limits(model.range, model.velocity_limit, model.torque_limit)
+        mapping = self._guessed(model.joints, limits) if self.guess else read_map(self.map, model.joints)
+        if mapping is None:
+            return 0
+        if self.out is None:
+            raise UserError("no folder to write to", key="--out", expected="--out FOLDER")
+        rec = self._read(robot, model.joints, mapping)
+        self._refuse_units(rec, model.joints, limits, mapping)
         write(rec, self.out, self.overwrite, self.table, inputs=(self.source, self.map))
         names = ("q", "dq", "tau", "tau_cmd", "q_cmd", "dq_cmd", "ee", "ee_cmd", "ft")
         found = ", ".join(name for name in names if getattr(rec, name) is not None)
         print(f"{self.out}: {len(rec.time)} samples of {len(rec.joints)} joints at {rec.rate_hz:g} Hz: {found}")
         return 0
 
-    def _read(self) -> Recording:
-        from vispeg.robots.model import load as load_robot
+    def _guessed(self, joints: tuple[str, ...], limits: Limits) -> ColumnMap | None:
+        """The proposed map if it is to be used now: shown, saved or asked about as the arguments say."""
+        from vispeg.recordings.importers.guess.source import guess
+        from vispeg.recordings.importers.guess.words import advice, data, text
 
-        robot = str(Path(self.robot).expanduser().resolve()) if Path(self.robot).suffix else self.robot
-        joints = load_robot(robot).joints
-        mapping = read_map(self.map, joints)
-        kind = self.source.suffix.lower()
-        header: dict[str, Any] = {"torque_sensor": self.torque_sensor}
-        if not self.source.exists():
-            raise UserError("does not exist", file=self.source)
-        if kind in BAGS or (self.source / "metadata.yaml").is_file():
+        if self.map is not None:
+            raise UserError("a map is given already", key="--guess", expected="--guess or --map, not both")
+        if not self.source.name.lower().endswith(TABLES):
+            expected = f"a table ({', '.join(TABLES)}); archives and bags name their signals themselves"
+            raise UserError("cannot be guessed", file=self.source, key="--guess", expected=expected)
+        proposal = guess(self.source, joints, limits)
+        if self.torque_sensor is not None:
+            proposal.recording["torque_sensor"] = self.torque_sensor
+            proposal.doubts[:] = [doubt for doubt in proposal.doubts if not doubt.startswith("torque_sensor")]
+        shown = text(proposal)
+        print(shown, end="")
+        for line in advice(proposal):
+            print(f"# {line}")
+        if self.save_map is not None:
+            if self.save_map.suffix.lower() not in (".yaml", ".yml"):
+                raise UserError("is no name for a map", key="--save-map", expected="a .yaml file", got=str(self.save_map))
+            write_text_atomic(self.save_map, shown, overwrite=self.overwrite)
+            print(f"written to {self.save_map}; use it with --map {self.save_map}")
+        if self.out is None or not self._confirmed():
+            return None
+        return map_from(data(proposal), self.source, joints)
+
+    def _confirmed(self) -> bool:
+        if self.yes:
+            return True
+        if not (sys.stdin.isatty() and sys.stdout.isatty()):
+            expected = "--yes to take it, or --save-map FILE to look at it and pass it as --map"
+            raise UserError("a guess must be confirmed", key="--guess", expected=expected)
+        if input("Convert with this map? [y/N] ").strip().lower() in ("y", "yes"):
+            return True
+        print("nothing written; --save-map FILE keeps the map to be mended")
+        return False
+
+    def _refuse_units(self, rec: Recording, joints: tuple[str, ...], limits: Limits, mapping: ColumnMap) -> None:
+        """Raises UserError where the units cannot be true, with the likely one, unless the user insists."""
+        order = [joints.index(joint) for joint in rec.joints if joint in joints]
+        if len(order) != len(rec.joints) or self.insist:
+            return
+        own = Limits(limits.range[order], limits.velocity[order], limits.torque[order])
+        angles = [origin for target, origin in mapping.columns.items() if target.partition(".")[0] == "q"]
+        found = doubts(rec, own, any(abs(origin.factor) == FACTORS["deg"] for origin in angles))
+        if not found:
+            return
+        first, likely = found[0], {doubt.likely: None for doubt in found if doubt.likely}
+        unit = f" (likely {' or '.join(likely)})" if likely else ""
+        where = self.map or self.source
+        expected = f"the right unit in {'the map' if self.map or self.guess else 'a map'}{unit}, or --insist"
+        raise UserError(f"a unit cannot be true: {first.said}", file=where, key=first.key, expected=expected)
+
+    def _read(self, robot: str, joints: tuple[str, ...], mapping: ColumnMap) -> Recording:
+        name = self.source.name.lower()
+        header: dict[str, Any] = {"torque_sensor": mapping.recording.get("torque_sensor", "none")}
+        if self.torque_sensor is not None:
+            header["torque_sensor"] = self.torque_sensor
+            mapping = replace(mapping, recording={**mapping.recording, "torque_sensor": self.torque_sensor})
+        if name.endswith(BAGS) or (self.source / "metadata.yaml").is_file():
             return self._bag(robot, joints, mapping, header)
-        for name in ("topic", "command_topic", "pose_topic", "wrench_topic"):
-            if getattr(self, name) is not None:
-                raise UserError(f"--{name.replace('_', '-')} is for bags", file=self.source)
-        if kind in TABLES:
+        for flag in ("topic", "command_topic", "pose_topic", "wrench_topic"):
+            if getattr(self, flag) is not None:
+                raise UserError(f"--{flag.replace('_', '-')} is for bags", file=self.source)
+        if name.endswith(TABLES):
             from vispeg.recordings.importers.table import import_table
 
-            return import_table(self.source, robot, joints, mapping, **header)
-        if kind == ".npz":
+            with told(f"reading {self.source}", self.source.stat().st_size) as share:
+                return import_table(self.source, robot, joints, mapping, share, **header)
+        if name.endswith(".npz"):
             from vispeg.recordings.importers.npz import import_npz
 
             return import_npz(self.source, robot, joints, mapping, **header)
         choices = (*TABLES, ".npz", *BAGS, "a ROS 2 bag's folder")
-        raise UserError(
-            "is nothing that can be converted", file=self.source, got=kind or self.source.name, choices=choices
-        )
+        kind = self.source.suffix.lower() or self.source.name
+        raise UserError("is nothing that can be converted", file=self.source, got=kind, choices=choices)
 
     def _bag(self, robot: str, joints: tuple[str, ...], mapping: ColumnMap, header: dict[str, Any]) -> Recording:
         from vispeg.recordings.importers.rosbag import Topics, import_rosbag

@@ -233,7 +233,7 @@ def _need(table: Table, header: Header, signals: dict[str, np.ndarray | None]) -
             check_share(table, values, columns)
     if columns_of("tau", header.joints)[0] in table.names and header.torque_sensor == "none":
         warnings.warn(
-            f"{table.file}: has tau columns, but `torque_sensor` is none: they are not used; say joint or motor",
+            f"{table.file}: has tau columns, but `torque_sensor` is none: no comparison or fit uses them; say joint or motor",
             stacklevel=3,
         )
 

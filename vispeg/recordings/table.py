@@ -105,6 +105,8 @@ def _in_order(names: list[str], some: Collection[str]) -> list[str]:
 
 def read_table(file: Path, reading: Reading = Reading()) -> Table:
     """Reads a .csv, .csv.gz or .parquet file. Raises UserError for what is no table of a header and samples."""
+    import pyarrow
+
     from vispeg.recordings.table_csv import read_csv
     from vispeg.recordings.table_parquet import read_parquet
 
@@ -115,6 +117,7 @@ def read_table(file: Path, reading: Reading = Reading()) -> Table:
         table = (read_parquet if file.suffix.lower() == ".parquet" else read_csv)(file, reading)
     except OSError as error:
         raise UserError(f"cannot be read: {error.strerror or error}", file=file) from error
+    pyarrow.default_memory_pool().release_unused()  # half as much again as the columns, kept for a next time
     if table.rows == 0:
         raise UserError("holds no samples", file=file)
     return table
@@ -150,25 +153,21 @@ def as_float(cell: str) -> float | None:
 
 
 class Columns:
-    """Columns (n,) that grow block by block."""
+    """Columns (n,) that grow block by block: in place, so that no block is kept beside its column."""
 
-    def __init__(self, names: list[str]):
-        self._parts: dict[str, list[np.ndarray]] = {name: [] for name in names}
+    def __init__(self, names: list[str], rows: int = 1 << 20):
+        self._values = {name: np.empty(rows) for name in names}
         self.rows = 0
 
     def add(self, block: dict[str, np.ndarray], rows: int) -> None:
-        """Takes the next rows of every column that is not text; arrays are copied, so that the block can go."""
-        for name in list(self._parts):
-            if name in block:
-                self._parts[name].append(np.array(block[name], float))
-            else:
-                del self._parts[name]
-        self.rows += rows
+        """Takes the next rows of every column."""
+        end = self.rows + rows
+        for name, values in self._values.items():
+            if end > len(values):
+                self._values[name] = values = np.concatenate([values[: self.rows], np.empty(max(end, len(values)))])
+            values[self.rows : end] = block[name]
+        self.rows = end
 
-    def joined(self) -> dict[str, np.ndarray]:
-        """The whole columns; each one's parts are freed before the next is joined."""
-        out = {}
-        for name in list(self._parts):
-            parts = self._parts.pop(name)
-            out[name] = parts[0] if len(parts) == 1 else np.concatenate(parts) if parts else np.empty(0)
-        return out
+    def done(self) -> dict[str, np.ndarray]:
+        """The columns, once all is read."""
+        return {name: values[: self.rows] for name, values in self._values.items()}

@@ -141,7 +141,7 @@ def _all_numbers(file: Path, names: list[str], wanted: list[str], reading: Readi
                     break
     except pa.ArrowException:
         return None
-    return Table(file, kept.joined(), names, kept.rows, 2)
+    return Table(file, kept.done(), names, kept.rows, 2)
 
 
 def _cell_by_cell(file: Path, names: list[str], wanted: list[str], reading: Reading) -> Table:

@@ -19,7 +19,7 @@ def read_parquet(file: Path, reading: Reading) -> Table:
     import pyarrow.parquet as pq
 
     try:
-        with pq.ParquetFile(file) as source:
+        with pq.ParquetFile(file, buffer_size=1 << 20, pre_buffer=False) as source:
             total = source.metadata.num_rows
             check_rows(total, file)
             fields = {name: _width(source, name) for name in _plain_names(source, file)}
@@ -28,7 +28,7 @@ def read_parquet(file: Path, reading: Reading) -> Table:
             origin = {name: [n for n in _split(name, width) if n in set(wanted)] for name, width in fields.items()}
             columns = [name for name, parts in origin.items() if parts]
             text = {n: (0, f"a column of {_type(source, n)}") for n in wanted if fields.get(n, 0) is None}
-            kept = Columns([name for name in reading.kept(names) if name not in text])
+            kept = Columns([name for name in reading.kept(names) if name not in text], total)
             for batch in source.iter_batches(BLOCK, columns=columns, use_threads=False):
                 block: dict[str, np.ndarray] = {}
                 for name in columns:
@@ -43,7 +43,7 @@ def read_parquet(file: Path, reading: Reading) -> Table:
             rows = kept.rows if columns else total
     except (pa.ArrowException, OSError, ValueError, OverflowError, NotImplementedError, MemoryError) as error:
         raise UserError(f"is not a Parquet file that can be read: {error}", file=file) from error
-    return Table(file, kept.joined(), names, rows, 0, text)
+    return Table(file, kept.done(), names, rows, 0, text)
 
 
 def _plain_names(source: Any, file: Path) -> list[str]:

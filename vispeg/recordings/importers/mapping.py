@@ -12,14 +12,16 @@ from vispeg.core.errors import UserError
 from vispeg.formats.format import enrol
 from vispeg.formats.yaml_data import read_yaml
 from vispeg.recordings.columns import SIGNALS, columns_of
+from vispeg.recordings.table import Dialect
 
 FACTORS = {
     **{"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
-    **{"rad": 1.0, "deg": math.pi / 180, "turn": 2 * math.pi},
+    **{"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "mdeg": math.pi / 180e3, "turn": 2 * math.pi},
     **{"rad/s": 1.0, "deg/s": math.pi / 180, "rpm": math.pi / 30},
-    **{"m": 1.0, "mm": 1e-3, "N": 1.0, "N m": 1.0, "Nm": 1.0, "mNm": 1e-3, "kg cm": 9.80665e-2},
+    **{"m": 1.0, "mm": 1e-3, "N": 1.0, "N m": 1.0, "Nm": 1.0, "mNm": 1e-3, "N cm": 1e-2, "kg cm": 9.80665e-2},
 }
-OTHER = ("joints", "recording")
+OTHER = ("joints", "recording", "table")
+SEPARATORS, DECIMALS = (",", ";", "\t", " "), (".", ",")
 
 
 @dataclass(frozen=True)
@@ -40,12 +42,14 @@ class ColumnMap:
         columns: `time`, `episode`, `q.joint1`, or (for arrays) `q` -> where it comes from.
         joints: joint name -> its name in the source, where they differ.
         recording: further keys of recording.yaml (control, tool, torque_sensor, noise, ...).
+        dialect: how a text table is written.
     """
 
     file: Path | None = None
     columns: Mapping[str, Source] = field(default_factory=dict)
     joints: Mapping[str, str] = field(default_factory=dict)
     recording: Mapping[str, Any] = field(default_factory=dict)
+    dialect: Dialect = Dialect()
 
 
 def _example(folder: Path) -> Path:
@@ -69,9 +73,11 @@ def read_map(file: Path | None, joints: Sequence[str]) -> ColumnMap:
     Raises:
         UserError: an unknown target, unit or key, or a value of the wrong kind.
     """
-    if file is None:
-        return ColumnMap()
-    data = read_yaml(file)
+    return ColumnMap() if file is None else map_from(read_yaml(file), file, joints)
+
+
+def map_from(data: Any, file: Path, joints: Sequence[str]) -> ColumnMap:
+    """The map that plain data stand for; `file` is what messages name. Raises UserError as `read_map` does."""
     if not isinstance(data, dict):
         raise UserError("is not a mapping", file=file, expected="lines like 'q.joint1: pos_1'", got=data)
     recording = _section(data, "recording", file)
@@ -89,7 +95,21 @@ def read_map(file: Path | None, joints: Sequence[str]) -> ColumnMap:
         if target not in targets:
             raise UserError("is no column of a recording", file=file, got=target, choices=[*targets, *OTHER])
         columns[target] = _source(value, target, file)
-    return ColumnMap(file, columns, renamed, recording)
+    return ColumnMap(file, columns, renamed, recording, _dialect(_section(data, "table", file), file))
+
+
+def _dialect(section: dict, file: Path) -> Dialect:
+    found = {"separator": section.get("separator", ","), "decimal": section.get("decimal", ".")}
+    for key in section:
+        if key not in found:
+            raise UserError("unknown key", file=file, key="table", got=key, choices=found)
+    for key, choices in (("separator", SEPARATORS), ("decimal", DECIMALS)):
+        if found[key] not in choices:
+            names = [repr(choice) for choice in choices]
+            raise UserError("cannot be read", file=file, key=f"table.{key}", got=found[key], choices=names)
+    if found["separator"] == found["decimal"]:
+        raise UserError("separates cells and decimals by one sign", file=file, key="table", got=found["decimal"])
+    return Dialect(**found)
 
 
 def _section(data: dict, key: str, file: Path) -> dict:

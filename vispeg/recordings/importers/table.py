@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,28 +11,35 @@ from vispeg.recordings.columns import SIGNALS, columns_of
 from vispeg.recordings.importers.build import build, convert, joints_of
 from vispeg.recordings.importers.mapping import ColumnMap
 from vispeg.recordings.recording import Recording
-from vispeg.recordings.table import read_table
+from vispeg.recordings.table import Reading, read_table
 
 
 def import_table(
-    source: Path, robot: str, joints: Sequence[str], mapping: ColumnMap | None = None, **header: Any
+    source: Path,
+    robot: str,
+    joints: Sequence[str],
+    mapping: ColumnMap | None = None,
+    told: Callable[[float], None] = lambda share: None,
+    **header: Any,
 ) -> Recording:
     """A recording from a table; columns that the map does not name are taken by the recording format's own names.
 
     Args:
-        source: a .csv or .parquet file.
+        source: a .csv, .csv.gz or .parquet file.
         robot: a name or a path.
         joints: the robot's joints.
         mapping: names and units of the columns.
+        told: is told how much has been read, 0 to 1.
         header: further keys of recording.yaml.
 
     Raises:
         UserError: a mapped column is absent or not numeric, or the recording would not pass `load`.
     """
     mapping = mapping or ColumnMap()
-    table = read_table(source)
     names = joints_of(joints, mapping)
     targets = ["time", "episode", *(c for s in SIGNALS for c in columns_of(s, names))]
+    wanted = {*targets, *(origin.name for origin in mapping.columns.values())}
+    table = read_table(source, Reading(keep=lambda _: wanted, told=told, dialect=mapping.dialect))
     columns = {}
     for target, origin in mapping.columns.items():
         if target not in targets:  # a whole signal can only come from an array

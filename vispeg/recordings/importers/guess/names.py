@@ -1,0 +1,125 @@
+"""What a column's name says: a quantity, whether it was measured or commanded, a unit, and which joint."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+UNITS = (  # as patterns between separators, longest first
+    ("rad/s", r"rad[_/]?s|radps|rad_per_s(ec)?|rad_sec"),
+    ("deg/s", r"deg[_/]?s|degps|dps|deg_per_s(ec)?|deg_sec|°/s"),
+    ("rpm", r"rpm"),
+    ("mNm", r"mnm|m_nm|millinewtonmeters?"),
+    ("N cm", r"ncm|n_cm"),
+    ("N m", r"nm|n_m|newton_?met(er|re)s?"),
+    ("mrad", r"mrad"),
+    ("mdeg", r"mdeg|millideg(rees)?"),
+    ("rad", r"rad(ians?)?"),
+    ("deg", r"deg(rees?)?|grad|°"),
+    ("turn", r"turns?|revs?|revolutions?"),
+    ("ms", r"ms|msecs?|millis|milliseconds?"),
+    ("us", r"us|µs|usecs?|micros|microseconds?"),
+    ("ns", r"ns|nsecs?|nanos|nanosec|nanoseconds?"),
+    ("s", r"s|secs?|seconds?"),
+    ("mm", r"mm"),
+)
+OF_UNIT = {
+    **dict.fromkeys(("rad", "deg", "mrad", "mdeg", "turn"), "q"),
+    **dict.fromkeys(("rad/s", "deg/s", "rpm"), "dq"),
+    **dict.fromkeys(("N m", "mNm", "N cm"), "tau"),
+}
+TIME = {"t", "time", "timestamp", "stamp", "timestep", "clock", "elapsed", "zeit", "zeitstempel", "uhrzeit"}
+POSITION = {"q", "pos", "position", "positions", "angle", "angles", "theta", "jpos", "winkel", "state", "phi"}
+VELOCITY = {"dq", "qd", "vel", "velocity", "velocities", "speed", "speeds", "omega", "qdot", "geschwindigkeit"}
+TORQUE = {"tau", "trq", "tq", "torque", "torques", "effort", "efforts", "moment", "moments", "load", "drehmoment"}
+OTHER = {  # quantity -> words, and why it is not used
+    "acceleration": ({"ddq", "qdd", "acc", "acceleration", "accelerations", "beschleunigung"}, "accelerations are not"),
+    "current": ({"current", "currents", "curr", "amp", "amps", "macur", "iq", "strom"}, "a current is no torque: its "
+                "torque constant is not known"),
+    "external": ({"ext", "external"}, "an estimate of external torque, not what the joint felt"),
+    "temperature": ({"temp", "temperature", "temperatur"}, "temperatures are not"),
+    "voltage": ({"voltage", "volt", "spannung"}, "voltages are not"),
+    "error": ({"error", "err", "fehler"}, "a difference follows from the others"),
+    "raw": ({"counts", "ticks", "raw", "pwm"}, "raw counts: their scale is not known"),
+    "jerk": ({"jerk", "dtau"}, "derivatives are not"),
+}  # fmt: skip
+COMMANDED = {"cmd", "command", "commanded", "commands", "des", "desired", "target", "targets", "setpoint", "setpoints",
+             "goal", "goals", "ref", "reference", "action", "soll", "sollwert", "sp"}  # fmt: skip
+MEASURED = {"act", "actual", "meas", "measured", "ist", "istwert", "state", "fb", "feedback", "observation", "present"}
+WHOLE = {  # a word that says quantity and source at once: KUKA's RSI
+    "aipos": ("q", False), "aspos": ("q", True), "axisact": ("q", False), "axisactmeas": ("q", False),
+}  # fmt: skip
+FILL = {"field", "data", "value", "values", "robot", "arm", "joint", "joints", "axis", "axes", "states", "j", "motor",
+        "measuredjoint", "commandedjoint", "msg", "lbr", "js", "gelenk", "achse", "ee", "hat", "filtered"}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """What one name says.
+
+    Attributes:
+        name: the column.
+        quantity: q, dq, tau, time, episode, or a key of OTHER; empty where the name says nothing.
+        commanded: whether it was asked for; None where the name does not say.
+        unit: of `importers.mapping.FACTORS`, or empty.
+        label: what is left of the name: which joint.
+        said: the word that told the quantity.
+    """
+
+    name: str
+    quantity: str
+    commanded: bool | None
+    unit: str
+    label: str
+    said: str
+
+
+def meaning(name: str, labels: dict[str, str]) -> Meaning:
+    """Reads a name; `labels` are columns whose joint is known from elsewhere."""
+    unit, rest = _unit(name)
+    words = split(rest)
+    taken, quantity, said = set(), "", ""
+    if "episode" in words:
+        return Meaning(name, "episode", None, "", "", "episode")
+    for i, word in enumerate(words):
+        for kind, known in (("time", TIME), ("q", POSITION), ("dq", VELOCITY), ("tau", TORQUE)):
+            if word in known and (not quantity or quantity == "q" and said == "state"):
+                quantity, said = kind, word
+                taken.add(i)
+        if word in WHOLE:
+            quantity, said = WHOLE[word][0], word
+            taken.add(i)
+    for kind, (known, _) in OTHER.items():
+        hit = [i for i, word in enumerate(words) if word in known]
+        if hit:
+            quantity, said = kind, words[hit[0]]
+    commanded: bool | None = None
+    for i, word in enumerate(words):
+        desired = word == "d" and quantity in ("q", "dq", "tau")  # Franka: q_d, tau_J_d
+        if word in COMMANDED or desired or (word in WHOLE and WHOLE[word][1]):
+            commanded, taken = True, taken | {i}
+        elif commanded is None and word in MEASURED:
+            commanded, taken = False, taken | {i}
+    if commanded is not None and not quantity:  # `goal_rad`, `action`: the unit has to say of what
+        quantity, said = OF_UNIT.get(unit, "q" if "action" in words else ""), "commanded" if commanded else "measured"
+    label = [w for i, w in enumerate(words) if i not in taken and w not in FILL | MEASURED | COMMANDED]
+    return Meaning(name, quantity, commanded, unit, labels.get(name) or "_".join(label), said)
+
+
+def split(name: str) -> list[str]:
+    """Words and numbers of a name, in small letters: `MeasuredJoint_A1` -> measured, joint, a, 1."""
+    apart = re.sub(r"(?<=[a-zäöü0-9])(?=[A-ZÄÖÜ])", " ", name)
+    return [word.lower() for word in re.findall(r"[A-Za-zÄÖÜäöüß]+|\d+", apart)]
+
+
+def _unit(name: str) -> tuple[str, str]:
+    """The unit that a name says, and the name without it. A last `s` alone is a unit, a first one is none."""
+    flat = re.sub(r"[\s\[\](){}.,:]+", "_", name.lower())
+    for unit, pattern in UNITS:
+        found = list(re.finditer(rf"(?<![a-z0-9µ°])({pattern})(?![a-z])", flat))
+        if found and not (unit == "s" and found[-1].start() == 0 and len(flat) > 1):
+            start, end = found[-1].span()
+            if len(flat) == len(name):
+                return unit, name[:start] + "_" + name[end:]
+            return unit, flat[:start] + "_" + flat[end:]
+    return "", name

@@ -1,0 +1,154 @@
+"""What the numbers say of their units, held against the robot's limits and against each other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from vispeg.recordings.importers.guess.names import Meaning
+from vispeg.recordings.importers.mapping import FACTORS
+from vispeg.recordings.importers.plausible import RATES, TOP_SPEED, slope
+from vispeg.recordings.quality import Limits
+
+TIMES = ("s", "ms", "us", "ns")
+EPOCH = (1.0e9, 4.0e9)  # s: from 2001 to 2096
+TURNS = 4 * math.pi
+DEGREES = 1000.0  # beyond it, angles in degrees are encoder counts
+TYPICAL_HZ = 300.0
+
+
+def span(column: np.ndarray) -> tuple[float, float]:
+    """Lowest and highest value; 0, 0 where there is none."""
+    finite = column[np.isfinite(column)]
+    return (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
+
+
+def whole(column: np.ndarray) -> bool:
+    """Whether all values are whole numbers."""
+    return bool(np.isfinite(column).all() and (column == np.floor(column)).all())
+
+
+def increases(column: np.ndarray, even: bool = False) -> bool:
+    """Whether a column runs like a clock: upwards but for a few restarts; `even`: by steps that hardly differ."""
+    step = np.diff(column)
+    if len(step) < 2 or not np.isfinite(step).all() or np.mean(step > 0) < 0.97:
+        return False
+    return not even or bool(np.quantile(step, 0.95) < 1.5 * np.quantile(step, 0.05))
+
+
+def units_of(
+    columns: Mapping[str, list[Meaning]], stacks: Mapping[str, np.ndarray], limits: Limits, doubts: list[str]
+) -> dict[str, tuple[str, str]]:
+    """Signal -> (unit, why), of angles first, as the others are held against them."""
+    out = {}
+    for signal in sorted(columns, key=lambda s: ("q", "q_cmd").index(s) if s in ("q", "q_cmd") else 2):
+        said = {m.unit for m in columns[signal]} - {""}
+        unit = said.pop() if len(said) == 1 else ""
+        values = stacks[signal]
+        if signal in ("q", "q_cmd"):
+            out[signal] = _angle(unit, values, limits, signal, columns[signal], doubts)
+        elif signal in ("tau", "tau_cmd"):
+            out[signal] = _torque(unit, values, limits, doubts)
+        else:
+            out[signal] = _speed(unit, out["q"][0])
+    if "q" in out and "q_cmd" in out:
+        ratio = slope(stacks["q"], stacks["q_cmd"])
+        if out["q"][0] != out["q_cmd"][0] and ratio is not None and 0.8 < ratio < 1.25:
+            doubts.append(f"commanded angles look like {out['q_cmd'][0]}, measured ones like {out['q'][0]}")
+    return out
+
+
+def _angle(
+    unit: str, values: np.ndarray, limits: Limits, signal: str, columns: list[Meaning], doubts: list[str]
+) -> tuple[str, str]:
+    if unit in ("rad", "deg", "mrad", "mdeg", "turn"):
+        return unit, f"the name says {unit}"
+    peak = float(np.nanmax(np.abs(values)))
+    if peak > DEGREES:
+        doubts.append(
+            f"{signal} reaches {peak:.4g}: neither radians nor degrees (encoder counts?); degrees are put down"
+        )
+        return "deg", f"beyond {TURNS:.3g}, so no radians"
+    lerobot = any(word in m.name for m in columns for word in ("observation", "action", ".pos"))
+    if peak > TURNS:
+        if lerobot and 90 < peak <= 101:
+            doubts.append(
+                f"{signal} stays within -100 to 100: degrees, or LeRobot's normalised units (use_degrees: false), "
+                "which no unit here turns into angles"
+            )
+        return "deg", f"up to {peak:.4g}, beyond two turns in radians"
+    low, high = limits.range.T
+    beyond = float(np.mean((values < low - 0.1) | (values > high + 0.1)))
+    within = float(np.mean((values * FACTORS["deg"] < low) | (values * FACTORS["deg"] > high)))
+    if beyond > 0.02 and within == 0:
+        return "deg", f"as radians {beyond:.0%} of the readings were outside the joints' ranges"
+    return "rad", f"up to {peak:.3g}, as radians inside the joints' ranges"
+
+
+def _speed(unit: str, angle: str) -> tuple[str, str]:
+    if unit in ("rad/s", "deg/s", "rpm"):
+        return unit, f"the name says {unit}"
+    return ("deg/s" if angle == "deg" else "rad/s"), f"as the angles are in {angle}"
+
+
+def _torque(unit: str, values: np.ndarray, limits: Limits, doubts: list[str]) -> tuple[str, str]:
+    if unit in ("N m", "mNm", "N cm"):
+        return unit, f"the name says {unit}"
+    peak = np.nanmax(np.abs(values), axis=0)
+    known = np.isfinite(limits.torque)
+    if known.any() and np.all(peak[known] < 5e-3 * limits.torque[known]):
+        doubts.append("torques are under a hundredth of what the joints can do: is their unit N m?")
+    if known.any() and np.any(peak[known] > 20 * limits.torque[known]):
+        return "mNm", "as N m they were over twenty times what the joints can do"
+    return "N m", "no unit is said, and as N m they are what the joints can do"
+
+
+def time_unit(
+    time: np.ndarray,
+    said: str,
+    stacks: Mapping[str, np.ndarray],
+    units: Mapping[str, tuple[str, str]],
+    limits: Limits,
+    doubts: list[str],
+) -> tuple[str, str]:
+    """The unit of the time: what the name says unless the motion forbids it, else what the motion allows best."""
+    step = np.diff(time)
+    period = float(np.median(step[step > 0]))
+    dates = [unit for unit in TIMES if EPOCH[0] < float(time[0]) * FACTORS[unit] < EPOCH[1]]
+    q = stacks["q"] * FACTORS[units["q"][0]]
+    dq = stacks["dq"] * FACTORS[units["dq"][0]] if "dq" in stacks else None
+    fits = [unit for unit in TIMES if _fits(period * FACTORS[unit], q, dq, step, FACTORS[unit], limits)]
+
+    def rate(unit: str) -> str:
+        return f"{1.0 / (period * FACTORS[unit]):.4g} Hz"
+
+    if said in TIMES:
+        if said in fits or not fits:
+            return said, f"the name says {said}: {rate(said)}"
+        doubts.append(f"the time's name says {said}, which would be {rate(said)}; {fits[0]} is what the motion allows")
+        return fits[0], f"{rate(fits[0])}, and speeds that the joints can do"
+    if len(dates) == 1:
+        return dates[0], f"dates since 1970 in {dates[0]}: {rate(dates[0])}"
+    if len(fits) == 1:
+        return fits[0], f"{rate(fits[0])}, and speeds that the joints can do; no other unit gives both"
+    some = fits or list(TIMES)
+    best = min(some, key=lambda unit: abs(math.log(1.0 / (period * FACTORS[unit]) / TYPICAL_HZ)))
+    others = ", ".join(f"{unit} ({rate(unit)})" for unit in some if unit != best)
+    doubts.append(f"the time may be in {best} ({rate(best)}) or in {others}")
+    return best, f"{rate(best)} is the most usual of what is possible"
+
+
+def _fits(period: float, q: np.ndarray, dq: np.ndarray | None, step: np.ndarray, factor: float, limits: Limits) -> bool:
+    if not RATES[0] <= 1.0 / period <= RATES[1]:
+        return False
+    good = step > 0
+    speed = np.abs(np.diff(q, axis=0)[good] / (step[good] * factor)[:, None])
+    top = np.where(np.isfinite(limits.velocity), 3.0 * limits.velocity, TOP_SPEED)
+    if np.any(np.nanquantile(speed, 0.99, axis=0) > top):
+        return False
+    if dq is None:
+        return True
+    ratio = slope(np.diff(q, axis=0)[good] / (step[good] * factor)[:, None], dq[1:][good])
+    return ratio is None or 0.3 < ratio < 3.0

@@ -1,0 +1,75 @@
+"""A proposed map as a YAML file with its reasons, and what it would gain by more knowledge."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import yaml
+
+from vispeg.recordings.importers.guess.propose import Proposal
+from vispeg.recordings.table import Dialect
+
+MANY = 12  # unused columns that are listed one by one
+
+
+def data(proposal: Proposal) -> dict[str, Any]:
+    """The map as plain data, as `importers.mapping.map_from` takes it."""
+    out: dict[str, Any] = {}
+    if proposal.dialect != Dialect():
+        out["table"] = {"separator": proposal.dialect.separator, "decimal": proposal.dialect.decimal}
+    for line in proposal.lines:
+        out[line.target] = {"column": line.column} | ({"unit": line.unit} if line.unit else {})
+    if proposal.recording:
+        out["recording"] = proposal.recording
+    return out
+
+
+def text(proposal: Proposal) -> str:
+    """The map file: a line a column with the reason behind it, then what to look at, and what is not used."""
+    found = data(proposal)
+    why = {line.target: line.why for line in proposal.lines}
+    rows = [(f"{_flow(key)}: {_flow(value)}", why.get(key, "")) for key, value in found.items()]
+    width = min(max(len(row) for row, _ in rows), 70)
+    lines = [f"# A map guessed from {proposal.file.name}. Look at it before it is used."]
+    lines += [f"{row:<{width}}  # {reason}" if reason else row for row, reason in rows]
+    lines += [f"# look at: {doubt}" for doubt in proposal.doubts]
+    unused = list(proposal.unused.items())
+    lines += [f"# not used: {name} ({reason})" for name, reason in unused[:MANY]]
+    if len(unused) > MANY:
+        lines.append(f"# not used: {len(unused) - MANY} more columns")
+    return "\n".join(lines) + "\n"
+
+
+def advice(proposal: Proposal) -> list[str]:
+    """What stating the controller and what torque measures would buy, in sentences."""
+    signals, sensor = proposal.signals(), proposal.recording.get("torque_sensor", "none")
+    torque = "tau" in signals and sensor != "none"
+    if torque:
+        now = "as it is, motion and torque can be compared by inverse dynamics: friction, masses, torque offsets"
+    else:
+        why = "torque_sensor is not stated" if "tau" in signals else "there is no measured torque"
+        now = f"as it is, nothing can be compared: the controller is unknown and {why}"
+    out = [now]
+    gain = "the model is then driven as the robot was, and delays, gear play, elasticity and encoder errors show too"
+    if "q_cmd" in signals:
+        n = len(proposal.joints)
+        out.append(
+            f"with the controller, so much more: control: {{mode: position, rate_hz: .., gravity_compensation: model, "
+            f"kp: [{n} numbers, N m/rad], kd: [{n} numbers, N m s/rad]}} under `recording:`; {gain}"
+        )
+    elif "tau_cmd" in signals:
+        out.append(
+            "with the controller, so much more: control: {mode: torque, rate_hz: .., gravity_compensation: model or "
+            f"none}} under `recording:`; {gain}"
+        )
+    else:
+        out.append(f"commanded angles or torques in the log, and the controller's gains, would buy more: {gain}")
+    if "tau" not in signals:
+        out.append("measured torques would tell friction from load, and allow a comparison without the gains")
+    return out
+
+
+def _flow(value: Any) -> str:
+    """One line of YAML."""
+    dumped = yaml.safe_dump(value, default_flow_style=True, allow_unicode=True, width=10_000, sort_keys=False)
+    return dumped.strip().removesuffix("...").strip()
