@@ -11,6 +11,7 @@ from loops import iiwa_segment, recorded
 
 import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import Placed, of_kind
+from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
 from vispeg.identify.fit import fit_job
@@ -75,6 +76,17 @@ def test_an_effect_adds_its_own_torque_at_its_own_joint(evidence, name, where, v
         change = y[1] - y[0]
         np.testing.assert_allclose(change[:, 2], extra(s.q, s.dq, accelerations(item)), atol=1e-8)
         assert not np.delete(change, 2, axis=1).any()
+
+
+def test_torque_of_no_stated_sensor_is_used_nowhere():
+    rec = passively(World())
+    with pytest.raises(UserError, match="torque_sensor.*is none, so that no torque is used; expected joint or motor"):
+        evidence_for(World(), [replace(rec, torque_sensor="none")])
+    driven = recorded(ROBOT, "iiwa14", World(), iiwa_segment("position", 2.0, seed=0), stream(0, "torque"))
+    assert driven.tau is not None
+    for sensor, channels in (("joint", 14), ("none", 7)):
+        item = evidence_for(World(), [replace(driven, torque_sensor=sensor)]).items[0]
+        assert item.measured.shape[1] == channels, sensor
 
 
 def test_dry_friction_is_against_the_motion(evidence):

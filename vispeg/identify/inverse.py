@@ -132,13 +132,13 @@ def measurable(kind: Effect) -> bool:
 
 
 def _item(rec: Recording, sigma: np.ndarray) -> Item:
-    if rec.tau is None:
-        raise UserError(
-            "the controller is unknown and no torque was measured",
-            file=rec.path,
-            key="tau.*",
-            expected="torque columns",
-        )
+    if rec.tau is None or rec.torque_sensor == "none":
+        header = rec.path / "recording.yaml"
+        why, key = "no torque was measured", "tau.*"
+        if rec.torque_sensor == "none":
+            why, key = "`torque_sensor` is none, so that no torque is used", "torque_sensor"
+        expected = "joint or motor, with tau columns, or a controller"
+        raise UserError(f"the controller is unknown and {why}", file=header, key=key, expected=expected)
     robot = robot_of(rec)
     time = rec.time - rec.time[0]
     thin = slice(None, None, max(1, round(rec.rate_hz / SAMPLES_HZ)))

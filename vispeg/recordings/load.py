@@ -232,10 +232,8 @@ def _need(table: Table, header: Header, signals: dict[str, np.ndarray | None]) -
         if values is not None:
             check_share(table, values, columns)
     if columns_of("tau", header.joints)[0] in table.names and header.torque_sensor == "none":
-        warnings.warn(
-            f"{table.file}: has tau columns, but `torque_sensor` is none: no comparison or fit uses them; say joint or motor",
-            stacklevel=3,
-        )
+        said = "has tau columns, but `torque_sensor` is none: no comparison or fit uses them; say joint or motor"
+        warnings.warn(f"{table.file}: {said}", stacklevel=3)
 
 
 def _clock(table: Table, rate_hz: float) -> tuple[np.ndarray, np.ndarray | None]:

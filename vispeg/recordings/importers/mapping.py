@@ -54,7 +54,8 @@ class ColumnMap:
 
 def _example(folder: Path) -> Path:
     text = "time: {column: t, unit: ms}\nq.a: {column: A, unit: deg, scale: -1, offset: 0.1}\nq.b: B\n"
-    text += "joints: {a: axis1}\nrecording: {torque_sensor: joint, tool: {mass_kg: 1.0}}\n"
+    text += "table: {separator: ';', decimal: ','}\njoints: {a: axis1}\n"
+    text += "recording: {torque_sensor: joint, tool: {mass_kg: 1.0}}\n"
     (folder / "map.yaml").write_text(text, encoding="utf-8")
     return folder / "map.yaml"
 
