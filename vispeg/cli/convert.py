@@ -109,7 +109,9 @@ class Args:
             print(f"# {line}")
         if self.save_map is not None:
             if self.save_map.suffix.lower() not in (".yaml", ".yml"):
-                raise UserError("is no name for a map", key="--save-map", expected="a .yaml file", got=str(self.save_map))
+                raise UserError(
+                    "is no name for a map", key="--save-map", expected="a .yaml file", got=str(self.save_map)
+                )
             write_text_atomic(self.save_map, shown, overwrite=self.overwrite)
             print(f"written to {self.save_map}; use it with --map {self.save_map}")
         if self.out is None or not self._confirmed():
