@@ -164,7 +164,14 @@ def test_doubts_are_said(tmp_path, capsys):
     assert Args(write_table(tmp_path / "log.csv", columns), "iiwa14", guess=True).run() == 0
     said = capsys.readouterr().out
     assert "q_cmd.joint3: {column: goal_rad_Elbow, unit: rad}" in said and "elbow is joint3" in said
-    assert "load_nm_Jaw (never negative" in said and "nothing can be compared" in said
+    assert "torque_sensor: " not in said and "load_nm_Jaw (never negative" in said and "nothing can be compared" in said
+    own = (
+        {"time": TIME}
+        | {f"q.{j}": Q[:, k] for k, j in enumerate(JOINTS)}
+        | {f"tau.{j}": TAU[:, k] for k, j in enumerate(JOINTS)}
+    )
+    assert Args(write_table(tmp_path / "own.csv", own), "iiwa14", guess=True).run() == 0
+    assert "no name says what torque measures" in capsys.readouterr().out
     fewer = {name: values for name, values in STYLES["universal robots"][0].items() if not name.endswith("_6")}
     assert Args(write_table(tmp_path / "six.csv", fewer), "iiwa14", guess=True).run() == 0
     assert "the robot has 7 joints, the file 6" in capsys.readouterr().out

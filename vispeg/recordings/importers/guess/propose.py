@@ -248,7 +248,7 @@ def _leftover(table: Table, meanings: list[Meaning], out: Proposal) -> None:
 def _sensor(names: list[str], out: Proposal) -> None:
     """What measured torque is, as far as the names say."""
     words = {word for name in names for word in split(name)}
-    if {"j", "joint"} & words and "tau" in words:
+    if all(re.search(r"tau_?J(?![a-z])", name) for name in names):
         sensor, why = "joint", "from the name (as Franka's tau_J); say motor if it comes from a current"
     elif {"load", "effort", "current", "moment"} & words:
         sensor, why = "motor", "as a load or effort mostly comes from a current; say joint for a sensor behind the gear"
