@@ -9,8 +9,8 @@ import sys
 from pathlib import Path
 
 from vispeg.report.figures import styled
+from vispeg.report.ladder import ladder_figure
 from vispeg.report.record import load_record
-from vispeg.report.sections.headline import ladder_figure
 
 
 def main(found: Path, picture: Path) -> None:

@@ -18,7 +18,7 @@ from vispeg.evaluate.crossed import difference, rate
 from vispeg.evaluate.entrants import EXPERT
 from vispeg.evaluate.intervals import Estimate, unpaired_difference
 from vispeg.evaluate.modalities import compare
-from vispeg.evaluate.ranks import FEWEST, Prediction, predict
+from vispeg.evaluate.ranks import FEWEST, FEWEST_POINTS, TWO_POINTS, Prediction, predict
 from vispeg.evaluate.records import Episode
 from vispeg.evaluate.table import BLIND, Cell, Table
 
@@ -157,6 +157,8 @@ def _prediction(table: Table, reference: str, world: str, seed: int) -> list[dic
 
 
 def _prediction_words(found: Prediction) -> str:
+    if found.n < FEWEST_POINTS:
+        return f"{decide.CANNOT_TELL}: {TWO_POINTS}"
     if not np.isfinite(found.pearson.value):
         return f"{decide.CANNOT_TELL}: success does not vary between these policies"
     if not found.enough:

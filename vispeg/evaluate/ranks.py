@@ -18,6 +18,7 @@ from vispeg.core.errors import UserError
 from vispeg.evaluate.intervals import LEVEL, Estimate
 
 FEWEST = 8  # policies below which a correlation is not called one
+FEWEST_POINTS, TWO_POINTS = 3, "two points determine a line, so they correlate whatever they are"
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,8 @@ class Prediction:
     """How success x in a reference world predicts success y in a target.
 
     Attributes:
-        pearson, spearman: correlations, NaN where either side does not vary; intervals by bootstrap over policies.
+        pearson, spearman: correlations, NaN where either side does not vary and of two policies, whose line says
+            nothing; intervals by bootstrap over policies.
         mmrv: mean maximum rank violation, in success (0 to 1).
         mean_difference: mean of x - y.
         n: policies.
@@ -71,6 +73,8 @@ def predict(reference: np.ndarray, target: np.ndarray, rng: np.random.Generator,
         finite = values[1:][np.isfinite(values[1:])]
         low, high = np.quantile(finite, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2]) if len(finite) else (math.nan, math.nan)
         found.append(Estimate(float(values[0]), float(low), float(high), len(x)))
+    if len(x) < FEWEST_POINTS:
+        found[:2] = [Estimate(math.nan, math.nan, math.nan, len(x))] * 2
     return Prediction(*found, n=len(x))
 
 

@@ -1,43 +1,68 @@
-"""The look of every figure, and its way into the page: matplotlib without pyplot, inline SVG with real text."""
+"""The look of every figure, and its way into the page: matplotlib without pyplot, inline SVG with real text.
+
+A page's figure is drawn twice, for wide and for narrow windows, and the style sheet shows one of the two: type that is
+easy to read on a laptop would be 5 px high on a phone.
+"""
 
 from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from io import StringIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from vispeg.report.palette import day, themed
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MEASURED, BEFORE, AFTER = "#16181d", "#d9541e", "#0a7a75"
-MUTED, RULE, RIVALS = "#6b7280", "#d7dbe0", ("#5b4bb7", "#b0892b")
-WIDTH = 8.4  # inch; at this width 8.5 pt text is easy to read on a laptop and on A4
+MEASURED, BEFORE, AFTER = day("ink"), day("before"), day("after")
+MUTED, RULE, RIVALS = day("muted"), day("rule"), (day("rival"), day("other"))
+GROUND = day("ground")
 FONT = "system-ui,-apple-system,'Segoe UI',Roboto,'Helvetica Neue',Arial,sans-serif"
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A figure's `width` in inch and its type's `size` in pt: what makes 12 px where the style sheet shows it."""
+
+    name: str
+    width: float
+    size: float
+
+    @property
+    def narrow(self) -> bool:
+        """Whether panels stand below each other."""
+        return self.name == "narrow"
+
+    def grid(self, panels: int, most: int) -> tuple[int, int]:
+        """(rows, columns) of panels, of which `most` stand side by side in a wide window; at least one."""
+        columns = max(1, min(panels, (most + 1) // 2 if self.narrow else most))
+        return -(-max(panels, 1) // columns), columns
+
+
+WIDE, NARROW = Shape("wide", 8.4, 9.0), Shape("narrow", 3.6, 9.0)
 
 STYLE: dict[str, Any] = {
     "font.family": "DejaVu Sans",  # comes with matplotlib; wider than the system fonts that replace it, so all fits
-    "font.size": 8.5,
-    "axes.titlesize": 8.5,
     "axes.titlelocation": "left",
-    "axes.labelsize": 8.5,
     "axes.labelcolor": MUTED,
     "axes.edgecolor": RULE,
     "axes.linewidth": 0.8,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.unicode_minus": True,
+    "text.color": MEASURED,
     "xtick.color": RULE,
     "ytick.color": RULE,
     "xtick.labelcolor": MUTED,
     "ytick.labelcolor": MUTED,
-    "xtick.labelsize": 8,
-    "ytick.labelsize": 8,
     "xtick.major.size": 3,
     "ytick.major.size": 3,
     "lines.linewidth": 1.0,
@@ -48,21 +73,37 @@ STYLE: dict[str, Any] = {
     "svg.hashsalt": "vispeg",
     "text.parse_math": False,  # names are the user's: a dollar sign is a dollar sign
 }
+MARKS = ("|", "^", "o")
+SIZED = ("font.size", "axes.titlesize", "axes.labelsize", "xtick.labelsize", "ytick.labelsize", "legend.fontsize")
 
 
 @contextmanager
-def styled() -> Iterator[None]:
+def styled(shape: Shape = WIDE) -> Iterator[None]:
     """Matplotlib as every figure here wants it, and no word about glyphs that only the browser has."""
     import matplotlib
 
-    rc: Any = STYLE
+    rc: Any = {**STYLE, **dict.fromkeys(SIZED, shape.size)}
     with matplotlib.rc_context(rc), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")
         warnings.filterwarnings("ignore", message="constrained_layout not applied")
         yield
 
 
-def new_figure(height: float, width: float = WIDTH) -> Figure:
+def chart(draw: Callable[[Shape], Figure | None], name: str, description: str) -> str:
+    """A figure as inline SVG for wide and for narrow windows; empty where `draw` has nothing to show."""
+    parts = []
+    for shape in (WIDE, NARROW):
+        with styled(shape):
+            figure = draw(shape)
+            if figure is None:
+                return ""
+            parts.append(
+                svg(figure, f"{name}-{shape.name}", description).replace("<svg", f'<svg class="{shape.name}"', 1)
+            )
+    return "".join(parts)
+
+
+def new_figure(height: float, width: float = WIDE.width) -> Figure:
     """An empty figure, sizes in inch; call inside `styled()`."""
     from matplotlib.figure import Figure
 
@@ -70,7 +111,7 @@ def new_figure(height: float, width: float = WIDTH) -> Figure:
 
 
 def svg(figure: Figure, name: str, description: str) -> str:
-    """The figure as inline SVG: scales with the page, refers to nothing outside it, ids prefixed by `name`."""
+    """The figure as inline SVG: scales with the page, in the page's colours, ids prefixed by `name`."""
     from html import escape
 
     stream = StringIO()
@@ -87,7 +128,9 @@ def svg(figure: Figure, name: str, description: str) -> str:
     text = re.sub(r"\n\s*", "\n", text)
     head = re.sub(r'\s(?:width|height)="[^"]*"', "", text[: text.index(">")])
     label = escape(description, quote=True)
-    return f'{head} role="img" aria-label="{label}"><title>{label}</title>{text[text.index(">") + 1 :]}'
+    text = re.sub(r'\bfill="(#[0-9a-f]{6})"', r'style="fill: \1"', text)  # of a hatch
+    body = re.sub(r'style="[^"]*"', lambda style: themed(style[0]), text[text.index(">") + 1 :])
+    return f'{head} role="img" aria-label="{label}"><title>{label}</title>{body}'
 
 
 def thin(time: np.ndarray, values: np.ndarray, most: int = 1500) -> tuple[np.ndarray, np.ndarray]:
@@ -104,17 +147,23 @@ def thin(time: np.ndarray, values: np.ndarray, most: int = 1500) -> tuple[np.nda
 
 
 def legend(figure: Figure, entries: dict[str, tuple[str, str]]) -> None:
-    """Lines of five above the figure: name -> (colour, line style or the marker "|")."""
+    """Lines above the figure, as many side by side as fit: name -> (colour, line style or a marker of MARKS)."""
     from matplotlib.lines import Line2D
 
     draw: Any = Line2D  # style names come from a table
     lines = [
-        Line2D([], [], color=colour, marker="|", linestyle="", markersize=9, markeredgewidth=1.6)
-        if style == "|"
+        Line2D([], [], color=colour, marker=style, linestyle="", markersize=6)
+        if style in MARKS
         else draw([], [], color=colour, linestyle=style, linewidth=2)
         for colour, style in entries.values()
     ]
-    figure.legend(lines, list(entries), loc="outside upper left", ncols=min(len(entries), 5), handlelength=1.4)
+    figure.legend(lines, list(entries), loc="outside upper left", ncols=side_by_side(figure, entries), handlelength=1.4)
+
+
+def side_by_side(figure: Figure, names: Iterable[str]) -> int:
+    """How many entries of a legend fit beside each other: letters of 0.085 inch, and the sample before them."""
+    widths = [0.085 * len(name) + 0.45 for name in names]
+    return int(max(1, min(len(widths), figure.get_figwidth() // max(widths, default=1.0))))
 
 
 def quiet(ax: Axes, *, grid: str = "y") -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from vispeg.report.figures import AFTER, MUTED, RULE
+from vispeg.report.palette import day, themed
 from vispeg.report.quantities import number
 
 LENGTH, HEIGHT, MARGIN = 190.0, 18.0, 5.0
@@ -37,10 +38,10 @@ def interval_strip(
     parts = [_line(MARGIN, LENGTH - MARGIN, middle, 2, RULE)]
     zero = number(null)
     if zero is not None and low <= zero <= high:
-        parts.append(f'<path d="M{at(zero):.1f} 3V{HEIGHT - 3:.0f}" stroke="{MUTED}" stroke-width="1.2"/>')
+        parts.append(f'<path d="M{at(zero):.1f} 3V{HEIGHT - 3:.0f}" style="stroke:{MUTED}" stroke-width="1.2"/>')
     if a is not None and b is not None:
         parts.append(_line(at(a), max(at(b), at(a) + 1), middle, 6, AFTER, opacity=0.4))
-    parts.append(f'<circle cx="{at(x):.1f}" cy="{middle}" r="3.4" fill="{AFTER}"/>')
+    parts.append(f'<circle cx="{at(x):.1f}" cy="{middle}" r="3.4" style="fill:{AFTER}"/>')
     return _wrap(parts)
 
 
@@ -48,13 +49,13 @@ def bar(share: float, colour: str = AFTER) -> str:
     """A bar of `share` (0 to 1, clipped) of the full length."""
     full = LENGTH - 2 * MARGIN
     end = MARGIN + max(1.0, min(1.0, max(0.0, share)) * full)
-    return _wrap([_line(MARGIN, MARGIN + full, HEIGHT / 2, 8, "#eef0f2"), _line(MARGIN, end, HEIGHT / 2, 8, colour)])
+    return _wrap([_line(MARGIN, MARGIN + full, HEIGHT / 2, 8, day("empty")), _line(MARGIN, end, HEIGHT / 2, 8, colour)])
 
 
 def _line(x0: float, x1: float, y: float, width: float, colour: str, opacity: float = 1.0) -> str:
-    return f'<path d="M{x0:.1f} {y:.1f}H{x1:.1f}" stroke="{colour}" stroke-width="{width}" opacity="{opacity}"/>'
+    return f'<path d="M{x0:.1f} {y:.1f}H{x1:.1f}" style="stroke:{colour}" stroke-width="{width}" opacity="{opacity}"/>'
 
 
 def _wrap(parts: list[str]) -> str:
     body = "".join(parts)
-    return f'<svg class="strip" viewBox="0 0 {LENGTH:.0f} {HEIGHT:.0f}" aria-hidden="true">{body}</svg>'
+    return f'<svg class="strip" viewBox="0 0 {LENGTH:.0f} {HEIGHT:.0f}" aria-hidden="true">{themed(body)}</svg>'

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from vispeg.report import words
+from vispeg.report.ladder import ladder_rows
 from vispeg.report.quantities import fold, quantity
 from vispeg.report.record import Record, rows
-from vispeg.report.sections.headline import effect_rows, ladder_rows
+from vispeg.report.sections.headline import effect_rows
 from vispeg.report.tables import Column, Sheet, terminal
 
 

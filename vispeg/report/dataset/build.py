@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from vispeg import __version__
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.datasets.codec import encode
@@ -17,6 +16,7 @@ from vispeg.datasets.read import Dataset
 from vispeg.render.contrast import TRIES
 from vispeg.report.dataset.drawn import drawn, histogram
 from vispeg.report.dataset.pictures import chosen, depth_range, embedded, part_picture, sheet, views
+from vispeg.report.page import Section, page
 
 PAGE, SHEET = "index.html", "contact-sheet.png"
 SAMPLED = 60  # frames that figures about pictures are taken from
@@ -48,39 +48,17 @@ def write(dataset: str | Path, out: str | Path, tiles: int = 36, *, overwrite: b
 
 def render(data: Dataset) -> str:
     """The page as text; it shows the contact sheet beside it."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-    from markupsafe import Markup
-
-    pages = Environment(
-        loader=PackageLoader("vispeg.report", "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    sections = []
-    for name, title, values in _sections(data):
-        html = pages.get_template(f"dataset/{name}.html.j2").render(values)
-        sections.append({"name": name, "title": title, "html": Markup(html)})
-    page = pages.get_template("report.html.j2")
-    return (
-        page.render(sections=sections, title=f"dataset {data.folder.name}", kind="dataset", version=__version__) + "\n"
-    )
-
-
-def _sections(data: Dataset) -> list[tuple[str, str, dict[str, Any]]]:
     worlds = [e.get(f"{OWN}world") or {} for e in data.episodes]
-    out = [
-        ("headline", "", headline(data)),
-        (
-            "sheet",
-            "Contact sheet",
-            {"sheet": SHEET, "labels": any(k.startswith("label.parts.") for k in data.features)},
-        ),
-        ("cameras", "Cameras", cameras(data)),
-        ("guard", "Contrast guard", guard(data)),
+    labels = any(k.startswith("label.parts.") for k in data.features)
+    sections = [
+        Section("headline", "", "dataset/headline", headline(data)),
+        Section("sheet", "Contact sheet", "dataset/sheet", {"sheet": SHEET, "labels": labels}),
+        Section("cameras", "Cameras", "dataset/cameras", cameras(data)),
+        Section("guard", "Contrast guard", "dataset/guard", guard(data)),
     ]
-    return out + ([("drawn", "Drawn parameters", drawn(worlds))] if any(worlds) else [])
+    if any(worlds):
+        sections.append(Section("drawn", "Drawn parameters", "dataset/drawn", drawn(worlds)))
+    return page(f"dataset {data.folder.name}", "dataset", sections)
 
 
 def headline(data: Dataset) -> dict[str, Any]:

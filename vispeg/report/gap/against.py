@@ -25,4 +25,6 @@ def context(values: Mapping[str, Any]) -> dict[str, Any]:
             "certain": row["verdict"] == "different",
         }
         worlds.setdefault(row["world"], []).append(shown)
-    return {"worlds": worlds}
+    return {
+        "worlds": [{"name": w, "rows": rows, "differ": sum(r["certain"] for r in rows)} for w, rows in worlds.items()]
+    }

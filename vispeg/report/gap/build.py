@@ -9,7 +9,7 @@ from typing import Any
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
-from vispeg.report.gap import against, factors, failures, headline, measured, pairs, prediction, success
+from vispeg.report.gap import against, controls, factors, failures, headline, measured, pairs, prediction, success
 from vispeg.report.gap.page import page
 
 FORMAT = "vispeg-gap/1"
@@ -20,9 +20,12 @@ def render(
     values: Mapping[str, Any], media: Sequence[Mapping[str, Any]] = (), folder: Path = Path(), command: str = "gap"
 ) -> str:
     """The page as text; `media` as `pairs.context` takes it, `command` one of KINDS."""
-    sections = [(m.__name__.rpartition(".")[2], m.TITLE, m.context(values)) for m in (headline, success)]
+    sections: list[tuple[str, str, Mapping[str, Any]]] = [("headline", headline.TITLE, headline.context(values))]
+    if (found := controls.context(values)) is not None:
+        sections.append(("controls", controls.TITLE, found))
     if values["gaps"]:
         sections.append(("factors", factors.TITLE, factors.context(values)))
+    sections.append(("success", success.TITLE, success.context(values)))
     if values["comparisons"]:
         sections.append(("against", against.TITLE, against.context(values)))
     if values["prediction"]:

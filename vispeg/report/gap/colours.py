@@ -1,32 +1,70 @@
-"""One colour a policy: a modality keeps its own through all figures."""
+"""One colour a policy: what it sees keeps its colour through all pages, and through the pictures of README."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-BY_MODALITY = {"state": "#16181d", "proprio": "#9aa1ab", "depth": "#0a7a75", "rgb": "#d9541e", "rgbd": "#5b4bb7"}
-SPARE = ("#b0892b", "#2f6fb0", "#a2456b", "#5d7d2a", "#7a5230", "#3b8ea5", "#8e6bbf", "#c2703d")
+from vispeg.report.palette import day
+
+BY_MODALITY = {m: day(m) for m in ("state", "depth", "rgbd", "rgb")} | {
+    "privileged": day("plum"),
+    "proprio": day("blind"),
+}
+SPARE = tuple(map(day, ("other", "lagoon", "plum", "olive", "brown", "rival", "violet")))
 BY_CATEGORY = {
-    "success": "#cfe7e5",
-    "approach": "#c9ced6",
-    "search": "#e3b04b",
-    "jam": "#d9541e",
-    "wedge": "#a2456b",
-    "slip": "#2f6fb0",
-    "force limit": "#7a1f1f",
-    "timeout": "#8a8f98",
-    "diverged": "#16181d",
-    "failure": "#d9541e",
+    "success": day("after"),
+    "approach": day("pale"),
+    "search": day("sand"),
+    "jam": day("before"),
+    "wedge": day("plum"),
+    "slip": day("depth"),
+    "force limit": day("wine"),
+    "timeout": day("slate"),
+    "diverged": day("ink"),
+    "failure": day("before"),
 }
 
 
-def of_policies(policies: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    """Policy name -> colour. The first of a modality takes the modality's, the others spare ones in turn."""
-    used, found = set(), {}
-    spare = iter(SPARE * (1 + len(policies) // len(SPARE)))
+@dataclass(frozen=True)
+class Style:
+    """How a policy is drawn: its colour, and whether it is the second of its modality (hatched, dashed, hollow)."""
+
+    colour: str
+    second: bool = False
+
+    @property
+    def hatch(self) -> str | None:
+        """For bars."""
+        return "////" if self.second else None
+
+    @property
+    def line(self) -> str:
+        """For curves."""
+        return "--" if self.second else "-"
+
+
+def of_policies(policies: Sequence[Mapping[str, Any]]) -> dict[str, Style]:
+    """Policy name -> style. The first of a modality has the modality's colour; a second one the same, hatched; of
+    three and more all but the first have spare ones in turn.
+    """
+    counts, found = Counter(str(row["modality"]) for row in policies), {}
+    spare, seen = iter(SPARE * (1 + len(policies) // len(SPARE))), Counter[str]()
     for row in policies:
-        colour = BY_MODALITY.get(str(row["modality"]))
-        found[row["name"]] = colour if colour and colour not in used else next(spare)
-        used.add(found[row["name"]])
+        modality = str(row["modality"])
+        own = BY_MODALITY.get(modality)
+        seen[modality] += 1
+        if own is not None and (seen[modality] == 1 or counts[modality] == 2):
+            found[row["name"]] = Style(own, seen[modality] > 1)
+        else:
+            found[row["name"]] = Style(next(spare))
     return found
+
+
+def ordered(policies: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Policies of one modality side by side: state, depth, RGB-D, RGB, others, blind."""
+    order = [m for m in BY_MODALITY if m != "proprio"]
+    places = {m: i for i, m in enumerate(order)} | {"proprio": len(order) + 1}
+    return sorted(policies, key=lambda p: places.get(str(p["modality"]), len(order)))

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
-from vispeg.report.figures import MEASURED, new_figure, styled, svg
-from vispeg.report.gap import words
+from vispeg.report.gap import words, worlds
+from vispeg.report.gap.colours import ordered
 
 TITLE = "What the change costs, and which part of it"
 
@@ -24,7 +22,7 @@ def context(values: Mapping[str, Any]) -> dict[str, Any]:
         cells = [_part(name, e, row) for name, e in row["parts"].items()]
         parts.append({"policy": row["policy"], "cells": cells})
     return {
-        "picture": heat_map(values),
+        "heat": heat_map(values),
         "gaps": gaps,
         "parts": parts,
         "heads": ["total", *values["factors"], "together, beyond the sum"],
@@ -43,37 +41,24 @@ def _part(name: str, e: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, 
     }
 
 
-def heat_map(values: Mapping[str, Any]) -> str:
-    """Points of success lost, policies by target worlds; empty without targets."""
-    worlds = [w["name"] for w in values["worlds"] if w["name"] != values["reference"]]
-    policies = [p["name"] for p in values["policies"]]
-    found = {(g["policy"], g["world"]): g for g in values["gaps"]}
+def heat_map(values: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Points of success lost, policies by target worlds, each with its tint; None without targets."""
+    names = [w["name"] for w in values["worlds"] if w["name"] != values["reference"]]
+    found = {(g["policy"], g["world"]): g["gap"] for g in values["gaps"]}
     if not found:
-        return ""
-    loss = np.array([[_loss(found.get((p, w))) for w in worlds] for p in policies])
-    with styled():
-        figure = new_figure(0.75 + 0.5 * len(policies))
-        ax = figure.add_subplot()
-        top = max(10.0, float(np.nanmax(np.abs(loss))))
-        ax.imshow(np.ma.masked_invalid(loss), cmap="RdBu_r", vmin=-top, vmax=top, aspect="auto", alpha=0.85)
-        for i, p in enumerate(policies):
-            for j, w in enumerate(worlds):
-                g = found.get((p, w))
-                if g is None:
-                    continue
-                dark = abs(loss[i, j]) > 0.62 * top
-                ink = "white" if dark else MEASURED
-                ax.text(j, i - 0.1, words.points(g["gap"]["value"]), ha="center", va="center", color=ink, fontsize=11)
-                ends = f"{words.whole(g['gap']['low'])} to {words.whole(g['gap']['high'])}"
-                ax.text(j, i + 0.27, ends, ha="center", va="center", color=ink, fontsize=7)
-        ax.set_xticks(range(len(worlds)), worlds)
-        ax.set_yticks(range(len(policies)), policies)
-        ax.xaxis.tick_top()
-        ax.tick_params(length=0, labelcolor=MEASURED, labelsize=9)
-        for side in ax.spines.values():
-            side.set_visible(False)
-        return svg(figure, "heat", "Points of success lost by policy and world")
+        return None
+    top = max(0.1, *(abs(e["value"]) for e in found.values()))
+    rows = [
+        {"policy": p["name"], "cells": [_cell(found.get((p["name"], w)), top) for w in names]}
+        for p in ordered(values["policies"])
+    ]
+    return {"heads": [(w, worlds.caption(w, values)) for w in names], "rows": rows}
 
 
-def _loss(row: Mapping[str, Any] | None) -> float:
-    return float("nan") if row is None else 100 * row["gap"]["value"]
+def _cell(e: Mapping[str, Any] | None, top: float) -> dict[str, str]:
+    if e is None:
+        return {"value": "-", "ends": "", "tint": "transparent"}
+    colour, share = ("before" if e["value"] > 0 else "depth"), round(70 * abs(e["value"]) / top)
+    tint = f"color-mix(in srgb, var(--{colour}) {share}%, transparent)"
+    ends = f"{words.whole(e['low'])} to {words.whole(e['high'])}"
+    return {"value": words.points(e["value"]), "ends": ends, "tint": tint}

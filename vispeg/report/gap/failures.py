@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from vispeg.evaluate.decide import CANNOT_TELL
-from vispeg.report.figures import MEASURED, new_figure, quiet, styled, svg
+from vispeg.report.figures import MEASURED, Shape, chart, new_figure, quiet, side_by_side
 from vispeg.report.gap import words
 from vispeg.report.gap.colours import BY_CATEGORY, SPARE
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 TITLE = "How they fail"
 
@@ -30,34 +33,39 @@ def _counts(side: Mapping[str, int], n: int) -> str:
 
 def picture(values: Mapping[str, Any]) -> str:
     """Stacked shares of failure categories, a panel a policy, a bar a world."""
+    return chart(lambda shape: _figure(values, shape), "failures", "Failure categories by policy and world")
+
+
+def _figure(values: Mapping[str, Any], shape: Shape) -> Figure | None:
     worlds, policies = [w["name"] for w in values["worlds"]], values["policies"]
     found = {(r["policy"], r["world"]): r["categories"] for r in values["success"] if not r["control"]}
     names = list(dict.fromkeys(c for known in found.values() for c in known if c != "success"))
     names.sort(key=lambda c: list(BY_CATEGORY).index(c) if c in BY_CATEGORY else 99)
     if not names:
-        return ""
+        return None
     spare = iter(SPARE * 9)
     colours = {c: BY_CATEGORY.get(c) or next(spare) for c in names}
-    columns = min(4, len(policies))
-    lines = -(-len(policies) // columns)
-    with styled():
-        figure = new_figure(0.6 + (0.55 + 0.23 * len(worlds)) * lines)
-        axes = figure.subplots(lines, columns, squeeze=False, sharex=True).ravel()
-        for ax in axes[len(policies) :]:
-            ax.set_visible(False)
-        for panel, (ax, policy) in enumerate(zip(axes, policies, strict=False)):
-            for j, world in enumerate(worlds):
-                known, left = found.get((policy["name"], world), {}), 0.0
-                for c in names:
-                    share = 100 * known.get(c, 0) / max(1, sum(known.values()))
-                    ax.barh(j, share, left=left, height=0.72, color=colours[c])
-                    left += share
-            ax.set(title=policy["name"], ylim=(len(worlds) - 0.4, -0.6))
-            ax.set_yticks(range(len(worlds)), worlds if panel % columns == 0 else [""] * len(worlds))
-            ax.tick_params(axis="y", labelcolor=MEASURED)
+    lines, columns = shape.grid(len(policies), 4)
+    figure = new_figure(0.7 + (0.6 + 0.23 * len(worlds)) * lines, shape.width)
+    axes = figure.subplots(lines, columns, squeeze=False, sharex=True).ravel()
+    for ax in axes[len(policies) :]:
+        ax.set_visible(False)
+    for panel, (ax, policy) in enumerate(zip(axes, policies, strict=False)):
+        for j, world in enumerate(worlds):
+            known, left = found.get((policy["name"], world), {}), 0.0
+            for c in names:
+                share = 100 * known.get(c, 0) / max(1, sum(known.values()))
+                ax.barh(j, share, left=left, height=0.72, color=colours[c])
+                left += share
+        ax.set(ylim=(len(worlds) - 0.4, -0.6))
+        ax.set_title(policy["name"], color=MEASURED)
+        ax.set_yticks(range(len(worlds)), worlds if panel % columns == 0 else [""] * len(worlds))
+        ax.tick_params(axis="y", labelcolor=MEASURED)
+        if panel >= len(policies) - columns:
             ax.set_xlabel("failed, %")
-            quiet(ax, grid="x")
-        from matplotlib.patches import Patch
+        quiet(ax, grid="x")
+    from matplotlib.patches import Patch
 
-        figure.legend(handles=[Patch(color=colours[c], label=c) for c in names], loc="outside upper left", ncols=8)
-        return svg(figure, "failures", "Failure categories by policy and world")
+    handles = [Patch(color=colours[c], label=c) for c in names]
+    figure.legend(handles=handles, loc="outside upper left", ncols=side_by_side(figure, names), handlelength=1.4)
+    return figure

@@ -1,11 +1,12 @@
-"""What a reader should take away, in three sentences and three numbers."""
+"""What a reader should take away: the picture, what the worlds in it are, and a line a policy."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
-from vispeg.report.gap import words
+from vispeg.report.gap import success, words, worlds
+from vispeg.report.gap.colours import of_policies
 
 TITLE = "The gap"
 RANK = list(words.ROLES.values())  # a policy that is told where the hole is, or sees nothing, wins nothing
@@ -13,7 +14,7 @@ MOST = 5  # figures side by side
 
 
 def context(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The hardest target's headline, one line a policy (those that see first), and what the controls say."""
+    """The hardest target's headline, the picture, and one line a policy (those that see first)."""
     target = values["joint"] or (values["worlds"][-1]["name"] if len(values["worlds"]) > 1 else None)
     reference = values["reference"]
     rates = {(r["policy"], r["world"], r["control"]): r["success"] for r in values["success"]}
@@ -27,7 +28,8 @@ def context(values: Mapping[str, Any]) -> dict[str, Any]:
         note = f"lost {words.lost(g['gap'])}" if g else f"{100 * e['low']:.0f} to {100 * e['high']:.0f}"
         figures.append((name, words.percent(e["value"]), "; ".join(filter(None, (role, note)))))
         if g:
-            lines.append({"policy": name, "words": g["words"], "cost": _dearest(values, name), "role": role})
+            line = {"policy": name, "rate": words.rate(e), "words": g["words"], "cost": _dearest(values, name)}
+            lines.append({**line, "role": role})
     best = f"{figures[0][0]} keeps most in {target}: {figures[0][1]}" if lines else ""
     return {
         "title": best or _evaluation(values),
@@ -35,8 +37,9 @@ def context(values: Mapping[str, Any]) -> dict[str, Any]:
         "figures": figures[:MOST],
         "target": target or reference,
         "reference": reference,
-        "controls": _controls(values),
-        "factors": values["factors"],
+        "picture": success.picture(values),
+        "worlds": worlds.about(values),
+        "outlined": any(p.second for p in of_policies(values["policies"]).values()),
     }
 
 
@@ -57,20 +60,3 @@ def _dearest(values: Mapping[str, Any], policy: str) -> str:
             name, e = max(parts.items(), key=lambda kv: kv[1]["value"])
             return f"of the single factors, {name} costs most: {words.lost(e)}" if e["low"] > 0 else ""
     return ""
-
-
-def _controls(values: Mapping[str, Any]) -> dict[str, list[str]]:
-    """A sentence a control, by world: the reference world and those that have any."""
-    rates = {(r["policy"], r["world"], r["control"]): r["success"] for r in values["success"]}
-    found: dict[str, list[str]] = {values["reference"]: []}
-    for (policy, world, control), e in rates.items():
-        own = rates.get((policy, world, ""))
-        if control and own:
-            what = words.CONTROLS.get(control, control)
-            line = f"{policy} with {what}: {words.rate(e)} instead of {words.percent(own['value'])}"
-            found.setdefault(world, []).append(line)
-    blind = [p["name"] for p in values["policies"] if p["blind"]]
-    for world, lines in found.items():
-        known = [(name, rates[name, world, ""]) for name in blind if (name, world, "") in rates]
-        lines += [f"{name} sees nothing: {words.rate(e)}" for name, e in known]
-    return {world: lines for world, lines in found.items() if lines}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from vispeg.report.gap import words
@@ -15,7 +15,16 @@ def context(values: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "worlds": values["worlds"],
         "policies": [{**p, "role": words.role(p)} for p in values["policies"]],
-        "notes": values["notes"],
+        "notes": _together(values["notes"], [p["name"] for p in values["policies"]]),
         "rule": values["rule"],
         "provenance": values.get("provenance") or {},
     }
+
+
+def _together(notes: Sequence[str], policies: Sequence[str]) -> list[str]:
+    """Notes that say the same of several policies, in one line."""
+    said: dict[str, list[str]] = {}
+    for note in notes:
+        name = next((p for p in sorted(policies, key=len, reverse=True) if note.startswith(f"{p} ")), "")
+        said.setdefault(note.removeprefix(name).strip(), []).append(name)
+    return [f"{', '.join(filter(None, names))}{':' * (len(names) > 1)} {text}".strip() for text, names in said.items()]

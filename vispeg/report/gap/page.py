@@ -1,11 +1,11 @@
-"""One self-contained HTML page from sections: no script, no link that leaves it."""
+"""Pages on success: sections named by their templates in templates/gap."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from vispeg import __version__
+from vispeg.report import page as shared
 
 
 def page(title: str, kind: str, sections: Sequence[tuple[str, str, Mapping[str, Any]]]) -> str:
@@ -17,20 +17,5 @@ def page(title: str, kind: str, sections: Sequence[tuple[str, str, Mapping[str, 
         sections: (template's name in templates/gap, heading, what the template shows), in order; the first has no
             heading.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-    from markupsafe import Markup
-
-    pages = Environment(
-        loader=PackageLoader("vispeg.report", "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    made = []
-    for name, heading, values in sections:
-        html = pages.get_template(f"gap/{name}.html.j2").render(values)
-        made.append({"name": f"{name}-{len(made)}", "title": heading, "html": Markup(html)})
-    return (
-        pages.get_template("report.html.j2").render(sections=made, title=title, kind=kind, version=__version__) + "\n"
-    )
+    made = [shared.Section(f"{t}-{i}", heading, f"gap/{t}", values) for i, (t, heading, values) in enumerate(sections)]
+    return shared.page(title, kind, made)

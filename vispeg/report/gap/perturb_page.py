@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from vispeg.report.figures import AFTER, BEFORE, MEASURED, legend, new_figure, quiet, styled, svg
+from vispeg.report.figures import AFTER, BEFORE, MEASURED, Shape, chart, legend, new_figure, quiet
 from vispeg.report.gap import table_page, words
 from vispeg.report.gap.page import page
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def render(values: Mapping[str, Any]) -> str:
@@ -38,18 +41,21 @@ def _cost(r: Mapping[str, Any]) -> str:
 
 def picture(rows: list[Any], name: str) -> str:
     """A dot with its interval a position and side."""
-    with styled():
-        figure = new_figure(0.7 + 0.3 * len(rows))
-        ax = figure.add_subplot()
-        for i, r in enumerate(rows):
-            for kind, colour, shift in (("still", AFTER, -0.13), ("pushed", BEFORE, 0.13)):
-                e = r[kind]
-                if e is not None:
-                    ax.plot([100 * e["low"], 100 * e["high"]], [i + shift] * 2, color=colour, linewidth=2, alpha=0.6)
-                    ax.plot(100 * e["value"], i + shift, "o", color=colour, markersize=5)
-        ax.set(xlim=(-2, 102), ylim=(len(rows) - 0.5, -0.5), xlabel="success, %")
-        ax.set_yticks(range(len(rows)), [r["position"] for r in rows])
-        ax.tick_params(axis="y", labelcolor=MEASURED)
-        quiet(ax, grid="x")
-        legend(figure, {"still": (AFTER, "-"), "pushed": (BEFORE, "-")})
-        return svg(figure, name, "Success by position, still and pushed")
+    return chart(lambda shape: _figure(rows, shape), name, "Success by position, still and pushed")
+
+
+def _figure(rows: list[Any], shape: Shape) -> Figure:
+    figure = new_figure(0.8 + 0.32 * len(rows), shape.width)
+    ax = figure.add_subplot()
+    for i, r in enumerate(rows):
+        for kind, colour, shift in (("still", AFTER, -0.13), ("pushed", BEFORE, 0.13)):
+            e = r[kind]
+            if e is not None:
+                ax.plot([100 * e["low"], 100 * e["high"]], [i + shift] * 2, color=colour, linewidth=2, alpha=0.6)
+                ax.plot(100 * e["value"], i + shift, "o", color=colour, markersize=5)
+    ax.set(xlim=(-2, 102), ylim=(len(rows) - 0.5, -0.5), xlabel="success, %")
+    ax.set_yticks(range(len(rows)), [r["position"] for r in rows])
+    ax.tick_params(axis="y", labelcolor=MEASURED)
+    quiet(ax, grid="x")
+    legend(figure, {"still": (AFTER, "-"), "pushed": (BEFORE, "-")})
+    return figure

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from vispeg.report.figures import MUTED, RULE, new_figure, quiet, styled, svg
+from vispeg.evaluate.decide import CANNOT_TELL
+from vispeg.evaluate.ranks import FEWEST_POINTS, TWO_POINTS
+from vispeg.report.figures import MUTED, RULE, Shape, chart, new_figure, quiet
 from vispeg.report.gap.colours import of_policies
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 TITLE = "Does the training world predict the others?"
 
@@ -15,8 +20,11 @@ def context(values: Mapping[str, Any]) -> dict[str, Any]:
     """The picture, and a row a target world."""
     rows = []
     for row in values["prediction"]:
-        cells = [_interval(row[k]) for k in ("pearson", "spearman", "mmrv", "mean_difference")]
-        rows.append({"world": row["world"], "n": row["n"], "cells": cells, "words": row["words"]})
+        known = row["n"] >= FEWEST_POINTS  # a record of before may state a correlation of two
+        cells = [_interval(row[k]) if known else "-" for k in ("pearson", "spearman")]
+        cells += [_interval(row[k]) for k in ("mmrv", "mean_difference")]
+        text = row["words"] if known else f"{CANNOT_TELL}: {TWO_POINTS}"
+        rows.append({"world": row["world"], "n": row["n"], "cells": cells, "words": text})
     return {"picture": picture(values) if rows else "", "rows": rows, "reference": values["reference"]}
 
 
@@ -30,22 +38,28 @@ def _interval(e: Mapping[str, Any]) -> str:
 
 def picture(values: Mapping[str, Any]) -> str:
     """Success in the reference against success in each target, one point a trained network."""
-    rows, colours = values["prediction"], of_policies(values["policies"])
-    with styled():
-        figure = new_figure(2.4)
-        axes = figure.subplots(1, max(4, len(rows)), squeeze=False)[0]
-        for ax in axes[len(rows) :]:
-            ax.set_visible(False)
-        for ax, row in zip(axes, rows, strict=False):
-            ax.plot([0, 100], [0, 100], color=RULE, linewidth=1)
-            for p in row["points"]:
-                dot = {"color": colours[p["policy"]], "markersize": 5, "alpha": 0.8, "markeredgewidth": 0}
-                ax.plot(100 * p["reference"], 100 * p["target"], "o", **dot)
-            ax.set(xlim=(-4, 104), ylim=(-4, 104), title=row["world"], aspect="equal")
-            ax.set_xticks([0, 50, 100])
-            ax.set_yticks([0, 50, 100])
-            ax.set_xlabel(f"{values['reference']}, %")
-            ax.title.set_color(MUTED)
-            quiet(ax, grid="both")
-        axes[0].set_ylabel("target, %")
-        return svg(figure, "prediction", "Success in the training world against success in the targets")
+    text = "Success in the training world against success in the targets"
+    return chart(lambda shape: _figure(values, shape), "prediction", text)
+
+
+def _figure(values: Mapping[str, Any], shape: Shape) -> Figure:
+    rows, styles = values["prediction"], of_policies(values["policies"])
+    lines, columns = shape.grid(len(rows), 4)
+    figure = new_figure(min(2.4, 0.75 * shape.width / columns + 0.7) * lines, shape.width)
+    axes = figure.subplots(lines, max(2, columns), squeeze=False)
+    for ax in axes.flat[len(rows) :]:
+        ax.set_visible(False)
+    for ax, row in zip(axes.flat, rows, strict=False):
+        ax.plot([0, 100], [0, 100], color=RULE, linewidth=1)
+        for p in row["points"]:
+            style = styles[p["policy"]]
+            fill = "none" if style.second else style.colour
+            dot = {"color": style.colour, "markersize": 5, "alpha": 0.8, "markerfacecolor": fill}
+            ax.plot(100 * p["reference"], 100 * p["target"], "o", **dot)
+        ax.set(xlim=(-4, 104), ylim=(-4, 104), aspect="equal", xticks=[0, 50, 100], yticks=[0, 50, 100])
+        ax.set_title(row["world"], color=MUTED)
+        ax.set_xlabel(f"{values['reference']}, %")
+        quiet(ax, grid="both")
+    for ax in axes[:, 0]:
+        ax.set_ylabel("target, %")
+    return figure

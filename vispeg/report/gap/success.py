@@ -1,36 +1,38 @@
-"""Success of every policy in every world: bars with intervals, and the table with the controls."""
+"""Success of every policy in every world: bars with intervals, and the table."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from vispeg.report.figures import MEASURED, MUTED, legend, new_figure, quiet, styled, svg
-from vispeg.report.gap import words
-from vispeg.report.gap.colours import of_policies
+from vispeg.report.figures import GROUND, MEASURED, MUTED, Shape, chart, new_figure, quiet, side_by_side
+from vispeg.report.gap import words, worlds
+from vispeg.report.gap.colours import Style, of_policies, ordered
 
-TITLE = "Success"
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TITLE = "Success, in numbers"
+NUMBERED = 26  # bars beside each other at most that have room for their number
 
 
 def context(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The picture, and rows of policies (then controls) by worlds."""
-    worlds = [w["name"] for w in values["worlds"]]
-    rows: dict[tuple[str, str], dict[str, Any]] = {}
-    roles = {p["name"]: words.role(p) for p in values["policies"]}
+    """Rows of policies by worlds."""
+    names = [w["name"] for w in values["worlds"]]
+    rows = {}
+    for policy in values["policies"]:
+        role = words.role(policy)
+        rows[policy["name"]] = {"tag": "blind control" if role == "blind" else role, "cells": {}}
     for row in values["success"]:
-        key = (row["policy"], row["control"])
-        shown = rows.setdefault(key, {"name": words.name(row), "tag": "control", "cells": {}})
-        shown["cells"][row["world"]] = row
         if not row["control"]:
-            role = roles[row["policy"]]
-            shown["tag"] = "blind control" if role == "blind" else role
+            rows[row["policy"]]["cells"][row["world"]] = row
     table = []
-    for row in rows.values():
-        cells = [_cell(row["cells"].get(w)) for w in worlds]
-        known = [c["success"]["n"] for c in row["cells"].values()]
+    for name, row in rows.items():
+        known = [c["success"]["n"] for c in row["cells"].values()] or [0]
         spread = f"{min(known)}" if min(known) == max(known) else f"{min(known)}-{max(known)}"
-        table.append({"name": row["name"], "tag": row["tag"], "cells": cells, "n": spread})
-    return {"worlds": worlds, "rows": table, "picture": picture(values), "reference": values["reference"]}
+        cells = [_cell(row["cells"].get(w)) for w in names]
+        table.append({"name": name, "tag": row["tag"], "cells": cells, "n": spread})
+    return {"worlds": names, "rows": table}
 
 
 def _cell(row: Mapping[str, Any] | None) -> dict[str, str]:
@@ -44,33 +46,71 @@ def _cell(row: Mapping[str, Any] | None) -> dict[str, str]:
 
 
 def picture(values: Mapping[str, Any]) -> str:
-    """Bars grouped by world, one a policy, with 95 % intervals; blind ones pale, teachers outlined."""
-    worlds, policies = [w["name"] for w in values["worlds"]], values["policies"]
-    colours = of_policies(policies)
-    found = {(r["policy"], r["world"]): r["success"] for r in values["success"] if not r["control"]}
+    """The bars as inline SVG."""
+    return chart(lambda shape: figure(values, shape), "success", "Success by world and policy, with 95 % intervals")
+
+
+def figure(values: Mapping[str, Any], shape: Shape) -> Figure:
+    """A bar a policy, grouped by world, with 95 % intervals; in a narrow window the groups lie below each other."""
+    return (_lying if shape.narrow else _standing)(values, shape)
+
+
+def _standing(values: Mapping[str, Any], shape: Shape) -> Figure:
+    names, policies = [w["name"] for w in values["worlds"]], ordered(values["policies"])
+    styles, found = of_policies(policies), _rates(values)
     width = 0.82 / len(policies)
-    with styled():
-        figure = new_figure(2.9)
-        ax = figure.add_subplot()
+    figure = new_figure(3.4, shape.width)
+    ax = figure.add_subplot()
+    for i, policy in enumerate(policies):
+        style = styles[policy["name"]]
+        for j, world in enumerate(names):
+            e = found.get((policy["name"], world))
+            if e is None:
+                continue
+            x = j + (i - (len(policies) - 1) / 2) * width
+            ax.bar(x, 100 * e["value"], 0.9 * width, **_fill(style))
+            ax.plot([x, x], [100 * e["low"], 100 * e["high"]], color=MEASURED, linewidth=1.3)
+            if len(policies) * len(names) <= NUMBERED:
+                high = 100 * max(e["high"], e["value"])
+                ax.annotate(f"{100 * e['value']:.0f}", (x, high), (0, 2), textcoords="offset points", ha="center")
+    ax.set(ylim=(0, 112), ylabel="success, %", xlim=(-0.55, len(names) - 0.45), yticks=range(0, 101, 20))
+    ax.set_xticks(range(len(names)), [f"{w}\n{worlds.caption(w, values)}".strip() for w in names])
+    ax.tick_params(axis="x", labelcolor=MEASURED)
+    quiet(ax)
+    _legend(figure, styles)
+    return figure
+
+
+def _lying(values: Mapping[str, Any], shape: Shape) -> Figure:
+    names, policies = [w["name"] for w in values["worlds"]], ordered(values["policies"])
+    styles, found = of_policies(policies), _rates(values)
+    figure = new_figure(0.3 + len(names) * (0.45 + 0.2 * len(policies)), shape.width)
+    for ax, world in zip(figure.subplots(len(names), 1, squeeze=False, sharex=True)[:, 0], names, strict=True):
         for i, policy in enumerate(policies):
-            colour, seen = colours[policy["name"]], not words.role(policy)
-            style: dict[str, Any] = {"color": colour, "alpha": 0.45 if policy["blind"] else 0.9}
-            if words.role(policy).startswith("teacher"):
-                style = {"facecolor": "none", "edgecolor": colour, "linewidth": 1.2}
-            for j, world in enumerate(worlds):
-                e = found.get((policy["name"], world))
-                if e is None:
-                    continue
-                x = j + (i - (len(policies) - 1) / 2) * width
-                ax.bar(x, 100 * e["value"], 0.88 * width, **style)
-                ax.plot([x, x], [100 * e["low"], 100 * e["high"]], color=MEASURED, linewidth=1.3)
-                if len(policies) * len(worlds) <= 26:
-                    ink = "white" if e["value"] > 0.08 and seen else MEASURED
-                    ax.annotate(f"{100 * e['value']:.0f}", (x, 1.5), ha="center", fontsize=7, color=ink)
-        ax.set(ylim=(0, 104), ylabel="success, %", xlim=(-0.55, len(worlds) - 0.45))
-        labels = [f"{w}\ntraining" if w == values["reference"] and len(worlds) > 1 else w for w in worlds]
-        ax.set_xticks(range(len(worlds)), labels)
-        ax.tick_params(axis="x", labelcolor=MUTED, labelsize=9)
-        quiet(ax)
-        legend(figure, {p["name"]: (colours[p["name"]], "-") for p in policies})
-        return svg(figure, "success", "Success by world and policy, with 95 % intervals")
+            e = found.get((policy["name"], world))
+            if e is not None:
+                ax.barh(i, 100 * e["value"], 0.8, **_fill(styles[policy["name"]]))
+                ax.plot([100 * e["low"], 100 * e["high"]], [i, i], color=MEASURED, linewidth=1.3)
+                ax.annotate(f"{100 * e['value']:.0f} %", (104, i), va="center", annotation_clip=False)
+        ax.set(xlim=(0, 128), ylim=(len(policies) - 0.4, -0.6), xticks=range(0, 101, 50))
+        ax.set_yticks(range(len(policies)), [p["name"] for p in policies])
+        text = ", ".join(filter(None, (world, worlds.caption(world, values))))
+        ax.set_title(text, fontweight="bold", color=MEASURED, x=0.0)
+        ax.tick_params(axis="y", labelcolor=MUTED)
+        quiet(ax, grid="x")
+    return figure
+
+
+def _rates(values: Mapping[str, Any]) -> dict[tuple[str, str], Any]:
+    return {(r["policy"], r["world"]): r["success"] for r in values["success"] if not r["control"]}
+
+
+def _fill(style: Style) -> dict[str, Any]:
+    return {"facecolor": style.colour, "hatch": style.hatch, "edgecolor": GROUND, "linewidth": 0}
+
+
+def _legend(figure: Figure, styles: Mapping[str, Style]) -> None:
+    from matplotlib.patches import Patch
+
+    handles = [Patch(label=name, **_fill(style)) for name, style in styles.items()]
+    figure.legend(handles=handles, loc="outside upper left", ncols=side_by_side(figure, styles), handlelength=1.4)

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from vispeg.report.figures import AFTER, BEFORE, MEASURED, MUTED, RULE, new_figure, quiet, styled, svg
+from vispeg.report.figures import AFTER, BEFORE, MEASURED, MUTED, RULE, Shape, chart, new_figure, quiet
 from vispeg.report.gap import table_page, words
 from vispeg.report.gap.page import page
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 def render(
@@ -47,35 +51,44 @@ def render(
 
 def scatter(versions: Sequence[Mapping[str, Any]]) -> str:
     """Target against training world, and the correlation over versions where there are several."""
-    last = versions[-1]
-    with styled():
-        figure = new_figure(2.9)
+    text = "Training world against target by configuration"
+    return chart(lambda shape: _figure(versions, shape), "suite", text)
+
+
+def _figure(versions: Sequence[Mapping[str, Any]], shape: Shape) -> Figure:
+    several = len(versions) > 1
+    figure = new_figure(2.9 * (1 + (several and shape.narrow)), shape.width)
+    if shape.narrow:
+        axes = figure.subplots(1 + several, 1, squeeze=False)[:, 0]
+    else:
         axes = figure.subplots(1, 2, width_ratios=(1, 1.4))
-        ax = axes[0]
-        ax.plot([0, 100], [0, 100], color=RULE)
-        for r in last["rows"]:
-            x, y = 100 * r["train"]["value"], 100 * r["target"]["value"]
-            ax.plot(
-                [x, x], [100 * r["target"]["low"], 100 * r["target"]["high"]], color=AFTER, alpha=0.3, linewidth=1.5
-            )
-            ax.plot(x, y, "o", color=AFTER, markersize=5, alpha=0.85)
-        ax.set(
-            xlim=(-4, 104), ylim=(-4, 104), xlabel=f"{last['train']}, %", ylabel=f"{last['target']}, %", aspect="equal"
-        )
-        quiet(ax, grid="both")
-        ax = axes[1]
-        if len(versions) < 2:
-            ax.set_visible(False)
-        else:
-            ax.axhspan(0.8, 1.02, color=AFTER, alpha=0.08, linewidth=0)
-            ax.axhspan(-1.02, 0.6, color=BEFORE, alpha=0.08, linewidth=0)
-            for i, v in enumerate(versions):
-                e = v["health"].get("pearson")
-                if e is not None and e["value"] is not None:
-                    ax.plot([i, i], [e["low"], e["high"]], color=MEASURED, linewidth=1.3)
-                    ax.plot(i, e["value"], "o", color=MEASURED, markersize=5)
-            ax.set_xticks(range(len(versions)), [v["version"] for v in versions])
-            ax.set(ylim=(-1.02, 1.02), ylabel="correlation")
-            ax.tick_params(axis="x", labelcolor=MUTED)
-            quiet(ax)
-        return svg(figure, "suite", "Training world against target by configuration")
+    _points(axes[0], versions[-1])
+    if several:
+        _history(axes[1], versions)
+    elif len(axes) > 1:
+        axes[1].set_visible(False)
+    return figure
+
+
+def _points(ax: Axes, last: Mapping[str, Any]) -> None:
+    ax.plot([0, 100], [0, 100], color=RULE)
+    for r in last["rows"]:
+        x, y = 100 * r["train"]["value"], 100 * r["target"]["value"]
+        ax.plot([x, x], [100 * r["target"]["low"], 100 * r["target"]["high"]], color=AFTER, alpha=0.3, linewidth=1.5)
+        ax.plot(x, y, "o", color=AFTER, markersize=5, alpha=0.85)
+    ax.set(xlim=(-4, 104), ylim=(-4, 104), xlabel=f"{last['train']}, %", ylabel=f"{last['target']}, %", aspect="equal")
+    quiet(ax, grid="both")
+
+
+def _history(ax: Axes, versions: Sequence[Mapping[str, Any]]) -> None:
+    ax.axhspan(0.8, 1.02, color=AFTER, alpha=0.08, linewidth=0)
+    ax.axhspan(-1.02, 0.6, color=BEFORE, alpha=0.08, linewidth=0)
+    for i, v in enumerate(versions):
+        e = v["health"].get("pearson")
+        if e is not None and e["value"] is not None:
+            ax.plot([i, i], [e["low"], e["high"]], color=MEASURED, linewidth=1.3)
+            ax.plot(i, e["value"], "o", color=MEASURED, markersize=5)
+    ax.set_xticks(range(len(versions)), [v["version"] for v in versions])
+    ax.set(ylim=(-1.02, 1.02), ylabel="correlation")
+    ax.tick_params(axis="x", labelcolor=MUTED)
+    quiet(ax)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from vispeg.report.figures import MUTED, new_figure, quiet, styled, svg
-from vispeg.report.figures import legend as figure_legend
+from vispeg.report.figures import MUTED, Shape, chart, legend, new_figure, quiet
 from vispeg.report.gap import table_page, words
 from vispeg.report.gap.colours import of_policies
 from vispeg.report.gap.page import page
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def render(values: Mapping[str, Any]) -> str:
@@ -34,18 +36,21 @@ def _cell(point: Mapping[str, Any]) -> str:
 
 def curves(sweep: Mapping[str, Any], name: str) -> str:
     """One line with its band a policy."""
-    colours = of_policies([{"name": c["policy"], "modality": c["modality"]} for c in sweep["curves"]])
-    with styled():
-        figure = new_figure(2.6)
-        ax = figure.add_subplot()
-        for curve in sweep["curves"]:
-            x = [p["value"] for p in curve["points"]]
-            low, mid, high = ([100 * p["success"][k] for p in curve["points"]] for k in ("low", "value", "high"))
-            colour = colours[curve["policy"]]
-            ax.fill_between(x, low, high, color=colour, alpha=0.18, linewidth=0)
-            ax.plot(x, mid, color=colour, marker="o", markersize=4)
-        ax.axvline(sweep["null"], color=MUTED, linestyle=(0, (4, 2)), linewidth=1)
-        ax.set(ylim=(-2, 102), ylabel="success, %", xlabel=f"{sweep['label']}, {sweep['unit']}")
-        quiet(ax)
-        figure_legend(figure, {p: (c, "-") for p, c in colours.items()})
-        return svg(figure, name, f"Success against {sweep['label']}")
+    return chart(lambda shape: _figure(sweep, shape), name, f"Success against {sweep['label']}")
+
+
+def _figure(sweep: Mapping[str, Any], shape: Shape) -> Figure:
+    styles = of_policies([{"name": c["policy"], "modality": c["modality"]} for c in sweep["curves"]])
+    figure = new_figure(2.8, shape.width)
+    ax = figure.add_subplot()
+    for curve in sweep["curves"]:
+        x = [p["value"] for p in curve["points"]]
+        low, mid, high = ([100 * p["success"][k] for p in curve["points"]] for k in ("low", "value", "high"))
+        style = styles[curve["policy"]]
+        ax.fill_between(x, low, high, color=style.colour, alpha=0.18, linewidth=0)
+        ax.plot(x, mid, color=style.colour, linestyle=style.line, marker="o", markersize=4)
+    ax.axvline(sweep["null"], color=MUTED, linestyle=(0, (4, 2)), linewidth=1)
+    ax.set(ylim=(-2, 102), ylabel="success, %", xlabel=f"{sweep['label']}, {sweep['unit']}")
+    quiet(ax)
+    legend(figure, {name: (s.colour, s.line) for name, s in styles.items()})
+    return figure

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from vispeg.report.evidence import ResidualMap
-from vispeg.report.figures import MEASURED, new_figure, styled, svg
+from vispeg.report.figures import MEASURED, MUTED, Shape, chart, new_figure
+from vispeg.report.palette import day
 from vispeg.report.quantities import fold, plain
 from vispeg.report.record import Record
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 TITLE = "Where the residual lives"
 LABELS = {
@@ -21,7 +25,7 @@ LABELS = {
     "frequency": "frequency (Hz)",
 }
 SHADES = ("#f6f5f1", "#f9d9a8", "#f0a24f", "#d9541e", "#93260f", "#3f0d08")
-NO_DATA = "#e2e5e9"
+NO_DATA, BETWEEN = day("empty"), "#fefefe"  # the page turns cells dark at night, and what is between them with them
 
 
 def context(record: Record) -> dict[str, Any]:
@@ -49,6 +53,11 @@ def maps_picture(maps: list[ResidualMap], joints: tuple[str, ...]) -> str:
     """Heat maps joint x bin, before on the left and after on the right; 1 is the noise, colours are logarithmic."""
     if not maps:
         return ""
+    name = "Residual by joint and " + ", ".join(m.axis for m in maps)
+    return chart(lambda shape: _figure(maps, joints, shape), "maps", name)
+
+
+def _figure(maps: list[ResidualMap], joints: tuple[str, ...], shape: Shape) -> Figure:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import BoundaryNorm, LinearSegmentedColormap
 
@@ -56,29 +65,27 @@ def maps_picture(maps: list[ResidualMap], joints: tuple[str, ...]) -> str:
     finite = np.concatenate([a[np.isfinite(a)] for m in maps for a in (m.before, m.after) if a is not None])
     top = max(3.0, float(finite.max())) if finite.size else 3.0
     levels = scale_levels(top)
-    with styled():
-        colours = LinearSegmentedColormap.from_list("residual", SHADES, 256).with_extremes(bad=NO_DATA)
-        norm = BoundaryNorm(levels, colours.N, extend="min")
-        figure = new_figure(0.9 + len(maps) * (0.62 + 0.17 * len(joints)))
-        grid = figure.subplots(len(maps), 2 if both else 1, squeeze=False, sharey=True)
-        for row, residual in zip(grid, maps, strict=True):
-            for ax, values in zip(row, (residual.before, residual.after), strict=False):
-                if values is None:
-                    ax.set_axis_off()
-                else:
-                    _map(ax, residual, values, joints, colours, norm)
-        grid[0, 0].set_title("before" if both else "model", color=MEASURED, fontweight="bold")
-        if both:
-            grid[0, 1].set_title("after", color=MEASURED, fontweight="bold")
-        bar = figure.colorbar(
-            ScalarMappable(norm, colours), ax=grid, location="top", aspect=70, pad=0.02, extend="neither"
-        )
-        bar.set_label("RMS of what the model misses, in multiples of the noise")
-        named = [v for v in levels if f"{v:e}"[0] in "125" and f"{v:e}"[2] == "0"]
-        bar.set_ticks(named, labels=[f"{v:g}" for v in named])
-        bar.ax.tick_params(length=0, which="both")
-        bar.outline.set_visible(False)  # type: ignore[operator]
-        return svg(figure, "maps", "Residual by joint and " + ", ".join(m.axis for m in maps))
+    colours = LinearSegmentedColormap.from_list("residual", SHADES, 256).with_extremes(bad=(0, 0, 0, 0))
+    norm = BoundaryNorm(levels, colours.N, extend="min")
+    figure = new_figure(1.1 + len(maps) * (0.75 + 0.17 * len(joints)), shape.width)
+    grid = figure.subplots(len(maps), 2 if both else 1, squeeze=False, sharey=True)
+    for row, residual in zip(grid, maps, strict=True):
+        row[0].set_title(LABELS[residual.axis], color=MUTED)
+        for ax, values, side in zip(row, (residual.before, residual.after), ("before", "after"), strict=False):
+            if values is None:
+                ax.set_axis_off()
+            else:
+                _map(ax, residual, values, joints, colours, norm, 2 if shape.narrow else 5)
+                ax.set_xlabel(side if both else "", color=MEASURED)
+    bar = figure.colorbar(
+        ScalarMappable(norm, colours), ax=grid, location="top", aspect=8 * shape.width, pad=0.02, extend="neither"
+    )
+    bar.set_label("RMS missed, in multiples of the noise")
+    named = [v for v in levels if f"{v:e}"[0] in ("1" if shape.narrow else "125") and f"{v:e}"[2] == "0"]
+    bar.set_ticks(named, labels=[f"{v:g}" for v in named])
+    bar.ax.tick_params(length=0, which="both")
+    bar.outline.set_visible(False)  # type: ignore[operator]
+    return figure
 
 
 def scale_levels(top: float) -> np.ndarray:
@@ -88,17 +95,18 @@ def scale_levels(top: float) -> np.ndarray:
     return steps[: int(np.searchsorted(steps, top)) + 1]
 
 
-def _map(ax: Any, residual: ResidualMap, values: np.ndarray, joints: tuple[str, ...], colours: Any, norm: Any) -> None:
+def _map(
+    ax: Any, residual: ResidualMap, values: np.ndarray, joints: tuple[str, ...], colours: Any, norm: Any, parts: int
+) -> None:
     k = values.shape[1]
     masked = np.ma.masked_invalid(values)
-    ax.pcolormesh(np.arange(k + 1), np.arange(len(joints) + 1), masked, cmap=colours, norm=norm, ec="white", lw=0.6)
+    ax.pcolormesh(np.arange(k + 1), np.arange(len(joints) + 1), masked, cmap=colours, norm=norm, ec=BETWEEN, lw=0.6)
     ax.set_facecolor(NO_DATA)
     ax.set_ylim(len(joints), 0)
     ax.set_yticks(np.arange(len(joints)) + 0.5, joints)
-    ticks = np.arange(0, k + 1, max(1, -(-k // 5)))
+    ticks = np.arange(0, k + 1, max(1, -(-k // parts)))
     edges = _edges(residual)
     ax.set_xticks(ticks, [plain(edges[i], 2) for i in ticks])
-    ax.set_xlabel(LABELS[residual.axis])
     ax.tick_params(length=0)
     for side in ax.spines.values():
         side.set_visible(False)

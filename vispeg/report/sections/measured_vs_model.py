@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from vispeg.report import words
 from vispeg.report.evidence import Trace
-from vispeg.report.figures import AFTER, BEFORE, MEASURED, MUTED, legend, new_figure, quiet, styled, svg, thin
+from vispeg.report.figures import AFTER, BEFORE, MEASURED, MUTED, Shape, chart, legend, new_figure, quiet, thin
 from vispeg.report.quantities import prefix, quantity, rms
 from vispeg.report.record import Record
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 TITLE = "Measured against model"
 MOST_TRACES = 3
-POINTS = 90_000  # drawn in all, so that the page stays below 3 MB
+POINTS, NARROW_POINTS = 60_000, 240  # drawn in all and of a narrow line, so that the page stays below 3 MB
 
 
 def context(record: Record) -> dict[str, Any]:
@@ -56,32 +59,38 @@ def trace_title(trace: Trace, joints: tuple[str, ...]) -> str:
 
 
 def trace_picture(trace: Trace, joints: tuple[str, ...], name: str, points: int = 1500) -> str:
-    """Per joint: overlay on the left, residual (measured - model) on the right."""
-    n = len(joints)
-    with styled():
-        figure = new_figure(0.75 + 0.92 * n)
-        grid = figure.subplots(n, 2, sharex=True, squeeze=False, gridspec_kw={"width_ratios": [1, 1]})
-        for j, (left, right) in enumerate(grid):
-            for values, colour, width, style in (
-                (trace.measured, MEASURED, 2.4, "-"),  # wide and below, so that it shows where the models cover it
-                (trace.before, BEFORE, 1.0, "-"),
-                (trace.after, AFTER, 1.0, (0, (5, 3))),
-            ):
-                if values is not None:
-                    left.plot(*thin(trace.time, values[:, j], points), color=colour, lw=width, ls=style)
-            _residuals(right, trace, j, points)
-            left.set_title(f"{joints[j]} ({trace.unit})", color=MEASURED, pad=3)
-            quiet(left)
-            quiet(right)
-            left.locator_params(axis="y", nbins=4)
-            right.locator_params(axis="y", nbins=4)
-        for ax in grid[-1]:
-            ax.set_xlabel("time (s)")
-        entries = {"measured": (MEASURED, "-"), "model" if trace.after is None else "model before": (BEFORE, "-")}
-        if trace.after is not None:
-            entries["model after"] = (AFTER, "-")
-        legend(figure, entries)
-        return svg(figure, name, trace_title(trace, joints))
+    """Per joint: overlay on the left (or above), residual (measured - model) on the right (or below)."""
+
+    def draw(shape: Shape) -> Figure:
+        return _figure(trace, joints, min(points, NARROW_POINTS) if shape.narrow else points, shape)
+
+    return chart(draw, name, trace_title(trace, joints))
+
+
+def _figure(trace: Trace, joints: tuple[str, ...], points: int, shape: Shape) -> Figure:
+    n, columns = len(joints), 1 if shape.narrow else 2
+    figure = new_figure(0.75 + 1.84 * n / columns, shape.width)
+    grid = figure.subplots(2 * n // columns, columns, sharex=True, squeeze=False).reshape(n, 2)
+    for j, (left, right) in enumerate(grid):
+        for values, colour, width, style in (
+            (trace.measured, MEASURED, 2.4, "-"),  # wide and below, so that it shows where the models cover it
+            (trace.before, BEFORE, 1.0, "-"),
+            (trace.after, AFTER, 1.0, (0, (5, 3))),
+        ):
+            if values is not None:
+                left.plot(*thin(trace.time, values[:, j], points), color=colour, lw=width, ls=style)
+        _residuals(right, trace, j, points)
+        left.set_title(f"{joints[j]} ({trace.unit})", color=MEASURED, pad=3)
+        for ax in (left, right):
+            quiet(ax)
+            ax.locator_params(axis="y", nbins=4)
+    for ax in grid[-1][-columns:]:
+        ax.set_xlabel("time (s)")
+    entries = {"measured": (MEASURED, "-"), "model" if trace.after is None else "model before": (BEFORE, "-")}
+    if trace.after is not None:
+        entries["model after"] = (AFTER, "-")
+    legend(figure, entries)
+    return figure
 
 
 def _residuals(ax: Any, trace: Trace, j: int, points: int) -> None:

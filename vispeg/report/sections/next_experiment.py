@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import shlex
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from vispeg.report.evidence import Evidence, NextMotion
-from vispeg.report.figures import MEASURED, MUTED, RIVALS, legend, new_figure, quiet, styled, svg, thin
+from vispeg.report.figures import MEASURED, MUTED, RIVALS, Shape, chart, legend, new_figure, quiet, thin
 from vispeg.report.quantities import number, plain, prefix, quantity, rms
 from vispeg.report.record import Record
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 TITLE = "Next experiment"
 MOST_JOINTS = 4
@@ -60,25 +63,35 @@ def motion_picture(motion: NextMotion, evidence: Evidence) -> str:
     chosen = [j for j in chosen if spread[j] > 0 or size[j] > 0]
     if not chosen:
         return ""
-    with styled():
-        figure = new_figure(0.75 + 0.95 * len(chosen))
-        grid = figure.subplots(len(chosen), 1 if apart is None else 2, sharex=True, squeeze=False)
-        for row, j in zip(grid, chosen, strict=True):
-            row[0].plot(*thin(motion.time, motion.command[:, j]), color=MEASURED, linewidth=1.2)
-            row[0].set_title(f"{joints[j]} command (rad)", color=MEASURED, pad=3)
-            if apart is not None:
-                factor, unit = prefix(float(np.nanmax(np.abs(apart[:, j]), initial=0.0)), evidence.unit)
-                row[1].axhline(0.0, color=MUTED, linewidth=0.6)
-                row[1].plot(*thin(motion.time, factor * apart[:, j]), color=RIVALS[0], linewidth=1.1)
-                row[1].set_title(f"rivals apart ({unit})", color=MUTED, pad=3)
-                row[1].set_title(f"RMS {quantity(rms(apart[:, j]), evidence.unit)}", loc="right", pad=3)
-            for ax in row:
-                quiet(ax)
-                ax.locator_params(axis="y", nbins=4)
-        for ax in grid[-1]:
-            ax.set_xlabel("time (s)")
-        entries = {"command": (MEASURED, "-")}
+    text = "The proposed motion, and how far the rivals' predictions lie apart"
+    return chart(lambda shape: _figure(motion, apart, evidence, chosen, shape), "next", text)
+
+
+def _figure(
+    motion: NextMotion, apart: np.ndarray | None, evidence: Evidence, chosen: list[int], shape: Shape
+) -> Figure:
+    each = 1 if apart is None else 2
+    columns = 1 if shape.narrow else each
+    figure = new_figure(0.75 + 1.0 * len(chosen) * each / columns, shape.width)
+    grid = figure.subplots(len(chosen) * each // columns, columns, sharex=True, squeeze=False).reshape(
+        len(chosen), each
+    )
+    for row, j in zip(grid, chosen, strict=True):
+        row[0].plot(*thin(motion.time, motion.command[:, j]), color=MEASURED, linewidth=1.2)
+        row[0].set_title(f"{evidence.joints[j]} command (rad)", color=MEASURED, pad=3)
         if apart is not None:
-            entries["difference between the two rivals' predictions"] = (RIVALS[0], "-")
-        legend(figure, entries)
-        return svg(figure, "next", "The proposed motion, and how far the rivals' predictions lie apart")
+            factor, unit = prefix(float(np.nanmax(np.abs(apart[:, j]), initial=0.0)), evidence.unit)
+            row[1].axhline(0.0, color=MUTED, linewidth=0.6)
+            row[1].plot(*thin(motion.time, factor * apart[:, j]), color=RIVALS[0], linewidth=1.1)
+            row[1].set_title(f"rivals apart ({unit})", color=MUTED, pad=3)
+            row[1].set_title(f"RMS {quantity(rms(apart[:, j]), evidence.unit)}", loc="right", pad=3)
+        for ax in row:
+            quiet(ax)
+            ax.locator_params(axis="y", nbins=4)
+    for ax in grid[-1][-columns:]:
+        ax.set_xlabel("time (s)")
+    entries = {"command": (MEASURED, "-")}
+    if apart is not None:
+        entries["the two rivals' predictions apart"] = (RIVALS[0], "-")
+    legend(figure, entries)
+    return figure

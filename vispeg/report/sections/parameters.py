@@ -99,5 +99,5 @@ def _moved(row: dict[str, Any]) -> dict[str, str]:
 def _shade(value: float | None, diagonal: bool) -> str:
     if value is None or diagonal:
         return "transparent"
-    colour = "217,84,30" if value > 0 else "10,122,117"
-    return f"rgba({colour},{min(1.0, abs(value)) ** 2 * 0.6:.2f})"
+    share = round(60 * min(1.0, abs(value)) ** 2)
+    return f"color-mix(in srgb, var(--{'before' if value > 0 else 'after'}) {share}%, transparent)"

@@ -1,0 +1,89 @@
+"""Pages can be read by day and by night, on a laptop and on a phone: type, colours, tables, one style sheet."""
+
+import re
+
+import pytest
+
+from vispeg.evaluate.gap import gap
+from vispeg.report import palette
+from vispeg.report.build import render as report
+from vispeg.report.figures import NARROW, WIDE
+from vispeg.report.gap.build import render as gap_page
+from vispeg.report.page import templates
+from vispeg.report.record import load_record
+
+from .test_gap_page import episodes
+
+PHONE = 400 - 2 * 16  # px that a page 400 px wide leaves to a figure
+BREAK = 860 - 2 * 24  # px that a wide figure has at least
+SHEETS = [  # (name, what is drawn with the palette's colours)
+    ("ink", "ground"), ("muted", "ground"), ("before", "ground"), ("after", "ground"), ("rival", "ground"),
+    ("ink", "soft"), ("red", "ground"), ("amber", "ground"),
+]  # fmt: skip
+
+
+@pytest.fixture
+def pages(run, diagnosis, evidence):
+    """A diagnosis with everything in it, and a gap of nine policies."""
+    found = load_record(run(diagnosis(), evidence(n=400, recordings=1, nj=2)))
+    kinds = ("state", "depth", "rgbd", "rgb", "proprio")
+    seen = [e for i, m in enumerate(2 * kinds[:4] + kinds[4:]) for e in episodes(f"{m}{i}", m, n=12)]
+    return {"diagnosis": report(found), "gap": gap_page(gap(seen, worlds=["S", "V", "P", "VP"]))}
+
+
+def drawings(html):
+    return re.findall(r'<svg class="(wide|narrow)"[^>]*viewBox="0 0 ([\d.]+) [^>]*>(.*?)</svg>', html, re.S)
+
+
+def test_type_is_12_px_high_wherever_a_figure_is_shown(pages):
+    for html in pages.values():
+        found = drawings(html)
+        assert {kind for kind, *_ in found} == {"wide", "narrow"}
+        for kind, width, body in found:
+            scale = (PHONE if kind == "narrow" else BREAK) / float(width)
+            sizes = [float(s) * scale for s in re.findall(r"font(?:-size)?: (?:[\w]+ )?([\d.]+)px", body)]
+            assert sizes and min(sizes) >= 12, (kind, min(sizes))
+    assert WIDE.width > NARROW.width
+
+
+def test_every_colour_of_a_figure_has_its_colour_of_the_night(pages):
+    """White type in bars, black type beside them: no colour is left that one of the two grounds would swallow."""
+    for html in pages.values():
+        for _, _, body in drawings(html):
+            cells = re.sub(r'<g id="[^"]*QuadMesh.*?</g>', "", body, flags=re.S)  # turned as a whole by a filter
+            left = set(re.findall(r'(?:fill|stroke)(?:: ?|=")(#[0-9a-f]{6}|black|white)', cells))
+            assert left <= {"#fefefe"}, left
+        assert "@media screen and (prefers-color-scheme:dark)" in html and 'name="color-scheme"' in html
+        names = set(re.findall(r"var\(--([\w-]+)\)", html))
+        assert names <= set(palette.COLOURS), names - set(palette.COLOURS)
+
+
+def luminance(colour):
+    parts = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+    linear = [c / 12.92 if c <= 0.03928 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+@pytest.mark.parametrize(("name", "on"), SHEETS)
+def test_contrast_by_day_and_by_night(name, on):
+    """WCAG 2.1: 4.5 for text, 3 for large text and for what is drawn."""
+    for first, second in zip(palette.COLOURS[name], palette.COLOURS[on], strict=True):
+        a, b = sorted((luminance(first), luminance(second)))
+        assert (b + 0.05) / (a + 0.05) >= (4.5 if name in ("ink", "muted") else 3.0)
+
+
+def test_colours_of_the_day_are_all_different():
+    days = [day for day, _ in palette.COLOURS.values()]
+    assert len(set(days)) == len(days), "one that is not could not be told from the other at night"
+
+
+def test_no_table_can_make_the_page_wider(pages):
+    for html in pages.values():
+        assert html.count("<table") == html.count('<div class="scroll" tabindex="0"><table') > 3
+        assert ".scroll { overflow-x: auto" in html and "scroll sideways" in html
+
+
+def test_every_report_has_the_one_style_sheet():
+    for name in templates().list_templates(extensions=["j2"]):
+        source = templates().loader.get_source(templates(), name)[0]
+        assert name == "report.html.j2" or "<style" not in source, name

@@ -1,0 +1,59 @@
+"""One self-contained HTML page from sections, for every report: no script, no link that leaves it, one style sheet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from vispeg import __version__
+from vispeg.report.palette import css
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a page: `template` (templates/TEMPLATE.html.j2) shows `values`; `name` is its anchor."""
+
+    name: str
+    title: str
+    template: str
+    values: Mapping[str, Any]
+
+
+def page(title: str, kind: str, sections: Sequence[Section]) -> str:
+    """The whole page as text.
+
+    Args:
+        title: of the document.
+        kind: stands beside the brand.
+        sections: in order; the first has no heading.
+    """
+    from markupsafe import Markup
+
+    made = []
+    for section in sections:
+        html = templates().get_template(f"{section.template}.html.j2").render(section.values)
+        made.append({"name": section.name, "title": section.title, "html": Markup(html)})
+    values = {"sections": made, "title": title, "kind": kind, "version": __version__, "palette": Markup(css())}
+    return templates().get_template("report.html.j2").render(values) + "\n"
+
+
+@cache
+def templates() -> Environment:
+    """The templates: what they are given is text unless it says that it is markup, and what is missing is an error."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup, escape
+
+    found = Environment(
+        loader=PackageLoader("vispeg.report", "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    found.filters["breakable"] = lambda name: escape(name).replace("(", Markup("<wbr>("))
+    return found
