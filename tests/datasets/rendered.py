@@ -3,13 +3,14 @@
 import os
 import signal
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from vispeg.core.seeds import stream
 from vispeg.datasets.episode import Episode, Recorder
-from vispeg.datasets.layout import Layout, flag, numbers, picture
+from vispeg.datasets.layout import Layout, depth, flag, numbers, parts, picture
 from vispeg.datasets.plan import Plan, Shard, look_seed
 from vispeg.render.camera import Camera
 from vispeg.render.camera_files import to_record
@@ -25,9 +26,9 @@ LAYOUT = Layout(
         "label.peg": numbers(NAMES),
         "label.hole": numbers(NAMES),
         "label.camera.eye": numbers(NAMES),
-        "observation.images.eye": picture(EYE, 3),
-        "observation.images.eye_depth": picture(EYE, 1, depth=True),
-        "label.parts.eye": picture(EYE, 1),
+        "observation.images.eye": picture(EYE),
+        "observation.depth.eye": depth(EYE),
+        "label.parts.eye": parts(EYE),
     },
     (EYE,),
     ("arm", "peg", "fixture"),
@@ -35,6 +36,24 @@ LAYOUT = Layout(
     "Do it.",
     "nobody",
 )
+
+NOW = {
+    "observation.images.eye_depth": "observation.depth.eye",
+    "observation.environment_state": "label.environment_state",
+}
+
+
+def as_before(layout: Layout) -> Layout:
+    """A layout as datasets had it at first: depth and parts are pictures, the truth is an observation."""
+    features = dict(layout.features)
+    for before, now in NOW.items():
+        if now in features:
+            features[before] = features.pop(now)
+    for name, feature in features.items():
+        if len(feature["shape"]) == 2:
+            grey = {"dtype": "image", "shape": [*feature["shape"], 1], "names": ["height", "width", "channels"]}
+            features[name] = grey | ({"info": {"is_depth_map": True, "depth_unit": "m"}} if "info" in feature else {})
+    return replace(layout, features=features)
 
 
 def frame(seed: int, look: int, step: int) -> dict[str, np.ndarray]:
@@ -49,7 +68,7 @@ def frame(seed: int, look: int, step: int) -> dict[str, np.ndarray]:
         "label.hole": np.array([0.1, -0.15, 0.05, 1, 0, 0, 0]),
         "label.camera.eye": np.array([*EYE.pos, *EYE.quat]),
         "observation.images.eye": seen.integers(0, 256, (8, 12, 3), dtype=np.uint8),
-        "observation.images.eye_depth": (seen.uniform(0.1, 3, (8, 12)) * (seen.uniform(size=(8, 12)) > 0.1)).astype(
+        "observation.depth.eye": (seen.uniform(0.1, 3, (8, 12)) * (seen.uniform(size=(8, 12)) > 0.1)).astype(
             np.float32
         ),
         "label.parts.eye": seen.integers(0, 4, (8, 12), dtype=np.uint8),
@@ -68,7 +87,8 @@ def source(plan: Plan, layout: Layout, shard: Shard) -> Iterator[Episode]:
                 return
             recorder = Recorder(layout)
             for step in range(length):
-                recorder.add(frame(seed, look, step))
+                now = frame(seed, look, step)
+                recorder.add({name: now[NOW.get(name, name)] for name in layout.features})
             left -= length
             world = {"brightness(all)": {"change": stream(seed, look).uniform(-0.3, 0.3)}}
             about = {"task": layout.task, "seed": seed, "look": look, "redraws": seed % 2, "redraws_exhausted": False}

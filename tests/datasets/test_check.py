@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from rendered import LAYOUT, PLAN, source
+from rendered import LAYOUT, PLAN, as_before, source
 
 from vispeg.datasets.check import check
 from vispeg.datasets.rendering import render
@@ -18,6 +18,12 @@ DATA, META = "data/chunk-000/file-001.parquet", "meta/episodes/chunk-000/file-00
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory):
     return render(PLAN, LAYOUT, source, tmp_path_factory.mktemp("check") / "d", workers=0)
+
+
+@pytest.fixture(scope="module")
+def before(tmp_path_factory):
+    """A dataset as it was written before depth and parts became arrays."""
+    return render(PLAN, as_before(LAYOUT), source, tmp_path_factory.mktemp("check") / "d", workers=0)
 
 
 @pytest.fixture
@@ -54,6 +60,10 @@ def test_a_sound_dataset_has_nothing_wrong(sound, copy):
     assert check(copy) == []
 
 
+def test_a_dataset_of_before_has_nothing_wrong(before):
+    assert check(before) == []
+
+
 def test_changed_or_missing_files_are_told_by_digest(sound, tmp_path):
     folder = tmp_path / "d"
     shutil.copytree(sound, folder)
@@ -72,7 +82,10 @@ def test_a_file_cut_short_is_named(copy):
     assert len(found) == 1 and DATA in found[0] and "cut short" in found[0]
 
 
-def test_a_picture_cut_short_is_named(copy):
+def test_a_picture_cut_short_is_named(before, tmp_path):
+    copy = tmp_path / "d"
+    shutil.copytree(before, copy)
+    (copy / "meta/render.json").unlink()
     cut = edit(2, lambda v: {"bytes": v["bytes"][:60], "path": None})
     changed(copy, lambda t: with_column(t, "observation.images.eye_depth", cut))
     found = check(copy)

@@ -49,8 +49,9 @@ def test_info_states_version_paths_totals_and_features(folder, info, episodes):
     assert info["splits"] == {"train": f"0:{len(episodes)}"}
     assert info["data_path"] == "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
     assert {"timestamp", "frame_index", "episode_index", "index", "task_index"} < set(info["features"])
-    depth = info["features"]["observation.images.eye_depth"]
-    assert depth["shape"] == [8, 12, 1] and depth["info"] == {"is_depth_map": True, "depth_unit": "m"}
+    depth = info["features"]["observation.depth.eye"]
+    assert depth["shape"] == [8, 12] and depth["dtype"] == "float32" and depth["info"] == {"depth_unit": "m"}
+    assert [k for k, f in info["features"].items() if f["dtype"] == "image"] == ["observation.images.eye"]
     tasks = pq.read_table(folder / "meta/tasks.parquet").to_pylist()
     assert tasks == [{"task_index": 0, "task": "Do it."}]
 
@@ -74,8 +75,8 @@ def test_every_frame_comes_back_bit_for_bit(folder, info, episodes):
                 assert np.array_equal(np.float32(row[name]), want[name].astype(np.float32))
             colour = cv2.imdecode(np.frombuffer(row["observation.images.eye"]["bytes"], np.uint8), -1)[..., ::-1]
             assert np.array_equal(colour, want["observation.images.eye"])
-            depth = cv2.imdecode(np.frombuffer(row["observation.images.eye_depth"]["bytes"], np.uint8), -1)
-            assert depth.dtype == np.float32 and np.array_equal(depth, want["observation.images.eye_depth"])
+            assert np.array_equal(np.float32(row["observation.depth.eye"]), want["observation.depth.eye"])
+            assert np.array_equal(row["label.parts.eye"], want["label.parts.eye"])
             count += 1
     assert count == PLAN.frames and next(truth, None) is None
 
@@ -94,10 +95,10 @@ def test_looks_share_their_states(episodes, folder):
 def test_statistics_are_those_of_all_values(folder):
     stats = json.loads((folder / "meta/stats.json").read_text())
     frames = [frame(*key) for key in expected(PLAN)]
-    for name, scale in (("observation.state", 1), ("observation.images.eye", 255), ("observation.images.eye_depth", 1)):
+    for name, scale in (("observation.state", 1), ("observation.images.eye", 255), ("observation.depth.eye", 1)):
         axes = (0,) if name == "observation.state" else (0, 1, 2)
         values = np.stack([np.asarray(f[name], float) for f in frames]) / scale
-        values = values[..., None] if name.endswith("depth") else values
+        values = values[..., None] if "depth" in name else values
         for key, want in (("min", values.min(axes)), ("max", values.max(axes)), ("mean", values.mean(axes))):
             assert np.allclose(np.ravel(stats[name][key]), want, atol=1e-6)
         assert np.allclose(np.ravel(stats[name]["std"]), values.std(axes), atol=1e-6)
@@ -117,11 +118,8 @@ def test_cameras_and_hugging_face_note(folder):
     assert list(tasks.index) == ["Do it."] and tasks.index.name == "task" and tasks.loc["Do it."].task_index == 0
 
 
-def test_pillow_reads_depth_in_metres(folder):
-    image = pytest.importorskip("PIL.Image")
-    import io
-
-    row = pq.read_table(folder / "data/chunk-000/file-000.parquet").to_pylist()[0]
-    seed, look, step = next(expected(PLAN))
-    depth = np.array(image.open(io.BytesIO(row["observation.images.eye_depth"]["bytes"])))
-    assert np.array_equal(depth, frame(seed, look, step)["observation.images.eye_depth"])
+def test_hugging_face_knows_arrays(folder):
+    note = json.loads(pq.read_schema(folder / "data/chunk-000/file-000.parquet").metadata[b"huggingface"])
+    features = note["info"]["features"]
+    assert features["observation.depth.eye"] == {"shape": [8, 12], "dtype": "float32", "_type": "Array2D"}
+    assert features["label.parts.eye"] == {"shape": [8, 12], "dtype": "uint8", "_type": "Array2D"}

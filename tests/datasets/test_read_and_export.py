@@ -101,7 +101,7 @@ def test_bop_poses_project_to_where_the_camera_sees(folder, tmp_path):
             depth = cv2.imread(str(scenes[number] / f"depth/{i:06d}.png"), cv2.IMREAD_UNCHANGED)
             assert depth.dtype == np.uint16
             metres = depth * cameras[str(i)]["depth_scale"] / 1000
-            assert np.abs(metres - frames["observation.images.eye_depth"][i]).max() <= 0.5001e-4
+            assert np.abs(metres - frames["observation.depth.eye"][i]).max() <= 0.5001e-4
             mask = cv2.imread(str(scenes[number] / f"mask_visib/{i:06d}_000000.png"), cv2.IMREAD_UNCHANGED) > 0
             assert np.array_equal(mask, frames["label.parts.eye"][i] == 2)
             assert extents[str(i)][0]["px_count_visib"] == mask.sum()
@@ -138,12 +138,12 @@ def test_torch_items_are_the_frames(folder):
     frames, data = Frames(folder), Dataset(folder)
     item = pickle.loads(pickle.dumps(frames))[7]  # as a loader's worker gets it
     want = data[7]
-    assert item["observation.images.eye"].shape == (3, 8, 12) and item["observation.images.eye_depth"].shape == (
+    assert item["observation.images.eye"].shape == (3, 8, 12) and item["observation.depth.eye"].shape == (
         1,
         8,
         12,
     )
     assert np.array_equal(np.moveaxis(item["observation.images.eye"].numpy(), 0, -1), want["observation.images.eye"])
-    assert np.array_equal(item["observation.images.eye_depth"][0].numpy(), want["observation.images.eye_depth"])
-    named = Frames(folder, ["observation.images.eye", "observation.images.eye_depth", "action"], task_names=True)[7]
+    assert np.array_equal(item["observation.depth.eye"][0].numpy(), want["observation.depth.eye"])
+    named = Frames(folder, ["observation.images.eye", "observation.depth.eye", "action"], task_names=True)[7]
     assert set(named) == {"rgb_eye", "depth_eye", "action"}

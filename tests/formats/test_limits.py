@@ -2,7 +2,6 @@
 
 import os
 import time
-from itertools import pairwise
 
 import pytest
 

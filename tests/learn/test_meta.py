@@ -8,8 +8,9 @@ from toy import Reach
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
+from vispeg.datasets.describe import INFO, RENDER, RENDER_FILE, VERSION
 from vispeg.datasets.layout import COUNTED
-from vispeg.datasets.lerobot import INFO, RENDER, VERSION
+from vispeg.datasets.lerobot import DATA
 from vispeg.evaluate.entrants import entrant, refuse_trained_on
 from vispeg.learn.actor import Actor
 from vispeg.learn.coarse_to_fine import combine
@@ -81,8 +82,9 @@ def test_a_record_of_before_that_was_fine_tuned_is_understood(tuned):
 
 
 def test_a_datasets_world_counts_as_one_that_was_learned_in(tmp_path):
-    info = {"codebase_version": VERSION, "features": dict.fromkeys(COUNTED, {}), "total_frames": 0, "fps": 1}
-    for name, said in ((INFO, {**info, "data_path": ""}), (RENDER, {"plan": {"world": "VNP", "world_hash": "its"}})):
+    info = {"codebase_version": VERSION, "features": COUNTED, "total_frames": 1, "fps": 1}
+    plan = {"world": "VNP", "world_hash": "its"}
+    for name, said in ((INFO, {**info, "data_path": DATA}), (RENDER, {"format": RENDER_FILE.name, "plan": plan})):
         write_text_atomic(tmp_path / name, json.dumps(said))
     assert worlds(made_in(tmp_path)) == {"world_hashes": ["its"], "world_parts": parts("VNP")}
     (tmp_path / RENDER).unlink()

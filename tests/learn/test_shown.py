@@ -1,5 +1,6 @@
 """Demonstrations read from a dataset are its successful episodes' own frames, in its order."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -23,18 +24,27 @@ PLAN = Plan("made", "0" * 64, frames=20, looks=1, cameras=("eye",), seed=3, shar
 LAYOUT = lay.Layout(
     {
         "observation.policy": lay.numbers(("a", "b")),
-        "observation.environment_state": lay.numbers(("x", "y", "z")),
+        "label.environment_state": lay.numbers(("x", "y", "z")),
         "action": lay.numbers(("x", "y", "z")),
         "executed.action": lay.numbers(("x", "y", "z")),
         "next.reward": lay.number(),
-        "observation.images.eye": lay.picture(EYE, 3),
-        "observation.images.eye_depth": lay.picture(EYE, 1, depth=True),
+        "observation.images.eye": lay.picture(EYE),
+        "observation.depth.eye": lay.depth(EYE),
     },
     (EYE,),
     ("peg",),
     6.25,
     "Do it.",
     "nobody",
+)
+GREY = {"dtype": "image", "shape": [8, 8, 1], "names": ["height", "width", "channels"]}
+BEFORE = replace(  # as datasets were laid out at first
+    LAYOUT,
+    features={k: f for k, f in LAYOUT.features.items() if not k.startswith(("label.", "observation.depth"))}
+    | {
+        "observation.environment_state": lay.numbers(("x", "y", "z")),
+        "observation.images.eye_depth": GREY | {"info": {"is_depth_map": True, "depth_unit": "m"}},
+    },
 )
 SEEN = Layout(2, {"depth_eye": (1, 8, 8), "rgb_eye": (3, 8, 8)}, 3)
 
@@ -54,15 +64,21 @@ def episodes(layout, failed=()):
         recorder = Recorder(layout)
         for step in range(5):
             rng = stream(number, "frame", step)
+            state = rng.standard_normal(2), rng.standard_normal(3)
+            actions = rng.uniform(-1, 1, 3), rng.uniform(-1, 1, 3), rng.uniform(-1, 1)
+            colour = rng.integers(0, 256, (8, 8, 3), dtype=np.uint8)
+            depth = rng.uniform(0.1, 1, (8, 8)).astype(np.float32)
             recorder.add(
                 {
-                    "observation.policy": rng.standard_normal(2),
-                    "observation.environment_state": rng.standard_normal(3),
-                    "action": rng.uniform(-1, 1, 3),
-                    "executed.action": rng.uniform(-1, 1, 3),
-                    "next.reward": rng.uniform(-1, 1),
-                    "observation.images.eye": rng.integers(0, 256, (8, 8, 3), dtype=np.uint8),
-                    "observation.images.eye_depth": rng.uniform(0.1, 1, (8, 8)).astype(np.float32),
+                    "observation.policy": state[0],
+                    "label.environment_state": state[1],
+                    "observation.environment_state": state[1],
+                    "action": actions[0],
+                    "executed.action": actions[1],
+                    "next.reward": actions[2],
+                    "observation.images.eye": colour,
+                    "observation.depth.eye": depth,
+                    "observation.images.eye_depth": depth,
                 }
             )
         about = {"task": layout.task, "seed": number, "look": 0, "redraws": 0, "redraws_exhausted": False, "cut": False}
@@ -70,8 +86,8 @@ def episodes(layout, failed=()):
         yield recorder.finish(about | ending)
 
 
-def made(out, failed=()):
-    return render(PLAN, LAYOUT, lambda plan, layout, shard: episodes(layout, failed), out, workers=0)
+def made(out, failed=(), laid=LAYOUT):
+    return render(PLAN, laid, lambda plan, layout, shard: episodes(layout, failed), out, workers=0)
 
 
 @pytest.fixture(scope="module")
@@ -91,15 +107,23 @@ def test_every_frame_is_there_with_its_action(folder, beside, feature):
         return np.stack([frame[name] for frame in frames])
 
     assert np.allclose(batch.obs["policy"].numpy(), column("observation.policy"), atol=1e-6)
-    assert np.allclose(batch.obs["privileged"].numpy(), column("observation.environment_state"), atol=1e-6)
+    assert np.allclose(batch.obs["privileged"].numpy(), column("label.environment_state"), atol=1e-6)
     assert np.allclose(batch.action.numpy(), column(feature), atol=1e-6)
     assert np.array_equal(np.moveaxis(batch.obs["rgb_eye"].numpy(), 1, -1), column("observation.images.eye"))
     depth = batch.obs["depth_eye"].numpy()[:, 0]
-    assert np.abs(depth - column("observation.images.eye_depth")).max() <= 0.5 * DEPTH_STEP_M + 1e-6
+    assert np.abs(depth - column("observation.depth.eye")).max() <= 0.5 * DEPTH_STEP_M + 1e-6
     assert batch.done.numpy().tolist() == [0, 0, 0, 0, 1] * 4
     assert np.allclose(batch.reward.numpy(), column("next.reward") if beside else 0)
     on = batch.done.numpy()[:-1] == 0
     assert np.array_equal(batch.next_obs["policy"].numpy()[:-1][on], batch.obs["policy"].numpy()[1:][on])
+
+
+def test_a_dataset_laid_out_as_before_shows_the_same(folder, tmp_path):
+    now = from_folder(folder, "rgbd", SEEN, 0, beside=BESIDE)
+    then = from_folder(made(tmp_path / "d", laid=BEFORE), "rgbd", SEEN, 0, beside=BESIDE)
+    at, row = np.nonzero(now.starts)
+    for key in BESIDE.spaces:
+        assert np.array_equal(now._batch(at, row).obs[key].numpy(), then._batch(at, row).obs[key].numpy()), key
 
 
 def test_batches_are_where_they_are_asked_for(folder):

@@ -24,10 +24,10 @@ from vispeg.render.camera import Camera
 EYE = Camera("wrist", SIZE, SIZE, 10.0, 10.0, 7.5, 7.5, pos=(0, 0, 0.5), quat=(0.0, 1.0, 0.0, 0.0))
 FEATURES = {
     "observation.policy": lay.number(),
-    "observation.environment_state": lay.numbers(("x", "y", "age")),
+    "label.environment_state": lay.numbers(("x", "y", "age")),
     "action": lay.numbers(("x", "y", "z")),
     "next.reward": lay.number(),
-    "observation.images.wrist_depth": lay.picture(EYE, 1, depth=True),
+    "observation.depth.wrist": lay.depth(EYE),
 }
 LAYOUT = lay.Layout(FEATURES, (EYE,), ("peg",), 6.25, "Reach.", "nobody")
 WRONG = 5  # every fifth episode goes away from the target and fails
@@ -47,10 +47,10 @@ def shown(number):
         recorder.add(
             {
                 "observation.policy": before["policy"][0],
-                "observation.environment_state": before["privileged"][0],
+                "label.environment_state": before["privileged"][0],
                 "action": action[0],
                 "next.reward": reward[0],
-                "observation.images.wrist_depth": before["depth_wrist"][0, 0],
+                "observation.depth.wrist": before["depth_wrist"][0, 0],
             }
         )
     about = {"task": "Reach.", "seed": number, "look": 0, "redraws": 0, "redraws_exhausted": False, "cut": False}

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from vispeg.datasets.codec import DEPTH_STEP, encode, to_steps
-from vispeg.datasets.lerobot import OWN
+from vispeg.datasets.layout import colour_of, depth_of
 from vispeg.datasets.read import Dataset
 from vispeg.render.camera import Camera, rotation
 
@@ -27,9 +27,9 @@ def write_bop(source: Path, out: Path) -> None:
     """Writes the dataset in `source` into `out`: `train/SCENE/{rgb,depth,mask_visib}` and the scenes' JSON files."""
     data = Dataset(source)
     scene = 0
-    for number, about in enumerate(data.episodes):
+    for number in range(len(data.episodes)):
         frames = data.episode(number)
-        drawn = {c["name"]: Camera(**c) for c in about[f"{OWN}cameras"]}
+        drawn = data.drawn_cameras(number)
         for name in data.cameras:
             _scene(out / "train" / f"{scene:06d}", data, frames, drawn[name])
             scene += 1
@@ -48,12 +48,12 @@ def write_bop(source: Path, out: Path) -> None:
 
 def _scene(folder: Path, data: Dataset, frames: dict[str, np.ndarray], camera: Camera) -> None:
     cameras, truth, extent = {}, {}, {}
-    image = f"observation.images.{camera.name}"
+    colour, depth = colour_of(camera.name), depth_of(camera.name, frames)
     for kind in ("rgb", "depth", "mask_visib"):
         (folder / kind).mkdir(parents=True)
     for i in range(len(frames["index"])):
-        (folder / "rgb" / f"{i:06d}.png").write_bytes(encode(frames[image][i]))
-        (folder / "depth" / f"{i:06d}.png").write_bytes(encode(to_steps(frames[f"{image}_depth"][i])))
+        (folder / "rgb" / f"{i:06d}.png").write_bytes(encode(frames[colour][i]))
+        (folder / "depth" / f"{i:06d}.png").write_bytes(encode(to_steps(frames[depth][i])))
         pose = matrix(frames[f"label.camera.{camera.name}"][i])
         view = np.linalg.inv(pose)
         cameras[str(i)] = {

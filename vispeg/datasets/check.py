@@ -10,14 +10,19 @@ from typing import Any
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.datasets.layout import COUNTED, is_depth, is_image
-from vispeg.datasets.lerobot import OWN
+from vispeg.datasets.describe import STATS, TASKS
+from vispeg.datasets.episodes import OWN
+from vispeg.datasets.layout import COUNTED, is_depth, is_picture
+from vispeg.datasets.parquet import opened, table, values
 from vispeg.datasets.read import Dataset
+from vispeg.formats.guard import is_file
 
 MOST = 20  # problems of one kind that are told
+UNIT = 1e-3  # by which a quaternion's length may differ from 1
+Watch = Callable[[int], None]
 
 
-def check(folder: str | Path, watch: Callable[[int], None] = lambda frames: None) -> list[str]:
+def check(folder: str | Path, watch: Watch = lambda frames: None) -> list[str]:
     """What is wrong with a dataset, a line each; [] if nothing is.
 
     Args:
@@ -25,58 +30,58 @@ def check(folder: str | Path, watch: Callable[[int], None] = lambda frames: None
         watch: told frames as they have been looked at.
 
     Raises:
-        UserError: no dataset at all, or one whose description cannot be read.
+        UserError: no dataset at all, or one whose `meta/info.json` cannot be read.
     """
     data = Dataset(folder)
-    found = [*_files(data)]
-    if found:  # what lies in a broken file would only be told a second time
+    if found := told(_files(data)):  # what lies in a broken file would only be told a second time
         return found
+    if found := told(_meta(data)):
+        return found
+    return told(_numbers(data)) + _records(data, watch)
+
+
+def told(findings: Iterator[str]) -> list[str]:
+    """Findings up to what ends the search for more, which is the last one."""
+    found = []
     try:
-        found += _ranges(data)
+        for one in findings:
+            found.append(one)
     except UserError as error:
-        return [*found, str(error)]
-    if found:
-        return found
-    found += _numbers(data)
-    found += _records(data, watch)
+        found.append(str(error))
     return found
 
 
 def _files(data: Dataset) -> Iterator[str]:
     for name, digest in data.made.get("files", {}).items():
         path = data.folder / name
-        if not path.is_file():
-            yield f"{path}: is missing"
-        elif hashlib.sha256(path.read_bytes()).hexdigest() != digest:
-            yield f"{path}: was cut short or changed since it was written"
-    if not data.made:
-        for path in sorted(data.folder.glob("data/*/*.parquet")):
-            try:
-                data._open(path)
-            except UserError as error:
-                yield str(error)
+        if not is_file(path):
+            yield f"{path}: is missing, or no file"
+            continue
+        with path.open("rb") as file:
+            if hashlib.file_digest(file, "sha256").hexdigest() != digest:
+                yield f"{path}: was cut short or changed since it was written"
 
 
-def _ranges(data: Dataset) -> Iterator[str]:
-    """Episodes follow one another without a gap, and the totals are theirs."""
-    at = 0
-    for i, e in enumerate(data.episodes):
-        if e["episode_index"] != i:
-            yield f"meta/episodes: line {i} is of episode {e['episode_index']}"
-            return
-        lies = e["dataset_from_index"], e["dataset_to_index"]
-        if lies != (at, at + e["length"]):
-            yield f"episode {i}: lies at {lies[0]} to {lies[1]}; expected {at} to {at + e['length']}"
-            return
-        at += e["length"]
-    for key, total in (("total_frames", at), ("total_episodes", len(data.episodes))):
-        if data.info.get(key) != total:
-            yield f"meta/info.json: {key} is {data.info.get(key)}; the episodes have {total}"
+def _meta(data: Dataset) -> Iterator[str]:
+    """What describes the whole agrees with itself and with the size of the files."""
+    episodes, info = data.episodes, data.info
+    if info.get("total_episodes") != len(episodes):
+        yield f"meta/info.json: total_episodes is {info.get('total_episodes')}; the episodes have {len(episodes)}"
     seen: dict[Any, int] = {}
-    for i, e in enumerate(data.episodes):
+    for i, e in enumerate(episodes):
         key = (e.get(f"{OWN}seed"), e.get(f"{OWN}look"))
         if None not in key and seen.setdefault(key, i) != i:
             yield f"episode {i}: repeats episode {seen[key]} (seed {key[0]}, look {key[1]})"
+    for i in range(len(episodes) if data.cameras else 0):
+        data.drawn_cameras(i)
+    rows = sum(data.open(path).metadata.num_rows for path in data.data_files)
+    if rows != len(data):
+        yield f"{data.folder / 'data'}: {rows} rows; expected {len(data)}"
+    path = data.folder / TASKS
+    tasks = values(COUNTED["task_index"], table(opened(path), path, ["task_index"])["task_index"], path, "task_index")
+    total = info.get("total_tasks", len(tasks))
+    if total != len(tasks) or sorted(tasks) != list(range(len(tasks))):
+        yield f"{path}: task_index is {list(tasks)[:MOST]}; expected 0 to {total} - 1"
 
 
 def _numbers(data: Dataset) -> Iterator[str]:
@@ -90,33 +95,49 @@ def _numbers(data: Dataset) -> Iterator[str]:
         "timestamp": frame / float(data.info["fps"]),
     }
     for name, feature in data.info["features"].items():
-        if is_image(feature) or feature["dtype"] == "string":
+        if is_picture(feature) or feature["dtype"] == "string":
             continue
         try:
-            values = data.numbers(name)
+            found = data.numbers(name)
         except UserError as error:
             yield str(error)
             continue
-        if len(values) != len(data):
-            yield f"{name}: {len(values)} rows; expected {len(data)}"
+        if len(found) != len(data):
+            yield f"{name}: {len(found)} rows; expected {len(data)}"
             continue
         if name in expected:
-            wrong = np.flatnonzero(np.abs(values - expected[name]) > (1e-4 if name == "timestamp" else 0))
+            wrong = np.flatnonzero(~(np.abs(found - expected[name]) <= (1e-4 if name == "timestamp" else 0)))
             if len(wrong):
                 i = int(wrong[0])
-                yield f"frame {i}: {name} is {values[i]}; expected {expected[name][i]:g} ({len(wrong)} such frames)"
-        bad = np.flatnonzero(~np.isfinite(values.astype(float)).reshape(len(values), -1).all(axis=1))
+                yield f"frame {i}: {name} is {found[i]}; expected {expected[name][i]:g} ({len(wrong)} such frames)"
+        real = found.astype(float).reshape(len(found), -1)
+        bad = np.flatnonzero(~np.isfinite(real).all(axis=1))
         if len(bad):
             yield f"frame {bad[0]}: {name} is not finite ({len(bad)} such frames)"
-        elif name not in COUNTED and (stats := data.stats.get(name)):
-            real = values.astype(float).reshape(len(values), -1)
-            for key, value in (("min", real.min(axis=0)), ("max", real.max(axis=0)), ("mean", real.mean(axis=0))):
-                if not np.allclose(stats[key], value, rtol=1e-4, atol=1e-6):
-                    yield f"meta/stats.json: {key} of {name} is not that of the frames"
-                    break
+            continue
+        if name.startswith("label.") and real.shape[1] == 7:
+            off = np.flatnonzero(np.abs(np.linalg.norm(real[:, 3:], axis=1) - 1) > UNIT)
+            if len(off):
+                yield f"frame {off[0]}: {name} has no unit quaternion ({len(off)} such frames)"
+        if name == "task_index" and not (real >= 0).all() & (real < data.info.get("total_tasks", np.inf)).all():
+            yield f"{name}: a task that meta/tasks.parquet does not have"
+        if name not in COUNTED and name in data.stats:
+            yield from _statistics(name, data.stats[name], real)
 
 
-def _records(data: Dataset, watch: Callable[[int], None]) -> list[str]:
+def _statistics(name: str, stats: dict[str, Any], real: np.ndarray) -> Iterator[str]:
+    """Whether statistics are those of numbers (N, d)."""
+    for key, value in (("min", real.min(axis=0)), ("max", real.max(axis=0)), ("mean", real.mean(axis=0))):
+        try:
+            given = np.asarray(stats.get(key), float).reshape(-1)
+        except (TypeError, ValueError):
+            given = np.array([])
+        if given.shape != value.shape or not np.allclose(given, value, rtol=1e-4, atol=1e-6):
+            yield f"{STATS}: {key} of {name} is not that of the frames"
+            return
+
+
+def _records(data: Dataset, watch: Watch) -> list[str]:
     """Pictures are what they should be, and no frame is there twice."""
     found: list[str] = []
     seen: dict[bytes, str] = {}
@@ -126,21 +147,14 @@ def _records(data: Dataset, watch: Callable[[int], None]) -> list[str]:
         try:
             frames = data.episode(number)
         except UserError as error:
-            found.append(f"episode {number}: {error}")
+            found.append(str(error) if "episode " in str(error) else f"episode {number}: {error}")
             continue
-        if len(frames["index"]) != about["length"]:
-            found.append(f"episode {number}: {len(frames['index'])} frames; expected {about['length']}")
-        for name, feature in data.features.items():
-            depth = frames[name] if is_depth(feature) else None
-            if depth is not None and not (np.isfinite(depth).all() and (depth >= 0).all()):
-                found.append(f"episode {number}: {name} has depths that are negative or not finite")
-            parts = len(data.parts)
-            if name.startswith("label.parts.") and parts and int(frames[name].max()) > parts:
-                found.append(f"episode {number}: {name} has part {int(frames[name].max())} of {parts}")
+        found += [f"episode {number}: {one}" for one in pictures(data, frames)]
         for i in range(len(frames["index"])):
             digest = hashlib.blake2b(digest_size=16)
             for name in content:
-                digest.update(np.ascontiguousarray(frames[name][i]).tobytes())
+                value = frames[name][i]
+                digest.update(value.encode() if isinstance(value, str) else np.ascontiguousarray(value).tobytes())
             here = f"frame {about['dataset_from_index'] + i}"
             before = seen.setdefault(digest.digest(), here)
             if before != here:
@@ -150,3 +164,13 @@ def _records(data: Dataset, watch: Callable[[int], None]) -> list[str]:
     if repeated > MOST:
         found.append(f"... and {repeated - MOST} more repeated frames")
     return found
+
+
+def pictures(data: Any, frames: dict[str, np.ndarray]) -> Iterator[str]:
+    """What is wrong with an episode's depth and part numbers, and with what it says of its end."""
+    for name, feature in data.features.items():
+        if is_depth(feature) and not (np.isfinite(frames[name]).all() and (frames[name] >= 0).all()):
+            yield f"{name} has depths that are negative or not finite"
+        parts = len(data.parts)
+        if name.startswith("label.parts.") and parts and int(frames[name].max()) > parts:
+            yield f"{name} has part {int(frames[name].max())} of {parts}"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from vispeg.datasets.codec import encode
-from vispeg.datasets.layout import Layout, is_image, pixel_shape, pixel_type
+from vispeg.datasets.layout import Layout, is_image, is_picture, pixel_shape, pixel_type
 from vispeg.datasets.stats import PictureStats, Stats, of_numbers
 
 
@@ -41,7 +41,7 @@ class Recorder:
     def __init__(self, layout: Layout):
         self.layout = layout
         self.values: dict[str, list[Any]] = {name: [] for name in layout.features}
-        self.pictures = {name: PictureStats(f) for name, f in layout.features.items() if is_image(f)}
+        self.pictures = {name: PictureStats(f) for name, f in layout.features.items() if is_picture(f)}
 
     def add(self, frame: Mapping[str, Any]) -> None:
         """One more frame: every feature's number, vector or picture.
@@ -51,11 +51,11 @@ class Recorder:
         """
         for name, feature in self.layout.features.items():
             value = np.asarray(frame[name])
-            if is_image(feature):
+            if is_picture(feature):
                 if value.shape != pixel_shape(feature) or value.dtype != pixel_type(feature):
                     raise ValueError(f"{name}: {value.shape} {value.dtype}, not as the layout says: {feature}")
                 self.pictures[name].add(value)
-                self.values[name].append(encode(value))
+                self.values[name].append(encode(value) if is_image(feature) else value)
             else:
                 self.values[name].append(value.astype(feature["dtype"]).reshape(feature["shape"]))
 
@@ -63,9 +63,6 @@ class Recorder:
         """The episode."""
         values, stats = {}, {}
         for name, given in self.values.items():
-            if name in self.pictures:
-                values[name], stats[name] = given, self.pictures[name].result()
-            else:
-                values[name] = np.stack(given)
-                stats[name] = of_numbers(values[name])
+            values[name] = given if is_image(self.layout.features[name]) else np.stack(given)
+            stats[name] = self.pictures[name].result() if name in self.pictures else of_numbers(values[name])
         return Episode(values, stats, about)

@@ -1,13 +1,14 @@
 """What a dataset holds: its features as LeRobotDataset v3.0 names them, its cameras, its rate.
 
-The format is LeRobot's own, see docs/datasets.md. A feature is a mapping with `dtype`, `shape` and `names`; images are
-`dtype: image`, depth among them has `info: {is_depth_map: true, depth_unit: m}`.
+The format is LeRobot's own, see docs/datasets.md. A feature is a mapping with `dtype`, `shape` and `names`. Only
+colour is `dtype: image`: LeRobot's policies take every feature of that kind for a camera of three channels. Depth and
+part numbers are arrays (H, W). Datasets written before have them as pictures, under other names; they are read as well.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 VERSION = "v3.0"
 Feature = Mapping[str, Any]
+NUMBERS = ("bool", *(f"{k}int{n}" for k in ("", "u") for n in (8, 16, 32, 64)), "float16", "float32", "float64")
+TRUTH = "observation.environment_state"
 COUNTED: dict[str, Feature] = {  # what every LeRobotDataset has beside its own
     "timestamp": {"dtype": "float32", "shape": [1], "names": None},
     "frame_index": {"dtype": "int64", "shape": [1], "names": None},
@@ -70,24 +73,78 @@ def flag() -> Feature:
     return {"dtype": "bool", "shape": [1], "names": None}
 
 
-def picture(camera: Camera, channels: int, depth: bool = False) -> Feature:
-    """A camera's picture; depth is float32 in m, 0 where there is no reading."""
-    shape = {
+def picture(camera: Camera) -> Feature:
+    """A camera's colour."""
+    return {
         "dtype": "image",
-        "shape": [camera.height, camera.width, channels],
+        "shape": [camera.height, camera.width, 3],
         "names": ["height", "width", "channels"],
     }
-    return shape | ({"info": {"is_depth_map": True, "depth_unit": "m"}} if depth else {})
+
+
+def depth(camera: Camera) -> Feature:
+    """A camera's planar depth: float32 in m, 0 where there is no reading."""
+    return _grid(camera, "float32") | {"info": {"depth_unit": "m"}}
+
+
+def parts(camera: Camera) -> Feature:
+    """What a camera sees, a part's number a pixel."""
+    return _grid(camera, "uint8")
+
+
+def _grid(camera: Camera, dtype: str) -> dict[str, Any]:
+    return {"dtype": dtype, "shape": [camera.height, camera.width], "names": ["height", "width"]}
+
+
+def colour_of(camera: str) -> str:
+    """The feature that holds a camera's colour."""
+    return f"observation.images.{camera}"
+
+
+def depth_of(camera: str, features: Container[str]) -> str:
+    """The feature that holds a camera's depth, by the older of its two names where the features have that one."""
+    old = f"observation.images.{camera}_depth"
+    return old if old in features else f"observation.depth.{camera}"
+
+
+def truth_of(features: Container[str]) -> str:
+    """The feature that holds what only a simulation knows.
+
+    A label, so that LeRobot's policies do not learn from it; `observation.environment_state`, LeRobot's own name for
+    an input of that kind, where the features have that one.
+    """
+    return TRUTH if TRUTH in features else "label.environment_state"
+
+
+def entries_of(feature: Feature) -> list[str]:
+    """A name for each number of a feature: its own, or their places; one without a name is ''."""
+    names, width = feature.get("names"), int(np.prod(feature["shape"]))
+    if isinstance(names, list) and len(names) == width and len({*map(str, names)}) == width:
+        return [str(name) for name in names]
+    return [""] if width == 1 else [str(i) for i in range(width)]
+
+
+def short_of(name: str) -> str:
+    """A picture feature's name where files or people are told: CAMERA, CAMERA_depth, parts.CAMERA."""
+    if name.startswith("observation.depth."):
+        return name.removeprefix("observation.depth.") + "_depth"
+    return name.removeprefix("observation.images.").removeprefix("label.")
 
 
 def is_image(feature: Feature) -> bool:
-    """Whether a feature is a picture."""
+    """Whether a feature's values are encoded pictures."""
     return feature.get("dtype") == "image"
+
+
+def is_picture(feature: Feature) -> bool:
+    """Whether a feature has a value for every pixel, encoded or not."""
+    return is_image(feature) or list(feature.get("names") or ()) == ["height", "width"]
 
 
 def is_depth(feature: Feature) -> bool:
     """Whether a feature is a depth picture."""
-    return bool((feature.get("info") or {}).get("is_depth_map"))
+    info = feature.get("info") or {}
+    return bool(info.get("depth_unit") or info.get("is_depth_map"))
 
 
 def pixel_type(feature: Feature) -> np.dtype:
@@ -97,24 +154,28 @@ def pixel_type(feature: Feature) -> np.dtype:
 
 def pixel_shape(feature: Feature) -> tuple[int, ...]:
     """The shape of a picture as NumPy holds it: (H, W, 3), or (H, W) for one channel."""
-    height, width, channels = feature["shape"]
+    height, width, channels = (*feature["shape"], 1)[:3]
     return (height, width) if channels == 1 else (height, width, channels)
 
 
 def schema(features: Mapping[str, Feature]) -> pa.Schema:
-    """The Arrow schema of a data file, with the note by which Hugging Face's `datasets` knows pictures again."""
+    """The Arrow schema of a data file, with the note by which Hugging Face's `datasets` knows pictures and arrays."""
     import pyarrow as pa
 
     fields, known = [], {}
     for name, feature in features.items():
-        width = 1 if is_image(feature) else int(np.prod(feature["shape"]))
+        shape = tuple(feature["shape"])
         if is_image(feature):
             kind, known[name] = pa.struct([("bytes", pa.binary()), ("path", pa.string())]), {"_type": "Image"}
+        elif len(shape) == 2:
+            kind = pa.list_(pa.list_(pa.type_for_alias(feature["dtype"])))
+            known[name] = {"shape": shape, "dtype": feature["dtype"], "_type": "Array2D"}
         else:
-            scalar = pa.type_for_alias(feature["dtype"])
-            value = {"dtype": feature["dtype"], "_type": "Value"}
-            kind = scalar if width == 1 else pa.list_(scalar, width)
-            known[name] = value if width == 1 else {"feature": value, "length": width, "_type": "Sequence"}
+            kind, value = pa.type_for_alias(feature["dtype"]), {"dtype": feature["dtype"], "_type": "Value"}
+            known[name] = value
+            if shape != (1,):
+                kind = pa.list_(kind, shape[0])
+                known[name] = {"feature": value, "length": shape[0], "_type": "Sequence"}
         fields.append(pa.field(name, kind))
     return pa.schema(fields, {"huggingface": json.dumps({"info": {"features": known}})})
 
@@ -126,6 +187,22 @@ def column(feature: Feature, values: Any) -> pa.Array:
     if is_image(feature):
         fields = [pa.array(list(values), pa.binary()), pa.nulls(len(values), pa.string())]
         return pa.StructArray.from_arrays(fields, ["bytes", "path"])
-    width, kind = int(np.prod(feature["shape"])), pa.type_for_alias(feature["dtype"])
+    shape, kind = tuple(feature["shape"]), pa.type_for_alias(feature["dtype"])
     flat = pa.array(np.asarray(values, feature["dtype"]).reshape(-1), kind)
-    return flat if width == 1 else pa.FixedSizeListArray.from_arrays(flat, width)
+    if len(shape) == 2:
+        rows = pa.ListArray.from_arrays(_ends(len(values) * shape[0], shape[1]), flat)
+        return pa.ListArray.from_arrays(_ends(len(values), shape[0]), rows)
+    return flat if shape == (1,) else pa.FixedSizeListArray.from_arrays(flat, shape[0])
+
+
+def _ends(count: int, each: int) -> pa.Array:
+    import pyarrow as pa
+
+    return pa.array(np.arange(0, count * each + 1, each), pa.int32())
+
+
+def packing(features: Mapping[str, Feature]) -> dict[str, Any]:
+    """Options of a Parquet file of these features; bytes of depth are sorted by place, which halves what zstd needs."""
+    depths = [name for name, f in features.items() if is_depth(f) and not is_image(f)]
+    split = [f"{name}.list.element.list.element" for name in depths]
+    return {"compression": "zstd", "use_dictionary": False, "use_byte_stream_split": split}

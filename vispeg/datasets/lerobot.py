@@ -19,7 +19,9 @@ from typing import Any
 import numpy as np
 
 from vispeg.core.files import write_bytes_atomic, write_text_atomic
-from vispeg.datasets.layout import VERSION, Layout
+from vispeg.datasets.describe import CAMERA_FILE, CAMERAS, INFO, RENDER, RENDER_FILE, STATS, TASKS
+from vispeg.datasets.episodes import FOLDER, OWN
+from vispeg.datasets.layout import VERSION, Layout, packing
 from vispeg.datasets.plan import Plan
 from vispeg.datasets.shard import ABOUT
 from vispeg.datasets.stats import Stats, of_numbers, together
@@ -27,10 +29,7 @@ from vispeg.render.camera_files import to_record
 
 CHUNK = 1000  # files a folder
 DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
-EPISODES = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
-INFO, STATS, TASKS = "meta/info.json", "meta/stats.json", "meta/tasks.parquet"
-CAMERAS, RENDER = "meta/cameras.json", "meta/render.json"
-OWN = "vispeg/"  # before the names of columns that LeRobot does not have
+EPISODES = f"{FOLDER}/chunk-{{chunk_index:03d}}/file-{{file_index:03d}}.parquet"
 
 
 def path_of(pattern: str, shard: int) -> str:
@@ -38,7 +37,7 @@ def path_of(pattern: str, shard: int) -> str:
     return pattern.format(chunk_index=shard // CHUNK, file_index=shard % CHUNK)
 
 
-def place(folder: Path, part: Path, shard: int, first_episode: int, first_frame: int) -> int:
+def place(folder: Path, part: Path, layout: Layout, shard: int, first_episode: int, first_frame: int) -> int:
     """Writes a finished shard's two files from its bytes in `part`. Returns how many episodes it has.
 
     The data come last: a shard whose data are there is done.
@@ -46,6 +45,7 @@ def place(folder: Path, part: Path, shard: int, first_episode: int, first_frame:
     Args:
         folder: of the dataset.
         part: a file that holds what `shard_bytes` gave.
+        layout: of the dataset.
         shard: its number.
         first_episode, first_frame: how many lie before it.
     """
@@ -56,7 +56,7 @@ def place(folder: Path, part: Path, shard: int, first_episode: int, first_frame:
     with pq.ParquetFile(part) as file:
         about = json.loads(file.metadata.metadata[ABOUT])
         kept = file.schema_arrow.with_metadata({b"huggingface": file.schema_arrow.metadata[b"huggingface"]})
-        with pq.ParquetWriter(sink, kept, compression="snappy") as out:
+        with pq.ParquetWriter(sink, kept, **packing(layout.all)) as out:
             for i, one in enumerate(about):
                 table = file.read_row_group(i)
                 episode = np.full(len(table), first_episode + i)
@@ -111,15 +111,14 @@ def finish(folder: Path, plan: Plan, layout: Layout, provenance: Mapping[str, An
             short = [k.rpartition("/")[2] for k in keys]
             stats.setdefault(name, []).extend(dict(zip(short, v, strict=True)) for v in zip(*found, strict=True))
     totals: dict[str, Stats] = {name: together(parts) for name, parts in stats.items()}
-    cameras = {"format": "vispeg-cameras/1", "cameras": [to_record(c) for c in layout.cameras], "parts": layout.parts}
-    files = {
-        path_of(p, s.number): _sha256(folder / path_of(p, s.number)) for s in plan.shards for p in (DATA, EPISODES)
-    }
-    render = {"format": "vispeg-dataset/1", "plan": plan.to_json(), "files": files, "provenance": dict(provenance)}
+    cameras = {"format": CAMERA_FILE.name, "cameras": [to_record(c) for c in layout.cameras], "parts": layout.parts}
     _json(folder / STATS, totals)
     _json(folder / CAMERAS, cameras)
-    _json(folder / RENDER, render)
     write_bytes_atomic(folder / TASKS, _tasks(layout.task), overwrite=True)
+    names = [path_of(p, s.number) for s in plan.shards for p in (DATA, EPISODES)] + [STATS, CAMERAS, TASKS]
+    files = {name: _sha256(folder / name) for name in names}
+    render = {"format": RENDER_FILE.name, "plan": plan.to_json(), "files": files, "provenance": dict(provenance)}
+    _json(folder / RENDER, render)
     _json(folder / INFO, info(layout, plan.frames, episodes))
 
 

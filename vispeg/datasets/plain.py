@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from vispeg.datasets.codec import encode, to_steps
-from vispeg.datasets.layout import is_depth, is_image
+from vispeg.datasets.layout import entries_of, is_depth, is_picture, short_of
 from vispeg.datasets.read import Dataset
 from vispeg.render.camera_files import save_cameras
 
@@ -29,9 +29,9 @@ def write_plain(source: Path, out: Path) -> None:
         folder.mkdir()
         frames = data.episode(number)
         for name, feature in data.features.items():
-            if not is_image(feature):
+            if not is_picture(feature):
                 continue
-            short = name.removeprefix("observation.images.").removeprefix("label.")
+            short = short_of(name)
             for i, image in enumerate(frames[name]):
                 pixels = encode(to_steps(image) if is_depth(feature) else image)
                 (folder / f"{short}-{i:03d}.png").write_bytes(pixels)
@@ -51,10 +51,10 @@ def write_plain(source: Path, out: Path) -> None:
 def _table(path: Path, data: Dataset, frames: dict[str, np.ndarray]) -> None:
     columns: dict[str, Any] = {}
     for name, feature in data.features.items():
-        if is_image(feature):
+        if is_picture(feature):
             continue
         values = frames[name].reshape(len(frames[name]), -1)
-        for j, entry in enumerate(feature["names"] or [""]):
+        for j, entry in enumerate(entries_of(feature)):
             columns[f"{name}.{entry}" if entry else name] = values[:, j].tolist()
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)

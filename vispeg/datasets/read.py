@@ -2,32 +2,32 @@
 
 from __future__ import annotations
 
-import json
 from bisect import bisect_right
-from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Sequence
+from collections import Counter, OrderedDict
+from collections.abc import Iterable, Iterator
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.datasets.codec import decode
-from vispeg.datasets.layout import COUNTED, Feature, is_depth, is_image, pixel_shape, pixel_type
-from vispeg.datasets.lerobot import CAMERAS, INFO, OWN, RENDER, STATS, VERSION
+from vispeg.datasets.describe import cameras_of, read_cameras, read_info, read_made, read_stats
+from vispeg.datasets.episodes import FOLDER, OWN, read_episodes
+from vispeg.datasets.layout import Feature, is_image, is_picture, pixel_shape, pixel_type
+from vispeg.datasets.parquet import opened, table, values
 from vispeg.render.camera import Camera
 
-if TYPE_CHECKING:
-    import pyarrow as pa
-
-KEPT = 4  # episodes whose encoded pictures stay in memory
+KEPT = 4  # episodes that stay in memory, pictures encoded
+OPEN = 32  # files
 
 
 class Dataset:
     """A LeRobotDataset v3.0 folder whose pictures lie in its Parquet files, such as `vispeg render` writes.
 
-    `dataset[i]` is frame i: a mapping from feature names to arrays; `for frame in dataset` walks them all.
+    `dataset[i]` is frame i: a mapping from feature names to arrays; `for frame in dataset` walks them all. Files are
+    read when they are needed; damage in them raises UserError then.
 
     Args:
         folder: of the dataset.
@@ -43,13 +43,13 @@ class Dataset:
 
     def __init__(self, folder: str | Path, features: Iterable[str] | None = None):
         self.folder = Path(folder).expanduser()
-        self.info = _info(self.folder)
+        self.info = read_info(self.folder)
         known: dict[str, Feature] = self.info["features"]
         for name in features or ():
             if name not in known:
                 raise UserError("the dataset has no such feature", file=folder, got=name, choices=known)
         self.features = {k: f for k, f in known.items() if features is None or k in set(features)}
-        if video := [k for k, f in self.features.items() if f.get("dtype") == "video"]:
+        if video := [k for k, f in self.features.items() if f["dtype"] == "video"]:
             raise UserError("pictures in video files are not read here", file=folder, key=video[0])
         self._kept: OrderedDict[int, Any] = OrderedDict()
         self._files: OrderedDict[Path, Any] = OrderedDict()
@@ -62,7 +62,8 @@ class Dataset:
             raise IndexError(f"frame {index} of {len(self)}")
         index %= len(self)
         number = bisect_right(self._starts, index) - 1
-        return self._frame(self._table(number), index - self._starts[number], f"frame {index}")
+        row = index - self._starts[number]
+        return {name: self._value(number, name, row, f"frame {index}") for name in self.features}
 
     def __iter__(self) -> Iterator[dict[str, np.ndarray]]:
         return (self[i] for i in range(len(self)))
@@ -71,180 +72,124 @@ class Dataset:
         """All frames of an episode: (T, ...) arrays by feature."""
         if not 0 <= number < len(self.episodes):
             raise IndexError(f"episode {number} of {len(self.episodes)}")
-        table = self._table(number)
-        rows = [self._frame(table, i, f"episode {number}, frame {i}") for i in range(len(table))]
-        return {name: np.stack([row[name] for row in rows]) for name in self.features}
+        found = self._columns(number)
+        out = {name: found[name] for name in self.features}
+        for name in [name for name, feature in self.features.items() if is_image(feature)]:
+            rows = range(len(found[name]))
+            out[name] = np.stack([self._value(number, name, i, f"episode {number}, frame {i}") for i in rows])
+        return out
 
     @cached_property
     def episodes(self) -> list[dict[str, Any]]:
         """What `meta/episodes` says of each episode, without statistics; drawn worlds and the like are decoded."""
-        import pyarrow as pa
+        return read_episodes(self.folder, len(self))
 
-        tables = [self._open(path).read(columns=None) for path in self._meta_files()]
-        whole = pa.concat_tables(tables, promote_options="default")
-        whole = whole.select([c for c in whole.column_names if not c.startswith("stats/")])
-        rows = sorted(whole.to_pylist(), key=lambda row: row["episode_index"])
-        for row in rows:
-            for key, value in row.items():
-                if key.startswith(OWN) and isinstance(value, str) and value[:1] in "{[":
-                    row[key] = json.loads(value)
-        return rows
-
-    @cached_property
+    @property
     def cameras(self) -> dict[str, Camera]:
         """The cameras as their user believes them, by name; none where the dataset does not say."""
-        record = self._json(CAMERAS, {"cameras": []})
-        return {c["name"]: Camera(**c) for c in record["cameras"]}
+        return self._cameras[0]
 
-    @cached_property
+    @property
     def parts(self) -> tuple[str, ...]:
         """Names of the parts that label pictures count from 1."""
-        return tuple(self._json(CAMERAS, {}).get("parts", ()))
+        return self._cameras[1]
+
+    @cached_property
+    def _cameras(self) -> tuple[dict[str, Camera], tuple[str, ...]]:
+        return read_cameras(self.folder, self.info["features"])
+
+    def drawn_cameras(self, number: int) -> dict[str, Camera]:
+        """The cameras as they were drawn for an episode, by name; as their user believes them where it does not say."""
+        records = self.episodes[number].get(f"{OWN}cameras")
+        if records is None:
+            return self.cameras
+        place = f"episode {number}, {OWN}cameras"
+        return self.cameras | cameras_of(records, self.info["features"], self.folder / FOLDER, place)
 
     @cached_property
     def made(self) -> dict[str, Any]:
         """How it was rendered: plan, digests of files, provenance; {} where it was not rendered by this program."""
-        return self._json(RENDER, {})
+        return read_made(self.folder)
 
     @cached_property
     def stats(self) -> dict[str, Any]:
         """The content of `meta/stats.json`."""
-        return self._json(STATS, {})
+        return read_stats(self.folder)
 
     def numbers(self, name: str) -> np.ndarray:
         """A feature of all frames at once, (N, ...); pictures are refused."""
         known: dict[str, Feature] = self.info["features"]
-        if name not in known or is_image(known[name]):
-            choices = [k for k, f in known.items() if not is_image(f)]
+        if name not in known or is_picture(known[name]):
+            choices = [k for k, f in known.items() if not is_picture(f)]
             raise UserError("no such numbers", file=self.folder, got=name, choices=choices)
-        files = list(dict.fromkeys(self._data_file(e) for e in self.episodes))
-        found = [self._read(lambda f=file: self._open(f).read(columns=[name]), file)[name] for file in files]
-        return np.concatenate([_array(known[name], column) for column in found])
+        found = [values(known[name], table(self.open(p), p, [name])[name], p, name) for p in self.data_files]
+        return np.concatenate(found)
 
     def bytes(self, number: int, name: str) -> list[bytes]:
         """The encoded pictures of an episode."""
-        return self._table(number)[name].combine_chunks().field("bytes").to_pylist()
+        return self._columns(number)[name]
 
     # Files ----------------------------------------------------------------------------------------------------
+    @cached_property
+    def data_files(self) -> list[Path]:
+        """The files that the episodes lie in, in their order."""
+        return list(dict.fromkeys(self._data_file(e) for e in self.episodes))
+
+    def open(self, path: Path) -> Any:
+        """A file of the dataset as `pyarrow.parquet.ParquetFile`; a few stay open."""
+        if path not in self._files:
+            self._files[path] = opened(path)
+            while len(self._files) > OPEN:
+                self._files.popitem(last=False)[1].close()
+        return self._files[path]
+
     @cached_property
     def _starts(self) -> list[int]:
         return [e["dataset_from_index"] for e in self.episodes]
 
     @cached_property
-    def _groups(self) -> dict[int, int]:
-        """The row group of each episode in its file."""
-        seen: dict[Path, int] = {}
+    def _groups(self) -> tuple[dict[int, int], Counter[Path]]:
+        """Which of a file's episodes each one is, and how many a file has."""
+        seen: Counter[Path] = Counter()
         out = {}
         for e in self.episodes:
             file = self._data_file(e)
-            out[e["episode_index"]] = seen.get(file, 0)
-            seen[file] = seen.get(file, 0) + 1
-        return out
+            out[e["episode_index"]] = seen[file]
+            seen[file] += 1
+        return out, seen
 
     def _data_file(self, e: dict[str, Any]) -> Path:
         name = self.info["data_path"].format(chunk_index=e["data/chunk_index"], file_index=e["data/file_index"])
         return self.folder / name
 
-    def _table(self, number: int) -> pa.Table:
+    def _columns(self, number: int) -> dict[str, Any]:
+        """An episode's features: arrays, or encoded pictures."""
         if number in self._kept:
             self._kept.move_to_end(number)
             return self._kept[number]
         import pyarrow.compute as pc
 
         path, columns = self._data_file(self.episodes[number]), list(self.features)
-        file = self._open(path)
-        if file.num_row_groups == sum(self._data_file(e) == path for e in self.episodes):
-            table = self._read(lambda: file.read_row_group(self._groups[number], columns), path)
+        file, (groups, counts) = self.open(path), self._groups
+        if file.num_row_groups == counts[path]:
+            found = table(file, path, columns, groups[number])
         else:  # another writer's groups
-            whole = self._read(lambda: file.read([*dict.fromkeys([*columns, "episode_index"])]), path)
-            table = whole.filter(pc.equal(whole["episode_index"], number)).select(columns)
-        self._kept[number] = table
+            whole = table(file, path, [*dict.fromkeys([*columns, "episode_index"])])
+            found = whole.filter(pc.equal(whole["episode_index"], number)).select(columns)
+        length = self.episodes[number]["length"]
+        if len(found) != length:
+            raise UserError(f"episode {number} has {len(found)} frames", file=path, expected=length)
+        self._kept[number] = {name: values(self.features[name], found[name], path, name) for name in columns}
         while len(self._kept) > KEPT:
             self._kept.popitem(last=False)
-        return table
+        return self._kept[number]
 
-    def _frame(self, table: pa.Table, row: int, where: str) -> dict[str, np.ndarray]:
-        out = {}
-        for name, feature in self.features.items():
-            value = table[name][row].as_py()
-            if not is_image(feature):
-                out[name] = _shaped(feature, value)
-                continue
-            image = decode(value["bytes"] or b"", f"{where}, {name}")
-            if image.shape != pixel_shape(feature) or (is_depth(feature) and image.dtype != pixel_type(feature)):
-                expected = f"{pixel_shape(feature)} {pixel_type(feature)}"
-                got = f"{image.shape} {image.dtype}"
-                raise UserError("a picture of another kind", key=f"{where}, {name}", expected=expected, got=got)
-            out[name] = image
-        return out
-
-    def _meta_files(self) -> Sequence[Path]:
-        files = sorted((self.folder / "meta/episodes").glob("*/*.parquet"))
-        if not files:
-            raise UserError("has no episodes", file=self.folder / "meta/episodes")
-        return files
-
-    def _open(self, path: Path) -> Any:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
-        if path not in self._files:
-            try:
-                self._files[path] = pq.ParquetFile(path)
-            except OSError as error:
-                raise UserError(f"cannot be read: {error.strerror or error}", file=path) from None
-            except pa.ArrowInvalid:
-                raise UserError("is cut short, or no Parquet file", file=path) from None
-            while len(self._files) > 32:
-                self._files.popitem(last=False)[1].close()
-        return self._files[path]
-
-    def _read(self, action: Any, path: Path) -> Any:
-        import pyarrow as pa
-
-        try:
-            return action()
-        except (OSError, pa.ArrowException, KeyError) as error:
-            raise UserError(f"cannot be read ({' '.join(str(error).split())[:80]})", file=path) from None
-
-    def _json(self, name: str, otherwise: Any) -> Any:
-        path = self.folder / name
-        if not path.is_file():
-            return otherwise
-        try:
-            return json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            raise UserError("is no JSON", file=path, got=str(error)) from None
-
-
-def _info(folder: Path) -> dict[str, Any]:
-    path = folder / INFO
-    if not path.is_file():
-        unfinished = folder.with_name(folder.name + ".unfinished")
-        begun = folder.name.endswith(".unfinished") or (unfinished.is_dir() and not folder.exists())
-        hint = "its rendering is not finished: repeat the `vispeg render` that began it" if begun else "is no dataset"
-        raise UserError(hint, file=folder, expected=f"a folder with {INFO}")
-    try:
-        info = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise UserError("is no JSON", file=path, got=str(error)) from None
-    if not isinstance(info, dict) or info.get("codebase_version") != VERSION:
-        got = info.get("codebase_version") if isinstance(info, dict) else info
-        raise UserError("another version", file=path, key="codebase_version", expected=VERSION, got=got)
-    for key in ("features", "total_frames", "fps", "data_path"):
-        if key not in info:
-            raise UserError("is missing", file=path, key=key)
-    if missing := [name for name in COUNTED if name not in info["features"]]:
-        raise UserError("is missing", file=path, key=f"features.{missing[0]}")
-    return info
-
-
-def _shaped(feature: Feature, value: Any) -> np.ndarray:
-    return np.asarray(value, feature["dtype"]).reshape([] if feature["shape"] == [1] else feature["shape"])
-
-
-def _array(feature: Feature, column: Any) -> np.ndarray:
-    flat = column.combine_chunks()
-    if feature["shape"] == [1]:
-        return flat.to_numpy(zero_copy_only=False)
-    return flat.flatten().to_numpy(zero_copy_only=False).reshape(len(flat), *feature["shape"])
+    def _value(self, number: int, name: str, row: int, where: str) -> np.ndarray:
+        feature, value = self.features[name], self._columns(number)[name][row]
+        if not is_image(feature):
+            return np.array(value)
+        image, shape = decode(value, f"{where}, {name}"), pixel_shape(feature)
+        if image.shape != shape or image.dtype != pixel_type(feature):
+            expected, got = f"{shape} {pixel_type(feature)}", f"{image.shape} {image.dtype}"
+            raise UserError("a picture of another kind", key=f"{where}, {name}", expected=expected, got=got)
+        return image

@@ -25,6 +25,7 @@ from vispeg.datasets.shard import Source
 Watch = Callable[[int], None]
 Export = Callable[[Path, Path], None]
 PLAN, PARTS = "plan.json", "shards"
+LAYOUT = 2  # of the files that a rendering makes; a begun one of another layout is not mixed with it
 VERSIONS = ("vispeg", "mujoco", "numpy", "opencv-python-headless", "pyarrow")  # other ones may make other bytes
 
 
@@ -60,7 +61,7 @@ def render(
     refuse(target, overwrite, holds="dataset", inputs=(plan.world,))
     work = target.resolve().with_name(target.resolve().name + ".unfinished")
     _begin(work, plan)
-    placer = _Placer(work, plan)
+    placer = _Placer(work, plan, layout)
     watch(sum(s.frames for s in plan.shards if s.number not in placer.missing))
     wanted = [s for s in plan.shards if s.number in placer.missing]
     for shard, data in engine(wanted, source, plan, layout, workers, watch):
@@ -80,8 +81,8 @@ def render(
 class _Placer:
     """Puts shards in their places, in order; one that comes early waits in `shards/`."""
 
-    def __init__(self, folder: Path, plan: Plan):
-        self.folder, self.plan = folder, plan
+    def __init__(self, folder: Path, plan: Plan, layout: Layout):
+        self.folder, self.plan, self.layout = folder, plan, layout
         self.next, self.episodes = 0, 0
         self.advance()
         self.missing = {s.number for s in plan.shards[self.next :] if not self.part(s).is_file()}
@@ -98,7 +99,9 @@ class _Placer:
             if (self.folder / path_of(DATA, shard.number)).is_file():
                 self.episodes += pq.read_metadata(self.folder / path_of(EPISODES, shard.number)).num_rows
             elif self.part(shard).is_file():
-                self.episodes += place(self.folder, self.part(shard), shard.number, self.episodes, shard.first)
+                self.episodes += place(
+                    self.folder, self.part(shard), self.layout, shard.number, self.episodes, shard.first
+                )
             else:
                 return
             self.part(shard).unlink(missing_ok=True)
@@ -107,7 +110,10 @@ class _Placer:
 
 def _begin(work: Path, plan: Plan) -> None:
     """Makes the folder of a rendering, or checks that the one there is of the same plan."""
-    path, now = work / PLAN, {**plan.to_json(), **{f"version of {name}": _version(name) for name in VERSIONS}}
+    path, now = (
+        work / PLAN,
+        {**plan.to_json(), "layout": LAYOUT, **{f"version of {name}": _version(name) for name in VERSIONS}},
+    )
     if not work.exists() or not any(work.iterdir()):
         write_text_atomic(path, json.dumps(now, indent=2) + "\n")
         return

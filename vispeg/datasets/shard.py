@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vispeg.datasets.episode import Episode
-from vispeg.datasets.layout import Layout, column, schema
+from vispeg.datasets.layout import Layout, column, packing, schema
 from vispeg.datasets.plan import Plan, Shard
 from vispeg.datasets.stats import of_numbers
 
@@ -34,7 +34,7 @@ def shard_bytes(source: Source, plan: Plan, layout: Layout, shard: Shard, tick: 
     import pyarrow.parquet as pq
 
     sink, about, first = pa.BufferOutputStream(), [], 0
-    with pq.ParquetWriter(sink, schema(layout.all), compression="snappy") as file:
+    with pq.ParquetWriter(sink, schema(layout.all), **packing(layout.all)) as file:
         for number, episode in enumerate(source(plan, layout, shard)):
             table, stats = counted(layout, episode, number, first)
             file.write_table(table)

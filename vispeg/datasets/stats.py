@@ -1,7 +1,8 @@
 """Least, greatest, mean, spread and quantiles of features: of an episode, and of episodes together.
 
-Pictures count a channel at a time, with values from 0 to 1 (depth: in m). Episodes are put together as in Chan, Golub
-and LeVeque, "Algorithms for computing the sample variance" (1983); quantiles of a whole are means of the episodes'.
+Pictures count a channel at a time, with values from 0 to 1 (depth: in m; part numbers as they are). Episodes are put
+together as in Chan, Golub and LeVeque, "Algorithms for computing the sample variance" (1983); quantiles of a whole are
+means of the episodes'.
 """
 
 from __future__ import annotations
@@ -29,9 +30,10 @@ class PictureStats:
     """Adds up pictures of one feature one by one; histograms give the quantiles (depth: of 1 mm, to 4 m)."""
 
     def __init__(self, feature: Feature):
-        self.depth, self.channels = is_depth(feature), int(feature["shape"][2])
+        self.depth, self.channels = is_depth(feature), (*feature["shape"], 1)[2]
+        self.shape = (-1, 1, 1) if is_image(feature) else (1, 1)
         self.bins = 4001 if self.depth else 256
-        self.step = 1e-3 if self.depth else 1 / 255
+        self.step = 1e-3 if self.depth else 1 / 255 if is_image(feature) else 1.0
         self.histogram = np.zeros((self.channels, self.bins), np.int64)
         self.low, self.high = np.full(self.channels, np.inf), np.full(self.channels, -np.inf)
         self.sum, self.squares, self.pixels, self.frames = np.zeros(self.channels), np.zeros(self.channels), 0, 0
@@ -60,7 +62,7 @@ class PictureStats:
         self.sum, self.squares = self.histogram @ level, self.histogram @ level**2
 
     def result(self) -> Stats:
-        """Entries of shape (channels, 1, 1); `count` is the number of pictures."""
+        """Entries of shape (channels, 1, 1), of arrays (1, 1); `count` is the number of pictures."""
         if not self.depth:
             self._moments()
         mean = self.sum / self.pixels
@@ -69,7 +71,7 @@ class PictureStats:
         share = np.cumsum(self.histogram, axis=1) / self.pixels
         for name, q in QUANTILES.items():
             out[name] = np.array([np.searchsorted(s, q) for s in share]) * self.step
-        return {**{k: x.reshape(-1, 1, 1).tolist() for k, x in out.items()}, "count": [self.frames]}
+        return {**{k: x.reshape(self.shape).tolist() for k, x in out.items()}, "count": [self.frames]}
 
 
 def together(parts: Iterable[Mapping[str, Any]]) -> Stats:
@@ -89,8 +91,3 @@ def together(parts: Iterable[Mapping[str, Any]]) -> Stats:
     out = {"min": every("min").min(axis=0), "max": every("max").max(axis=0), "mean": centre, "std": spread}
     out |= {q: mean(every(q)) for q in QUANTILES}
     return {**{k: x.tolist() for k, x in out.items()}, "count": [int(n.sum())]}
-
-
-def scaled(feature: Feature) -> bool:
-    """Whether a feature's statistics are those of values divided by 255."""
-    return is_image(feature) and not is_depth(feature)

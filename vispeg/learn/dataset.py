@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from vispeg.datasets.layout import is_depth, is_image
+from vispeg.datasets.layout import is_depth, is_picture, short_of, truth_of
 from vispeg.datasets.read import Dataset
 
-PICTURES = "observation.images."
+OBSERVED = ("observation.images.", "observation.depth.")
 
 
 class Frames(torch.utils.data.Dataset[dict[str, torch.Tensor]]):
@@ -46,17 +46,17 @@ class Frames(torch.utils.data.Dataset[dict[str, torch.Tensor]]):
         return {self._name(k): torch.from_numpy(self._first(k, v)) for k, v in frame.items()}
 
     def _first(self, name: str, value: np.ndarray) -> np.ndarray:
-        if not is_image(self.features[name]):
+        if not is_picture(self.features[name]):
             return np.array(value)
         return np.ascontiguousarray(np.moveaxis(value, -1, 0)) if value.ndim == 3 else value[None].copy()
 
     def _name(self, name: str) -> str:
         if not self.task_names:
             return name
-        if name.startswith(PICTURES):
-            camera = name.removeprefix(PICTURES)
+        if name.startswith(OBSERVED):
+            camera = short_of(name)
             return f"depth_{camera.removesuffix('_depth')}" if is_depth(self.features[name]) else f"rgb_{camera}"
-        return {"observation.policy": "policy", "observation.environment_state": "privileged"}.get(name, name)
+        return {"observation.policy": "policy", truth_of(self.features): "privileged"}.get(name, name)
 
     def __getstate__(self) -> dict[str, object]:
         return {**self.__dict__, "_data": None}  # open files do not travel to the loader's workers

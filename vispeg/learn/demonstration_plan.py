@@ -10,7 +10,7 @@ from typing import Any
 from vispeg.core.effect import Placed, effect
 from vispeg.core.errors import UserError
 from vispeg.core.world import Ranged, World
-from vispeg.datasets.layout import Layout, flag, number, numbers, picture
+from vispeg.datasets.layout import Layout, colour_of, depth, depth_of, flag, number, numbers, parts, picture, truth_of
 from vispeg.datasets.plan import Plan, shard_frames
 from vispeg.render.camera import Camera
 from vispeg.robots.scene import Scene, build
@@ -98,7 +98,7 @@ def layout_of(file: WorldFile, task: TaskConfig, cameras: tuple[Camera, ...], la
     features: dict[str, Any] = {
         "observation.state": numbers(STATE),
         "observation.policy": numbers([f"policy{i}" for i in range(task.stack * policy_size(task))]),
-        "observation.environment_state": numbers([f"truth{i}" for i in range(PRIVILEGED)]),
+        truth_of(()): numbers([f"truth{i}" for i in range(PRIVILEGED)]),
         "action": numbers(task.dof),
         "executed.action": numbers(task.dof),
         "next.reward": number(),
@@ -109,8 +109,8 @@ def layout_of(file: WorldFile, task: TaskConfig, cameras: tuple[Camera, ...], la
     }
     for c in cameras:
         features[f"label.camera.{c.name}"] = numbers(POSE)
-        features[f"observation.images.{c.name}"] = picture(c, 3)
-        features[f"observation.images.{c.name}_depth"] = picture(c, 1, depth=True)
+        features[colour_of(c.name)] = picture(c)
+        features[depth_of(c.name, ())] = depth(c)
         if labels:
-            features[f"label.parts.{c.name}"] = picture(c, 1)
+            features[f"label.parts.{c.name}"] = parts(c)
     return Layout(features, cameras, tuple(scene_of(task).parts), 1 / task.policy_period, TASK, file.world.robot)

@@ -21,7 +21,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.core.world import Ranged, World
 from vispeg.datasets.episode import Episode, Recorder
-from vispeg.datasets.layout import Layout
+from vispeg.datasets.layout import Layout, colour_of, depth_of, truth_of
 from vispeg.datasets.plan import Plan, Shard, look_seed
 from vispeg.datasets.sensing import ROWS as SENSOR_ROWS
 from vispeg.datasets.sensing import Clip, sense
@@ -170,7 +170,7 @@ class Stage:
         values = {
             "observation.state": state,
             "observation.policy": np.clip(known.reshape(-1), -20, 20),
-            "observation.environment_state": seen["privileged"][row],
+            truth_of(()): seen["privileged"][row],
             "action": meant,
             "executed.action": shaken,
         }
@@ -244,8 +244,8 @@ class Stage:
                 pictures = {}
                 for c, found in zip(cameras, seen, strict=True):
                     rgb, depth = found[k]
-                    pictures[f"observation.images.{c.name}"] = rgb[step]
-                    pictures[f"observation.images.{c.name}_depth"] = np.clip(depth[step], 0, FAR)
+                    pictures[colour_of(c.name)] = rgb[step]
+                    pictures[depth_of(c.name, ())] = np.clip(depth[step], 0, FAR)
                 recorder.add(frame | pictures)
             yield recorder.finish(take.about)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from pathlib import Path
 from typing import Any
 
@@ -10,23 +11,23 @@ import torch
 from gymnasium import spaces
 
 from vispeg.core.errors import UserError
-from vispeg.datasets.lerobot import OWN
+from vispeg.datasets.episodes import OWN
+from vispeg.datasets.layout import colour_of, depth_of, truth_of
 from vispeg.datasets.read import Dataset
 from vispeg.learn.layout import PRIVILEGED, Layout
 from vispeg.learn.modalities import modality as modality_of
 from vispeg.learn.replay import Replay
 
-TRUTH = "observation.environment_state"  # LeRobot's name for what only a simulation knows
 SUCCESS, REACHED = f"{OWN}success", "next.success"  # of an episode, as we write it, and of a step, as LeRobot's own do
 
 
-def feature_of(key: str) -> str:
-    """The feature that holds a part of our observation: `depth_<camera>`, `rgb_<camera>`, `policy`, `privileged`."""
+def feature_of(key: str, features: Container[str]) -> str:
+    """The feature that holds `depth_<camera>`, `rgb_<camera>`, `policy` or `privileged` of our observations."""
     if key == PRIVILEGED:
-        return TRUTH
+        return truth_of(features)
     if key.startswith("depth_"):
-        return f"observation.images.{key.removeprefix('depth_')}_depth"
-    return f"observation.images.{key.removeprefix('rgb_')}" if key.startswith("rgb_") else f"observation.{key}"
+        return depth_of(key.removeprefix("depth_"), features)
+    return colour_of(key.removeprefix("rgb_")) if key.startswith("rgb_") else f"observation.{key}"
 
 
 def from_folder(
@@ -59,15 +60,17 @@ def from_folder(
         raise UserError("a dataset shows what such a policy does not see", file=folder, expected=expected, got=modality)
     known = Dataset(folder)
     wanted = layout.shapes if beside is None else {key: box.shape or () for key, box in beside.spaces.items()}
-    keys = list(wanted) if PRIVILEGED in wanted or TRUTH not in known.features else [*wanted, PRIVILEGED]
+    told = truth_of(known.features) in known.features
+    keys = list(wanted) if PRIVILEGED in wanted or not told else [*wanted, PRIVILEGED]
+    names = {key: feature_of(key, known.features) for key in keys}
     act = "executed.action" if beside is not None and "executed.action" in known.features else "action"
     gains = ["next.reward"] if beside is not None else []
-    data = Dataset(folder, [feature_of(key) for key in keys] + [act, *gains])
+    data = Dataset(folder, [*names.values(), act, *gains])
     numbers = successes(known)
     if not numbers:
         raise UserError("no episode of the dataset succeeded", file=folder, got=f"{len(known.episodes)} that did not")
     first = data.episode(numbers[0])
-    boxes: dict[str, Any] = {key: _box(key, _channels_first(key, first[feature_of(key)])) for key in keys}
+    boxes: dict[str, Any] = {key: _box(key, _channels_first(key, first[names[key]])) for key in keys}
     for key, shape in wanted.items():
         if boxes[key].shape != shape:
             raise UserError("made for another observation", file=folder, key=key, expected=shape, got=boxes[key].shape)
@@ -78,7 +81,7 @@ def from_folder(
     ring = Replay(frames + len(numbers) + 1, spaces.Dict(boxes), box, device, seed=seed)
     for number in numbers:
         one = data.episode(number)
-        seen = {key: _channels_first(key, one[feature_of(key)]) for key in keys}
+        seen = {key: _channels_first(key, one[names[key]]) for key in keys}
         steps = len(one[act])
         gain = np.asarray(one["next.reward"] if gains else np.zeros(steps), np.float32)
         for t in range(steps):

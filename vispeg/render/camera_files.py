@@ -56,7 +56,7 @@ def load_cameras(path: str | Path) -> tuple[Camera, ...]:
     many = rest["cameras"] if "cameras" in rest else [rest]
     if not isinstance(many, list) or not many:
         raise UserError("not a list of cameras", file=path, key="cameras", got=many)
-    cameras = tuple(_from_record(one, path) for one in many)
+    cameras = tuple(from_record(one, path) for one in many)
     names = [camera.name for camera in cameras]
     if len(set(names)) < len(names):
         raise UserError("two cameras of one name", file=path, key="cameras", got=names)
@@ -103,7 +103,8 @@ def to_record(camera: Camera) -> dict[str, Any]:
     return {key: list(value) if isinstance(value, tuple) else value for key, value in values.items()}
 
 
-def _from_record(record: Any, path: str | Path) -> Camera:
+def from_record(record: Any, path: str | Path) -> Camera:
+    """The camera that `to_record` wrote. Raises UserError for what is none; names the file and the key."""
     if not isinstance(record, Mapping):
         raise UserError("not a camera", file=path, key="cameras", got=record)
     for key in record:

@@ -11,7 +11,8 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.datasets.codec import encode
-from vispeg.datasets.lerobot import OWN
+from vispeg.datasets.episodes import OWN
+from vispeg.datasets.layout import depth_of
 from vispeg.datasets.read import Dataset
 from vispeg.render.contrast import TRIES
 from vispeg.report.dataset.drawn import drawn, histogram
@@ -86,7 +87,7 @@ def cameras(data: Dataset) -> dict[str, Any]:
     limits = depth_range(data, frames)
     out = []
     for name, camera in data.cameras.items():
-        depths = np.stack([f[f"observation.images.{name}_depth"] for f in frames])
+        depths = np.stack([f[depth_of(name, f)] for f in frames])
         missing = (depths == 0).mean(axis=(1, 2))
         shown = views(data, frames[len(frames) // 2], name, limits[name], LARGE)
         out.append(

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from vispeg.datasets.codec import encode
+from vispeg.datasets.layout import colour_of, depth_of
 from vispeg.datasets.read import Dataset
 
 GAP, GREY = 4, 235  # px between pictures, and its colour
@@ -32,7 +33,7 @@ def depth_range(data: Dataset, frames: Sequence[Mapping[str, np.ndarray]]) -> di
     """For each camera, depths in m that most readings lie between, so that what is near can be told apart."""
     out = {}
     for name in data.cameras:
-        every = np.concatenate([f[f"observation.images.{name}_depth"].ravel() for f in frames])
+        every = np.concatenate([f[depth_of(name, f)].ravel() for f in frames])
         every = every[every > 0]
         low, high = np.percentile(every, [2, 85]) if len(every) else (0.0, 1.0)
         out[name] = float(low), float(max(high, low + 1e-3))
@@ -57,8 +58,7 @@ def views(
     data: Dataset, frame: Mapping[str, np.ndarray], name: str, limits: tuple[float, float], side: int
 ) -> list[np.ndarray]:
     """What a camera delivers, each `side` px high: colour, depth, parts (where there are any)."""
-    image = f"observation.images.{name}"
-    found = [frame[image], depth_picture(frame[f"{image}_depth"], *limits)]
+    found = [frame[colour_of(name)], depth_picture(frame[depth_of(name, frame)], *limits)]
     if (labels := frame.get(f"label.parts.{name}")) is not None:
         found.append(part_picture(labels))
     return [enlarged(one, side) for one in found]

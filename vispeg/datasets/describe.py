@@ -1,0 +1,172 @@
+"""What a dataset's folder says of itself in `meta/`, checked: features, totals, cameras, how it was made."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from string import Formatter
+from typing import Any
+
+from vispeg.core.errors import UserError
+from vispeg.datasets.layout import COUNTED, NUMBERS, VERSION, Feature, colour_of, depth_of, pixel_shape
+from vispeg.formats.format import Format
+from vispeg.formats.guard import is_file
+from vispeg.formats.json_data import read_json
+from vispeg.render.camera import Camera
+from vispeg.render.camera_files import from_record
+
+INFO, STATS, TASKS = "meta/info.json", "meta/stats.json", "meta/tasks.parquet"
+CAMERAS, RENDER = "meta/cameras.json", "meta/render.json"
+CAMERA_FILE = Format("vispeg-cameras/1", "a dataset's cameras", ("cameras", "parts"), ("cameras",), "json")
+RENDER_FILE = Format("vispeg-dataset/1", "how a dataset was made", ("plan", "files", "provenance"), (), "json")
+PLACE = re.compile(r"(0?[1-9])?d?")  # how a number may be written in the name of a file
+ENTRIES = 10**9  # numbers of a feature in one frame
+MOST_FRAMES = 10**9
+
+
+def read_info(folder: Path) -> dict[str, Any]:
+    """The content of `meta/info.json`.
+
+    Raises:
+        UserError: no dataset, an unfinished one, another version, or what cannot be; names the key.
+    """
+    path = folder / INFO
+    if not is_file(path):
+        unfinished = folder.with_name(folder.name + ".unfinished") if folder.name else folder
+        begun = folder.name.endswith(".unfinished") or (unfinished.is_dir() and not folder.exists())
+        hint = "its rendering is not finished: repeat the `vispeg render` that began it" if begun else "is no dataset"
+        raise UserError(hint, file=folder, expected=f"a folder with {INFO}")
+    info = read_json(path)
+    if not isinstance(info, dict) or info.get("codebase_version") != VERSION:
+        got = info.get("codebase_version") if isinstance(info, dict) else info
+        raise UserError("another version", file=path, key="codebase_version", expected=VERSION, got=got)
+    for key in ("features", "total_frames", "fps", "data_path"):
+        if key not in info:
+            raise UserError("is missing", file=path, key=key)
+    total, fps = info["total_frames"], info["fps"]
+    if not whole(total) or not 1 <= total <= MOST_FRAMES:
+        raise UserError("not a number of frames", file=path, key="total_frames", expected="1 or more", got=total)
+    if not number(fps) or not 0 < fps <= 1e6:
+        raise UserError("not a rate", file=path, key="fps", expected="frames a second", got=fps)
+    check_features(info["features"], path)
+    _check_path(info["data_path"], path)
+    return info
+
+
+def check_features(features: Any, path: Path) -> None:
+    """Raises UserError for features that are none, or that lack one which every dataset has."""
+    if not isinstance(features, dict):
+        raise UserError("not a mapping of features", file=path, key="features", got=features)
+    if missing := [name for name in COUNTED if name not in features]:
+        raise UserError("is missing", file=path, key=f"features.{missing[0]}")
+    for name, feature in features.items():
+        key = f"features.{name}"
+        if not isinstance(feature, dict):
+            raise UserError("not a feature", file=path, key=key, expected="dtype, shape, names", got=feature)
+        dtype, shape = feature.get("dtype"), feature.get("shape")
+        if dtype not in (*NUMBERS, "image", "video", "string"):
+            choices = (*NUMBERS, "image", "string")
+            raise UserError("a kind that is not read here", file=path, key=f"{key}.dtype", got=dtype, choices=choices)
+        right = isinstance(shape, list) and shape and all(whole(n) and n >= 1 for n in shape)
+        if not right or math.prod(shape) > ENTRIES or (name in COUNTED and shape != [1]):
+            raise UserError("not a shape", file=path, key=f"{key}.shape", expected="a list of counts", got=shape)
+        if dtype == "image" and (len(shape) != 3 or shape[2] not in (1, 3)):
+            expected = "[height, width, 1 or 3]"
+            raise UserError("not a picture's shape", file=path, key=f"{key}.shape", expected=expected, got=shape)
+        for entry, kinds in (("names", (list, dict)), ("info", (dict,))):
+            if not isinstance(feature.get(entry) or kinds[0](), kinds):
+                raise UserError("of another kind", file=path, key=f"{key}.{entry}", got=feature[entry])
+
+
+def _check_path(pattern: Any, path: Path) -> None:
+    """Raises UserError for a `data_path` that is no file below the folder, with the numbers of a chunk and a file."""
+    expected = "a file below the folder, such as data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+    try:
+        fields = [f for f in Formatter().parse(pattern) if f[1] is not None]
+        known = all(n in ("chunk_index", "file_index") and not c and PLACE.fullmatch(s or "") for _, n, s, c in fields)
+        name = pattern.format(chunk_index=0, file_index=0) if known else ""
+    except (ValueError, TypeError, IndexError, KeyError, AttributeError):
+        name = ""
+    if not inside(name):
+        raise UserError("does not name the data files", file=path, key="data_path", expected=expected, got=pattern)
+
+
+def inside(name: Any) -> bool:
+    """Whether a name is of a file below a folder."""
+    right = isinstance(name, str) and bool(name) and "\0" not in name and len(name) < 1000
+    return right and not Path(name).is_absolute() and ".." not in Path(name).parts
+
+
+def read_cameras(folder: Path, features: Mapping[str, Feature]) -> tuple[dict[str, Camera], tuple[str, ...]]:
+    """The cameras as their user believes them, by name, and the parts' names; none where the dataset does not say.
+
+    Raises:
+        UserError: a camera that cannot be, or one whose pictures are missing or have another size.
+    """
+    path = folder / CAMERAS
+    if not path.exists():
+        return {}, ()
+    record = CAMERA_FILE.read(path)
+    parts = record.get("parts", [])
+    if not isinstance(parts, list) or not all(isinstance(p, str) for p in parts) or len(set(parts)) < len(parts):
+        raise UserError("not a list of names", file=path, key="parts", got=parts)
+    return cameras_of(record["cameras"], features, path), tuple(parts)
+
+
+def cameras_of(records: Any, features: Mapping[str, Feature], path: Path, key: str = "cameras") -> dict[str, Camera]:
+    """Cameras by name, each with pictures of its size among the features. Raises UserError otherwise."""
+    if not isinstance(records, list):
+        raise UserError("not a list of cameras", file=path, key=key, got=records)
+    cameras = [from_record(one, path) for one in records]
+    for i, camera in enumerate(cameras):
+        if camera.name in [other.name for other in cameras[:i]]:
+            raise UserError("two cameras of one name", file=path, key=key, got=camera.name)
+        for name in (colour_of(camera.name), depth_of(camera.name, features)):
+            if name not in features:
+                raise UserError("a camera without its pictures", file=path, key=key, expected=name, got=camera.name)
+            size = pixel_shape(features[name])[:2]
+            if size != (camera.height, camera.width):
+                expected, got = f"{size[1]} x {size[0]} px as {name}", f"{camera.width} x {camera.height}"
+                place = f"{key}.{camera.name}"
+                raise UserError("another size than its pictures", file=path, key=place, expected=expected, got=got)
+    return {camera.name: camera for camera in cameras}
+
+
+def read_made(folder: Path) -> dict[str, Any]:
+    """How a dataset was rendered: plan, digests of files, provenance; {} where it was not rendered by this program."""
+    path = folder / RENDER
+    if not path.exists():
+        return {}
+    record = RENDER_FILE.read(path)
+    for key, value in record.items():
+        if not isinstance(value, dict):
+            raise UserError("not a mapping", file=path, key=key, got=value)
+    for key, value in record.get("plan", {}).items():
+        entries = value if isinstance(value, list) else [value]
+        if not all(isinstance(one, str | int | float) for one in entries):
+            raise UserError("not a setting of a rendering", file=path, key=f"plan.{key}", got=value)
+    for name, digest in record.get("files", {}).items():
+        if not inside(name) or not isinstance(digest, str):
+            raise UserError("not a file's digest", file=path, key=f"files.{name}", got=digest)
+    return record
+
+
+def read_stats(folder: Path) -> dict[str, Any]:
+    """The content of `meta/stats.json`; {} where there is none."""
+    path = folder / STATS
+    stats = read_json(path) if path.exists() else {}
+    if not isinstance(stats, dict) or not all(isinstance(one, dict) for one in stats.values()):
+        raise UserError("not a mapping of features to statistics", file=path)
+    return stats
+
+
+def whole(value: Any) -> bool:
+    """Whether a value is a whole number."""
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def number(value: Any) -> bool:
+    """Whether a value is a finite number."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -1,0 +1,83 @@
+"""The episodes of a dataset as `meta/episodes` says: where each lies, what was drawn for it and what came of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from vispeg.core.errors import UserError
+from vispeg.datasets.describe import number, whole
+from vispeg.datasets.parquet import checked, opened, read, table
+from vispeg.formats.json_data import parse_json
+
+FOLDER = "meta/episodes"
+OWN = "vispeg/"  # before the names of columns that LeRobot does not have
+PLACES = ("episode_index", "length", "dataset_from_index", "dataset_to_index", "data/chunk_index", "data/file_index")
+
+
+def _worlds(value: Any) -> bool:
+    effects = value.values() if isinstance(value, dict) else [value]
+    return all(isinstance(params, dict) and all(map(number, params.values())) for params in effects)
+
+
+KINDS: Mapping[str, Callable[[Any], bool]] = {
+    "seed": whole,
+    "look": whole,
+    "look_seed": whole,
+    "redraws": lambda n: whole(n) and 0 <= n < 10**6,
+    "redraws_exhausted": lambda b: isinstance(b, bool),
+    "cut": lambda b: isinstance(b, bool),
+    "success": lambda b: isinstance(b, bool),
+    "category": lambda s: isinstance(s, str),
+    "peak_force": lambda f: number(f) and f >= 0,
+    "world": _worlds,
+    "cameras": lambda records: isinstance(records, list) and all(isinstance(r, dict) for r in records),
+}
+
+
+def read_episodes(folder: Path, total: int) -> list[dict[str, Any]]:
+    """A mapping an episode, without statistics; drawn worlds and the like are decoded.
+
+    Args:
+        folder: of the dataset.
+        total: frames that it should have.
+
+    Raises:
+        UserError: no episodes, damaged files, entries of another kind, episodes that do not follow one another.
+    """
+    files = sorted((folder / FOLDER).glob("*/*.parquet"))
+    if not files:
+        raise UserError("has no episodes", file=folder / FOLDER)
+    rows: list[dict[str, Any]] = []
+    for path in files:
+        file = opened(path)
+        names = [name for name in file.schema_arrow.names if not name.startswith("stats/")]
+        found = read(table(file, path, names).to_pylist, path)
+        for i, row in enumerate(found):
+            for key in PLACES:
+                if not whole(row.get(key)) or not 0 <= row[key] <= 10**12:
+                    raise UserError("not a count", file=path, key=f"row {i}, {key}", got=row.get(key))
+            for key, value in row.items():
+                if key.startswith(OWN) and isinstance(value, str) and value[:1] in "{[":
+                    row[key] = parse_json(value, path, f"row {i}, {key}")
+        checked(found, {OWN + key: kind for key, kind in KINDS.items()}, path)
+        rows += found
+    rows.sort(key=lambda row: row["episode_index"])
+    _follow(rows, folder, total)
+    return rows
+
+
+def _follow(rows: list[dict[str, Any]], folder: Path, total: int) -> None:
+    """Raises UserError unless episodes follow one another without a gap and the total is theirs."""
+    at, path = 0, folder / FOLDER
+    for i, e in enumerate(rows):
+        if e["episode_index"] != i:
+            raise UserError(f"line {i} is of episode {e['episode_index']}", file=path)
+        lies = e["dataset_from_index"], e["dataset_to_index"]
+        if e["length"] < 1 or lies != (at, at + e["length"]):
+            expected = f"{at} to {at + max(e['length'], 1)}"
+            raise UserError(f"episode {i} lies at {lies[0]} to {lies[1]}", file=path, expected=expected)
+        at += e["length"]
+    if at != total:
+        raise UserError(f"total_frames is {total}; the episodes have {at}", file=folder / "meta/info.json")

@@ -1,0 +1,112 @@
+"""Parquet files of unknown origin: a table, a column as an array, or one clear error."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.datasets.layout import Feature, is_image
+from vispeg.formats.guard import is_file
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+T = TypeVar("T")
+LARGEST = 4 * 10**9  # bytes of a table in memory
+
+
+def opened(path: Path) -> Any:
+    """An open `pyarrow.parquet.ParquetFile`.
+
+    Raises:
+        UserError: no such file, cut short, or no Parquet file.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    if not is_file(path):
+        raise UserError("is missing, or no file", file=path)
+    try:
+        return pq.ParquetFile(path)
+    except OSError as error:
+        raise UserError(f"cannot be read: {error.strerror or _short(error)}", file=path) from None
+    except (pa.ArrowException, ValueError, TypeError, MemoryError):
+        raise UserError("is cut short, or no Parquet file", file=path) from None
+
+
+def read(action: Callable[[], T], path: Path) -> T:
+    """What reading a part of a file gives. Raises UserError where it is damaged there."""
+    import pyarrow as pa
+
+    try:
+        return action()
+    except (OSError, pa.ArrowException, KeyError, ValueError, TypeError, MemoryError, OverflowError) as error:
+        raise UserError(f"cannot be read ({_short(error)})", file=path) from None
+
+
+def table(file: Any, path: Path, columns: list[str] | None, group: int | None = None) -> pa.Table:
+    """Columns of a file or of one of its row groups.
+
+    Raises:
+        UserError: a column is not there, damaged content, or a table that no memory can be meant for.
+    """
+    groups = range(file.num_row_groups) if group is None else [group]
+    size = sum(read(lambda i=i: file.metadata.row_group(i).total_byte_size, path) for i in groups)
+    if size > LARGEST:
+        raise UserError("says that it is too large", file=path, expected=f"at most {LARGEST} bytes", got=size)
+    there = file.schema_arrow.names
+    for name in columns or ():
+        if name not in there:
+            raise UserError("is missing", file=path, key=name)
+    if group is None:
+        return read(lambda: file.read(columns), path)
+    return read(lambda: file.read_row_group(group, columns), path)
+
+
+def values(feature: Feature, column: Any, path: Path, name: str) -> Any:
+    """A column's values: (T, ...) numbers, or T encoded pictures as a list of bytes.
+
+    Args:
+        feature: what they should be.
+        column: pyarrow's, chunked.
+        path, name: of the file and the column, for the error.
+    """
+    import pyarrow as pa
+
+    shape = tuple(feature["shape"])
+    flat, lists = column.combine_chunks(), 0
+    if is_image(feature):
+        kind = flat.type
+        if not pa.types.is_struct(kind) or kind.get_field_index("bytes") < 0:
+            raise UserError("holds no encoded pictures", file=path, key=name, got=str(kind))
+        return [b if isinstance(b, bytes) else b"" for b in flat.field("bytes").to_pylist()]
+    if flat.null_count:
+        raise UserError(f"has no value in {flat.null_count} frames", file=path, key=name)
+    if feature["dtype"] == "string":
+        return np.array(flat.to_pylist(), object)
+    rows = len(flat)
+    while pa.types.is_list(flat.type) or pa.types.is_fixed_size_list(flat.type) or pa.types.is_large_list(flat.type):
+        flat, lists = flat.flatten(), lists + 1
+    each = int(np.prod(shape))
+    numeric = pa.types.is_floating(flat.type) or pa.types.is_integer(flat.type) or pa.types.is_boolean(flat.type)
+    if not numeric or flat.null_count or len(flat) != rows * each:
+        expected = f"{each} numbers of type {feature['dtype']} a frame"
+        raise UserError("holds something else", file=path, key=name, expected=expected, got=str(column.type))
+    found = flat.to_numpy(zero_copy_only=False).astype(feature["dtype"], copy=False)
+    return found.reshape(rows, *(() if shape == (1,) else shape))
+
+
+def checked(rows: list[dict[str, Any]], kinds: Mapping[str, Callable[[Any], bool]], path: Path) -> None:
+    """Raises UserError where an entry of a table's lines is not of its kind; None and entries without a kind pass."""
+    for i, row in enumerate(rows):
+        for key, right in kinds.items():
+            if row.get(key) is not None and not right(row[key]):
+                raise UserError("of another kind", file=path, key=f"row {i}, {key}", got=row[key])
+
+
+def _short(error: BaseException) -> str:
+    return " ".join(str(error).split())[:80] or type(error).__name__
