@@ -74,6 +74,9 @@ def _meta(data: Dataset) -> Iterator[str]:
             yield f"episode {i}: repeats episode {seen[key]} (seed {key[0]}, look {key[1]})"
     for i in range(len(episodes) if data.cameras else 0):
         data.drawn_cameras(i)
+    for path in data.data_files:
+        if others := set(data.open(path).schema_arrow.names) - set(info["features"]):
+            yield f"{path}: {sorted(others)[0]}: is not among the features of meta/info.json"
     rows = sum(data.open(path).metadata.num_rows for path in data.data_files)
     if rows != len(data):
         yield f"{data.folder / 'data'}: {rows} rows; expected {len(data)}"

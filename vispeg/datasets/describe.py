@@ -10,7 +10,7 @@ from string import Formatter
 from typing import Any
 
 from vispeg.core.errors import UserError
-from vispeg.datasets.layout import COUNTED, NUMBERS, VERSION, Feature, colour_of, depth_of, pixel_shape
+from vispeg.datasets.layout import COUNTED, NUMBERS, VERSION, Feature, colour_of, depth_of, is_depth, pixel_shape
 from vispeg.formats.format import Format
 from vispeg.formats.guard import is_file
 from vispeg.formats.json_data import read_json
@@ -65,7 +65,8 @@ def check_features(features: Any, path: Path) -> None:
         key = f"features.{name}"
         if not isinstance(feature, dict):
             raise UserError("not a feature", file=path, key=key, expected="dtype, shape, names", got=feature)
-        dtype, shape = feature.get("dtype"), feature.get("shape")
+        dtype: Any = feature.get("dtype")
+        shape: Any = feature.get("shape")
         if dtype not in (*NUMBERS, "image", "video", "string"):
             choices = (*NUMBERS, "image", "string")
             raise UserError("a kind that is not read here", file=path, key=f"{key}.dtype", got=dtype, choices=choices)
@@ -76,8 +77,15 @@ def check_features(features: Any, path: Path) -> None:
             expected = "[height, width, 1 or 3]"
             raise UserError("not a picture's shape", file=path, key=f"{key}.shape", expected=expected, got=shape)
         for entry, kinds in (("names", (list, dict)), ("info", (dict,))):
-            if not isinstance(feature.get(entry) or kinds[0](), kinds):
+            if feature.get(entry) is not None and not isinstance(feature[entry], kinds):
                 raise UserError("of another kind", file=path, key=f"{key}.{entry}", got=feature[entry])
+        unit = (feature.get("info") or {}).get("depth_unit", "m")
+        if unit != "m":
+            raise UserError("another unit", file=path, key=f"{key}.info.depth_unit", expected="m", got=unit)
+        if is_depth(feature) and len(shape) == 1:
+            raise UserError(
+                "not a picture's shape", file=path, key=f"{key}.shape", expected="[height, width]", got=shape
+            )
 
 
 def _check_path(pattern: Any, path: Path) -> None:

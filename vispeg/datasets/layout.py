@@ -138,7 +138,7 @@ def is_image(feature: Feature) -> bool:
 
 def is_picture(feature: Feature) -> bool:
     """Whether a feature has a value for every pixel, encoded or not."""
-    return is_image(feature) or list(feature.get("names") or ()) == ["height", "width"]
+    return is_image(feature) or (feature.get("names") == ["height", "width"] and len(feature["shape"]) == 2)
 
 
 def is_depth(feature: Feature) -> bool:

@@ -115,11 +115,13 @@ def finish(folder: Path, plan: Plan, layout: Layout, provenance: Mapping[str, An
     _json(folder / STATS, totals)
     _json(folder / CAMERAS, cameras)
     write_bytes_atomic(folder / TASKS, _tasks(layout.task), overwrite=True)
+    described = _text(info(layout, plan.frames, episodes))
     names = [path_of(p, s.number) for s in plan.shards for p in (DATA, EPISODES)] + [STATS, CAMERAS, TASKS]
-    files = {name: _sha256(folder / name) for name in names}
+    files = {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in names}
+    files[INFO] = hashlib.sha256(described.encode("utf-8")).hexdigest()
     render = {"format": RENDER_FILE.name, "plan": plan.to_json(), "files": files, "provenance": dict(provenance)}
     _json(folder / RENDER, render)
-    _json(folder / INFO, info(layout, plan.frames, episodes))
+    write_text_atomic(folder / INFO, described, overwrite=True)
 
 
 def info(layout: Layout, frames: int, episodes: int) -> dict[str, Any]:
@@ -163,8 +165,8 @@ def _tasks(task: str) -> bytes:
 
 
 def _json(path: Path, content: Any) -> None:
-    write_text_atomic(path, json.dumps(content, indent=2) + "\n", overwrite=True)
+    write_text_atomic(path, _text(content), overwrite=True)
 
 
-def _sha256(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+def _text(content: Any) -> str:
+    return json.dumps(content, indent=2) + "\n"
