@@ -1,4 +1,4 @@
-"""Every damage of one place that a file or folder can have: values of another kind, keys gone or new, files that are none."""
+"""Every damage of one place that a file can have: values of another kind, keys gone or new, what is no file at all."""
 
 import copy
 import json
@@ -6,12 +6,14 @@ import os
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from vispeg.core.errors import UserError
 
-BAD = [None, True, "", "x", "../../x", "\x00", -1, 0, 1e-300, 10**18, 10**40, float("nan"), float("inf"), 1.5, [], {}, [[1]], {"a": 1}]  # fmt: skip
+NUMBERS = [-1, 0, 1e-300, 1.5, 10**18, 10**40, float("nan"), float("inf")]
+BAD = [None, True, "", "x", "../../x", "\x00", *NUMBERS, [], {}, [[1]], {"a": 1}]
 FILES = ["missing", "empty", "half", "garbage", "folder", "fifo", "loop", "utf16", "deep", "list", "flipped"]
 
 
@@ -47,10 +49,10 @@ def _with(data: Any, way: tuple[Any, ...], change: Callable[[Any, Any], None]) -
     return box["all"]
 
 
-def json_files(path: Path, **more: Any) -> Iterator[str]:
-    """Writes each change of a JSON file in its place, and the file itself again at the end."""
+def json_files(path: Path, every: int = 1, **more: Any) -> Iterator[str]:
+    """Writes each (or every n-th) change of a JSON file in its place, and the file itself again at the end."""
     with kept(path):
-        for what, data in values(json.loads(path.read_text(encoding="utf-8")), **more):
+        for what, data in islice(values(json.loads(path.read_text(encoding="utf-8")), **more), 0, None, every):
             path.write_text(json.dumps(data), encoding="utf-8")
             yield f"{path.name}: {what}"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -114,7 +115,7 @@ def read_cameras(folder: Path, features: Mapping[str, Feature]) -> tuple[dict[st
         UserError: a camera that cannot be, or one whose pictures are missing or have another size.
     """
     path = folder / CAMERAS
-    if not path.exists():
+    if not os.path.lexists(path):
         return {}, ()
     record = CAMERA_FILE.read(path)
     parts = record.get("parts", [])
@@ -145,7 +146,7 @@ def cameras_of(records: Any, features: Mapping[str, Feature], path: Path, key: s
 def read_made(folder: Path) -> dict[str, Any]:
     """How a dataset was rendered: plan, digests of files, provenance; {} where it was not rendered by this program."""
     path = folder / RENDER
-    if not path.exists():
+    if not os.path.lexists(path):
         return {}
     record = RENDER_FILE.read(path)
     for key, value in record.items():
@@ -164,7 +165,7 @@ def read_made(folder: Path) -> dict[str, Any]:
 def read_stats(folder: Path) -> dict[str, Any]:
     """The content of `meta/stats.json`; {} where there is none."""
     path = folder / STATS
-    stats = read_json(path) if path.exists() else {}
+    stats = read_json(path) if os.path.lexists(path) else {}
     if not isinstance(stats, dict) or not all(isinstance(one, dict) for one in stats.values()):
         raise UserError("not a mapping of features to statistics", file=path)
     return stats

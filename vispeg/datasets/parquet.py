@@ -92,8 +92,9 @@ def values(feature: Feature, column: Any, path: Path, name: str) -> Any:
     while pa.types.is_list(flat.type) or pa.types.is_fixed_size_list(flat.type) or pa.types.is_large_list(flat.type):
         flat, lists = flat.flatten(), lists + 1
     each = int(np.prod(shape))
-    numeric = pa.types.is_floating(flat.type) or pa.types.is_integer(flat.type) or pa.types.is_boolean(flat.type)
-    if not numeric or flat.null_count or len(flat) != rows * each:
+    right = {"b": pa.types.is_boolean, "i": pa.types.is_integer, "u": pa.types.is_integer}
+    suits = right.get(np.dtype(feature["dtype"]).kind, lambda t: pa.types.is_floating(t) or pa.types.is_integer(t))
+    if not suits(flat.type) or flat.null_count or len(flat) != rows * each:
         expected = f"{each} numbers of type {feature['dtype']} a frame"
         raise UserError("holds something else", file=path, key=name, expected=expected, got=str(column.type))
     found = flat.to_numpy(zero_copy_only=False).astype(feature["dtype"], copy=False)
