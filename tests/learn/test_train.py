@@ -3,6 +3,10 @@
 import csv
 import json
 import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,6 +28,7 @@ from vispeg.learn.settings import SacSettings
 from vispeg.learn.train import resume, train
 from vispeg.task.config import TaskConfig
 
+ROOT = Path(__file__).resolve().parents[2]
 SAC = SacSettings(batch=32, hidden=(16, 16), warmup=80, replay=600, horizon=12, utd=0.25)
 
 
@@ -143,8 +148,10 @@ def test_a_killed_distillation_goes_on_after_its_last_round(tmp_path):
     weights = [(tmp_path / name / "checkpoints/best/policy.safetensors").read_bytes() for name in ("whole", "part")]
     assert weights[0] == weights[1]
     assert not (tmp_path / "part/rounds").exists(), "they are large"
-    with pytest.raises(UserError, match="no checkpoint to go on from"):
-        resume(tmp_path / "part", make=make("depth"), show=False)
+    files = {p: p.read_bytes() for p in (tmp_path / "part").rglob("*") if p.is_file()}
+    best = resume(tmp_path / "part", make=make("depth"), show=False)  # there is nothing left to do
+    assert best == tmp_path / "part/checkpoints/best"
+    assert {p: p.read_bytes() for p in (tmp_path / "part").rglob("*") if p.is_file()} == files
 
 
 def test_a_distillation_stops_once_its_target_was_reached_twice_and_stays_stopped(tmp_path, monkeypatch):
@@ -232,10 +239,78 @@ def test_runs_are_not_overwritten_and_strangers_not_resumed(tmp_path):
         train(config(), tmp_path / "run", make("state"), show=False)
     with pytest.raises(UserError, match="not a training run"):
         resume(tmp_path / "run")
-    train(config(steps=160), tmp_path / "other", make("state"), show=False)
+    train(config(steps=320), tmp_path / "other", make("state"), show=False)
+    with pytest.raises(UserError, match="exists already"):
+        train(config(steps=320, seed=1), tmp_path / "other", make("state"), show=False)
     shutil.rmtree(tmp_path / "other/checkpoints/last")
     with pytest.raises(UserError, match="no checkpoint"):
-        resume(tmp_path / "other", 320, make("state"), show=False)
+        resume(tmp_path / "other", 480, make("state"), show=False)
+
+
+@pytest.mark.parametrize("again", ["the same", "--resume"])
+@pytest.mark.parametrize("recipe", ["sac", "distill"])
+def test_a_run_killed_before_its_first_checkpoint_is_no_dead_end(tmp_path, monkeypatch, recipe, again):
+    def killed(*_, **__):
+        raise KeyboardInterrupt
+
+    more = {} if recipe == "sac" else {"recipe": recipe, "teacher": "x", "distill": {"steps": 80, "updates": 10}}
+    c, weights = config(steps=160, **more), []
+    monkeypatch.setattr("vispeg.learn.recipes.teacher_of", lambda *_: Pointing())
+    monkeypatch.setattr(Reach, "config", None, raising=False)
+    train(c, tmp_path / "whole", make("state"), show=False)
+    for number, at in enumerate(("vispeg.learn.train.SacRun.evaluate", "vispeg.learn.train.SacRun.keep")):
+        run = tmp_path / f"run-{number}"
+        monkeypatch.setattr("sys.argv", ["vispeg", "train", "reach"])
+        with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+            patch.setattr(at, killed)
+            train(c, run, make("state"), show=False)
+        torch.manual_seed(99)
+        monkeypatch.setattr("sys.argv", ["vispeg", "train", "--resume", "run"])
+        if again == "--resume":
+            resume(run, make=make("state"), show=False)
+        else:
+            train(c, run, make("state"), show=False)
+        assert curve(run) == curve(tmp_path / "whole")
+        assert json.loads((run / "checkpoints/best/policy.json").read_text())["meta"]["command"] == "vispeg train reach"
+        weights.append((run / "checkpoints/best/policy.safetensors").read_bytes())
+    assert {*weights} == {(tmp_path / "whole/checkpoints/best/policy.safetensors").read_bytes()}
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[3])
+import torch
+torch.manual_seed(7)
+from test_train import config, make
+from vispeg.learn import train
+from vispeg.learn.sac import AsymmetricSAC
+update, updates = AsymmetricSAC._update_critic, []
+
+def counted(self, batch):
+    updates.append(1)
+    if len(updates) == int(sys.argv[2]):
+        os.kill(os.getpid(), signal.SIGKILL)
+    return update(self, batch)
+
+AsymmetricSAC._update_critic = counted
+train.train(config(), Path(sys.argv[1]), make("state"), show=False)
+"""
+
+
+def test_a_run_killed_while_it_learns_goes_on_to_the_same_bits(tmp_path):
+    train(config(), tmp_path / "whole", make("state"), show=False)
+    updates = [int(row["updates"]) for row in curve(tmp_path / "whole")]
+    assert updates[0] > 10, "it learns before its first checkpoint"
+    command = [sys.executable, "-c", KILLED, str(tmp_path / "run")]
+    for at in (updates[0] + 5, 3):  # updates after its first checkpoint, and just after going on from there
+        done = subprocess.run([*command, str(at), str(Path(__file__).parent)], cwd=ROOT, timeout=100)
+        assert done.returncode == -signal.SIGKILL
+        assert (tmp_path / "run/checkpoints/last").is_dir()
+    resume(tmp_path / "run", make=make("state"), show=False)
+    assert curve(tmp_path / "run") == curve(tmp_path / "whole")
+    weights = [(tmp_path / name / "checkpoints/last/state.safetensors").read_bytes() for name in ("whole", "run")]
+    assert weights[0] == weights[1]
 
 
 def test_a_curriculum_moves_on_only_by_success():

@@ -18,11 +18,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import tyro
+
+from vispeg.core.interrupt import goes_on
 
 
 @dataclass(frozen=True)
@@ -139,7 +142,8 @@ class Args:
             ranges=self.ranges,
         )
         out = self.out or Path("runs") / self.task / f"{time.strftime('%Y%m%d-%H%M%S')}_s{self.seed}"
-        self._tell(train(config, out), out, self.world, settings)
+        with self._goes_on(out):
+            self._tell(train(config, out), out, self.world, settings)
         return 0
 
     def _settings(self) -> dict[str, Any]:
@@ -163,10 +167,15 @@ class Args:
             got = " ".join("TASK" if name == "task" else f"--{name.replace('_', '-')}" for name in given)
             expected = "--steps and --films alone"
             raise UserError("goes on as the run was begun", key="--resume", expected=expected, got=got)
-        best = resume(folder, self.steps)
-        config = read_config(folder / "config.yaml")
-        self._tell(best, folder, config.world, config.settings)
+        with self._goes_on(folder):
+            best = resume(folder, self.steps)
+            config = read_config(folder / "config.yaml")
+            self._tell(best, folder, config.world, config.settings)
         return 0
+
+    def _goes_on(self, folder: Path) -> AbstractContextManager[None]:
+        films = () if self.films == type(self).films else ("--films", str(self.films))
+        return goes_on(instead=("train", "--resume", str(folder), *films))
 
     def _tell(self, best: Path, folder: Path, world: str, settings: Mapping[str, Any]) -> None:
         """Says where the policy is, and films it unless that was done before."""

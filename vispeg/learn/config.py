@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from vispeg.core.errors import UserError
+from vispeg.core.files import write_text_atomic
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.typed import typed
 from vispeg.learn.settings import SacSettings
@@ -111,7 +112,7 @@ class TrainConfig:
         data["settings"] = {k: list(v) if isinstance(v, tuple) else v for k, v in self.settings.items()}
         data["stages"] = [asdict(stage) for stage in self.stages]
         data["sac"]["hidden"] = list(self.sac.hidden)
-        path.write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
+        write_text_atomic(path, yaml.safe_dump(data, sort_keys=False), overwrite=True)
 
 
 CONFIG = Format(FORMAT, "a training run's configuration", keys=tuple(f.name for f in fields(TrainConfig)))

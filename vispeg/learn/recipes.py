@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import shutil
 import time
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +18,10 @@ from vispeg.learn.envs import MakeEnv
 from vispeg.learn.looks import check
 from vispeg.learn.progress import Bar, Table
 from vispeg.learn.rounds import ROUNDS, Rounds, keep_ring
+from vispeg.learn.run_folder import begin, settled
 from vispeg.learn.shown import from_folder
 from vispeg.learn.teacher import Teacher, teacher_of
 from vispeg.learn.train import SacRun, line
-
-FROZEN = 5_000  # critic updates before a distilled actor moves: critics that know nothing yet would spoil it
 
 
 def distilled(
@@ -42,8 +41,7 @@ def distilled(
     Raises:
         UserError: there is neither teacher nor dataset, or it does not fit the task.
     """
-    sac = replace(config.sac, warmup=0, actor_frozen=config.sac.actor_frozen or FROZEN)
-    config = replace(config, sac=sac)
+    config = settled(config)
     if teacher is None and config.teacher is None and config.dataset is None:
         expected = "a state policy's folder, or expert; or a dataset"
         raise UserError("this recipe needs a teacher", key="teacher", expected=expected)
@@ -57,8 +55,7 @@ def distilled(
     else:
         check(run.env.env, settings.looks)
         teacher = teacher or teacher_of(str(config.teacher), run.env.env.config)  # type: ignore[attr-defined]
-    folder.mkdir(parents=True, exist_ok=True)
-    config.write(folder / "config.yaml")
+    begin(config, folder)
     rounds = Rounds(folder / ROUNDS, run.model.replay)
     known = rounds.state
     if known:

@@ -17,7 +17,8 @@ import torch
 from stable_baselines3.common.logger import Logger
 
 from vispeg.core.errors import UserError
-from vispeg.core.files import new_folder
+from vispeg.core.files import new_folder, recover
+from vispeg.core.lock import claimed
 from vispeg.core.provenance import command_line, provenance
 from vispeg.core.world import World
 from vispeg.learn.checkpoint import load_state, restart_seed, save_state
@@ -33,6 +34,7 @@ from vispeg.learn.policy import NetPolicy, save
 from vispeg.learn.progress import Bar, Table, Watch, failures, tensorboard
 from vispeg.learn.ranges import Opening
 from vispeg.learn.rounds import ROUNDS, kept_ring
+from vispeg.learn.run_folder import begin, begun_by, is_distilled, same_run
 from vispeg.learn.sac import AsymmetricSAC
 from vispeg.learn.sb3_env import Sb3Env
 from vispeg.learn.shown import from_folder, made_in
@@ -78,7 +80,7 @@ class SacRun:
         self.best: tuple[float, float] = (-1.0, 0.0)
         self.reached = 0
         self.recent: deque[tuple[bool, str]] = deque(maxlen=100)  # success and category of the last training episodes
-        self.command = command_line(sys.argv)
+        self.command = begun_by(folder) or command_line(sys.argv)
 
     def _environments(self) -> tuple[Sb3Env, Any]:
         settings = self.course.settings(self.config.settings)
@@ -134,8 +136,8 @@ class SacRun:
                 outcomes = self.evaluate()
                 level = None if self.opening is None else self.opening.level
                 row = self.row(outcomes, time.monotonic() - started) | {"train_success": watch.success, "level": level}
+                table.add(row)  # first, because a row without its checkpoint is dropped again, and none is missing
                 self._note(row)
-                table.add(row)
                 for name in ("success", "reward", "peak_force", "train_success", "level"):
                     if row[name] is not None:
                         logger.record(f"eval/{name}", row[name])
@@ -237,38 +239,56 @@ def line(row: dict[str, Any]) -> str:
 def train(config: TrainConfig, folder: Path, make: MakeEnv | None = None, show: bool = True) -> Path:
     """Trains by the configuration's recipe into a new folder; returns the best policy's folder.
 
+    A folder in which a run of the same configuration was stopped goes on.
+
     Raises:
-        UserError: the folder holds something already, or the configuration cannot be run.
+        UserError: the folder holds something else already, or the configuration cannot be run, or another process
+            trains there.
     """
     if folder.exists() and any(folder.iterdir()):
-        raise UserError("exists already; go on with --resume, or name another", file=folder)
+        if not same_run(config, folder):
+            raise UserError("exists already; go on with --resume, or name another", file=folder)
+        return resume(folder, make=make, show=show)
+    with claimed(folder):
+        return _begin(config, folder, make, show)
+
+
+def _begin(config: TrainConfig, folder: Path, make: MakeEnv | None, show: bool) -> Path:
     if config.recipe != "sac":
         from vispeg.learn.recipes import distilled
 
         return distilled(config, folder, make, show)
     run = SacRun(config, folder, make, show)
-    folder.mkdir(parents=True, exist_ok=True)
-    config.write(folder / "config.yaml")
+    begin(config, folder)
     return run.run()
 
 
 def resume(folder: Path, steps: int | None = None, make: MakeEnv | None = None, show: bool = True) -> Path:
-    """Goes on with the run in a folder, to `steps` if given; returns the best policy's folder."""
+    """Goes on with the run in a folder, to `steps` if given; returns the best policy's folder.
+
+    A run that was stopped before its first checkpoint begins anew; one that is finished has nothing left to do.
+
+    Raises:
+        UserError: no run is there, its last checkpoint is gone or damaged, or another process trains there.
+    """
     from dataclasses import replace
 
     config = read_config(folder / "config.yaml")
-    if steps is not None:
-        config = replace(config, steps=steps)
-        config.write(folder / "config.yaml")
-    if config.recipe != "sac" and not (folder / "checkpoints" / "last").is_dir():
-        from vispeg.learn.recipes import distilled
-
-        if not (folder / ROUNDS).is_dir():
-            expected = "a run that was killed after a round of its distillation"
-            raise UserError("there is no checkpoint to go on from", file=folder, expected=expected)
-        return distilled(config, folder, make, show)
-    run = SacRun(config, folder, make, show)
-    run.resume()
-    best = run.run()
-    shutil.rmtree(folder / ROUNDS, ignore_errors=True)  # of a distillation before, whose run was killed after it
-    return best
+    with claimed(folder):
+        if steps is not None:
+            config = replace(config, steps=steps)
+            config.write(folder / "config.yaml")
+        last = folder / "checkpoints" / "last"
+        if last.parent.is_dir():
+            recover(last)
+        if not last.is_dir():
+            if config.recipe == "distill" and is_distilled(folder):
+                return folder / "checkpoints" / "best"
+            if config.recipe == "sac" and len(Table(folder / "progress.csv", sys.maxsize).rows) > 1:
+                raise UserError("there is no checkpoint to go on from", file=last)
+            return _begin(config, folder, make, show)
+        run = SacRun(config, folder, make, show)
+        run.resume()
+        best = run.run()
+        shutil.rmtree(folder / ROUNDS, ignore_errors=True)  # of a distillation before, whose run was killed after it
+        return best

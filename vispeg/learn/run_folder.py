@@ -1,0 +1,61 @@
+"""The folder of a training run before its first checkpoint, so that a run is never a dead end."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from vispeg.core.errors import UserError
+from vispeg.core.files import write_text_atomic
+from vispeg.core.provenance import command_line
+from vispeg.learn.config import TrainConfig, read_config
+from vispeg.learn.rounds import ROUNDS
+
+BEGUN = "begun.json"
+FROZEN = 5_000  # critic updates before a distilled actor moves: critics that know nothing yet would spoil it
+
+
+def settled(config: TrainConfig) -> TrainConfig:
+    """The configuration as its run's file has it: a recipe that begins with a teacher has no random actions."""
+    if config.recipe == "sac":
+        return config
+    return replace(config, sac=replace(config.sac, warmup=0, actor_frozen=config.sac.actor_frozen or FROZEN))
+
+
+def begin(config: TrainConfig, folder: Path) -> None:
+    """Makes the folder of a run, or clears what one that was stopped before its first checkpoint left."""
+    folder.mkdir(parents=True, exist_ok=True)
+    if (folder / "tensorboard").is_dir():
+        shutil.rmtree(folder / "tensorboard", ignore_errors=True)
+    if begun_by(folder) is None:
+        text = json.dumps({"command": command_line(sys.argv)}) + "\n"
+        write_text_atomic(folder / BEGUN, text, overwrite=True)
+    config.write(folder / "config.yaml")
+    if config.recipe != "sac":
+        (folder / ROUNDS).mkdir(exist_ok=True)
+
+
+def begun_by(folder: Path) -> str | None:
+    """The command that began the run in a folder, as its policies tell it; None where that is not known."""
+    try:
+        return str(json.loads((folder / BEGUN).read_text(encoding="utf-8"))["command"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def same_run(config: TrainConfig, folder: Path) -> bool:
+    """Whether a run of this very configuration was begun in a folder, or was about to be."""
+    if {path.name for path in folder.iterdir()} <= {BEGUN}:
+        return True
+    try:
+        return read_config(folder / "config.yaml") == settled(config)
+    except UserError:
+        return False
+
+
+def is_distilled(folder: Path) -> bool:
+    """Whether the distillation in a run's folder is finished."""
+    return not (folder / ROUNDS).is_dir() and (folder / "checkpoints" / "best").is_dir()
