@@ -49,5 +49,5 @@ def test_ray_that_is_missing_is_one_line(monkeypatch):
     from vispeg.datasets.engine_ray import on_ray
 
     monkeypatch.setitem(sys.modules, "ray", None)
-    with pytest.raises(UserError, match=r"Ray is not installed.*vispeg\[cluster\]"):
+    with pytest.raises(UserError, match=r"needs ray, of the extra 'cluster'.*pip install"):
         list(on_ray(PLAN.shards, source, PLAN, LAYOUT, 1, lambda frames: None))

@@ -16,9 +16,9 @@ from vispeg.evaluate.film import film
 from vispeg.evaluate.jobs import IMAGE_ROWS, Setting, make_jobs
 from vispeg.learn import modalities, play
 from vispeg.learn.actor import Actor
-from vispeg.learn.layout import Layout
+from vispeg.learn.layout import OFFSET_M, Layout
 from vispeg.learn.modalities import Modality, enrol, modality
-from vispeg.learn.policy import OFFSET_M, save
+from vispeg.learn.policy import save
 from vispeg.task.vector import PegInHoleVec
 
 TASK = {"stack": 3, "cameras": ["wrist_crop"], "image_size": 16}

@@ -15,6 +15,7 @@ from vispeg import __version__
 from vispeg.cli.graphics import choose_backend
 from vispeg.core.disk import FULL, why
 from vispeg.core.errors import UserError
+from vispeg.core.extras import lacks, missing
 from vispeg.core.interrupt import Interrupted
 from vispeg.core.lock import release
 from vispeg.core.provenance import command_line
@@ -104,8 +105,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return code
     except UserError as error:
-        print(f"vispeg: error: {error}", file=sys.stderr)
-        return EXIT_USAGE
+        return _refuse(error)
+    except ImportError as error:
+        if (module := lacks(error)) is None:
+            raise
+        return _refuse(missing(module, f"vispeg {argv[0]}"))
     except Interrupted as stop:
         print(f"vispeg: interrupted; this goes on: {command_line(['vispeg', *stop.again(argv)])}", file=sys.stderr)
         return EXIT_INTERRUPT
@@ -134,6 +138,11 @@ def _drop_output() -> None:
         sys.stdout.flush()
     except OSError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _refuse(error: UserError) -> int:
+    print(f"vispeg: error: {error}", file=sys.stderr)
+    return EXIT_USAGE
 
 
 def _note(message: Warning | str, *_: object, **__: object) -> None:

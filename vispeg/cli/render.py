@@ -61,6 +61,7 @@ class Args:
     def run(self) -> int:
         """Renders, and says how fast and where."""
         from vispeg.core.errors import UserError
+        from vispeg.core.extras import require
         from vispeg.core.files import refuse
         from vispeg.core.provenance import provenance
         from vispeg.datasets.engine import local
@@ -72,6 +73,8 @@ class Args:
 
         if self.workers < 0:
             raise UserError("must not be negative", key="workers", got=self.workers)
+        if self.engine == "ray":
+            require("ray", "--engine ray")
         refuse(self.out, self.overwrite, holds="dataset", inputs=(self.world,))
         plan, layout = plan_of(
             self.world,

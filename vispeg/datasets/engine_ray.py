@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from vispeg.core.errors import UserError
+from vispeg.core.extras import missing
 from vispeg.core.workers import THREADS
 from vispeg.datasets.engine import TRIES, Made
 from vispeg.datasets.layout import Layout
@@ -79,7 +80,7 @@ def _ray() -> Any:
     try:
         import ray
     except ImportError:
-        raise UserError("Ray is not installed", key="engine", expected="pip install 'vispeg[cluster]'") from None
+        raise missing("ray", "rendering on a cluster", key="engine") from None
     return ray
 
 

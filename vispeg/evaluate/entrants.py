@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from vispeg.core.errors import UserError
+from vispeg.core.extras import require
 from vispeg.core.provenance import digest
 from vispeg.learn.meta import clearance_of, interface, worlds
 from vispeg.learn.shipped import META, policy_folder
@@ -58,12 +59,13 @@ def entrant(text: str) -> Entrant:
     a run's folder, the task's.
 
     Raises:
-        UserError: no such policy, a folder without a readable policy.json.
+        UserError: no such policy, a folder without a readable policy.json, no torch to play it with.
     """
     name, _, place = text.rpartition("=")
     if place == EXPERT:
         return Entrant(name or EXPERT, Path(EXPERT), "state", 0, (), {}, EXPERT)
     path = policy_folder(place, [EXPERT])
+    require("torch", f"the policy {place}")
     record = _record(path / META)
     meta = record.get("meta") or {}
     seed = meta.get("seed", 0)

@@ -16,9 +16,9 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
-from vispeg.learn.layout import VECTOR
+from vispeg.learn.layout import OFFSET_M, VECTOR
 from vispeg.learn.meta import worlds
-from vispeg.learn.policy import OFFSET_M, NetPolicy, Policy, load
+from vispeg.learn.policy import NetPolicy, Policy, load
 from vispeg.learn.shipped import META, policy_folder
 
 FORMAT = "vispeg-coarse-to-fine/1"

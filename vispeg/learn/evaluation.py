@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 from gymnasium.vector import VectorEnv
 
-from vispeg.learn.sb3_env import row_info
+from vispeg.learn.infos import row_info
 
 SPARE = 2**30  # from the first seed to those of rows that have none to play
 

@@ -9,6 +9,7 @@ from typing import Any
 from vispeg.core.errors import UserError
 
 VECTOR, PRIVILEGED = "policy", "privileged"  # keys of the observation: what the actor may see, and what critics may
+OFFSET_M = 0.03  # a unit of the offset that actors estimate: `privileged[:3]` is the tip in the hole's frame over this
 
 
 @dataclass(frozen=True)

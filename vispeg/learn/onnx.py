@@ -9,6 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from vispeg.core.errors import UserError
+from vispeg.core.extras import missing, there
 from vispeg.core.files import write_bytes_atomic
 from vispeg.learn.actor import Actor
 from vispeg.learn.policy import NetPolicy
@@ -74,5 +75,7 @@ def export(policy: NetPolicy, path: str | Path, overwrite: bool = False) -> Path
                 dynamo=False,
             )
     except (ImportError, torch.onnx.errors.OnnxExporterError) as error:
-        raise UserError("export to ONNX needs the package onnx", got=str(error).splitlines()[0]) from error
+        if not there("onnx"):
+            raise missing("onnx", "export to ONNX") from error
+        raise UserError("the network cannot be exported", got=str(error).splitlines()[0]) from error
     return write_bytes_atomic(path, file.getvalue(), overwrite=overwrite)

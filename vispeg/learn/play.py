@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vispeg.learn.layout import PRIVILEGED
-from vispeg.learn.policy import OFFSET_M, Policy
+from vispeg.learn.layout import OFFSET_M, PRIVILEGED
+
+if TYPE_CHECKING:
+    from vispeg.learn.policy import Policy
 
 NEAR_M, FAR_M = 0.02, 0.35  # depths that colours tell apart
 WHITE, GREEN, RED = (255, 255, 255), (90, 220, 120), (255, 110, 90)
@@ -32,7 +34,7 @@ def play(policy: Policy, env: Any, seeds: list[int]) -> Iterator[Played]:
         env: a vector environment of one row with `render_mode="rgb_array"` that resets when told.
         seeds: of the episodes.
     """
-    from vispeg.learn.sb3_env import row_info
+    from vispeg.learn.infos import row_info
 
     for seed in seeds:
         obs, _ = env.reset(seed=[seed])

@@ -18,7 +18,7 @@ from torch import Tensor
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_bytes_atomic, write_text_atomic
 from vispeg.learn.actor import Actor, State
-from vispeg.learn.layout import VECTOR, Layout
+from vispeg.learn.layout import OFFSET_M, VECTOR, Layout
 from vispeg.learn.modalities import modality as modality_of
 from vispeg.learn.shipped import META, policy_folder
 
@@ -118,9 +118,6 @@ def one_thread() -> Iterator[None]:
         yield
     finally:
         torch.set_num_threads(before)
-
-
-OFFSET_M = 0.03  # a unit of the offset that actors estimate: `privileged[:3]` is the tip in the hole's frame over this
 
 
 def save(folder: str | Path, actor: Actor, modality: str, meta: Mapping[str, Any]) -> None:

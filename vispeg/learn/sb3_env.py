@@ -9,6 +9,8 @@ import numpy as np
 from gymnasium.vector import VectorEnv
 from stable_baselines3.common.vec_env import VecEnv
 
+from vispeg.learn.infos import row_info
+
 
 class Sb3Env(VecEnv):
     """Adapts a batched environment whose `reset` takes `options={"reset_mask": (n,) bool}`, as gymnasium's own do.
@@ -76,16 +78,6 @@ class Sb3Env(VecEnv):
 
     def _rows(self, indices: None | int | Iterable[int]) -> Iterable[int]:
         return range(self.num_envs) if indices is None else [indices] if isinstance(indices, int) else indices
-
-
-def row_info(info: dict[str, Any], row: int) -> dict[str, Any]:
-    """One row of a gymnasium vector info: `name` where its mask `_name` holds, or where there is no mask."""
-    found = {}
-    for name, value in info.items():
-        if name.startswith("_") or not bool(np.asarray(info.get(f"_{name}", np.ones(row + 1, bool)))[row]):
-            continue
-        found[name] = row_info(value, row) if isinstance(value, dict) else value[row]
-    return found
 
 
 Maker = Callable[[int], VectorEnv]  # number of rows -> environment

@@ -20,6 +20,7 @@ import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.core.extras import missing
 from vispeg.core.files import write_bytes_atomic
 from vispeg.core.seeds import stream
 
@@ -144,8 +145,7 @@ def _pieces(vertices: np.ndarray, faces: np.ndarray, concavity: float, digest: s
     try:
         import coacd
     except ImportError as error:
-        hint = "pip install 'vispeg[meshes]'"
-        raise UserError("a mesh that is not convex needs CoACD", key=key, expected=hint) from error
+        raise missing("coacd", "a mesh that is not convex", key=key) from error
     coacd.set_log_level("error")
     parts = coacd.run_coacd(coacd.Mesh(vertices, faces), threshold=concavity, preprocess_mode="off", seed=0)
     pieces = tuple(np.asarray(corners, float) for corners, _ in parts)

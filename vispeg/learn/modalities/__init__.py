@@ -6,10 +6,12 @@ import importlib
 import pkgutil
 from collections.abc import Callable
 from dataclasses import dataclass
-
-from torch import nn
+from typing import TYPE_CHECKING
 
 from vispeg.core.errors import UserError
+
+if TYPE_CHECKING:  # what is known of a modality that sees no images needs no torch
+    from torch import nn
 
 _REGISTRY: dict[str, Modality] = {}
 
@@ -51,16 +53,23 @@ def names() -> tuple[str, ...]:
 
 
 def modality(name: str) -> Modality:
-    """The modality of that name. Raises UserError that lists the choices."""
-    _load()
+    """The modality of that name; a file of that name is looked into first. Raises UserError that lists the choices."""
+    if name not in _REGISTRY and name in _files():
+        importlib.import_module(f"{__name__}.{name}")
+    if name not in _REGISTRY:
+        _load()
     if name not in _REGISTRY:
         raise UserError("no such modality", got=name, choices=names())
     return _REGISTRY[name]
 
 
+def _files() -> list[str]:
+    return [found.name for found in pkgutil.iter_modules(__path__)]
+
+
 def _load() -> None:
-    for found in pkgutil.iter_modules(__path__):
-        importlib.import_module(f"{__name__}.{found.name}")
+    for name in _files():
+        importlib.import_module(f"{__name__}.{name}")
 
 
 def blind(key: str, shape: tuple[int, int, int]) -> nn.Module:

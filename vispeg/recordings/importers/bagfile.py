@@ -13,6 +13,7 @@ from typing import Any
 import yaml
 
 from vispeg.core.errors import UserError
+from vispeg.core.extras import missing
 
 STORAGES = {".db3": "sqlite3", ".mcap": "mcap"}
 
@@ -28,7 +29,7 @@ def open_bag(path: Path) -> Iterator[Any]:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
-        raise UserError("ROS bags need the package rosbags: pip install 'vispeg[logs]'", file=path) from error
+        raise missing("rosbags", "a ROS bag", file=str(path)) from error
     if not path.exists():
         raise UserError("does not exist", file=path)
     with TemporaryDirectory() as scratch:

@@ -1,0 +1,17 @@
+"""Rows of what gymnasium's vector environments tell beside their observations; without torch."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+
+def row_info(info: dict[str, Any], row: int) -> dict[str, Any]:
+    """One row of a gymnasium vector info: `name` where its mask `_name` holds, or where there is no mask."""
+    found = {}
+    for name, value in info.items():
+        if name.startswith("_") or not bool(np.asarray(info.get(f"_{name}", np.ones(row + 1, bool)))[row]):
+            continue
+        found[name] = row_info(value, row) if isinstance(value, dict) else value[row]
+    return found
