@@ -27,7 +27,8 @@ def policy(tmp_path):
     def write(name, modality="state", seed=0, **meta):
         folder = tmp_path / name
         folder.mkdir(exist_ok=True)
-        record = {"format": "vispeg-policy/1", "modality": modality, "meta": {"seed": seed, **meta}}
+        layout = {"vector": 30, "images": {}, "action": 3}
+        record = {"format": "vispeg-policy/1", "modality": modality, "layout": layout, "meta": {"seed": seed, **meta}}
         (folder / "policy.json").write_text(json.dumps(record))
         return str(folder)
 
@@ -84,6 +85,18 @@ def test_a_world_that_filament_draws_is_played_by_processes_that_end_with_their_
         jobs = [replace(job, world=world) for job in jobs]
         where = {e.time for e in run(jobs, tmp_path / world, workers=1, arena=fake.where)}
         assert len(where) == processes and (os.getpid() in where) == (world == "S")
+
+
+def test_a_policy_that_cannot_be_played_leaves_no_record_so_that_the_repaired_one_is_not_another(policy, tmp_path):
+    def refuses(job):
+        raise UserError("cannot be played")
+
+    jobs = make_jobs(entrants([policy("a_s0")]), [Setting("nominal", "S")], range(4), tmp_path)
+    with pytest.raises(UserError, match="cannot be played"):
+        run(jobs, tmp_path / "out", arena=refuses)
+    assert not (tmp_path / "out").exists()
+    mended = make_jobs(entrants([policy("a_s0", note="repaired")]), [Setting("nominal", "S")], range(4), tmp_path)
+    assert len(run(mended, tmp_path / "out", arena=coin)) == 4
 
 
 def test_a_folder_of_another_policy_or_world_is_not_continued(policy, tmp_path):

@@ -7,4 +7,4 @@ import pytest
 
 pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
-sys.path.insert(0, str(Path(__file__).parent))  # so that tests find toy.py
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1])]  # so that tests find toy.py, mutations.py

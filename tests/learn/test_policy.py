@@ -170,12 +170,12 @@ def spoil_meta(folder, **changes):
         (lambda f: (f / META).unlink(), "not a policy's folder"),
         (lambda f: (f / META).write_text("{"), "not JSON"),
         (lambda f: (f / META).write_text("[]"), "not a policy"),
-        (lambda f: spoil_meta(f, format="other/1"), "not a policy"),
+        (lambda f: spoil_meta(f, format="other/1"), "unknown format"),
         (lambda f: spoil_meta(f, modality="smell"), "no such modality"),
         (lambda f: spoil_meta(f, layout={"vector": "x"}), "not a policy's layout"),
         (lambda f: spoil_meta(f, net={"hidden": [8]}), "not the weights"),
         (lambda f: (f / WEIGHTS).write_bytes(b"\x80\x04pickle"), "not the weights"),
-        (lambda f: (f / WEIGHTS).unlink(), "cannot be read"),
+        (lambda f: (f / WEIGHTS).unlink(), "is missing"),
     ],
 )
 def test_what_is_not_a_policy_is_one_line(tmp_path, spoil, said):

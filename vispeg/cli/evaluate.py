@@ -63,10 +63,10 @@ class Args:
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
         from vispeg.evaluate.controls import CONTROLS
-        from vispeg.evaluate.entrants import entrants
         from vispeg.evaluate.gap import gap
         from vispeg.evaluate.jobs import Setting, make_jobs, seeds_of
         from vispeg.evaluate.media import film_failures
+        from vispeg.evaluate.players import ready
         from vispeg.report.gap import words
         from vispeg.report.gap.build import write
         from vispeg.task.world_file import load_world
@@ -75,7 +75,7 @@ class Args:
         for control in self.controls:
             if control not in CONTROLS:
                 raise UserError("unknown control", key="--controls", got=control, choices=CONTROLS)
-        who, world = entrants(self.policies), load_world(self.world)
+        who, world = ready(self.policies), load_world(self.world)
         task = at_clearance(who, world, self.clearance)
         out = self.out or Path("evaluated") / f"{'+'.join(dict.fromkeys(e.name for e in who))}-{world.name}"
         out = open_folder(out, "evaluate.json", self.overwrite, [world.path, *(e.path for e in who)])

@@ -67,15 +67,16 @@ class Args:
         from vispeg.cli.evaluation import measured, open_folder, print_table, write_result
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
-        from vispeg.evaluate.entrants import EXPERT, entrants
+        from vispeg.evaluate.entrants import EXPERT
         from vispeg.evaluate.gap import gap
+        from vispeg.evaluate.players import ready
         from vispeg.evaluate.records import append, read_all
         from vispeg.report.gap import words
         from vispeg.report.gap.build import write
 
         if not self.policies and not self.records:
             raise UserError("nothing to evaluate", expected="policy folders, or --records FILE")
-        who = entrants(self.policies) if self.policies else []
+        who = ready(self.policies) if self.policies else []
         known = read_all(self.records) if self.records else []
         networks = [*((e.name, e.train_seed) for e in who), *((e.policy, e.train_seed) for e in known)]
         robot = measured(self.measured, networks, self.robot)

@@ -60,8 +60,8 @@ class Args:
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
         from vispeg.evaluate import perturb
-        from vispeg.evaluate.entrants import entrants
         from vispeg.evaluate.jobs import Pushes, make_jobs, seeds_of
+        from vispeg.evaluate.players import ready
         from vispeg.report.gap import words
         from vispeg.report.gap.perturb_page import render
         from vispeg.task.world_file import load_world
@@ -69,7 +69,7 @@ class Args:
         check_episodes(self.episodes, self.workers)
         if not 0 <= self.force[0] <= self.force[1] or not self.duration > 0:
             raise UserError("not a push", key="--force", expected="low <= high, a duration above 0", got=self.force)
-        who, world = entrants(self.policies), load_world(self.world)
+        who, world = ready(self.policies), load_world(self.world)
         task = at_clearance(who, world, self.clearance)
         listed = perturb.positions(self.positions)
         read = [world.path, self.positions, *(e.path for e in who)]

@@ -49,15 +49,15 @@ class Args:
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
         from vispeg.evaluate import sensitivity
-        from vispeg.evaluate.entrants import entrants
         from vispeg.evaluate.jobs import make_jobs, seeds_of
+        from vispeg.evaluate.players import ready
         from vispeg.report.gap.sweep_page import render
         from vispeg.task.world_file import load_world
 
         check_episodes(self.episodes, self.workers)
         if not self.sweep:
             raise UserError("nothing to sweep", key="--sweep", expected="a sweep", choices=sensitivity.SWEEPS)
-        who, world = entrants(self.policies), load_world(self.world)
+        who, world = ready(self.policies), load_world(self.world)
         sweeps = [sensitivity.sweep(text) for text in self.sweep]
         sensitivity.refuse_unseen(sweeps, who)
         out = open_folder(self.out, "sensitivity.json", self.overwrite, [world.path, *(e.path for e in who)])

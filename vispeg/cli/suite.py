@@ -62,15 +62,16 @@ class Run:
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
         from vispeg.evaluate import suite
-        from vispeg.evaluate.entrants import entrants, refuse_trained_on
+        from vispeg.evaluate.entrants import refuse_trained_on
         from vispeg.evaluate.jobs import make_jobs, seeds_of
+        from vispeg.evaluate.players import ready
         from vispeg.report.gap.suite_page import render
         from vispeg.task.world_file import load_world
 
         evaluation.check_episodes(self.episodes, self.workers)
         if (self.target is None) == (self.measured is None):
             raise UserError("no target", expected="either --target WORLD or --measured CSV")
-        who, listed = entrants(self.policies), suite.configurations(self.suite)
+        who, listed = ready(self.policies), suite.configurations(self.suite)
         files = {w: load_world(w) for w in (self.train, self.target) if w is not None}
         worlds = {file.name: w for w, file in files.items()}
         hashes = {file.name: file.hash for file in files.values()} | ({"robot": ""} if self.measured else {})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,7 +12,8 @@ from vispeg.core.errors import UserError
 from vispeg.core.extras import require
 from vispeg.core.provenance import digest
 from vispeg.learn.meta import clearance_of, interface, worlds
-from vispeg.learn.shipped import META, policy_folder
+from vispeg.learn.record import read_record
+from vispeg.learn.shipped import policy_folder
 from vispeg.task.world_file import built_in, parts
 
 EXPERT = "expert"  # the scripted policy of vispeg.task.expert takes part under this name
@@ -66,8 +66,8 @@ def entrant(text: str) -> Entrant:
         return Entrant(name or EXPERT, Path(EXPERT), "state", 0, (), {}, EXPERT)
     path = policy_folder(place, [EXPERT])
     require("torch", f"the policy {place}")
-    record = _record(path / META)
-    meta = record.get("meta") or {}
+    record = read_record(path)
+    meta = record["meta"]
     seed = meta.get("seed", 0)
     seed = seed if isinstance(seed, int) else 0
     stem = _stem(path)
@@ -159,15 +159,3 @@ def _stem(path: Path) -> str:
     while place.name in ("best", "last", "checkpoints") or re.match(r"\d{8}-\d{4}", place.name):
         place = place.parent
     return place.name or path.resolve().name
-
-
-def _record(path: Path) -> dict[str, Any]:
-    try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UserError("not a policy's folder", file=path, got=error.strerror) from error
-    except ValueError:
-        raise UserError("is not JSON", file=path) from None
-    if not isinstance(record, dict) or not isinstance(record.get("meta") or {}, dict):
-        raise UserError("not a policy", file=path, expected="an object")
-    return record

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from vispeg.evaluate.entrants import EXPERT, Entrant
+from vispeg.evaluate.entrants import EXPERT, Entrant, entrants
 
 
 def player(who: Entrant, config: Any) -> Any:
@@ -17,6 +17,21 @@ def player(who: Entrant, config: Any) -> Any:
     from vispeg.learn.coarse_to_fine import open_policy
 
     return open_policy(who.path)
+
+
+def ready(texts: Sequence[str]) -> list[Entrant]:
+    """The entrants of these texts, each policy opened once, before anything is written.
+
+    Raises:
+        UserError: as `entrants`; a policy that cannot be played.
+    """
+    who = entrants(texts)
+    for e in who:
+        if not e.scripted:
+            from vispeg.learn.coarse_to_fine import open_policy
+
+            open_policy(e.path)
+    return who
 
 
 class ScriptedPolicy:

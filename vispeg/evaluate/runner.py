@@ -15,6 +15,7 @@ from vispeg.core.workers import pool_of
 from vispeg.evaluate.arena import play
 from vispeg.evaluate.jobs import Job
 from vispeg.evaluate.records import Episode, append, read
+from vispeg.formats.json_data import read_json
 from vispeg.render.backend import jobs_a_process
 from vispeg.task.world_file import load_world
 
@@ -44,7 +45,7 @@ def run(
         UserError: OUT holds episodes of other policies or worlds under the same names; whatever a job raises.
     """
     path = out / EPISODES
-    _same_run(jobs, out)
+    names = _same_run(jobs, out)
     have = {e.key: e for e in read(path)} if path.exists() else {}
     total = sum(len(job.seeds) for job in jobs)
     todo = []
@@ -53,11 +54,13 @@ def run(
         todo += replace(job, seeds=missing, dump=out / DIVERGED).split(job.rows) if missing else []
     done = total - sum(len(job.seeds) for job in todo)
     watch([], done, total)
-    for found in _results(todo, workers, arena):
+    for found in _results(todo, workers, arena):  # a policy that cannot be played has left nothing to go on with
+        write_text_atomic(out / RUN, names, overwrite=True)
         append(path, found)
         have |= {e.key: e for e in found}
         done += len(found)
         watch(found, done, total)
+    write_text_atomic(out / RUN, names, overwrite=True)
     return [have[key] for job in jobs for key in job.keys()]
 
 
@@ -75,15 +78,15 @@ def _results(todo: Sequence[Job], workers: int, arena: Arena) -> Iterator[list[E
                 yield future.result()
 
 
-def _same_run(jobs: Sequence[Job], out: Path) -> None:
-    """Writes what the names in OUT stand for, or checks that they still stand for the same."""
+def _same_run(jobs: Sequence[Job], out: Path) -> str:
+    """The content of run.json: what names stand for. Raises UserError where they stand for something else already."""
     worlds = {"/".join(filter(None, (j.world_name, j.configuration, j.control))): j.world_hash for j in jobs}
     now: dict[str, dict[str, str]] = {
         "policies": {f"{j.entrant.name}/s{j.entrant.train_seed}": j.entrant.digest for j in jobs},
         "worlds": worlds,
     }
     path = out / RUN
-    known = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {"policies": {}, "worlds": {}}
+    known = read_names(path) if path.exists() else {"policies": {}, "worlds": {}}
     for kind, names in now.items():
         for name, value in names.items():
             if known[kind].setdefault(name, value) != value:
@@ -94,7 +97,21 @@ def _same_run(jobs: Sequence[Job], out: Path) -> None:
                     expected=known[kind][name][:12],
                     got=value[:12],
                 )
-    write_text_atomic(path, json.dumps(known, indent=2) + "\n", overwrite=True)
+    return json.dumps(known, indent=2) + "\n"
+
+
+def read_names(path: Path) -> dict[str, dict[str, str]]:
+    """What the names in a run's folder stand for: `policies` and `worlds`, each names to hashes.
+
+    Raises:
+        UserError: no run.json that a run wrote.
+    """
+    known = read_json(path)
+    for kind in ("policies", "worlds"):
+        names = known.get(kind) if isinstance(known, dict) else None
+        if not isinstance(names, dict) or not all(isinstance(value, str) for value in names.values()):
+            raise UserError("is not the record of a run", file=path, key=kind, expected="names and hashes", got=names)
+    return known
 
 
 def failures(episodes: Iterable[Episode], most: int) -> list[Episode]:

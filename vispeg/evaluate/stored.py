@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from vispeg.core.errors import UserError
 from vispeg.evaluate.jobs import Job
 from vispeg.evaluate.records import Episode, append, read
-from vispeg.evaluate.runner import EPISODES, RUN
+from vispeg.evaluate.runner import EPISODES, RUN, read_names
 
 
 def check(jobs: Sequence[Job], known: Iterable[Episode], files: Iterable[Path]) -> None:
@@ -43,8 +42,5 @@ def take_in(known: Iterable[Episode], out: Path) -> None:
 
 
 def _made_with(file: Path) -> Mapping[str, str]:
-    try:
-        run = json.loads((file.parent / RUN).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return run.get("policies") or {} if isinstance(run, dict) else {}
+    path = Path(file).parent / RUN
+    return read_names(path)["policies"] if path.exists() else {}

@@ -19,10 +19,9 @@ from vispeg.core.files import new_folder
 from vispeg.learn.layout import OFFSET_M, VECTOR
 from vispeg.learn.meta import worlds
 from vispeg.learn.policy import NetPolicy, Policy, load
+from vispeg.learn.record import COARSE, FINE, PAIR, read_record
 from vispeg.learn.shipped import META, policy_folder
 
-FORMAT = "vispeg-coarse-to-fine/1"
-COARSE, FINE = "coarse", "fine"  # sub-folders, each a policy's
 NEWEST = 0.5  # weight of the newest sight of the hole; the rest is the average of those before
 
 
@@ -86,7 +85,7 @@ def combine(coarse: Path, fine: Path, within: float, out: Path, overwrite: bool 
     """
     both = CoarseToFine(load(coarse), load(fine), within)
     meta = {**both.meta, **worlds(both.coarse.meta, both.fine.meta)}
-    record = {"format": FORMAT, "modality": both.modality, "within": within, "meta": meta}
+    record = {"format": PAIR.name, "modality": both.modality, "within": within, "meta": meta}
     with new_folder(out, overwrite, holds="policy", inputs=(coarse, fine)) as place:
         for name, folder in ((COARSE, coarse), (FINE, fine)):
             shutil.copytree(policy_folder(folder), place / name)
@@ -96,14 +95,7 @@ def combine(coarse: Path, fine: Path, within: float, out: Path, overwrite: bool 
 def open_policy(folder: str | Path) -> Policy:
     """What a policy's folder holds: one network, or two of which one takes over. Raises UserError as `load` does."""
     path = policy_folder(folder)
-    try:
-        record = json.loads((path / META).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return load(path)  # which says what is wrong
-    if not isinstance(record, dict) or record.get("format") != FORMAT:
+    record = read_record(path)
+    if record["format"] != PAIR.name:
         return load(path)
-    try:
-        within = float(record["within"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise UserError("not a distance", file=path / META, key="within", expected="metres") from error
-    return CoarseToFine(load(path / COARSE), load(path / FINE), within, record.get("meta"))
+    return CoarseToFine(load(path / COARSE), load(path / FINE), float(record["within"]), record["meta"])

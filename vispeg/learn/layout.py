@@ -8,6 +8,7 @@ from typing import Any
 
 from vispeg.core.errors import UserError
 
+MOST = 4096  # numbers of an observation's part, pixels of an image's side
 VECTOR, PRIVILEGED = "policy", "privileged"  # keys of the observation: what the actor may see, and what critics may
 OFFSET_M = 0.03  # a unit of the offset that actors estimate: `privileged[:3]` is the tip in the hole's frame over this
 
@@ -97,13 +98,21 @@ class Layout:
         """The inverse of `to_json`. Raises UserError where an entry is missing or no shape."""
         try:
             images = {str(key): _chw(shape) for key, shape in found["images"].items()}
-            return cls(int(found["vector"]), images, int(found["action"]), int(found.get("truth", 0)))
+            lengths = [_count(found["vector"], 1), _count(found["action"], 1), _count(found.get("truth", 0), 0)]
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise UserError(
                 "not a policy's layout", key="layout", expected="vector, images, action", got=found
             ) from error
+        return cls(lengths[0], images, lengths[1], lengths[2])
 
 
 def _chw(shape: Any) -> tuple[int, int, int]:
-    channels, height, width = (int(size) for size in shape)
+    channels, height, width = (_count(size, 1) for size in shape)
     return channels, height, width
+
+
+def _count(value: Any, least: int) -> int:
+    """The value. Raises ValueError for what is no count, or one that no policy can have."""
+    if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= MOST:
+        raise ValueError(value)
+    return value

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -17,13 +18,15 @@ from torch import Tensor
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_bytes_atomic, write_text_atomic
+from vispeg.formats.guard import read_bytes
 from vispeg.learn.actor import Actor, State
 from vispeg.learn.layout import OFFSET_M, VECTOR, Layout
+from vispeg.learn.modalities import Modality
 from vispeg.learn.modalities import modality as modality_of
+from vispeg.learn.record import NETWORK, WEIGHTS, check_weights, read_record
 from vispeg.learn.shipped import META, policy_folder
 
-FORMAT = "vispeg-policy/1"
-WEIGHTS = "policy.safetensors"
+LARGEST = 1_000_000_000  # bytes of weights
 
 
 class Policy(Protocol):
@@ -127,48 +130,51 @@ def save(folder: str | Path, actor: Actor, modality: str, meta: Mapping[str, Any
         folder: made if need be.
         meta: JSON; by convention `command`, `seed`, `world`, `world_hash`, `task`, `steps`, `success`, `versions`.
     """
-    weights = {name: value.detach().cpu().contiguous() for name, value in actor.state_dict().items()}
-    net = {"hidden": list(actor.hidden), "recurrent": actor.recurrent}
-    record = {"format": FORMAT, "modality": modality, "layout": actor.layout.to_json(), "net": net, "meta": dict(meta)}
-    write_bytes_atomic(Path(folder) / WEIGHTS, save_tensors(weights), overwrite=True)
-    write_text_atomic(Path(folder) / META, json.dumps(record, indent=2, allow_nan=False) + "\n", overwrite=True)
+    weights = save_tensors({name: value.detach().cpu().contiguous() for name, value in actor.state_dict().items()})
+    record = {
+        "format": NETWORK.name,
+        "modality": modality,
+        "layout": actor.layout.to_json(),
+        "net": {"hidden": list(actor.hidden), "recurrent": actor.recurrent},
+        "weights": f"sha256:{hashlib.sha256(weights).hexdigest()}",
+        "meta": dict(meta),
+    }
+    text = json.dumps(record, indent=2, allow_nan=False) + "\n"
+    (Path(folder) / META).unlink(missing_ok=True)  # killed between the two, there is no policy rather than a wrong one
+    write_bytes_atomic(Path(folder) / WEIGHTS, weights, overwrite=True)
+    write_text_atomic(Path(folder) / META, text, overwrite=True)
 
 
 def load(folder: str | Path, device: str = "cpu") -> NetPolicy:
     """Reads a policy's folder, or the shipped policy of that name; nothing in it is executed.
 
     Raises:
-        UserError: no such folder, a file is missing or damaged, weights that do not fit what the JSON says, or a
-            modality that this installation does not have.
+        UserError: no such folder, a file is missing or damaged, weights that are not finite or not those of what the
+            JSON says, or a modality that this installation does not have.
     """
     path = policy_folder(folder)
-    record = _record(path / META)
-    modality = modality_of(str(record.get("modality")))
-    net = record.get("net") or {}
-    actor = Actor(
-        Layout.from_json(record.get("layout") or {}),
-        modality,
-        tuple(int(width) for width in net.get("hidden") or (256, 256)),
-        int(net.get("recurrent") or 0),
-    )
+    record = read_record(path)
+    if record["format"] != NETWORK.name:
+        raise UserError("is two policies in one", file=path, expected=f"one network ({NETWORK.name})")
+    modality = modality_of(record["modality"])
+    check_weights(path, record)
+    layout, net = Layout.from_json(record["layout"]), record["net"]
+    actor = _actor(layout, modality, net, path)
     try:
-        actor.load_state_dict(load_tensors((path / WEIGHTS).read_bytes()))
-    except OSError as error:
-        raise UserError("cannot be read", file=path / WEIGHTS, got=error.strerror) from error
-    except (SafetensorError, RuntimeError) as error:
-        reason = str(error).splitlines()[0]
+        actor.load_state_dict(load_tensors(read_bytes(path / WEIGHTS, LARGEST)))
+    except (SafetensorError, RuntimeError, ValueError, TypeError, KeyError) as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise UserError(f"not the weights of the policy beside it: {reason}", file=path / WEIGHTS) from error
-    return NetPolicy(actor.to(device).eval().requires_grad_(False), modality.name, record.get("meta") or {})
+    for name, value in actor.state_dict().items():
+        if not torch.isfinite(value).all():
+            raise UserError("holds weights that are not finite", file=path / WEIGHTS, key=name)
+    return NetPolicy(actor.to(device).eval().requires_grad_(False), modality.name, record["meta"])
 
 
-def _record(path: Path) -> dict[str, Any]:
+def _actor(layout: Layout, modality: Modality, net: Mapping[str, Any], path: Path) -> Actor:
+    """The network that a record describes, its weights still any."""
     try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UserError("not a policy's folder", file=path, expected=f"{WEIGHTS} and {META}") from error
-    except ValueError as error:
-        raise UserError("not JSON", file=path) from error
-    if not isinstance(record, dict) or record.get("format") != FORMAT:
-        got = record.get("format") if isinstance(record, dict) else record
-        raise UserError("not a policy", file=path, expected=FORMAT, got=got)
-    return record
+        return Actor(layout, modality, tuple(net["hidden"]), net["recurrent"])
+    except (RuntimeError, ValueError, TypeError, MemoryError) as error:  # such as images too small for the encoder
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise UserError(f"no network can be made of this ({reason})", file=path / META, key="layout") from None

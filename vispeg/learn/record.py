@@ -1,0 +1,118 @@
+"""What policy.json says, checked: what a policy sees, its network, its origin, its weights' hash. Without torch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from vispeg.core.errors import UserError
+from vispeg.core.provenance import digest
+from vispeg.formats.format import Format
+from vispeg.formats.guard import is_file
+from vispeg.learn.layout import Layout
+from vispeg.learn.meta import interface
+from vispeg.learn.shipped import META
+from vispeg.task.config import TaskConfig
+from vispeg.task.observe import policy_size
+
+KEYS = ("modality", "layout", "net", "meta", "weights")
+NETWORK = Format("vispeg-policy/1", "a policy", KEYS, ("modality", "layout"), "json")
+PAIR = Format("vispeg-coarse-to-fine/1", "a policy of two", ("modality", "within", "meta"), ("within",), "json")
+WEIGHTS = "policy.safetensors"
+COARSE, FINE = "coarse", "fine"  # sub-folders of a pair, each a policy's
+WIDEST, LAYERS = 8192, 16
+
+
+def read_record(folder: Path) -> dict[str, Any]:
+    """The content of a policy's policy.json, of one network or of two; `format` says which.
+
+    Raises:
+        UserError: not a policy's folder, or a record that cannot be; names the key.
+    """
+    path = folder / META
+    if not is_file(path):
+        raise UserError("not a policy's folder", file=folder, expected=f"{WEIGHTS} and {META}")
+    kind = PAIR if _says(path) == PAIR.name else NETWORK
+    record = kind.read(path)
+    meta = record.setdefault("meta", {})
+    _meta(meta, path)
+    if kind is PAIR:
+        within = record["within"]
+        if isinstance(within, bool) or not isinstance(within, int | float) or not 0 < within <= 1:
+            raise UserError("not a distance", file=path, key="within", expected="metres, above 0", got=within)
+        return {"format": kind.name, **record}
+    if not isinstance(record["modality"], str):
+        raise UserError("not a modality", file=path, key="modality", got=record["modality"])
+    try:
+        layout = Layout.from_json(record["layout"])
+    except UserError as error:
+        raise UserError(str(error), file=path) from None
+    _agree(layout, meta, path)
+    net = record.setdefault("net", {})
+    if not isinstance(net, dict):
+        raise UserError("not a network", file=path, key="net", expected="hidden, recurrent", got=net)
+    hidden, recurrent = net.setdefault("hidden", [256, 256]), net.setdefault("recurrent", 0)
+    if not isinstance(hidden, list) or not 1 <= len(hidden) <= LAYERS or not all(_width(n, 1) for n in hidden):
+        raise UserError("not widths of layers", file=path, key="net.hidden", expected=f"1 to {WIDEST} each", got=hidden)
+    if not _width(recurrent, 0):
+        raise UserError("not a width", file=path, key="net.recurrent", expected=f"0 to {WIDEST}", got=recurrent)
+    if not isinstance(record.get("weights", ""), str):
+        raise UserError("not a hash", file=path, key="weights", expected="sha256:...", got=record["weights"])
+    return {"format": kind.name, **record}
+
+
+def check_weights(folder: Path, record: Mapping[str, Any]) -> None:
+    """Raises UserError where the weights are others than the record was written with; older records do not say."""
+    path = folder / WEIGHTS
+    if not is_file(path):
+        raise UserError("is missing, or no file", file=path, expected="the policy's weights")
+    said = record.get("weights")
+    if said is not None and said != (got := f"sha256:{digest(path)}"):
+        raise UserError("are not the weights of the policy.json beside them", file=path, expected=said, got=got)
+
+
+def _says(path: Path) -> Any:
+    from vispeg.formats.json_data import read_json
+
+    record = read_json(path)
+    return record.get("format") if isinstance(record, dict) else None
+
+
+def _meta(meta: Any, path: Path) -> None:
+    """Raises UserError for a record of origin that later readers could not use."""
+    if not isinstance(meta, dict):
+        raise UserError("not a mapping", file=path, key="meta", got=meta)
+    tuned = meta.get("finetuned")
+    for key, one in (("meta", meta), ("meta.finetuned", tuned if isinstance(tuned, dict) else {})):
+        for name, kind in (("world", str), ("world_hash", str), ("world_file", str), ("task", dict)):
+            if not isinstance(one.get(name), kind | None):
+                raise UserError("of another kind", file=path, key=f"{key}.{name}", got=one[name])
+        hashes, made_of = one.get("world_hashes") or [], one.get("world_parts") or {}
+        if not isinstance(hashes, list) or not all(isinstance(h, str) for h in hashes):
+            raise UserError("not a list of hashes", file=path, key=f"{key}.world_hashes", got=hashes)
+        if not isinstance(made_of, dict) or not all(isinstance(name, str) for name in made_of.values()):
+            raise UserError("not a mapping of hashes to names", file=path, key=f"{key}.world_parts", got=made_of)
+    if not isinstance(tuned, dict | None):
+        raise UserError("not a mapping", file=path, key="meta.finetuned", got=tuned)
+    try:
+        TaskConfig.of(interface(meta), "meta.task")
+    except (UserError, TypeError, ValueError) as error:
+        raise UserError(str(error), file=path) from None
+
+
+def _agree(layout: Layout, meta: Mapping[str, Any], path: Path) -> None:
+    """Raises UserError where a policy sees something else than the task shows that it says to be made for."""
+    task, own = TaskConfig.of(interface(meta)), interface(meta)
+    if {"stack", "dof"} <= own.keys() and layout.vector != task.stack * policy_size(task):
+        expected = f"{task.stack * policy_size(task)} by meta.task"
+        raise UserError("another observation", file=path, key="layout.vector", expected=expected, got=layout.vector)
+    if "dof" in own and layout.action != len(task.dof):
+        raise UserError("another action", file=path, key="layout.action", expected=len(task.dof), got=layout.action)
+    for key in layout.images if "cameras" in own else ():
+        if key.partition("_")[2] not in task.cameras:
+            raise UserError("of no camera of meta.task", file=path, key=f"layout.images.{key}", choices=task.cameras)
+
+
+def _width(value: Any, least: int) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and least <= value <= WIDEST
