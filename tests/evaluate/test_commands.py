@@ -57,7 +57,7 @@ def test_a_gap_from_records_and_a_robots_csv(vispeg, tmp_path, invented):
         (("perturb", "expert", "--force", "60", "20", "--out", "g"), "not a push"),
         (("suite", "run", "expert", "--out", "g"), "no target"),
         (("suite", "run", "expert", "--train", "nominal", "--target", "nominal", "--out", "g"), "the same"),
-        (("suite", "compare", "g"), "not a suite's result"),
+        (("suite", "compare", "g"), "no such file"),
     ],
 )
 def test_bad_input_is_one_line_and_writes_nothing(vispeg, tmp_path, args, words):

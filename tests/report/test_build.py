@@ -179,7 +179,7 @@ def test_what_cannot_be_read_is_named(tmp_path, run, diagnosis, evidence):
     with pytest.raises(UserError, match=r"evidence\.npz"):
         write_report(out)
     (out / "diagnosis.json").write_text("{")
-    with pytest.raises(UserError, match="not a JSON record"):
+    with pytest.raises(UserError, match="is not JSON"):
         write_report(out)
 
 

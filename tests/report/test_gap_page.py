@@ -163,7 +163,7 @@ def test_a_video_that_cannot_be_made_says_why(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("text", "words"), [("[]", "not a gap's record"), ("{", "cannot be read"), ('{"format": "x"}', "x")]
+    ("text", "words"), [("[]", "is not a gap's record"), ("{", "is not JSON"), ('{"format": "x"}', "x")]
 )
 def test_another_file_is_refused(tmp_path, text, words):
     (tmp_path / "gap.json").write_text(text)

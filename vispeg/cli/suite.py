@@ -14,7 +14,6 @@ Example:
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -114,11 +113,12 @@ class Compare:
         from vispeg.core.files import write_text_atomic
         from vispeg.evaluate import suite
         from vispeg.evaluate.records import read
+        from vispeg.evaluate.suite_file import read_result
         from vispeg.report.gap.suite_page import render
 
         if not self.folders:
             raise UserError("nothing to compare", expected="vispeg suite compare FOLDER [FOLDER ...]")
-        versions = [_result(folder) for folder in self.folders]
+        versions = [read_result(folder) for folder in self.folders]
         notes = suite.other_worlds(versions)
         changes: list[dict[str, Any]] = []
         if len(versions) > 1:
@@ -151,20 +151,6 @@ class Args:
     def run(self) -> int:
         """Runs the sub-command."""
         return self.command.run()
-
-
-def _result(folder: Path) -> dict[str, Any]:
-    from vispeg.core.errors import UserError
-    from vispeg.evaluate.suite import FORMAT
-
-    path = folder / "suite.json"
-    try:
-        values = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise UserError("not a suite's result", file=path, got=str(error)) from None
-    if not isinstance(values, dict) or values.get("format") != FORMAT:
-        raise UserError("not a suite's result", file=path, key="format", expected=FORMAT)
-    return values
 
 
 def _alarm(values: dict[str, Any]) -> bool:

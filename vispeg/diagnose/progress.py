@@ -12,10 +12,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from vispeg.core.errors import UserError
 from vispeg.core.files import remove_unfinished, write_text_atomic
+from vispeg.formats.format import Format, enrol
+from vispeg.formats.guard import MB, as_written
 
 FORMAT = "vispeg-diagnosis-progress/1"
+PROGRESS = Format(FORMAT, "a diagnosis in progress", ("key", "answers"), language="json", most=256 * MB, finite=False)
 
 
 class Progress:
@@ -55,10 +57,18 @@ def _hash(data: Any) -> str:
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
 
 
+def _example(folder: Path) -> Path:
+    kept = Progress(folder / "diagnosis" / "progress.json", "example")
+    kept.recall("how far?", lambda: {"score": [0.5, 0.25]})
+    return folder / "diagnosis" / "progress.json"
+
+
+@enrol(FORMAT, _example)
+def _resumed(file: Path) -> dict[str, Any]:
+    return Progress(file, "example").answers
+
+
 def _read(file: Path, key: str) -> dict[str, Any]:
-    try:
-        data = json.loads(file.read_text(encoding="utf-8"))
-        known, answers = data["key"], dict(data["answers"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise UserError("cannot be read as a diagnosis in progress; remove it to begin anew", file=file) from error
-    return answers if known == key else {}
+    with as_written(file, "vispeg diagnose", "remove it to begin anew"):
+        data = PROGRESS.read(file)
+        return dict(data["answers"]) if data["key"] == key else {}

@@ -25,11 +25,13 @@ class Enrolled:
         name: of the format.
         read: reads a path, or raises UserError.
         example: writes a valid one into an empty folder and returns the path that `read` takes.
+        slow: whether a tenth of a second is not enough to read it.
     """
 
     name: str
     read: Callable[[Path], Any]
     example: Example
+    slow: bool = False
 
 
 ENROLLED: dict[str, Enrolled] = {}
@@ -43,16 +45,17 @@ def copy(source: Path, folder: Path) -> Path:
     return Path(shutil.copy(source, folder / source.name))
 
 
-def enrol(name: str, example: Example) -> Callable[[Reader], Reader]:
+def enrol(name: str, example: Example, slow: bool = False) -> Callable[[Reader], Reader]:
     """Decorates the reader of a format, which the tests then feed with damaged copies of the example.
 
     Args:
         name: of the format; what its `format` line says, if it has one.
         example: writes a valid file (or folder) into an empty folder and returns the path that the reader takes.
+        slow: whether a tenth of a second is not enough to read it; it is then tested with fewer copies.
     """
 
     def decorate(read: Reader) -> Reader:
-        ENROLLED[name] = Enrolled(name, read, example)
+        ENROLLED[name] = Enrolled(name, read, example, slow)
         return read
 
     return decorate

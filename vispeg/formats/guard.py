@@ -7,8 +7,10 @@ import math
 import os
 import re
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from vispeg.core.errors import UserError
 
@@ -28,25 +30,22 @@ def is_file(path: str | Path) -> bool:
         return False
 
 
-def read_bytes(path: str | Path, most: int = MB) -> bytes:
-    """A file's content.
-
-    Args:
-        path: of the file; a `~` stands for the home directory.
-        most: bytes that it may have.
+@contextmanager
+def opened(path: str | Path) -> Iterator[BinaryIO]:
+    """A regular file, open for reading.
 
     Raises:
-        UserError: no such file, not a regular one (a folder, pipe or device), one that cannot be read, or a larger one.
+        UserError: no such file, not a regular one (a folder, pipe or device), or one that cannot be read.
     """
     try:
         handle = os.open(Path(path).expanduser(), os.O_RDONLY | os.O_NONBLOCK)  # a pipe without a writer must not block
         try:
-            found = os.fstat(handle)
-            if not stat.S_ISREG(found.st_mode):
-                what = "a folder" if stat.S_ISDIR(found.st_mode) else "no regular file"
+            mode = os.fstat(handle).st_mode
+            if not stat.S_ISREG(mode):
+                what = "a folder" if stat.S_ISDIR(mode) else "no regular file"
                 raise UserError(f"is {what}", file=path, expected="a file")
             with open(handle, "rb", closefd=False) as file:
-                data = file.read(most + 1)
+                yield file
         finally:
             os.close(handle)
     except FileNotFoundError:
@@ -55,8 +54,22 @@ def read_bytes(path: str | Path, most: int = MB) -> bytes:
         raise UserError(f"cannot be read: {(error.strerror or str(error)).lower()}", file=path) from None
     except (ValueError, RuntimeError) as error:  # a NUL in the name, no home directory
         raise UserError(f"cannot be read: {error}", file=path) from None
+
+
+def read_bytes(path: str | Path, most: int = MB) -> bytes:
+    """A file's content.
+
+    Args:
+        path: of the file; a `~` stands for the home directory.
+        most: bytes that it may have.
+
+    Raises:
+        UserError: as `opened`, or a larger one.
+    """
+    with opened(path) as file:
+        data, there = file.read(most + 1), os.fstat(file.fileno()).st_size
     if len(data) > most:
-        raise UserError("is too large", file=path, expected=f"at most {size(most)}", got=size(found.st_size))
+        raise UserError("is too large", file=path, expected=f"at most {size(most)}", got=size(there))
     return data
 
 
@@ -118,6 +131,28 @@ def _beyond(value: Any, finite: bool, levels: int) -> tuple[str, str | None, lis
             found[2].append(key)
             return found
     return None
+
+
+@contextmanager
+def as_written(file: str | Path, command: str, hint: str = "") -> Iterator[None]:
+    """What trips over the content of a file that only the program itself writes trips over a damaged file.
+
+    Args:
+        file: which.
+        command: that wrote it.
+        hint: what to do about it.
+
+    Raises:
+        UserError: in place of the error that a missing key, a value of another kind or an impossible one gives.
+    """
+    try:
+        yield
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, MemoryError) as error:
+        said = f"{type(error).__name__}: {error}"
+        expected = f"it as `{command}` wrote it" + (f"; {hint}" if hint else "")
+        raise UserError(f"is damaged, or of another version ({said[:200]})", file=file, expected=expected) from error
+    except UserError as error:
+        raise (UserError(f"{error}; {hint}") if hint else error) from None
 
 
 def size(count: int) -> str:

@@ -20,8 +20,12 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import remove_unfinished, write_text_atomic
+from vispeg.formats.format import Format, enrol
+from vispeg.formats.guard import MB, as_written
+from vispeg.formats.typed import typed
 
 FORMAT = "vispeg-checkpoint/2"
+CHECKPOINT = Format(FORMAT, "a checkpoint of a fit", ("key", "traces"), language="json", most=256 * MB, finite=False)
 
 
 @dataclass
@@ -109,12 +113,24 @@ class Checkpoint:
         remove_unfinished(self.file)
 
 
+def _example(folder: Path) -> Path:
+    kept = Checkpoint(folder / "fit" / "checkpoint.json", "example", 2, resume=False)
+    kept.traces[0].generation([3.0, 2.0])
+    kept.traces[1].point(np.array([0.1, 0.2]), np.eye(3))
+    kept.traces[1].lap(1, 1.5)
+    return kept.file
+
+
+@enrol(FORMAT, _example)
+def _resumed(file: Path) -> list[Trace]:
+    return Checkpoint(file, "example", 2, resume=True).traces
+
+
 def _read(file: Path, key: str, starts: int) -> list[Trace]:
-    try:
-        data = json.loads(file.read_text(encoding="utf-8"))
-        known, traces = data["key"], [Trace(**{name: row[name] for name in KEPT}) for row in data["traces"]]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise UserError("cannot be read as a checkpoint; remove it to begin anew", file=file) from error
+    with as_written(file, "vispeg fit", "remove it to begin anew"):
+        data = CHECKPOINT.read(file)
+        rows = [{name: row[name] for name in KEPT} for row in data["traces"]]
+        known, traces = data["key"], [typed(Trace, row, file, f"traces[{i}]") for i, row in enumerate(rows)]
     if known != key or len(traces) != starts:
         raise UserError("belongs to another fit; drop --resume to begin anew", file=file)
     return traces

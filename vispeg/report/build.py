@@ -6,6 +6,8 @@ from importlib import import_module
 from pathlib import Path
 
 from vispeg.core.files import write_text_atomic
+from vispeg.formats.format import enrol
+from vispeg.formats.guard import as_written
 from vispeg.report.page import Section, page
 from vispeg.report.record import Record, load_record
 from vispeg.report.sections import COMPARE, DIAGNOSIS
@@ -17,7 +19,48 @@ def write_report(out: Path, *, overwrite: bool = False) -> Path:
     Raises:
         UserError: no record in `out`, a file that cannot be read, or a report there already while `overwrite` is False.
     """
-    return write_text_atomic(Path(out) / "report.html", render(load_record(Path(out))), overwrite=overwrite)
+    return write_text_atomic(Path(out) / "report.html", read(Path(out)), overwrite=overwrite)
+
+
+def _example(folder: Path) -> Path:
+    import json
+
+    friction = {"effect": "coulomb_friction", "where": "joint4", "indistinguishable_from": []}
+    friction["params"] = {"torque": {"value": 1.3, "low": 1.2, "high": 1.4, "unit": "N m"}}
+    steps = [("nominal", 9.1e-3, 8.8e-3), ("+ coulomb_friction(joint4)", 2.1e-4, 2.2e-4)]
+    found = {
+        "format": "vispeg-diagnosis/1",
+        "verdict": "identified",
+        "effects": [friction],
+        "ladder": [
+            dict(zip(("model", "fit_error", "heldout_error"), s, strict=True)) | {"unit": "rad RMS"} for s in steps
+        ],
+        "noise_floor": {"value": 2.0e-4, "unit": "rad RMS", "from": "repeats"},
+        "where_it_fails": [{"joint": "joint4", "regime": "velocity reversal", "share": 0.51}],
+        "unexplained": None,
+        "next_experiment": {"motion": "slow triangle on joint4", "why": "separates", "expected_separation_sigma": 9.4},
+        "candidates": [{"effect": "backlash", "where": "joint2", "heldout_gain": -0.02, "rejected_because": "no gain"}],
+        "screening": [{"effect": "payload", "where": "flange", "score": 0.81, "cosine_group": 0}],
+        "provenance": {
+            "command": "vispeg diagnose",
+            "seed": 0,
+            "versions": {"vispeg": "1"},
+            "inputs": {"a": "ab"},
+        },
+        "recordings": {"fit": ["rig-a"], "validate": ["rig-b"]},
+        "notes": ["rig-b: 3 rows without a reading were left out"],
+        "correlations": {"labels": ["a", "b"], "matrix": [[1.0, -0.9], [-0.9, None]]},
+    }
+    (folder / "diagnosis.json").write_text(json.dumps(found), encoding="utf-8")
+    return folder
+
+
+@enrol("vispeg-diagnosis/1", _example, slow=True)
+def read(out: Path) -> str:
+    """The page of a folder that `vispeg diagnose` or `vispeg compare` wrote. Raises UserError as `write_report`."""
+    record = load_record(out)
+    with as_written(out / f"{record.kind}.json", f"vispeg {record.kind.replace('diagnosis', 'diagnose')}"):
+        return render(record)
 
 
 def render(record: Record) -> str:

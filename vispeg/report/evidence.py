@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,6 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.formats.arrays import read_arrays
+from vispeg.formats.format import enrol
+from vispeg.formats.guard import as_written
 
 AXES = ("speed", "load", "position", "phase", "time", "frequency")
 
@@ -71,16 +73,24 @@ class Evidence:
     next_motion: NextMotion | None = None
 
 
+def _example(folder: Path) -> Path:
+    time = np.arange(8) / 100.0
+    arrays = {"joints": np.array(["a", "b"]), "unit": np.array("rad"), "0/name": np.array("rig"), "0/time": time}
+    arrays |= {f"0/{key}": np.ones((8, 2)) for key in ("measured", "before", "after")}
+    arrays |= {"map/speed/edges": np.linspace(-1, 1, 4), "map/speed/before": np.ones((2, 3))}
+    arrays |= {"next/time": time, "next/q_cmd": np.zeros((8, 2))}
+    np.savez(folder / "evidence.npz", **arrays)  # type: ignore[arg-type]
+    return folder / "evidence.npz"
+
+
+@enrol("evidence.npz", _example)
 def load_evidence(path: Path) -> Evidence:
     """Reads `evidence.npz`; an absent file is no evidence, a broken one or a wrong shape is a UserError."""
     if not path.exists():
         return Evidence()
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {key: archive[key] for key in archive.files}
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
-        raise UserError("cannot be read as a NumPy archive without pickles", file=path, got=str(error)) from None
-    return _Reader(path, arrays).evidence()
+    arrays = read_arrays(path)
+    with as_written(path, "vispeg diagnose"):
+        return _Reader(path, arrays).evidence()
 
 
 class _Reader:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 from vispeg.core.errors import UserError
+from vispeg.formats.json_data import read_json
 from vispeg.report.evidence import Evidence, load_evidence
 from vispeg.report.quantities import number
 
@@ -81,10 +81,7 @@ def load_record(out: Path) -> Record:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    try:
-        values = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise UserError("is not a JSON record", file=path, got=str(error)) from None
+    values = read_json(path, finite=False)
     if not isinstance(values, dict):
-        raise UserError("is not a JSON record", file=path, expected="an object", got=type(values).__name__)
+        raise UserError("is not a record", file=path, expected="a mapping", got=type(values).__name__)
     return values

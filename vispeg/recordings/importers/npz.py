@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.formats.arrays import read_arrays
 from vispeg.recordings.columns import SIGNALS, columns_of
 from vispeg.recordings.importers.build import build, convert, joints_of
 from vispeg.recordings.importers.mapping import ColumnMap, Source
@@ -37,7 +36,7 @@ def import_npz(
         UserError: the file is damaged, an array has the wrong shape or kind, or the recording would not pass `load`.
     """
     mapping = mapping or ColumnMap()
-    arrays = _read(source)
+    arrays = read_arrays(source, most=MAX_BYTES)
     named = arrays.get("joints")
     if named is not None and "joints" not in mapping.recording:
         joints = [str(name) for name in np.atleast_1d(named)]
@@ -58,21 +57,6 @@ def import_npz(
             raise UserError("has the wrong shape", file=source, key=origin.name, expected=shape, got=values.shape)
         columns |= dict(zip(tails, convert(values, origin).T, strict=True))
     return build(columns, source, robot, joints, mapping, **header)
-
-
-def _read(source: Path) -> dict[str, np.ndarray]:
-    try:
-        with zipfile.ZipFile(source) as archive:
-            size = sum(entry.file_size for entry in archive.infolist())
-        if size > MAX_BYTES:
-            raise UserError("is too large", file=source, expected=f"at most {MAX_BYTES} bytes unpacked", got=size)
-        with np.load(source, allow_pickle=False) as data:
-            return {name: data[name] for name in data.files}
-    except OSError as error:
-        raise UserError(f"cannot be read: {error.strerror or error}", file=source) from error
-    except (zipfile.BadZipFile, zlib.error, ValueError, KeyError, EOFError, NotImplementedError, MemoryError) as error:
-        what = "holds Python objects" if "allow_pickle" in str(error) else "is not a NumPy archive that can be read"
-        raise UserError(what, file=source, expected="plain numeric arrays") from error
 
 
 def _numbers(array: np.ndarray, name: str, source: Path) -> np.ndarray:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
+from vispeg.formats.format import Format, enrol
+from vispeg.formats.guard import MB, as_written
+from vispeg.formats.json_data import read_json
 from vispeg.report.gap import against, controls, factors, failures, headline, measured, pairs, prediction, success
 from vispeg.report.gap.page import page
 
 FORMAT = "vispeg-gap/1"
+GAP = Format(FORMAT, "a gap's record", language="json", most=64 * MB)
 KINDS = {"gap": "transfer gap", "evaluate": "evaluation"}  # command, also the stem of record and page -> what it is
 
 
@@ -44,15 +46,24 @@ def write(out: Path, command: str = "gap", *, overwrite: bool = False) -> Path:
     Raises:
         UserError: no such record, another format, or a page there already while `overwrite` is False.
     """
-    path = Path(out) / f"{command}.json"
-    try:
-        values = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise UserError("cannot be read", file=path, got=str(error)) from None
-    if not isinstance(values, dict) or values.get("format") != FORMAT:
-        got = values.get("format") if isinstance(values, dict) else values
-        raise UserError("not a gap's record", file=path, key="format", expected=FORMAT, got=got)
-    listed = Path(out) / "media.json"
-    media = json.loads(listed.read_text(encoding="utf-8")) if listed.is_file() else []
-    html = render(values, media, Path(out), command)
-    return write_text_atomic(path.with_suffix(".html"), html, overwrite=overwrite)
+    return write_text_atomic(Path(out) / f"{command}.html", read(Path(out), command), overwrite=overwrite)
+
+
+def _example(folder: Path) -> Path:
+    import json
+
+    from vispeg.evaluate.example import episodes
+    from vispeg.evaluate.gap import gap
+
+    (folder / "gap.json").write_text(json.dumps(gap(episodes(), worlds=["S", "V"])), encoding="utf-8")
+    return folder
+
+
+@enrol(FORMAT, _example, slow=True)
+def read(out: Path, command: str = "gap") -> str:
+    """The page of OUT/COMMAND.json with the media that OUT/media.json lists. Raises UserError as `write`."""
+    path, listed = out / f"{command}.json", out / "media.json"
+    values = GAP.read(path)
+    media = read_json(listed) if listed.exists() else []
+    with as_written(path, f"vispeg {command}"):
+        return render(values, media, out, command)

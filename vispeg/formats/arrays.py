@@ -1,0 +1,49 @@
+"""NumPy archives of unknown origin."""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from pathlib import Path
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.formats.guard import MB, opened, size
+
+
+def read_arrays(path: str | Path, *, most: int = 2000 * MB) -> dict[str, np.ndarray]:
+    """The arrays of an .npz file by name; nothing in it is ever unpickled.
+
+    Args:
+        path: of the file.
+        most: bytes that the arrays may have, unpacked.
+
+    Raises:
+        UserError: unreadable, no archive, a damaged one, one with Python objects, or a larger one.
+    """
+    with opened(path) as file:
+        try:
+            with zipfile.ZipFile(file) as archive:
+                unpacked = sum(entry.file_size for entry in archive.infolist())
+            if unpacked > most:
+                expected = f"at most {size(most)} unpacked"
+                raise UserError("is too large", file=path, expected=expected, got=size(unpacked))
+            file.seek(0)
+            with np.load(file, allow_pickle=False) as data:
+                return {name: _array(data[name]) for name in data.files}
+        except (OSError, ValueError, LookupError, TypeError, EOFError, SyntaxError, RuntimeError, MemoryError) as error:
+            raise _refusal(path, error) from None
+        except (zipfile.BadZipFile, zlib.error, NotImplementedError, OverflowError, RecursionError) as error:
+            raise _refusal(path, error) from None
+
+
+def _array(value: object) -> np.ndarray:
+    if not isinstance(value, np.ndarray):
+        raise ValueError("an entry that is no array")
+    return value
+
+
+def _refusal(path: str | Path, error: Exception) -> UserError:
+    what = "holds Python objects" if "allow_pickle" in str(error) else "is not a NumPy archive that can be read"
+    return UserError(what, file=path, expected="plain numeric arrays")
