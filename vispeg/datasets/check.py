@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.datasets.describe import STATS, TASKS
+from vispeg.datasets.describe import CAMERA_FILE, RENDER_FILE, STATS, TASKS
 from vispeg.datasets.episodes import OWN
 from vispeg.datasets.layout import COUNTED, is_depth, is_picture
 from vispeg.datasets.parquet import opened, table, values
 from vispeg.datasets.read import Dataset
+from vispeg.formats.format import enrol
 from vispeg.formats.guard import is_file
 
 MOST = 20  # problems of one kind that are told
@@ -22,6 +23,13 @@ UNIT = 1e-3  # by which a quaternion's length may differ from 1
 Watch = Callable[[int], None]
 
 
+def _example(folder: Path) -> Path:
+    from vispeg.datasets.example import write_dataset
+
+    return write_dataset(folder)
+
+
+@enrol(RENDER_FILE.name, _example)
 def check(folder: str | Path, watch: Watch = lambda frames: None) -> list[str]:
     """What is wrong with a dataset, a line each; [] if nothing is.
 
@@ -38,6 +46,11 @@ def check(folder: str | Path, watch: Watch = lambda frames: None) -> list[str]:
     if found := told(_meta(data)):
         return found
     return told(_numbers(data)) + _records(data, watch)
+
+
+@enrol(CAMERA_FILE.name, _example)
+def _cameras(folder: Path) -> object:
+    return Dataset(folder).cameras
 
 
 def told(findings: Iterator[str]) -> list[str]:
