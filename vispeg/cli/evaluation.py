@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from vispeg.core.disk import written
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.core.lock import claim
@@ -35,13 +36,17 @@ def open_folder(out: Path, result: str, overwrite: bool, inputs: Iterable[str | 
     if out.is_file() or (out.is_dir() and any(out.iterdir()) and _kind(out) not in (kind, "")):
         raise UserError("is not a folder of such results", file=out, expected="a new or empty folder, or one of a run")
     claim(out)
-    if (out / result).exists() and not overwrite:
+    page = out / ("suite.html" if kind == "compare" else f"{kind}.html")
+    done = (out / result).exists() and (page.exists() or holds(out) is None)  # the page comes last; once it had others
+    if done and not overwrite:
         raise UserError("exists already; name another folder or pass --overwrite", file=out / result)
-    if overwrite and (out / result).exists():  # a new run, so nothing of the old one is continued
-        for old in (result, f"{kind}.html", "episodes.jsonl", "run.json"):
-            (out / old).unlink(missing_ok=True)
-    out.mkdir(parents=True, exist_ok=True)
-    mark(out, kind, files=())
+    if done:  # a new run, so nothing of the old one is continued
+        for old in (page.name, result, "episodes.jsonl", "run.json"):
+            with written(out / old):
+                (out / old).unlink(missing_ok=True)
+    with written(out):
+        out.mkdir(parents=True, exist_ok=True)
+        mark(out, kind, files=())
     return out
 
 

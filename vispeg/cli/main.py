@@ -13,7 +13,7 @@ from pathlib import Path
 
 from vispeg import __version__
 from vispeg.cli.graphics import choose_backend
-from vispeg.core.disk import FULL, why
+from vispeg.core.disk import FULL, refused, why
 from vispeg.core.errors import UserError
 from vispeg.core.extras import lacks, missing
 from vispeg.core.interrupt import Interrupted
@@ -120,7 +120,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         _drop_output()
         return EXIT_PIPE
     except OSError as error:
-        if not (error.errno in FULL or isinstance(error, PermissionError)):
+        if not refused(error):
             raise
         what = f"cannot be written: {why(error)}" if error.errno in FULL else why(error)
         print(f"vispeg: error: {UserError(what, file=error.filename)}", file=sys.stderr)

@@ -68,6 +68,8 @@ def new_folder(
             shutil.rmtree(part, ignore_errors=True)
             if isinstance(error, OSError) and failed_in(part, error):
                 raise UserError(f"cannot be written: {why(error)}", file=path) from error
+            if isinstance(error, UserError) and str(part) in str(error):  # a name that the user never sees
+                raise UserError(str(error).replace(str(part), str(path))) from error
             raise
 
 
@@ -130,6 +132,7 @@ def write_bytes_atomic(path: str | Path, data: bytes, *, overwrite: bool = False
     if target.exists() and not overwrite:
         raise UserError("exists already; name another or pass --overwrite", file=path)
     part = _sibling(target)
+    new = [folder for folder in target.parents if not folder.exists()]
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         part.touch()
@@ -139,6 +142,9 @@ def write_bytes_atomic(path: str | Path, data: bytes, *, overwrite: bool = False
     except OSError as error:
         with suppress(OSError):  # where its folder is none, asking for it is an error too
             part.unlink()
+        with suppress(OSError):
+            for folder in new:
+                folder.rmdir()
         raise UserError(f"cannot be written: {why(error)}", file=path) from error
     except BaseException:
         part.unlink(missing_ok=True)

@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from vispeg.core.disk import written
 from vispeg.core.errors import UserError
 
 CATEGORIES = ("success", "approach", "search", "jam", "wedge", "slip", "force limit", "timeout", "diverged")
@@ -70,11 +71,15 @@ def append(path: str | Path, episodes: Iterable[Episode]) -> None:
     """Adds episodes to a JSON-lines file, which is made if it is not there; whole lines in one write, then synced.
 
     A half-written last line that a killed run left behind is cut off first.
+
+    Raises:
+        UserError: it cannot be written.
     """
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     text = "".join(e.to_json() + "\n" for e in episodes)
-    with path.open("ab+") as file:
+    with written(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    with written(path), path.open("ab+") as file:
         end = _end_of_last_line(path)
         file.truncate(end)
         file.write(text.encode())
