@@ -40,6 +40,16 @@ def test_learns_to_reach(mode, changes, steps):
     assert success(model, mode) > 0.9
 
 
+def test_a_teacher_learns_from_ground_truth_what_it_could_not_from_the_rest():
+    """Without images the toy's vector holds the time alone."""
+    settings = SacSettings(**SMALL, utd=1.0, lr=1e-3)
+    model = AsymmetricSAC(Sb3Env(Reach(8, "depth")), modality("privileged"), settings, seed=0)
+    model.restart(0)
+    model.learn(480, log_interval=None)
+    played = run_episodes(NetPolicy(model.actor, "privileged"), Reach(32, "depth"), range(5000, 5032))
+    assert success_rate(played) > 0.9
+
+
 def test_critic_step_is_the_stated_equation():
     """The loss that `_update_critic` reports against NumPy on the same draws."""
     model = learner()
