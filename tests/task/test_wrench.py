@@ -32,6 +32,17 @@ def test_faults_at_null_are_none_bit_by_bit_and_faults_move_nothing():
     assert not np.array_equal(faulty, plain)
 
 
+def test_pressed_down_the_wrist_is_told_of_a_push_up_and_what_is_touched_feels_one_down():
+    """At rest on the rim, the force that is told and the contact force that a critic knows agree in all but sign."""
+    env = PegInHoleVec(1, world="nominal", steps=40)
+    env.reset(seed=3)
+    for _ in range(30):
+        seen, *_ = env.step(np.array([[0.0, 0.0, -0.5]]))
+    up, contact = seen["policy"][0, WRENCH] * SCALE, 20.0 * seen["privileged"][0, 12:15]
+    assert up[2] > 5.0
+    np.testing.assert_allclose(contact, -up[:3], atol=0.5)
+
+
 def test_a_bias_is_told_in_the_axes_of_the_base():
     """The flange points down: its x is the base's, its y and z are turned round."""
     bias = {"fx": 2.0, "fy": 3.0, "fz": -4.0, "tx": 0.1, "ty": 0.2, "tz": 0.3}

@@ -274,7 +274,9 @@ def _room(spec: mujoco.MjSpec) -> dict[str, tuple[str, ...]]:
 
 
 def _sensors(spec: mujoco.MjSpec) -> None:
-    """Wrench between flange and tool in the flange frame (N, N m), and the net contact force on the tool (world, N)."""
+    """Wrench between flange and tool in the flange frame (N, N m), and the net contact force of the tool, peg included,
+    on what it touches (world, N).
+    """
     spec.body("tool").add_site(name="wrench", group=4)
     for name, kind in (("force", mujoco.mjtSensor.mjSENS_FORCE), ("torque", mujoco.mjtSensor.mjSENS_TORQUE)):
         spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="wrench")
