@@ -67,3 +67,19 @@ def test_mistakes(refused, rigs, tmp_path):
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "mine").write_text("mine")
     refused(["compare", "iiwa14", "--recording", rigs["nominal"], "--out", "full"], "not empty")
+
+
+def test_of_a_long_recording_the_chosen_windows_are_said(vispeg, tmp_path):
+    motion = ("--motion", "fourier", "--duration", "40", "--effects", "coulomb_friction:joint4:torque=1.2")
+    assert vispeg("record", "iiwa14", *motion, "--out", "long")[0] == 0
+    code, out, _ = vispeg("compare", "iiwa14", "--recording", "long", "--out", "c", "--seconds", "12")
+    assert code == 0 and "of 40 s are used" in " ".join(out.split())
+    record = json.loads((tmp_path / "c" / "compare.json").read_text())
+    (row,) = record["windows"]
+    assert row["recording"] == "long" and 5 < row["used_s"] < 12.1 and row["reversals"] > 3
+    assert row["said"] in (tmp_path / "c" / "report.html").read_text()
+    with np.load(tmp_path / "c" / "evidence.npz", allow_pickle=False) as arrays:
+        names = [str(arrays[f"{r}/name"]) for r in range(len(row["windows"]))]
+    assert names == [f"long, from {w['start']:.4g} s" for w in row["windows"]]
+    code, _, err = vispeg("compare", "iiwa14", "--recording", "long", "--out", "d", "--seconds", "-1")
+    assert code == 2 and "--seconds" in err

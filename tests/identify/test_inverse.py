@@ -89,6 +89,16 @@ def test_torque_of_no_stated_sensor_is_used_nowhere():
         assert item.measured.shape[1] == channels, sensor
 
 
+def test_episodes_are_differentiated_each_on_its_own():
+    a, b = passively(World(), 0), passively(World(), 1)
+    both = {n: np.concatenate([getattr(a, n), getattr(b, n)]) for n in ("time", "q", "tau")}
+    number = np.repeat([0, 1], [len(a.time), len(b.time)])
+    whole = evidence_for(World(), [replace(a, episode=number, noise={"tau": 0.2}, **both)])
+    apart = evidence_for(World(), [replace(r, noise={"tau": 0.2}) for r in (a, b)])
+    assert [len(i.measured) for i in whole.items] == [len(i.measured) for i in apart.items]
+    np.testing.assert_allclose(whole.residuals([World()])[0], apart.residuals([World()])[0], atol=1e-9)
+
+
 def test_dry_friction_is_against_the_motion(evidence):
     world = World().add(Placed.of("coulomb_friction", "joint3", torque=1.5))
     for item, y in zip(evidence.items, evidence.simulated([World(), world]), strict=True):

@@ -15,6 +15,8 @@ from pathlib import Path
 
 import tyro
 
+from vispeg.recordings.windows import SECONDS
+
 
 @dataclass(frozen=True)
 class Args:
@@ -26,6 +28,8 @@ class Args:
     """Folder for the results."""
     recording: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
     """A recording to compare with; give the flag once for each."""
+    seconds: float = SECONDS
+    """Of a longer recording, the windows that show the most, this long in all; 0 uses all of it."""
     threads: int = 2
     """Threads of the simulation."""
     overwrite: bool = False
@@ -40,7 +44,7 @@ class Args:
         from vispeg.report.terminal import print_comparison
         from vispeg.report.write import write_comparison
 
-        world, recordings, _ = read_inputs(self.model, self.recording, (), need_validate=False)
+        world, recordings, _ = read_inputs(self.model, self.recording, (), False, self.seconds)
         inputs = (self.model, world.robot, *self.recording)
         with new_folder(self.out, overwrite=self.overwrite, holds="comparison", inputs=inputs) as folder:
             found = compare(world, recordings, nthread=self.threads)

@@ -19,6 +19,7 @@ from typing import Annotated
 import tyro
 
 from vispeg.core.interrupt import goes_on
+from vispeg.recordings.windows import SECONDS
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,8 @@ class Args:
     """A recording to fit; give the flag once for each."""
     validate: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
     """A recording to judge on, never fitted; give the flag once for each."""
+    seconds: float = SECONDS
+    """Of a longer recording, the windows that show the most, this long in all; 0 uses all of it."""
     seed: int = 0
     """Seed of whatever is drawn."""
     threads: Annotated[int, tyro.conf.arg(help="Threads of the simulation.")] = 2
@@ -53,12 +56,12 @@ class Args:
         from vispeg.report.terminal import print_diagnosis
         from vispeg.report.write import write_diagnosis
 
-        world, fitted, held_out = read_inputs(self.model, self.recording, self.validate)
+        world, fitted, held_out = read_inputs(self.model, self.recording, self.validate, seconds=self.seconds)
         inputs = [*self.recording, *self.validate]
         stamp = provenance(sys.argv, self.seed, inputs)
         content = [[stamp["inputs"][str(path)] for path in paths] for paths in (self.recording, self.validate)]
         robot = digest(world.robot) if Path(world.robot).is_file() else None
-        key = [model_text(world), robot, content, self.seed, stamp["versions"]]
+        key = [model_text(world), robot, content, self.seconds, self.seed, stamp["versions"]]
         part = self.out.with_name(self.out.name + ".part")
         read = (self.model, world.robot, *inputs)
         with new_folder(self.out, overwrite=self.overwrite, holds="diagnosis", inputs=read) as folder:

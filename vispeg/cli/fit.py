@@ -23,6 +23,7 @@ from typing import Literal
 import tyro
 
 from vispeg.core.interrupt import goes_on
+from vispeg.recordings.windows import SECONDS
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,8 @@ class Args:
     """A recording to judge on, never fitted; give the flag once for each."""
     effects: tuple[str, ...] = ()
     """What to fit, each EFFECT:WHERE[:param=start,...]."""
+    seconds: float = SECONDS
+    """Of a longer recording, the windows that show the most, this long in all; 0 uses all of it."""
     method: Literal["auto", "least-squares", "cma"] = "auto"
     """auto: CMA-ES before least squares where an effect is not smooth, else least squares."""
     iterations: int | None = None
@@ -85,13 +88,25 @@ class Args:
         from vispeg.report.fitted import fit_record, print_fit
         from vispeg.report.write import write_json
 
-        given, fitted, held_out = read_inputs(self.model, self.recording, self.validate, need_validate=False)
+        given, fitted, held_out = read_inputs(
+            self.model, self.recording, self.validate, need_validate=False, seconds=self.seconds
+        )
         world, free = self._free(given)
         inputs = [*self.recording, *self.validate]
         stamp = provenance(sys.argv, self.seed, inputs)
         robot = digest(world.robot) if Path(world.robot).is_file() else None
         content = [[stamp["inputs"][str(path)] for path in paths] for paths in (self.recording, self.validate)]
-        key = [model_text(world), robot, list(free), self.method, self.starts, self.seed, content, stamp["versions"]]
+        key = [
+            model_text(world),
+            robot,
+            list(free),
+            self.seconds,
+            self.method,
+            self.starts,
+            self.seed,
+            content,
+            stamp["versions"],
+        ]
         part = self.out.with_name(self.out.name + ".part")
         read = (self.model, world.robot, *inputs)
         with new_folder(self.out, overwrite=self.overwrite, holds="fit", inputs=read) as folder:

@@ -26,7 +26,7 @@ def run_paper(args: Args) -> int:
 
     if args.effects:
         raise UserError("the paper's protocol has its own parameters", key="--effects", expected="none")
-    world, fitted, held_out = read_inputs(args.model, args.recording, args.validate, need_validate=False)
+    world, fitted, held_out = read_inputs(args.model, args.recording, args.validate, False, 0.0, None)
     if len(fitted) != 1:
         raise UserError("the paper's protocol fits one recording", key="--recording", expected=1, got=len(fitted))
     pieces = {rec.name: cut(rec) for rec in (*fitted, *held_out)}

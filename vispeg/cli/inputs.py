@@ -2,26 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from vispeg.cli.reading import size_of, told
 from vispeg.core.errors import UserError
 from vispeg.core.world import World
 from vispeg.effects.model_file import load_model
-from vispeg.recordings.load import load
+from vispeg.recordings.load import load, needed
 from vispeg.recordings.recording import Recording
+from vispeg.recordings.schema import Header
+from vispeg.recordings.windows import SECONDS, choose
 
 
 def read_inputs(
-    model: str, recording: Sequence[Path], validate: Sequence[Path], need_validate: bool = True
+    model: str,
+    recording: Sequence[Path],
+    validate: Sequence[Path],
+    need_validate: bool = True,
+    seconds: float = SECONDS,
+    signals: Callable[[Header], Collection[str]] | None = needed,
 ) -> tuple[World, list[Recording], list[Recording]]:
     """The world and the fitted and held-out recordings.
 
-    The model's robot takes the place of the recordings' where it is a file of the user's own.
+    The model's robot takes the place of the recordings' where it is a file of the user's own. One recording after the
+    other is read and cut to its windows, so that only one long one is in memory.
+
+    Args:
+        model: a model file, a robot's name, or a path to an MJCF or URDF.
+        recording: to fit.
+        validate: to judge on.
+        need_validate: whether there must be one to judge on.
+        seconds: of a longer recording the windows that show the most, this long in all; 0 uses all.
+        signals: header -> what is kept of a recording beside `q`; None keeps all.
 
     Raises:
         UserError: none given, one given twice or on both sides, or another robot's.
@@ -38,12 +55,20 @@ def read_inputs(
     both = {p.resolve() for p in recording} & {p.resolve() for p in validate}
     if both:
         raise UserError("fitted and held out at once", file=sorted(both)[0], expected="different recordings")
-    fitted, held_out = [_named(load(p), world, p) for p in recording], [_named(load(p), world, p) for p in validate]
+    if not 0 <= seconds < float("inf"):
+        raise UserError("is no length", key="--seconds", expected="seconds, or 0 for all", got=seconds)
+    fitted, held_out = ([_read(p, world, seconds, signals) for p in paths] for paths in (recording, validate))
     for path, held in zip(validate, held_out, strict=True):
         for other, fit in zip(recording, fitted, strict=True):
             if np.array_equal(held.q, fit.q):
                 raise UserError(f"a copy of {other}, which is fitted", file=path, expected="different recordings")
     return world, fitted, held_out
+
+
+def _read(path: Path, world: World, seconds: float, signals: Callable[[Header], Collection[str]] | None) -> Recording:
+    with told(f"reading {path}", size_of(path)) as share:
+        rec = load(path, signals, share)
+    return choose(_named(rec, world, path), seconds)
 
 
 def read_model(source: str) -> World:

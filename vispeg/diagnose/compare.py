@@ -13,6 +13,7 @@ from vispeg.diagnose.localise import lack, maps, peaks, where_it_fails
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import evidence_for
 from vispeg.recordings.recording import Recording
+from vispeg.recordings.windows import records
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,7 @@ def compare(world: World, recordings: Sequence[Recording], *, nthread: int = 1, 
         "where_it_fails": where_it_fails(lacks, joints),
         "residual_peaks": peaks(drawn, joints),
         "recordings": {"fit": [], "validate": [r.name for r in recordings]},
+        "windows": records(recordings),
         "notes": list(evidence.notes),
     }
     arrays = _arrays(evidence, predicted)
@@ -100,7 +102,7 @@ def _arrays(evidence: Evidence, predicted: list[np.ndarray]) -> dict[str, np.nda
     out = {"joints": np.array(evidence.items[0].robot.joints), "unit": np.array(evidence.unit)}
     for r, (item, y) in enumerate(zip(evidence.items, predicted, strict=True)):
         nj = item.nj
-        out |= {f"{r}/time": item.segment.time, f"{r}/name": np.array(item.recording.name)}
+        out |= {f"{r}/time": item.segment.time, f"{r}/name": np.array(item.name)}
         out |= {f"{r}/measured": item.measured[:, :nj], f"{r}/before": y[0][:, :nj]}
         if item.measured.shape[1] > nj:
             out |= {f"{r}/measured_tau": item.measured[:, nj:], f"{r}/before_tau": y[0][:, nj:]}

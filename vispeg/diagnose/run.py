@@ -26,6 +26,7 @@ from vispeg.identify.inverse import evidence_for
 from vispeg.identify.stirred import stirred
 from vispeg.recordings.quality import quantization
 from vispeg.recordings.recording import Recording
+from vispeg.recordings.windows import records
 
 
 @dataclass(frozen=True)
@@ -110,7 +111,14 @@ def diagnose(
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in _screening(state)],
         "correlations": _correlations(state),
         "parameters_moved": _moved(state),
-        "notes": [*still, *evidence.notes, *_coarse_encoders(fitted[0], judged), *_stirred(fed_back)],
+        "windows": records([*fitted, *held_out]),
+        "notes": [
+            *still,
+            *evidence.notes,
+            *(note for note in judged.notes if note not in evidence.notes),
+            *_coarse_encoders(fitted[0], judged),
+            *_stirred(fed_back),
+        ],
     }
     if verdict.verdict == "unexplained" and len(final.effects) > given:
         record["partial"] = _effects(final, given, rivals)
@@ -283,7 +291,7 @@ def _arrays(evidence: Evidence, predicted: list[np.ndarray]) -> dict[str, np.nda
         nj = item.nj
         out |= {
             f"{r}/time": item.segment.time,
-            f"{r}/name": np.array(item.recording.name),
+            f"{r}/name": np.array(item.name),
             f"{r}/measured": item.measured[:, :nj],
             f"{r}/before": y[0][:, :nj],
             f"{r}/after": y[1][:, :nj],

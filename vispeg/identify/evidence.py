@@ -51,6 +51,12 @@ class Item:
     space: Literal["angle", "torque"] = "angle"
 
     @property
+    def name(self) -> str:
+        """The recording's name, and where in it the item begins if only windows of it are used."""
+        start = float(self.recording.time[self.segment.rows[0]])
+        return self.recording.name + (f", from {start:.4g} s" if self.recording.chosen else "")
+
+    @property
     def nj(self) -> int:
         """Joints; the first nj channels are angles."""
         return len(self.recording.joints)
@@ -80,7 +86,8 @@ class Evidence:
             key = (id(item.robot), c.mode, c.rate_hz, c.nullspace is None or id(c.nullspace))
             groups.setdefault(key, []).append(i)
         self.groups = list(groups.values())
-        self.unit, self.notes = "rad", []
+        self.unit = "rad"
+        self.notes = [rec.chosen.said(rec.name) for rec in recordings if rec.chosen]
         self.floor_from = "stated noise" if all("q" in r.noise for r in recordings) else "estimated"
         self._recent: list[tuple[tuple[World, ...], list[np.ndarray]]] = []
         self.rollouts = 0.0  # simulated seconds, for the record

@@ -28,6 +28,7 @@ from vispeg.sim.state import DriveState, Fields
 
 MOTION_HZ = 8.0  # bandwidth of the motion whose acceleration is believed
 SAMPLES_HZ = 50.0  # six times that bandwidth: more samples would only repeat it
+ENDS = 0.5  # s at either end of an episode, where a zero-phase filter guesses
 STICK = 0.01  # rad/s over which dry friction changes sign: velocity noise makes a sharper edge meaningless
 REPEATABILITY = 0.02  # of a joint torque's spread: what a torque sensor is trusted to where nothing is known
 RIGID = frozenset({"body_mass", "body_ipos", "body_inertia", "body_iquat", "opt.gravity"})
@@ -48,7 +49,8 @@ class TorqueEvidence(Evidence):
         noise, self.floor_from = _noise(self.recordings)
         # one weight for all joints: what the rigid model lacks exceeds sensor noise by far, newton metres count alike
         sigma = np.full_like(noise, np.sqrt(np.mean(noise**2)))
-        self.items = [_item(rec, sigma) for rec in recordings]
+        self.notes += [rec.chosen.said(rec.name) for rec in recordings if rec.chosen]
+        self.items = [item for rec in recordings for item in _items(rec, sigma)]
         self._ddq = [i.segment.known["ddq"] for i in self.items]
         self._rigid: dict[tuple[int, str], tuple[np.ndarray, np.ndarray]] = {}
 
@@ -99,7 +101,7 @@ class TorqueEvidence(Evidence):
             bias, mass = batch.bind("qfrc_bias"), batch.bind("M")
             batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
             v = fields.dofs
-            if len(self._rigid) > 64:
+            if len(self._rigid) > 64 * len(self.items):
                 self._rigid.clear()
             self._rigid[key] = dense(model, mass)[:, v][:, :, v], bias[:, v].copy()
         return self._rigid[key]
@@ -131,7 +133,12 @@ def measurable(kind: Effect) -> bool:
     )
 
 
-def _item(rec: Recording, sigma: np.ndarray) -> Item:
+def _items(rec: Recording, sigma: np.ndarray) -> list[Item]:
+    """One item an episode, each differentiated on its own.
+
+    Raises:
+        UserError: no torque that says what it measures, or no episode that outlasts what the filter's ends take.
+    """
     if rec.tau is None or rec.torque_sensor == "none":
         header = rec.path / "recording.yaml"
         why, key = "no torque was measured", "tau.*"
@@ -139,17 +146,24 @@ def _item(rec: Recording, sigma: np.ndarray) -> Item:
             why, key = "`torque_sensor` is none, so that no torque is used", "torque_sensor"
         expected = "joint or motor, with tau columns, or a controller"
         raise UserError(f"the controller is unknown and {why}", file=header, key=key, expected=expected)
-    robot = robot_of(rec)
-    time = rec.time - rec.time[0]
+    number = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
+    found = [_item(rec, rec.tau, np.flatnonzero(number == n), sigma) for n in np.unique(number)]
+    found = [item for item in found if item.valid.any()]
+    if not found:
+        raise UserError(f"too short to compare: every episode lasts under {2 * ENDS:g} s", file=rec.path)
+    return found
+
+
+def _item(rec: Recording, tau: np.ndarray, rows: np.ndarray, sigma: np.ndarray) -> Item:
+    robot, time = robot_of(rec), rec.time[rows] - rec.time[rows[0]]
     thin = slice(None, None, max(1, round(rec.rate_hz / SAMPLES_HZ)))
-    q, dq, ddq = (v[thin] for v in smooth(time, rec.q, MOTION_HZ))
-    time, tau, raw = time[thin], rec.tau[thin], rec.q[thin]
+    q, dq, ddq = (v[thin] for v in smooth(time, rec.q[rows], MOTION_HZ))
+    time, tau, raw = time[thin], tau[rows][thin], rec.q[rows][thin]
     control = Control("unknown", rec.rate_hz)
-    segment = Segment(
-        control, 1.0 / rec.rate_hz, {}, q, dq, np.where(np.isfinite(raw), raw, q), time, np.arange(len(time))
-    )
+    raw = np.where(np.isfinite(raw), raw, q)
+    segment = Segment(control, 1.0 / rec.rate_hz, {}, q, dq, raw, time, rows[thin])
     segment.known["ddq"] = ddq
-    inside = (time >= 0.5) & (time <= time[-1] - 0.5)  # the ends are where a zero-phase filter guesses
+    inside = (time >= ENDS) & (time <= time[-1] - ENDS)
     valid = np.isfinite(tau) & inside[:, None]
     return Item(rec, segment, robot, tau, sigma, valid, "torque")
 
@@ -171,7 +185,7 @@ def _noise(recordings: Sequence[Recording]) -> tuple[np.ndarray, str]:
 
 def _repeat_gap(a: Recording, b: Recording, longest: float = 2.0) -> np.ndarray | None:
     """Torque noise from two runs of one trajectory, aligned in time; None where the motions differ."""
-    if a.tau is None or b.tau is None or a.q.shape[1] != b.q.shape[1]:
+    if a.tau is None or b.tau is None or a.q.shape[1] != b.q.shape[1] or a.chosen or b.chosen:
         return None
     most = int(longest * a.rate_hz)
     n = min(len(a.time), len(b.time)) - 2 * most

@@ -9,6 +9,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from vispeg.recordings.windows import Chosen
+
 Mode = Literal["torque", "position", "osc", "passive", "unknown"]
 
 
@@ -55,6 +57,7 @@ class Recording:
         torque_sensor: what `tau` measures.
         noise: 1-sigma per channel (`q`, `dq`, `tau`, `ee`), only what is known.
         motion, notes: free text.
+        chosen: which windows of a longer recording this is (`recordings.windows`), or None where it is whole.
     """
 
     path: Path
@@ -79,6 +82,7 @@ class Recording:
     noise: Mapping[str, float] = field(default_factory=dict)
     motion: str = ""
     notes: str = ""
+    chosen: Chosen | None = None
 
     @property
     def name(self) -> str:

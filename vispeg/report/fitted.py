@@ -15,6 +15,7 @@ from vispeg.diagnose.run import widened
 from vispeg.effects.model_file import placed_dict
 from vispeg.identify.calibrate import Calibration, labels, strong_pairs
 from vispeg.identify.evidence import Evidence
+from vispeg.recordings.windows import records
 from vispeg.report import words
 from vispeg.report.tables import terminal
 from vispeg.report.terminal import effects_table, ladder_table
@@ -69,7 +70,8 @@ def fit_record(
         "hardly_told_apart": [{"a": a, "b": b, "correlation": round(c, 4)} for a, b, c in strong_pairs(fit)],
         "at_bound": list(fit.at_bound),
         "unidentifiable": list(fit.weak),
-        "notes": list(evidence.notes),
+        "windows": records([*evidence.recordings, *(judged.recordings if judged else ())]),
+        "notes": [*evidence.notes, *(n for n in (judged.notes if judged else ()) if n not in evidence.notes)],
     }
     return record, final
 

@@ -44,6 +44,8 @@ def print_diagnosis(diagnosis: Mapping[str, Any], out: Path) -> None:
         console.print(effects_table(diagnosis))
         for chosen, *others in words.rivals(diagnosis):
             console.print(Text(f"{chosen} cannot be told from {words.join(others, 'or')}"))
+    for row in diagnosis.get("windows") or ():
+        console.print(Text(f"note: {row['said']}"))
     console.print(Text(f"report: {out / 'report.html'}"), soft_wrap=True)
 
 

@@ -1,0 +1,77 @@
+"""Of a long recording the windows are used that show the most, and which they are is said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made import recording
+
+from vispeg.recordings.windows import LENGTH, choose
+
+
+def day(seconds=300.0, rate=50.0, bursts=(61.0, 200.0), seed=0, **changes):
+    """Two joints at rest but for slow drifts, and bursts of 4 s in which they move as fast as they ever do."""
+    time = np.arange(round(seconds * rate)) / rate
+    q = np.stack([0.1 * np.sin(0.05 * time), 0.1 * np.cos(0.04 * time)], 1)
+    for k, start in enumerate(bursts):
+        on = (time >= start) & (time < start + 4.0)
+        u = (time[on] - start) / 4.0
+        q[on, k % 2] += 0.5 * np.sin(2 * np.pi * 4 * u) * np.sin(np.pi * u) ** 2
+    q += np.random.default_rng(seed).normal(scale=1e-5, size=q.shape)
+    fields = {"time": time, "q": q, "q_cmd": q, "tau": 10 * np.cos(q), "dq": None, "tau_cmd": None}
+    return recording(len(time), rate, **(fields | dict.fromkeys(("ee", "ee_cmd", "ft")) | changes))
+
+
+def test_the_windows_hold_what_is_rare():
+    rec = day()
+    cut = choose(rec, 24.0)
+    assert cut.chosen is not None and cut.chosen.of_s == pytest.approx(300, abs=0.1)
+    assert 18 < cut.chosen.used_s < 25
+    for start in (61.0, 200.0):  # the fastest moment of each burst is in a window
+        assert any(w.start < start + 2.0 < w.stop for w in cut.chosen.windows), start
+    assert min(cut.chosen.speed, cut.chosen.acceleration) > 0.95 and cut.chosen.reversals >= 14
+    assert cut.chosen.reversals <= cut.chosen.reversals_of
+    said = cut.chosen.said("rig")
+    assert "of 300 s are used" in said and f"{cut.chosen.windows[0].start:.4g}" in said and "reversals" in said
+
+
+def test_windows_are_the_recordings_own_rows():
+    rec = day()
+    cut = choose(rec, 24.0)
+    assert cut.episode is not None and cut.chosen is not None
+    for number, window in enumerate(cut.chosen.windows):
+        own = cut.episode == number
+        rows = np.flatnonzero((rec.time >= window.start) & (rec.time <= window.stop))
+        for name in ("time", "q", "q_cmd", "tau"):
+            assert np.array_equal(getattr(cut, name)[own], getattr(rec, name)[rows]), name
+        assert len(rows) / 50 >= LENGTH - 0.1
+    spans = [(w.start, w.stop) for w in cut.chosen.windows]
+    assert all(a[1] < b[0] for a, b in zip(spans, spans[1:], strict=False))
+
+
+def test_short_recordings_are_used_whole():
+    rec = day(50.0, bursts=(10.0,))
+    assert choose(rec) is rec and choose(rec, 0) is rec and choose(day(), 0).chosen is None
+    assert choose(day(), 300.0).chosen is None
+
+
+def test_no_window_crosses_a_gap_an_episode_or_missing_readings():
+    rec = day()
+    keep = (rec.time < 63.0) | (rec.time > 90.0)
+    parts = {n: getattr(rec, n)[keep] for n in ("time", "q", "q_cmd", "tau")}
+    cut = choose(replace(rec, **parts), 24.0)
+    assert cut.chosen is not None and all(w.stop < 63.1 or w.start > 89.9 for w in cut.chosen.windows)
+    episode = (rec.time >= 202.0).astype(int)
+    cut = choose(replace(rec, time=rec.time - 202.0 * episode, episode=episode), 24.0)
+    assert cut.chosen is not None and cut.episode is not None
+    for number in np.unique(cut.episode):
+        assert np.all(np.diff(cut.time[cut.episode == number]) > 0)
+    lost = day()
+    lost.q[(lost.time > 60) & (lost.time < 66)] = np.nan
+    cut = choose(lost, 24.0)
+    assert np.isfinite(cut.q).mean() > 0.9
+    every = day(bursts=())
+    every = replace(every, time=np.arange(len(every.time)) * 1.0 + np.arange(len(every.time)) // 3 * 100.0)
+    assert choose(every, 24.0).chosen is not None  # gaps everywhere: something is used, nothing breaks

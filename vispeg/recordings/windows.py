@@ -1,0 +1,213 @@
+"""Which stretches of a long recording are worth simulating: those in which the joints show the most."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from vispeg.recordings.differentiate import episodes, smooth
+
+if TYPE_CHECKING:
+    from vispeg.recordings.recording import Recording
+
+SECONDS = 60.0  # of a recording that are used, where nobody says otherwise
+LENGTH = 6.0  # s of a window: long enough for the start state to be forgotten, short enough to choose
+LOOK_HZ, MOTION_HZ = 100.0, 10.0  # rate and bandwidth at which the motion is looked at
+STANDS = 0.02  # of the top speed: below it a joint counts as standing
+SPEEDS, ACCELERATIONS, LOADS = 8, 6, 6  # bins a joint
+TOP = 0.999  # quantile that stands for the top: one bad reading is none
+READABLE = 0.9  # share of a window's angles that must be there
+
+
+@dataclass(frozen=True)
+class Window:
+    """A stretch of a recording, in its own time, s."""
+
+    start: float
+    stop: float
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """What was taken of a long recording.
+
+    Attributes:
+        of_s, used_s: its length and what is used of it, s.
+        windows: in order of time.
+        reversals, reversals_of: changes of direction in the windows and in the whole, all joints together.
+        speed, acceleration, load: largest in the windows over largest in the whole, of the joint where that is least.
+    """
+
+    of_s: float
+    used_s: float
+    windows: tuple[Window, ...]
+    reversals: int
+    reversals_of: int
+    speed: float
+    acceleration: float
+    load: float
+
+    def said(self, name: str) -> str:
+        """One sentence for a person."""
+        where = ", ".join(f"{w.start:.4g}" for w in self.windows)
+        many = f"{len(self.windows)} windows" if len(self.windows) > 1 else "one window"
+        speed, acceleration, load = (f"{100 * x:.0f} %" for x in (self.speed, self.acceleration, self.load))
+        return (
+            f"{name}: {self.used_s:.0f} of {self.of_s:.0f} s are used, {many} from {where} s on, chosen for what they "
+            f"show: {self.reversals} of {self.reversals_of} reversals, and of every joint at least {speed} of its top "
+            f"speed, {acceleration} of its acceleration, {load} of its range of load"
+        )
+
+
+def records(recordings: Sequence[Recording]) -> list[dict[str, Any]]:
+    """What was chosen, for a record; empty where every recording is used whole."""
+    return [{"recording": r.name} | asdict(r.chosen) | {"said": r.chosen.said(r.name)} for r in recordings if r.chosen]
+
+
+def choose(rec: Recording, seconds: float = SECONDS) -> Recording:
+    """A recording that lasts no longer than `seconds`: itself, or the windows of it that show the most.
+
+    Each window counts how long each joint spends in cells of signed speed, of acceleration and of load while it moves,
+    and how often it turns back. Windows are taken one by one, each time the one that adds most to the sum over cells of
+    the square root of the time spent in them: what is rare counts more than what is had already.
+
+    Args:
+        rec: the recording.
+        seconds: at most used; 0 uses all.
+
+    Returns:
+        The recording with its windows as episodes, each in its own time, and `chosen` set; `rec` where it is short.
+    """
+    runs = episodes(rec.time) if rec.episode is None else _runs(rec.episode)
+    length = float(sum(rec.time[rows[-1]] - rec.time[rows[0]] for rows in runs))
+    if not 0 < seconds < length - LENGTH:
+        return rec
+    cells, turns, spans, tops = _cells(rec, runs)
+    picked = _greedy(cells, spans, max(1, int(seconds / LENGTH)))
+    picked = sorted(picked, key=lambda k: spans[k][0])
+    joined = _joined([spans[k] for k in picked])
+    rows = np.concatenate([np.arange(first, stop) for first, stop in joined])
+    number = np.repeat(np.arange(len(joined)), [stop - first for first, stop in joined])
+    most, whole = tops[:, picked].max(axis=1), tops.max(axis=1)
+    cover = np.min(np.where(whole > 0, most / np.maximum(whole, 1e-12), 1.0), axis=-1)
+    windows = tuple(Window(float(rec.time[first]), float(rec.time[stop - 1])) for first, stop in joined)
+    chosen = Chosen(
+        of_s=length,
+        used_s=float(sum(w.stop - w.start for w in windows)),
+        windows=windows,
+        reversals=int(turns[picked].sum()),
+        reversals_of=_all_turns(turns, spans),
+        speed=float(cover[0]),
+        acceleration=float(cover[1]),
+        load=float(cover[2]),
+    )
+    names = ("time", "q", "dq", "tau", "tau_cmd", "q_cmd", "dq_cmd", "ee", "ee_cmd", "ft")
+    cut = {name: value[rows] for name in names if (value := getattr(rec, name)) is not None}
+    return replace(rec, episode=number, chosen=chosen, **cut)
+
+
+def _runs(episode: np.ndarray) -> list[np.ndarray]:
+    return np.split(np.arange(len(episode)), np.flatnonzero(np.diff(episode) != 0) + 1)
+
+
+def _cells(
+    rec: Recording, runs: Sequence[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray, list[tuple[int, int]], np.ndarray]:
+    """Of every window: time in each cell (w, k), reversals (w,), its rows, (3, w, nj) top speed, acceleration, load."""
+    every = max(1, round(rec.rate_hz / LOOK_HZ))
+    rows = np.concatenate([run[::every] for run in runs])
+    episode = np.concatenate([np.full(len(run[::every]), k) for k, run in enumerate(runs)])
+    motion = [np.full((len(rows), rec.q.shape[1]), np.nan) for _ in range(3)]
+    for k in range(len(runs)):  # time need not restart in a new episode
+        own = episode == k
+        for whole, part in zip(motion, smooth(rec.time[rows[own]], rec.q[rows[own]], MOTION_HZ), strict=True):
+            whole[own] = part
+    effort = rec.tau if rec.tau is not None else rec.tau_cmd
+    load = motion[0] if effort is None else np.nan_to_num(effort[rows])
+    dq, ddq = motion[1], motion[2]
+    moving = np.abs(dq) > STANDS * _top(dq)
+    parts = [
+        _binned(dq, -_top(dq), _top(dq), SPEEDS, moving),
+        _binned(ddq, -_top(ddq), _top(ddq), ACCELERATIONS, moving),
+    ]
+    low, high = np.nanquantile(load, 1 - TOP, axis=0), np.nanquantile(load, TOP, axis=0)
+    parts.append(_binned(load, low, high, LOADS, moving))
+    turn = _turns(dq, moving)
+    parts.append(turn * np.uint8(LOOK_HZ / 4))  # a reversal counts as a quarter of a second in a cell of its own
+    cell, period = np.concatenate(parts, axis=1), every / rec.rate_hz
+    size = [np.minimum(np.nan_to_num(np.abs(x)), _top(x)) for x in (dq, ddq, load - (low + high) / 2)]
+    width = max(1, round(LENGTH / period))
+    counts, turns, spans, tops = [], [], [], []
+    for start in range(0, len(rows) - width, max(1, width // 2)):
+        part = slice(start, start + width)
+        lasts = rec.time[rows[start + width]] - rec.time[rows[start]]
+        if episode[start] != episode[start + width] or not 0.8 * LENGTH < lasts < 1.2 * LENGTH:
+            continue
+        if np.mean(np.isfinite(dq[part])) < READABLE:
+            continue
+        counts.append(period * cell[part].sum(axis=0, dtype=float))
+        turns.append(int(turn[part].sum()))
+        spans.append((int(rows[start]), int(rows[start + width])))
+        tops.append([x[part].max(axis=0) for x in size])
+    if not spans:  # gaps everywhere: the beginning has to do
+        spans = [(0, min(len(rec.time), width * every))]
+        counts, turns, tops = [np.zeros(cell.shape[1])], [0], [[x.max(axis=0) for x in size]]
+    return np.array(counts), np.array(turns), spans, np.swapaxes(np.array(tops), 0, 1)
+
+
+def _top(values: np.ndarray) -> np.ndarray:
+    """(nj,) size that all but one in a thousand stay below."""
+    return np.maximum(np.nanquantile(np.abs(values), TOP, axis=0), 1e-9)
+
+
+def _binned(values: np.ndarray, low: np.ndarray, high: np.ndarray, bins: int, counts: np.ndarray) -> np.ndarray:
+    """(n, nj * bins) 1 in the cell in which a joint's value lies, where `counts` holds."""
+    share = (np.nan_to_num(values) - low) / np.maximum(high - low, 1e-12)
+    which = np.clip((share * bins).astype(int), 0, bins - 1)
+    hit = (which[..., None] == np.arange(bins)) & (counts & np.isfinite(values))[..., None]
+    return hit.reshape(len(values), -1).astype(np.uint8)
+
+
+def _turns(dq: np.ndarray, moving: np.ndarray) -> np.ndarray:
+    """(n, nj) 1 where a joint moves on in the other direction than it last moved in."""
+    out = np.zeros(dq.shape, np.uint8)
+    for j in range(dq.shape[1]):
+        rows = np.flatnonzero(moving[:, j])
+        out[rows[1:], j] = np.diff(np.sign(dq[rows, j])) != 0
+    return out
+
+
+def _greedy(cells: np.ndarray, spans: list[tuple[int, int]], count: int) -> list[int]:
+    """Windows (of `cells` (w, k)) that do not overlap, each the one that adds most to the sum of square roots."""
+    have, free, picked = np.zeros(cells.shape[1]), np.ones(len(cells), bool), []
+    starts, stops = np.array(spans).T
+    while len(picked) < count and free.any():
+        gain = np.where(free, np.sqrt(have + cells).sum(axis=1) - np.sqrt(have).sum(), -1.0)
+        best = int(np.argmax(gain))
+        picked.append(best)
+        have += cells[best]
+        free &= (stops <= starts[best]) | (starts >= stops[best])
+    return picked
+
+
+def _joined(spans: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Windows that touch are one."""
+    out = [spans[0]]
+    for first, stop in spans[1:]:
+        if first == out[-1][1]:
+            out[-1] = (out[-1][0], stop)
+        else:
+            out.append((first, stop))
+    return out
+
+
+def _all_turns(turns: np.ndarray, spans: list[tuple[int, int]]) -> int:
+    """Reversals of the whole: windows overlap by half, so that every other one covers it once."""
+    total, end = 0, -1
+    for count, (first, stop) in zip(turns, spans, strict=True):
+        if first >= end:
+            total, end = total + int(count), stop
+    return total
