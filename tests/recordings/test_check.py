@@ -109,6 +109,12 @@ def test_honest_motion_has_no_bad_readings():
             assert spikes(time, values) == ()
 
 
+def test_a_unit_that_cannot_be_true_is_said():
+    limits = Limits(np.full((2, 2), [-3.0, 3.0]), np.full(2, 5.0), np.full(2, 100.0))
+    slow = replace(moving(time=np.arange(5000) * 2.0), rate_hz=0.5)
+    assert any("a unit is wrong, likely ms where s was taken" in line for line in check(slow, limits).warnings)
+
+
 def test_the_tracking_error_is_told_in_degrees(tmp_path, capsys):
     rec = moving(q_cmd=moving(noise_q=0.0).q + np.deg2rad([3.0, 0.5]))
     rec.q_cmd[100, 1] += np.deg2rad(4.0)  # type: ignore[index]

@@ -90,6 +90,7 @@ def check(
         told: is told which share of the joints has been examined.
     """
     from vispeg.recordings.check_words import warnings_of
+    from vispeg.recordings.importers.plausible import doubts
 
     clock, joints = timing(rec), []
     for j in range(len(rec.joints)):
@@ -103,7 +104,7 @@ def check(
         rows=len(rec.time),
         timing=clock,
         joints=tuple(joints),
-        warnings=tuple(warnings_of(rec, clock, joints)),
+        warnings=tuple(warnings_of(rec, clock, joints, doubts(rec, limits) if limits else ())),
     )
 
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from vispeg.recordings.check import JointCheck, silent
+from vispeg.recordings.importers.plausible import Doubt
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.spikes import Spike
 from vispeg.recordings.timing import Timing
@@ -16,10 +17,11 @@ FLAT = 0.02  # least share of its own that a parameter's column needs to be told
 POOR_TRACKING = 2.0  # degrees RMS: the article on sim-to-real transfer suspects the actuator model beyond 2 to 3
 
 
-def warnings_of(rec: Recording, clock: Timing, joints: Sequence[JointCheck]) -> list[str]:
-    """Sentences on the clock, on silent sensors, and on each joint."""
+def warnings_of(rec: Recording, clock: Timing, joints: Sequence[JointCheck], doubts: Sequence[Doubt] = ()) -> list[str]:
+    """Sentences on units that cannot be true, on the clock, on silent sensors, and on each joint."""
     each = [line for joint in joints for line in _joint_warnings(joint, rec)]
-    return _clock_warnings(clock) + _silence_warnings(joints, rec) + each
+    units = [f"{d.said}: a unit is wrong" + (f", likely {d.likely}" if d.likely else "") for d in doubts]
+    return units + _clock_warnings(clock) + _silence_warnings(joints, rec) + each
 
 
 def _clock_warnings(clock: Timing) -> list[str]:

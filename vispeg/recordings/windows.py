@@ -18,6 +18,7 @@ LENGTH = 6.0  # s of a window: long enough for the start state to be forgotten, 
 LOOK_HZ, MOTION_HZ = 100.0, 10.0  # rate and bandwidth at which the motion is looked at
 STANDS = 0.02  # of the top speed: below it a joint counts as standing
 SPEEDS, ACCELERATIONS, LOADS = 8, 6, 6  # bins a joint
+ENOUGH = 0.1  # s in a cell, beyond which more of it counts less and less
 TOP = 0.999  # quantile that stands for the top: one bad reading is none
 READABLE = 0.9  # share of a window's angles that must be there
 
@@ -72,7 +73,7 @@ def choose(rec: Recording, seconds: float = SECONDS) -> Recording:
 
     Each window counts how long each joint spends in cells of signed speed, of acceleration and of load while it moves,
     and how often it turns back. Windows are taken one by one, each time the one that adds most to the sum over cells of
-    the square root of the time spent in them: what is rare counts more than what is had already.
+    log(1 + t / 0.1 s), t the time spent in a cell: what is rare counts more than what is had already.
 
     Args:
         rec: the recording.
@@ -181,11 +182,11 @@ def _turns(dq: np.ndarray, moving: np.ndarray) -> np.ndarray:
 
 
 def _greedy(cells: np.ndarray, spans: list[tuple[int, int]], count: int) -> list[int]:
-    """Windows (of `cells` (w, k)) that do not overlap, each the one that adds most to the sum of square roots."""
+    """Windows (of `cells` (w, k)) that do not overlap, each the one that adds most to the sum of logarithms."""
     have, free, picked = np.zeros(cells.shape[1]), np.ones(len(cells), bool), []
     starts, stops = np.array(spans).T
     while len(picked) < count and free.any():
-        gain = np.where(free, np.sqrt(have + cells).sum(axis=1) - np.sqrt(have).sum(), -1.0)
+        gain = np.where(free, np.log1p((have + cells) / ENOUGH).sum(axis=1), -1.0)
         best = int(np.argmax(gain))
         picked.append(best)
         have += cells[best]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ TOP_SPEED = 40.0  # rad/s: of a joint whose limit is not known
 SLOW = 2e-3  # of the speed limit (or TOP_SPEED / 10): a joint that never moves faster, though it moves far
 FAR = 0.1  # rad
 SMALL = 3.5  # degrees: an arm whose every angle stays below was more likely read in radians
+CHUNKS, CHUNK = 20, 10_000  # stretches of a long recording that are looked at, and their rows
 RADIANS = math.pi / 180
 
 
@@ -46,7 +47,8 @@ def doubts(rec: Recording, limits: Limits, degrees: bool = False) -> list[Doubt]
         limits: the robot's, in the order of its joints; infinite where not known.
         degrees: whether the angles were said to be in degrees before they became radians.
     """
-    step, inside = np.diff(rec.time), within_episode(rec)
+    rec, inside = _some(rec)
+    step = np.diff(rec.time)
     period = float(np.median(step[inside])) if inside.any() else 1.0 / rec.rate_hz
     rate = 1.0 / period
     speed = np.diff(rec.q, axis=0)[inside] / step[inside][:, None]
@@ -55,6 +57,17 @@ def doubts(rec: Recording, limits: Limits, degrees: bool = False) -> list[Doubt]
     found = [_rate(rate), _against_speeds(rec, speed, inside), _degrees(rec, limits, degrees)]
     found += [_speeds(rate, fast, rec), _torque(rec, limits)]
     return [doubt for doubt in found if doubt is not None]
+
+
+def _some(rec: Recording) -> tuple[Recording, np.ndarray]:
+    """As much of a long recording as units can be judged by, and which of its steps (n - 1,) are real ones."""
+    n, inside = len(rec.time), within_episode(rec)
+    if n <= CHUNKS * CHUNK:
+        return rec, inside
+    starts = np.linspace(0, n - CHUNK, CHUNKS).astype(int)
+    rows = np.concatenate([np.arange(start, start + CHUNK) for start in starts])
+    cut = {name: value[rows] for name in ("time", "q", "dq", "tau") if (value := getattr(rec, name)) is not None}
+    return replace(rec, **cut), (np.diff(rows) == 1) & inside[np.minimum(rows[:-1], n - 2)]
 
 
 def _rate(rate: float) -> Doubt | None:
