@@ -51,3 +51,19 @@ def test_ray_that_is_missing_is_one_line(monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(UserError, match=r"needs ray, of the extra 'cluster'.*pip install"):
         list(on_ray(PLAN.shards, source, PLAN, LAYOUT, 1, lambda frames: None))
+
+
+@pytest.mark.parametrize(("address", "told"), [("", "0"), ("head:6379", None)])
+def test_a_local_render_listens_on_loopback_unless_an_address_is_given(monkeypatch, address, told):
+    import os
+    import sys
+    from types import SimpleNamespace
+
+    from vispeg.datasets import engine_ray
+
+    monkeypatch.setenv("RAY_ADDRESS", address)
+    monkeypatch.setenv(engine_ray.CLUSTER, "")
+    monkeypatch.delenv(engine_ray.CLUSTER)
+    monkeypatch.setitem(sys.modules, "ray", SimpleNamespace())
+    engine_ray._ray()
+    assert os.environ.get(engine_ray.CLUSTER) == told

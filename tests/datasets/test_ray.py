@@ -1,6 +1,8 @@
 """On a local Ray cluster the same bytes come as without one, also when a worker is killed and its shard made again."""
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -40,3 +42,12 @@ def test_a_cluster_that_is_not_there_is_one_line(tmp_path, monkeypatch):
     monkeypatch.setenv("RAY_gcs_rpc_server_connect_timeout_s", "1")
     with pytest.raises(UserError, match="RAY_ADDRESS.*cannot be reached"):
         render(PLAN, LAYOUT, source, tmp_path / "d", engine=on_ray, workers=1)
+
+
+def test_a_cluster_of_ones_own_is_not_seen_from_outside():
+    pytest.importorskip("ray")
+    code = "from vispeg.datasets.engine_ray import _connect, _ray\nray = _ray()\n_connect(ray, 1)\n"
+    code += "print(ray.util.get_node_ip_address())\nray.shutdown()"
+    environment = {k: v for k, v in os.environ.items() if k != "RAY_ADDRESS"}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    assert done.stdout.strip() == "127.0.0.1", done.stdout + done.stderr

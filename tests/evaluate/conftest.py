@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from vispeg.core.seeds import stream
 from vispeg.evaluate.records import Episode
 
+sys.path.insert(0, str(Path(__file__).parents[1]))  # so that tests find mutations.py
 FAILURES = ("search", "jam", "force limit")
 
 

@@ -81,12 +81,12 @@ class Args:
         networks = [*((e.name, e.train_seed) for e in who), *((e.policy, e.train_seed) for e in known)]
         robot = measured(self.measured, networks, self.robot)
         names, jobs, played = self._play(who, known) if who else (list(self.worlds), [], [])
-        out = self.out if self.policies else open_folder(self.out, "gap.json", self.overwrite, self._read())
         episodes = {e.key: e for e in [*known, *played]}
         every = [*episodes.values(), *robot.episodes]
         targets = [*names, *([self.robot] if robot.episodes else [])]
         scripted = [e.name for e in who if e.scripted] if who else [EXPERT]
         values = gap(every, names[0], targets, self.seed, robot.notes, scripted)
+        out = self.out if self.policies else open_folder(self.out, "gap.json", self.overwrite, self._read())
         if not self.policies:
             (out / "episodes.jsonl").unlink(missing_ok=True)
             append(out / "episodes.jsonl", every)

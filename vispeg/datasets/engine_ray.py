@@ -1,4 +1,4 @@
-"""Makes shards on a Ray cluster: the one at RAY_ADDRESS, or one of its own on this machine.
+"""Makes shards on a Ray cluster: the one at RAY_ADDRESS, or one of its own on this machine, which listens on loopback.
 
 Every node needs vispeg installed and the world's file at the same path. Bytes come back through Ray's object store.
 """
@@ -19,6 +19,7 @@ from vispeg.datasets.plan import Plan, Shard
 from vispeg.datasets.shard import Source, shard_bytes
 
 CONNECT = 10  # s
+CLUSTER = "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"  # Ray's, of every system: whether others may join; read at its import
 
 
 def on_ray(
@@ -77,6 +78,8 @@ def _tasks(
 
 
 def _ray() -> Any:
+    if not os.environ.get("RAY_ADDRESS"):
+        os.environ.setdefault(CLUSTER, "0")
     try:
         import ray
     except ImportError:

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import csv
+import io
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from vispeg.core.errors import UserError
-from vispeg.evaluate.records import CATEGORIES, Episode
+from vispeg.evaluate.records import CATEGORIES, LAST_SEED, Episode, measure
+from vispeg.formats.format import enrol
+from vispeg.formats.guard import MB, read_text
 
+LARGEST = 64 * MB
 REQUIRED = ("policy", "seed", "outcome")
 OPTIONAL = ("configuration", "category", "modality", "train_seed", "time", "peak_force")
 OUTCOMES = {"success": True, "1": True, "true": True, "yes": True, "failure": False, "0": False, "false": False}
@@ -29,6 +35,13 @@ class Trials:
     notes: list[str] = field(default_factory=list)
 
 
+def _example(folder: Path) -> Path:
+    path = folder / "robot.csv"
+    path.write_text("policy,seed,outcome,category,time,peak_force\na,1,success,,2.5,8\na,2,failure,jam,,\n")
+    return path
+
+
+@enrol("success records (CSV)", _example)
 def read_csv(
     path: str | Path,
     world: str = "robot",
@@ -53,13 +66,14 @@ def read_csv(
     """
     path, known = Path(path), {name: sorted(seeds) for name, seeds in (policies or {}).items()}
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file)
-            heads = [h.strip() for h in reader.fieldnames or ()]
-            reader.fieldnames = heads
-            rows = [(reader.line_num, row) for row in reader]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise UserError("cannot be read", file=path, got=str(error)) from error
+        reader = csv.DictReader(io.StringIO(read_text(path, LARGEST), newline=""))
+        heads = [h.strip() for h in reader.fieldnames or ()]
+        reader.fieldnames = heads
+        rows = [(reader.line_num, row) for row in reader]
+    except csv.Error as error:
+        raise UserError("is not CSV", file=path, got=str(error)) from error
+    if twice := [head for i, head in enumerate(heads) if head in heads[:i]]:
+        raise UserError("two columns of one name", file=path, got=twice[0])
     for column in REQUIRED:
         if column not in heads:
             raise UserError("a column is missing", file=path, expected=column, got=", ".join(heads))
@@ -112,15 +126,15 @@ def _episode(
     if (category == "success") != success:
         raise UserError("outcome and category contradict each other", **where, got=f"{outcome}, {category}")
     default = str(known[policy][0]) if known.get(policy) else "0"
-    whole = {k: _number(cell.get(k) or d, int, k, where) for k, d in (("seed", "0"), ("train_seed", default))}
-    real = {k: _number(cell.get(k) or "nan", float, k, where) for k in ("time", "peak_force")}
+    whole = {k: _whole(cell.get(k) or d, k, where) for k, d in (("seed", "0"), ("train_seed", default))}
+    real = {k: _real(cell.get(k) or "", k, where) for k in ("time", "peak_force")}
     return Episode(
         policy=policy,
         modality=cell.get("modality", ""),
-        train_seed=int(whole["train_seed"]),
+        train_seed=whole["train_seed"],
         world=world,
         world_hash="",
-        seed=int(whole["seed"]),
+        seed=whole["seed"],
         success=success,
         category=category,
         time=real["time"],
@@ -129,8 +143,22 @@ def _episode(
     )
 
 
-def _number(text: str, kind: type[int] | type[float], name: str, where: dict[str, object]) -> float:
+def _whole(text: str, name: str, where: Mapping[str, Any]) -> int:
     try:
-        return kind(text)
+        value = int(text)
+    except ValueError:  # no number, or one of thousands of digits
+        value = LAST_SEED + 1
+    if abs(value) > LAST_SEED:
+        raise UserError(f"{name} is not a number", **where, expected="a whole number", got=text)
+    return value
+
+
+def _real(text: str, name: str, where: Mapping[str, Any]) -> float:
+    """The number, NaN where there is none."""
+    if text.lower() in ("", "nan"):
+        return math.nan
+    try:
+        value: Any = float(text)
     except ValueError:
-        raise UserError(f"{name} is not a number", file=str(where["file"]), key=str(where["key"]), got=text) from None
+        value = text
+    return measure(name, value, where)

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 from vispeg.core.disk import written
 from vispeg.core.errors import UserError
+from vispeg.formats.format import enrol
+from vispeg.formats.guard import read_bytes
+from vispeg.formats.json_data import parse_json
 
+LARGEST = 2_000_000_000  # bytes of a file of episodes
+LAST_SEED = 2**62
 CATEGORIES = ("success", "approach", "search", "jam", "wedge", "slip", "force limit", "timeout", "diverged")
 
 
@@ -86,6 +91,14 @@ def append(path: str | Path, episodes: Iterable[Episode]) -> None:
         file.flush()
 
 
+def _example(folder: Path) -> Path:
+    ends = [("success", True), ("jam", False)]
+    made = [Episode("a", "depth", 0, "S", "0" * 64, i, won, end, 2.5, 8.0) for i, (end, won) in enumerate(ends)]
+    append(folder / "episodes.jsonl", [replace(e, force_profile=(1.0, 8.0)) for e in made])
+    return folder / "episodes.jsonl"
+
+
+@enrol("episodes (JSON lines)", _example)
 def read(path: str | Path) -> list[Episode]:
     """The episodes of a JSON-lines file, in order; a half-written last line is left out.
 
@@ -94,12 +107,9 @@ def read(path: str | Path) -> list[Episode]:
             outcomes.
     """
     path = Path(path)
-    try:
-        lines = path.read_bytes()[: _end_of_last_line(path)].decode().splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError("cannot be read", file=path, got=str(error)) from error
+    data = read_bytes(path, LARGEST)
     found: dict[tuple[Any, ...], Episode] = {}
-    for number, line in enumerate(lines, start=1):
+    for number, line in enumerate(data[: data.rfind(b"\n") + 1].split(b"\n"), start=1):
         if not line.strip():
             continue
         episode = _parse(line, path, number)
@@ -140,12 +150,24 @@ def _end_of_last_line(path: Path) -> int:
     return data.rfind(b"\n") + 1
 
 
-def _parse(line: str, path: Path, number: int) -> Episode:
+def measure(key: str, value: Any, where: Mapping[str, Any]) -> float:
+    """A measured number of an episode. Raises UserError for what is none, not finite, or negative where that cannot be.
+
+    Args:
+        key: what it is; all but `depth` (which is negative above the hole's mouth) are 0 or more.
+        value: as it was read.
+        where: `file` and `key` for the error.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < math.inf:
+        raise UserError(f"{key} is not a number", **where, expected="a finite number", got=value)
+    if value < 0 and key != "depth":
+        raise UserError(f"{key} is negative", **where, expected="0 or more", got=value)
+    return float(value)
+
+
+def _parse(line: bytes, path: Path, number: int) -> Episode:
     where = {"file": path, "key": f"line {number}"}
-    try:
-        row = json.loads(line)
-    except ValueError:
-        raise UserError("is not JSON", **where, got=line) from None
+    row = parse_json(line, path, f"line {number}")
     if not isinstance(row, dict):
         raise UserError("is not an episode", **where, expected="an object", got=row)
     names = {f.name: f for f in fields(Episode)}
@@ -153,16 +175,18 @@ def _parse(line: str, path: Path, number: int) -> Episode:
         raise UserError("unknown key", **where, got=sorted(unknown)[0], choices=names)
     types = {"policy": str, "modality": str, "train_seed": int, "world": str, "world_hash": str, "seed": int}
     types |= {"success": bool, "category": str}
-    for key, kind in types.items():
-        if type(row.get(key)) is not kind:
-            raise UserError(f"{key} is missing or of the wrong type", **where, expected=kind.__name__, got=row.get(key))
+    for key, kind in {"control": str, "configuration": str, **types}.items():
+        value: Any = row.setdefault(key, "") if key not in types else row.get(key)
+        if type(value) is not kind or (kind is int and abs(value) > LAST_SEED):
+            raise UserError(f"{key} is missing or of the wrong type", **where, expected=kind.__name__, got=value)
     for key in ("time", "peak_force", "lateral_error", "depth"):
         value = row.get(key)
-        if value is not None and (not isinstance(value, (int, float)) or isinstance(value, bool)):
-            raise UserError(f"{key} is not a number", **where, got=value)
-        row[key] = math.nan if value is None else float(value)
-    if row.get("force_profile") is not None:
-        row["force_profile"] = tuple(row["force_profile"])
+        row[key] = math.nan if value is None else measure(key, value, where)
+    profile = row.get("force_profile")
+    if not isinstance(profile, list | None) or not isinstance(row.get("video"), str | None):
+        raise UserError("force_profile is no list, or video no path", **where, got=profile)
+    if profile is not None:
+        row["force_profile"] = tuple(measure("force_profile", force, where) for force in profile)
     if row["success"] != (row["category"] == "success"):
         raise UserError(
             "success and category contradict each other", **where, got=f"{row['success']}, {row['category']}"

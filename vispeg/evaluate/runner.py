@@ -15,6 +15,7 @@ from vispeg.core.workers import pool_of
 from vispeg.evaluate.arena import play
 from vispeg.evaluate.jobs import Job
 from vispeg.evaluate.records import Episode, append, read
+from vispeg.formats.format import enrol
 from vispeg.formats.json_data import read_json
 from vispeg.render.backend import jobs_a_process
 from vispeg.task.world_file import load_world
@@ -100,6 +101,12 @@ def _same_run(jobs: Sequence[Job], out: Path) -> str:
     return json.dumps(known, indent=2) + "\n"
 
 
+def _example(folder: Path) -> Path:
+    names = {"policies": {"a/s0": "0" * 64}, "worlds": {"S": "1" * 64}}
+    return write_text_atomic(folder / RUN, json.dumps(names) + "\n")
+
+
+@enrol("run.json", _example)
 def read_names(path: Path) -> dict[str, dict[str, str]]:
     """What the names in a run's folder stand for: `policies` and `worlds`, each names to hashes.
 
@@ -107,11 +114,12 @@ def read_names(path: Path) -> dict[str, dict[str, str]]:
         UserError: no run.json that a run wrote.
     """
     known = read_json(path)
+    found = {}
     for kind in ("policies", "worlds"):
-        names = known.get(kind) if isinstance(known, dict) else None
+        names = found[kind] = known.get(kind, {}) if isinstance(known, dict) else None
         if not isinstance(names, dict) or not all(isinstance(value, str) for value in names.values()):
             raise UserError("is not the record of a run", file=path, key=kind, expected="names and hashes", got=names)
-    return known
+    return found
 
 
 def failures(episodes: Iterable[Episode], most: int) -> list[Episode]:
