@@ -42,13 +42,15 @@ class Args:
         from vispeg.core.effect import Placed, effect
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
-        from vispeg.effects.model_file import model_text
+        from vispeg.effects.model_file import load_model, model_text
         from vispeg.effects.words import place, values
         from vispeg.robots.model import load
 
         if self.out.suffix.lower() not in (".yaml", ".yml"):
             raise UserError("not a model file", key="--out", expected="a name that ends in .yaml", got=str(self.out))
         world = read_model(self.model)
+        if self.overwrite and self.out.is_file():
+            load_model(self.out)  # what is no model is not replaced
         kind, robot = effect(self.effect), load(world.robot, tool=world.tool)
         where, given = place(kind, self.where, robot), values(kind, self.set)
         typical = {name: param.start for name, param in kind.params.items()}

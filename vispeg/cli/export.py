@@ -25,9 +25,12 @@ class Args:
 
     def run(self) -> int:
         """Writes the file and names its inputs."""
+        from vispeg.core.errors import UserError
         from vispeg.learn.onnx import export
         from vispeg.learn.policy import load
 
+        if self.out.suffix.lower() != ".onnx":
+            raise UserError("not an ONNX file", key="--out", expected="a name that ends in .onnx", got=str(self.out))
         policy = load(self.policy)
         export(policy, self.out, self.overwrite)
         shapes = ", ".join(f"{key} {list(shape)}" for key, shape in policy.actor.layout.shapes.items())

@@ -1,0 +1,144 @@
+"""No command with --out and --overwrite takes what it reads, or what this program did not write."""
+
+import importlib
+import json
+import re
+import shutil
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import get_args, get_type_hints
+
+import pytest
+
+from vispeg.cli.main import COMMANDS, main
+from vispeg.core.assets import assets
+from vispeg.evaluate.records import Episode
+from vispeg.evaluate.suite import summarise
+
+# Each command that replaces something, with an input at data/INPUT. What is run is this with --overwrite and --out.
+READS = {
+    "check": "check data/rig",
+    "convert": "convert data/log.csv --map data/log.yaml --robot iiwa14",
+    "compare": "compare iiwa14 --recording data/rig",
+    "diagnose": "diagnose iiwa14 --recording data/rig --validate data/rig2",
+    "fit": "fit iiwa14 --recording data/rig --effects joint_bias:joint1",
+    "fit paper": "fit data/model.yaml --recording data/osc --protocol paper",
+    "record": "record data/model.yaml --motion fourier --duration 1",
+    "camera calibrate": "camera calibrate data/images --pattern 9x6 --square 0.02",
+    "render": "render --world data/w.yaml --frames 4 --workers 0",
+    "dataset show": "dataset show data/frames",
+    "dataset export": "dataset export data/frames",
+    "play": "play data/policy --episodes 1",
+    "finetune": "finetune data/policy --world nominal --demos 1 --updates 1 --episodes 1",
+    "combine": "combine data/policy data/policy",
+    "evaluate": "evaluate data/policy --episodes 1 --videos 0",
+    "gap": "gap data/policy --worlds nominal --episodes 1 --videos 0",
+    "suite run": "suite run data/policy --train nominal --target randomized --episodes 1",
+    "suite compare": "suite compare data/suite",
+    "sensitivity": "sensitivity data/policy --sweep latency --episodes 1",
+    "exploit": "exploit data/policy --episodes 1",
+    "perturb": "perturb data/policy --episodes 1",
+    "demo": "demo",
+}
+FILES = {"add", "export"}  # these write one file, see below
+OTHERS = {"effects", "report"}  # these write one file of a name of their own into a folder
+WHY = (
+    "is read by this command|holds .* which this command reads|has no .vispeg.json|not a folder of such results|a file"
+)
+HEAD = "format: vispeg-world/1\nbase: nominal\n"
+
+
+def replacing(module: str, name: str):
+    """`name` of each (sub-)command that has out and overwrite."""
+    kinds = [importlib.import_module(module).Args]
+    while kinds:
+        kind = kinds.pop()
+        names = {f.name for f in fields(kind)}
+        if {"out", "overwrite"} <= names:
+            yield name if kind.__name__ == "Args" else f"{name} {kind.__name__.lower()}"
+        if "command" in names:
+            kinds += [k for k in get_args(get_type_hints(kind)["command"]) if is_dataclass(k)]
+
+
+def test_every_command_that_replaces_something_is_tried_here():
+    there = {found for name, module in COMMANDS.items() for found in replacing(module, name)}
+    assert there == {*READS, *FILES, *OTHERS} - {"fit paper"}
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory) -> Path:
+    """A folder of a user's: recordings, a log, a world, a dataset, a policy, images, results."""
+    root = tmp_path_factory.mktemp("original")
+    data = root / "data"
+    record = ["record", "iiwa14", "--duration", "1", "--motion"]
+    assert main([*record, "fourier", "--out", str(data / "rig")]) == 0
+    assert main([*record, "fourier", "--seed", "1", "--out", str(data / "rig2")]) == 0
+    assert main(["record", "iiwa14", "--motion", "osc", "--out", str(data / "osc")]) == 0
+    assert main(["add", "iiwa14", "payload", "flange", "--out", str(data / "model.yaml")]) == 0
+    frames = ["--frames", "4", "--size", "32", "--workers", "0", "--no-labels"]
+    assert main(["render", "--world", "nominal", *frames, "--out", str(data / "frames")]) == 0
+    shutil.copytree(assets() / "policies" / "state-3mm", data / "policy")
+    shutil.copy(data / "rig" / "samples.csv", data / "log.csv")
+    (data / "log.yaml").write_text("time: time\n" + "".join(f"q.joint{n}: q.joint{n}\n" for n in range(1, 8)))
+    (data / "w.yaml").write_text(HEAD)
+    (data / "images").mkdir()
+    (data / "images" / "1.png").write_bytes(b"\x89PNG")
+    (data / "suite").mkdir()
+    worlds = {"here": "0", "there": "1"}
+    played = [
+        Episode("p", "state", 0, w, h, n, True, "success", configuration="c") for w, h in worlds.items() for n in (1, 2)
+    ]
+    (data / "suite" / "suite.json").write_text(
+        json.dumps(summarise(played, "here", "there", "1", worlds) | {"notes": []})
+    )
+    (data / "notes.txt").write_text("mine")
+    return root
+
+
+@pytest.fixture
+def data(original, tmp_path, monkeypatch) -> Path:
+    shutil.copytree(original, tmp_path / "work")
+    monkeypatch.chdir(tmp_path / "work")
+    return tmp_path / "work" / "data"
+
+
+def tree(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+@pytest.mark.parametrize("name", READS)
+def test_what_a_command_reads_survives_it(name, data, capsys):
+    command = READS[name].split()
+    read = [word for word in command if word.startswith("data/")]
+    (data.parent / "link").symlink_to(data)
+    outs = [*dict.fromkeys(read), "data", "link", "data/../data", str(data), "strangers"]
+    (data.parent / "strangers" / "deep").mkdir(parents=True)
+    (data.parent / "strangers" / "deep" / "thesis.tex").write_text("years")
+    before = tree(data.parent)
+    for out in outs:
+        code = main([*command, "--out", out, "--overwrite"])
+        said = capsys.readouterr().err.strip().splitlines()
+        assert code == 2 and said[-1].startswith("vispeg: error: ") and re.search(WHY, said[-1]), (out, said)
+        assert tree(data.parent) == before, out
+
+
+def test_single_files_are_replaced_only_by_their_like(data, capsys):
+    before = tree(data)
+    for command in (
+        "add iiwa14 payload flange --out data/rig/recording.yaml",
+        "add iiwa14 payload flange --out data/w.yaml",
+        "export data/policy --out data/policy/policy.safetensors",
+        "export data/policy --out data/notes.txt",
+    ):
+        assert main([*command.split(), "--overwrite"]) == 2, command
+        assert tree(data) == before
+    assert main("add data/model.yaml payload flange --set mass=1 --out data/model.yaml --overwrite".split()) == 0
+
+
+def test_the_same_command_may_replace_what_it_wrote(data, capsys):
+    command = "record iiwa14 --motion fourier --duration 1 --out again".split()
+    assert main(command) == 0 and main(command) == 2 and main([*command, "--overwrite"]) == 0
+    assert main("compare iiwa14 --recording data/rig --out again --overwrite".split()) == 2
+    assert "another kind of result (recording, not comparison)" in capsys.readouterr().err
+    (data.parent / "again" / "mine.txt").write_text("x")
+    assert main([*command, "--overwrite"]) == 2 and "mine.txt" in capsys.readouterr().err
