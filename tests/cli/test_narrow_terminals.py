@@ -10,7 +10,7 @@ import pytest
 
 from vispeg.core.effect import REGISTRY
 from vispeg.report.ladder import ladder_rows
-from vispeg.report.sections.headline import effect_rows
+from vispeg.report.sections.found import effect_rows
 from vispeg.report.terminal import _record, joints_table
 
 WIDTHS = [None, 80, 60]  # None: a pipe of which nothing is said

@@ -12,8 +12,8 @@ from vispeg.core.errors import UserError
 from vispeg.report.build import write_report
 from vispeg.report.evidence import load_evidence
 from vispeg.report.sections import COMPARE, DIAGNOSIS
+from vispeg.report.sections.found import remark
 from vispeg.report.sections.next_experiment import again
-from vispeg.report.sections.parameters import remark
 from vispeg.report.terminal import effects_table, ladder_table, print_diagnosis
 
 
@@ -71,7 +71,7 @@ def test_every_verdict_has_every_section(run, diagnosis, evidence, verdict):
     expected = {
         "adequate": "No effect is named.",
         "identified": "explain the held-out recordings down to the noise floor",
-        "ambiguous": "Either coulomb_friction(joint4) or stribeck_friction(joint4)",
+        "ambiguous": "Either Coulomb friction in joint 4 (1.31 N m) or Stribeck friction in joint 4",
         "unexplained": "A periodic rest with 23 cycles a turn of joint3.",
     }
     assert expected[verdict] in page.text
@@ -83,8 +83,11 @@ def test_what_helped_without_sufficing_is_not_called_found(run, diagnosis):
     record |= {"partial": record["effects"], "effects": [], "reason": "7 times the noise"}
     record["next_experiment"]["expected_separation_sigma"] = 0.0
     text = _page(run(record)).text
-    assert "What helped, but does not suffice" in text and "What was found" not in text and "No effect is named" in text
-    assert "payload(flange) and coulomb_friction(joint4) help, but a structured residual remains" in text
+    assert "What helped, but does not suffice" in text and "No effect is named" in text
+    help_ = (
+        "Payload at the flange (0.843 kg) and Coulomb friction in joint 4 (1.31 N m) help, but a structured residual"
+    )
+    assert help_ in text and "Coulomb friction in joint 4 coulomb_friction(joint4)" in text
     assert "It depends on position at joint3 and time." in text and "Why this verdict: 7 times the noise." in text
     assert "σ" not in text
 
@@ -216,7 +219,9 @@ def test_remarks_follow_from_the_numbers():
 def test_the_terminal_says_verdict_fall_and_place(diagnosis, tmp_path, capsys):
     print_diagnosis(diagnosis(), tmp_path)
     said = " ".join(capsys.readouterr().out.split())
-    assert said.startswith("identified: payload(flange) and coulomb_friction(joint4) explain")
+    assert said.startswith(
+        "identified: Payload at the flange (0.843 kg) and Coulomb friction in joint 4 (1.31 N m) explain"
+    )
     assert "falls 40-fold" in said and said.endswith(str(tmp_path / "report.html"))
 
 
@@ -237,7 +242,7 @@ def test_terminal_tables_show_the_numbers(diagnosis):
 def test_the_terminal_says_what_cannot_be_told_apart(diagnosis, tmp_path, capsys):
     print_diagnosis(diagnosis("ambiguous"), tmp_path)
     said = " ".join(capsys.readouterr().out.split())
-    assert "coulomb_friction(joint4) cannot be told from stribeck_friction(joint4)" in said
+    assert "Coulomb friction in joint 4 (1.31 N m) cannot be told from Stribeck friction in joint 4" in said
 
 
 def test_candidates_say_what_was_in_the_model_already(run, diagnosis):
@@ -268,7 +273,7 @@ def test_a_value_at_its_bound_is_marked_in_every_table(run, diagnosis):
     record["effects"].append({"effect": "torque_gain", "where": "joint2", "params": params})
     marked = [line for line in drawn().splitlines() if "at its bound" in line]
     assert len(marked) == 1 and "torque_gain(joint2)" in marked[0]
-    assert "at its bound" in _page(run(record)).text
+    assert "at a bound: the true value may lie beyond" in _page(run(record)).text
 
 
 def test_the_phase_is_explained_where_it_is_drawn(run, diagnosis, evidence):

@@ -59,7 +59,8 @@ def test_ambiguous_names_every_member_of_the_class():
     effect = {"effect": "coulomb_friction", "where": "joint4"}
     effect["indistinguishable_from"] = [{"effect": e, "where": "joint4"} for e in ("stribeck_friction", "hysteresis")]
     text = words.verdict(_ladder(1e-2, 1e-4, verdict="ambiguous", effects=[effect]))
-    assert text.startswith("One of coulomb_friction(joint4), stribeck_friction(joint4) or hysteresis(joint4) explains")
+    names = "Coulomb friction in joint 4, Stribeck friction in joint 4 or Elasto-plastic hysteresis in joint 4"
+    assert text.startswith(f"One of {names} explains")
     assert "cannot tell" in text
 
 
@@ -102,7 +103,7 @@ def test_a_verdict_names_few_effects_and_counts_many(count):
     rival = {"indistinguishable_from": [{"effect": "cable_spring", "where": "joint0"}]}
     for kind, found in (("identified", effects), ("ambiguous", [effects[0] | rival, *effects[1:]])):
         said = words.verdict({"verdict": kind, "effects": found})
-        assert ("joint_bias(joint1)" in said) == (count <= words.MOST_NAMED), said
+        assert ("Joint bias in joint 1" in said) == (count <= words.MOST_NAMED), said
         assert (f"{count} effects" in said) == (count > words.MOST_NAMED) and len(said) < 300
     if count > words.MOST_NAMED:
         assert "1 of them from others" in said

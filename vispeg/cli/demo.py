@@ -1,7 +1,8 @@
 """Shows the main job on bundled recordings: what is this robot's model missing? About three minutes on two cores.
 
-Compares the nominal model with recordings, diagnoses on two of them, judges on the third, and writes a report. Then
-renders a contact sheet of what policies are trained on: the peg task, randomized, as its cameras deliver it.
+Compares the nominal model with recordings, diagnoses on two of them, judges on the third, and writes a report that
+opens with a picture of the robot. Then renders a contact sheet of what policies are trained on: the peg task,
+randomized, as its cameras deliver it.
 
 Example:
     vispeg demo
@@ -15,6 +16,8 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 FITTED, HELD_OUT = ("rig-a", "rig-b"), ("rig-c",)
 
@@ -45,6 +48,7 @@ class Args:
         from vispeg.diagnose.compare import compare
         from vispeg.diagnose.run import diagnose
         from vispeg.report import words
+        from vispeg.report.record import ROBOT
         from vispeg.report.write import write_comparison, write_diagnosis
 
         start, folder_of = time.monotonic(), assets() / "recordings"
@@ -66,38 +70,42 @@ class Args:
                 world, fitted, held_out, seed=self.seed, nthread=self.threads, say=lambda text: status.update(text)
             )
             status.update("rendering")
-            problem = self._sheet(folder)
-            write_diagnosis(folder, {**found.record, "provenance": stamp}, found.world, found.arrays)
+            problem, places = self._pictures(folder)
+            picture = {"picture": {"file": ROBOT, "places": places}} if places else {}
+            write_diagnosis(folder, {**found.record, **picture, "provenance": stamp}, found.world, found.arrays)
             (folder / "compared").mkdir()
             write_comparison(folder / "compared", {**before.record, "provenance": stamp}, before.arrays)
         if problem:
-            progress.print(f"no contact sheet: {problem}")
+            progress.print(f"no pictures of the cell: {problem}")
         self._print(json.loads((folder_of / "truth.json").read_text(encoding="utf-8")), time.monotonic() - start)
         return 0
 
-    def _sheet(self, folder: Path) -> str:
-        """Draws the contact sheet into the folder; says what is in the way where it cannot."""
+    def _pictures(self, folder: Path) -> tuple[str, dict[str, list[float]]]:
+        """Draws the robot and the contact sheet; says what is in the way, and where the robot's joints lie."""
         from vispeg.core.errors import UserError
         from vispeg.datasets.codec import encode
-        from vispeg.report.contact_sheet import draw
-        from vispeg.report.record import SHEET
+        from vispeg.report import contact_sheet, robot_picture
+        from vispeg.report.record import ROBOT, SHEET
 
+        places: dict[str, list[float]] = {}
         try:
-            (folder / SHEET).write_bytes(encode(draw(seed=self.seed)))
+            image, places = robot_picture.draw()
+            (folder / ROBOT).write_bytes(encode(np.ascontiguousarray(image)))
+            (folder / SHEET).write_bytes(encode(contact_sheet.draw(seed=self.seed)))
         except UserError as error:  # the diagnosis stands without pictures
-            return str(error)
-        return ""
+            return str(error), places
+        return "", places
 
     def _print(self, truth: dict, seconds: float) -> None:
-        from rich.console import Console
         from rich.text import Text
 
         from vispeg.report import words
-        from vispeg.report.record import SHEET
+        from vispeg.report.record import ROBOT, SHEET
+        from vispeg.report.tables import terminal
         from vispeg.report.terminal import effects_table, ladder_table
 
         diagnosis = json.loads((self.out / "diagnosis.json").read_text(encoding="utf-8"))
-        console = Console(highlight=False)
+        console = terminal()
         console.print(ladder_table(diagnosis))
         console.print(Text(words.fall(diagnosis)))
         console.print(
@@ -110,6 +118,7 @@ class Args:
             for h in truth["hidden"]
         )
         console.print(Text(f"what was hidden in the robot: {'; '.join(hidden)}"))
-        if (self.out / SHEET).is_file():
-            console.print(Text(f"what policies are trained on: {self.out / SHEET}"), soft_wrap=True)
+        for what, name in (("the robot and its cell", ROBOT), ("what policies are trained on", SHEET)):
+            if (self.out / name).is_file():
+                console.print(Text(f"{what}: {self.out / name}"), soft_wrap=True)
         console.print(Text(f"report: {self.out / 'report.html'}  ({seconds:.0f} s)"), soft_wrap=True)

@@ -90,7 +90,7 @@ def diagnose(
         arrays[f"map/{axis}/after"] = left[axis][1]
     upcoming, more = (None, {})
     if plan_next:
-        upcoming, more = next_experiment(search, state, given, rivals, verdict.verdict, seed)
+        upcoming, more = next_experiment(search, state, rivals, verdict.verdict, seed)
     record = {
         "format": "vispeg-diagnosis/1",
         "verdict": verdict.verdict,

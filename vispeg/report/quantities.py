@@ -68,6 +68,15 @@ def interval(value: Any, low: Any, high: Any) -> tuple[str, str]:
     return text[0], f"{text[1]} to {text[2]}"
 
 
+def scaled(value: Any, low: Any, high: Any, unit: str) -> tuple[str, str, str]:
+    """(value, interval, unit) as text with the prefix that suits the value, or its interval where that is wider."""
+    sizes = [abs(x) for x in map(number, (value, low, high)) if x is not None]
+    span = max(sizes[1:], default=0.0) if sizes and sizes[0] == 0 else sizes[0] if sizes else 0.0
+    factor, name = prefix(span, unit)
+    found = [None if x is None else x * factor for x in map(number, (value, low, high))]
+    return *interval(*found), name
+
+
 def rms(values: np.ndarray) -> float | None:
     """Root mean square of the finite entries, or None where there are none."""
     finite = values[np.isfinite(values)]

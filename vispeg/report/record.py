@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ from vispeg.formats.json_data import read_json
 from vispeg.report.evidence import Evidence, load_evidence
 from vispeg.report.quantities import number
 
-SHEET = "contact-sheet.png"
+SHEET, ROBOT = "contact-sheet.png", "robot.png"
 
 
 @dataclass(frozen=True)
@@ -23,13 +24,14 @@ class Record:
         kind: "diagnosis" or "compare".
         values: the JSON record; keys may be absent or null, and every reader here copes with that.
         evidence: the arrays.
-        sheet: PNG of a contact sheet beside the record; None where there is none.
+        sheet, robot: PNG of a contact sheet and of the robot beside the record; None where there is none.
     """
 
     kind: Literal["diagnosis", "compare"]
     values: Mapping[str, Any]
     evidence: Evidence
     sheet: bytes | None = None
+    robot: bytes | None = None
 
     def rows(self, key: str) -> list[dict[str, Any]]:
         """The list of mappings under `key`; empty where it is absent or null."""
@@ -65,6 +67,11 @@ def label(row: Mapping[str, Any]) -> str:
     return f"{row.get('effect', '?')}({where})" if where else str(row.get("effect", "?"))
 
 
+def data_link(png: bytes) -> str:
+    """A picture as a `data:` link, so that the page needs no file beside it."""
+    return "data:image/png;base64," + base64.b64encode(png).decode()
+
+
 def load_record(out: Path) -> Record:
     """Reads OUT/diagnosis.json, or OUT/compare.json where there is none, with OUT/evidence.npz.
 
@@ -74,9 +81,8 @@ def load_record(out: Path) -> Record:
     for kind in ("diagnosis", "compare"):
         path = out / f"{kind}.json"
         if path.is_file():
-            sheet = out / SHEET
-            drawn = sheet.read_bytes() if sheet.is_file() else None
-            return Record(kind, _read(path), load_evidence(out / "evidence.npz"), drawn)
+            drawn = [(out / name).read_bytes() if (out / name).is_file() else None for name in (SHEET, ROBOT)]
+            return Record(kind, _read(path), load_evidence(out / "evidence.npz"), *drawn)
     raise UserError("nothing to report on", file=out, expected="a folder with diagnosis.json or compare.json")
 
 

@@ -10,7 +10,7 @@ from vispeg.report import words
 from vispeg.report.ladder import ladder_rows
 from vispeg.report.quantities import fold, quantity
 from vispeg.report.record import Record, rows
-from vispeg.report.sections.headline import effect_rows
+from vispeg.report.sections.found import effect_rows
 from vispeg.report.tables import Column, Sheet, terminal
 
 
@@ -46,6 +46,8 @@ def print_diagnosis(diagnosis: Mapping[str, Any], out: Path) -> None:
             console.print(Text(f"{chosen} cannot be told from {words.join(others, 'or')}"))
     for row in diagnosis.get("windows") or ():
         console.print(Text(f"note: {row['said']}"))
+    if diagnosis.get("verdict"):
+        console.print(Text(f"next: {words.onward(diagnosis)}"))
     console.print(Text(f"report: {out / 'report.html'}"), soft_wrap=True)
 
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from vispeg.report.effect_words import named as named_effect
+from vispeg.report.effect_words import sized
 from vispeg.report.quantities import fold, number, quantity
-from vispeg.report.record import label, rows
+from vispeg.report.record import rows
 
 NEAR_FLOOR = 1.2  # a held-out error up to this many floors is called "at the noise floor"
 MOST_NAMED = 5  # beyond it a sentence gives the number of effects; the tables name them
@@ -79,7 +81,7 @@ def fall(values: Mapping[str, Any]) -> str:
 def verdict(values: Mapping[str, Any]) -> str:
     """The verdict in one or two plain sentences."""
     kind = values.get("verdict")
-    names = [label(effect) for effect in rows(values, "effects") or rows(values, "partial")]
+    names = [sized(effect) for effect in rows(values, "effects") or rows(values, "partial")]
     last, floor = ladder_ends(values)[1], _floor(values)
     down = last is not None and floor is not None and last <= NEAR_FLOOR * floor
     if kind == "adequate":
@@ -98,12 +100,12 @@ def verdict(values: Mapping[str, Any]) -> str:
 
 
 def rivals(values: Mapping[str, Any]) -> list[list[str]]:
-    """The classes of effects that the recordings cannot tell apart, each a list of labels with the chosen one first."""
+    """The classes of effects that the recordings cannot tell apart, in words, each with the chosen one first."""
     found = []
     for effect in rows(values, "effects"):
-        others = [label(other) for other in rows(effect, "indistinguishable_from")]
+        others = [named_effect(other) for other in rows(effect, "indistinguishable_from")]
         if others:
-            found.append([label(effect), *others])
+            found.append([sized(effect), *others])
     return found
 
 
@@ -111,6 +113,19 @@ def depends_on(row: Mapping[str, Any]) -> str:
     """`position at joint3`."""
     joint = row.get("joint")
     return f"{row.get('input', '?')} at {joint}" if joint else str(row.get("input", "?"))
+
+
+def onward(values: Mapping[str, Any]) -> str:
+    """What is worth recording next, and why, in one sentence."""
+    following = values.get("next_experiment")
+    if not isinstance(following, dict) or not (following.get("motion") or following.get("why")):
+        return (
+            "Nothing is left to tell apart. A recording of another motion would show whether the model holds there too."
+        )
+    motion, why = str(following.get("motion") or ""), str(following.get("why") or "").rstrip(".")
+    sigma = number(following.get("expected_separation_sigma"))
+    expected = f", by an expected {sigma:.2g} sigma" if sigma and motion else ""  # zero: not predicted
+    return f"Record {motion}: it {why}{expected}." if motion and why else f"{motion or why[0].upper() + why[1:]}."
 
 
 def _ambiguous(values: Mapping[str, Any], reach: str) -> str:
@@ -122,7 +137,7 @@ def _ambiguous(values: Mapping[str, Any], reach: str) -> str:
         unsure = "all of them" if len(classes) == len(found) else f"{len(classes)} of them"
         what = f"{len(found)} effects explain the held-out recordings {reach}"
         return f"{what}; these recordings cannot tell {unsure} from others."
-    clear = [label(e) for e in found if not rows(e, "indistinguishable_from")]
+    clear = [sized(e) for e in found if not rows(e, "indistinguishable_from")]
     beside = f", beside {join(clear)}" if clear else ""
     either = "; and ".join(f"{'either ' if len(c) == 2 else 'one of '}{join(c, 'or')}" for c in classes)
     either = either[0].upper() + either[1:]

@@ -6,14 +6,14 @@ naming it here.
 
 DIAGNOSIS = (
     "headline",
+    "found",
+    "where_it_fails",
     "measured_vs_model",
     "maps",
-    "parameters",
     "candidates",
     "confusions",
     "next_experiment",
-    "where_it_fails",
     "rendered",
     "provenance",
 )
-COMPARE = ("headline", "measured_vs_model", "maps", "where_it_fails", "provenance")
+COMPARE = ("headline", "where_it_fails", "measured_vs_model", "maps", "provenance")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from vispeg.report.figures import MUTED
@@ -18,7 +19,8 @@ def context(record: Record) -> dict[str, Any]:
     """Candidates by falling gain, and the screening's ranking."""
     tried = sorted(record.rows("candidates"), key=lambda row: -_sortable(row.get("heldout_gain")))
     screened = sorted(record.rows("screening"), key=lambda row: -_sortable(row.get("score")))
-    best = max([number(row.get("score")) or 0.0 for row in screened], default=0.0)
+    shown = screened[:MOST_SCREENED]
+    low, high = _decades([number(row.get("score")) for row in shown])
     return {
         "tried": [
             {
@@ -26,7 +28,9 @@ def context(record: Record) -> dict[str, Any]:
                 "beside": _beside(row),
                 "gain": _percent(row.get("heldout_gain")),
                 "errors": plain(row.get("gain_standard_errors"), 2),
-                "bar": bar(_share(row.get("heldout_gain"), 1.0), MUTED) if _some(row.get("heldout_gain")) else "",
+                "bar": bar(max(0.0, number(row.get("heldout_gain")) or 0.0), MUTED)
+                if _some(row.get("heldout_gain"))
+                else "",
                 "why": str(row.get("rejected_because") or "–"),
             }
             for row in tried
@@ -34,12 +38,13 @@ def context(record: Record) -> dict[str, Any]:
         "screened": [
             {
                 "effect": label(row),
-                "score": plain(row.get("score"), 3),
-                "bar": bar(_share(row.get("score"), best), MUTED),
+                "score": powers(row.get("score")),
+                "bar": bar(_log_share(number(row.get("score")), low, high), MUTED),
                 "group": "–" if row.get("cosine_group") is None else str(row["cosine_group"]),
             }
-            for row in screened[:MOST_SCREENED]
+            for row in shown
         ],
+        "ends": (powers(10.0**low, 1), powers(10.0**high, 1)),
         "beside": any("tried_beside" in row for row in tried),
         "errors": any(number(row.get("gain_standard_errors")) is not None for row in tried),
         "grouped": any(row.get("cosine_group") is not None for row in screened),
@@ -69,5 +74,24 @@ def _sortable(value: Any) -> float:
     return float("-inf") if x is None else x
 
 
-def _share(value: Any, top: float) -> float:
-    return max(0.0, number(value) or 0.0) / top if top > 0 else 0.0
+def _decades(scores: Sequence[float | None]) -> tuple[int, int]:
+    """The powers of ten that the positive scores lie between."""
+    sizes = [math.log10(x) for x in scores if x is not None and x > 0]
+    return (math.floor(min(sizes)), max(math.ceil(max(sizes)), math.floor(min(sizes)) + 1)) if sizes else (0, 1)
+
+
+def _log_share(score: float | None, low: int, high: int) -> float:
+    return 0.0 if score is None or score <= 0 else (math.log10(score) - low) / (high - low)
+
+
+def powers(value: Any, digits: int = 3) -> str:
+    """`2.60 × 10¹⁰`; numbers of up to six places as they are."""
+    text = plain(value, digits)
+    mantissa, e, exponent = text.partition("e")
+    if not e:
+        return text
+    power = "10" + exponent.translate(_RAISED)
+    return power if mantissa == "1" else f"{mantissa} × {power}"
+
+
+_RAISED = str.maketrans("-\N{MINUS SIGN}0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

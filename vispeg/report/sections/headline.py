@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from vispeg.report import words
+from vispeg.report import effect_words, words
 from vispeg.report.figures import chart
 from vispeg.report.ladder import ladder_figure, ladder_rows
-from vispeg.report.quantities import interval, number, quantity
-from vispeg.report.record import Record, label, params_of, rows
-from vispeg.report.sections.parameters import AT_BOUND, bounds_of, remark
+from vispeg.report.quantities import number, quantity
+from vispeg.report.record import Record, data_link
 
 TITLE = "Verdict"
 
@@ -35,37 +34,26 @@ def context(record: Record) -> dict[str, Any]:
         "fitted": any(number(row.get("fit_error")) is not None for row in record.rows("ladder")),
         "reason": str(values.get("reason") or "").rstrip("."),
         "judged": "Recordings" if record.kind == "compare" else "Held-out recordings",
-        "effects": effect_rows(record),
-        "partial": effect_rows(record, "partial"),
+        "robot": "" if record.robot is None else data_link(record.robot),
+        "marks": _marks(record),
         "floor_unit_differs": bool(floor.get("unit")) and floor.get("unit") != unit and bool(unit),
     }
 
 
-def effect_rows(record: Record, key: str = "effects") -> list[dict[str, str]]:
-    """The effects under `key`, one row a parameter: those found, or (`partial`) those that do not suffice."""
-    found = []
-    for effect in record.rows(key):
-        params = params_of(effect)
-        others = ", ".join(label(other) for other in rows(effect, "indistinguishable_from"))
-        for name, p in params.items():
-            value, between = interval(p.get("value"), p.get("low"), p.get("high"))
-            row = {"effect": label(effect), "param": name, "value": value, "interval": between}
-            bound = at_bound(str(effect.get("effect")), name, p.get("value"))
-            found.append({**row, "unit": str(p.get("unit") or ""), "rivals": others, "bound": bound})
-        if not params:
-            found.append(
-                dict.fromkeys(("param", "value", "interval", "unit", "bound"), "")
-                | {"effect": label(effect), "rivals": others}
-            )
+def _marks(record: Record) -> list[dict[str, str]]:
+    """Where in the robot's picture the effects sit that were found: number, words, place in per cent."""
+    places = record.mapping("picture").get("places")
+    found, taken = [], set()
+    if not isinstance(places, dict):
+        return []
+    for effect in record.rows("effects"):
+        x, y = places.get(str(effect.get("where"))) or (None, None)
+        if x is not None and y is not None:
+            while (x, y) in taken:  # two effects of one joint stand side by side
+                x += 0.045
+            taken.add((x, y))
+            found.append({"words": effect_words.sized(effect), "x": f"{100 * x:.1f}", "y": f"{100 * y:.1f}"})
     return found
-
-
-def at_bound(effect: str, param: str, value: Any) -> str:
-    """`at its bound` where a value is as small or large as the effect allows; empty elsewhere, and at null."""
-    known, x = bounds_of(effect, param), number(value)
-    if known is None or x is None:
-        return ""
-    return "at its bound" if AT_BOUND in remark(x, x, x, known) else ""
 
 
 def _source(floor: dict[str, Any]) -> str:

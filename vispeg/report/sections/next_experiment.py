@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from vispeg.report import words
 from vispeg.report.evidence import Evidence, NextMotion
 from vispeg.report.figures import MEASURED, MUTED, RIVALS, Shape, chart, legend, new_figure, quiet, thin
 from vispeg.report.quantities import number, plain, prefix, quantity, rms
@@ -20,37 +21,49 @@ MOST_JOINTS = 4
 
 
 def context(record: Record) -> dict[str, Any]:
-    """Motion, reason, expected separation in sigma, picture, and the two steps on the command line."""
+    """Motion, reason, expected separation in sigma, picture, and what to run with the new recording."""
     following = record.mapping("next_experiment")
     sigma = number(following.get("expected_separation_sigma"))
     motion = record.evidence.next_motion
+    proposed = str(following.get("motion") or "").rstrip(".")
     return {
-        "motion": str(following.get("motion") or "").rstrip("."),
+        "motion": proposed,
         "why": str(following.get("why") or "").rstrip("."),
-        "sigma": "" if not sigma else plain(sigma, 2),  # zero: not predicted
+        "sigma": plain(sigma, 2) if sigma and proposed else "",  # zero: not predicted
         "weak": bool(sigma) and sigma < 3,
         "file": str(following.get("file") or ""),
-        "command": again(record) if following else "",
+        "command": again(record) if proposed else VALIDATE,
+        "onward": words.onward(record.values),
         "picture": motion_picture(motion, record.evidence) if motion is not None else "",
         "seconds": plain(motion.time[-1] - motion.time[0]) if motion is not None and motion.time.size else "",
+        "own": _name(record)[1:2] == ["demo"],
     }
 
 
-def again(record: Record) -> str:
-    """This run's command with the new recording and another folder to write to; a general one where it is not known."""
+VALIDATE = "vispeg compare model.yaml --recording NEW-RECORDING --out compared"
+GENERAL = "vispeg diagnose MODEL --recording DIR --recording NEW-RECORDING --validate DIR --out OUT-2"
+
+
+def _name(record: Record) -> list[str]:
+    """The words of the command that made the record; none where it is not known."""
     command = record.mapping("provenance").get("command")
     try:
-        words = [str(w) for w in command] if isinstance(command, list) else shlex.split(str(command or ""))
+        return [str(w) for w in command] if isinstance(command, list) else shlex.split(str(command or ""))
     except ValueError:  # unbalanced quotes: not a command line
-        words = []
-    if not words:
-        return "vispeg diagnose MODEL --recording DIR --recording NEW-RECORDING --validate DIR --out OUT-2"
-    for i, word in enumerate(words):
-        if word == "--out" and i + 1 < len(words):
-            words[i + 1] += "-2"
+        return []
+
+
+def again(record: Record) -> str:
+    """This diagnosis with the new recording and another folder to write to; a general one where it cannot be had."""
+    given = _name(record)
+    if given[1:2] != ["diagnose"]:  # another command, whose arguments are others
+        return GENERAL
+    for i, word in enumerate(given):
+        if word == "--out" and i + 1 < len(given):
+            given[i + 1] += "-2"
         elif word.startswith("--out="):
-            words[i] += "-2"
-    return f"{shlex.join(words)} --recording NEW-RECORDING"
+            given[i] += "-2"
+    return f"{shlex.join(given)} --recording NEW-RECORDING"
 
 
 def motion_picture(motion: NextMotion, evidence: Evidence) -> str:

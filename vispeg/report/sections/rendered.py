@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import base64
 from typing import Any
 
-from vispeg.report.record import Record
+from vispeg.report.record import Record, data_link
 
 TITLE = "Rendered for training"
 
@@ -14,4 +13,4 @@ def context(record: Record) -> dict[str, Any] | None:
     """The contact sheet as a `data:` link; None where there is none."""
     if record.sheet is None:
         return None
-    return {"sheet": "data:image/png;base64," + base64.b64encode(record.sheet).decode()}
+    return {"sheet": data_link(record.sheet)}

@@ -1,7 +1,8 @@
-"""What was estimated: values with 95 % intervals, drawn within what is physically plausible."""
+"""What was found: each effect in words, with its values, 95 % intervals and what is physically plausible."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -9,21 +10,45 @@ import numpy as np
 import vispeg.effects  # noqa: F401  (effects enrol themselves, and with them their bounds)
 from vispeg.core.effect import REGISTRY
 from vispeg.core.params import Param
-from vispeg.report.quantities import interval, number, plain
-from vispeg.report.record import Record, label, params_of
+from vispeg.report import effect_words, words
+from vispeg.report.quantities import number, plain, prefix, scaled
+from vispeg.report.record import Record, label, params_of, rows
 from vispeg.report.strips import interval_strip, place
 
-TITLE = "Parameters"
+TITLE = "What was found"
 STRONG = 0.9
 AT_BOUND = "at a bound: the true value may lie beyond"
 
 
 def context(record: Record) -> dict[str, Any]:
-    """One row a parameter of the effects found, earlier ones that moved, and how the estimates are correlated."""
+    """The effects with a row a parameter, earlier values that moved, and how the estimates are correlated."""
     return {
-        "params": [_row(effect, name, p) for effect in record.rows("effects") for name, p in params_of(effect).items()],
+        "effects": [_effect(e) for e in record.rows("effects")],
+        "partial": [_effect(e) for e in record.rows("partial")],
         "moved": [_moved(row) for row in record.rows("parameters_moved")],
         "correlations": correlations(record),
+    }
+
+
+def effect_rows(record: Record, key: str = "effects") -> list[dict[str, str]]:
+    """The effects under `key` as rows of a table, one a parameter."""
+    return [{"effect": label(e), **row} for e in record.rows(key) for row in _effect(e)["params"] or [_NOTHING]]
+
+
+_NOTHING = dict.fromkeys(("param", "value", "interval", "unit", "bound"), "")
+
+
+def _effect(effect: Mapping[str, Any]) -> dict[str, Any]:
+    name = str(effect.get("effect"))
+    others = [effect_words.named(other) for other in rows(effect, "indistinguishable_from")]
+    params = [_row(name, param, p) for param, p in params_of(effect).items()]
+    return {
+        "words": effect_words.named(effect),
+        "label": label(effect),
+        "what": effect_words.what(name),
+        "rivals": words.join(others, "or"),
+        "params": params,
+        "remarks": any(row["remark"] for row in params),
     }
 
 
@@ -65,23 +90,28 @@ def correlations(record: Record) -> dict[str, Any]:
     return {"labels": names, "rows": shown, "strong": strong}
 
 
-def _row(effect: dict[str, Any], name: str, p: dict[str, Any]) -> dict[str, Any]:
-    known = bounds_of(str(effect.get("effect")), name)
-    value, between = interval(p.get("value"), p.get("low"), p.get("high"))
+def _row(effect: str, name: str, p: dict[str, Any]) -> dict[str, str]:
+    known = bounds_of(effect, name)
+    given = str(p.get("unit") or (known.unit if known else ""))
+    value, between, unit = scaled(p.get("value"), p.get("low"), p.get("high"), given)
     numbers = number(p.get("value")), number(p.get("low")), number(p.get("high"))
-    strip = ""
+    strip = bounds = ""
     if known is not None:
         null = None if known.shape else known.null
         strip = interval_strip(numbers[0], numbers[1:], (known.low, known.high), null, known.scale)
+        factor, shown = prefix(max(abs(known.low), abs(known.high)), given)
+        bounds = f"{plain(factor * known.low)} to {plain(factor * known.high)} {effect_words.unit(shown)}".strip()
+    said = remark(*numbers, known)
     return {
-        "effect": label(effect),
         "param": name,
+        "doc": known.doc if known else "",
         "value": value,
         "interval": between,
-        "unit": str(p.get("unit") or (known.unit if known else "")),
-        "bounds": f"{plain(known.low)} to {plain(known.high)}" if known else "",
+        "unit": effect_words.unit(unit),
+        "bounds": bounds,
         "strip": strip,
-        "remark": remark(*numbers, known),
+        "remark": said,
+        "bound": "at its bound" if AT_BOUND in said else "",
     }
 
 
