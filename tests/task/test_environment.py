@@ -201,7 +201,7 @@ def test_what_a_diverged_episode_leaves_plays_it_again_bit_by_bit(world, tmp_pat
     again.step(last)  # without the fault that was planted above
     assert not again.sim.diverged[0]
     (tmp_path / "22" / "episode.json").write_text("{}")
-    with pytest.raises(UserError, match="episode.json: not an episode"):
+    with pytest.raises(UserError, match="episode.json: format: unknown format"):
         replay(tmp_path / "22")
 
 

@@ -21,6 +21,7 @@ from vispeg.datasets.layout import Layout
 from vispeg.datasets.lerobot import DATA, EPISODES, finish, path_of, place
 from vispeg.datasets.plan import Plan, Shard
 from vispeg.datasets.shard import Source
+from vispeg.formats.json_data import read_json
 
 Watch = Callable[[int], None]
 Export = Callable[[Path, Path], None]
@@ -118,9 +119,11 @@ def _begin(work: Path, plan: Plan) -> None:
         write_text_atomic(path, json.dumps(now, indent=2) + "\n")
         return
     try:
-        before = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        raise UserError("holds something else than an unfinished rendering; move it away", file=work) from None
+        before = read_json(path)
+    except UserError as error:
+        raise UserError(
+            f"holds something else than an unfinished rendering; move it away ({error})", file=work
+        ) from None
     for left in work.rglob(".*.part"):  # of a writer that was killed
         left.unlink(missing_ok=True)
     for key in now:

@@ -16,8 +16,10 @@ from safetensors.torch import load as load_tensors
 from safetensors.torch import save as save_tensors
 from torch import Tensor
 
+from vispeg.core.assets import assets
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_bytes_atomic, write_text_atomic
+from vispeg.formats.format import copy, enrol
 from vispeg.formats.guard import read_bytes
 from vispeg.learn.actor import Actor, State
 from vispeg.learn.layout import OFFSET_M, VECTOR, Layout
@@ -145,6 +147,7 @@ def save(folder: str | Path, actor: Actor, modality: str, meta: Mapping[str, Any
     write_text_atomic(Path(folder) / META, text, overwrite=True)
 
 
+@enrol("policy's weights", lambda folder: copy(assets() / "policies" / "state-3mm", folder))
 def load(folder: str | Path, device: str = "cpu") -> NetPolicy:
     """Reads a policy's folder, or the shipped policy of that name; nothing in it is executed.
 

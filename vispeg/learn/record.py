@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from vispeg.core.assets import assets
 from vispeg.core.errors import UserError
 from vispeg.core.provenance import digest
-from vispeg.formats.format import Format
+from vispeg.formats.format import Format, copy, enrol
 from vispeg.formats.guard import is_file
+from vispeg.formats.json_data import read_json
 from vispeg.learn.layout import Layout
 from vispeg.learn.meta import interface
 from vispeg.learn.shipped import META
@@ -24,6 +27,19 @@ COARSE, FINE = "coarse", "fine"  # sub-folders of a pair, each a policy's
 WIDEST, LAYERS = 8192, 16
 
 
+def _example(folder: Path) -> Path:
+    return copy(assets() / "policies" / "state-3mm" / META, folder).parent
+
+
+def _example_of_two(folder: Path) -> Path:
+    path = _example(folder) / META
+    record = {"format": PAIR.name, "modality": "state", "within": 0.01, "meta": read_json(path)["meta"]}
+    path.write_text(json.dumps(record), encoding="utf-8")
+    return path.parent
+
+
+@enrol(PAIR.name, _example_of_two)
+@enrol(NETWORK.name, _example)
 def read_record(folder: Path) -> dict[str, Any]:
     """The content of a policy's policy.json, of one network or of two; `format` says which.
 
@@ -73,8 +89,6 @@ def check_weights(folder: Path, record: Mapping[str, Any]) -> None:
 
 
 def _says(path: Path) -> Any:
-    from vispeg.formats.json_data import read_json
-
     record = read_json(path)
     return record.get("format") if isinstance(record, dict) else None
 

@@ -5,20 +5,45 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from pydantic import BaseModel, Field, field_validator
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
+from vispeg.formats.format import Format, enrol
+from vispeg.formats.guard import MB
+from vispeg.formats.typed import typed
 from vispeg.task.push import Push
-from vispeg.task.world_file import WorldFile, world_hash, world_text
+from vispeg.task.world_file import WorldFile, load_world, world_hash, world_text
 
 if TYPE_CHECKING:
     from vispeg.task.vector import PegInHoleVec
 
 FORMAT = "vispeg-episode/1"
+LEFT = Format(FORMAT, "an episode that was left behind", language="json", most=64 * MB)
 WORLD, EPISODE = "world.yaml", "episode.json"
+
+
+class _Pushed(BaseModel):
+    force: Annotated[list[float], Field(min_length=3, max_length=3)]
+    start: float
+    duration: float
+
+
+class _Told(BaseModel):
+    seed: Annotated[int, Field(ge=0)]
+    obs_mode: str
+    push: _Pushed | None = None
+    actions: Annotated[list[list[float]], Field(min_length=1)]
+
+    @field_validator("actions")
+    @classmethod
+    def _even(cls, actions: list[list[float]]) -> list[list[float]]:
+        if len({len(action) for action in actions}) > 1:
+            raise ValueError("actions of different lengths")
+        return actions
 
 
 def leave(folder: Path, env: PegInHoleVec, row: int) -> Path:
@@ -46,6 +71,15 @@ def leave(folder: Path, env: PegInHoleVec, row: int) -> Path:
     return folder / str(seed)
 
 
+def _example(folder: Path) -> Path:
+    push = {"force": [20.0, 0.0, 0.0], "start": 0.5, "duration": 0.2}
+    told = {"format": FORMAT, "seed": 7, "obs_mode": "state", "push": push, "actions": [[0.1, 0.0, -0.5]] * 3}
+    (folder / EPISODE).write_text(json.dumps(told), encoding="utf-8")
+    (folder / WORLD).write_text(world_text(load_world("nominal")), encoding="utf-8")
+    return folder
+
+
+@enrol(FORMAT, _example, slow=True)
 def replay(folder: str | Path) -> tuple[PegInHoleVec, np.ndarray]:
     """The episode again, up to just before the step that ended it.
 
@@ -58,18 +92,15 @@ def replay(folder: str | Path) -> tuple[PegInHoleVec, np.ndarray]:
     from vispeg.task.vector import PegInHoleVec
 
     path = Path(folder) / EPISODE
-    try:
-        told = json.loads(path.read_text(encoding="utf-8"))
-        if told["format"] != FORMAT:
-            raise UserError("another format", file=path, key="format", expected=FORMAT, got=told["format"])
-        actions = np.asarray(told["actions"], float)[:, None]
-        seed, mode, push = int(told["seed"]), str(told["obs_mode"]), told["push"]
-    except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
-        raise UserError("not an episode that was left behind", file=path) from error
-    env = PegInHoleVec(1, Path(folder) / WORLD, mode, autoreset_mode="Disabled")
-    env.reset(seed=[seed])
-    if push is not None:
-        env.sim.push[0] = Push(np.asarray(push["force"], float), push["start"], push["duration"])
+    told = typed(_Told, LEFT.read(path), path)
+    env = PegInHoleVec(1, Path(folder) / WORLD, told.obs_mode, autoreset_mode="Disabled")
+    actions = np.asarray(told.actions, float)[:, None]
+    if actions.shape[2] != len(env.config.dof):
+        expected = f"{len(env.config.dof)} numbers each, as the world's task says"
+        raise UserError("actions of another task", file=path, key="actions", expected=expected, got=actions.shape[2])
+    env.reset(seed=[told.seed])
+    if told.push is not None:
+        env.sim.push[0] = Push(np.asarray(told.push.force, float), told.push.start, told.push.duration)
     for action in actions[:-1]:
         env.step(action)
     return env, np.asarray(actions[-1])
