@@ -102,6 +102,14 @@ def test_what_compare_fit_diagnose_and_demo_print(columns):
     assert not within(done.stdout, columns) and not whole(done.stdout, cells)
 
 
+def test_check(rigs):
+    text = run("check", rigs["short"], columns=60)
+    said = text.partition("  !")[0].splitlines()[1:]  # warnings are sentences, one a line
+    assert not within("\n".join(said), 60) and not whole(text, [f"joint{i}" for i in range(1, 8)])
+    assert len(re.findall(r"^  top speed rad/s +\d\.\d\d$", text, re.M)) == 7
+    assert "e+0" not in text
+
+
 def test_cameras(tmp_path):
     from vispeg.render.camera_files import save_cameras
     from vispeg.render.standard import standard_cameras

@@ -62,6 +62,51 @@ def test_the_page_stands_alone_and_shows_the_records_numbers():
     assert "The gap to VP, split" in html and "hash-VP" in html and "sees nothing" in html
 
 
+def test_the_page_opens_with_its_picture_and_says_what_the_worlds_are():
+    from vispeg.task.world_file import load_world
+
+    values = gap([*episodes(), *episodes("rgb", "rgb")], worlds=list(WORLDS))
+    values["worlds"] = [
+        {**w, "hash": load_world(w["name"]).hash if w["name"] != "VP" else "x"} for w in values["worlds"]
+    ]
+    html = render(values)
+    main = html[html.index("<main>") :]
+    assert main.index("<h1>") < main.index("<figure>") < main.index("<li>") < main.index("<table")
+    assert "training world" in main[: main.index("</figure>")] and "unseen looks" in main[: main.index("</figure>")]
+    first = main[: main.index("<h2>")]
+    assert "<b>S</b>: The source domain" in first and "<b>P</b>: Target domain for the physics" in first
+    assert "<b>VP</b>: " not in first, "a world of another's making is not described as one of ours"
+
+
+def test_many_pairs_are_folded_and_counted():
+    nine = [e for i in range(9) for e in episodes(f"d{i}", "depth", n=12)]
+    html = render(gap(nine, worlds=list(WORLDS)))
+    folded = re.findall(r"<details(.*?)><summary>(.*?)</summary>", html)
+    pairs = [text for attributes, text in folded if "of 36 pairs differ" in text and not attributes]
+    assert len(pairs) == len(WORLDS)
+
+
+def test_two_networks_correlate_whatever_they_are():
+    values = gap([*episodes(), *episodes("rgb", "rgb", {k: 0.5 * v for k, v in WORLDS.items()})], worlds=list(WORLDS))
+    assert all(r["n"] == 2 and r["pearson"]["value"] is None for r in values["prediction"])
+    assert "two points determine a line" in render(values)
+    for row in values["prediction"]:  # as a record of before has it
+        row["pearson"] = row["spearman"] = {"value": 1.0, "low": 1.0, "high": 1.0, "n": 2}
+    html = render(values)
+    assert "1.00 (1.00 to 1.00)" not in html and "two points determine a line" in html
+
+
+def test_a_policy_has_the_colour_of_what_it_sees_and_the_second_is_hatched():
+    from vispeg.report.gap.colours import BY_MODALITY, of_policies
+
+    both = [{"name": n, "modality": m} for n, m in (("a", "depth"), ("b", "depth"), ("c", "proprio"))]
+    found = of_policies(both)
+    assert found["a"].colour == found["b"].colour == BY_MODALITY["depth"]
+    assert (found["a"].hatch, bool(found["b"].hatch)) == (None, True)
+    many = of_policies([{"name": str(i), "modality": "rgbd"} for i in range(4)])
+    assert len({s.colour for s in many.values()}) == 4 and not any(s.second for s in many.values())
+
+
 def headline(*known):
     return context(gap([e for one in known for e in one], worlds=list(WORLDS)))
 

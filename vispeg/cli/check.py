@@ -10,6 +10,7 @@ Example:
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,7 +29,7 @@ from vispeg.recordings.quality import Limits
 from vispeg.recordings.recording import Recording
 
 if TYPE_CHECKING:
-    from rich.table import Table
+    from vispeg.report.tables import Sheet
 
 HEAD = 20_000  # rows of each recording that are held against the others'
 
@@ -125,66 +126,60 @@ def repeats(recs: list[Recording]) -> list[dict[str, Any]]:
 
 def show(report: CheckReport) -> None:
     """Two tables for a person, and what is to be said."""
-    from rich.console import Console
     from rich.markup import escape
 
+    from vispeg.report.tables import terminal
+
     clock = report.timing
-    console = Console(soft_wrap=True, highlight=False)
+    console = terminal()
     gaps = f"{len(clock.gaps)} gap{'s' * (len(clock.gaps) != 1)}"
     console.print(
         f"[bold]{escape(report.recording)}[/bold]  {escape(report.robot)}, {report.mode} control, "
         f"{clock.duration_s:.1f} s at {clock.rate_hz:.1f} Hz (jitter {1e3 * clock.jitter:.3g} ms), "
-        f"{clock.episodes} episode{'s' * (clock.episodes != 1)}, {gaps}"
+        f"{clock.episodes} episode{'s' * (clock.episodes != 1)}, {gaps}",
+        soft_wrap=True,
     )
     console.print(_motion_table(report))
     console.print()
     console.print(_signal_table(report))
     for line in report.warnings:
-        console.print(f"  [yellow]![/yellow] {escape(line)}")
+        console.print(f"  [yellow]![/yellow] {escape(line)}", soft_wrap=True)
 
 
-def _motion_table(report: CheckReport) -> Table:
+def _motion_table(report: CheckReport) -> Sheet:
     """Where each joint went, how fast, how often it turned back, and how far it was off its command."""
-    from rich.markup import escape
-
-    table = _table("lowest\nrad", "highest\nrad", "top speed\nrad/s", "reversals\n")
+    heads = ["lowest\nrad", "highest\nrad", "top speed\nrad/s", "reversals\n"]
     tracked = any(joint.tracking_rms is not None for joint in report.joints)
-    if tracked:
-        table.add_column("off its command\ndeg RMS", justify="right")
-        table.add_column("at most\ndeg", justify="right")
+    heads += ["off its command\ndeg RMS", "at most\ndeg"] if tracked else []
+    rows = []
     for joint in report.joints:
         motion = joint.excitation
         off = ["-" if x is None else f"{np.degrees(x):.2f}" for x in (joint.tracking_rms, joint.tracking_worst)]
         row = [f"{joint.low:+.2f}", f"{joint.high:+.2f}", f"{motion.peak_speed:.2f}", str(motion.reversals)]
-        table.add_row(escape(joint.name), *row, *(off if tracked else ()))
-    return table
+        rows.append([joint.name, *row, *(off if tracked else ())])
+    return _sheet(heads, rows)
 
 
-def _signal_table(report: CheckReport) -> Table:
+def _signal_table(report: CheckReport) -> Sheet:
     """The largest torque, the noise, and how well dry friction could be told with it."""
-    from rich.markup import escape
-
-    table = _table(
-        "largest torque\nN m", "angle noise\nrad", "torque noise\nN m", "dry friction known to\nN m (1 sigma)"
-    )
+    heads = ["largest torque\nN m", "angle noise\nrad", "torque noise\nN m", "dry friction known to\nN m (1 sigma)"]
+    rows = []
     for joint in report.joints:
         friction = (joint.excitation.sigma or {}).get("coulomb")
-        table.add_row(escape(joint.name), *_cells(joint.peak_torque, joint.noise_q, joint.noise_tau, friction))
-    return table
+        rows.append([joint.name, *_cells(joint.peak_torque, joint.noise_q, joint.noise_tau, friction)])
+    return _sheet(heads, rows)
 
 
-def _table(*heads: str) -> Table:
-    from rich.table import Table
+def _sheet(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Sheet:
+    from vispeg.report.tables import Column, Sheet
 
-    table = Table(box=None, padding=(0, 1), header_style="dim")
-    table.add_column("joint\n", no_wrap=True)
-    for head in heads:
-        table.add_column(head, justify="right", no_wrap=True)
-    return table
+    return Sheet([Column("joint\n"), *(Column(head, right=True) for head in heads)], rows)
 
 
 def _cells(*values: float | None) -> list[str]:
-    return ["-" if value is None else f"{value:.2g}" for value in values]
+    from vispeg.report.quantities import plain
+
+    return ["-" if value is None else plain(value, 2) for value in values]
 
 
 def _short(values: list[float]) -> list[str]:
