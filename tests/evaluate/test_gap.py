@@ -115,6 +115,32 @@ def test_a_rate_says_what_its_episodes_can_tell_and_the_scripted_policy_lacks_no
     assert [(p["scripted"], p["train_seeds"]) for p in few["policies"]] == [(False, [0]), (True, [])]
 
 
+def test_a_robot_that_takes_longer_and_presses_harder_is_told_so():
+    from dataclasses import replace
+
+    def trials(time, force, world, digest, n=20):
+        rng = stream(0, world, str(force))
+        head = ("a", "depth", 0, world, digest)
+        each = [(s, float(rng.normal(time, 0.3)), float(rng.normal(force, 4))) for s in range(n)]
+        return [Episode(*head, s, True, "success", time=t, peak_force=f) for s, t, f in each]
+
+    sim = trials(2.0, 57, "S", "h")
+    rows = gap(sim + trials(5.35, 117, "robot", ""))["measures"]
+    assert [(r["measure"], r["verdict"], r["apart"]) for r in rows] == [
+        ("time", "different", False),
+        ("peak_force", "different", True),
+    ]
+    assert f"a in robot: {rows[1]['words']}" in gap(sim + trials(5.35, 117, "robot", ""))["notes"], (
+        "the page shows notes"
+    )
+    assert "longer" in rows[0]["words"] and "more than half apart: look at the contact model" in rows[1]["words"]
+    near = gap(sim + trials(2.0, 66, "robot", ""))["measures"]
+    assert [(r["verdict"], r["apart"]) for r in near] == [(CANNOT_TELL, False), ("different", False)]
+    assert gap(sim + trials(5.0, 117, "P", "other world"))["measures"] == [], "that is what the tables show"
+    untold = [replace(e, time=math.nan, peak_force=math.nan) for e in trials(5.0, 117, "robot", "")]
+    assert gap(sim + untold)["measures"] == []
+
+
 def test_pairing_takes_only_shared_seeds():
     table = Table(exact("a", "S", 50) + exact("a", "T", 50)[:60])
     y = table.aligned("a", ["S", "T"])

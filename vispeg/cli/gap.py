@@ -102,6 +102,8 @@ class Args:
         print_table(("policy", *order), rows)
         for row in values["gaps"]:
             print(f"{row['policy']} in {row['world']}: {row['words']}")
+        for row in values["measures"]:
+            print(f"{row['policy']} in {row['world']}: {row['words']}")
         print(page)
         return 0
 

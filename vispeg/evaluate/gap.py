@@ -17,6 +17,7 @@ from vispeg.evaluate.categories import part
 from vispeg.evaluate.crossed import difference, rate
 from vispeg.evaluate.entrants import EXPERT
 from vispeg.evaluate.intervals import Estimate, unpaired_difference
+from vispeg.evaluate.measures import compare as compare_measures
 from vispeg.evaluate.modalities import compare
 from vispeg.evaluate.ranks import FEWEST, FEWEST_POINTS, TWO_POINTS, Prediction, predict
 from vispeg.evaluate.records import Episode
@@ -46,7 +47,7 @@ def gap(
 
     Returns:
         {format, reference, worlds, joint, factors, policies, success, gaps, attribution, comparisons, prediction,
-        categories, notes, rule}; an estimate is {value, low, high, n}.
+        categories, measures, notes, rule}; an estimate is {value, low, high, n}.
 
     Raises:
         UserError: no episode in the reference world, an unknown world.
@@ -58,6 +59,8 @@ def gap(
             raise UserError("no episodes in this world", got=world, choices=table.worlds)
     joint, factors = joint_of(order, reference)
     targets, policies = order[1:], table.policies
+    measures = [row for p in policies for w in targets for row in _measures(table, p, reference, w)]
+    said = [f"{row['policy']} in {row['world']}: {row['words']}" for row in measures]
     return {
         "format": FORMAT,
         "reference": reference,
@@ -73,7 +76,8 @@ def gap(
         "comparisons": [_plain(c) for w in order for c in compare(table, w, policies)],
         "prediction": [row for w in targets for row in _prediction(table, reference, w, seed)],
         "categories": [row for p in policies for w in targets for row in _parting(table, p, reference, w, seed)],
-        "notes": [*_notes(table, order, scripted), *notes],
+        "measures": measures,
+        "notes": [*_notes(table, order, scripted), *notes, *said],
         "rule": decide.RULE,
     }
 
@@ -175,6 +179,14 @@ def _parting(table: Table, policy: str, reference: str, world: str, seed: int) -
     first, second = ([e.category for e in table.all(cell)] for cell in cells)
     found = part(first, second, stream(seed, "categories", policy, world)).to_json()
     return [{"policy": policy, "world": world, **found, "n": [len(first), len(second)]}]
+
+
+def _measures(table: Table, policy: str, reference: str, world: str) -> list[dict[str, Any]]:
+    """Of a robot's trials alone: between simulations the tables of success show both."""
+    cells = [Cell(policy, reference), Cell(policy, world)]
+    if table.hashes[world] or not table.has(*cells):
+        return []
+    return [{"policy": policy, "world": world, **row} for row in compare_measures(*map(table.all, cells))]
 
 
 def _notes(table: Table, order: Sequence[str], scripted: Collection[str]) -> list[str]:
