@@ -21,6 +21,7 @@ from vispeg.recordings.write import write
 
 REST = np.array([0.0, 0.5, 0.0, -1.2, 0.0, 0.9, 0.0])
 NOISE = {"q": 2e-5, "tau": 0.2}
+GAINS = (400.0, 600.0, 150.0, 300.0, 30.0, 40.0, 4.0), (20.0, 50.0, 5.0, 15.0, 0.6, 0.7, 0.06)  # N m/rad, N m s/rad
 
 
 def moves(time: np.ndarray, nj: int, rng: np.random.Generator) -> np.ndarray:
@@ -73,7 +74,7 @@ def main() -> int:
     tau = 5.0 * np.sin(q_cmd) + 0.4 * np.tanh(lag / 1e-4)
     rec = Recording(
         path=args.out, robot=robot, joints=joints, rate_hz=args.rate,
-        control=Control("position", args.rate, "model", np.full(args.joints, 300.0), np.full(args.joints, 20.0)),
+        control=Control("position", args.rate, "model", *(np.resize(gain, args.joints) for gain in GAINS)),
         time=time, q_cmd=np.round(q_cmd, 7), q=np.round(q_cmd - lag + NOISE["q"] * rng.standard_normal(q_cmd.shape), 7),
         tau=np.round(tau + NOISE["tau"] * rng.standard_normal(tau.shape), 4), torque_sensor="joint", noise=NOISE,
         motion="pick and place",

@@ -44,6 +44,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--work", type=Path, required=True)
     parser.add_argument("--minutes", type=float, default=30.0)
+    parser.add_argument("--only", default="", help="jobs whose line has this in it")
     args = parser.parse_args()
     work, vispeg = args.work, [sys.executable, "-m", "vispeg"]
     long = {kind: made(work / f"long-{kind}", minutes=args.minutes, table=kind) for kind in ("csv", "parquet")}
@@ -63,7 +64,7 @@ def main() -> int:
     jobs |= {f"check, {n} recordings of 1 min": ["check", *map(str, many[:n])] for n in (1, 10, 50)}
     jobs |= {f"check, 1 min of {n} joints": ["check", str(folder)] for n, folder in wide.items()}
     print(f"{'what':<42} {'wall s':>8} {'CPU s':>8} {'peak MB':>8}")
-    for what, command in jobs.items():
+    for what, command in ((what, command) for what, command in jobs.items() if args.only in what):
         wall, cpu, peak = run(*vispeg, *command)
         print(f"{what:<42} {wall:8.1f} {cpu:8.1f} {peak:8.0f}", flush=True)
     return 0

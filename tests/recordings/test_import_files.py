@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -140,6 +141,16 @@ def test_what_cannot_be_converted(tmp_path):
     with pytest.raises(UserError, match="--topic is for bags"):
         Args(tmp_path / "log.csv", "iiwa14", tmp_path / "out", topic="/a").run()
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("guessed", [False, True])
+def test_a_pipe_is_no_table(tmp_path, guessed):
+    os.mkfifo(tmp_path / "log.csv")
+    with pytest.raises(UserError, match="is no regular file"):
+        Args(tmp_path / "log.csv", "iiwa14", tmp_path / "out", guess=guessed).run()
+    (tmp_path / "folder.csv").mkdir()
+    with pytest.raises(UserError, match="folder.csv"):
+        Args(tmp_path / "folder.csv", "iiwa14", tmp_path / "out", guess=guessed).run()
 
 
 def rolled(seconds=2.0, rate=200.0):

@@ -19,11 +19,13 @@ def dialect_of(file: Path) -> Dialect:
     Raises:
         UserError: not text, or a first line of numbers instead of names.
     """
-    with opened(file) as stream:
-        try:
+    try:
+        with opened(file) as stream:
             lines = [stream.readline(1 << 20).decode() for _ in range(LINES)]
-        except UnicodeDecodeError as error:
-            raise UserError("is not UTF-8 text", file=file) from error
+    except UnicodeDecodeError as error:
+        raise UserError("is not UTF-8 text", file=file) from error
+    except OSError as error:
+        raise UserError(f"cannot be read: {error.strerror or error}", file=file) from error
     lines = [line.rstrip("\r\n") for line in lines if line.strip()]
     if not lines:
         raise UserError("is empty", file=file)
