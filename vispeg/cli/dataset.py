@@ -47,14 +47,13 @@ class Check:
 
     def run(self) -> int:
         """Prints what is wrong, a line each."""
-        from vispeg.cli.render import progress
+        from vispeg.cli.progress import bars
         from vispeg.datasets.check import check
         from vispeg.datasets.read import Dataset
 
         data = Dataset(self.dataset)
-        with progress(len(data), "checking") as advance:
-            advance(0)
-            found = check(self.dataset, advance)
+        with bars({"checking": len(data)}, "frames") as advance:
+            found = check(self.dataset, lambda frames: advance("checking", frames))
         for line in found:
             print(f"vispeg: error: {line}", file=sys.stderr)
         if found:

@@ -48,6 +48,7 @@ class Args:
     def run(self) -> int:
         """Runs the diagnosis and writes its folder."""
         from vispeg.cli.inputs import read_inputs
+        from vispeg.cli.progress import stages
         from vispeg.core.files import new_folder
         from vispeg.core.provenance import digest, provenance
         from vispeg.diagnose.progress import Progress
@@ -67,13 +68,9 @@ class Args:
         with new_folder(self.out, overwrite=self.overwrite, holds="diagnosis", inputs=read) as folder:
             progress = Progress(part / "progress.json", key)
             options = {"seed": self.seed, "nthread": self.threads, "progress": progress}
-            if self.quiet:
-                found = diagnose(world, fitted, held_out, **options)
-            else:
-                from rich.console import Console
-
-                with Console(stderr=True).status("going on" if progress.resumed else "simulating") as status:
-                    found = diagnose(world, fitted, held_out, say=lambda text: status.update(text), **options)
+            with stages(self.quiet) as say:
+                say("going on" if progress.resumed else "simulating")
+                found = diagnose(world, fitted, held_out, say=say, **options)
             record = {**found.record, "provenance": stamp}
             write_diagnosis(folder, record, found.world, found.arrays)
         progress.remove()

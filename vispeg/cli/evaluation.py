@@ -62,20 +62,25 @@ def _kind(out: Path) -> str | None:
 
 
 def play_all(jobs: Sequence[Any], out: Path, workers: int, quiet: bool) -> list[Any]:
-    """All episodes of the jobs, with a progress bar that shows the success so far."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    """All episodes of the jobs, with a bar for each policy, and the success so far."""
+    from vispeg.cli.progress import bars
+    from vispeg.evaluate.records import read
+    from vispeg.evaluate.runner import EPISODES, run
 
-    from vispeg.evaluate.runner import run
-
+    totals: dict[str, int] = {}
+    for job in jobs:
+        totals[job.entrant.name] = totals.get(job.entrant.name, 0) + len(job.seeds)
+    before = {e.key for e in read(out / EPISODES)} if (out / EPISODES).exists() else set()
     wins = [0, 0]
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, disable=quiet or not sys.stderr.isatty()) as bar:
-        task = bar.add_task("episodes", total=None)
+    with bars(totals, "episodes", quiet) as advance:
+        for job in jobs:
+            advance(job.entrant.name, sum(key in before for key in job.keys()), known=True)
 
-        def watch(new: list[Any], done: int, total: int) -> None:
+        def watch(new: list[Any], *_: int) -> None:
             wins[0], wins[1] = wins[0] + sum(e.success for e in new), wins[1] + len(new)
-            rate = f"{100 * wins[0] / wins[1]:.0f} % of the new ones succeed" if wins[1] else "episodes"
-            bar.update(task, completed=done, total=total, description=rate)
+            if new:
+                rate = f"{100 * wins[0] / wins[1]:.0f} % of the new ones succeed"
+                advance(new[0].policy, len(new), f"{rate}, now {new[0].policy} in {new[0].world}")
 
         return run(jobs, out, workers, watch=watch)
 

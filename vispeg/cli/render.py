@@ -15,8 +15,6 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -60,6 +58,7 @@ class Args:
     @goes_on()
     def run(self) -> int:
         """Renders, and says how fast and where."""
+        from vispeg.cli.progress import bars
         from vispeg.core.errors import UserError
         from vispeg.core.extras import require
         from vispeg.core.files import refuse
@@ -89,11 +88,12 @@ class Args:
         )
         began = time.monotonic()
         done: list[int] = []
-        with progress(plan.frames) as advance:
+        with bars({"rendering": plan.frames}, "frames") as advance:
 
             def watch(frames: int) -> None:
+                made, took = sum(done[1:]) + frames, max(time.monotonic() - began, 1e-9)
+                advance("rendering", frames, f"{made / took:.1f} frames/s" if done else "", known=not done)
                 done.append(frames)
-                advance(frames)
 
             render(
                 plan,
@@ -114,29 +114,3 @@ class Args:
         again = f", {kept} of them from before" if kept else ""
         print(f"{plan.frames} frames of {len(layout.cameras)} cameras in {self.out}{again}; {took:.0f} s, {rate}")
         return 0
-
-
-@contextmanager
-def progress(total: int, what: str = "rendering") -> Iterator[Callable[[int], None]]:
-    """A bar on a terminal, with frames a second and the time left; nothing elsewhere."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    console = Console(stderr=True)
-    columns = (
-        TextColumn(what),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[rate]}"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
-        task = bar.add_task("", total=total, rate="")
-        began, made = time.monotonic(), -1
-
-        def advance(frames: int) -> None:
-            nonlocal made
-            made = 0 if made < 0 else made + frames  # what is told first was there before
-            bar.update(task, advance=frames, rate=f"{made / max(time.monotonic() - began, 1e-9):.1f} frames/s")
-
-        yield advance

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
+from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 Source = Callable[[Plan, Layout, Shard], Iterator[Episode]]
 Tick = Callable[[int], None]
 ABOUT = b"vispeg.episodes"
+_TICK: ContextVar[Tick] = ContextVar("tick", default=lambda frames: None)
 
 
 def shard_bytes(source: Source, plan: Plan, layout: Layout, shard: Shard, tick: Tick = lambda frames: None) -> bytes:
@@ -28,23 +30,36 @@ def shard_bytes(source: Source, plan: Plan, layout: Layout, shard: Shard, tick: 
     Args:
         source: makes its episodes.
         plan, layout, shard: what is asked for.
-        tick: told the number of frames of each episode that is done.
+        tick: told how many frames more are drawn, by the source (see `drawn`), or else with each episode.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    sink, about, first = pa.BufferOutputStream(), [], 0
+    sink, about, first, told = pa.BufferOutputStream(), [], 0, 0
+
+    def tell(frames: int) -> None:
+        nonlocal told
+        told += frames
+        tick(frames)
+
+    _TICK.set(tell)
     with pq.ParquetWriter(sink, schema(layout.all), **packing(layout.all)) as file:
         for number, episode in enumerate(source(plan, layout, shard)):
             table, stats = counted(layout, episode, number, first)
             file.write_table(table)
             about.append({"length": len(episode), "stats": {**episode.stats, **stats}, "about": dict(episode.about)})
             first += len(episode)
-            tick(len(episode))
+            if first > told:
+                tell(first - told)
         if first != shard.frames:
             raise ValueError(f"shard {shard.number} has {first} frames, not {shard.frames}")
         file.add_key_value_metadata({ABOUT.decode(): json.dumps(about)})
     return sink.getvalue().to_pybytes()
+
+
+def drawn(frames: int) -> None:
+    """A source tells of frames that it has drawn, before their episode is complete."""
+    _TICK.get()(frames)
 
 
 def counted(layout: Layout, episode: Episode, number: int, first: int) -> tuple[pa.Table, dict[str, Any]]:

@@ -18,6 +18,7 @@ from vispeg.diagnose.progress import Progress
 from vispeg.diagnose.remainder import dependences
 from vispeg.diagnose.rivals import Rivals, find_rivals
 from vispeg.diagnose.search import Search
+from vispeg.diagnose.share import Share
 from vispeg.diagnose.state import State, Trial
 from vispeg.diagnose.verdict import Verdict, decide
 from vispeg.effects.model_file import placed_dict
@@ -59,11 +60,13 @@ def diagnose(
     still = refuse_motionless(fitted, held_out)
     evidence, judged = evidence_for(world, fitted, nthread), evidence_for(world, held_out, nthread, h_max=1e-3)
     judge = Judge(judged)
+    say = Share(say, ahead=3)  # of one effect: its fit, its rivals, the next experiment
     search = Search(evidence, judge, say, progress)
     given = len(world.effects)
     before_fit = evidence.residuals([world])[0]
     before_held = judged.residuals([world])[0]
     state = search.run(world)
+    say.ahead = 1
     rivals = find_rivals(search, state, given, say) if len(state.world.effects) > given else []
     after_held = judged.residuals([state.world])[0]
     before, after = judge.mean(judge.loss(before_held)), judge.mean(state.loss)
@@ -90,6 +93,8 @@ def diagnose(
         arrays[f"map/{axis}/after"] = left[axis][1]
     upcoming, more = (None, {})
     if plan_next:
+        say.ahead = 0
+        say("choosing what to record next")
         upcoming, more = next_experiment(search, state, rivals, verdict.verdict, seed)
     record = {
         "format": "vispeg-diagnosis/1",

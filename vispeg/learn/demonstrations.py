@@ -25,6 +25,7 @@ from vispeg.datasets.layout import Layout, colour_of, depth_of, truth_of
 from vispeg.datasets.plan import Plan, Shard, look_seed
 from vispeg.datasets.sensing import ROWS as SENSOR_ROWS
 from vispeg.datasets.sensing import Clip, sense
+from vispeg.datasets.shard import drawn
 from vispeg.learn.demonstration_plan import TASK, scene_of, seen_world, task_of
 from vispeg.render.backend import Renderer, Shot
 from vispeg.render.camera import quaternion
@@ -200,6 +201,7 @@ class Stage:
             seen = self.plain.render(moment.qpos, moment.bodies)
             frames.append(moment.values | self._labels(seen))
             shots.append({name: replace(shot, segmentation=None, normal_of=None) for name, shot in seen.items()})
+            drawn(1)
         about = {
             "task": TASK,
             "seed": seed,

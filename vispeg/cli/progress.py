@@ -1,0 +1,92 @@
+"""How far long work is, on standard error: bars on a terminal; elsewhere a line now and then, for a log."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+
+SHARE, SECONDS = 0.1, 10.0  # a line in a log is this much further than the last one, and so much later
+MOST = 12  # rows of a terminal
+
+
+@contextmanager
+def bars(totals: Mapping[str, int], unit: str, quiet: bool = False) -> Iterator[Callable[..., None]]:
+    """Bars by name, and one of all where there are several; yields `advance(name, by, note="", known=False)`.
+
+    Args:
+        totals: name -> how many there will be.
+        unit: of what is counted, such as frames.
+        quiet: show nothing.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    terminal = sys.stderr.isatty()
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[note]}"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), disable=quiet or not terminal) as shown:
+        several = len(totals) > 1
+        rows = {n: shown.add_task(n, total=t, note="") for n, t in [*totals.items()][:MOST]}
+        whole = shown.add_task(f"all {unit}", total=sum(totals.values()), note="") if several else None
+        log = _Log(totals, unit, quiet or terminal)
+
+        def advance(name: str, by: int, note: str = "", known: bool = False) -> None:
+            if name in rows:
+                shown.update(rows[name], advance=by, note=note if whole is None else "")
+            if whole is not None:
+                shown.update(whole, advance=by, note=note)
+            log.advance(name, by, note, known)
+
+        yield advance
+
+
+class _Log:
+    """Lines in place of bars."""
+
+    def __init__(self, totals: Mapping[str, int], unit: str, quiet: bool):
+        self.totals, self.unit, self.quiet = totals, unit, quiet
+        self.done = dict.fromkeys(totals, 0)
+        self.known, self.told = 0, 0.0
+        self.began = self.last = time.monotonic()
+
+    def advance(self, name: str, by: int, note: str, known: bool) -> None:
+        """`known`: what was done before."""
+        self.done[name] += by
+        self.known += by if known else 0
+        done, total, now = sum(self.done.values()), sum(self.totals.values()), time.monotonic()
+        share = done / max(total, 1)
+        if self.quiet or known or done >= total or share - self.told < SHARE or now - self.last < SECONDS:
+            return
+        self.told, self.last = share, now
+        left = (now - self.began) * (total - done) / max(done - self.known, 1)
+        each = ", ".join(f"{n} {d} of {self.totals[n]}" for n, d in self.done.items() if len(self.done) > 1)
+        words = (f"{done} of {total} {self.unit} ({share:.0%})", note, each, f"about {duration(left)} left")
+        print("; ".join(filter(None, words)), file=sys.stderr, flush=True)
+
+
+@contextmanager
+def stages(quiet: bool = False) -> Iterator[Callable[[str], None]]:
+    """A line that changes on a terminal, lines elsewhere; yields what tells the present stage."""
+    from rich.console import Console
+
+    if quiet:
+        yield lambda text: None
+    elif sys.stderr.isatty():
+        with Console(stderr=True).status("") as status:
+            yield lambda text: status.update(text)
+    else:
+        yield lambda text: print(text, file=sys.stderr, flush=True)
+
+
+def duration(seconds: float) -> str:
+    """`40 s`, `12 min`, `3.5 h`."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
