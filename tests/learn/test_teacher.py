@@ -42,12 +42,12 @@ def test_a_teacher_that_knows_is_shown_the_ground_truth_that_it_was_trained_on(t
 
     told, blind = (PegInHoleVec(2, "unknown_hole", mode, autoreset_mode="Disabled") for mode in ("state", "proprio"))
     seen = modality("privileged")
-    layout = Layout.of(told.single_observation_space, told.single_action_space, (), seen.truth)
+    layout = Layout.of(told.single_observation_space, told.single_action_space, (), bool(seen.truth))
     save(tmp_path, Actor(layout, seen, (16,)), "privileged", {})
     teacher, policy = teacher_of(tmp_path, blind.config), load(tmp_path)
     a, b = told.reset(seed=[4, 5])[0], blind.reset(seed=[4, 5])[0]
     assert np.allclose(teacher.act(b), policy.act(a), atol=1e-4)
-    other = dict(b) | {"privileged": b["privileged"] + np.eye(22, dtype=np.float32)[18]}  # another friction
+    other = dict(b) | {"privileged": b["privileged"] + np.eye(22, dtype=np.float32)[18]}  # friction
     assert not np.allclose(teacher.act(other), teacher.act(b), atol=1e-4)
     with pytest.raises(UserError, match="made for another observation|lacks a part"):
         policy.act({"policy": a["policy"]})

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from vispeg.learn.layout import Layout
+from vispeg.learn.layout import PRIVILEGED, VECTOR, Layout
 from vispeg.learn.modalities import Modality
 from vispeg.learn.nets import Scale, mlp, random_shift
 
@@ -31,7 +31,8 @@ class Actor(nn.Module):
     def __init__(self, layout: Layout, modality: Modality, hidden: Sequence[int] = (256, 256), recurrent: int = 0):
         super().__init__()
         self.layout, self.hidden, self.recurrent = layout, tuple(hidden), recurrent
-        known = sum(layout.vectors.values())
+        self.truth = list(modality.truth)  # columns of the ground truth
+        known = layout.vector + len(self.truth)
         self.scale = Scale(known)
         self.encoders = nn.ModuleDict({key: modality.encoder(key, shape) for key, shape in layout.images.items()})
         seen: list[Any] = list(self.encoders.values())
@@ -49,8 +50,8 @@ class Actor(nn.Module):
 
     def vector(self, obs: Mapping[str, Tensor]) -> Tensor:
         """(..., n) what it reads beside images, unscaled."""
-        parts = [obs[key] for key in self.layout.vectors]
-        return torch.cat(parts, dim=-1) if len(parts) > 1 else parts[0]
+        own = obs[VECTOR]
+        return torch.cat([own, obs[PRIVILEGED][..., self.truth]], dim=-1) if self.truth else own
 
     def features(self, obs: Mapping[str, Tensor], shift: int = 0) -> Tensor:
         """(n, inputs): scaled vector and image features. `shift` moves images at random, in pixels."""

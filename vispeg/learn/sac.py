@@ -87,7 +87,7 @@ class AsymmetricSAC(SAC):
         seed: int,
         device: str = "cpu",
     ):
-        layout = Layout.of(env.observation_space, env.action_space, modality.kinds, modality.truth)
+        layout = Layout.of(env.observation_space, env.action_space, modality.kinds, bool(modality.truth))
         torch.manual_seed(seed)
 
         def networks() -> tuple[Actor, Callable[[], Critic]]:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 TURN = 0.1  # rad, a unit of the turn that a policy sees
 PRIVILEGED = 3 + 3 + 3 + 3 + 3 + 1 + 1 + 1 + 4  # see `observation`
+CONTACT, PHYSICS = range(12, 17), range(18, 22)  # its entries: contact force, slip and tilt; see `_physics`
 
 
 def turns(config: TaskConfig) -> bool:
