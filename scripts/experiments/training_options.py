@@ -102,7 +102,13 @@ def described(words: str, variant: Variant, runs: list[tuple[int, Path]]) -> dic
         {"seed": seed, **{k: v.tolist() for k, v in asdict(curve).items()}}
         for (seed, _), curve in zip(runs, curves, strict=True)
     ]
-    return {**asdict(variant), "name": words, "runs": each, "curve": together(curves)}
+    return {
+        **asdict(variant),
+        "world": load_world(variant.world).name,
+        "name": words,
+        "runs": each,
+        "curve": together(curves),
+    }
 
 
 if __name__ == "__main__":
