@@ -59,13 +59,16 @@ def test_demo_finds_what_is_hidden(vispeg, tmp_path):
     lines = [line for line in out.splitlines() if line.strip()]
     assert lines[0].split()[0] == "Model" and lines[2].split()[0] == "nominal"  # the falling error comes first
     record = json.loads((tmp_path / "vispeg-demo" / "diagnosis.json").read_text())
-    assert record["verdict"] == "identified"
+    assert record["verdict"] == "identified" and record["next_experiment"] is None
+    assert "the robot and its cell: vispeg-demo/robot.png" in out
+    page = (tmp_path / "vispeg-demo" / "report.html").read_text()
+    assert page.index('class="robot"') < page.index("<dl") and page.count('class="mark"') == 2
     found = {(e["effect"], e["where"]): e["params"] for e in record["effects"]}
     assert set(found) == {("coulomb_friction", "joint4"), ("payload", "flange")}
     torque = found["coulomb_friction", "joint4"]["torque"]
     assert torque["low"] <= 1.2 <= torque["high"]
     mass = found["payload", "flange"]["mass"]
     assert mass["low"] <= 0.6 <= mass["high"]
-    assert {"report.html", "model.yaml", "compared", "contact-sheet.png"} <= {
+    assert {"report.html", "model.yaml", "compared", "robot.png", "contact-sheet.png"} <= {
         p.name for p in (tmp_path / "vispeg-demo").iterdir()
     }

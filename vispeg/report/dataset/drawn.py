@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from vispeg.core.effect import REGISTRY
+from vispeg.report.effect_words import unit as unit_beside
+from vispeg.report.quantities import plain, quantity
 
 BINS, WIDTH, HEIGHT = 24, 168, 46  # bars; px
 
@@ -36,9 +38,9 @@ def drawn(worlds: Sequence[Mapping[str, Mapping[str, float]]]) -> dict[str, Any]
             continue
         if max(values) - min(values) <= 1e-12 * max(1.0, abs(values[0])):
             if not _vanishes(kind, name, values[0]):
-                fixed.append({"label": label, "param": name, "value": short(values[0]), "unit": unit})
+                fixed.append({"label": label, "param": name, "value": quantity(values[0], unit)})
             continue
-        ends = {"low": short(min(values)), "high": short(max(values)), "unit": unit}
+        ends = {"low": plain(min(values)), "high": plain(max(values)), "unit": unit}
         share = len(values) / len(worlds)
         times = "" if share > 0.999 else f"in {100 * share:.0f} % of episodes"
         effects[kind].append({"place": place, "param": name, "svg": histogram(values), "share": times, **ends})
@@ -57,13 +59,8 @@ def histogram(values: Sequence[float], bins: int = BINS) -> str:
     return f'<svg viewBox="0 0 {WIDTH} {HEIGHT + 1}" role="img" aria-label="histogram">{bars}</svg>'
 
 
-def short(value: float) -> str:
-    """A number for people."""
-    return f"{value:.3g}"
-
-
 def _unit(kind: str, name: str) -> str:
-    return REGISTRY[kind].params[name].unit if kind in REGISTRY and name in REGISTRY[kind].params else ""
+    return unit_beside(REGISTRY[kind].params[name].unit) if kind in REGISTRY and name in REGISTRY[kind].params else ""
 
 
 def _vanishes(kind: str, name: str, value: float) -> bool:

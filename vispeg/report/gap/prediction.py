@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from vispeg.evaluate.decide import CANNOT_TELL
-from vispeg.evaluate.ranks import FEWEST_POINTS, TWO_POINTS
+from vispeg.evaluate.ranks import FEWEST, FEWEST_POINTS, TWO_POINTS
 from vispeg.report.figures import MUTED, RULE, Shape, chart, new_figure, quiet
 from vispeg.report.gap.colours import of_policies
 
@@ -20,10 +20,10 @@ def context(values: Mapping[str, Any]) -> dict[str, Any]:
     """The picture, and a row a target world."""
     rows = []
     for row in values["prediction"]:
-        known = row["n"] >= FEWEST_POINTS  # a record of before may state a correlation of two
-        cells = [_interval(row[k]) if known else "-" for k in ("pearson", "spearman")]
+        cells = [_interval(row[k]) if row["n"] >= FEWEST else "-" for k in ("pearson", "spearman")]
         cells += [_interval(row[k]) for k in ("mmrv", "mean_difference")]
-        text = row["words"] if known else f"{CANNOT_TELL}: {TWO_POINTS}"
+        line = row["n"] < FEWEST_POINTS  # a record of before may state a correlation of two
+        text = f"{CANNOT_TELL}: {TWO_POINTS}" if line else row["words"]
         rows.append({"world": row["world"], "n": row["n"], "cells": cells, "words": text})
     return {"picture": picture(values) if rows else "", "rows": rows, "reference": values["reference"]}
 
