@@ -128,7 +128,7 @@ def test_controls_are_played_in_the_first_world_and_the_last_or_where_they_are_a
     assert {r["world"] for r in values["success"] if r["control"]} == {"nominal", "randomized"}
     assert "no blind control: add a proprio policy" in values["notes"]
     html = (tmp_path / "ends/gap.html").read_text()
-    assert all(text in html for text in ("Controls in nominal", "Controls in randomized", "no blind control"))
+    assert all(text in html for text in ("<h3>In nominal</h3>", "<h3>In randomized</h3>", "no blind control"))
     jobs.clear()
     assert vispeg("gap", "expert", *worlds, "--control-worlds", "unknown_hole", "--out", "one")[0] == 0
     assert [j.world_name for j in jobs if j.control] == ["unknown_hole"]

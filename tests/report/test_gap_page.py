@@ -138,6 +138,11 @@ def test_one_world_without_targets_is_a_page_too():
     assert "depth in S: 36 of 40 succeed, so" in html and "What the change costs" not in html
 
 
+def test_where_nothing_fails_there_is_no_empty_section_on_failures():
+    assert "How they fail" not in render(gap(episodes(worlds={"S": 1.0})))
+    assert "How they fail" in render(gap(episodes(worlds={"S": 0.5})))
+
+
 def test_names_are_shown_as_they_are_and_never_run():
     odd = "<script>alert(1)</script> & $x$"
     html = render(gap([replace(e, policy=odd) for e in episodes()]))

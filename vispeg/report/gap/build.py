@@ -32,7 +32,9 @@ def render(
         sections.append(("against", against.TITLE, against.context(values)))
     if values["prediction"]:
         sections.append(("prediction", prediction.TITLE, prediction.context(values)))
-    sections.append(("failures", failures.TITLE, failures.context(values)))
+    failed = failures.context(values)
+    if failed["picture"] or failed["rows"]:
+        sections.append(("failures", failures.TITLE, failed))
     if media:
         heading = pairs.TITLE if any(len(m["sides"]) > 1 for m in media) else pairs.SINGLE
         sections.append(("pairs", heading, pairs.context(media, folder)))
