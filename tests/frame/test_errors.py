@@ -25,3 +25,8 @@ def test_an_unknown_effect_says_where_all_stand():
     with pytest.raises(UserError, match="did you mean 'coulomb_friction'.*`vispeg effects`") as error:
         effect("coulomb_fricton")
     assert len(str(error.value)) < 300 and "camera_delay" not in str(error.value)
+
+
+def test_what_a_terminal_would_obey_is_escaped():
+    error = UserError("unknown key", file="a\x1b[2J.yaml", choices=["\x08b", "\ud800"])
+    assert str(error) == "a\\x1b[2J.yaml: unknown key; choices: \\x08b, \\ud800"

@@ -14,6 +14,7 @@ from vispeg.core.files import write_text_atomic
 from vispeg.core.lock import claim
 from vispeg.core.marker import apart, holds, mark
 from vispeg.core.provenance import provenance
+from vispeg.formats.json_data import read_json
 
 
 def open_folder(out: Path, result: str, overwrite: bool, inputs: Iterable[str | Path | None] = ()) -> Path:
@@ -55,8 +56,8 @@ def _kind(out: Path) -> str | None:
     if (found := holds(out)) is not None:
         return found
     try:
-        known = json.loads((out / "run.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        known = read_json(out / "run.json")
+    except UserError:
         return None
     return "" if isinstance(known, dict) and {"policies", "worlds"} <= set(known) else None
 

@@ -49,7 +49,7 @@ class UserError(Exception):
             text += f" (did you mean '{near[0]}'?)" if near else ""
             text += f"; {_listed(str(got), self.choices)}"
             text += f"; {see}" if see else ""
-        super().__init__(" ".join(text.split()))
+        super().__init__(_printable(" ".join(text.split())))
 
 
 def _listed(got: str, choices: tuple[str, ...]) -> str:
@@ -58,6 +58,11 @@ def _listed(got: str, choices: tuple[str, ...]) -> str:
         return f"choices: {', '.join(choices)}"
     near = difflib.get_close_matches(got, choices, n=NEAREST, cutoff=0.0)
     return f"nearest of {len(choices)} choices: {', '.join(near)}"
+
+
+def _printable(text: str) -> str:
+    """The text with an escape in place of what a terminal would obey or could not show."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def _short(value: object, limit: int = 80) -> str:

@@ -13,6 +13,8 @@ from torch import Tensor
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
+from vispeg.formats.guard import as_written
+from vispeg.formats.json_data import read_json
 from vispeg.learn.sac import AsymmetricSAC
 from vispeg.learn.tensors import adam, fill, wake, write
 
@@ -46,10 +48,10 @@ def load_state(folder: Path, model: AsymmetricSAC) -> dict[str, Any]:
         UserError: a file is missing or damaged, or from a model of other shapes.
     """
     try:
-        own = json.loads((folder / "state.json").read_text(encoding="utf-8"))
+        own = read_json(folder / "state.json", finite=False)
         found = load_file(folder / "state.safetensors")
-    except (OSError, ValueError, SafetensorError) as error:
-        raise UserError("not a checkpoint that training can go on from", file=folder) from error
+    except (UserError, OSError, ValueError, SafetensorError) as error:
+        raise UserError(f"not a checkpoint that training can go on from ({error})", file=folder) from error
     for optimizer in _optimizers(model).values():
         wake(optimizer)
     random = {name: found.pop(name) for name in [*found] if name.startswith("rng.")}
@@ -59,11 +61,12 @@ def load_state(folder: Path, model: AsymmetricSAC) -> dict[str, Any]:
     if "rng.cuda" in random and torch.cuda.is_available():
         torch.cuda.set_rng_state(random["rng.cuda"])
     model.replay.load(folder / "replay")
-    model.replay.rng.bit_generator.state = own["replay_rng"]
-    model.replay.refused = int(own["refused"])
-    model.num_timesteps, model._n_updates = int(own["num_timesteps"]), int(own["n_updates"])
-    model._owed, model.measured = float(own["owed"]), bool(own["measured"])
-    return own["counters"]
+    with as_written(folder / "state.json", "vispeg train"):
+        model.replay.rng.bit_generator.state = own["replay_rng"]
+        model.replay.refused = int(own["refused"])
+        model.num_timesteps, model._n_updates = int(own["num_timesteps"]), int(own["n_updates"])
+        model._owed, model.measured = float(own["owed"]), bool(own["measured"])
+        return dict(own["counters"])
 
 
 def _random(model: AsymmetricSAC) -> dict[str, Tensor]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 import sys
 import time
@@ -16,6 +17,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
 
 from vispeg.core.files import write_text_atomic
+from vispeg.formats.guard import MB, as_written, read_text
 from vispeg.learn.ranges import Opening
 
 COLUMNS = (
@@ -53,9 +55,9 @@ class Table:
         self.path = path
         self.rows: list[dict[str, Any]] = []
         if path.is_file():
-            with path.open(newline="", encoding="utf-8") as stream:
-                found = list(csv.DictReader(stream))
-            self.rows = [r for r in found if _before(r, upto, rounds)]
+            with as_written(path, "vispeg train"):
+                found = list(csv.DictReader(io.StringIO(read_text(path, 64 * MB), newline="")))
+                self.rows = [r for r in found if _before(r, upto, rounds)]
 
     @property
     def seconds(self) -> float:

@@ -12,6 +12,8 @@ from safetensors.torch import load_file
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder, write_text_atomic
+from vispeg.formats.guard import as_written
+from vispeg.formats.json_data import read_json
 from vispeg.learn.actor import Actor
 from vispeg.learn.replay import Replay
 from vispeg.learn.tensors import adam, fill, wake, write
@@ -38,15 +40,16 @@ class Rounds:
             UserError: the file is damaged.
         """
         path = self.folder / "state.json"
-        try:
-            return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-        except ValueError as error:
-            raise UserError("not the state of a distillation", file=path) from error
+        if not path.exists():
+            return {}
+        with as_written(path, "vispeg train"):
+            state = read_json(path, finite=False)
+            return {**state, "rounds": int(state["rounds"]), "student": str(state["student"])}
 
     @property
     def done(self) -> int:
         """How many rounds are finished."""
-        return int(self.state.get("rounds", 0))
+        return self.state.get("rounds", 0)
 
     def keep(self, ring: Replay | None, actor: Actor, optimizer: torch.optim.Optimizer, told: dict[str, Any]) -> None:
         """Stores one more round. `told` (JSON) comes back as `state`, which is written last: only then it counts."""
@@ -92,11 +95,9 @@ def keep_ring(ring: Replay, folder: Path) -> None:
 
 def kept_ring(folder: Path, like: Replay) -> Replay:
     """The transitions that `keep_ring` stored, for another ring's spaces. Raises UserError if they do not fit."""
-    try:
-        size = json.loads((folder / "ring.json").read_text(encoding="utf-8"))
+    with as_written(folder / "ring.json", "vispeg train"):
+        size = read_json(folder / "ring.json")
         length, rows = int(size["length"]), int(size["n_envs"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise UserError("not stored demonstrations", file=folder / "ring.json") from error
     ring = Replay(length * rows, like.observation_space, like.action_space, like.device, rows)
     ring.load(folder)
     return ring
