@@ -45,7 +45,7 @@ def test_a_folder_of_ones_own_comes_before_a_shipped_policy_of_its_name(tmp_path
     "command",
     [
         ["play", "depht-S"],
-        ["export", "depht-S", "--out", "x"],
+        ["export", "depht-S", "--out", "x.onnx"],
         ["combine", "depht-S", "state-3mm", "--out", "x"],
         ["finetune", "depht-S", "--world", "dev", "--out", "x"],
         ["finetune", "depth-S", "--teacher", "depht-S", "--world", "dev", "--out", "x", "--episodes", "1"],
