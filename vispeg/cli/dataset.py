@@ -49,9 +49,9 @@ class Check:
         """Prints what is wrong, a line each."""
         from vispeg.cli.progress import bars
         from vispeg.datasets.check import check
-        from vispeg.datasets.read import Dataset
+        from vispeg.datasets.opening import open_dataset
 
-        data = Dataset(self.dataset)
+        data = open_dataset(self.dataset)
         with bars({"checking": len(data)}, "frames") as advance:
             found = check(self.dataset, lambda frames: advance("checking", frames))
         for line in found:
@@ -59,7 +59,8 @@ class Check:
         if found:
             return 2
         megabytes = sum(f.stat().st_size for f in data.folder.rglob("*") if f.is_file()) / 1e6
-        print(f"{self.dataset}: {len(data)} frames in {len(data.episodes)} episodes, {megabytes:.1f} MB, nothing wrong")
+        many = f"{len(data.episodes)} episode" + "s" * (len(data.episodes) != 1)
+        print(f"{self.dataset}: {len(data)} frames in {many}, {megabytes:.1f} MB, nothing wrong")
         return 0
 
 

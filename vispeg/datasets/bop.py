@@ -16,6 +16,7 @@ import numpy as np
 
 from vispeg.datasets.codec import DEPTH_STEP, encode, to_steps
 from vispeg.datasets.layout import colour_of, depth_of
+from vispeg.datasets.models import described, ply
 from vispeg.datasets.read import Dataset
 from vispeg.render.camera import Camera, rotation
 
@@ -33,6 +34,7 @@ def write_bop(source: Path, out: Path) -> None:
         for name in data.cameras:
             _scene(out / "train" / f"{scene:06d}", data, frames, drawn[name])
             scene += 1
+    _models(out, data)
     first = next(iter(data.cameras.values()))
     general = {k: getattr(first, k) for k in ("fx", "fy", "cx", "cy", "width", "height")}
     _json(out / "camera.json", general | {"depth_scale": DEPTH_STEP * MM})
@@ -44,6 +46,19 @@ def write_bop(source: Path, out: Path) -> None:
     ]
     keys = ("scene", "episode", "camera")
     _json(out / "dataset_info.json", {"objects": objects, "scenes": [dict(zip(keys, s, strict=True)) for s in scenes]})
+
+
+def _models(out: Path, data: Dataset) -> None:
+    """`models/obj_NNNNNN.ply` in mm and `models_info.json`; none of a dataset that was written before it had meshes."""
+    told = {}
+    for number, (part, _) in OBJECTS.items():
+        if part in data.models:
+            vertices, faces = data.models[part]
+            told[str(number)] = described((MM * vertices, faces))
+            (out / "models").mkdir(parents=True, exist_ok=True)
+            (out / "models" / f"obj_{number:06d}.ply").write_bytes(ply(data.models[part], MM))
+    if told:
+        _json(out / "models/models_info.json", told)
 
 
 def _scene(folder: Path, data: Dataset, frames: dict[str, np.ndarray], camera: Camera) -> None:

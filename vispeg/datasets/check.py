@@ -13,8 +13,10 @@ from vispeg.core.errors import UserError
 from vispeg.datasets.describe import CAMERA_FILE, RENDER_FILE, STATS, TASKS
 from vispeg.datasets.episodes import OWN
 from vispeg.datasets.layout import COUNTED, is_depth, is_picture
+from vispeg.datasets.opening import open_dataset
 from vispeg.datasets.parquet import opened, table, values
 from vispeg.datasets.read import Dataset
+from vispeg.datasets.stored import Stored
 from vispeg.formats.format import enrol
 from vispeg.formats.guard import is_file
 
@@ -40,7 +42,9 @@ def check(folder: str | Path, watch: Watch = lambda frames: None) -> list[str]:
     Raises:
         UserError: no dataset at all, or one whose `meta/info.json` cannot be read.
     """
-    data = Dataset(folder)
+    data = open_dataset(folder)
+    if isinstance(data, Stored):
+        return told(data.check()) + _records(data, watch)
     if found := told(_files(data)):  # what lies in a broken file would only be told a second time
         return found
     if found := told(_meta(data)):
@@ -93,6 +97,7 @@ def _meta(data: Dataset) -> Iterator[str]:
     rows = sum(data.open(path).metadata.num_rows for path in data.data_files)
     if rows != len(data):
         yield f"{data.folder / 'data'}: {rows} rows; expected {len(data)}"
+    _ = data.models
     path = data.folder / TASKS
     tasks = values(COUNTED["task_index"], table(opened(path), path, ["task_index"])["task_index"], path, "task_index")
     total = info.get("total_tasks", len(tasks))
@@ -153,7 +158,7 @@ def _statistics(name: str, stats: dict[str, Any], real: np.ndarray) -> Iterator[
             return
 
 
-def _records(data: Dataset, watch: Watch) -> list[str]:
+def _records(data: Dataset | Stored, watch: Watch) -> list[str]:
     """Pictures are what they should be, and no frame is there twice."""
     found: list[str] = []
     seen: dict[bytes, str] = {}
@@ -166,7 +171,7 @@ def _records(data: Dataset, watch: Watch) -> list[str]:
             found.append(str(error) if "episode " in str(error) else f"episode {number}: {error}")
             continue
         found += [f"episode {number}: {one}" for one in pictures(data, frames)]
-        for i in range(len(frames["index"])):
+        for i in range(about["length"]):
             digest = hashlib.blake2b(digest_size=16)
             for name in content:
                 value = frames[name][i]
@@ -176,7 +181,7 @@ def _records(data: Dataset, watch: Watch) -> list[str]:
             if before != here:
                 repeated += 1
                 found += [f"{here}: repeats {before}"] if repeated <= MOST else []
-        watch(len(frames["index"]))
+        watch(about["length"])
     if repeated > MOST:
         found.append(f"... and {repeated - MOST} more repeated frames")
     return found

@@ -4,13 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from vispeg.datasets.bop import write_bop
-from vispeg.datasets.plain import write_plain
+from vispeg.datasets.check import check
+from vispeg.datasets.example import write_dataset
+from vispeg.datasets.plain import PLAIN, write_plain
 from vispeg.datasets.rendering import Export
+from vispeg.formats.format import Example, enrol
 
 EXPORTS: Mapping[str, Export] = {"bop": write_bop, "folder": write_plain}
 FORMATS = ("lerobot", *EXPORTS)
+
+
+def _as(layout: str) -> Example:
+    def example(folder: Path) -> Path:
+        (new := folder / layout).mkdir()
+        with TemporaryDirectory() as place:
+            EXPORTS[layout](write_dataset(Path(place)), new)
+        return new
+
+    return example
+
+
+enrol(PLAIN.name, _as("folder"), slow=True)(check)
+enrol("BOP", _as("bop"), slow=True)(check)
 
 
 def export(source: Path, out: Path, layout: str, *, overwrite: bool = False) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Container, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -43,6 +43,7 @@ class Layout:
         fps: frames a second of simulated time.
         task: in words.
         robot: its name.
+        models: surfaces of parts whose poses are labelled: vertices (v, 3) in m in the label's frame, triangles (f, 3).
     """
 
     features: Mapping[str, Feature]
@@ -51,6 +52,7 @@ class Layout:
     fps: float
     task: str
     robot: str
+    models: Mapping[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
 
     @property
     def all(self) -> dict[str, Feature]:

@@ -22,6 +22,8 @@ from vispeg.core.files import write_bytes_atomic, write_text_atomic
 from vispeg.datasets.describe import CAMERA_FILE, CAMERAS, INFO, RENDER, RENDER_FILE, STATS, TASKS
 from vispeg.datasets.episodes import FOLDER, OWN
 from vispeg.datasets.layout import VERSION, Layout, packing
+from vispeg.datasets.models import FOLDER as MODELS
+from vispeg.datasets.models import ply
 from vispeg.datasets.plan import Plan
 from vispeg.datasets.shard import ABOUT
 from vispeg.datasets.stats import Stats, of_numbers, together
@@ -115,8 +117,11 @@ def finish(folder: Path, plan: Plan, layout: Layout, provenance: Mapping[str, An
     _json(folder / STATS, totals)
     _json(folder / CAMERAS, cameras)
     write_bytes_atomic(folder / TASKS, _tasks(layout.task), overwrite=True)
+    for name, mesh in layout.models.items():
+        write_bytes_atomic(folder / MODELS / f"{name}.ply", ply(mesh), overwrite=True)
     described = _text(info(layout, plan.frames, episodes))
     names = [path_of(p, s.number) for s in plan.shards for p in (DATA, EPISODES)] + [STATS, CAMERAS, TASKS]
+    names += [f"{MODELS}/{name}.ply" for name in layout.models]
     files = {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in names}
     files[INFO] = hashlib.sha256(described.encode("utf-8")).hexdigest()
     render = {"format": RENDER_FILE.name, "plan": plan.to_json(), "files": files, "provenance": dict(provenance)}

@@ -12,8 +12,13 @@ import numpy as np
 from vispeg.datasets.codec import encode, to_steps
 from vispeg.datasets.layout import entries_of, is_depth, is_picture, short_of
 from vispeg.datasets.read import Dataset
+from vispeg.formats.format import Format
 from vispeg.render.camera_files import save_cameras
 
+PLAIN = Format(
+    "vispeg-folder/1", "a dataset of plain files", needed=("features", "total_frames", "fps"), language="json"
+)
+WHOLE, CAMERAS = "dataset.json", "cameras.yaml"
 README = """One folder an episode: frames.csv (a line a frame; positions in m, velocities in m/s, forces in N, torques
 in N m, quaternions w x y z), episode.json (seeds, what came of it, drawn parameters), and pictures NAME-FRAME.png.
 Depth is 16 bit, 0.1 mm a step, 0 where there is no reading. Pictures of parts hold the part's number.
@@ -38,13 +43,14 @@ def write_plain(source: Path, out: Path) -> None:
         _table(folder / "frames.csv", data, frames)
         (folder / "episode.json").write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
     if data.cameras:
-        save_cameras(out / "cameras.yaml", list(data.cameras.values()))
+        save_cameras(out / CAMERAS, list(data.cameras.values()))
     whole = {
-        "format": "vispeg-folder/1",
+        "format": PLAIN.name,
         "parts": data.parts,
         **{k: v for k, v in data.info.items() if "path" not in k},
+        "plan": data.made.get("plan", {}),
     }
-    (out / "dataset.json").write_text(json.dumps(whole, indent=1) + "\n", encoding="utf-8")
+    (out / WHOLE).write_text(json.dumps(whole, indent=1) + "\n", encoding="utf-8")
     (out / "README.txt").write_text(README, encoding="utf-8")
 
 

@@ -16,6 +16,7 @@ from vispeg.datasets.codec import decode
 from vispeg.datasets.describe import cameras_of, read_cameras, read_info, read_made, read_stats
 from vispeg.datasets.episodes import FOLDER, OWN, read_episodes
 from vispeg.datasets.layout import Feature, is_image, is_picture, pixel_shape, pixel_type
+from vispeg.datasets.models import Mesh, read_models
 from vispeg.datasets.parquet import opened, table, values
 from vispeg.render.camera import Camera
 
@@ -110,6 +111,11 @@ class Dataset:
     def made(self) -> dict[str, Any]:
         """How it was rendered: plan, digests of files, provenance; {} where it was not rendered by this program."""
         return read_made(self.folder)
+
+    @cached_property
+    def models(self) -> dict[str, Mesh]:
+        """Surfaces of the parts whose poses are labelled, m, in the labels' frames; none where it has none."""
+        return read_models(self.folder)
 
     @cached_property
     def stats(self) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from vispeg.core.world import Ranged, World
 from vispeg.datasets.layout import Layout, colour_of, depth, depth_of, flag, number, numbers, parts, picture, truth_of
 from vispeg.datasets.plan import Plan, shard_frames
 from vispeg.render.camera import Camera
+from vispeg.render.part_mesh import part_mesh
 from vispeg.robots.scene import Scene, build
 from vispeg.task.config import TaskConfig
 from vispeg.task.eyes import task_cameras
@@ -113,4 +114,6 @@ def layout_of(file: WorldFile, task: TaskConfig, cameras: tuple[Camera, ...], la
         features[depth_of(c.name, ())] = depth(c)
         if labels:
             features[f"label.parts.{c.name}"] = parts(c)
-    return Layout(features, cameras, tuple(scene_of(task).parts), 1 / task.policy_period, TASK, file.world.robot)
+    scene = scene_of(task)
+    models = {part: part_mesh(scene, part, site) for part, site in (("peg", "peg_tip"), ("fixture", "hole"))}
+    return Layout(features, cameras, tuple(scene.parts), 1 / task.policy_period, TASK, file.world.robot, models)

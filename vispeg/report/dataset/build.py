@@ -13,7 +13,9 @@ from vispeg.core.files import new_folder
 from vispeg.datasets.codec import encode
 from vispeg.datasets.episodes import OWN
 from vispeg.datasets.layout import depth_of
+from vispeg.datasets.opening import open_dataset
 from vispeg.datasets.read import Dataset
+from vispeg.datasets.stored import Stored
 from vispeg.render.contrast import TRIES
 from vispeg.report.dataset.drawn import drawn, histogram
 from vispeg.report.dataset.pictures import chosen, depth_range, embedded, part_picture, sheet, views
@@ -38,7 +40,7 @@ def write(dataset: str | Path, out: str | Path, tiles: int = 36, *, overwrite: b
     """
     if tiles < 1:
         raise UserError("must be at least 1", key="tiles", got=tiles)
-    data = Dataset(dataset)
+    data = open_dataset(dataset)
     if not data.cameras:
         raise UserError("does not say what its cameras are, so there is nothing to show", file=dataset)
     with new_folder(out, overwrite=overwrite, holds="page", inputs=(dataset,)) as folder:
@@ -47,7 +49,7 @@ def write(dataset: str | Path, out: str | Path, tiles: int = 36, *, overwrite: b
     return Path(out) / PAGE
 
 
-def render(data: Dataset) -> str:
+def render(data: Dataset | Stored) -> str:
     """The page as text; it shows the contact sheet beside it."""
     worlds = [e.get(f"{OWN}world") or {} for e in data.episodes]
     labels = any(k.startswith("label.parts.") for k in data.features)
@@ -55,14 +57,15 @@ def render(data: Dataset) -> str:
         Section("headline", "", "dataset/headline", headline(data)),
         Section("sheet", "Contact sheet", "dataset/sheet", {"sheet": SHEET, "labels": labels}),
         Section("cameras", "Cameras", "dataset/cameras", cameras(data)),
-        Section("guard", "Contrast guard", "dataset/guard", guard(data)),
     ]
+    if any(f"{OWN}redraws" in e for e in data.episodes):
+        sections.append(Section("guard", "Contrast guard", "dataset/guard", guard(data)))
     if any(worlds):
         sections.append(Section("drawn", "Drawn parameters", "dataset/drawn", drawn(worlds)))
     return page(f"dataset {data.folder.name}", "dataset", sections)
 
 
-def headline(data: Dataset) -> dict[str, Any]:
+def headline(data: Dataset | Stored) -> dict[str, Any]:
     """Totals, and what became of the episodes."""
     plan = data.made.get("plan", {})
     lengths = [e["length"] for e in data.episodes]
@@ -81,7 +84,7 @@ def headline(data: Dataset) -> dict[str, Any]:
     }
 
 
-def cameras(data: Dataset) -> dict[str, Any]:
+def cameras(data: Dataset | Stored) -> dict[str, Any]:
     """A large view of each camera, its intrinsics, and how much of its depth is missing."""
     frames = [data[i] for i in chosen(data, SAMPLED)]
     limits = depth_range(data, frames)
@@ -112,7 +115,7 @@ def cameras(data: Dataset) -> dict[str, Any]:
     return {"cameras": out, "parts": key, "counted": counted}
 
 
-def guard(data: Dataset) -> dict[str, Any]:
+def guard(data: Dataset | Stored) -> dict[str, Any]:
     """How often a look was drawn again."""
     redraws = np.array([e.get(f"{OWN}redraws", 0) for e in data.episodes])
     exhausted = sum(bool(e.get(f"{OWN}redraws_exhausted")) for e in data.episodes)

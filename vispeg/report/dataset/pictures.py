@@ -10,6 +10,7 @@ import numpy as np
 from vispeg.datasets.codec import encode
 from vispeg.datasets.layout import colour_of, depth_of
 from vispeg.datasets.read import Dataset
+from vispeg.datasets.stored import Stored
 
 GAP, GREY = 4, 235  # px between pictures, and its colour
 # one colour a part, told apart by those who see red and green alike too (Okabe and Ito, "Color Universal Design")
@@ -29,7 +30,7 @@ PALETTE = np.array(
 )
 
 
-def depth_range(data: Dataset, frames: Sequence[Mapping[str, np.ndarray]]) -> dict[str, tuple[float, float]]:
+def depth_range(data: Dataset | Stored, frames: Sequence[Mapping[str, np.ndarray]]) -> dict[str, tuple[float, float]]:
     """For each camera, depths in m that most readings lie between, so that what is near can be told apart."""
     out = {}
     for name in data.cameras:
@@ -55,7 +56,7 @@ def part_picture(parts: np.ndarray) -> np.ndarray:
 
 
 def views(
-    data: Dataset, frame: Mapping[str, np.ndarray], name: str, limits: tuple[float, float], side: int
+    data: Dataset | Stored, frame: Mapping[str, np.ndarray], name: str, limits: tuple[float, float], side: int
 ) -> list[np.ndarray]:
     """What a camera delivers, each `side` px high: colour, depth, parts (where there are any)."""
     found = [frame[colour_of(name)], depth_picture(frame[depth_of(name, frame)], *limits)]
@@ -73,7 +74,7 @@ def enlarged(image: np.ndarray, side: int) -> np.ndarray:
     return cv2.resize(np.ascontiguousarray(image), (width, side), interpolation=how)
 
 
-def chosen(data: Dataset, count: int) -> list[int]:
+def chosen(data: Dataset | Stored, count: int) -> list[int]:
     """Frames for a contact sheet: of as many episodes as can be, at moments all over them."""
     episodes = data.episodes
     if count >= len(data):
@@ -87,7 +88,7 @@ def chosen(data: Dataset, count: int) -> list[int]:
     return sorted(out)
 
 
-def sheet(data: Dataset, count: int, side: int = 96, width: int = 1800) -> np.ndarray:
+def sheet(data: Dataset | Stored, count: int, side: int = 96, width: int = 1800) -> np.ndarray:
     """A contact sheet (H, W, 3) uint8: `count` frames, each with every camera's colour, depth and parts.
 
     Args:

@@ -1,0 +1,125 @@
+"""BOP's layout and plain files are checked and shown like LeRobot's; what is broken in them is told in a line each."""
+
+import json
+import shutil
+from dataclasses import replace
+
+import cv2
+import mutations
+import numpy as np
+import pytest
+import trimesh
+from rendered import LAYOUT, PLAN, source
+
+from vispeg.datasets.check import check
+from vispeg.datasets.formats import export
+from vispeg.datasets.models import described
+from vispeg.datasets.opening import open_dataset
+from vispeg.datasets.read import Dataset
+from vispeg.datasets.rendering import render
+from vispeg.render.part_mesh import part_mesh
+from vispeg.report.dataset.build import write
+from vispeg.robots.scene import build
+
+BOX = trimesh.creation.box((0.016, 0.016, 0.08))
+MESH = np.asarray(BOX.vertices), np.asarray(BOX.faces)
+EVERY = 16  # of the changes; the slow test tries all
+
+
+@pytest.fixture(scope="module")
+def source_of(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("layouts")
+    laid = replace(LAYOUT, models={"peg": MESH, "fixture": MESH})
+    render(replace(PLAN, frames=8, shard_frames=8), laid, source, folder / "d", workers=0)
+    for kind in ("bop", "folder"):
+        export(folder / "d", folder / kind, kind)
+    return folder
+
+
+@pytest.fixture(params=["bop", "folder"])
+def kind(request):
+    return request.param
+
+
+@pytest.fixture
+def folder(source_of, tmp_path, kind):
+    return shutil.copytree(source_of / kind, tmp_path / kind)
+
+
+def test_a_sound_one_has_nothing_wrong_and_is_shown(folder, tmp_path):
+    seen = []
+    assert check(folder, seen.append) == [] and sum(seen) == 8
+    page = write(folder, tmp_path / "page", 4).read_text()
+    assert "8 frames in 2 episodes" in page and (tmp_path / "page/contact-sheet.png").stat().st_size > 1000
+
+
+def test_its_frames_are_those_of_the_dataset(folder, source_of, kind):
+    data, other = Dataset(source_of / "d"), open_dataset(folder)
+    assert len(other) == len(data) and [e["length"] for e in other.episodes] == [e["length"] for e in data.episodes]
+    for i in range(len(data)):
+        want, got = data[i], other[i]
+        assert np.array_equal(got["observation.images.eye"], want["observation.images.eye"])
+        assert np.abs(got["observation.depth.eye"] - want["observation.depth.eye"]).max() <= 0.5001e-4
+        if kind == "folder":
+            assert np.array_equal(got["label.parts.eye"], want["label.parts.eye"])
+            assert np.allclose(got["action"], want["action"]) and got["next.done"] == want["next.done"]
+        else:  # parts that are objects, in the objects' order
+            assert np.array_equal(got["label.parts.eye"], np.array([0, 0, 1, 2])[want["label.parts.eye"]])
+
+
+@pytest.mark.parametrize("every", [EVERY, pytest.param(1, marks=pytest.mark.slow)], ids=["some", "all"])
+def test_every_change_of_a_json_file(folder, every):
+    found = {}
+    scene = next(folder.glob("train/*"), folder / "episode-00000")
+    for path in sorted([*folder.glob("*.json"), *folder.glob("models/*.json"), *scene.glob("*.json")]):
+        for what in mutations.json_files(path, every, most=1):
+            found[what] = mutations.tried(lambda: check(folder))
+    assert not mutations.unclear(found) and len(found) > 300 / every
+    for what, how in found.items():
+        told = what.split(":")[0] in ("scene_camera.json", "scene_gt.json", "models_info.json", "dataset.json")
+        assert how != "fine" or not (told and what.endswith(("= nan", "= inf"))), what
+
+
+def test_every_file_that_is_none(folder):
+    chosen = {path.suffix + path.parent.name: path for path in sorted(folder.rglob("*")) if path.is_file()}
+    names = [str(path.relative_to(folder)) for path in chosen.values()]
+    names += [n for n in ("dataset.json", "cameras.yaml", "models/models_info.json") if (folder / n).exists()]
+    found = {}
+    for what in mutations.files(folder, names):
+        found[what] = mutations.tried(lambda: check(folder))
+    assert not mutations.unclear(found)
+    assert all(how != "fine" for what, how in found.items() if "rgb" in what and "flipped" not in what)
+
+
+def test_repeated_frames_and_wrong_depth_are_found(folder, kind):
+    one, other = (folder / "train/000000/rgb/00000%d.png", folder / "train/000000/depth/00000%d.png")
+    if kind == "folder":
+        one, other = folder / "episode-00000/eye-00%d.png", folder / "episode-00000/eye_depth-00%d.png"
+    cv2.imwrite(str(other) % 1, np.zeros((8, 12), np.uint8))
+    assert any("a picture of another kind" in line and "uint16" in line for line in check(folder))
+    shutil.copy(str(other) % 0, str(other) % 1)
+    shutil.copy(str(one) % 0, str(one) % 1)
+    if kind == "bop":
+        for j in range(2):
+            masks = [folder / f"train/000000/mask_visib/00000{i}_00000{j}.png" for i in range(2)]
+            shutil.copy(*masks)
+        assert "frame 1: repeats frame 0" in check(folder)
+
+
+def test_models_are_in_millimetres_with_their_extent(source_of):
+    info = json.loads((source_of / "bop/models/models_info.json").read_text())
+    assert set(info) == {"1", "2"}
+    assert info["1"]["size_z"] == pytest.approx(80) and info["1"]["min_x"] == pytest.approx(-8)
+    assert info["1"]["diameter"] == pytest.approx(np.sqrt(16**2 + 16**2 + 80**2))
+    assert len(info["1"]["symmetries_discrete"]) == 3
+    mesh = trimesh.load(source_of / "bop/models/obj_000001.ply")
+    assert np.allclose(mesh.extents, (16, 16, 80)) and mesh.is_watertight
+
+
+def test_the_cells_peg_and_fixture_have_the_models_that_are_drawn():
+    peg, fixture = part_mesh(build(), "peg", "peg_tip"), part_mesh(build(), "fixture", "hole")
+    about = described(peg)
+    assert about["size_x"] == pytest.approx(0.016, abs=1e-5) and about["min_z"] == pytest.approx(-0.08, abs=1e-5)
+    assert about["symmetries_continuous"] == [{"axis": [0, 0, 1], "offset": [0, 0, 0]}]
+    assert fixture[0][:, 2].max() == pytest.approx(0, abs=1e-6)  # its top is the hole's mouth
+    assert len(described(fixture)["symmetries_discrete"]) == 3

@@ -1,0 +1,87 @@
+"""Surfaces of the parts whose poses a dataset holds: PLY files in `meta/models`, metres, each in its label's frame."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.formats.guard import MB, read_bytes
+
+FOLDER = "meta/models"
+Mesh = tuple[np.ndarray, np.ndarray]  # vertices (v, 3) and triangles (f, 3)
+TURNS = 32  # a part that looks the same turned by this share of a turn is taken for round
+SAME = 1e-3  # of a part's extent, by which a turned vertex may miss
+
+
+def ply(mesh: Mesh, scale: float = 1.0) -> bytes:
+    """A PLY file of a mesh, its vertices multiplied by `scale`."""
+    import trimesh
+    from trimesh.exchange.ply import export_ply
+
+    made = trimesh.Trimesh(scale * mesh[0], mesh[1], process=False)
+    data = export_ply(made, encoding="binary")
+    return data if isinstance(data, bytes) else data.encode()
+
+
+def read_ply(path: Path) -> Mesh:
+    """The mesh of a PLY file. Raises UserError for what is none."""
+    import trimesh
+
+    data = read_bytes(path, 64 * MB)
+    try:
+        found: Any = trimesh.load_mesh(io.BytesIO(data), file_type="ply", process=False)
+        vertices, faces = np.asarray(found.vertices, float), np.asarray(found.faces, int)
+    except Exception as error:  # trimesh raises whatever its parser met
+        raise UserError("is no PLY mesh", file=path, got=type(error).__name__) from None
+    if not len(vertices) or not len(faces) or not np.isfinite(vertices).all() or faces.max() >= len(vertices):
+        raise UserError("is no PLY mesh", file=path, expected="finite vertices, and triangles of them")
+    return vertices, faces
+
+
+def read_models(folder: Path) -> dict[str, Mesh]:
+    """The meshes of a dataset by part; none of one that was written before it had them."""
+    return {path.stem: read_ply(path) for path in sorted((folder / FOLDER).glob("*.ply"))}
+
+
+def described(mesh: Mesh) -> Mapping[str, Any]:
+    """What BOP's models_info.json says of a mesh, in its unit: diameter, extent, symmetries about its own z axis."""
+    vertices = mesh[0]
+    low, size = vertices.min(axis=0), np.ptp(vertices, axis=0)
+    numbers = {"diameter": _diameter(vertices)}
+    numbers |= {f"min_{axis}": v for axis, v in zip("xyz", low, strict=True)}
+    numbers |= {f"size_{axis}": v for axis, v in zip("xyz", size, strict=True)}
+    out: dict[str, Any] = {key: round(float(value), 5) for key, value in numbers.items()}
+    if _same_turned(vertices, 2 * np.pi / TURNS):
+        return out | {"symmetries_continuous": [{"axis": [0, 0, 1], "offset": [0, 0, 0]}]}
+    if _same_turned(vertices, np.pi / 2):
+        turns = [np.eye(4) for _ in range(3)]
+        for k, turn in enumerate(turns, 1):
+            turn[:2, :2] = np.round(_turn(k * np.pi / 2)[:2, :2]) + 0.0
+        return out | {"symmetries_discrete": [turn.ravel().tolist() for turn in turns]}
+    return out
+
+
+def _diameter(vertices: np.ndarray) -> float:
+    """The largest distance of two vertices."""
+    from scipy.spatial import ConvexHull
+    from scipy.spatial.distance import pdist
+
+    return float(pdist(vertices[ConvexHull(vertices).vertices]).max())
+
+
+def _turn(angle: float) -> np.ndarray:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
+
+
+def _same_turned(vertices: np.ndarray, angle: float) -> bool:
+    """Whether turning about z puts every vertex on one."""
+    from scipy.spatial import cKDTree
+
+    away, _ = cKDTree(vertices).query(vertices @ _turn(angle).T)
+    return bool(away.max() < SAME * np.ptp(vertices, axis=0).max())

@@ -1,0 +1,23 @@
+"""A dataset's folder by what lies in it: LeRobot's layout, BOP's, or plain files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from vispeg.datasets.describe import INFO
+from vispeg.datasets.plain import WHOLE
+from vispeg.datasets.read import Dataset
+from vispeg.datasets.read_bop import CAMERA, Bop
+from vispeg.datasets.read_plain import Plain
+from vispeg.datasets.stored import Stored
+from vispeg.formats.guard import is_file
+
+
+def open_dataset(folder: str | Path) -> Dataset | Stored:
+    """The dataset in a folder. Raises UserError where there is none, or one that cannot be read."""
+    path = Path(folder).expanduser()
+    if not is_file(path / INFO) and is_file(path / WHOLE):
+        return Plain(path)
+    if not is_file(path / INFO) and any(path.glob(f"*/*/{CAMERA}")):
+        return Bop(path)
+    return Dataset(path)

@@ -1,0 +1,46 @@
+"""The surface of a part of the cell as triangles, in the frame of a site: what pose estimators call its model."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+
+G = mujoco.mjtGeom
+SECTIONS = 64  # of a round part
+
+
+def part_mesh(scene: Any, part: str, site: str) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (v, 3) in m and triangles (f, 3) of a part as it nominally is, in the frame of a site.
+
+    Args:
+        scene: `vispeg.robots.scene.Scene`.
+        part: one of its parts, of boxes, cylinders and meshes.
+        site: whose frame it is told in.
+    """
+    import trimesh
+
+    model = scene.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    frame, pieces = data.site(site), list[Any]()
+    for name in scene.parts[part]:
+        geom = model.geom(name)
+        kind, size = int(geom.type[0]), np.asarray(geom.size)
+        if kind == G.mjGEOM_MESH:
+            mesh, i = model.mesh(int(geom.dataid[0])), int(geom.dataid[0])
+            first, count = int(mesh.vertadr[0]), int(mesh.vertnum[0])
+            start, faces = int(model.mesh_faceadr[i]), int(model.mesh_facenum[i])
+            one = trimesh.Trimesh(model.mesh_vert[first : first + count], model.mesh_face[start : start + faces])
+        elif kind == G.mjGEOM_BOX:
+            one = trimesh.creation.box(2 * size)
+        elif kind == G.mjGEOM_CYLINDER:
+            one = trimesh.creation.cylinder(size[0], 2 * size[1], sections=SECTIONS)
+        else:
+            raise ValueError(f"{name}: a part of geoms of type {kind}")
+        world = np.asarray(one.vertices) @ data.geom(name).xmat.reshape(3, 3).T + data.geom(name).xpos
+        vertices = (world - frame.xpos) @ frame.xmat.reshape(3, 3)
+        pieces.append(trimesh.Trimesh(vertices, one.faces))
+    whole: Any = trimesh.util.concatenate(pieces)
+    return np.asarray(whole.vertices), np.asarray(whole.faces)
