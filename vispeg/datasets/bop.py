@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from vispeg.core.errors import UserError
 from vispeg.datasets.codec import DEPTH_STEP, encode, to_steps
 from vispeg.datasets.layout import colour_of, depth_of
 from vispeg.datasets.models import described, ply
@@ -27,6 +28,11 @@ MM = 1000.0
 def write_bop(source: Path, out: Path) -> None:
     """Writes the dataset in `source` into `out`: `train/SCENE/{rgb,depth,mask_visib}` and the scenes' JSON files."""
     data = Dataset(source)
+    poses = [label for _, label in OBJECTS.values()] + [f"label.camera.{name}" for name in data.cameras]
+    if missing := [name for name in poses if data.features.get(name, {}).get("shape") != [7]]:
+        raise UserError("has no such pose, which BOP is about", file=source, key=missing[0])
+    if not data.cameras:
+        raise UserError("does not say what its cameras are", file=source)
     scene = 0
     for number in range(len(data.episodes)):
         frames = data.episode(number)
@@ -83,7 +89,7 @@ def _scene(folder: Path, data: Dataset, frames: dict[str, np.ndarray], camera: C
             one = {"cam_R_m2c": at[:3, :3].ravel().tolist(), "cam_t_m2c": (MM * at[:3, 3]).tolist(), "obj_id": number}
             truth[str(i)].append(one)
             labels = frames.get(f"label.parts.{camera.name}")
-            if labels is not None:
+            if labels is not None and part in data.parts:
                 mask = labels[i] == 1 + data.parts.index(part)
                 (folder / "mask_visib" / f"{i:06d}_{j:06d}.png").write_bytes(encode(255 * mask.astype(np.uint8)))
                 extent[str(i)].append({"bbox_visib": box(mask), "px_count_visib": int(mask.sum())})
