@@ -1,6 +1,5 @@
 """A disk that is full or not to be written: one line, exit 2, nothing lost, and the command goes on later."""
 
-import json
 import os
 import re
 import resource
@@ -11,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.outcomes import results
 from vispeg.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -55,33 +55,6 @@ def call(command, out, capsys, limit=None):
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     return code, capsys.readouterr().err
-
-
-def results(folder: Path) -> dict[str, bytes]:
-    """What a command has written, but for how it was called and how long it took."""
-    return {
-        file.relative_to(folder).as_posix(): _timeless(file)
-        for file in sorted(folder.rglob("*"))
-        if file.is_file() and not {"tensorboard", "begun.json"} & {*file.relative_to(folder).parts}
-    }
-
-
-def _timeless(file: Path) -> bytes:
-    if file.suffix == ".html":  # has its record in it
-        return b""
-    if file.name == "progress.csv":
-        return b"\n".join(
-            b",".join([*line.split(b",")[:1], *line.split(b",")[2:]]) for line in file.read_bytes().split()
-        )
-    if file.suffix != ".json":
-        return file.read_bytes()
-    record = json.loads(file.read_text())
-    for key in ("provenance", "version"):
-        record.pop(key, None) if isinstance(record, dict) else None
-    text = json.dumps(record, sort_keys=True)
-    for name in ("whole", "killed"):
-        text = text.replace(name, "OUT")
-    return text.encode()
 
 
 def refused_then_done(command, limits, tmp_path, capsys):

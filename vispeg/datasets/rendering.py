@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from vispeg.core.errors import UserError
-from vispeg.core.files import new_folder, refuse, write_bytes_atomic, write_text_atomic
+from vispeg.core.files import new_folder, refuse, remove_abandoned, write_bytes_atomic, write_text_atomic
 from vispeg.datasets.engine import Engine, local
 from vispeg.datasets.layout import Layout
 from vispeg.datasets.lerobot import DATA, EPISODES, finish, path_of, place
@@ -115,6 +115,8 @@ def _begin(work: Path, plan: Plan) -> None:
         work / PLAN,
         {**plan.to_json(), "layout": LAYOUT, **{f"version of {name}": _version(name) for name in VERSIONS}},
     )
+    if work.is_dir():
+        remove_abandoned(path)  # killed while it wrote this very first file
     if not work.exists() or not any(work.iterdir()):
         write_text_atomic(path, json.dumps(now, indent=2) + "\n")
         return
