@@ -125,7 +125,7 @@ def write_text_atomic(path: str | Path, text: str, *, overwrite: bool = False) -
 
 
 def write_bytes_atomic(path: str | Path, data: bytes, *, overwrite: bool = False) -> Path:
-    """Like `write_text_atomic`, for bytes."""
+    """Like `write_text_atomic`, for bytes. What a killed process left of the same file is removed."""
     target = Path(path).expanduser().resolve()
     if target.is_dir():
         raise UserError("is a folder", file=path, expected="a file")
@@ -135,6 +135,7 @@ def write_bytes_atomic(path: str | Path, data: bytes, *, overwrite: bool = False
     new = [folder for folder in target.parents if not folder.exists()]
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
+        remove_abandoned(target)
         part.touch()
         with _held(part):
             part.write_bytes(data)
