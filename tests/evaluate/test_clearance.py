@@ -1,9 +1,12 @@
 """A policy is judged at the clearance that is asked for, and it is said when that is not its own."""
 
+import json
+
 import pytest
 
 from vispeg.cli.evaluation import at_clearance
 from vispeg.cli.main import main
+from vispeg.core.assets import assets
 from vispeg.evaluate.entrants import entrants
 from vispeg.evaluate.records import read
 from vispeg.task.world_file import load_world
@@ -33,8 +36,9 @@ def test_a_policy_is_played_at_its_own_clearance_in_its_own_world(capsys, tmp_pa
 
 
 def test_a_policy_that_does_not_say_what_it_was_made_for_is_taken_as_it_is(capsys, tmp_path):
+    record = json.loads((assets() / "policies" / "state-3mm" / "policy.json").read_text())
     (tmp_path / "mine").mkdir()
-    (tmp_path / "mine" / "policy.json").write_text('{"modality": "state"}')
+    (tmp_path / "mine" / "policy.json").write_text(json.dumps(record | {"meta": {}}))
     who, world = entrants([str(tmp_path / "mine"), "state-0.5mm"]), load_world("searching")
     assert [e.clearance_mm for e in who] == [None, 0.5]
     assert at_clearance(who, world, 2.0) == {"clearance_mm": 2.0}

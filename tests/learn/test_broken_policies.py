@@ -112,7 +112,7 @@ COMMANDS = [
     "sensitivity p --world S --sweep latency --episodes 1 --out out",
     "exploit p --world S --out out",
     "play p --out out",
-    "export p --out out",
+    "export p --out out.onnx",
     "combine p state-0.5mm --out out",
     "finetune p --world N --out out",
     "finetune depth-S --world N --teacher p --out out",

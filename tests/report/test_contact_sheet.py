@@ -10,7 +10,7 @@ import pytest
 from vispeg.cli.demo import Args
 from vispeg.core.errors import UserError
 from vispeg.datasets.codec import decode
-from vispeg.report import contact_sheet
+from vispeg.report import contact_sheet, robot_picture
 from vispeg.report.build import write_report
 from vispeg.report.record import SHEET
 
@@ -60,7 +60,11 @@ def test_diagnosis_stands_where_no_picture_can_be_drawn(monkeypatch, tmp_path):
         raise UserError("no OpenGL here")
 
     monkeypatch.setattr(contact_sheet, "draw", fails)
-    assert "no OpenGL" in Args()._sheet(tmp_path) and not list(tmp_path.iterdir())
-    monkeypatch.setattr(contact_sheet, "draw", lambda **_: np.full((4, 6, 3), 7, np.uint8))
-    assert Args()._sheet(tmp_path) == ""
+    monkeypatch.setattr(robot_picture, "draw", fails)
+    problem, places = Args()._pictures(tmp_path)
+    assert "no OpenGL" in problem and not places and not list(tmp_path.iterdir())
+    flat = np.full((4, 6, 3), 7, np.uint8)
+    monkeypatch.setattr(contact_sheet, "draw", lambda **_: flat)
+    monkeypatch.setattr(robot_picture, "draw", lambda: (flat, {"joint4": [0.5, 0.5]}))
+    assert Args()._pictures(tmp_path) == ("", {"joint4": [0.5, 0.5]})
     assert np.array_equal(decode((tmp_path / SHEET).read_bytes()), np.full((4, 6, 3), 7))

@@ -173,6 +173,7 @@ class Dataset:
         if number in self._kept:
             self._kept.move_to_end(number)
             return self._kept[number]
+        import pyarrow as pa
         import pyarrow.compute as pc
 
         path, columns = self._data_file(self.episodes[number]), list(self.features)
@@ -181,7 +182,10 @@ class Dataset:
             found = table(file, path, columns, groups[number])
         else:  # another writer's groups
             whole = table(file, path, [*dict.fromkeys([*columns, "episode_index"])])
-            found = whole.filter(pc.equal(whole["episode_index"], number)).select(columns)
+            episode = whole["episode_index"]
+            if not pa.types.is_integer(episode.type):
+                raise UserError("of another kind", file=path, key="episode_index", expected="integers", got=episode.type)
+            found = whole.filter(pc.equal(episode, number)).select(columns)
         length = self.episodes[number]["length"]
         if len(found) != length:
             raise UserError(f"episode {number} has {len(found)} frames", file=path, expected=length)
