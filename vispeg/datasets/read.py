@@ -184,7 +184,8 @@ class Dataset:
             whole = table(file, path, [*dict.fromkeys([*columns, "episode_index"])])
             episode = whole["episode_index"]
             if not pa.types.is_integer(episode.type):
-                raise UserError("of another kind", file=path, key="episode_index", expected="integers", got=episode.type)
+                got = str(episode.type)
+                raise UserError("of another kind", file=path, key="episode_index", expected="integers", got=got)
             found = whole.filter(pc.equal(episode, number)).select(columns)
         length = self.episodes[number]["length"]
         if len(found) != length:
