@@ -11,7 +11,7 @@ import numpy as np
 
 from vispeg.core.effect import Placed
 from vispeg.core.world import World
-from vispeg.diagnose.run import widened
+from vispeg.diagnose.intervals import widened
 from vispeg.effects.model_file import placed_dict
 from vispeg.identify.calibrate import Calibration, labels, strong_pairs
 from vispeg.identify.evidence import Evidence
