@@ -69,7 +69,13 @@ sys.exit(main())
 def start(command: str, *before: str, **options) -> subprocess.Popen:
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
     program = [sys.executable, *(before or ("-m", "vispeg")), *command.split()]
-    return subprocess.Popen(program, env=environment, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, **options)
+    pipes = {"stderr": subprocess.PIPE, "stdout": subprocess.DEVNULL}
+    return subprocess.Popen(program, env=environment, preexec_fn=_interruptible, **pipes, **options)
+
+
+def _interruptible() -> None:
+    """Whoever began the tests in the background ignores interrupts, and what ignores them hands that down."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def finish(command: str) -> None:
