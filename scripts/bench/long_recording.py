@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Makes a long recording, so that reading, `check`, `compare` and `diagnose` can be timed on it.
 
-    python scripts/bench/long_recording.py --minutes 30 --rate 1000 --joints 7 --out /tmp/long
-    /usr/bin/time -v vispeg check /tmp/long
+    python scripts/bench/long_recording.py --minutes 30 --rate 1000 --joints 7 --out long
+    /usr/bin/time -v vispeg check long
 
 Seven joints are an iiwa14, of which `compare` can say something: a pick-and-place day, long rests and slow moves with
 a few fast ones. Another number is a chain of that many links with a URDF beside it.

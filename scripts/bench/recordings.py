@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Time and memory of reading long and many recordings.
 
-    python scripts/bench/recordings.py --work /tmp/recordings
+    python scripts/bench/recordings.py --work bench
 
 Makes recordings of 30 minutes at 1 kHz (CSV and Parquet), fifty of a minute, and one of 30 joints, by
 `long_recording.py`, and runs `check`, `compare` and `convert` on them. CPU seconds count, as other work may run beside;

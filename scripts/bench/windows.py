@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """What the chosen windows of a long recording can tell, beside as many evenly spread ones and beside its beginning.
 
-    python scripts/bench/long_recording.py --table parquet --out /tmp/long
-    python scripts/bench/windows.py /tmp/long
+    python scripts/bench/long_recording.py --table parquet --out long
+    python scripts/bench/windows.py long
 
 For each way of choosing: the standard deviation that torque noise of 0.2 N m leaves on each parameter, of the joint
 where it is worst.
