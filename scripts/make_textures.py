@@ -14,8 +14,8 @@ import numpy as np
 
 from vispeg.core.files import write_bytes_atomic
 from vispeg.core.seeds import stream
-from vispeg.effects._panorama import procedural
-from vispeg.effects._texture import SIZE, brushed_metal, perlin, simplex, stretch, wood
+from vispeg.effects.common.panorama import procedural
+from vispeg.effects.common.texture import SIZE, brushed_metal, perlin, simplex, stretch, wood
 
 RNG = np.random.Generator
 

@@ -8,7 +8,7 @@ from tempfile import mkdtemp
 
 import numpy as np
 
-from vispeg.core.effect import Placed, effect
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
 from vispeg.identify.excitation import SEVEN_AXIS_CENTRE, motion
@@ -99,7 +99,7 @@ def one(robot: RobotModel, world: World, segment: Segment, **options) -> Respons
 
 def hinge(name: str, **values: float) -> World:
     """The pendulum with one effect at its only target."""
-    return World().add(Placed.of(name, effect(name).targets(pendulum())[0], **values))
+    return World().add(EffectInstance.of(name, effect(name).targets(pendulum())[0], **values))
 
 
 def recorded(

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vispeg.core.effect import Placed
+from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
 from vispeg.identify.evidence import Evidence
@@ -30,7 +30,9 @@ from vispeg.recordings.recording import Recording
 from vispeg.recordings.write import write
 from vispeg.robots.model import load
 
-HIDDEN = World().add(Placed.of("coulomb_friction", "joint4", torque=1.2), Placed.of("joint_bias", "joint2", torque=1.0))
+HIDDEN = World().add(
+    EffectInstance.of("coulomb_friction", "joint4", torque=1.2), EffectInstance.of("joint_bias", "joint2", torque=1.0)
+)
 
 
 def recordings(count: int, seconds: float) -> list[Recording]:
@@ -68,7 +70,7 @@ def growth(recs: list[Recording]) -> None:
     for count, candidates in cases:
         evidence = Evidence(recs[:count])
         level = 2.0 * np.arange(1, candidates + 1) / candidates
-        worlds = [World().add(Placed.of("viscous_friction", "joint4", damping=x)) for x in level]
+        worlds = [World().add(EffectInstance.of("viscous_friction", "joint4", damping=x)) for x in level]
         evidence.residuals(worlds[:8])  # what is computed once a recording
         begin = time.process_time()
         evidence.residuals(worlds)

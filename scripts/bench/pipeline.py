@@ -14,7 +14,7 @@ import time
 import numpy as np
 
 import vispeg.effects  # noqa: F401  (enrols the library)
-from vispeg.core.effect import Placed, of_kind
+from vispeg.core.effect import EffectInstance, of_family
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
@@ -40,8 +40,8 @@ def best(call, repeats: int) -> float:
 
 def everything(orders=range(100)) -> World:
     """Every image effect of these orders at its start value."""
-    kinds = [(n, e) for n, e in of_kind("camera").items() if e.overrides("image") and e.order in orders]
-    return World().add(*(Placed.of(n, "all", **{k: q.start for k, q in e.params.items()}) for n, e in kinds))
+    kinds = [(n, e) for n, e in of_family("camera").items() if e.overrides("image") and e.order in orders]
+    return World().add(*(EffectInstance.of(n, "all", **{k: q.start for k, q in e.params.items()}) for n, e in kinds))
 
 
 def main() -> None:

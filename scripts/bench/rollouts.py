@@ -15,7 +15,7 @@ import time
 import numpy as np
 from mujoco import batch as mjb
 
-from vispeg.core.effect import Placed
+from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
 from vispeg.identify.excitation import motion
@@ -55,7 +55,7 @@ def main() -> None:
     segment = Segment(control, 0.002, command, m.q_cmd, m.dq_cmd, m.q_cmd, m.time, np.arange(len(m.time)))
     nominal = [World()] * args.rows
     level = 0.01 * np.arange(1, args.rows + 1)
-    friction = [World().add(Placed.of("coulomb_friction", "joint4", torque=float(x))) for x in level]
+    friction = [World().add(EffectInstance.of("coulomb_friction", "joint4", torque=float(x))) for x in level]
     print("| rollout | step, ms | raw, s | closed loop, s | ratio |\n|---|---|---|---|---|")
     for substeps in (1, 2, 4):
         for name, worlds, along, dry in (

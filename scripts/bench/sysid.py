@@ -21,7 +21,7 @@ import mujoco
 import numpy as np
 from mujoco import sysid
 
-from vispeg.core.effect import Placed, effect
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
 from vispeg.identify.calibrate import calibrate
@@ -75,7 +75,7 @@ def truth(robot: RobotModel, control: Control, seconds: float, seed: int) -> Rec
 def world(robot: RobotModel, values: dict[str, np.ndarray]) -> World:
     """The nominal arm with both effects in every joint."""
     return World().add(
-        *(Placed.of(name, j, **{START[name][0]: float(x)}) for name, v in values.items()
+        *(EffectInstance.of(name, j, **{START[name][0]: float(x)}) for name, v in values.items()
           for j, x in zip(robot.joints, v, strict=True))
     )  # fmt: skip
 

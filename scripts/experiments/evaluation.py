@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from vispeg.evaluate.entrants import entrant
-from vispeg.evaluate.jobs import Setting, make_jobs, seeds_of
-from vispeg.evaluate.records import Episode
-from vispeg.evaluate.runner import run
+from vispeg.evaluation.entrants import entrant
+from vispeg.evaluation.jobs import Setting, make_jobs, seeds_of
+from vispeg.evaluation.records import Episode
+from vispeg.evaluation.runner import run
 from vispeg.task.world_file import load_world
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from vispeg.core.effect import Placed, effect
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.core.world import World
@@ -35,7 +35,7 @@ def arm_of(world: str | Path) -> World:
     arm = load(ROBOT, tool=TOOL)
     drawn = load_world(world).world.sample(seed=0, model=build())
     hidden = World(ROBOT, TOOL, tuple(e for e in drawn.effects if effect(e.effect).targets(arm)))
-    return hidden.add(Placed.of("command_delay", "all", delay=LATENCY))
+    return hidden.add(EffectInstance.of("command_delay", "all", delay=LATENCY))
 
 
 def identify(world: str | Path, folder: Path) -> Path:

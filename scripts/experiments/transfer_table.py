@@ -6,11 +6,11 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from vispeg.evaluate.crossed import rate
-from vispeg.evaluate.intervals import wilson
-from vispeg.evaluate.modalities import compare
-from vispeg.evaluate.records import Episode
-from vispeg.evaluate.table import Cell, Table
+from vispeg.evaluation.crossed import rate
+from vispeg.evaluation.intervals import wilson
+from vispeg.evaluation.modalities import compare
+from vispeg.evaluation.records import Episode
+from vispeg.evaluation.table import Cell, Table
 
 
 def success_table(episodes: Iterable[Episode], world: str) -> dict[str, Any]:

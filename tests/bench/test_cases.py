@@ -1,18 +1,12 @@
 """The case list: large enough, deterministic, nothing given away in names of folders or files."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 import yaml
+from cases import GRID, SIZES, cases, choose
+from make import folders, make
 
 from vispeg.core.errors import UserError
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts" / "bench" / "hidden_effects"))
-
-from cases import GRID, SIZES, cases, choose  # noqa: E402
-from make import folders, make  # noqa: E402
 
 
 def test_standard_list_covers_every_effect_at_three_sizes():

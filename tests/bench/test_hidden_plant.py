@@ -1,21 +1,15 @@
 """The hidden plant against mechanics: plain MuJoCo, energy, stiction, play, delay, and its own refinement."""
 
-import sys
-from pathlib import Path
-
 import mujoco
 import numpy as np
 import pytest
+from arm import JOINTS, Arm, rigid
+from hidden import Hide
+from loop import GAINS, PREROLL, RATE, Run, simulate
+from plant import Plant
 
 from vispeg.core.seeds import stream
 from vispeg.identify.excitation import motion
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts" / "bench" / "hidden_effects"))
-
-from arm import JOINTS, Arm, rigid  # noqa: E402
-from hidden import Hide  # noqa: E402
-from loop import GAINS, PREROLL, RATE, Run, simulate  # noqa: E402
-from plant import Plant  # noqa: E402
 
 POSTURE = np.array([0.3, 0.5, -0.2, -1.2, 0.4, 0.9, 0.1])
 

@@ -1,13 +1,7 @@
 """The scorer on hand-made diagnoses whose marks are known."""
 
-import sys
-from pathlib import Path
-
 import pytest
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts" / "bench" / "hidden_effects"))
-
-from score import coverage, judge, report, wilson  # noqa: E402
+from score import coverage, judge, report, wilson
 
 
 def named(effect, where, rivals=(), **params):

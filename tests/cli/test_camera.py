@@ -1,19 +1,15 @@
 """`vispeg camera`: from drawn images of a board to a camera file that says where the camera is."""
 
 import json
-import sys
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from board_views import BOARD, LENS, X, flange, picture, place
 from scipy.spatial.transform import Rotation
 
 from vispeg.core.seeds import stream
 from vispeg.render.camera_files import load_camera
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "render"))
-from board_views import BOARD, LENS, X, flange, picture, place  # noqa: E402
 
 
 @pytest.fixture(scope="module")

@@ -1,20 +1,16 @@
 """`vispeg diagnose`: killed and given again it ends as if nothing had happened; what changed is not reused."""
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from loops import drive, hinge, pendulum, recorded
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
-from loops import drive, hinge, pendulum, recorded  # noqa: E402
-
-from vispeg.core.seeds import stream  # noqa: E402
-from vispeg.diagnose.progress import Progress  # noqa: E402
-from vispeg.diagnose.search import Search  # noqa: E402
-from vispeg.recordings.write import write  # noqa: E402
+from vispeg.core.seeds import stream
+from vispeg.diagnosis.progress import Progress
+from vispeg.diagnosis.search import Search
+from vispeg.recordings.write import write
 
 COMMAND = ["--recording", "a", "--recording", "b", "--validate", "c", "--quiet", "--threads", "1"]
 

@@ -35,7 +35,7 @@ def test_the_page_on_formats_names_every_effect_and_no_other():
     named = [name for name in re.findall(r"`([a-z_]+)`", section) if name != "appearance"]
     own = {n: kind for n, kind in REGISTRY.items() if kind.__module__.startswith("vispeg.effects.")}
     assert len(named) == len(set(named))
-    assert set(named) == {n for n, kind in own.items() if kind.kind != "appearance"}
+    assert set(named) == {n for n, kind in own.items() if kind.family != "appearance"}
 
 
 def test_one_effect_is_explained_and_drawn_only_where_asked(vispeg, tmp_path):

@@ -12,8 +12,8 @@ import pytest
 
 from vispeg.cli.main import COMMANDS, main
 from vispeg.core.assets import assets
-from vispeg.evaluate.records import Episode
-from vispeg.evaluate.suite import summarise
+from vispeg.evaluation.records import Episode
+from vispeg.evaluation.suite import summarise
 
 # Each command that replaces something, with an input at data/INPUT. What is run is this with --overwrite and --out.
 READS = {

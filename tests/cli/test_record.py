@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vispeg.core.effect import Placed
+from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
 from vispeg.identify.evidence import Evidence
@@ -15,7 +15,7 @@ from vispeg.recordings.load import load
 from vispeg.robots.declared import declared
 from vispeg.robots.model import load as robot_load
 
-FRICTION = Placed.of("coulomb_friction", "joint4", torque=1.2)
+FRICTION = EffectInstance.of("coulomb_friction", "joint4", torque=1.2)
 
 
 def chi2(rec, world=None):

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 import vispeg.effects  # noqa: F401  (enrols the library)
-from vispeg.core.effect import Placed, effect
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.world import World
 from vispeg.robots.scene import Scene, build
 
@@ -39,7 +39,7 @@ def field(model: mujoco.MjModel, name: str) -> np.ndarray:
     return value
 
 
-def written(placed: list[Placed], model: mujoco.MjModel | None = None) -> Fields:
+def written(placed: list[EffectInstance], model: mujoco.MjModel | None = None) -> Fields:
     """The fields of a copy of the nominal model after these effects, in their order."""
     import copy
 
@@ -57,4 +57,4 @@ def written(placed: list[Placed], model: mujoco.MjModel | None = None) -> Fields
 
 def dressed(world: World) -> mujoco.MjModel:
     """The nominal model in a sampled world's looks."""
-    return written([q for q in world.effects if effect(q.effect).kind == "appearance"]).model
+    return written([q for q in world.effects if effect(q.effect).family == "appearance"]).model

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from tests.effects.looks import SCENE, field, nominal, written
-from vispeg.core.effect import Effect, Placed, of_kind
+from vispeg.core.effect import Effect, EffectInstance, of_family
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
 from vispeg.effects.model_file import load_model, model_text
 from vispeg.robots.model import load
 
-LOOKS = of_kind("appearance")
+LOOKS = of_family("appearance")
 NAMES = sorted(LOOKS)
 
 
@@ -25,14 +25,14 @@ def state(model: mujoco.MjModel) -> bytes:
     return buffer.tobytes()
 
 
-def drawn(kind: Effect, seed: int = 0) -> list[Placed]:
+def drawn(kind: Effect, seed: int = 0) -> list[EffectInstance]:
     """The effect at every place, each parameter anywhere between its bounds, its first magnitude at its start."""
     rng = stream(seed, kind.name)
     out = []
     for where in kind.targets(SCENE):
         values = {k: rng.uniform(p.low, p.high) for k, p in kind.params.items()}
         first = kind.magnitudes[0]
-        out.append(Placed.of(kind.name, where, **{**values, first: kind.params[first].start}))
+        out.append(EffectInstance.of(kind.name, where, **{**values, first: kind.params[first].start}))
     return out
 
 
@@ -46,7 +46,7 @@ def test_there_are_looks_for_parts_lights_and_the_scene():
 def test_null_is_bit_identical(name):
     kind = LOOKS[name]
     null = {k: 0.3 * p.low + 0.7 * p.high if p.shape else p.null for k, p in kind.params.items()}
-    placed = [Placed.of(name, w, **null) for w in kind.targets(SCENE)]
+    placed = [EffectInstance.of(name, w, **null) for w in kind.targets(SCENE)]
     assert state(written(placed).model) == state(nominal())
 
 
@@ -87,7 +87,7 @@ def test_finite_and_renderable_at_every_bound(name):
     unit = {"mat_rgba", "mat_specular", "mat_shininess", "mat_reflectance", "geom_rgba"}
     for k, p in kind.params.items():
         for bound in (p.low, p.high):
-            fields = written([Placed.of(name, "all", **{**start, k: bound})])
+            fields = written([EffectInstance.of(name, "all", **{**start, k: bound})])
             for f in fields.touched:
                 value = field(fields.model, f)
                 assert np.isfinite(value).all(), f

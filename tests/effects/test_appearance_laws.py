@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 
 from tests.effects.looks import SCENE, nominal, written
-from vispeg.core.effect import Placed
+from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.effects import _images, _panorama, _texture
-from vispeg.effects._colour import rgb_of_hsv, tint_of_blackbody, xyz_of_blackbody
-from vispeg.effects.distractors import KEEP_OUT, size_bounds
+from vispeg.effects.appearance.distractors import KEEP_OUT, size_bounds
+from vispeg.effects.common import images as _images
+from vispeg.effects.common import panorama as _panorama
+from vispeg.effects.common import texture as _texture
+from vispeg.effects.common.colour import rgb_of_hsv, tint_of_blackbody, xyz_of_blackbody
 
 
 def texture(model: mujoco.MjModel, name: str) -> np.ndarray:
@@ -58,7 +60,7 @@ def test_temperature_is_white_at_6500_and_bluer_the_hotter():
 
 
 def test_colour_reaches_its_part_in_the_stated_share():
-    model = written([Placed.of("part_colour", "peg", amount=0.25, hue=1 / 3, saturation=1, value=1)]).model
+    model = written([EffectInstance.of("part_colour", "peg", amount=0.25, hue=1 / 3, saturation=1, value=1)]).model
     plain, m = nominal().mat_rgba, model.material("peg").id
     np.testing.assert_allclose(model.mat_rgba[m, :3], 0.75 * plain[m, :3] + 0.25 * np.array([0, 1, 0]), atol=1e-6)
     assert model.mat_rgba[m, 3] == plain[m, 3]
@@ -97,7 +99,7 @@ def test_perlin_equals_a_sum_over_corners_pixel_by_pixel():
 def test_pattern_has_features_of_the_stated_size():
     """A checkerboard of 30 mm squares, eight to a tile: the tile is 0.24 m wide, in texrepeat's repeats per metre."""
     kind = list(_texture.KINDS).index("checkerboard")
-    model = written([Placed.of("part_texture", "table", amount=1.0, kind=kind, scale=0.03)]).model
+    model = written([EffectInstance.of("part_texture", "table", amount=1.0, kind=kind, scale=0.03)]).model
     m = model.material("table").id
     np.testing.assert_allclose(model.mat_texrepeat[m], 1 / 0.24, rtol=1e-6)
     tones = np.unique(texture(model, "table").reshape(-1, 3), axis=0)
@@ -107,7 +109,7 @@ def test_pattern_has_features_of_the_stated_size():
 
 # Lamps ----------------------------------------------------------------------------------------------------------------
 def test_a_moved_lamp_points_at_the_same_spot():
-    model = written([Placed.of("light_position", "key", x=0.7, y=-0.4, z=0.3)]).model
+    model = written([EffectInstance.of("light_position", "key", x=0.7, y=-0.4, z=0.3)]).model
     i = model.light("key").id
     np.testing.assert_allclose(model.light_pos[i] - nominal().light_pos[i], [0.7, -0.4, 0.3])
 
@@ -118,7 +120,7 @@ def test_a_moved_lamp_points_at_the_same_spot():
 
 
 def test_a_turned_lamp_turns_by_the_stated_angle():
-    model = written([Placed.of("light_direction", "back", y=0.3)]).model
+    model = written([EffectInstance.of("light_direction", "back", y=0.3)]).model
     i = model.light("back").id
     a, b = nominal().light_dir[i], model.light_dir[i]  # the lamp's axis lies in the x-z plane
     assert np.arccos(a @ b) == pytest.approx(0.3, abs=1e-9) and b[1] == 0
@@ -127,7 +129,7 @@ def test_a_turned_lamp_turns_by_the_stated_angle():
 
 @pytest.mark.parametrize(("extra", "lit"), [(-3, 1), (-1, 1), (0.4, 2), (1, 3), (2, 4), (3, 4)])
 def test_lamps_are_counted(extra, lit):
-    model = written([Placed.of("light_count", "scene", extra=extra)]).model
+    model = written([EffectInstance.of("light_count", "scene", extra=extra)]).model
     assert model.light_active.sum() == lit
     assert list(model.light_active) == sorted(model.light_active, reverse=True)
 
@@ -135,7 +137,7 @@ def test_lamps_are_counted(extra, lit):
 # Distractors ----------------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("seed", range(12))
 def test_things_lie_on_the_table_clear_of_the_hole_and_of_each_other(seed):
-    model = written([Placed.of("distractors", "scene", count=5, seed=seed, size=1.5)]).model
+    model = written([EffectInstance.of("distractors", "scene", count=5, seed=seed, size=1.5)]).model
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     hole = data.site("hole").xpos[:2]
@@ -166,7 +168,7 @@ def test_things_lie_on_the_table_clear_of_the_hole_and_of_each_other(seed):
 
 def test_things_do_not_move_the_arm():
     """Seen and not touched: mass, contacts and forces are those of the empty table."""
-    model = written([Placed.of("distractors", "scene", count=5)]).model
+    model = written([EffectInstance.of("distractors", "scene", count=5)]).model
     a, b = mujoco.MjData(model), mujoco.MjData(nominal())
     for _ in range(50):
         mujoco.mj_step(model, a)
@@ -184,7 +186,7 @@ def test_a_sun_in_a_panorama_shines_from_where_it_was_put(tmp_path, monkeypatch)
     image[i - 1 : i + 2, j - 1 : j + 2] = 500.0
     cv2.imwrite(str(tmp_path / "sun.hdr"), image)
     monkeypatch.setenv(_images.FOLDER, str(tmp_path))
-    model = written([Placed.of("environment", "scene", amount=1.0, turn=turn)]).model
+    model = written([EffectInstance.of("environment", "scene", amount=1.0, turn=turn)]).model
     sky = texture(model, "sky")
     brightest = sky.reshape(-1, 3).astype(int).sum(axis=1)
     found = _panorama.directions(64).reshape(-1, 3)[brightest > 0.95 * brightest.max()].mean(axis=0)
@@ -215,7 +217,7 @@ def test_tone_mapping_takes_any_light_in_order():
 def test_a_level_surface_under_one_sky_receives_that_sky():
     dome = np.ones((64, 128, 3), np.float32) * [0.2, 0.4, 0.8]
     dome[32:] = 50.0  # what lies below the horizon does not reach it
-    from vispeg.effects.environment import received
+    from vispeg.effects.appearance.environment import received
 
     np.testing.assert_allclose(received(dome), [0.2, 0.4, 0.8], rtol=1e-6)
 
@@ -226,10 +228,10 @@ def test_a_users_image_is_what_the_part_shows(tmp_path, monkeypatch):
     cv2.imwrite(str(tmp_path / "b.png"), pixels[..., ::-1])
     cv2.imwrite(str(tmp_path / "a.png"), np.zeros((4, 4, 3), np.uint8))
     monkeypatch.setenv(_images.FOLDER, str(tmp_path))
-    model = written([Placed.of("image_texture", "table", amount=1.0, pick=0.9, size=0.5)]).model
+    model = written([EffectInstance.of("image_texture", "table", amount=1.0, pick=0.9, size=0.5)]).model
     np.testing.assert_array_equal(texture(model, "table"), pixels)
     assert model.mat_rgba[model.material("table").id].tolist() == [1, 1, 1, 1]
-    turned = written([Placed.of("image_texture", "table", amount=1.0, pick=0.9, turns=1.5)]).model
+    turned = written([EffectInstance.of("image_texture", "table", amount=1.0, pick=0.9, turns=1.5)]).model
     np.testing.assert_array_equal(texture(turned, "table"), np.rot90(pixels))
 
 
@@ -263,11 +265,11 @@ def test_a_file_that_is_no_such_image_is_named(tmp_path, monkeypatch, effect, fi
     (tmp_path / file).write_bytes(content)
     monkeypatch.setenv(_images.FOLDER, str(tmp_path))
     with pytest.raises(UserError, match=words) as error:
-        written([Placed.of(effect, "all", amount=1.0)])
+        written([EffectInstance.of(effect, "all", amount=1.0)])
     assert str(tmp_path) in str(error.value)
 
 
 def test_a_folder_that_is_none_is_named(tmp_path, monkeypatch):
     monkeypatch.setenv(_images.FOLDER, str(tmp_path / "gone"))
     with pytest.raises(UserError, match="does not name a folder"):
-        written([Placed.of("image_texture", "table", amount=1.0)])
+        written([EffectInstance.of("image_texture", "table", amount=1.0)])

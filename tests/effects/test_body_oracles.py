@@ -11,7 +11,7 @@ from loops import KD, KP, iiwa_segment, one
 from mujoco import batch as mjb
 from scipy.spatial.transform import Rotation
 
-from vispeg.core.effect import Placed
+from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
 from vispeg.recordings.recording import Control
@@ -73,12 +73,15 @@ def loaded(spec):
 
 
 CASES = {
-    "link_mass": (Placed.of("link_mass", "link5", mass=0.8), built(heavier)),
-    "link_com": (Placed.of("link_com", "link4", x=0.03, y=-0.02, z=0.05), built(shifted)),
-    "payload": (Placed.of("payload", "flange", mass=2.0, x=0.05, y=-0.03, z=0.12, radius=0.05), built(loaded)),
-    "gravity_tilt": (Placed.of("gravity_tilt", "base", roll=0.2, pitch=-0.1), load("iiwa14", base_tilt=(0.2, -0.1))),
+    "link_mass": (EffectInstance.of("link_mass", "link5", mass=0.8), built(heavier)),
+    "link_com": (EffectInstance.of("link_com", "link4", x=0.03, y=-0.02, z=0.05), built(shifted)),
+    "payload": (EffectInstance.of("payload", "flange", mass=2.0, x=0.05, y=-0.03, z=0.12, radius=0.05), built(loaded)),
+    "gravity_tilt": (
+        EffectInstance.of("gravity_tilt", "base", roll=0.2, pitch=-0.1),
+        load("iiwa14", base_tilt=(0.2, -0.1)),
+    ),
     "rotor_inertia": (
-        Placed.of("rotor_inertia", "joint3", inertia=0.3),
+        EffectInstance.of("rotor_inertia", "joint3", inertia=0.3),
         built(lambda spec: setattr(spec.joint("joint3"), "armature", 0.3)),
     ),
 }
@@ -115,7 +118,7 @@ def test_gravity_tilt_is_a_rotated_base():
     down = (Rotation.from_euler("x", roll) * Rotation.from_euler("y", pitch)).inv().apply([0, 0, -9.81])
     other = built(lambda spec: setattr(spec.option, "gravity", down))
     q = stream(2).uniform(-1.5, 1.5, 7)
-    world = World().add(Placed.of("gravity_tilt", "base", roll=roll, pitch=pitch))
+    world = World().add(EffectInstance.of("gravity_tilt", "base", roll=roll, pitch=pitch))
     np.testing.assert_allclose(dynamics(ROBOT, world, q, 0)[2], dynamics(other, World(), q, 0)[2], atol=1e-10)
 
 
@@ -123,7 +126,7 @@ def test_payload_holds_the_torque_of_its_weight():
     """Gravity torque of the payload alone: `-J' m g` at its centre, J by finite differences of the kinematics."""
     mass, offset = 1.7, np.array([0.04, -0.06, 0.1])
     q = stream(3).uniform(-1.0, 1.0, 7)
-    world = World().add(Placed.of("payload", "flange", mass=mass, x=offset[0], y=offset[1], z=offset[2]))
+    world = World().add(EffectInstance.of("payload", "flange", mass=mass, x=offset[0], y=offset[1], z=offset[2]))
     extra = dynamics(ROBOT, world, q, 0)[2] - dynamics(ROBOT, World(), q, 0)[2]
     model = ROBOT.compile()
 

@@ -8,8 +8,8 @@ from camera_images import SIZE, F, apply, plane, step
 from scipy.stats import kurtosis
 
 from vispeg.core.seeds import stream
-from vispeg.effects._field import correlated, normal
-from vispeg.effects.grazing_holes import facing
+from vispeg.effects.camera.grazing_holes import facing
+from vispeg.effects.common.field import correlated, normal
 
 FB = 425.0 * 0.05  # px m, the matcher's by default
 

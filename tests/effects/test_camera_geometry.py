@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import vispeg.effects  # noqa: F401  (enrols the library)
-from vispeg.core.effect import Placed, effect, of_kind
+from vispeg.core.effect import EffectInstance, effect, of_family
 from vispeg.core.world import World
 from vispeg.render.backend import Renderer
 from vispeg.render.camera import Camera, quaternion
@@ -16,7 +16,7 @@ from vispeg.render.standard import standard_cameras
 from vispeg.robots.scene import build
 
 SCENE = build()
-WRITERS = sorted(n for n, e in of_kind("camera").items() if e.overrides("write"))
+WRITERS = sorted(n for n, e in of_family("camera").items() if e.overrides("write"))
 HOME = np.array([0.0, 0.6, 0.0, -1.2, 0.0, 1.3, 0.0, 0.0])  # rad; the peg's slip in m
 
 
@@ -44,7 +44,7 @@ def test_the_camera_is_where_its_axes_say(name, where, renderer):
     p = {k: q.start * s for (k, q), s in zip(effect(name).params.items(), (1, -0.5, 0.8, 1, -1, 2), strict=False)}
     nominal = standard_cameras()
     before = renderer.render(HOME)
-    dress(renderer, SCENE, World().add(Placed.of(name, where, **p)))
+    dress(renderer, SCENE, World().add(EffectInstance.of(name, where, **p)))
     seen = renderer.render(HOME)
     renderer.place([by_hand(c, name, p) if c.name == where else c for c in nominal])
     dress(renderer, SCENE, World())
@@ -65,10 +65,10 @@ def test_only_declared_fields_of_the_placed_camera_change(name, renderer):
     kind, model = effect(name), renderer.model
     fields = ("cam_pos", "cam_quat", "cam_intrinsic", "cam_fovy", "cam_sensorsize", "geom_pos", "light_pos")
     before = {f: getattr(model, f).copy() for f in fields}
-    kind.write(Fields(model, SCENE), values(kind, [Placed.of(name, "all")], SCENE))
+    kind.write(Fields(model, SCENE), values(kind, [EffectInstance.of(name, "all")], SCENE))
     for f in fields:
         np.testing.assert_array_equal(getattr(model, f), before[f])
-    placed = Placed.of(name, "wrist_crop", **{k: q.start for k, q in kind.params.items()})
+    placed = EffectInstance.of(name, "wrist_crop", **{k: q.start for k, q in kind.params.items()})
     kind.write(Fields(model, SCENE), values(kind, [placed], SCENE))
     changed = {f for f in fields if not np.array_equal(getattr(model, f), before[f])}
     assert changed == kind.writes
@@ -82,6 +82,6 @@ def test_only_declared_fields_of_the_placed_camera_change(name, renderer):
 def test_finite_at_every_bound(name, renderer):
     for key, q in effect(name).params.items():
         for bound in (q.low, q.high):
-            dress(renderer, SCENE, World().add(Placed.of(name, "all", **{key: bound})))
+            dress(renderer, SCENE, World().add(EffectInstance.of(name, "all", **{key: bound})))
             assert np.isfinite(renderer.render(HOME)["wrist_wide"].depth).all()
     dress(renderer, SCENE, World())

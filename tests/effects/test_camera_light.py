@@ -10,8 +10,8 @@ from camera_images import SIZE, F, K, apply, busy, plane
 
 from vispeg.core.lens import distort
 from vispeg.core.seeds import stream
-from vispeg.effects._light import LUMA, to_linear, to_srgb
-from vispeg.effects.motion_blur import line_kernel
+from vispeg.effects.camera.motion_blur import line_kernel
+from vispeg.effects.common.light import LUMA, to_linear, to_srgb
 
 
 def coloured(seed: int = 0, low: float = 0.1, high: float = 0.6):

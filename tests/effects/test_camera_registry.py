@@ -9,7 +9,7 @@ import pytest
 from camera_images import busy
 
 import vispeg.effects  # noqa: F401  (enrols the library)
-from vispeg.core.effect import Placed, of_kind
+from vispeg.core.effect import EffectInstance, of_family
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
@@ -17,7 +17,7 @@ from vispeg.render.pipeline import Pipeline
 from vispeg.robots.model import load
 from vispeg.robots.scene import build
 
-CAMERA = of_kind("camera")
+CAMERA = of_family("camera")
 IMAGE = sorted(n for n, e in CAMERA.items() if e.overrides("image") or hasattr(e, "light"))
 COLOUR_ONLY = {n for n in IMAGE if 50 <= CAMERA[n].order <= 70}
 BOTH = {"lens_distortion", "occlusion", "dropped_frames", "camera_delay"}
@@ -27,7 +27,7 @@ OFTEN = {"dropped_frames": {"chance": 0.5}}  # where the start value shows too s
 def world(name: str, **values: float) -> World:
     """The effect at every camera; what is not given is at its start."""
     full = {k: p.start for k, p in CAMERA[name].params.items()} | OFTEN.get(name, {}) | values
-    return World().add(Placed.of(name, "all", **full))
+    return World().add(EffectInstance.of(name, "all", **full))
 
 
 def frames(n: int, count: int = 5) -> list[Frame]:

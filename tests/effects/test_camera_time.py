@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from camera_images import plane
 
-from vispeg.core.effect import Placed
+from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
 from vispeg.render.pipeline import Pipeline
@@ -15,7 +15,7 @@ FB = 425.0 * 0.05  # px m
 
 def episode(name: str, count: int, step: float = 0.1, n: int = 1, **values: float) -> list[np.ndarray]:
     """Depth (n, 64, 64) of each frame delivered; the k-th frame shows a plane at 1 + k m."""
-    pipeline = Pipeline([World().add(Placed.of(name, "all", **values))] * n, "wrist")
+    pipeline = Pipeline([World().add(EffectInstance.of(name, "all", **values))] * n, "wrist")
     rng = [stream(i, "time") for i in range(n)]
     out = []
     for k in range(count):
@@ -48,7 +48,7 @@ def test_lost_frames_repeat_the_last_one_delivered():
 
 def test_lasting_errors_are_an_autoregression():
     """Stationary from the first frame on, correlated by rho^k over k frames."""
-    pipeline = Pipeline([World().add(Placed.of("depth_temporal", "all", sd=0.2, rho=0.8))] * 40, "wrist")
+    pipeline = Pipeline([World().add(EffectInstance.of("depth_temporal", "all", sd=0.2, rho=0.8))] * 40, "wrist")
     rng = [stream(i, "ar") for i in range(40)]
     errors = []
     for k in range(8):
@@ -63,7 +63,7 @@ def test_lasting_errors_are_an_autoregression():
 
 def test_an_episode_forgets_the_one_before():
     """A time that goes back, or a world put in its place, begins a row anew; other rows go on."""
-    world = World().add(Placed.of("camera_delay", "all", delay=0.1))
+    world = World().add(EffectInstance.of("camera_delay", "all", delay=0.1))
     for how in ("time", "place"):
         pipeline = Pipeline([world, world], "wrist")
         rng = [stream(i, "forget") for i in range(2)]

@@ -9,9 +9,9 @@ from clamped import BESIDE, SCENE, SLIP, TOP, G, bench, contact_force, pose, wri
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from vispeg.core.effect import Placed
+from vispeg.core.effect import EffectInstance
 from vispeg.core.world import World
-from vispeg.effects.restitution import ratio, rebound
+from vispeg.effects.contact.restitution import ratio, rebound
 
 MASS = SCENE.compile().body("peg").mass[0]
 FRICTION = SCENE.config.friction
@@ -19,7 +19,7 @@ NOMINAL = World()
 
 
 def one(name: str, where: str = "peg", **values: float) -> World:
-    return World().add(Placed.of(name, where, **values))
+    return World().add(EffectInstance.of(name, where, **values))
 
 
 def drop(worlds, height: float, seconds: float):
@@ -138,7 +138,7 @@ def test_the_hole_is_as_wide_as_its_effect_says():
 
 def test_the_hole_moves_and_turns_with_the_fixture():
     world = one("hole_offset", "fixture", x=0.02, y=-0.01, z=0.003)
-    world = world.add(Placed.of("hole_tilt", "fixture", roll=0.1, pitch=-0.2, yaw=0.3))
+    world = world.add(EffectInstance.of("hole_tilt", "fixture", roll=0.1, pitch=-0.2, yaw=0.3))
     batch, _ = written([NOMINAL, world])
     pos, rot, site = batch.bind("site_xpos"), batch.bind("site_xmat"), batch.model.site("hole").id
     batch.forward()

@@ -8,7 +8,7 @@ import pytest
 from clamped import SCENE, pose, written
 from mujoco import batch as mjb
 
-from vispeg.core.effect import Placed, of_kind
+from vispeg.core.effect import ARM, REGISTRY, EffectInstance, of_family
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
 from vispeg.robots.model import load
@@ -16,14 +16,14 @@ from vispeg.sim.compiled import compiled
 from vispeg.sim.placement import activate
 from vispeg.sim.state import DriveState, Fields
 
-EFFECTS = of_kind("contact")
+EFFECTS = of_family("contact", "task") | {n: e for n, e in REGISTRY.items() if e.family in ARM and not e.searchable}
 NAMES = sorted(EFFECTS)
 SENSES = ("dropped_readings", "encoder_noise")
 WRISTS = [n for n in NAMES if EFFECTS[n].overrides("wrench")]
 
 
 def placed(name: str, where: str, **values: float) -> World:
-    return World().add(Placed.of(name, where, **values))
+    return World().add(EffectInstance.of(name, where, **values))
 
 
 def starting(name: str) -> dict[str, float]:
@@ -33,7 +33,7 @@ def starting(name: str) -> dict[str, float]:
 def null(name: str) -> World:
     params = EFFECTS[name].params
     values = {k: 0.5 * (p.start + p.high) if p.shape else p.null for k, p in params.items()}
-    return World().add(*(Placed.of(name, where, **values) for where in EFFECTS[name].targets(SCENE)))
+    return World().add(*(EffectInstance.of(name, where, **values) for where in EFFECTS[name].targets(SCENE)))
 
 
 def jammed(worlds: list[World], steps: int = 60) -> np.ndarray:
@@ -213,7 +213,7 @@ def test_wrench_noise_is_white_gaussian_of_its_own_for_each_force_and_torque():
 def test_gain_and_bias_of_the_wrench_are_an_affine_reading():
     """Gain first, then bias, whichever is named first; the axes are those that are named."""
     bias = {"fx": 1.0, "fy": -2.0, "fz": 3.0, "tx": 0.1, "ty": -0.2, "tz": 0.3}
-    both = placed("wrench_bias", "flange", **bias).add(Placed.of("wrench_gain", "flange", gain=0.9))
+    both = placed("wrench_bias", "flange", **bias).add(EffectInstance.of("wrench_gain", "flange", gain=0.9))
     readings = weighed([World(), both], 20)
     np.testing.assert_allclose(readings[:, 1], 0.9 * readings[:, 0] + list(bias.values()), rtol=1e-12, atol=1e-12)
 

@@ -9,17 +9,17 @@ import pytest
 from loops import iiwa_segment, recorded
 
 import vispeg.effects  # noqa: F401  (enrols the library)
-from vispeg.core.effect import Placed, of_kind
+from vispeg.core.effect import EffectInstance, searchable
 from vispeg.core.params import Param
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
-from vispeg.diagnose.localise import lack, looks
+from vispeg.diagnosis.localise import joint_data, missing_torque
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit, fit_job
 from vispeg.identify.pool import run_together
 from vispeg.robots.model import load
 
-REGISTRY = of_kind()  # what an arm alone can show
+REGISTRY = searchable()  # what an arm alone can show
 
 NAMES = sorted(REGISTRY)
 ROBOT = load("iiwa14")
@@ -42,15 +42,17 @@ def fitted(name: str) -> tuple[Fit, float]:
     """The fit to two noisy 1.6 s recordings and the mean squared whitened residual of the truth itself."""
     kind = REGISTRY[name]
     where = kind.targets(ROBOT)[len(kind.targets(ROBOT)) // 2]
-    truth = World().add(Placed.of(name, where, **truth_of(name)))
+    truth = World().add(EffectInstance.of(name, where, **truth_of(name)))
     motions = [iiwa_segment("position", 1.6, motion) for motion in ("fourier", "triangle")]
     evidence = Evidence([recorded(ROBOT, "iiwa14", truth, s, stream(5, name, i)) for i, s in enumerate(motions)])
     guesses = [{}]
     if where in ROBOT.joints:
-        lacks = [lack(item, y[0]) for item, y in zip(evidence.items, evidence.simulated([World()]), strict=True)]
-        guesses += kind.guesses(looks(lacks, evidence.items)[ROBOT.joints.index(where)])
+        missing = [
+            missing_torque(item, y[0]) for item, y in zip(evidence.items, evidence.simulated([World()]), strict=True)
+        ]
+        guesses += kind.guesses(joint_data(missing, evidence.items)[ROBOT.joints.index(where)])
     start = {k: p.start for k, p in kind.params.items()}
-    first, *others = [World().add(Placed.of(name, where, **{**start, **g})) for g in guesses]
+    first, *others = [World().add(EffectInstance.of(name, where, **{**start, **g})) for g in guesses]
     (fit,) = run_together([fit_job(evidence, first, [0], starts=others, iterations=15)], evidence.residuals)
     return fit, float(np.mean(evidence.residuals([truth])[0] ** 2))
 

@@ -11,7 +11,7 @@ from loops import iiwa_segment, one
 from mujoco import batch as mjb
 
 import vispeg.effects  # noqa: F401  (enrols the library)
-from vispeg.core.effect import Placed, Value, of_kind
+from vispeg.core.effect import EffectInstance, Value, searchable
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
 from vispeg.effects.model_file import load_model, model_text
@@ -21,7 +21,7 @@ from vispeg.sim.placement import activate
 from vispeg.sim.rollout import simulate
 from vispeg.sim.state import Fields
 
-REGISTRY = of_kind()  # what an arm alone can show
+REGISTRY = searchable()  # what an arm alone can show
 
 NAMES = sorted(REGISTRY)
 MODES = ("position", "torque", "osc")
@@ -54,7 +54,7 @@ def null_world(names) -> World:
     for name in names:
         params = REGISTRY[name].params
         values = {k: 0.5 * (p.start + p.high) if p.shape else p.null for k, p in params.items()}
-        out = out.add(*(Placed.of(name, where, **values) for where in REGISTRY[name].targets(ROBOT)))
+        out = out.add(*(EffectInstance.of(name, where, **values) for where in REGISTRY[name].targets(ROBOT)))
     return out
 
 
@@ -78,7 +78,7 @@ def test_another_row_is_not_touched(name):
     """A world without the effect is what it is alone, whatever its neighbours in the batch carry."""
     kind = REGISTRY[name]
     strong = World().add(
-        *(Placed.of(name, w, **{k: p.start for k, p in kind.params.items()}) for w in kind.targets(ROBOT))
+        *(EffectInstance.of(name, w, **{k: p.start for k, p in kind.params.items()}) for w in kind.targets(ROBOT))
     )
     pair = simulate(ROBOT, [strong, World()], [segment("position")])[0]
     np.testing.assert_array_equal(pair.q[1], nominal("position").q[0])
@@ -91,7 +91,7 @@ def test_finite_at_every_bound(name):
     kind = REGISTRY[name]
     start = {k: p.start for k, p in kind.params.items()}
     worlds = [
-        World().add(Placed.of(name, where, **{**start, k: bound}))
+        World().add(EffectInstance.of(name, where, **{**start, k: bound}))
         for where in kind.targets(ROBOT)
         for k, p in kind.params.items()
         for bound in (p.low, p.high)
@@ -110,7 +110,7 @@ def test_only_the_declared_fields_change(name):
     kind, model = REGISTRY[name], compiled(ROBOT)
     before = _bytes(model)
     where = kind.targets(ROBOT)[-1]
-    placed = Placed.of(name, where, **{k: p.start for k, p in kind.params.items()})
+    placed = EffectInstance.of(name, where, **{k: p.start for k, p in kind.params.items()})
     active = activate(ROBOT, [World(), World().add(placed)])
     batch = mjb.Batch(model, 2, nthread=1)
     fields = Fields(batch, ROBOT)
@@ -146,7 +146,7 @@ def test_model_file_keeps_everything(name, tmp_path):
         for k, p in REGISTRY[name].params.items():
             low, value, high = np.sort(rng.uniform(p.low, p.high, 3))
             params[k] = Value(float(value), float(low), float(high))
-        placed.append(Placed(name, where, params, {"fitted_on": ["rig-a"], "heldout_error_after": 1e-5}))
+        placed.append(EffectInstance(name, where, params, {"fitted_on": ["rig-a"], "heldout_error_after": 1e-5}))
     world = World("iiwa14", {"mass_kg": 0.3, "com_m": [0, 0, 0.1], "inertia_kgm2": [1e-3, 1e-3, 1e-3]}, tuple(placed))
     path = tmp_path / "model.yaml"
     path.write_text(model_text(world), encoding="utf-8")

@@ -1,16 +1,12 @@
 """A finished run is not trained again, a killed one goes on, and another configuration is refused."""
 
 import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from training import Budget, Variant, configuration, run_folder, trained
 
 from vispeg.core.errors import UserError
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts" / "experiments"))
-
-from training import Budget, Variant, configuration, run_folder, trained  # noqa: E402
 
 VARIANT, BUDGET = Variant("a", "searching"), Budget(200, 100, 5)
 

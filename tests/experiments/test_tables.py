@@ -1,18 +1,12 @@
 """The experiments' tables and curves on hand-made results whose numbers are known."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from curves import Curve, read_curve, together
+from transfer_table import markdown, success_table
 
 from vispeg.core.errors import UserError
-from vispeg.evaluate.records import Episode
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts" / "experiments"))
-
-from curves import Curve, read_curve, together  # noqa: E402
-from transfer_table import markdown, success_table  # noqa: E402
+from vispeg.evaluation.records import Episode
 
 
 def episodes(policy, train_seed, outcomes, world="plant"):

@@ -1,19 +1,14 @@
 """The studies of training options ask for runs that can be, and differ in what they are named for alone."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
+from curve_picture import draw
+from curves import Curve, together
+from training import Budget, Variant, configuration
+from training_options import STUDIES
 
 from vispeg.task.vector import world_of
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts" / "experiments"))
-
-from curve_picture import draw  # noqa: E402
-from curves import Curve, together  # noqa: E402
-from training import Budget, Variant, configuration  # noqa: E402
-from training_options import STUDIES  # noqa: E402
 
 BUDGET = Budget(200, 100, 5)
 DIFFER = {

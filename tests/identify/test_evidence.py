@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from loops import iiwa_segment, recorded
 
-from vispeg.core.effect import Placed
+from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
@@ -17,7 +17,7 @@ from vispeg.identify.inverse import evidence_for
 from vispeg.robots.model import load
 
 ROBOT = load("iiwa14")
-TRUTH = World().add(Placed.of("viscous_friction", "joint4", damping=2.0))
+TRUTH = World().add(EffectInstance.of("viscous_friction", "joint4", damping=2.0))
 
 
 @pytest.fixture(scope="module")
@@ -71,13 +71,13 @@ def test_errors_come_back_in_radians(evidence):
 
 
 def test_answers_do_not_depend_on_company(evidence):
-    others = [World().add(Placed.of("viscous_friction", j, damping=1.0)) for j in ROBOT.joints]
+    others = [World().add(EffectInstance.of("viscous_friction", j, damping=1.0)) for j in ROBOT.joints]
     alone, among = evidence.residuals([TRUTH])[0], evidence.residuals([*others, TRUTH])[-1]
     np.testing.assert_array_equal(alone, among)
 
 
 def test_divergence_is_a_finite_penalty(evidence):
-    wild = World().add(Placed.of("command_delay", "all", delay=0.03))
+    wild = World().add(EffectInstance.of("command_delay", "all", delay=0.03))
     r, fine = evidence.residuals([wild, TRUTH])
     assert np.isfinite(r).all() and np.abs(r).max() == PENALTY
     assert np.abs(fine).max() < 10

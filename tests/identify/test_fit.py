@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from loops import drive, hinge, pendulum, recorded
 
-from vispeg.core.effect import Placed
+from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
 from vispeg.identify.evidence import Evidence
@@ -95,7 +95,7 @@ def test_what_the_data_do_not_show_is_named():
     robot = pendulum(0.0)
     s = motion()
     ev = Evidence([recorded(robot, robot.source, World(), s, stream(4))], h_max=2.5e-3)
-    start = World().add(Placed.of("gravity_tilt", "base", roll=0.01, pitch=0.01))
+    start = World().add(EffectInstance.of("gravity_tilt", "base", roll=0.01, pitch=0.01))
     result = fit(ev, start)
     assert set(result.weak) >= {"gravity_tilt(base).roll", "gravity_tilt(base).pitch"}
     roll = result.world.effects[0].params["roll"]
@@ -104,7 +104,7 @@ def test_what_the_data_do_not_show_is_named():
 
 def test_twins_are_named_together():
     """Coulomb friction and the Coulomb part of Stribeck friction are one quantity."""
-    start = hinge("coulomb_friction", torque=0.2).add(Placed.of("stribeck_friction", "hinge", coulomb=0.2))
+    start = hinge("coulomb_friction", torque=0.2).add(EffectInstance.of("stribeck_friction", "hinge", coulomb=0.2))
     result = fit(evidence(TRUTH, 5), start)
     pair = [w for w in result.weak if "~" in w]
     assert any("coulomb_friction(hinge).torque" in w and "stribeck_friction(hinge).coulomb" in w for w in pair)

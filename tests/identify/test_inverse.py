@@ -10,7 +10,7 @@ import pytest
 from loops import iiwa_segment, recorded
 
 import vispeg.effects  # noqa: F401  (enrols the library)
-from vispeg.core.effect import Placed, of_kind
+from vispeg.core.effect import EffectInstance, searchable
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
@@ -21,7 +21,7 @@ from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.recording import Control
 from vispeg.robots.model import load
 
-REGISTRY = of_kind()  # what an arm alone can show
+REGISTRY = searchable()  # what an arm alone can show
 
 ROBOT = load("iiwa14")
 
@@ -70,7 +70,7 @@ def test_nominal_torque_is_what_the_sensor_read(evidence):
     ],
 )
 def test_an_effect_adds_its_own_torque_at_its_own_joint(evidence, name, where, values, extra):
-    world = World().add(Placed.of(name, where, **values))
+    world = World().add(EffectInstance.of(name, where, **values))
     for item, y in zip(evidence.items, evidence.simulated([World(), world]), strict=True):
         s = item.segment
         change = y[1] - y[0]
@@ -100,7 +100,7 @@ def test_episodes_are_differentiated_each_on_its_own():
 
 
 def test_dry_friction_is_against_the_motion(evidence):
-    world = World().add(Placed.of("coulomb_friction", "joint3", torque=1.5))
+    world = World().add(EffectInstance.of("coulomb_friction", "joint3", torque=1.5))
     for item, y in zip(evidence.items, evidence.simulated([World(), world]), strict=True):
         fast = np.abs(item.segment.dq[:, 2]) > 0.05
         expected = 1.5 * np.sign(item.segment.dq[fast, 2])
@@ -112,8 +112,8 @@ def test_every_measurable_effect_can_be_asked(evidence, name):
     """Null changes nothing and the start value something, for each effect that is said to leave a trace."""
     kind = REGISTRY[name]
     where = kind.targets(ROBOT)[len(kind.targets(ROBOT)) // 2]
-    start = World().add(Placed.of(name, where, **{k: p.start for k, p in kind.params.items()}))
-    null = World().add(Placed.of(name, where))
+    start = World().add(EffectInstance.of(name, where, **{k: p.start for k, p in kind.params.items()}))
+    null = World().add(EffectInstance.of(name, where))
     plain, zero, strong = evidence.simulated([World(), null, start])[0]
     np.testing.assert_allclose(zero, plain, atol=1e-12)
     assert np.isfinite(strong).all() and np.abs(strong - plain).max() > 1e-4
@@ -121,7 +121,8 @@ def test_every_measurable_effect_can_be_asked(evidence, name):
 
 def test_friction_is_recovered_without_a_controller():
     truth = World().add(
-        Placed.of("viscous_friction", "joint4", damping=3.0), Placed.of("coulomb_friction", "joint4", torque=2.0)
+        EffectInstance.of("viscous_friction", "joint4", damping=3.0),
+        EffectInstance.of("coulomb_friction", "joint4", torque=2.0),
     )
     # the motor's side of the gear, where friction is part of what is read
     recs = []
@@ -133,7 +134,8 @@ def test_friction_is_recovered_without_a_controller():
         recs.append(replace(rec, tau=tau, torque_sensor="motor"))
     ev = evidence_for(World(), recs)
     start = World().add(
-        Placed.of("viscous_friction", "joint4", damping=1.0), Placed.of("coulomb_friction", "joint4", torque=0.5)
+        EffectInstance.of("viscous_friction", "joint4", damping=1.0),
+        EffectInstance.of("coulomb_friction", "joint4", torque=0.5),
     )
     (result,) = run_together([fit_job(ev, start, [0, 1])], ev.residuals)
     found = [v.value for e in result.world.effects for v in e.params.values()]

@@ -1,11 +1,11 @@
 """OSC recordings without any effect lie at their noise floor, though the null space forgets a wrong start slowly."""
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from loop import GAINS, NULLSPACE, RATE, Run, simulate
 
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
@@ -15,10 +15,6 @@ from vispeg.identify.record import NOISE, centre_of, controller, record
 from vispeg.recordings.recording import Control, Nullspace, Recording
 from vispeg.robots.model import load
 from vispeg.sim.compiled import compiled
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts" / "bench" / "hidden_effects"))
-
-from loop import GAINS, NULLSPACE, RATE, Run, simulate  # noqa: E402
 
 ROBOT = load("iiwa14")
 

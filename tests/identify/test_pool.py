@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vispeg.core.effect import Placed
+from vispeg.core.effect import EffectInstance
 from vispeg.core.world import World
 from vispeg.identify.pool import run_together
 
 
 def world(value: float) -> World:
-    return World().add(Placed.of("viscous_friction", "joint1", damping=value))
+    return World().add(EffectInstance.of("viscous_friction", "joint1", damping=value))
 
 
 def value_of(w: World) -> float:

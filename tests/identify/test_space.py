@@ -7,11 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import vispeg.effects  # noqa: F401  (enrols the library)
-from vispeg.core.effect import Placed, of_kind
+from vispeg.core.effect import EffectInstance, searchable
 from vispeg.core.world import World
 from vispeg.identify.space import Space
 
-REGISTRY = of_kind()  # what an arm alone can show
+REGISTRY = searchable()  # what an arm alone can show
 
 PLACES = {"payload": "flange", "gravity_tilt": "base", "link_mass": "link3", "link_com": "link3"}
 
@@ -19,7 +19,8 @@ PLACES = {"payload": "flange", "gravity_tilt": "base", "link_mass": "link3", "li
 def everything() -> World:
     """All effects at their start, one place each."""
     worlds = [
-        Placed.of(n, PLACES.get(n, "joint3"), **{k: p.start for k, p in e.params.items()}) for n, e in REGISTRY.items()
+        EffectInstance.of(n, PLACES.get(n, "joint3"), **{k: p.start for k, p in e.params.items()})
+        for n, e in REGISTRY.items()
     ]
     return World().add(*worlds)
 
@@ -65,7 +66,7 @@ def test_steps_stay_inside_the_bounds():
 
 
 def test_a_step_on_a_log_axis_is_a_share():
-    world = World().add(Placed.of("cogging", "joint1", amplitude=0.3, poles=12.0, phase=0.0))
+    world = World().add(EffectInstance.of("cogging", "joint1", amplitude=0.3, poles=12.0, phase=0.0))
     space = Space(world, [0])
     poles = [a.name for a in space.axes].index("poles")
     u = space.start

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from toy import Reach
 
-from vispeg.evaluate.controls import Controlled
+from vispeg.evaluation.controls import Controlled
 from vispeg.learn.evaluation import run_episodes
 
 

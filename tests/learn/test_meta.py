@@ -11,7 +11,7 @@ from vispeg.core.files import write_text_atomic
 from vispeg.datasets.describe import INFO, RENDER, RENDER_FILE, VERSION
 from vispeg.datasets.layout import COUNTED
 from vispeg.datasets.lerobot import DATA
-from vispeg.evaluate.entrants import entrant, refuse_trained_on
+from vispeg.evaluation.entrants import entrant, refuse_trained_on
 from vispeg.learn.actor import Actor
 from vispeg.learn.coarse_to_fine import combine
 from vispeg.learn.finetune import FinetuneSettings, finetune

@@ -15,7 +15,7 @@ from toy import STEP, Pointing, Reach
 
 from vispeg.core.distribution import Uniform
 from vispeg.core.errors import UserError
-from vispeg.core.world import Ranged, World
+from vispeg.core.world import RandomizedEffect, World
 from vispeg.learn.config import Stage, TrainConfig, read_config
 from vispeg.learn.curriculum import Curriculum, stages
 from vispeg.learn.distill import collect, demonstrations
@@ -357,7 +357,7 @@ def test_stages_that_do_not_become_harder_are_refused(wide, near, said):
 class Drawn(Reach):
     """The toy in a world: an episode states its draw, starts as far away as that says, and counts as a success."""
 
-    world = World(ranges=(Ranged("contact_friction", "peg", {"scale": Uniform(0.5, 1.5)}),))
+    world = World(ranges=(RandomizedEffect("contact_friction", "peg", {"scale": Uniform(0.5, 1.5)}),))
     killed_at = None  # steps after which it dies
 
     def __init__(self, rows):

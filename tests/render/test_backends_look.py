@@ -5,9 +5,9 @@ import pytest
 
 import vispeg.effects  # noqa: F401 - enrols them
 from vispeg.core.distribution import Uniform
-from vispeg.core.effect import Placed, of_kind
+from vispeg.core.effect import EffectInstance, of_family
 from vispeg.core.errors import UserError
-from vispeg.core.world import Ranged, World
+from vispeg.core.world import RandomizedEffect, World
 from vispeg.render.backend import Renderer
 from vispeg.render.look import dress
 from vispeg.render.pristine import place
@@ -18,10 +18,10 @@ OVER = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0, 0.0])
 SCENE = build()
 GAUDY = World(
     effects=(
-        Placed.of("part_colour", "table", amount=1.0),
-        Placed.of("part_texture", "fixture", amount=0.8, seed=5.0),
-        Placed.of("distractors", "scene", count=5.0, seed=3.0),
-        Placed.of("light_intensity", "key", gain=1.5),
+        EffectInstance.of("part_colour", "table", amount=1.0),
+        EffectInstance.of("part_texture", "fixture", amount=0.8, seed=5.0),
+        EffectInstance.of("distractors", "scene", count=5.0, seed=3.0),
+        EffectInstance.of("light_intensity", "key", gain=1.5),
     )
 )
 
@@ -81,9 +81,9 @@ def test_rays_meet_what_is_drawn_after_a_look(renderer):
 def test_camera_effects_move_what_is_drawn_and_not_what_is_believed(renderer, where):
     moved = World(
         effects=(
-            Placed.of("camera_offset", where, x=0.01, z=-0.02, ry=0.05),
-            Placed.of("focal_error", where, fx=0.02, fy=-0.01),
-            Placed.of("principal_point_error", where, x=2.0, y=-3.0),
+            EffectInstance.of("camera_offset", where, x=0.01, z=-0.02, ry=0.05),
+            EffectInstance.of("focal_error", where, fx=0.02, fy=-0.01),
+            EffectInstance.of("principal_point_error", where, x=2.0, y=-3.0),
         )
     )
     dress(renderer, SCENE, World())
@@ -109,12 +109,14 @@ def test_camera_effects_move_what_is_drawn_and_not_what_is_believed(renderer, wh
 def test_every_appearance_effect_writes_only_what_it_declares(renderer):
     from vispeg.render.look import Fields, values
 
-    for name, effect in of_kind("appearance").items():
+    for name, effect in of_family("appearance").items():
         targets = effect.targets(SCENE)
         renderer.pristine.restore(renderer.model)
         start = {k: p.start for k, p in effect.params.items()}
         try:
-            effect.write(Fields(renderer.model, SCENE), values(effect, [Placed.of(name, targets[0], **start)], SCENE))
+            effect.write(
+                Fields(renderer.model, SCENE), values(effect, [EffectInstance.of(name, targets[0], **start)], SCENE)
+            )
         except UserError:  # it needs a folder of the user's
             continue
         kept = renderer.pristine._kept
@@ -125,9 +127,9 @@ def test_every_appearance_effect_writes_only_what_it_declares(renderer):
 
 def test_what_cannot_be_worn_is_said(renderer):
     with pytest.raises(UserError, match="drawn world"):
-        dress(renderer, SCENE, World(ranges=(Ranged("part_colour", "each", {"amount": Uniform(0, 1)}),)))
+        dress(renderer, SCENE, World(ranges=(RandomizedEffect("part_colour", "each", {"amount": Uniform(0, 1)}),)))
     with pytest.raises(UserError, match="fixture"):
-        dress(renderer, SCENE, World(effects=(Placed.of("part_colour", "fixtur", amount=1.0),)))
+        dress(renderer, SCENE, World(effects=(EffectInstance.of("part_colour", "fixtur", amount=1.0),)))
     with Renderer(SCENE.compile(), standard_cameras()[2:], "raycast") as bare:
         with pytest.raises(UserError, match="made from the Scene"):
-            dress(bare, SCENE, World(effects=(Placed.of("camera_offset", "external", x=0.01),)))
+            dress(bare, SCENE, World(effects=(EffectInstance.of("camera_offset", "external", x=0.01),)))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import vispeg.effects  # noqa: F401  (enrols the library)
-from vispeg.core.effect import Placed, effect
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
@@ -86,8 +86,8 @@ def test_same_seed_same_bytes_and_the_renderer_is_left_as_it_was():
 
 
 def test_a_world_says_whether_depth_is_matched():
-    on = Placed.of("block_matching", "wrist", on=1.0, baseline=0.018)
+    on = EffectInstance.of("block_matching", "wrist", on=1.0, baseline=0.018)
     assert settings(World(), "wrist") is None
-    assert settings(World().add(Placed.of("block_matching", "wrist")), "wrist") is None
+    assert settings(World().add(EffectInstance.of("block_matching", "wrist")), "wrist") is None
     found = settings(World().add(on), "wrist")
     assert found is not None and found["baseline"] == 0.018 and settings(World().add(on), "external") is None

@@ -14,10 +14,10 @@ import yaml
 
 import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.distribution import Choice, Uniform
-from vispeg.core.effect import Placed, effect, of_kind
+from vispeg.core.effect import EffectInstance, effect, of_family
 from vispeg.core.seeds import stream
-from vispeg.core.world import Ranged, World
-from vispeg.effects._light import to_linear
+from vispeg.core.world import RandomizedEffect, World
+from vispeg.effects.common.light import to_linear
 from vispeg.render.backend import Renderer
 from vispeg.render.contrast import Rule, contrast, delivered, lab, measure, redraw
 from vispeg.render.look import dress
@@ -45,7 +45,7 @@ def score(renderer: Renderer, world: World, rule: Rule | None = None) -> float:
 
 
 def grey(**values: float) -> World:
-    return World(effects=tuple(Placed.of("part_colour", part, **PLAIN, value=v) for part, v in values.items()))
+    return World(effects=tuple(EffectInstance.of("part_colour", part, **PLAIN, value=v) for part, v in values.items()))
 
 
 def test_lab_equals_opencv_and_is_100_for_white():
@@ -80,7 +80,10 @@ def test_parts_of_one_colour_are_refused_and_apart_are_not(renderer):
 def test_black_and_white_are_refused(renderer):
     """A black peg and a dazzling table stand out, but show no shape."""
     assert score(renderer, grey(peg=0.0, fixture=0.35, table=0.6)) < 0.5
-    lit = [Placed.of("light_intensity", "all", gain=4.0), Placed.of("ambient_light", "scene", level=0.6)]
+    lit = [
+        EffectInstance.of("light_intensity", "all", gain=4.0),
+        EffectInstance.of("ambient_light", "scene", level=0.6),
+    ]
     assert score(renderer, grey(peg=0.15, fixture=0.35, table=1.0).add(*lit)) < 1
 
 
@@ -91,15 +94,17 @@ def test_a_stricter_rule_never_scores_higher(renderer):
         assert scores == sorted(scores, reverse=True)
 
 
-def by_label(world: World) -> dict[str, Placed]:
+def by_label(world: World) -> dict[str, EffectInstance]:
     return {e.label: e for e in world.effects}
 
 
 def look(value: float | Choice = GREYS) -> World:
     """Three parts of one grey or another (two thirds of the draws confuse some), and an effect that is no look."""
-    colours = tuple(Ranged("part_colour", part, {**PLAIN, "value": value}) for part in ("peg", "fixture", "table"))
+    colours = tuple(
+        RandomizedEffect("part_colour", part, {**PLAIN, "value": value}) for part in ("peg", "fixture", "table")
+    )
     scale = next(iter(effect("object_mass").params))
-    return World(ranges=(*colours, Ranged("object_mass", "peg", {scale: Uniform(0.7, 1.3)})))
+    return World(ranges=(*colours, RandomizedEffect("object_mass", "peg", {scale: Uniform(0.7, 1.3)})))
 
 
 def test_a_redraw_ends_at_the_first_good_look_and_keeps_all_else(renderer):
@@ -111,8 +116,8 @@ def test_a_redraw_ends_at_the_first_good_look_and_keeps_all_else(renderer):
         assert (redraws == 0) == (score(renderer, plain) == 1)
         assert redraws > 0 or by_label(drawn) == by_label(plain)
 
-        def physics(w: World) -> list[Placed]:
-            return [e for e in w.effects if effect(e.effect).kind != "appearance"]
+        def physics(w: World) -> list[EffectInstance]:
+            return [e for e in w.effects if effect(e.effect).family != "appearance"]
 
         assert physics(drawn) == physics(plain)
         counts.append(redraws)
@@ -133,7 +138,7 @@ def test_a_redraw_follows_from_the_seed_and_leaves_the_renderer_dressed(renderer
 def test_a_hopeless_world_takes_its_best_look_and_says_so(renderer):
     """Peg and fixture of one fixed colour: every try is spent, and the best of them stands."""
     world = replace(
-        look(0.5), ranges=(*look(0.5).ranges, Ranged("ambient_light", "scene", {"level": Uniform(-0.1, 0.1)}))
+        look(0.5), ranges=(*look(0.5).ranges, RandomizedEffect("ambient_light", "scene", {"level": Uniform(-0.1, 0.1)}))
     )
     drawn, redraws = redraw(world, SCENE, renderer, 0, qpos=ABOVE, tries=4)
     assert redraws == 4
@@ -147,8 +152,8 @@ def test_a_hopeless_world_takes_its_best_look_and_says_so(renderer):
 def test_a_look_is_judged_as_the_camera_delivers_it(renderer):
     """Of two levels of light the bright one is dazzling, unless a short exposure makes the dim one black."""
     parts = grey(peg=0.2, fixture=0.4, table=0.75)
-    world = replace(parts, ranges=(Ranged("light_intensity", "all", {"gain": Choice((0.8, 1.5))}),))
-    short = Placed.of("exposure", "all", stops=-1.0), Placed.of("brightness", "all", change=-0.3)
+    world = replace(parts, ranges=(RandomizedEffect("light_intensity", "all", {"gain": Choice((0.8, 1.5))}),))
+    short = EffectInstance.of("exposure", "all", stops=-1.0), EffectInstance.of("brightness", "all", change=-0.3)
     for cell, gain in ((world, 0.8), (world.add(*short), 1.5)):
         counts = []
         for seed in range(5):
@@ -162,9 +167,12 @@ def test_what_is_delivered_is_what_the_pipeline_makes_of_one_colour(renderer):
     """Exposure doubles light, cut at white; noise and blur are not judged; no photometric effect, no change."""
     dress(renderer, SCENE, World())
     shots = renderer.render(ABOVE)
-    rough = World(effects=(Placed.of("rgb_noise", "all", read=0.05), Placed.of("blur", "all", sigma=2.0)))
+    rough = World(
+        effects=(EffectInstance.of("rgb_noise", "all", read=0.05), EffectInstance.of("blur", "all", sigma=2.0))
+    )
     same, double = (
-        delivered(shots, renderer.cameras, w) for w in (rough, rough.add(Placed.of("exposure", "all", stops=1.0)))
+        delivered(shots, renderer.cameras, w)
+        for w in (rough, rough.add(EffectInstance.of("exposure", "all", stops=1.0)))
     )
     for name, shot in shots.items():
         np.testing.assert_array_equal(same[name].rgb, shot.rgb)
@@ -186,7 +194,7 @@ def test_the_ranges_that_the_documentation_gives_end_in_good_looks(renderer):
     assert block
     entries = yaml.safe_load(block[1])
     world = World(ranges=tuple(ranged(e, SCENE, page, f"effects[{i}]") for i, e in enumerate(entries)))
-    assert {r.effect for r in world.ranges} == set(of_kind("appearance"))
+    assert {r.effect for r in world.ranges} == set(of_family("appearance"))
     pictures = set()
     for seed in range(6):
         drawn, redraws = redraw(world, SCENE, renderer, seed, qpos=ABOVE)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import vispeg.effects  # noqa: F401  (enrols the library)
-from vispeg.core.effect import Placed, of_kind
+from vispeg.core.effect import EffectInstance, of_family
 from vispeg.core.world import World
-from vispeg.effects._images import FOLDER
+from vispeg.effects.common.images import FOLDER
 from vispeg.render.backend import Renderer, Shot
 from vispeg.render.camera import Camera, looking_at
 from vispeg.render.look import dress
@@ -20,8 +20,13 @@ from vispeg.robots.scene import build
 
 SCENE = build()
 ABOVE = np.array([0.0, 0.7774, 0.0, -1.4955, 0.0, 0.8687, 0.0, 0.0])  # rad: the tip 40 mm above the hole's mouth
-LIT = World(effects=(Placed.of("light_count", "scene", extra=2), Placed.of("distractors", "scene", count=5, seed=7)))
-LOOKS = of_kind("appearance")
+LIT = World(
+    effects=(
+        EffectInstance.of("light_count", "scene", extra=2),
+        EffectInstance.of("distractors", "scene", count=5, seed=7),
+    )
+)
+LOOKS = of_family("appearance")
 PLACES = [(name, where) for name, kind in LOOKS.items() for where in kind.targets(SCENE)]
 
 
@@ -62,7 +67,7 @@ def test_every_look_can_be_seen_at_every_place(renderer, plain, name, where):
     start = {k: p.start for k, p in kind.params.items()}
     if name == "material_finish":  # a sharp highlight may fall where no camera looks
         start |= {"specular": 0.8, "shininess": -0.3}
-    world = LIT.add(Placed.of(name, where, **start))
+    world = LIT.add(EffectInstance.of(name, where, **start))
     changed = drawn(renderer, world)
     assert seen(changed, plain) > 10
     if name not in ("background", "distractors"):
@@ -72,7 +77,7 @@ def test_every_look_can_be_seen_at_every_place(renderer, plain, name, where):
 
 def test_at_null_pictures_are_the_nominal_ones(renderer):
     nominal = drawn(renderer, World())
-    null = [Placed.of(name, where) for name, where in PLACES]
+    null = [EffectInstance.of(name, where) for name, where in PLACES]
     again = drawn(renderer, World(effects=tuple(null)))
     for camera in nominal:
         np.testing.assert_array_equal(nominal[camera].rgb, again[camera].rgb)
@@ -87,7 +92,7 @@ def test_a_sun_in_an_hdr_is_seen_where_it_stands(renderer, tmp_path, monkeypatch
     image[i - 2 : i + 3, j - 3 : j + 4] = 800.0
     cv2.imwrite(str(tmp_path / "sun.hdr"), image)
     monkeypatch.setenv(FOLDER, str(tmp_path))
-    dress(renderer, SCENE, World(effects=(Placed.of("environment", "scene", amount=1.0, turn=turn),)))
+    dress(renderer, SCENE, World(effects=(EffectInstance.of("environment", "scene", amount=1.0, turn=turn),)))
     a = azimuth + turn
     ray = np.array([np.cos(elevation) * np.cos(a), np.cos(elevation) * np.sin(a), np.sin(elevation)])
     pos = (-0.5, -0.5, 2.0)

@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from camera_images import busy, plane
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-from camera_images import busy, plane  # noqa: E402
-
-from vispeg.core.effect import Placed, effect, of_kind  # noqa: E402
-from vispeg.core.errors import UserError  # noqa: E402
-from vispeg.core.seeds import stream  # noqa: E402
-from vispeg.core.world import World  # noqa: E402
-from vispeg.render.pipeline import Pipeline  # noqa: E402
-from vispeg.render.sensor import sensor, sensor_file, sensors  # noqa: E402
-from vispeg.robots.scene import build  # noqa: E402
-from vispeg.task.world_file import load_world  # noqa: E402
+from vispeg.core.effect import EffectInstance, effect, of_family
+from vispeg.core.errors import UserError
+from vispeg.core.seeds import stream
+from vispeg.core.world import World
+from vispeg.render.pipeline import Pipeline
+from vispeg.render.sensor import sensor, sensor_file, sensors
+from vispeg.robots.scene import build
+from vispeg.task.world_file import load_world
 
 
 def started(*names: str) -> World:
     """These effects at every camera, at their start values."""
-    return World().add(*(Placed.of(n, "all", **{k: q.start for k, q in effect(n).params.items()}) for n in names))
+    return World().add(
+        *(EffectInstance.of(n, "all", **{k: q.start for k, q in effect(n).params.items()}) for n in names)
+    )
 
 
 def run(world: World, camera: str = "wrist_wide", frame=None, seed: int = 0):
@@ -34,7 +32,7 @@ def run(world: World, camera: str = "wrist_wide", frame=None, seed: int = 0):
 
 def test_effects_act_in_their_order_whatever_the_worlds():
     """Limits before noise, optics before the sensor, the sensor before the picture, the picture before the cable."""
-    names = sorted(of_kind("camera"))
+    names = sorted(of_family("camera"))
     forwards = Pipeline([started(*names)], "c")
     backwards = Pipeline([started(*reversed(names))], "c")
     acting = [s.effect.name for s in forwards.stages]
@@ -65,15 +63,18 @@ def test_several_effects_on_light_in_one_pass_are_the_same_one_by_one():
 
 
 def test_effects_of_another_camera_stay_away():
-    world = World().add(Placed.of("brightness", "external", change=0.3))
+    world = World().add(EffectInstance.of("brightness", "external", change=0.3))
     np.testing.assert_array_equal(run(world, "wrist_wide").rgb, busy(1).rgb)
     assert not np.array_equal(run(world, "external").rgb, busy(1).rgb)
-    nothing = World().add(Placed.of("coulomb_friction", "joint1", torque=1.0))
+    nothing = World().add(EffectInstance.of("coulomb_friction", "joint1", torque=1.0))
     np.testing.assert_array_equal(run(nothing).depth, busy(1).depth)
 
 
 def test_a_row_that_gets_a_new_world_leaves_the_others():
-    a, b = World().add(Placed.of("brightness", "all", change=0.2)), World().add(Placed.of("hue", "all", turn=0.2))
+    a, b = (
+        World().add(EffectInstance.of("brightness", "all", change=0.2)),
+        World().add(EffectInstance.of("hue", "all", turn=0.2)),
+    )
     pipeline = Pipeline([a, a], "c")
     pipeline.place([1], [b])
     out = pipeline.run(busy(2), [stream(i, "row") for i in range(2)])
@@ -83,7 +84,7 @@ def test_a_row_that_gets_a_new_world_leaves_the_others():
     assert pipeline.stages == []
 
 
-@pytest.mark.parametrize("name", sorted(n for n in of_kind("camera") if effect(n).overrides("image")))
+@pytest.mark.parametrize("name", sorted(n for n in of_family("camera") if effect(n).overrides("image")))
 def test_images_that_do_not_pass_stay_as_rendered_and_are_not_remembered(name):
     moments = [replace(busy(2), time=np.full(2, 0.16 * k)) for k in range(3)]
     flipped = replace(moments[1], rgb=moments[1].rgb[:, ::-1].copy(), depth=moments[1].depth[:, ::-1].copy())

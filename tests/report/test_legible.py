@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from vispeg.evaluate.gap import gap
+from vispeg.evaluation.gap import gap
 from vispeg.report import palette
 from vispeg.report.build import render as report
 from vispeg.report.figures import NARROW, WIDE

@@ -11,7 +11,7 @@ from loops import COM, GRAVITY, MASS, SWING, WEIGHT, drive, iiwa_segment, one, p
 from scipy.integrate import solve_ivp
 
 from vispeg.control.laws import osc, rotation_vector
-from vispeg.core.effect import Placed
+from vispeg.core.effect import EffectInstance
 from vispeg.core.world import World
 from vispeg.robots.model import load
 from vispeg.sim.rollout import simulate
@@ -73,9 +73,9 @@ def test_rollout_is_plain_mujoco(mode, h_max):
 def test_rollout_with_effects_is_plain_mujoco():
     """The same with damping, rotor inertia and a spring, which the oracle has in its model."""
     world = World().add(
-        Placed.of("viscous_friction", "joint4", damping=3.0),
-        Placed.of("rotor_inertia", "joint6", inertia=0.2),
-        Placed.of("cable_spring", "joint2", stiffness=8.0, reference=0.5),
+        EffectInstance.of("viscous_friction", "joint4", damping=3.0),
+        EffectInstance.of("rotor_inertia", "joint6", inertia=0.2),
+        EffectInstance.of("cable_spring", "joint2", stiffness=8.0, reference=0.5),
     )
 
     def edit(model):
@@ -95,7 +95,9 @@ def test_dry_friction_is_the_textbook_discontinuity():
     goal = 0.4 * (1 - np.cos(2 * np.pi * 1.5 * time))[:, None]
     rate = 0.4 * 2 * np.pi * 1.5 * np.sin(2 * np.pi * 1.5 * time)[:, None]
     segment = drive(robot, "position", command=goal, dq_cmd=rate, seconds=0.8, kp=80.0, kd=4.0)
-    got = one(robot, World().add(Placed.of("coulomb_friction", "hinge", torque=level)), segment, h_max=5e-4).q[0, :, 0]
+    got = one(robot, World().add(EffectInstance.of("coulomb_friction", "hinge", torque=level)), segment, h_max=5e-4).q[
+        0, :, 0
+    ]
     fine, q, dq, out = 100, 0.0, 0.0, []
     h = 1e-3 / fine
     for k in range(800):
@@ -139,7 +141,10 @@ def test_friction_only_takes_energy(name):
     robot = pendulum()
     value = {"damping": 0.3} if name == "viscous_friction" else {"torque": 0.3}
     y = one(
-        robot, World().add(Placed.of(name, "hinge", **value)), drive(robot, "passive", 1.2, seconds=2.0), observer=False
+        robot,
+        World().add(EffectInstance.of(name, "hinge", **value)),
+        drive(robot, "passive", 1.2, seconds=2.0),
+        observer=False,
     )
     energy = 0.5 * SWING * y.dq[0, 20:, 0] ** 2 - MASS * GRAVITY * COM * np.cos(y.q[0, 20:, 0])
     assert (np.diff(energy) < 2e-5 * MASS * GRAVITY * COM).all()
@@ -148,7 +153,10 @@ def test_friction_only_takes_energy(name):
 
 def test_rows_do_not_know_of_each_other():
     """Worlds and segments of one batch give bit for bit what each gives alone, over any number of threads."""
-    worlds = [World(), *(World().add(Placed.of("viscous_friction", j, damping=1.0)) for j in ("joint2", "joint6"))]
+    worlds = [
+        World(),
+        *(World().add(EffectInstance.of("viscous_friction", j, damping=1.0)) for j in ("joint2", "joint6")),
+    ]
     segments = [iiwa_segment("position", 0.3, seed=s) for s in (0, 1)]
     together = simulate(ROBOT, worlds, segments, nthread=2)
     for s, response in zip(segments, together, strict=True):
@@ -159,7 +167,7 @@ def test_rows_do_not_know_of_each_other():
 def test_divergence_is_said_and_stays_in_its_row():
     """A servo with the wrong sign of damping blows up alone: its row is NaN, its neighbour's what it was."""
     s = iiwa_segment("position", 0.5)
-    wild = World().add(Placed.of("command_delay", "all", delay=0.03))
+    wild = World().add(EffectInstance.of("command_delay", "all", delay=0.03))
     pair = simulate(ROBOT, [wild, World()], [s])[0]
     assert pair.diverged.tolist() == [True, False]
     assert np.isnan(pair.q[0]).all()
@@ -168,7 +176,7 @@ def test_divergence_is_said_and_stays_in_its_row():
 
 def test_gravity_along_the_measured_motion_is_nearly_exact():
     """The first-order gravity of candidates near the measurement costs under a microradian for a friction of 2 N m."""
-    world = World().add(Placed.of("coulomb_friction", "joint4", torque=2.0))
+    world = World().add(EffectInstance.of("coulomb_friction", "joint4", torque=2.0))
     s = iiwa_segment("position", 0.6)
     measured = one(ROBOT, world, s).q[0]
     near = replace(s, q=measured, q_raw=measured)
@@ -183,7 +191,7 @@ def test_observer_holds_a_torque_driven_arm_and_leaves_its_truth_alone():
     truth = one(ROBOT, World(), s, observer=False)
     rate = np.gradient(truth.q[0], s.tick, axis=0)
     s = replace(s, q=truth.q[0], dq=rate, q_raw=truth.q[0])
-    wrong = World().add(Placed.of("joint_bias", "joint2", torque=2.0))
+    wrong = World().add(EffectInstance.of("joint_bias", "joint2", torque=2.0))
     free, held = (one(ROBOT, wrong, s, observer=o).q[0] for o in (False, True))
     assert np.abs(free - truth.q[0]).max() > 5 * np.abs(held - truth.q[0]).max()
     assert np.abs(one(ROBOT, World(), s, observer=True).q[0] - truth.q[0]).max() < 2e-4

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vispeg.core.effect import Placed
+from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
@@ -23,7 +23,7 @@ def worlds(n: int) -> list[World]:
     kinds = [first if i < n // 2 else second for i in range(n)]
     sizes = np.linspace(0.1, 1.0, n)
     return [
-        World().add(Placed.of(name, "joint4", **{p: float(x if p == "torque" else 4e-3 * x)}))
+        World().add(EffectInstance.of(name, "joint4", **{p: float(x if p == "torque" else 4e-3 * x)}))
         for (name, p), x in zip(kinds, sizes, strict=True)
     ]
 

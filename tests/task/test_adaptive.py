@@ -10,13 +10,13 @@ import pytest
 from vispeg.core.distribution import Uniform
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.core.world import Ranged, World
+from vispeg.core.world import RandomizedEffect, World
 from vispeg.robots.scene import build
 from vispeg.task.adaptive import Adaptive, Schedule
 
 SCENE = build()
-FRICTION = Ranged("contact_friction", "peg", {"scale": Uniform(0.5, 1.5)})
-OFFSET = Ranged("hole_offset", "fixture", {"x": Uniform(-0.04, 0.04), "y": Uniform(-0.04, 0.04)})
+FRICTION = RandomizedEffect("contact_friction", "peg", {"scale": Uniform(0.5, 1.5)})
+OFFSET = RandomizedEffect("hole_offset", "fixture", {"x": Uniform(-0.04, 0.04), "y": Uniform(-0.04, 0.04)})
 WORLD = World(ranges=(FRICTION, OFFSET))
 
 
@@ -62,8 +62,8 @@ def test_only_the_edge_counts():
 
 
 def test_a_place_with_a_range_to_itself_says_nothing_of_the_broad_one():
-    each = Ranged("viscous_friction", "each", {"damping": Uniform(0.0, 2.0)})
-    own = Ranged("viscous_friction", "joint4", {"damping": Uniform(0.0, 9.0)})
+    each = RandomizedEffect("viscous_friction", "each", {"damping": Uniform(0.0, 2.0)})
+    own = RandomizedEffect("viscous_friction", "joint4", {"damping": Uniform(0.0, 9.0)})
     adaptive = Adaptive(World(ranges=(each, own)), start=0.5)
     inner, outer = {"damping": 0.1}, {"damping": 4.0}
     adaptive.record({"viscous_friction(joint1)": inner, own.label: outer}, True, dict(adaptive.levels))

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vispeg.core.effect import Placed
+from vispeg.core.effect import EffectInstance
 from vispeg.core.world import World
 from vispeg.identify.evidence import Evidence
 from vispeg.recordings.load import load
@@ -18,8 +18,8 @@ from vispeg.task.control import DAMPING, POSTURE
 from vispeg.task.simulation import PegSimulation
 
 NOISE = 2e-5  # rad, the encoders'
-FRICTION = Placed.of("coulomb_friction", "joint4", torque=1.5)
-PAYLOAD = Placed.of("payload", "flange", mass=0.4, z=0.05)
+FRICTION = EffectInstance.of("coulomb_friction", "joint4", torque=1.5)
+PAYLOAD = EffectInstance.of("payload", "flange", mass=0.4, z=0.05)
 
 
 def recorded(effects, steps=20):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vispeg.core.effect import Placed
+from vispeg.core.effect import EffectInstance
 from vispeg.core.world import World
 from vispeg.task.config import TaskConfig
 from vispeg.task.simulation import PegSimulation
@@ -15,7 +15,7 @@ def test_latency_of_20_ms_leaves_the_arm_at_rest(rotation, stable):
     half a control period lag by 0.9 rad, less than the law's phase margin atan(2 * 40 / 20) = 1.3 rad; 2 sqrt(900) =
     60 rad/s leaves none."""
     config = TaskConfig(steps=20, stiffness=(300.0, rotation))
-    world = World(effects=(Placed.of("command_delay", "all", delay=0.02),))
+    world = World(effects=(EffectInstance.of("command_delay", "all", delay=0.02),))
     sim = PegSimulation(world, config, 1)
     sim.reset(np.arange(1), [3])
     up = np.array([[0.0, 0.0, 0.1]])

@@ -9,20 +9,20 @@ from gymnasium.utils.env_checker import check_env
 
 from vispeg.core.distribution import Uniform
 from vispeg.core.errors import UserError
-from vispeg.core.world import Ranged, World
+from vispeg.core.world import RandomizedEffect, World
 from vispeg.task.divergence import replay
 from vispeg.task.vector import PegInHoleVec, episode_seed
 
 VARIED = World(
     ranges=(
-        Ranged("command_delay", "all", {"delay": Uniform(0.0, 0.02)}),
-        Ranged("viscous_friction", "each", {"damping": Uniform(0.0, 1.0)}),
-        Ranged("hysteresis", "joint4", {"torque": Uniform(0.0, 0.5), "stiffness": 100.0}),
-        Ranged("coulomb_friction", "each", {"torque": Uniform(0.0, 0.3)}),
-        Ranged("link_mass", "link7", {"mass": Uniform(-0.1, 0.3)}),
-        Ranged("hole_offset", "fixture", {"x": Uniform(-0.03, 0.03)}),
-        Ranged("goal_imprecision", "hole", {"x": Uniform(-0.002, 0.002)}),
-        Ranged("encoder_noise", "all", {"sd": Uniform(0.0, 0.001)}, chance=0.5),
+        RandomizedEffect("command_delay", "all", {"delay": Uniform(0.0, 0.02)}),
+        RandomizedEffect("viscous_friction", "each", {"damping": Uniform(0.0, 1.0)}),
+        RandomizedEffect("hysteresis", "joint4", {"torque": Uniform(0.0, 0.5), "stiffness": 100.0}),
+        RandomizedEffect("coulomb_friction", "each", {"torque": Uniform(0.0, 0.3)}),
+        RandomizedEffect("link_mass", "link7", {"mass": Uniform(-0.1, 0.3)}),
+        RandomizedEffect("hole_offset", "fixture", {"x": Uniform(-0.03, 0.03)}),
+        RandomizedEffect("goal_imprecision", "hole", {"x": Uniform(-0.002, 0.002)}),
+        RandomizedEffect("encoder_noise", "all", {"sd": Uniform(0.0, 0.001)}, chance=0.5),
     )
 )
 
@@ -159,7 +159,7 @@ def test_records_tell_how_it_went():
 def test_a_policy_without_a_target_sees_nothing_of_the_hole():
     """Two holes 50 mm apart look the same to a blind policy, not to one that is told, and the critic knows."""
     shifted = [
-        World(ranges=(Ranged("hole_offset", "fixture", {"x": x}),)) for x in (-0.025, 0.025)
+        World(ranges=(RandomizedEffect("hole_offset", "fixture", {"x": x}),)) for x in (-0.025, 0.025)
     ]  # fixed numbers: drawn the same for every seed
     seen = {m: [PegInHoleVec(1, world=w, obs_mode=m).reset(seed=3)[0] for w in shifted] for m in ("proprio", "state")}
     assert np.array_equal(seen["proprio"][0]["policy"], seen["proprio"][1]["policy"])

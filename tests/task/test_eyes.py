@@ -5,15 +5,15 @@ import pytest
 
 from vispeg.core.distribution import Uniform
 from vispeg.core.errors import UserError
-from vispeg.core.world import Ranged, World
+from vispeg.core.world import RandomizedEffect, World
 from vispeg.task.vector import PegInHoleVec
 
 WORLD = World(
     ranges=(
-        Ranged("hole_offset", "fixture", {"x": Uniform(-0.03, 0.03)}),
-        Ranged("part_colour", "each", {"amount": 1.0, "hue": Uniform(0, 1), "saturation": 0.8, "value": 0.7}),
-        Ranged("disparity_noise", "all", {"sd": Uniform(0.05, 0.2)}),
-        Ranged("brightness", "all", {"change": Uniform(-0.3, 0.3)}),
+        RandomizedEffect("hole_offset", "fixture", {"x": Uniform(-0.03, 0.03)}),
+        RandomizedEffect("part_colour", "each", {"amount": 1.0, "hue": Uniform(0, 1), "saturation": 0.8, "value": 0.7}),
+        RandomizedEffect("disparity_noise", "all", {"sd": Uniform(0.05, 0.2)}),
+        RandomizedEffect("brightness", "all", {"change": Uniform(-0.3, 0.3)}),
     )
 )
 SMALL = {"image_size": 16, "steps": 4, "backend": "raycast"}  # needs no graphics driver
@@ -45,8 +45,11 @@ def test_one_row_sees_what_it_sees_among_many():
 
 def test_a_row_that_begins_anew_shows_the_others_no_moment_twice():
     """With cameras that remember: latency, lost frames, errors that last."""
-    slow = Ranged("camera_delay", "all", {"delay": Uniform(0.1, 0.3)}), Ranged("dropped_frames", "all", {"chance": 0.3})
-    lasting = Ranged("depth_temporal", "all", {"sd": 0.2, "rho": 0.8, "length": 1.0})
+    slow = (
+        RandomizedEffect("camera_delay", "all", {"delay": Uniform(0.1, 0.3)}),
+        RandomizedEffect("dropped_frames", "all", {"chance": 0.3}),
+    )
+    lasting = RandomizedEffect("depth_temporal", "all", {"sd": 0.2, "rho": 0.8, "length": 1.0})
     world = World(ranges=(*WORLD.ranges, *slow, lasting))
     calm, busy = (
         PegInHoleVec(3, world=world, obs_mode="rgbd", autoreset_mode="Disabled", **SMALL | {"steps": 9})
@@ -88,7 +91,7 @@ def test_the_hole_is_seen_where_it_is():
     """Two holes 40 mm apart give different depth images of the same start: the information is in the pixels."""
     images = []
     for x in (-0.02, 0.02):
-        world = World(ranges=(Ranged("hole_offset", "fixture", {"x": x}),))
+        world = World(ranges=(RandomizedEffect("hole_offset", "fixture", {"x": x}),))
         images.append(PegInHoleVec(1, world=world, obs_mode="depth", **SMALL).reset(seed=4)[0])
     a, b = images
     assert np.array_equal(a["policy"], b["policy"])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vispeg.core.effect import REGISTRY, Placed, effect
+from vispeg.core.effect import EffectInstance, effect, searchable
 from vispeg.core.world import World
 from vispeg.robots.scene import SceneConfig, build
 from vispeg.sim.compiled import nominal_of
@@ -14,7 +14,7 @@ TICK = 5e-3  # s, a controller's period
 HOME = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])
 SWING = 0.15 * np.array([1, -1, 1, 1, 1, -1, 1])  # rad, away from the table
 SCENE = build(SceneConfig(), ())
-ARM = sorted(name for name, e in REGISTRY.items() if e.kind in ("joint", "drive", "body"))
+ARM = sorted(searchable())
 NOISE = 2e-5  # rad, an encoder's
 
 
@@ -27,7 +27,7 @@ def worlds(names, seed):
         targets = [t for t in kind.targets(SCENE) if t not in ("peg", "tool")]
         values = {k: p.start * rng.uniform(0.5, 1.5) for k, p in kind.params.items()}
         values = {k: float(np.clip(v, kind.params[k].low, kind.params[k].high)) for k, v in values.items()}
-        out.append(World(effects=(Placed.of(name, targets[rng.integers(len(targets))], **values),)))
+        out.append(World(effects=(EffectInstance.of(name, targets[rng.integers(len(targets))], **values),)))
     return out
 
 

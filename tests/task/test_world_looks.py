@@ -6,25 +6,25 @@ import numpy as np
 import pytest
 from clamped import SCENE
 
-from vispeg.core.effect import Placed, effect
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
-from vispeg.core.world import Ranged, World
+from vispeg.core.world import RandomizedEffect, World
 from vispeg.render.look import Fields
 from vispeg.render.pipeline import Pipeline
 from vispeg.sim.placement import activate
 from vispeg.task.world_file import built_in, load_world
 
 ALL = [r for name in built_in() for r in load_world(name).world.ranges]
-LOOKS = {f"{r.label} {r.params}": r for r in ALL if effect(r.effect).kind == "appearance"}
+LOOKS = {f"{r.label} {r.params}": r for r in ALL if effect(r.effect).family == "appearance"}
 FAULTS = {f"{r.label} {r.params}": r for r in ALL if effect(r.effect).overrides("image")}
 
 
-def at(r: Ranged, quantile: float) -> World:
+def at(r: RandomizedEffect, quantile: float) -> World:
     """The effect at every place of the range, each parameter at this quantile."""
     values = {k: v if isinstance(v, float) else v.at(quantile) for k, v in r.params.items()}
     places = effect(r.effect).targets(SCENE) if r.where in ("each", "all") else [r.where]
-    return World().add(*(Placed.of(r.effect, where, **values) for where in places))
+    return World().add(*(EffectInstance.of(r.effect, where, **values) for where in places))
 
 
 def images() -> Frame:

@@ -6,25 +6,25 @@ import numpy as np
 import pytest
 from clamped import SCENE, written
 
-from vispeg.core.effect import ARM, Placed, effect
+from vispeg.core.effect import OPTICAL, EffectInstance, effect
 from vispeg.core.seeds import stream
-from vispeg.core.world import Ranged, World
+from vispeg.core.world import RandomizedEffect, World
 from vispeg.sim.placement import activate
 from vispeg.sim.state import DriveState
 from vispeg.task.world_file import built_in, load_world
 
 TICKS = 400
 ALL = [r for name in built_in() for r in load_world(name).world.ranges]
-RANGES = {f"{r.label} {r.params}": r for r in ALL if effect(r.effect).kind in (*ARM, "contact")}
+RANGES = {f"{r.label} {r.params}": r for r in ALL if effect(r.effect).family not in OPTICAL}
 
 
-def at(r: Ranged, quantile: float) -> World:
+def at(r: RandomizedEffect, quantile: float) -> World:
     """The effect with every parameter at this quantile of its range, wherever the range puts it."""
     values = {k: v if isinstance(v, float) else v.at(quantile) for k, v in r.params.items()}
     if "seed" in values:
         values["seed"] = 5.0
     places = effect(r.effect).targets(SCENE) if r.where == "each" else [r.where]
-    return World().add(*(Placed.of(r.effect, where, **values) for where in places))
+    return World().add(*(EffectInstance.of(r.effect, where, **values) for where in places))
 
 
 def seen(worlds: list[World]) -> list[list[np.ndarray]]:

@@ -39,7 +39,7 @@ class Args:
         from dataclasses import replace
 
         from vispeg.cli.inputs import read_model
-        from vispeg.core.effect import Placed, effect
+        from vispeg.core.effect import EffectInstance, effect
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
         from vispeg.effects.model_file import load_model, model_text
@@ -55,7 +55,7 @@ class Args:
         where, given = place(kind, self.where, robot), values(kind, self.set)
         typical = {name: param.start for name, param in kind.params.items()}
         here = [e for e in world.effects if (e.effect, e.where) == (self.effect, where)]
-        placed = (here[0] if here else Placed.of(self.effect, where, **typical)).with_values(**given)
+        placed = (here[0] if here else EffectInstance.of(self.effect, where, **typical)).with_values(**given)
         world = world.add(placed)
         if Path(world.robot).suffix:  # a model file names its robot relative to itself
             world = replace(world, robot=os.path.relpath(Path(world.robot).resolve(), self.out.resolve().parent))

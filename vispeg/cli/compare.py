@@ -40,7 +40,7 @@ class Args:
         from vispeg.cli.inputs import read_inputs
         from vispeg.core.files import new_folder
         from vispeg.core.provenance import provenance
-        from vispeg.diagnose.compare import compare
+        from vispeg.diagnosis.compare import compare
         from vispeg.report.terminal import print_comparison
         from vispeg.report.write import write_comparison
 

@@ -45,8 +45,8 @@ class Args:
         from vispeg.core.assets import assets
         from vispeg.core.files import new_folder
         from vispeg.core.provenance import provenance
-        from vispeg.diagnose.compare import compare
-        from vispeg.diagnose.run import diagnose
+        from vispeg.diagnosis.compare import compare
+        from vispeg.diagnosis.run import diagnose
         from vispeg.report import words
         from vispeg.report.record import ROBOT
         from vispeg.report.write import write_comparison, write_diagnosis

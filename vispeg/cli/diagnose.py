@@ -51,8 +51,8 @@ class Args:
         from vispeg.cli.progress import stages
         from vispeg.core.files import new_folder
         from vispeg.core.provenance import digest, provenance
-        from vispeg.diagnose.progress import Progress
-        from vispeg.diagnose.run import diagnose
+        from vispeg.diagnosis.progress import Progress
+        from vispeg.diagnosis.run import diagnose
         from vispeg.effects.model_file import model_text
         from vispeg.report.terminal import print_diagnosis
         from vispeg.report.write import write_diagnosis

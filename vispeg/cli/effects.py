@@ -42,15 +42,15 @@ class Args:
     def run(self) -> int:
         """Prints the list, or one effect's words, equation and parameters; draws its picture where asked to."""
         import vispeg.effects  # noqa: F401  (enrols the library)
-        from vispeg.core.effect import ARM, REGISTRY, effect
+        from vispeg.core.effect import REGISTRY, effect, searchable
         from vispeg.effects.words import place
         from vispeg.report.catalogue import describe, print_catalogue, print_effect
         from vispeg.robots.model import load
         from vispeg.robots.scene import build
 
         chosen = [effect(self.name)] if self.name else [REGISTRY[name] for name in sorted(REGISTRY)]
-        arm, scene = load(self.robot), build()
-        models = [arm if kind.kind in ARM else scene for kind in chosen]
+        arm, scene, arms = load(self.robot), build(), searchable()
+        models = [arm if kind.name in arms else scene for kind in chosen]
         self._check()
         if self.where is not None:
             place(chosen[0], self.where, models[0])
@@ -76,15 +76,17 @@ class Args:
 
     def _picture(self, kind: Effect, scene: Any, path: Path) -> str:
         """Draws what the effect does; says where the picture lies, or why there is none."""
-        if kind.kind == "contact":
-            return "no picture: a contact is felt, not seen"
+        from vispeg.core.effect import OPTICAL, searchable
+
         if path.exists() and not self.overwrite:
             return f"picture: {path} (from before; --overwrite draws it anew)"
-        if kind.kind in ("camera", "appearance"):
+        if kind.family in OPTICAL:
             from vispeg.report.look import draw
 
             draw(kind, self.where, scene, path, overwrite=self.overwrite)
             return f"picture: {path}"
+        if kind.name not in searchable():
+            return "no picture: its signature needs the task's cell"
         from vispeg.identify.signature import signature
         from vispeg.report.signature import signature_panels
 

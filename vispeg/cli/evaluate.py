@@ -62,11 +62,11 @@ class Args:
         )
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
-        from vispeg.evaluate.controls import CONTROLS
-        from vispeg.evaluate.gap import gap
-        from vispeg.evaluate.jobs import Setting, make_jobs, seeds_of
-        from vispeg.evaluate.media import film_failures
-        from vispeg.evaluate.players import ready
+        from vispeg.evaluation.controls import CONTROLS
+        from vispeg.evaluation.gap import gap
+        from vispeg.evaluation.jobs import Setting, make_jobs, seeds_of
+        from vispeg.evaluation.media import film_failures
+        from vispeg.evaluation.players import ready
         from vispeg.report.gap import words
         from vispeg.report.gap.build import write
         from vispeg.task.world_file import load_world

@@ -65,8 +65,8 @@ def _kind(out: Path) -> str | None:
 def play_all(jobs: Sequence[Any], out: Path, workers: int, quiet: bool) -> list[Any]:
     """All episodes of the jobs, with a bar for each policy, and the success so far."""
     from vispeg.cli.progress import bars
-    from vispeg.evaluate.records import read
-    from vispeg.evaluate.runner import EPISODES, run
+    from vispeg.evaluation.records import read
+    from vispeg.evaluation.runner import EPISODES, run
 
     totals: dict[str, int] = {}
     for job in jobs:
@@ -132,7 +132,7 @@ def measured(
     csv: Path | None, policies: Iterable[tuple[str, int]], world: str, configurations: Sequence[str] = ()
 ) -> Any:
     """A real robot's `Trials` of `policies` (name, training seed), under the name `world`; none without a file."""
-    from vispeg.evaluate.measured import Trials, read_csv
+    from vispeg.evaluation.measured import Trials, read_csv
 
     seeds: dict[str, set[int]] = {}
     for name, seed in policies:

@@ -67,10 +67,10 @@ class Args:
         from vispeg.cli.evaluation import measured, open_folder, print_table, write_result
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
-        from vispeg.evaluate.entrants import EXPERT
-        from vispeg.evaluate.gap import gap
-        from vispeg.evaluate.players import ready
-        from vispeg.evaluate.records import append, read_all
+        from vispeg.evaluation.entrants import EXPERT
+        from vispeg.evaluation.gap import gap
+        from vispeg.evaluation.players import ready
+        from vispeg.evaluation.records import append, read_all
         from vispeg.report.gap import words
         from vispeg.report.gap.build import write
 
@@ -115,10 +115,10 @@ class Args:
 
         from vispeg.cli.evaluation import check_episodes, open_folder, play_all
         from vispeg.core.errors import UserError
-        from vispeg.evaluate import stored
-        from vispeg.evaluate.controls import CONTROLS
-        from vispeg.evaluate.entrants import refuse_trained_on
-        from vispeg.evaluate.jobs import Setting, make_jobs, seeds_of
+        from vispeg.evaluation import stored
+        from vispeg.evaluation.controls import CONTROLS
+        from vispeg.evaluation.entrants import refuse_trained_on
+        from vispeg.evaluation.jobs import Setting, make_jobs, seeds_of
         from vispeg.task.world_file import load_world
 
         check_episodes(self.episodes, self.workers)
@@ -152,7 +152,7 @@ class Args:
         return names, jobs, play_all(jobs, out, self.workers, self.quiet)
 
     def _films(self, jobs, episodes, names):  # type: ignore[no-untyped-def]
-        from vispeg.evaluate.media import film_seeds
+        from vispeg.evaluation.media import film_seeds
 
         if not self.videos or not jobs:
             return []

@@ -59,9 +59,9 @@ class Args:
         )
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
-        from vispeg.evaluate import perturb
-        from vispeg.evaluate.jobs import Pushes, make_jobs, seeds_of
-        from vispeg.evaluate.players import ready
+        from vispeg.evaluation import perturb
+        from vispeg.evaluation.jobs import Pushes, make_jobs, seeds_of
+        from vispeg.evaluation.players import ready
         from vispeg.report.gap import words
         from vispeg.report.gap.perturb_page import render
         from vispeg.task.world_file import load_world

@@ -48,9 +48,9 @@ class Args:
         from vispeg.cli.evaluation import check_episodes, open_folder, play_all, write_result
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
-        from vispeg.evaluate import sensitivity
-        from vispeg.evaluate.jobs import make_jobs, seeds_of
-        from vispeg.evaluate.players import ready
+        from vispeg.evaluation import sensitivity
+        from vispeg.evaluation.jobs import make_jobs, seeds_of
+        from vispeg.evaluation.players import ready
         from vispeg.report.gap.sweep_page import render
         from vispeg.task.world_file import load_world
 

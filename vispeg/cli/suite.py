@@ -60,10 +60,10 @@ class Run:
         from vispeg.cli import evaluation
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
-        from vispeg.evaluate import suite
-        from vispeg.evaluate.entrants import refuse_trained_on
-        from vispeg.evaluate.jobs import make_jobs, seeds_of
-        from vispeg.evaluate.players import ready
+        from vispeg.evaluation import suite
+        from vispeg.evaluation.entrants import refuse_trained_on
+        from vispeg.evaluation.jobs import make_jobs, seeds_of
+        from vispeg.evaluation.players import ready
         from vispeg.report.gap.suite_page import render
         from vispeg.task.world_file import load_world
 
@@ -111,9 +111,9 @@ class Compare:
         from vispeg.cli import evaluation
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
-        from vispeg.evaluate import suite
-        from vispeg.evaluate.records import read
-        from vispeg.evaluate.suite_file import read_result
+        from vispeg.evaluation import suite
+        from vispeg.evaluation.records import read
+        from vispeg.evaluation.suite_file import read_result
         from vispeg.report.gap.suite_page import render
 
         if not self.folders:

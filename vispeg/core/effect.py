@@ -13,8 +13,9 @@ from vispeg.core.errors import UserError
 from vispeg.core.frame import Frame
 from vispeg.core.params import Param
 
-Kind = Literal["joint", "drive", "body", "contact", "camera", "appearance"]
-ARM = ("joint", "drive", "body")  # kinds that an arm alone can show; the others need a scene
+Family = Literal["joint", "drive", "sensor", "body", "contact", "task", "camera", "appearance"]
+ARM = ("joint", "drive", "sensor", "body")  # families that an arm alone can show; the others need a scene
+OPTICAL = ("camera", "appearance")  # families that are only seen; the others are felt
 Values = Mapping[str, np.ndarray]  # parameter name -> (nsim, ntarget)
 REGISTRY: dict[str, Effect] = {}
 
@@ -28,7 +29,8 @@ class Effect(ABC):
 
     Class attributes:
         name: the name in model files.
-        kind: the family it belongs to.
+        family: the folder of the library that it stands in.
+        searchable: False where a diagnosis of an arm does not look for it, though its family is one of an arm.
         params: its parameters.
         writes: the MjModel fields that `write` may touch; a test holds it to that.
         order: position in the chain of drive hooks; smaller acts earlier (nearer to the command).
@@ -43,10 +45,11 @@ class Effect(ABC):
     """
 
     name: ClassVar[str]
-    kind: ClassVar[Kind]
+    family: ClassVar[Family]
     params: ClassVar[Mapping[str, Param]]
     writes: ClassVar[frozenset[str]] = frozenset()
     order: ClassVar[int] = 50
+    searchable: ClassVar[bool] = True
     smooth: ClassVar[bool] = True
     shared: ClassVar[bool] = False
     torqueless: ClassVar[bool] = False
@@ -151,9 +154,14 @@ class Effect(ABC):
 ALL_NAMES = "`vispeg effects` lists all"
 
 
-def of_kind(*kinds: Kind) -> dict[str, Effect]:
-    """The registered effects of these kinds (default: those of an arm alone), by name."""
-    return {name: e for name, e in sorted(REGISTRY.items()) if e.kind in (kinds or ARM)}
+def searchable() -> dict[str, Effect]:
+    """The registered effects that a diagnosis of an arm chooses from, by name."""
+    return {name: e for name, e in sorted(REGISTRY.items()) if e.family in ARM and e.searchable}
+
+
+def of_family(*families: Family) -> dict[str, Effect]:
+    """The registered effects of these families, by name."""
+    return {name: e for name, e in sorted(REGISTRY.items()) if e.family in families}
 
 
 def effect(name: str) -> Effect:
@@ -173,7 +181,7 @@ class Value:
 
 
 @dataclass(frozen=True)
-class Placed:
+class EffectInstance:
     """An effect at a place, with values."""
 
     effect: str
@@ -182,8 +190,8 @@ class Placed:
     origin: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, name: str, where: str, **values: float) -> Placed:
-        """`Placed.of("coulomb_friction", "joint4", torque=1.3)`; what is not given takes its start (shape) or null."""
+    def of(cls, name: str, where: str, **values: float) -> EffectInstance:
+        """`EffectInstance.of("coulomb_friction", "joint4", torque=1.3)`; other parameters: start (shape) or null."""
         params = effect(name).params
         for key in values:
             if key not in params:
@@ -196,6 +204,8 @@ class Placed:
         """`coulomb_friction(joint4)`."""
         return f"{self.effect}({self.where})"
 
-    def with_values(self, **values: float) -> Placed:
+    def with_values(self, **values: float) -> EffectInstance:
         """The same effect with other values (their intervals dropped)."""
-        return Placed(self.effect, self.where, {**self.params, **{k: Value(float(v)) for k, v in values.items()}})
+        return EffectInstance(
+            self.effect, self.where, {**self.params, **{k: Value(float(v)) for k, v in values.items()}}
+        )

@@ -9,7 +9,7 @@ import numpy as np
 
 @dataclass
 class Frame:
-    """n images of one camera. Effects of kind `camera` change them in place or replace their arrays.
+    """n images of one camera. Effects of family `camera` change them in place or replace their arrays.
 
     Attributes:
         rgb: (n, H, W, 3) float32 in [0, 1], sRGB-encoded, or None where no colour is asked for.

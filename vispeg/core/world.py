@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 
 from vispeg.core.distribution import Distribution
-from vispeg.core.effect import Placed, effect
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.seeds import stream
 
 NORMAL = NormalDist()
 
 
 @dataclass(frozen=True)
-class Ranged:
+class RandomizedEffect:
     """An effect whose parameters are drawn anew for every episode.
 
     Attributes:
-        effect, where: as in Placed; `each` draws separately for every target.
+        effect, where: as in EffectInstance; `each` draws separately for every target.
         params: a number or a distribution each; what is not named stays at null (or at its start, for a shape).
         source: where the range comes from.
         group: effects of one group share a Gaussian factor: their parameters move together with correlation `rho`.
@@ -41,7 +41,7 @@ class Ranged:
         """`contact_friction(peg)`."""
         return f"{self.effect}({self.where})"
 
-    def draw(self, seed: int, where: str, level: float = 1.0) -> Placed | None:
+    def draw(self, seed: int, where: str, level: float = 1.0) -> EffectInstance | None:
         """The effect at `where` for one seed; None where this episode does without it.
 
         Args:
@@ -62,7 +62,7 @@ class Ranged:
                 own = np.sqrt(abs(self.rho)) * common * np.sign(self.rho) + np.sqrt(1 - abs(self.rho)) * own
             value, param = given.at(NORMAL.cdf(own)), effect(self.effect).params[name]
             values[name] = value if param.shape or level == 1.0 else param.null + level * (value - param.null)
-        return None if absent else Placed.of(self.effect, where, **values)
+        return None if absent else EffectInstance.of(self.effect, where, **values)
 
 
 @dataclass(frozen=True)
@@ -78,8 +78,8 @@ class World:
 
     robot: str = "iiwa14"
     tool: Mapping[str, Any] | str | None = None
-    effects: tuple[Placed, ...] = ()
-    ranges: tuple[Ranged, ...] = ()
+    effects: tuple[EffectInstance, ...] = ()
+    ranges: tuple[RandomizedEffect, ...] = ()
 
     def sample(self, seed: int, model: Any, levels: Mapping[str, float] | float = 1.0) -> World:
         """This world with every range drawn, from nominal and from a stream of its own keyed by (seed, name, where).
@@ -96,7 +96,7 @@ class World:
             drawn += [d for where in places if (d := r.draw(seed, where, float(level))) is not None]
         return replace(self, ranges=()).add(*drawn)
 
-    def add(self, *effects: Placed) -> World:
+    def add(self, *effects: EffectInstance) -> World:
         """This world with effects added; one at the same place replaces its predecessor."""
         new = {(e.effect, e.where): e for e in (*self.effects, *effects)}
         return replace(self, effects=tuple(new.values()))

@@ -1,7 +1,7 @@
-"""The effect library: one file an effect; every module in this folder enrols what it defines."""
+"""The effect library: a folder for each family, one file an effect; every module of a family enrols what it defines."""
 
 from importlib import import_module
-from pkgutil import iter_modules
+from pkgutil import walk_packages
 
-for _module in sorted(m.name for m in iter_modules(__path__)):
-    import_module(f"{__name__}.{_module}")
+for _module in sorted(m.name for m in walk_packages(__path__, f"{__name__}.") if m.name.count(".") == 3):
+    import_module(_module)

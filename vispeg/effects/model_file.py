@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from vispeg.core.effect import ALL_NAMES, REGISTRY, Placed, Value, effect
+from vispeg.core.effect import ALL_NAMES, REGISTRY, EffectInstance, Value, effect
 from vispeg.core.errors import UserError
 from vispeg.core.world import World
 from vispeg.formats.format import Format, enrol
@@ -28,7 +28,7 @@ class _Plain(yaml.SafeDumper):
 
 
 def _example(folder: Path) -> Path:
-    friction = Placed.of("coulomb_friction", "joint4", torque=1.2)
+    friction = EffectInstance.of("coulomb_friction", "joint4", torque=1.2)
     tool = {"mass_kg": 0.5, "com_m": [0.0, 0.0, 0.05], "inertia_kgm2": [1e-3, 1e-3, 1e-3]}
     (folder / "model.yaml").write_text(model_text(World("iiwa14", tool, (friction,))), encoding="utf-8")
     return folder / "model.yaml"
@@ -63,7 +63,7 @@ def load_model(source: str | Path) -> World:
     return World(robot, None if tool in (None, "none") else tool, effects)
 
 
-def _placed(entry: Any, file: Path, key: str) -> Placed:
+def _placed(entry: Any, file: Path, key: str) -> EffectInstance:
     if not isinstance(entry, Mapping):
         raise UserError("wrong entry", file=file, key=key, expected="a mapping with effect, where, params", got=entry)
     unknown = sorted(str(k) for k in set(entry) - {"effect", "where", "params", "origin"})
@@ -82,14 +82,14 @@ def _placed(entry: Any, file: Path, key: str) -> Placed:
     if not isinstance(given, Mapping):
         raise UserError("wrong params", file=file, key=f"{key}.params", expected="a mapping", got=given)
     known = effect(name).params
-    params = dict(Placed.of(name, where).params)
+    params = dict(EffectInstance.of(name, where).params)
     for parameter, value in given.items():
         at = f"{key}.params.{parameter}"
         if parameter not in known:
             raise UserError(f"{name} has no such parameter", file=file, key=at, got=parameter, choices=known)
         params[parameter] = _value(value, known[parameter], file, at)
     origin = entry.get("origin") or {}
-    return Placed(name, where, params, dict(origin) if isinstance(origin, Mapping) else {})
+    return EffectInstance(name, where, params, dict(origin) if isinstance(origin, Mapping) else {})
 
 
 def _value(value: Any, param: Any, file: Path, key: str) -> Value:
@@ -120,7 +120,7 @@ def _value(value: Any, param: Any, file: Path, key: str) -> Value:
     return Value(numbers["value"], low, high)
 
 
-def placed_dict(placed: Placed) -> dict[str, Any]:
+def placed_dict(placed: EffectInstance) -> dict[str, Any]:
     """The YAML/JSON form of a placed effect."""
     params = {}
     for name, v in placed.params.items():

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import vispeg.effects  # noqa: F401  (names must be enrolled)
-from vispeg.core.effect import Effect, Placed, effect
+from vispeg.core.effect import Effect, EffectInstance, effect
 from vispeg.core.errors import UserError
 
 
@@ -48,7 +48,7 @@ def values(kind: Effect, pairs: Iterable[str]) -> dict[str, float]:
     return out
 
 
-def parse(text: str, robot: Any) -> list[Placed]:
+def parse(text: str, robot: Any) -> list[EffectInstance]:
     """Effects from `NAME:WHERE[:param=number,...]`; what is not given takes its typical size.
 
     WHERE is a place of the robot, `all` (one value shared by all places) or `each` (one effect for each place).
@@ -62,4 +62,4 @@ def parse(text: str, robot: Any) -> list[Placed]:
     given = values(kind, [s for s in settings.split(",") if s])
     typical = {k: p.start for k, p in kind.params.items()} | given
     places: Sequence[str] = kind.targets(robot) if where == "each" else [place(kind, where, robot)]
-    return [Placed.of(name, w, **typical) for w in places]
+    return [EffectInstance.of(name, w, **typical) for w in places]

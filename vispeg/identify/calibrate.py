@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from vispeg.core.effect import Placed, effect
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
 from vispeg.identify.checkpoint import Checkpoint
@@ -37,7 +37,7 @@ class Calibration:
     method: str
 
 
-def chosen(method: Method, effects: Sequence[Placed]) -> Literal["least-squares", "cma"]:
+def chosen(method: Method, effects: Sequence[EffectInstance]) -> Literal["least-squares", "cma"]:
     """`auto`: CMA-ES, then least squares, where the residual is not smooth in some effect; else least squares alone."""
     if method != "auto":
         return method

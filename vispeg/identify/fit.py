@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from scipy import optimize, stats
 
-from vispeg.core.effect import Placed, Value
+from vispeg.core.effect import EffectInstance, Value
 from vispeg.core.world import World
 from vispeg.identify.checkpoint import Trace
 from vispeg.identify.cmaes import minimise
@@ -197,13 +197,13 @@ def _summary(evidence: Evidence, space: Space, u: np.ndarray, converged: bool, p
     sigma, correlation, weak = _uncertainty(evidence, r, jac, space)
     low, high = space.bounds
     t = float(stats.t.ppf(0.975, max(2, len(np.unique(evidence.blocks())) - len(u))))
-    effects: list[Placed] = list(space.world.effects)
+    effects: list[EffectInstance] = list(space.world.effects)
     bound = []
     for axis, value, s, lo, hi in zip(space.axes, u, sigma, low, high, strict=True):
         placed = effects[axis.index]
         interval = [space.backward(np.clip(v, lo, hi), axis) for v in (value - t * s, value + t * s)]
         params = {**placed.params, axis.name: Value(space.backward(value, axis), min(interval), max(interval))}
-        effects[axis.index] = Placed(placed.effect, placed.where, params, placed.origin)
+        effects[axis.index] = EffectInstance(placed.effect, placed.where, params, placed.origin)
         if not axis.param.shape and min(value - lo, hi - value) < 1e-6 * max(1.0, hi - lo):
             bound.append(f"{placed.label}.{axis.name}")
     world = World(space.world.robot, space.world.tool, tuple(effects))

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vispeg.core.effect import Placed, effect
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.world import World
 from vispeg.identify.checkpoint import Trace
@@ -121,7 +121,7 @@ class Coordinates:
         self.axes += [("viscous_friction", j, "damping", DECAY * i) for j, i in zip(robot.joints, inertia, strict=True)]
         here = {(e.effect, e.where): e for e in world.effects}
         places = dict.fromkeys((name, where) for name, where, _, _ in self.axes)
-        self.placed = {at: here.get(at, Placed.of(*at)) for at in places}
+        self.placed = {at: here.get(at, EffectInstance.of(*at)) for at in places}
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vispeg.core.effect import Placed, effect
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
 from vispeg.effects.words import place
@@ -34,7 +34,7 @@ class Signature:
         angle, speed: (n,) rad, rad/s, of that joint without the effect: what the torque may depend on.
     """
 
-    placed: Placed
+    placed: EffectInstance
     joint: str
     motion: str
     time: np.ndarray
@@ -50,8 +50,8 @@ def signature(name: str, where: str | None = None, *, robot: str = "iiwa14", see
     targets = kind.targets(model)
     usual = next((t for t in (JOINT, LINK) if t in targets), targets[0])
     spot = usual if where is None else place(kind, where, model)
-    placed = Placed.of(name, spot, **{k: p.start for k, p in kind.params.items()})
-    move = "triangle" if kind.kind == "joint" else "fourier"
+    placed = EffectInstance.of(name, spot, **{k: p.start for k, p in kind.params.items()})
+    move = "triangle" if kind.family == "joint" else "fourier"
     m = motion(move, model, RATE, SECONDS, stream(seed, "signature"))
     control = controller(model, "position", RATE, centre_of(model))
     command = {"q_cmd": m.q_cmd, "dq_cmd": m.dq_cmd}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vispeg.core.effect import Placed, effect
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.params import Param
 from vispeg.core.world import World
 
@@ -60,7 +60,7 @@ class Space:
 
     def at(self, u: np.ndarray) -> World:
         """The world at coordinates u."""
-        effects: list[Placed] = list(self.world.effects)
+        effects: list[EffectInstance] = list(self.world.effects)
         for axis, value in zip(self.axes, u, strict=True):
             effects[axis.index] = effects[axis.index].with_values(**{axis.name: self.backward(value, axis)})
         return World(self.world.robot, self.world.tool, tuple(effects))

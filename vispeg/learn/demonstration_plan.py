@@ -7,9 +7,9 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
-from vispeg.core.effect import Placed, effect
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
-from vispeg.core.world import Ranged, World
+from vispeg.core.world import RandomizedEffect, World
 from vispeg.datasets.layout import Layout, colour_of, depth, depth_of, flag, number, numbers, parts, picture, truth_of
 from vispeg.datasets.plan import Plan, shard_frames
 from vispeg.render.camera import Camera
@@ -75,9 +75,9 @@ def plan_of(
 def seen_world(world: World, cameras: Sequence[str]) -> World:
     """The part of a world that is only seen, without what acts on other cameras than these."""
 
-    def seen(e: Placed | Ranged) -> bool:
-        kind = effect(e.effect).kind
-        return kind == "appearance" or (kind == "camera" and e.where in ("all", "each", *cameras))
+    def seen(e: EffectInstance | RandomizedEffect) -> bool:
+        family = effect(e.effect).family
+        return family == "appearance" or (family == "camera" and e.where in ("all", "each", *cameras))
 
     effects, ranges = tuple(filter(seen, world.effects)), tuple(filter(seen, world.ranges))
     return replace(world, effects=effects, ranges=ranges)

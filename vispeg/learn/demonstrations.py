@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from vispeg.core.effect import effect
+from vispeg.core.effect import OPTICAL, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.core.world import Ranged, World
+from vispeg.core.world import RandomizedEffect, World
 from vispeg.datasets.episode import Episode, Recorder
 from vispeg.datasets.layout import Layout, colour_of, depth_of, truth_of
 from vispeg.datasets.plan import Plan, Shard, look_seed
@@ -34,7 +34,7 @@ from vispeg.render.contrast import TRIES, redraw
 from vispeg.render.look import dress
 from vispeg.task.expert import Expert
 from vispeg.task.eyes import FAR, camera_velocity
-from vispeg.task.simulation import PHYSICS, PegSimulation, felt
+from vispeg.task.simulation import PegSimulation, felt
 from vispeg.task.world_file import load_world
 
 ROWS = 4  # episodes played side by side; part of what the bytes follow from
@@ -109,7 +109,7 @@ class Stage:
             raise UserError("the world has changed since the rendering began", file=file.path)
         self.config = task_of(file, plan.cameras, plan.size)
         self.scene = scene_of(self.config)
-        self.physics = replace(file.world, ranges=tuple(r for r in file.world.ranges if _kind(r) in PHYSICS))
+        self.physics = replace(file.world, ranges=tuple(r for r in file.world.ranges if _family(r) not in OPTICAL))
         self.seen = seen_world(file.world, plan.cameras)
         self.sim = PegSimulation(self.physics, self.config, ROWS, "state")
         self.expert = Expert(self.config, ROWS)
@@ -269,8 +269,8 @@ def _enough(episodes: Sequence[Played], wanted: int | None) -> bool:
     return False
 
 
-def _kind(r: Ranged) -> str:
-    return effect(r.effect).kind
+def _family(r: RandomizedEffect) -> str:
+    return effect(r.effect).family
 
 
 _STAGES: dict[str, Stage] = {}

@@ -15,7 +15,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.datasets.plan import look_seed
 from vispeg.learn.demonstration_plan import seen_world
-from vispeg.task.eyes import Eyes
+from vispeg.task.eyes import CameraRig
 
 
 class OtherLook:
@@ -40,29 +40,29 @@ class OtherLook:
             self.drawn[row] = self.world.sample(self.seeds[row], self.scene, self.levels)
 
 
-class ManyEyes:
+class ManyCameraRigs:
     """Eyes and further ones beside them, whose images are called `KEY@1`, `KEY@2` and so on."""
 
-    def __init__(self, own: Eyes, further: Sequence[Eyes]):
+    def __init__(self, own: CameraRig, further: Sequence[CameraRig]):
         self.own, self.further = own, further
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.own, name)
 
     def begin(self, rows: np.ndarray) -> None:
-        """See Eyes."""
+        """See CameraRig."""
         self.own.begin(rows)
         for eyes in self.further:
             eyes.sim.draw(rows)  # type: ignore[attr-defined]
             eyes.begin(rows)
 
     def look(self, rows: Sequence[int] | np.ndarray) -> None:
-        """See Eyes."""
+        """See CameraRig."""
         for eyes in (self.own, *self.further):
             eyes.look(rows)
 
     def see(self) -> dict[str, np.ndarray]:
-        """See Eyes."""
+        """See CameraRig."""
         others = {f"{key}@{k}": v for k, eyes in enumerate(self.further, 1) for key, v in eyes.see().items()}
         return self.own.see() | others
 
@@ -88,8 +88,8 @@ def looking(env: Any, looks: int) -> Iterator[None]:
         return
     own: Any = env.eyes
     sims: list[Any] = [OtherLook(env.sim, k) for k in range(1, looks)]
-    further = [Eyes(sim, env.obs_mode, env.file, own.backend) for sim in sims]
-    env.eyes = ManyEyes(own, further)
+    further = [CameraRig(sim, env.obs_mode, env.file, own.backend) for sim in sims]
+    env.eyes = ManyCameraRigs(own, further)
     try:
         yield
     finally:

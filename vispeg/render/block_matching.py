@@ -19,8 +19,8 @@ from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
-from vispeg.effects._field import normal
-from vispeg.effects._light import LUMA, to_linear
+from vispeg.effects.common.field import normal
+from vispeg.effects.common.light import LUMA, to_linear
 from vispeg.render.backend import Renderer, Shot
 from vispeg.render.camera import PINHOLE, Camera
 

@@ -19,7 +19,7 @@ from vispeg.core.effect import effect
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
-from vispeg.effects._light import to_linear
+from vispeg.effects.common.light import to_linear
 from vispeg.render.backend import Renderer, Shot
 from vispeg.render.camera import Camera
 from vispeg.render.look import dress
@@ -159,7 +159,7 @@ def redraw(
     Returns:
         The world with every range drawn, and how many looks were refused: `tries` where none would do.
     """
-    looks = tuple(r for r in world.ranges if effect(r.effect).kind == "appearance")
+    looks = tuple(r for r in world.ranges if effect(r.effect).family == "appearance")
     others = tuple(r for r in world.ranges if r not in looks)
     fixed = replace(world, ranges=others).sample(seed, scene, levels)
     if not looks:

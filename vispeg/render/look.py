@@ -11,15 +11,13 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from vispeg.core.effect import Effect, Placed, effect
+from vispeg.core.effect import OPTICAL, Effect, EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.world import World
 from vispeg.render import model_camera
 from vispeg.render.backend import Renderer
 from vispeg.render.camera import Camera
 from vispeg.render.pristine import place
-
-KINDS = ("appearance", "camera")
 
 
 class Fields:
@@ -64,7 +62,7 @@ def dress(renderer: Renderer, scene: Any, world: World) -> list[int]:
     before = {name: _camera_row(renderer.model, i) for name, (i, _) in rows.items()}
     fields = Fields(renderer.model, scene)
     for writer, placed in writers(world):
-        if writer.kind == "camera":
+        if writer.family == "camera":
             _need_rows(renderer, placed)
         writer.write(fields, values(writer, placed, scene))
     seen = []
@@ -76,17 +74,17 @@ def dress(renderer: Renderer, scene: Any, world: World) -> list[int]:
     return renderer.refresh()
 
 
-def writers(world: World) -> list[tuple[Effect, list[Placed]]]:
+def writers(world: World) -> list[tuple[Effect, list[EffectInstance]]]:
     """The effects of a world that write a look, each with its places, in the order in which they act."""
-    found: dict[str, list[Placed]] = {}
+    found: dict[str, list[EffectInstance]] = {}
     for placed in world.effects:
         one = effect(placed.effect)
-        if one.kind in KINDS and one.overrides("write"):
+        if one.family in OPTICAL and one.overrides("write"):
             found.setdefault(placed.effect, []).append(placed)
     return sorted(((effect(name), at) for name, at in found.items()), key=lambda e: (e[0].order, e[0].name))
 
 
-def values(one: Effect, placed: Sequence[Placed], scene: Any) -> Mapping[str, np.ndarray]:
+def values(one: Effect, placed: Sequence[EffectInstance], scene: Any) -> Mapping[str, np.ndarray]:
     """(1, ntarget) values of an effect's parameters, null where it is not placed; `all` means every target."""
     targets = one.targets(scene)
     out = {k: np.full((1, len(targets)), p.start if p.shape else p.null) for k, p in one.params.items()}
@@ -108,7 +106,7 @@ def _camera_row(model: mujoco.MjModel, i: int) -> np.ndarray:
     return np.concatenate([model.cam_pos[i], model.cam_quat[i], model.cam_intrinsic[i]])
 
 
-def _need_rows(renderer: Renderer, placed: Sequence[Placed]) -> None:
+def _need_rows(renderer: Renderer, placed: Sequence[EffectInstance]) -> None:
     names = [renderer.model.camera(i).name for i in range(renderer.model.ncam)]
     for at in placed:
         if at.where != "all" and at.where not in names:

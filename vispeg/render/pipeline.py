@@ -15,7 +15,7 @@ from vispeg.core.effect import Effect, effect
 from vispeg.core.errors import UserError
 from vispeg.core.frame import Frame
 from vispeg.core.world import World
-from vispeg.effects._light import LightEffect, pass_light
+from vispeg.effects.common.light import LightEffect, pass_light
 
 
 @dataclass
@@ -72,7 +72,7 @@ class Pipeline:
                     stage.state["time"][row] = np.inf  # any time is before that: the row begins anew
             for placed in world.effects:
                 kind = effect(placed.effect)
-                if kind.kind != "camera" or not kind.overrides("image") or placed.where not in ("all", self.camera):
+                if kind.family != "camera" or not kind.overrides("image") or placed.where not in ("all", self.camera):
                     continue
                 stage = self._stages.setdefault(kind.name, self._stage(kind))
                 for name, value in placed.params.items():

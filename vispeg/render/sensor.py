@@ -14,7 +14,7 @@ import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.distribution import Normal, parse
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
-from vispeg.core.world import Ranged
+from vispeg.core.world import RandomizedEffect
 from vispeg.formats.yaml_data import read_yaml
 
 PRESETS = Path(__file__).parent / "presets"
@@ -32,7 +32,7 @@ def sensor_file(name: str) -> Path:
     return PRESETS / f"{name}.yaml"
 
 
-def sensor(name: str, where: str | None = None) -> tuple[Ranged, ...]:
+def sensor(name: str, where: str | None = None) -> tuple[RandomizedEffect, ...]:
     """The ranges of a sensor, to be added to a World's.
 
     Args:
@@ -47,7 +47,7 @@ def sensor(name: str, where: str | None = None) -> tuple[Ranged, ...]:
     return tuple(_ranged(entry, where, str(path), f"effects[{i}]") for i, entry in enumerate(entries))
 
 
-def _ranged(entry: Mapping[str, Any], where: str | None, file: str, key: str) -> Ranged:
+def _ranged(entry: Mapping[str, Any], where: str | None, file: str, key: str) -> RandomizedEffect:
     params = {k: parse(v, file, f"{key}.params.{k}") for k, v in entry["params"].items()}
     known = effect(entry["effect"]).params
     for k in params:
@@ -56,4 +56,4 @@ def _ranged(entry: Mapping[str, Any], where: str | None, file: str, key: str) ->
         value = params[k]
         if isinstance(value, Normal):
             params[k] = replace(value, low=known[k].low, high=known[k].high)
-    return Ranged(entry["effect"], where or entry.get("where", "all"), params, source=entry["source"])
+    return RandomizedEffect(entry["effect"], where or entry.get("where", "all"), params, source=entry["source"])

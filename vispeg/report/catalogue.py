@@ -5,18 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, get_args
 
-from vispeg.core.effect import Effect, Kind
+from vispeg.core.effect import Effect, Family
 from vispeg.core.params import Param
 from vispeg.report.effect_words import equation, summary, unit
 from vispeg.report.tables import Column, Sheet, terminal, wrapped
 
 WIDEST = 100  # columns that a list of sentences takes, however wide the terminal
-GROUPS = get_args(Kind)
+GROUPS = get_args(Family)
 GROUP_WORDS = {
     "joint": "friction, springs and play in a joint",
-    "drive": "between a command and the torque, and from a joint to its reading",
+    "drive": "between a command and the torque at the joint",
+    "sensor": "what encoders and the wrist's force sensor make of the truth",
     "body": "masses, and how the base stands",
-    "contact": "the peg, its grip, the hole, and what touches",
+    "contact": "what touches, and how",
+    "task": "the peg, its grip and the hole: where they are, where they are believed to be",
     "camera": "what a lens, a sensor and a codec make of a picture",
     "appearance": "colours, textures, lamps and surroundings",
 }
@@ -38,7 +40,7 @@ def describe(kind: Effect, robot: Any) -> dict[str, Any]:
         params[name] = {"unit": p.unit, "low": p.low, "high": p.high, "null": null, "typical": p.start, "doc": p.doc}
     return {
         "name": kind.name,
-        "kind": kind.kind,
+        "family": kind.family,
         "summary": summary(kind),
         "description": equation(kind),
         "where": kind.targets(robot),
@@ -47,14 +49,14 @@ def describe(kind: Effect, robot: Any) -> dict[str, Any]:
 
 
 def print_catalogue(kinds: Sequence[Effect], models: Sequence[Any]) -> None:
-    """The effects as a list, groups by kind: what each is, where it acts, its parameters with bounds and null."""
+    """The effects as a list, groups by family: what each is, where it acts, its parameters with bounds and null."""
     from rich.text import Text
 
     console = terminal()
     width = min(console.width, WIDEST)
     groups: dict[str, list[tuple[Effect, Any]]] = {}
     for kind, robot in zip(kinds, models, strict=True):
-        groups.setdefault(kind.kind, []).append((kind, robot))
+        groups.setdefault(kind.family, []).append((kind, robot))
     text = Text(no_wrap=True, overflow="ignore")
     for group in sorted(groups, key=GROUPS.index):
         text.append(f"# {group}: {GROUP_WORDS[group]}\n", style="bold")

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from vispeg.core.effect import Placed
+from vispeg.core.effect import EffectInstance
 from vispeg.core.world import World
-from vispeg.diagnose.intervals import widened
+from vispeg.diagnosis.intervals import widened
 from vispeg.effects.model_file import placed_dict
 from vispeg.identify.calibrate import Calibration, labels, strong_pairs
 from vispeg.identify.evidence import Evidence
@@ -76,7 +76,7 @@ def fit_record(
     return record, final
 
 
-def _honest(world: World, free: Sequence[int], before: float, after: float) -> list[Placed]:
+def _honest(world: World, free: Sequence[int], before: float, after: float) -> list[EffectInstance]:
     """The effects, fitted intervals widened by the share of the error that the fit leaves (see `widened`)."""
     fixed = [i for i in range(len(world.effects)) if i not in free]
     order = [*fixed, *free]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from vispeg.core.effect import Effect, Placed
+from vispeg.core.effect import Effect, EffectInstance
 from vispeg.core.files import write_bytes_atomic
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
@@ -34,7 +34,7 @@ def draw(kind: Effect, where: str | None, scene: Any, path: Path, *, overwrite: 
         overwrite: replace a picture that is there.
     """
     where = place(kind, where or "all", scene)
-    placed = Placed.of(kind.name, where, **{k: p.start for k, p in kind.params.items()})
+    placed = EffectInstance.of(kind.name, where, **{k: p.start for k, p in kind.params.items()})
     wide, _, external = standard_cameras(scene.tip, scene.config.fixture)
     cameras = [resized(c, SIZE) for c in (external, wide)]
     rows = []

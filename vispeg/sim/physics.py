@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vispeg.effects._delay import DelayLine
+from vispeg.effects.common.delay import DelayLine
 from vispeg.sim.placement import Active
 from vispeg.sim.state import DriveState, Fields
 

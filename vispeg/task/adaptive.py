@@ -15,7 +15,7 @@ import vispeg.effects  # noqa: F401  (names must be enrolled)
 from vispeg.core.distribution import Distribution
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
-from vispeg.core.world import Ranged, World
+from vispeg.core.world import RandomizedEffect, World
 
 TAIL = 0.025  # quantile taken for a range's end
 
@@ -114,11 +114,11 @@ class Adaptive:
         self.levels = {k: float(v) for k, v in state["levels"].items()}
         self.outcomes = {k: [bool(x) for x in v] for k, v in state["outcomes"].items()}
 
-    def _governs(self, r: Ranged, name: str) -> bool:
+    def _governs(self, r: RandomizedEffect, name: str) -> bool:
         broad = r.where in ("all", "each")
         return name == r.label or broad and name.startswith(f"{r.effect}(") and name not in self.own
 
-    def _at_edge(self, r: Ranged, values: Mapping[str, float]) -> bool:
+    def _at_edge(self, r: RandomizedEffect, values: Mapping[str, float]) -> bool:
         level = self.levels[r.label]
         for name in r.params:
             below, above, free = _reaches(r, name)
@@ -140,7 +140,7 @@ class Adaptive:
         self.outcomes[label] = []
 
 
-def _reaches(r: Ranged, name: str) -> tuple[float, float, bool]:
+def _reaches(r: RandomizedEffect, name: str) -> tuple[float, float, bool]:
     """How far (below, above) null a parameter goes at level 1, and whether a level moves it at all."""
     given: float | Distribution = r.params[name]
     param = effect(r.effect).params[name]

@@ -96,7 +96,7 @@ def camera_velocity(camera: Camera, pose: np.ndarray, twist: np.ndarray, flange:
     return np.concatenate([np.einsum("nij,nj->ni", turn, linear), np.einsum("nij,nj->ni", turn, twist[:, 3:])], axis=1)
 
 
-class Eyes:
+class CameraRig:
     """The cameras of a simulation.
 
     Args:
@@ -141,7 +141,7 @@ class Eyes:
             name: np.zeros((sim.nsim, *(space.shape or ())), space.dtype)
             for name, space in image_spaces(obs_mode, self.cameras).items()
         }
-        self._varied = any(effect(r.effect).kind == "appearance" for r in sim.world.ranges)
+        self._varied = any(effect(r.effect).family == "appearance" for r in sim.world.ranges)
 
     def _renderer(self, cameras: Sequence[Camera], labels: bool = False) -> Renderer:
         return Renderer(self.sim.scene, cameras, self.backend, labels=labels, shadows=self.shadows)  # type: ignore[arg-type]
@@ -239,7 +239,7 @@ class Eyes:
             film = resized(side, height).moved(name="film", width=width, cx=(width - 1) / 2)
             self._film = self._renderer([film])
         world = self.sim.drawn[row]
-        looks = [e for e in world.effects if effect(e.effect).kind == "appearance"]
+        looks = [e for e in world.effects if effect(e.effect).family == "appearance"]
         dress(self._film, self.sim.scene, replace(world, effects=tuple(looks)))
         return self._film.render(self.sim.cell.qpos[row], self.sim.bodies(row))["film"].rgb
 

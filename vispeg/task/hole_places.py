@@ -10,7 +10,7 @@ import numpy as np
 
 from vispeg.core.distribution import Choice, Distribution, LogUniform, Normal, Uniform
 from vispeg.core.errors import UserError
-from vispeg.core.world import Ranged
+from vispeg.core.world import RandomizedEffect
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import nominal_of
 from vispeg.sim.reach import reach
@@ -20,7 +20,7 @@ ABOVE = 0.03  # m over the hole, where episodes begin
 RARE = 1e-3  # share of a Gaussian's draws that may lie further out than what is looked at, on either side
 
 
-def check_places(scene: Scene, offset: Ranged | None, file: Path, key: str) -> None:
+def check_places(scene: Scene, offset: RandomizedEffect | None, file: Path, key: str) -> None:
     """Looks at the outermost places of the hole, and those nearest the base's axis.
 
     Args:

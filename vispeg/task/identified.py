@@ -5,15 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 from vispeg.core.distribution import Distribution, Normal
-from vispeg.core.effect import Placed, effect
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
-from vispeg.core.world import Ranged
+from vispeg.core.world import RandomizedEffect
 from vispeg.effects.model_file import load_model
 
 WIDTH = 2 * 1.96  # standard deviations in a 95 % interval
 
 
-def ranges_of(path: Path, robot: str) -> tuple[Ranged, ...]:
+def ranges_of(path: Path, robot: str) -> tuple[RandomizedEffect, ...]:
     """A range for each effect of a model file: normal where a value has an interval, fixed where it has none.
 
     Args:
@@ -31,11 +31,11 @@ def ranges_of(path: Path, robot: str) -> tuple[Ranged, ...]:
     return tuple(_ranged(placed, path) for placed in model.effects)
 
 
-def _ranged(placed: Placed, path: Path) -> Ranged:
+def _ranged(placed: EffectInstance, path: Path) -> RandomizedEffect:
     params: dict[str, float | Distribution] = {}
     for name, v in placed.params.items():
         bounds = effect(placed.effect).params[name]
         fitted = v.low is not None and v.high is not None and v.high > v.low
         sd = (v.high - v.low) / WIDTH if fitted else 0.0  # type: ignore[operator]
         params[name] = Normal(v.value, sd, bounds.low, bounds.high) if fitted else v.value
-    return Ranged(placed.effect, placed.where, params, source=f"identified: {path.name}")
+    return RandomizedEffect(placed.effect, placed.where, params, source=f"identified: {path.name}")

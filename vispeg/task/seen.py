@@ -5,20 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from vispeg.core.effect import Placed, effect
-from vispeg.core.world import Ranged, World
-
-PHYSICS = ("joint", "drive", "body", "contact")  # kinds of effects that the cell feels; the others are only seen
+from vispeg.core.effect import OPTICAL, EffectInstance, effect
+from vispeg.core.world import RandomizedEffect, World
 
 
 def shown(world: World, cameras: Sequence[str]) -> World:
     """The world without what no camera of the task can see."""
 
-    def seen(e: Placed | Ranged) -> bool:
-        kind = effect(e.effect).kind
-        if kind == "camera":
+    def seen(e: EffectInstance | RandomizedEffect) -> bool:
+        family = effect(e.effect).family
+        if family == "camera":
             return bool(cameras) and e.where in ("all", "each", *cameras)
-        return kind != "appearance" or bool(cameras)
+        return family != "appearance" or bool(cameras)
 
     effects, ranges = (tuple(e for e in group if seen(e)) for group in (world.effects, world.ranges))
     return replace(world, effects=effects, ranges=ranges)  # type: ignore[arg-type]
@@ -26,4 +24,4 @@ def shown(world: World, cameras: Sequence[str]) -> World:
 
 def felt(world: World) -> World:
     """The world without what is only seen."""
-    return replace(world, effects=tuple(e for e in world.effects if effect(e.effect).kind in PHYSICS))
+    return replace(world, effects=tuple(e for e in world.effects if effect(e.effect).family not in OPTICAL))

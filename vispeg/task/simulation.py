@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from vispeg.control.laws import rotation_vector, turned
-from vispeg.core.effect import effect
+from vispeg.core.effect import OPTICAL, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
@@ -22,7 +22,7 @@ from vispeg.task.control import PoseControl
 from vispeg.task.observe import Stack, observation, policy_part, policy_size
 from vispeg.task.outcome import Track
 from vispeg.task.reward import REWARDS, Moment
-from vispeg.task.seen import PHYSICS, felt, shown
+from vispeg.task.seen import felt, shown
 
 DOWN = np.array([0.0, 1.0, 0.0, 0.0])  # flange z straight down, wxyz
 HOME = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])  # rad, from where inverse kinematics starts
@@ -49,7 +49,7 @@ class PegSimulation:
         self.levels: Mapping[str, float] | float = 1.0
         self.radius = config.start_radius
         h = config.control_period / config.substeps
-        names = {e.effect for e in (*world.effects, *world.ranges) if effect(e.effect).kind in PHYSICS}
+        names = {e.effect for e in (*world.effects, *world.ranges) if effect(e.effect).family not in OPTICAL}
         self.drawn = [world.sample(0, self.scene)] * nsim
         self.cell = Cell(self.scene, [felt(w) for w in self.drawn], h, config.control_period, nthread, sorted(names))
         self.control = PoseControl(self.scene.nominal, nsim, config.stiffness, config.force_limit, HOME, nthread)
@@ -265,4 +265,4 @@ class PegSimulation:
         return out
 
 
-__all__ = ["DOWN", "HOME", "IMAGE_MODES", "PHYSICS", "PegSimulation", "felt", "shown"]
+__all__ = ["DOWN", "HOME", "IMAGE_MODES", "PegSimulation", "felt", "shown"]

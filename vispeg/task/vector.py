@@ -17,7 +17,7 @@ from vispeg.core.seeds import stream
 from vispeg.core.world import World
 from vispeg.task.config import TaskConfig
 from vispeg.task.divergence import leave
-from vispeg.task.eyes import MODES, Eyes, image_spaces
+from vispeg.task.eyes import MODES, CameraRig, image_spaces
 from vispeg.task.observe import PRIVILEGED, policy_size
 from vispeg.task.simulation import PegSimulation
 
@@ -119,7 +119,7 @@ class PegInHoleVec(VectorEnv):
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": 6, "autoreset_mode": self.autoreset_mode}
         self.sim = PegSimulation(self.world, self.config, num_envs, obs_mode, nthread)
-        self.eyes = Eyes(self.sim, obs_mode, self.file, backend)
+        self.eyes = CameraRig(self.sim, obs_mode, self.file, backend)
         self.single_observation_space, self.single_action_space = spaces(self.config, obs_mode, self.eyes.cameras)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)

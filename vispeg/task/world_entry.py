@@ -13,13 +13,13 @@ from vispeg.core.distribution import Choice, Distribution, LogUniform, Normal, U
 from vispeg.core.effect import ALL_NAMES, REGISTRY, Effect
 from vispeg.core.errors import UserError
 from vispeg.core.params import Param
-from vispeg.core.world import Ranged
+from vispeg.core.world import RandomizedEffect
 
 KEYS = ("effect", "where", "params", "chance", "group", "rho", "source")
 
 
-def ranged(entry: Any, model: Any, file: Path, key: str) -> Ranged:
-    """The entry as a Ranged, every name, place, range and bound checked.
+def ranged(entry: Any, model: Any, file: Path, key: str) -> RandomizedEffect:
+    """The entry as a RandomizedEffect, every name, place, range and bound checked.
 
     A parameter called `seed` that is not given is drawn from all its values.
 
@@ -55,7 +55,7 @@ def ranged(entry: Any, model: Any, file: Path, key: str) -> Ranged:
     rho = _number(entry.get("rho", 0.0), -1.0, 1.0, file, f"{key}.rho")
     if rho and not group:
         raise UserError("a correlation needs a group", file=file, key=f"{key}.rho", expected="group: NAME", got=rho)
-    return Ranged(
+    return RandomizedEffect(
         kind.name,
         _place(kind, entry.get("where", "all"), model, file, key),
         params,
@@ -66,8 +66,8 @@ def ranged(entry: Any, model: Any, file: Path, key: str) -> Ranged:
     )
 
 
-def entry_dict(r: Ranged) -> dict[str, Any]:
-    """The entry of a Ranged, for YAML and for hashing."""
+def entry_dict(r: RandomizedEffect) -> dict[str, Any]:
+    """The entry of a RandomizedEffect, for YAML and for hashing."""
     out: dict[str, Any] = {"effect": r.effect, "where": r.where}
     out["params"] = {name: written(value) for name, value in r.params.items()}
     out |= {"chance": r.chance} if r.chance != 1.0 else {}

@@ -14,9 +14,9 @@ from typing import Any
 
 import yaml
 
-from vispeg.core.effect import Placed
+from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
-from vispeg.core.world import Ranged, World
+from vispeg.core.world import RandomizedEffect, World
 from vispeg.effects.model_file import placed_dict
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.guard import is_file, read_bytes
@@ -63,7 +63,7 @@ class WorldFile:
 class _Parts:
     """What a file and the files it is based on add up to; `said` is file and key of each range."""
 
-    ranges: dict[tuple[str, str], Ranged] = field(default_factory=dict)
+    ranges: dict[tuple[str, str], RandomizedEffect] = field(default_factory=dict)
     said: dict[tuple[str, str], tuple[Path, str]] = field(default_factory=dict)
     task: dict[str, Any] = field(default_factory=dict)
     cameras: dict[str, Any] = field(default_factory=dict)
@@ -136,7 +136,7 @@ def world_text(file: WorldFile) -> str:
     return yaml.safe_dump(data | {"effects": entries}, sort_keys=False, allow_unicode=True)
 
 
-def _fixed(e: Placed) -> dict[str, Any]:
+def _fixed(e: EffectInstance) -> dict[str, Any]:
     return {"effect": e.effect, "where": e.where, "params": {k: v.value for k, v in e.params.items()}}
 
 
@@ -169,7 +169,7 @@ def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> None:
         _replace(parts, r, path, f"effects[{i}]")
 
 
-def _replace(parts: _Parts, r: Ranged, path: Path, key: str) -> None:
+def _replace(parts: _Parts, r: RandomizedEffect, path: Path, key: str) -> None:
     """The range, said there, takes the place of one for the same effect and place, and stands last."""
     parts.ranges.pop((r.effect, r.where), None)
     parts.ranges[r.effect, r.where] = r

@@ -14,7 +14,7 @@ sys.path[:0] = [str(Path(__file__).resolve().parents[3])]
 import numpy as np  # noqa: E402
 
 import vispeg.effects  # noqa: E402, F401  (enrols the effects)
-from vispeg.core.effect import Placed  # noqa: E402
+from vispeg.core.effect import EffectInstance  # noqa: E402
 from vispeg.core.world import World  # noqa: E402
 from vispeg.identify.fit import Fit, fit_job  # noqa: E402
 from vispeg.identify.inverse import evidence_for  # noqa: E402
@@ -36,7 +36,7 @@ def fitted(world: World, folder: Path) -> tuple[Fit, float]:
 
 def oracle(folder: Path, hidden: list[dict]) -> dict:
     """Held-out error of the true effects, fitted from the true values."""
-    world = World().add(*(Placed.of(h["effect"], h["where"], **h["params"]) for h in hidden))
+    world = World().add(*(EffectInstance.of(h["effect"], h["where"], **h["params"]) for h in hidden))
     fit, error = fitted(world, folder)
     values = {e.label: {k: v.value for k, v in e.params.items()} for e in fit.world.effects}
     return {"heldout_error": error, "params": values}
@@ -45,8 +45,8 @@ def oracle(folder: Path, hidden: list[dict]) -> dict:
 def baseline(folder: Path) -> dict:
     """Rotor inertia, damping, friction and bias of every joint and one delay, all fitted at once; the largest z."""
     joints = [f"joint{i}" for i in range(1, 8)]
-    placed = [Placed.of(e, w, **{p: 0.1 * SMALL[j]}) for e, p in FIXED.items() for j, w in enumerate(joints)]
-    world = World().add(*placed, Placed.of("command_delay", "all", delay=5e-4))
+    placed = [EffectInstance.of(e, w, **{p: 0.1 * SMALL[j]}) for e, p in FIXED.items() for j, w in enumerate(joints)]
+    world = World().add(*placed, EffectInstance.of("command_delay", "all", delay=5e-4))
     fit, error = fitted(world, folder)
     best, named = -1.0, None
     for e in fit.world.effects:

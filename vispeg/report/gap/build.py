@@ -54,8 +54,8 @@ def write(out: Path, command: str = "gap", *, overwrite: bool = False) -> Path:
 def _example(folder: Path) -> Path:
     import json
 
-    from vispeg.evaluate.example import episodes
-    from vispeg.evaluate.gap import gap
+    from vispeg.evaluation.example import episodes
+    from vispeg.evaluation.gap import gap
 
     (folder / "gap.json").write_text(json.dumps(gap(episodes(), worlds=["S", "V"])), encoding="utf-8")
     return folder

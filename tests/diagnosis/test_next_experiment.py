@@ -1,0 +1,66 @@
+"""What to record next: something that would settle a question, or nothing."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from vispeg.core.effect import EffectInstance
+from vispeg.core.world import World
+from vispeg.diagnosis.next_experiment import DECISIVE, MENU, next_experiment
+from vispeg.diagnosis.rivals import Rivals
+from vispeg.identify.record import controller
+from vispeg.robots.model import load
+
+CHOSEN, OTHER = (
+    EffectInstance.of("coulomb_friction", "joint4", torque=1.2),
+    EffectInstance.of("viscous_friction", "joint4", damping=2.0),
+)
+
+
+def trial(placed):
+    score = SimpleNamespace(placed=placed)
+    return SimpleNamespace(score=score, fit=SimpleNamespace(world=World("iiwa14").add(placed)), loss=np.ones(3))
+
+
+def search(unit="rad", sigma=2e-5):
+    robot = load("iiwa14")
+    control = controller(robot, "position", 100.0, np.zeros(7))
+    segment = SimpleNamespace(control=control, q=np.zeros((1, 7)))
+    item = SimpleNamespace(robot=robot, segment=segment, sigma=np.full(7, sigma), nj=7)
+    return SimpleNamespace(evidence=SimpleNamespace(unit=unit, items=[item], h_max=1e-3, nthread=1))
+
+
+STATE = SimpleNamespace(world=World("iiwa14").add(CHOSEN))
+REFUSED = [Rivals(CHOSEN.label, (), (trial(OTHER),))]
+EQUAL = [Rivals(CHOSEN.label, (trial(OTHER),), (trial(OTHER),))]
+
+
+@pytest.mark.parametrize("unit", ["rad", "N m"])
+def test_a_model_without_a_rival_asks_for_nothing(unit):
+    """A refused candidate is none: what separates it was seen already."""
+    assert next_experiment(search(unit), STATE, REFUSED, "identified", 0) == (None, {})
+    assert next_experiment(search(unit), STATE, [], "adequate", 0) == (None, {})
+
+
+def test_rivals_are_separated_by_the_motion_that_separates_them_most():
+    found, arrays = next_experiment(search(), STATE, EQUAL, "ambiguous", 0)
+    assert found["motion"] in MENU and found["expected_separation_sigma"] > 100 * DECISIVE
+    assert "coulomb_friction(joint4) from viscous_friction(joint4)" in found["why"]
+    apart = (arrays["next/A"] - arrays["next/B"]) / 2e-5
+    assert np.sqrt(np.sum(apart**2)) == pytest.approx(found["expected_separation_sigma"], rel=1e-3)
+
+
+def test_what_no_motion_separates_is_said_and_no_motion_is_drawn():
+    """Predictions that differ by rounding alone are no experiment."""
+    same = EffectInstance.of("coulomb_friction", "joint4", torque=1.2 + 1e-9)
+    found, arrays = next_experiment(search(), STATE, [Rivals(CHOSEN.label, (trial(same),), ())], "ambiguous", 0)
+    assert found["motion"] == "" and "no motion of the menu" in found["why"] and not arrays
+    assert found["expected_separation_sigma"] < DECISIVE and "file" not in found
+
+
+def test_what_nothing_explains_is_shown_apart_by_a_motion_that_can_be_played():
+    found, arrays = next_experiment(search(), STATE, REFUSED, "unexplained", 0)
+    assert found["motion"] == "triangle" and found["file"] and arrays["next/q_cmd"].shape[1] == 7
+    found, arrays = next_experiment(search("N m"), STATE, REFUSED, "unexplained", 0)
+    assert "position mode" in found["why"] and not arrays

@@ -1,0 +1,88 @@
+"""A diagnosis that was killed goes on to the very result of one that was not; another's progress is not used."""
+
+import numpy as np
+import pytest
+from loops import drive, hinge, pendulum, recorded
+
+import vispeg.diagnosis.search as searching
+from vispeg.core.errors import UserError
+from vispeg.core.seeds import stream
+from vispeg.core.world import World
+from vispeg.diagnosis.judge import Judge
+from vispeg.diagnosis.progress import Progress
+from vispeg.diagnosis.run import diagnose
+
+
+class Killed(Exception):
+    """What stands for a signal."""
+
+
+@pytest.fixture(scope="module")
+def recordings():
+    """A pendulum with dry friction on three swings."""
+    robot, out = pendulum(), []
+    for i in range(3):
+        t = np.arange(900) * 5e-3
+        q = 0.4 * (1 - np.cos(2 * np.pi * (0.7 + 0.25 * i) * t))[:, None]
+        s = drive(robot, "position", q[0], command=q, seconds=4.5, rate=200.0, kp=60.0, kd=4.0)
+        out.append(recorded(robot, robot.source, hinge("coulomb_friction", torque=0.8), s, stream(3, i)))
+    return out
+
+
+def run(recordings, progress=None):
+    world = World(recordings[0].robot)
+    return diagnose(world, recordings[:2], recordings[2:], nthread=1, plan_next=False, progress=progress)
+
+
+def optimizers(monkeypatch):
+    """Counts the fits that are not given their end."""
+    count = []
+    real = searching.fit_job
+
+    def counted(*args, **options):
+        if options.get("ended") is None:
+            count.append(1)
+        return real(*args, **options)
+
+    monkeypatch.setattr(searching, "fit_job", counted)
+    return count
+
+
+def test_killed_and_run_again_ends_the_same(recordings, tmp_path, monkeypatch):
+    file = tmp_path / "part" / "progress.json"
+    whole_count = optimizers(monkeypatch)
+    whole = run(recordings)
+    assert len(whole.record["ladder"]) > 1, whole.record["reason"]
+
+    def kill(*_):
+        raise Killed
+
+    with monkeypatch.context() as patched, pytest.raises(Killed):
+        patched.setattr(Judge, "gain", kill)  # screened and fitted, not judged yet
+        run(recordings, Progress(file, "mine"))
+    assert file.is_file()
+    again_count = optimizers(monkeypatch)
+    progress = Progress(file, "mine")
+    assert progress.resumed > 0
+    again = run(recordings, progress)
+    assert again.record == whole.record and again.world == whole.world
+    for name, values in whole.arrays.items():
+        np.testing.assert_array_equal(again.arrays[name], values, err_msg=name)
+    assert len(again_count) < len(whole_count)
+    progress.remove()
+    assert not file.parent.exists()
+
+
+def test_progress_of_other_inputs_is_not_used(tmp_path):
+    file = tmp_path / "progress.json"
+    assert Progress(file, ["a", 1]).recall("question", lambda: [0.1, 1 / 3]) == [0.1, 1 / 3]
+    assert Progress(file, ["a", 1]).recall("question", lambda: "not asked") == [0.1, 1 / 3]
+    assert Progress(file, ["a", 2]).recall("question", lambda: "asked again") == "asked again"
+    assert Progress(file, ["a", 2]).recall("another question", lambda: 7) == 7
+
+
+def test_a_spoilt_file_is_said(tmp_path):
+    file = tmp_path / "progress.json"
+    file.write_text('{"key": ')
+    with pytest.raises(UserError, match="remove it to begin anew"):
+        Progress(file, "mine")

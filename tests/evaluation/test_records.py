@@ -1,0 +1,116 @@
+"""Records survive their file, a killed run, and a careless person's CSV."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from vispeg.core.errors import UserError
+from vispeg.evaluation.measured import read_csv
+from vispeg.evaluation.records import Episode, append, read, read_all
+
+ONE = Episode("p", "depth", 0, "S", "abc", 7, True, "success", 3.2, 21.5, 0.0004, 0.02, force_profile=(0.0, 3.25))
+
+
+def test_what_is_written_is_read_again(tmp_path):
+    nan = replace(ONE, seed=8, time=float("nan"), force_profile=None)
+    append(tmp_path / "e.jsonl", [ONE])
+    append(tmp_path / "e.jsonl", [nan])
+    back = read(tmp_path / "e.jsonl")
+    assert back[0] == ONE and back[1].time != back[1].time and back[1].key == nan.key
+    assert len((tmp_path / "e.jsonl").read_text().splitlines()) == 2
+
+
+def test_a_half_written_line_is_neither_read_nor_kept(tmp_path):
+    path = tmp_path / "e.jsonl"
+    append(path, [ONE])
+    with path.open("a") as file:
+        file.write('{"policy": "p", "moda')
+    assert read(path) == [ONE]
+    append(path, [replace(ONE, seed=8)])
+    assert [e.seed for e in read(path)] == [7, 8]
+
+
+def test_one_file_may_repeat_another_but_not_contradict_it(tmp_path):
+    append(tmp_path / "a.jsonl", [ONE])
+    append(tmp_path / "b.jsonl", [ONE, replace(ONE, seed=9)])
+    assert len(read_all([tmp_path / "a.jsonl", tmp_path / "b.jsonl"])) == 2
+    append(tmp_path / "a.jsonl", [replace(ONE, success=False, category="jam")])
+    with pytest.raises(UserError, match="twice with different outcomes"):
+        read(tmp_path / "a.jsonl")
+    append(tmp_path / "d.jsonl", [ONE, replace(ONE, world_hash="one place", control="hole_fixed")])
+    assert len(read_all([tmp_path / "d.jsonl"])) == 2, "a control may be a world of its own"
+    append(tmp_path / "c.jsonl", [replace(ONE, seed=10, world_hash="other")])
+    with pytest.raises(UserError, match="S: two different worlds under one name"):
+        read_all([tmp_path / "b.jsonl", tmp_path / "c.jsonl"])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"succes": True}, "did you mean 'success'"),
+        ({"seed": "1"}, "seed is missing or of the wrong type"),
+        ({"success": 1}, "success is missing"),
+        ({"category": "jam"}, "contradict"),
+        ({"time": "long"}, "time is not a number"),
+    ],
+)
+def test_a_bad_line_is_named(tmp_path, change, words):
+    row = json.loads(ONE.to_json()) | change
+    (tmp_path / "e.jsonl").write_text(ONE.to_json() + "\n" + json.dumps(row) + "\n")
+    with pytest.raises(UserError, match=f"line 2.*{words}"):
+        read(tmp_path / "e.jsonl")
+
+
+def test_a_robots_csv(tmp_path):
+    (tmp_path / "r.csv").write_text(
+        "policy,seed,outcome,category,configuration\nA,1,success,,c1\nA,2,0,jam,c1\nB,1,Yes,,c2\n"
+    )
+    trials = read_csv(tmp_path / "r.csv", policies={"A": {0}, "B": {0}}).episodes
+    assert [(e.policy, e.seed, e.success, e.category) for e in trials] == [
+        ("A", 1, True, "success"),
+        ("A", 2, False, "jam"),
+        ("B", 1, True, "success"),
+    ]
+    assert {e.world for e in trials} == {"robot"} and trials[2].configuration == "c2"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("policy,seed\nA,1\n", "a column is missing; expected 'outcome'|a column is missing; expected outcome"),
+        ("policy,seed,outcome,catgory\nA,1,1,\n", "did you mean 'category'"),
+        ("policy,seed,outcome\nC,1,1\n", "line 2: unknown policy"),
+        ("policy,seed,outcome\nA,1,maybe\n", "unknown outcome.*maybe"),
+        ("policy,seed,outcome\nA,one,1\n", "seed is not a number"),
+        ("policy,seed,outcome\nA,1,1\nA,1,0\n", "line 3: the same trial twice"),
+        ("policy,seed,outcome,category\nA,1,1,jam\n", "contradict"),
+        ("policy,seed,outcome,configuration\nA,1,0,far\nA,1,1,c1\nA,2,1,\n", "does not know .*'', 'far'.*choices: c1"),
+        ("policy,seed,outcome\nA,1\n", "another number of cells"),
+        ("policy,seed,outcome\n", "no trials"),
+    ],
+)
+def test_a_bad_csv_is_one_clear_line(tmp_path, text, words):
+    (tmp_path / "r.csv").write_text(text)
+    with pytest.raises(UserError, match=words):
+        read_csv(tmp_path / "r.csv", policies={"A": {0}}, configurations=["c1"] if "configuration" in text else [])
+
+
+def test_a_robots_failure_may_have_a_word_of_its_own(tmp_path):
+    (tmp_path / "r.csv").write_text(
+        "policy,seed,outcome,category\nA,1,0,cable caught\nA,2,0,Jam\nA,3,0,\nA,4,1,Success\n"
+    )
+    trials = read_csv(tmp_path / "r.csv").episodes
+    assert [e.category for e in trials] == ["cable caught", "jam", "failure", "success"]
+    append(tmp_path / "e.jsonl", trials)
+    assert [e.category for e in read(tmp_path / "e.jsonl")] == [e.category for e in trials]
+
+
+def test_an_untold_training_seed_is_the_policys_only_one_else_a_note_says_so(tmp_path):
+    (tmp_path / "r.csv").write_text("policy,seed,outcome\nA,1,1\nB,1,1\nB,2,0\n")
+    found = read_csv(tmp_path / "r.csv", policies={"A": {1}, "B": {3, 2}})
+    assert [e.train_seed for e in found.episodes] == [1, 2, 2]
+    assert found.notes == ["r.csv does not tell which training seed of B (2, 3) was tried; 2 is assumed"]
+    (tmp_path / "r.csv").write_text("policy,seed,outcome,train_seed\nA,1,1,\nB,1,1,3\n")
+    found = read_csv(tmp_path / "r.csv", policies={"A": {1}, "B": {3, 2}})
+    assert [e.train_seed for e in found.episodes] == [1, 3] and found.notes == []

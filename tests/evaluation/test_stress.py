@@ -1,0 +1,254 @@
+"""Suite, sweeps, pushes and the exploitation test on records with known answers; the lists in the package."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vispeg.core.errors import UserError
+from vispeg.core.seeds import stream
+from vispeg.evaluation import exploit, perturb, sensitivity, suite
+from vispeg.evaluation.decide import CANNOT_TELL
+from vispeg.evaluation.fall import beyond_doubt, fall
+from vispeg.evaluation.intervals import wilson
+from vispeg.evaluation.overlay import overlay
+from vispeg.evaluation.records import Episode
+
+
+def wins(world, configuration, count, n=40, policy="a", force=20.0, profile=None):
+    head = ("state", 0, world, f"h-{world}-{configuration}")
+    return [
+        Episode(
+            policy,
+            *head,
+            s,
+            s < count,
+            "success" if s < count else "jam",
+            peak_force=force + s % 5,
+            configuration=configuration,
+            force_profile=profile,
+        )
+        for s in range(n)
+    ]
+
+
+def two_worlds(train, target):
+    return [
+        e
+        for i, (x, y) in enumerate(zip(train, target, strict=True))
+        for e in wins("S", f"c{i}", x) + wins("T", f"c{i}", y)
+    ]
+
+
+RISING = list(range(4, 40, 4))
+
+
+@pytest.mark.parametrize(
+    ("target", "status"),
+    [
+        (RISING, "healthy"),
+        (RISING[::-1], "alarm"),
+        ([12, 4, 24, 4, 30, 10, 28, 24, 36], "watch"),
+        ([38] * 9, CANNOT_TELL),
+    ],
+)
+def test_health_is_the_articles_traffic_light(target, status):
+    found = suite.summarise(two_worlds(RISING, target), "S", "T", "v1")["health"]
+    assert found["status"] == status, found["words"]
+    if status != CANNOT_TELL:
+        r = np.corrcoef(RISING, target)[0, 1]
+        assert found["pearson"]["value"] == pytest.approx(r)
+
+
+def test_too_few_configurations_cannot_tell():
+    assert suite.summarise(two_worlds([1, 20, 39], [1, 20, 39]), "S", "T", "v")["health"]["status"] == CANNOT_TELL
+    with pytest.raises(UserError, match="both worlds"):
+        suite.summarise(wins("S", "c0", 3), "S", "T", "v")
+
+
+@pytest.mark.parametrize("configurations", [1, 2, 9])
+def test_a_fall_beyond_doubt_is_an_alarm_whatever_the_correlation(configurations):
+    full, lower = [40] * configurations, [26] * configurations
+    found = suite.summarise(two_worlds(full, lower), "S", "T", "v")
+    assert found["health"]["status"] == "alarm" and found["health"]["words"].startswith("alarm: a loses 35 points (")
+    assert found["falls"][0]["beyond_doubt"] and found["falls"][0]["fall"]["value"] == pytest.approx(0.35)
+    assert suite.summarise(two_worlds(lower, full), "S", "T", "v")["health"]["status"] == CANNOT_TELL, "a rise is none"
+    assert suite.summarise(two_worlds(full, full), "S", "T", "v")["health"]["status"] == CANNOT_TELL
+    measured = [replace(e, world_hash="") if e.world == "T" else e for e in two_worlds(full, lower)]
+    robot = suite.summarise(measured, "S", "T", "v")
+    assert robot["health"]["status"] == "alarm" and robot["falls"][0]["fall"]["low"] > 0.05
+
+
+def test_a_correlation_is_not_healthy_over_a_fall():
+    lower = [n - 4 for n in RISING]  # ranks every configuration as the training world does, 10 points lower
+    found = suite.summarise(two_worlds(RISING, lower), "S", "T", "v")["health"]
+    assert found["pearson"]["value"] > 0.99 and found["status"] == "alarm" and "r = 1.00" in found["words"]
+
+
+def test_a_falls_interval_covers_the_truth_as_often_as_it_says():
+    rng, inside, alarms = stream(0, "falls"), [0, 0], [0, 0]
+    for _ in range(300):
+        hard = rng.standard_normal(20)  # a seed that is hard is hard in all configurations
+        y = [rng.uniform(size=(6, 20)) < 1 / (1 + np.exp(-m - 1.5 * hard)) for m in (1.5, 1.5)]
+        for i, digest in enumerate(("hash", "")):
+            sides = []
+            for a, b in zip(*y, strict=True):
+                sides.append([[outcome(w, s, ok, digest) for s, ok in enumerate(o)] for w, o in (("S", a), ("T", b))])
+            found = fall(sides)
+            inside[i] += not found.excludes(0.0)
+            alarms[i] += beyond_doubt(found)
+    assert all(0.92 <= n / 300 for n in inside) and max(alarms) == 0
+
+
+def outcome(world, seed, ok, digest):
+    return Episode("a", "state", 0, world, digest and digest + world, seed, bool(ok), "success" if ok else "jam")
+
+
+def test_a_regression_is_found_where_it_is_and_chance_is_not_one():
+    old = two_worlds([36] * 9, [30] * 9)
+    new = two_worlds([36] * 9, [30] * 8 + [10])
+    rows = suite.regressions(old, new)
+    assert [(r["world"], r["configuration"]) for r in rows if r["verdict"] == "fell"] == [("T", "c8")]
+    assert {r["verdict"] for r in suite.regressions(new, old)} >= {"rose"}
+    nearly = two_worlds([36] * 9, [30] * 8 + [27])
+    assert not [r for r in suite.regressions(old, nearly) if r["verdict"] == "fell"]
+
+
+def test_versions_are_compared_in_the_same_world_on_the_same_seeds_only():
+    old = wins("T", "c0", 30)
+    moved = [replace(e, world_hash="another") for e in wins("T", "c0", 5)]
+    with pytest.raises(UserError, match="no configuration in common"):
+        suite.regressions(old, moved)
+    renamed = [replace(e, policy="b") for e in wins("T", "c0", 5)]
+    assert suite.regressions(old, renamed)[0]["verdict"] == "fell"
+    with pytest.raises(UserError, match="no policy in common"):
+        suite.regressions(old + wins("T", "c0", 3, policy="z"), renamed)
+
+
+def test_a_suites_result_tells_the_hash_of_every_world(tmp_path):
+    found = suite.summarise(two_worlds(RISING, RISING), "S", "T", "v", {"S": "aa", "T": "bb"})
+    hashes = {w["name"]: w["hash"] for w in found["worlds"]}
+    assert (hashes["S"], hashes["T"], hashes["S / c0"], len(hashes)) == ("aa", "bb", "h-S-c0", 2 + 2 * 9)
+
+
+def test_versions_from_other_worlds_are_refused_or_named():
+    def version(name, target="bb", **worlds):
+        made = {"S": "aa", "T": target, "T / c0": "c", **worlds}
+        return {"version": name, "train": "S", "target": "T", "worlds": [{"name": k, "hash": made[k]} for k in made]}
+
+    assert suite.other_worlds([version("v1"), version("v2")]) == []
+    moved = suite.other_worlds([version("v1"), version("v2", **{"T / c0": "d", "T / new": "e"})])
+    assert moved == ["v1: made in other worlds than v2: T / c0"]
+    (line,) = suite.other_worlds([{**version("v1"), "worlds": None}, version("v2")])
+    assert "v1: does not tell" in line
+    for other in ("zz", ""):
+        with pytest.raises(UserError, match="target: versions v1 and v3 were made in different worlds"):
+            suite.other_worlds([version("v1"), version("v2"), version("v3", other)])
+
+
+def test_the_suite_and_the_positions_that_come_with_the_package_can_be_built(tmp_path):
+    listed = suite.configurations()
+    assert 10 <= len(listed) <= 20
+    hashes = {
+        overlay(s.world, f"{i}", tmp_path, s.changes, s.task).hash
+        for i, s in enumerate(suite.settings(listed, {"S": "randomized"}))
+    }
+    assert len(hashes) == len(listed)  # every configuration changes something
+    found = perturb.settings("randomized", "S", perturb.positions())
+    assert len(found) == 2 * (1 + 8)
+    still, pushed = found[:9], found[9:]
+    assert all(s.pushes is None for s in still) and all(s.pushes is not None for s in pushed)
+    for s in still:
+        overlay(s.world, s.configuration, tmp_path, s.changes, s.task)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("format: x\n", "unknown format"),
+        ("format: vispeg-suite/1\n", "no entries"),
+        ("format: vispeg-suite/1\nconfigurations: [{task: {}}]\n", "without a name"),
+        ("format: vispeg-suite/1\nconfigurations: [{name: a, tsak: {}}]\n", "did you mean 'task'"),
+        ("format: vispeg-suite/1\nconfigurations: [{name: a}, {name: a}]\n", "stands twice"),
+        ("format: [\n", "is not YAML"),
+    ],
+)
+def test_a_bad_suite_is_one_clear_line(tmp_path, text, words):
+    (tmp_path / "s.yaml").write_text(text)
+    with pytest.raises(UserError, match=words):
+        suite.configurations(tmp_path / "s.yaml")
+
+
+def test_a_sweep_is_read_and_always_has_the_null_value():
+    s = sensitivity.sweep("contact_friction@peg.scale=0.5,2")
+    assert s.values == (0.5, 1.0, 2.0) and s.where == "peg" and s.null == 1.0
+    for name, known in sensitivity.SWEEPS.items():
+        assert known.null in known.values, name
+    for text, words in {
+        "friktion": "unknown sweep.*choices",
+        "contact_friction.scael=1": "did you mean 'scale'",
+        "contact_fricton.scale=1": "did you mean 'contact_friction'",
+        "contact_friction.scale=x": "not numbers",
+        "contact_friction.scale=99": "out of bounds",
+    }.items():
+        with pytest.raises(UserError, match=words):
+            sensitivity.sweep(text)
+
+
+def test_every_named_sweep_can_be_built(tmp_path):
+    for name, known in sensitivity.SWEEPS.items():
+        for s in sensitivity.settings("nominal", "S", known)[-1:]:
+            overlay(s.world, name, tmp_path, s.changes, s.task)
+
+
+def test_a_curve_falls_where_it_falls():
+    what = sensitivity.Sweep("contact_friction", ("scale",), (0.5, 1.0, 2.0, 3.0))
+    counts = {0.5: 39, 1.0: 40, 2.0: 38, 3.0: 12}
+    found = sensitivity.summarise([e for v, n in counts.items() for e in wins("S", sensitivity.tag(what, v), n)], what)
+    (curve,) = found["curves"]
+    assert curve["falls_at"] == 3.0
+    assert [p["success"]["value"] for p in curve["points"]] == [n / 40 for n in counts.values()]
+    assert curve["points"][0]["success"]["low"] == pytest.approx(wilson(39, 40).low)
+    flat = [e for v in counts for e in wins("S", sensitivity.tag(what, v), 30, 60)]
+    assert sensitivity.summarise(flat, what)["curves"][0]["words"].startswith(CANNOT_TELL)
+    many = [e for v in counts for e in wins("S", sensitivity.tag(what, v), 190, 200)]
+    assert sensitivity.summarise(many, what)["curves"][0]["words"].startswith("holds over 0.5 to 3")
+
+
+def test_a_push_that_costs_is_told_from_one_that_does_not():
+    episodes = wins("S", "far corner", 40) + wins("S", "far corner, pushed", 20)
+    episodes += wins("S", "anywhere", 40) + wins("S", "anywhere, pushed", 40)
+    rows = {r["position"]: r for r in perturb.summarise(episodes)["rows"]}
+    assert rows["far corner"]["verdict"] == "different" and rows["far corner"]["cost"]["value"] == 0.5
+    assert rows["anywhere"]["cost"]["value"] == 0 and rows["anywhere"]["verdict"] == CANNOT_TELL
+
+
+def exploitation(fixed, heavy, n=100):
+    rise, spike = tuple([0.0] * 5 + [10.0] * 20), tuple([0.0] * 3 + [30.0] * 20)
+    out = wins("S", "fixed", fixed, n, profile=rise)
+    rng = stream(0, "substeps")
+    for e in wins("S", "x", heavy, n, force=40.0, profile=spike):
+        out.append(replace(e, configuration=f"randomized, {rng.choice([3, 5, 8])} substeps"))
+    return out
+
+
+def test_exploitation_is_told_and_forces_are_aligned_at_contact():
+    (found,) = exploit.summarise(exploitation(98, 40))["policies"]
+    assert found["verdict"] == "exploits" and "58 points" in found["words"]
+    assert found["profiles"]["fixed"]["median"][0] == 10.0 and found["profiles"]["randomized"]["median"][0] == 30.0
+    assert found["peak"]["randomized"] > found["peak"]["fixed"] and found["peak"]["p"] < 1e-6
+    assert sum(s["n"] for s in found["substeps"].values()) == 100
+    (same,) = exploit.summarise(exploitation(98, 97))["policies"]
+    assert same["verdict"] == "does not exploit"
+    (few,) = exploit.summarise(exploitation(9, 8, 10))["policies"]
+    assert few["verdict"] == CANNOT_TELL
+
+
+def test_the_randomized_trials_share_seeds_with_the_fixed_ones_and_out_the_time_steps(tmp_path):
+    planned = exploit.settings("randomized", "S", range(100))
+    assert planned[0][1] == list(range(100)) and sorted(s for _, part in planned[1:] for s in part) == list(range(100))
+    assert {s.task["substeps"] for s, _ in planned[1:]} == set(exploit.SUBSTEPS)
+    worlds = [overlay(s.world, str(i), tmp_path, s.changes, s.task) for i, (s, _) in enumerate(planned)]
+    assert len({w.hash for w in worlds}) == len(worlds)
+    stiff = [r for r in worlds[0].world.ranges if r.effect == "contact_stiffness"]
+    assert [dict(r.params) for r in stiff] == [{"scale": 1.0}]

@@ -1,0 +1,215 @@
+"""Where the model fails: the missing torque, joint by joint, and in which regime."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vispeg.diagnosis.phase import phase
+from vispeg.identify.evidence import Evidence, Item
+from vispeg.recordings.differentiate import smooth
+from vispeg.recordings.recording import Control
+from vispeg.sim.compiled import compiled
+from vispeg.sim.nominal import Nominal
+from vispeg.sim.observer import OBSERVER, observer_spring
+
+CUTOFF_HZ = 15.0
+SLOW, FAST, LOADED = 0.1, 0.6, 0.7  # fractions of a joint's peak speed and torque
+
+
+@dataclass(frozen=True)
+class JointData:
+    """One joint of all fitted segments, end to end (n,): what `Effect.guesses` may use."""
+
+    q: np.ndarray
+    dq: np.ndarray
+    tau: np.ndarray
+    needed: np.ndarray
+    excess: np.ndarray
+    raw: np.ndarray
+
+
+@dataclass(frozen=True)
+class MissingTorque:
+    """The missing torque of one item.
+
+    Attributes:
+        time: (m,) s.
+        q, dq, tau: (m, nj) measured motion (smoothed) and the motor torque that was commanded with it.
+        needed: (m, nj) N m, the joint torque that the nominal arm needs for that motion (Coriolis left out).
+        excess: (m, nj) N m, what must be added to the model's joint torque to move as measured.
+        sigma: (nj,) its standard deviation if sensor noise were all.
+    """
+
+    time: np.ndarray
+    q: np.ndarray
+    dq: np.ndarray
+    tau: np.ndarray
+    needed: np.ndarray
+    excess: np.ndarray
+    sigma: np.ndarray
+
+
+def missing_torque(item: Item, predicted: np.ndarray, seed: int = 0) -> MissingTorque:
+    """Missing torque from the difference d = measured - simulated angle: `M d'' + Kd d' + Kp d`, low-passed.
+
+    Kp and Kd are the loop that both were in (the recorded controller, or the observer), M the nominal inertia along the
+    motion: the linearised inverse of the loop, so a torque at one joint shows at that joint alone.
+    """
+    seg, nj, m = item.segment, item.nj, len(item.segment.time)
+    if item.space == "torque":
+        valid = item.valid.any(axis=1)
+        gap = _filled(item.measured - predicted)
+        load = predicted[valid]
+        return MissingTorque(seg.time[valid], seg.q[valid], seg.dq[valid], load, load, gap[valid], item.sigma)
+    q, dq, ddq = smooth(seg.time, _filled(item.measured[:, :nj]), CUTOFF_HZ)
+    nominal = Nominal(compiled(item.robot), item.robot.joints, item.robot.flange, m, 1)
+    mass, _, _, _, gravity = nominal.operational(q)
+    control = seg.control
+
+    inertia = np.min(1.0 / np.diagonal(np.linalg.inv(mass[:: max(1, m // 16)]), axis1=1, axis2=2), axis=0)
+
+    def torque(d: np.ndarray) -> np.ndarray:
+        d, rate, acc = smooth(seg.time, d, CUTOFF_HZ)
+        if control.mode == "position":
+            return np.einsum("nij,nj->ni", mass, acc) + control.kd * rate + control.kp * d
+        kp, kd, spring, damper = OBSERVER**2, 2 * OBSERVER, *observer_spring(item.robot, inertia)
+        if control.mode == "osc":
+            kp, kd, spring, damper = *_means(control), 0.0, 0.0
+        return np.einsum("nij,nj->ni", mass, acc + kd * rate + kp * d) + damper * rate + spring * d
+
+    difference = _filled(item.measured[:, :nj] - predicted[:, :nj])
+    noise = np.random.default_rng(seed).normal(size=(m, nj)) * item.sigma[:nj]
+    valid = item.valid.any(axis=1)
+    sigma = torque(noise)[valid].std(axis=0)
+    raw = seg.q_raw if len(seg.q_raw) == m else item.measured[:, :nj]
+    tau = _motor_torque(item, raw, dq, gravity)
+    needed = np.einsum("nij,nj->ni", mass, ddq) + gravity
+    gap = torque(difference)[valid]
+    return MissingTorque(seg.time[valid], q[valid], dq[valid], tau[valid], needed[valid], gap, np.maximum(sigma, 1e-9))
+
+
+def _means(control: Control) -> tuple[float, float]:
+    """Mean gains of an operational-space loop: close enough to turn a difference of angles into torques."""
+    if control.kp is None or control.kd is None:
+        return OBSERVER**2, 2 * OBSERVER
+    return float(np.mean(control.kp)), float(np.mean(control.kd))
+
+
+def _motor_torque(item: Item, q: np.ndarray, dq: np.ndarray, gravity: np.ndarray) -> np.ndarray:
+    """Commanded joint torque (m, nj) from what was recorded; gravity alone where it cannot be known."""
+    seg, c = item.segment, item.segment.control
+    if len(seg.q) != len(q):
+        return gravity
+    comp = gravity if c.gravity_compensation == "model" else 0.0
+    if c.mode == "torque":
+        return seg.command["tau_cmd"] + comp
+    if c.mode == "position":
+        dq_cmd = seg.command.get("dq_cmd", np.zeros_like(q))
+        return c.kp * (seg.command["q_cmd"] - q) + c.kd * (dq_cmd - dq) + comp
+    return gravity
+
+
+def _filled(values: np.ndarray) -> np.ndarray:
+    values = values.copy()
+    for column in values.T:
+        bad = ~np.isfinite(column)
+        if bad.any() and not bad.all():
+            column[bad] = np.interp(np.flatnonzero(bad), np.flatnonzero(~bad), column[~bad])
+    return np.nan_to_num(values)
+
+
+def joint_data(missing: list[MissingTorque], items: list[Item]) -> list[JointData]:
+    """One JointData a joint over all items."""
+    nj = missing[0].q.shape[1]
+
+    def column(get, j):
+        return np.concatenate([get(k)[:, j] for k in missing])
+
+    raw = [i.measured[i.valid.any(axis=1)] for i in items]
+    return [
+        JointData(
+            column(lambda k: k.q, j),
+            column(lambda k: k.dq, j),
+            column(lambda k: k.tau, j),
+            column(lambda k: k.needed, j),
+            column(lambda k: k.excess, j),
+            np.concatenate([r[:, j][np.isfinite(r[:, j])] for r in raw]),
+        )
+        for j in range(nj)
+    ]
+
+
+def joint_z(missing: list[MissingTorque]) -> np.ndarray:
+    """(nj,) RMS missing torque over its noise."""
+    return np.sqrt(np.mean([np.mean((k.excess / k.sigma) ** 2, axis=0) for k in missing], axis=0))
+
+
+def regimes(k: MissingTorque) -> dict[str, np.ndarray]:
+    """Regime name -> (m, nj) bool."""
+    speed, load = np.abs(k.dq), np.abs(k.tau)
+    peak = np.maximum(speed.max(axis=0), 1e-6)
+    reversal = speed < SLOW * peak
+    return {
+        "velocity reversal": reversal,
+        "high speed": speed > FAST * peak,
+        "high load": (load > LOADED * np.maximum(load.max(axis=0), 1e-6)) & ~reversal & (speed <= FAST * peak),
+        "steady motion": ~reversal & (speed <= FAST * peak) & (load <= LOADED * np.maximum(load.max(axis=0), 1e-6)),
+    }
+
+
+def where_it_fails(missing: list[MissingTorque], joints: tuple[str, ...], most: int = 6) -> list[dict]:
+    """Shares of the excess over noise by joint and regime, largest first; shares sum to 1 over all cells."""
+    cells: dict[tuple[str, str], float] = {}
+    for k in missing:
+        chi = np.maximum((k.excess / k.sigma) ** 2 - 1.0, 0.0)
+        for regime, mask in regimes(k).items():
+            for j, joint in enumerate(joints):
+                cells[joint, regime] = cells.get((joint, regime), 0.0) + float(np.sum(chi[:, j] * mask[:, j]))
+    total = sum(cells.values()) or 1.0
+    ranked = sorted(cells.items(), key=lambda c: -c[1])[:most]
+    return [{"joint": j, "regime": r, "share": round(v / total, 4)} for (j, r), v in ranked if v / total > 0.01]
+
+
+def maps(evidence: Evidence, missing: list[MissingTorque], bins: int = 12) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Axis -> (edges (k+1,), whitened RMS missing torque (nj, k)) over speed, load, position, phase and time."""
+    out = {}
+    for axis, get in (
+        ("speed", lambda k: k.dq / np.maximum(np.abs(k.dq).max(axis=0), 1e-9)),
+        ("load", lambda k: k.tau / np.maximum(np.abs(k.tau).max(axis=0), 1e-9)),
+        ("position", lambda k: k.q),
+        ("phase", lambda k: phase(k.time, k.dq)),
+        ("time", lambda k: np.repeat(k.time[:, None], k.q.shape[1], axis=1)),
+    ):
+        x = np.concatenate([get(k) for k in missing])
+        z = np.concatenate([(k.excess / k.sigma) ** 2 for k in missing])
+        known = np.isfinite(x)  # a phase is known between turning points only
+        low, high = (0.0, 1.0) if axis == "phase" else (x.min(), x.max() + 1e-9)
+        edges = np.linspace(low, high, bins + 1)
+        cell = np.clip(np.digitize(x, edges) - 1, 0, bins - 1)
+        grid = np.full((x.shape[1], bins), np.nan)
+        for j in range(x.shape[1]):
+            rows = known[:, j]
+            count = np.bincount(cell[rows, j], minlength=bins)
+            total = np.bincount(cell[rows, j], weights=z[rows, j], minlength=bins)
+            grid[j] = np.where(count > 0, np.sqrt(total / np.maximum(count, 1)), np.nan)
+        out[axis] = (edges, grid)
+    return out
+
+
+def peaks(
+    before: dict[str, tuple[np.ndarray, np.ndarray]],
+    joints: tuple[str, ...],
+    after: dict[str, tuple[np.ndarray, np.ndarray]] | None = None,
+) -> list[dict]:
+    """The worst cell of each of the `maps`, in multiples of the noise; with `after`, what is left in that very cell."""
+    out = []
+    for axis, (edges, grid) in before.items():
+        if not np.isfinite(grid).any():
+            continue
+        j, i = np.unravel_index(int(np.nanargmax(grid)), grid.shape)
+        row = {"axis": axis, "joint": joints[j], "from": float(edges[i]), "to": float(edges[i + 1])}
+        row["times_noise"] = round(float(grid[j, i]), 2)
+        out.append(row | ({"times_noise_after": round(float(after[axis][1][j, i]), 2)} if after else {}))
+    return out

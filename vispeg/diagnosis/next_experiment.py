@@ -1,0 +1,113 @@
+"""The next motion to record, where something is left to find out.
+
+Where several effects explain the recordings equally well: the motion on which the leading explanations would differ
+most (T-optimal design). Over a menu of motions, maximise `sqrt(sum ((y_A - y_B) / sigma)^2)`, the distance in sigma
+between the predictions of the two best explanations (Atkinson and Fedorov, Biometrika 62(1), 1975). Below DECISIVE no
+motion is proposed: what rounding makes of two predictions that are alike is no experiment. Where no known effect
+explains what remains: a motion that shows the regimes apart. A model that is adequate, or identified without a rival,
+asks for nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vispeg.core.seeds import stream
+from vispeg.core.world import World
+from vispeg.diagnosis.rivals import Rivals
+from vispeg.diagnosis.search import Search
+from vispeg.diagnosis.state import State
+from vispeg.identify.excitation import motion
+from vispeg.identify.record import controller
+from vispeg.sim.rollout import simulate
+from vispeg.sim.segment import Segment
+
+MENU = ("triangle", "chirp", "steps", "fourier", "sweep")
+SECONDS = 6.0
+DECISIVE = 3.0  # sigma between two predictions, below which one recording would not settle it
+
+
+def next_experiment(
+    search: Search, state: State, rivals: Sequence[Rivals], verdict: str, seed: int
+) -> tuple[dict | None, dict[str, np.ndarray]]:
+    """The record's `next_experiment` and the arrays of its picture; None where nothing is left to find out."""
+    pair = _explanations(state, rivals)
+    if pair is None and verdict != "unexplained":
+        return None, {}
+    if search.evidence.unit != "rad":
+        why = "a known controller (position mode, gains stated) lets rollouts decide what inverse dynamics cannot"
+        return {"motion": "triangle", "why": why, "expected_separation_sigma": 0.0}, {}
+    stage = _Stage(search, seed)
+    if pair is None:
+        why = "shows speed, reversal and load regimes apart, each joint alone"
+        return stage.record("triangle", why, 0.0), stage.arrays("triangle")
+    first, second, names = pair
+    apart = stage.apart(first, second)
+    name = max(apart, key=lambda n: apart[n][0])
+    sigma, a, b = apart[name]
+    if sigma < DECISIVE:
+        why = f"no motion of the menu separates {names[0]} from {names[1]} by {DECISIVE:g} sigma (the best, {name}, by "
+        return {"motion": "", "why": f"{why}{sigma:.2g})", "expected_separation_sigma": round(sigma, 2)}, {}
+    found = stage.record(name, f"separates {names[0]} from {names[1]}", sigma)
+    return found, stage.arrays(name) | {"next/A": a, "next/B": b}
+
+
+class _Stage:
+    """The menu of motions for the recorded robot, under its controller or a position controller like it."""
+
+    def __init__(self, search: Search, seed: int):
+        self.evidence, self.seed = search.evidence, seed
+        self.item = search.evidence.items[0]
+        control = self.item.segment.control
+        if control.mode != "position":
+            control = controller(self.item.robot, "position", control.rate_hz, self.item.segment.q[0])
+        self.control = control
+        self.menu = {
+            name: motion(name, self.item.robot, control.rate_hz, SECONDS, stream(seed, "next experiment", name))
+            for name in MENU
+        }
+
+    def apart(self, a: World, b: World) -> dict[str, tuple[float, np.ndarray, np.ndarray]]:
+        """For each motion the distance of the two predictions in sigma, and both, (n, nj) in rad."""
+        menu = [
+            Segment(
+                self.control, 1.0 / self.control.rate_hz, {"q_cmd": m.q_cmd, "dq_cmd": m.dq_cmd},
+                m.q_cmd, m.dq_cmd, m.q_cmd, m.time, np.arange(len(m.time)),
+            )
+            for m in self.menu.values()
+        ]  # fmt: skip
+        out = {}
+        options = {"h_max": self.evidence.h_max, "nthread": self.evidence.nthread}
+        for name, response in zip(self.menu, simulate(self.item.robot, [a, b], menu, **options), strict=True):
+            gap = (response.q[0] - response.q[1]) / self.item.sigma[: self.item.nj]
+            sigma = float(np.sqrt(np.sum(gap**2))) if np.isfinite(gap).all() else 0.0
+            out[name] = sigma, response.q[0], response.q[1]
+        return out
+
+    def record(self, name: str, why: str, sigma: float) -> dict:
+        """What `next_experiment` says of a motion that is written beside it."""
+        return {
+            "motion": name,
+            "why": why,
+            "expected_separation_sigma": round(sigma, 2),
+            "seed": self.seed,
+            "duration_s": SECONDS,
+            "rate_hz": self.control.rate_hz,
+            "file": "next_experiment/samples.csv",
+        }
+
+    def arrays(self, name: str) -> dict[str, np.ndarray]:
+        """The motion that the robot is to be commanded."""
+        m = self.menu[name]
+        return {"next/time": m.time, "next/q_cmd": m.q_cmd, "next/dq_cmd": m.dq_cmd}
+
+
+def _explanations(state: State, rivals: Sequence[Rivals]) -> tuple[World, World, tuple[str, str]] | None:
+    """The two worlds to tell apart: the final one and the best of those that these recordings cannot tell from it."""
+    pairs = [(t, r.label) for r in rivals for t in r.equals]
+    if not pairs:
+        return None
+    rival, label = min(pairs, key=lambda p: float(p[0].loss.sum()))
+    return state.world, rival.fit.world, (label, rival.score.placed.label)

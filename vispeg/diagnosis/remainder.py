@@ -1,0 +1,77 @@
+"""What a remaining residual depends on: flexible curves over one input at a time, judged on held-out recordings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vispeg.diagnosis.localise import MissingTorque
+
+BINS = 24
+CONVINCING = 0.15  # share of the held-out missing torque that a curve must predict
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """Share of the held-out missing torque that a curve over `input` predicts, and the joint it is strongest in."""
+
+    input: str
+    share: float
+    joint: str
+
+
+def dependences(
+    fitted: list[MissingTorque], held_out: list[MissingTorque], joints: tuple[str, ...]
+) -> list[Dependence]:
+    """Inputs by the share of held-out missing torque that a curve fitted on the other recordings predicts."""
+    out = []
+    for name, get in INPUTS.items():
+        share, joint = 0.0, 0
+        for j in range(len(joints)):
+            x = np.concatenate([get(k, j) for k in fitted])
+            y = np.concatenate([k.excess[:, j] for k in fitted])
+            edges = np.unique(np.quantile(x, np.linspace(0, 1, BINS + 1)))
+            if len(edges) < 4:
+                continue
+            cell = np.clip(np.digitize(x, edges) - 1, 0, len(edges) - 2)
+            count = np.bincount(cell, minlength=len(edges) - 1)
+            curve = np.bincount(cell, weights=y, minlength=len(edges) - 1) / np.maximum(count, 1)
+            xv = np.concatenate([get(k, j) for k in held_out])
+            yv = np.concatenate([k.excess[:, j] for k in held_out])
+            found = curve[np.clip(np.digitize(xv, edges) - 1, 0, len(edges) - 2)]
+            total = sum(float(np.sum((k.excess / k.sigma) ** 2)) for k in held_out)
+            sigma = held_out[0].sigma[j]
+            gain = float((np.sum(yv**2) - np.sum((yv - found) ** 2)) / sigma**2) / max(total, 1e-12)
+            if gain > share:
+                share, joint = gain, j
+        out.append(Dependence(name, round(share, 3), joints[joint]))
+    share, frequency, joint = _tone(held_out)
+    out.append(Dependence(f"frequency ({frequency:.1f} Hz)", round(share, 3), joints[joint]))
+    return sorted(out, key=lambda d: -d.share)
+
+
+INPUTS = {
+    "position": lambda k, j: k.q[:, j],
+    "speed": lambda k, j: k.dq[:, j],
+    "load": lambda k, j: k.tau[:, j],
+    "time": lambda k, j: k.time,
+    "time x direction": lambda k, j: np.sign(k.dq[:, j]) * k.time,
+}
+
+
+def _tone(missing: list[MissingTorque]) -> tuple[float, float, int]:
+    """Share of the missing torque within +-0.4 Hz of its strongest line above 0.4 Hz, the line, and its joint."""
+    best = (0.0, 0.0, 0)
+    total = sum(float(np.sum((k.excess / k.sigma) ** 2)) for k in missing)
+    for j in range(missing[0].q.shape[1]):
+        k = missing[0]
+        y = (k.excess[:, j] - k.excess[:, j].mean()) / k.sigma[j]
+        f = np.fft.rfftfreq(len(y), float(np.mean(np.diff(k.time))))
+        power = 2 * np.abs(np.fft.rfft(y)) ** 2 / len(y)
+        power[f < 0.4] = 0.0
+        at = int(np.argmax(power))
+        share = float(power[np.abs(f - f[at]) <= 0.4].sum()) / max(total / len(missing), 1e-12)
+        if share > best[0]:
+            best = (share, float(f[at]), j)
+    return best

@@ -1,0 +1,71 @@
+"""Which other effects explain the held-out data as well as a chosen one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from vispeg.core.effect import effect
+from vispeg.core.world import World
+from vispeg.diagnosis.judge import present
+from vispeg.diagnosis.screen import candidates
+from vispeg.diagnosis.search import Search, shortlist
+from vispeg.diagnosis.state import State, Trial
+
+
+@dataclass(frozen=True)
+class Rivals:
+    """For one accepted effect: the trials that held-out data cannot tell from it, and all that were tried."""
+
+    label: str
+    equals: tuple[Trial, ...]
+    tried: tuple[Trial, ...]
+
+
+def find_rivals(search: Search, state: State, given: int, say: Callable[[str], None]) -> list[Rivals]:
+    """Rivals of every accepted effect, all the others kept and refitted."""
+    chosen = state.world.effects[given:]
+    if len(chosen) == 1 and len(state.steps) == 1:
+        return [_compare(search, state, chosen[0].label, list(state.steps[0][1]), state.first)]
+    out = []
+    for placed in chosen:
+        say(f"looking for rivals of {placed.label}")
+        rest = state.world.without(placed.effect, placed.where)
+        reduced = _refitted(search, rest, given, state)
+        joints = search.evidence.items[0].robot.joints
+        near = [placed.where] if placed.where in joints else list(joints)[:0]
+        places = [c for c in candidates(search.evidence, reduced.world, near) if c != (placed.effect, placed.where)]
+        jacobian = None if reduced.fit is None else reduced.fit.jacobian
+        scores = search.screened(reduced.world, reduced.residual, jacobian, places, search.missing(reduced.world))
+        trials = search.try_all(reduced, shortlist(scores, 5), given, len(places)) if scores else []
+        out.append(_compare(search, state, placed.label, trials, search.judge.mean(reduced.loss)))
+    return out
+
+
+def _refitted(search: Search, world: World, given: int, state: State) -> State:
+    """The state of a world whose effects beyond the first `given`, if any are left, are fitted anew."""
+    fit = search.fits([world], given, iterations=5)[0] if len(world.effects) > given else None
+    residual = search.evidence.residuals([world])[0] if fit is None else fit.residual
+    world = world if fit is None else fit.world
+    return State(world, search.judge.losses([world])[0], residual, fit, state.first, state.steps)
+
+
+def _merely_richer(search: Search, trial: Trial, state: State, label: str) -> bool:
+    """Whether a rival contains the chosen effect as a special case and is not better for it."""
+    name, where = label.rstrip(")").split("(")
+    kind = effect(trial.score.placed.effect)
+    nested = name in kind.contains and trial.score.placed.where == where
+    return nested and search.judge.gain(state.loss, trial.loss).z < 3.0
+
+
+def _compare(search: Search, state: State, label: str, trials: list[Trial], without: float) -> Rivals:
+    others = [t for t in trials if t.score.placed.label != label]
+    equals = [
+        t
+        for t in others
+        if search.equal(t.loss, state.loss, without)
+        and present(t.fit, len(t.fit.world.effects) - 1)
+        and t.gain.relative > 0
+        and not _merely_richer(search, t, state, label)
+    ]
+    return Rivals(label, tuple(equals), tuple(others))

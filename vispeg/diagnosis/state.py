@@ -1,0 +1,56 @@
+"""What a search tried and where it stands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy import stats
+
+from vispeg.core.effect import EffectInstance
+from vispeg.core.world import World
+from vispeg.diagnosis.judge import Gain
+from vispeg.diagnosis.localise import MissingTorque
+from vispeg.diagnosis.screen import Score
+from vispeg.identify.fit import Fit
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A fitted candidate: what was tried, how it did on held-out recordings, and why it was refused."""
+
+    score: Score
+    fit: Fit
+    loss: np.ndarray
+    gain: Gain
+    rejected: str = ""
+
+
+@dataclass
+class State:
+    """The search so far; `world` starts as the user's model."""
+
+    world: World
+    loss: np.ndarray
+    residual: np.ndarray
+    fit: Fit | None = None
+    first: float = 0.0  # held-out mean squared residual at the start
+    steps: list[tuple[Trial, list[Trial]]] = field(default_factory=list)
+    last: list[Trial] = field(default_factory=list)  # the candidates of a step that accepted none
+    screening: list[Score] = field(default_factory=list)
+    missing: list[MissingTorque] = field(default_factory=list)
+
+    @property
+    def scale(self) -> float:
+        """Held-out excess over noise that an accepted effect typically removed (geometric mean); at first, all of it.
+
+        What the form of an effect leaves behind is a share of what that effect removed. So in a plant with one dominant
+        effect and many small ones the small ones are not measured by the dominant one alone.
+        """
+        removed = [best.gain.mean for best, _ in self.steps if best.gain.mean > 0]
+        return float(stats.gmean(removed)) if removed else max(self.first - 1.0, 1e-9)
+
+    def removed_by(self, placed: EffectInstance) -> float:
+        """Held-out excess that an effect removed when it was accepted; all of it for one of the user's model."""
+        gains = [b.gain.mean for b, _ in self.steps if b.score.key == (placed.effect, placed.where)]
+        return gains[-1] if gains else max(self.first - 1.0, 1e-9)

@@ -1,0 +1,58 @@
+"""From a search to a verdict: adequate, identified, ambiguous or unexplained."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from vispeg.diagnosis.remainder import CONVINCING, Dependence
+from vispeg.diagnosis.rivals import Rivals
+
+FLOOR = 1.6  # held-out mean squared residual, in noise variances, up to which a model stands at the noise floor
+EXPLAINED = 0.97  # share of the held-out excess over noise that an identified model must explain
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The verdict with its reason in one sentence, and what an unexplained remainder depends on."""
+
+    verdict: str
+    reason: str
+    unexplained: dict | None = None
+
+
+def decide(
+    before: float, after: float, found: int, rivals: Sequence[Rivals], depends: Sequence[Dependence], floor: float = 1.0
+) -> Verdict:
+    """The verdict.
+
+    Args:
+        before, after: held-out mean squared whitened residual of the user's model and of the final one; 1 is the floor.
+        found: effects added.
+        rivals: of the added effects.
+        depends: what the final residual depends on.
+        floor: of the final model, in noise variances; above 1 where encoders are coarse or the loop feeds noise back.
+    """
+    excess_before, excess_after = max(before - 1.0, 1e-9), max(after - floor, 0.0)
+    explained = 1.0 - excess_after / excess_before
+    at_floor = after <= FLOOR * floor
+    top = depends[0] if depends else None
+    if not at_floor and (explained < EXPLAINED or not found):
+        on = [{"input": d.input, "joint": d.joint, "share": d.share} for d in depends if d.share >= CONVINCING]
+        what = f"it depends on {on[0]['input']} at {on[0]['joint']}" if on else "no single input predicts it"
+        text = f"a residual {after:.1f} times the noise variance remains that no known effect explains; {what}"
+        return Verdict("unexplained", text, {"depends_on": on, "text": text, "explained_share": round(explained, 4)})
+    if not found:
+        return Verdict("adequate", f"held-out error is {after:.2f} times the noise variance and no effect lowers it")
+    names = {r.label for r in rivals if r.equals}
+    if names:
+        return Verdict("ambiguous", f"these recordings cannot tell {', '.join(sorted(names))} from other effects")
+    remainder = (
+        ""
+        if at_floor
+        else f"; {100 * explained:.1f} % of the excess is explained"
+        + (f", the rest depends most on {top.input}" if top is not None and top.share >= CONVINCING else "")
+    )
+    if floor > 1.05:
+        remainder += f"; {floor:.1f} are what coarse or noisy readings leave even of the right model"
+    return Verdict("identified", f"held-out error fell from {before:.1f} to {after:.2f} noise variances{remainder}")

@@ -1,0 +1,1 @@
+"""Colours, textures, lamps and surroundings."""

@@ -1,0 +1,94 @@
+"""Distractors: up to five things that lie on the table, to be seen and not to be touched.
+
+Kinds, sizes, colours and places follow from `seed` alone: flat enough (at most 6 cm) and far enough from the hole
+(`KEEP_OUT`, outside the fixture) to stay clear of gripper and peg. A place that overlaps another thing is drawn again.
+Native mechanism: `geom_pos`, `geom_quat`, `geom_size`, `geom_rgba` of the scene's parked geoms, with the bounds that
+ray casting goes by (`geom_rbound`, `geom_aabb`) and `geom_sameframe` cleared so that their turn counts.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from vispeg.core.params import Param
+from vispeg.core.seeds import stream
+from vispeg.effects.common.appearance import SEEDS, SceneLook
+from vispeg.effects.common.colour import rgb_of_hsv
+
+KEEP_OUT = 0.09  # m, from the hole's axis to the nearest point of a thing
+AREA = np.array([[0.35, 0.90], [-0.35, 0.35]])  # m, of the table around the hole, x and y in the base frame
+TRIES = 50
+G = mujoco.mjtGeom
+
+
+class Distractors(SceneLook):
+    """Things on the table that have nothing to do with the task."""
+
+    name = "distractors"
+    params = {
+        "count": Param(0.0, 0.0, 5.0, "1", start=3.0, doc="how many are there, rounded"),
+        "size": Param(1.0, 0.4, 1.5, "1", start=1.0, shape=True, doc="scale of all of them"),
+        "seed": Param(0.0, 0.0, SEEDS, "1", start=1.0, shape=True, doc="of their kinds, sizes, colours and places"),
+    }
+    writes = frozenset(f"geom_{x}" for x in ("pos", "quat", "size", "rgba", "rbound", "aabb", "sameframe"))
+
+    def write(self, fields, p):
+        model = fields.model
+        geoms = [model.geom(name).id for name in fields.scene.parts["distractors"]]
+        hole = model.body("fixture").pos[:2]
+        count = np.rint(p["count"][:, 0]).astype(int)
+        for row in np.flatnonzero(count):
+            rng = stream(int(p["seed"][row, 0]), "distractors")
+            taken: list[tuple[np.ndarray, float]] = [(hole, KEEP_OUT)]
+            for g in rng.permutation(geoms)[: count[row]]:
+                half = rng.uniform((0.012, 0.012, 0.008), (0.04, 0.04, 0.03)) * p["size"][row, 0]
+                half[2] = min(half[2], 0.03)
+                size, bounds, quat = _shape(int(model.geom_type[g]), half, rng.uniform(0, 2 * np.pi))
+                reach = float(np.hypot(*bounds[:2]))
+                place = _place(rng, taken, reach)
+                colour = rgb_of_hsv(rng.uniform(), rng.uniform(), rng.uniform(0.15, 1))
+                if place is None:  # no room: it stays away
+                    continue
+                taken.append((place, reach))
+                local = size_bounds(int(model.geom_type[g]), size)
+                fields["geom_pos"][row, g] = (*place, bounds[2])
+                fields["geom_quat"][row, g] = quat
+                fields["geom_size"][row, g] = size
+                fields["geom_rgba"][row, g] = (*colour, 1.0)
+                fields["geom_rbound"][row, g] = np.linalg.norm(local)
+                fields["geom_aabb"][row, g] = (0, 0, 0, *local)
+                fields["geom_sameframe"][row, g] = 0
+
+
+def _shape(kind: int, half: np.ndarray, yaw: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`geom_size`, half extents along table and height, and quaternion of a shape resting on the table. m."""
+    turn = np.array([np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)])
+    if kind == G.mjGEOM_SPHERE:
+        return np.array([half[2], 0, 0]), np.full(3, half[2]), turn
+    if kind == G.mjGEOM_CYLINDER:
+        return np.array([half[0], half[2], 0]), np.array([half[0], half[0], half[2]]), turn
+    if kind == G.mjGEOM_CAPSULE:  # lying: its axis turned from z to x
+        radius, quat = min(half[2], 0.02), np.empty(4)
+        mujoco.mju_mulQuat(quat, turn, np.array([np.sqrt(0.5), 0, np.sqrt(0.5), 0]))
+        return np.array([radius, half[0], 0]), np.array([half[0] + radius, radius, radius]), quat
+    return half.copy(), half, turn  # box, ellipsoid
+
+
+def size_bounds(kind: int, size: np.ndarray) -> np.ndarray:
+    """Half extents (3,) in m of a shape along its own axes."""
+    if kind == G.mjGEOM_SPHERE:
+        return np.full(3, size[0])
+    if kind == G.mjGEOM_CYLINDER:
+        return np.array([size[0], size[0], size[1]])
+    if kind == G.mjGEOM_CAPSULE:
+        return np.array([size[0], size[0], size[0] + size[1]])
+    return size
+
+
+def _place(rng: np.random.Generator, taken: list[tuple[np.ndarray, float]], reach: float) -> np.ndarray | None:
+    for _ in range(TRIES):
+        place = rng.uniform(AREA[:, 0], AREA[:, 1])
+        if all(np.linalg.norm(place - other) > radius + reach for other, radius in taken):
+            return place
+    return None

@@ -1,0 +1,54 @@
+"""Environment: surroundings from a Radiance .hdr panorama, seen as the sky and felt as the colour of ambient light.
+
+The panorama is tone-mapped into the skybox texture `sky`; `light` turns the colour of `vis.headlight.ambient` to that
+of the mean light from above (cosine-weighted, as a level surface receives it), at the brightness it had.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.params import Param
+from vispeg.effects.common.appearance import SceneLook, blend, pixels
+from vispeg.effects.common.images import ENVIRONMENTS, environment, picked
+from vispeg.effects.common.light import LUMA
+from vispeg.effects.common.panorama import directions, log_mean, look_up, tone_mapped
+
+
+class Environment(SceneLook):
+    """Surroundings from an HDR image."""
+
+    name = "environment"
+    order = 60
+    params = {
+        "amount": Param(0.0, 0.0, 1.0, "1", start=1.0, doc="of the panorama over the nominal sky"),
+        "light": Param(0.0, 0.0, 1.0, "1", start=0.5, doc="of its colour in the ambient light"),
+        "pick": Param(0.0, 0.0, 1.0, "1", start=0.0, shape=True, doc="which panorama: share of the sorted list"),
+        "turn": Param(0.0, -np.pi, np.pi, "rad", start=0.0, shape=True, doc="about the vertical"),
+        "exposure": Param(0.0, -3.0, 3.0, "1", start=0.0, shape=True, doc="stops brighter"),
+    }
+    writes = frozenset({"tex_data", "vis.headlight.ambient"})
+
+    def write(self, fields, p):
+        value = {name: v[:, 0] for name, v in p.items()}
+        for row in np.flatnonzero((value["amount"] != 0) | (value["light"] != 0)):
+            panorama = environment(picked(ENVIRONMENTS, float(value["pick"][row])))
+            if value["amount"][row]:
+                texture = pixels(fields, int(row), "sky")
+                seen = look_up(panorama, directions(texture.shape[1]), float(value["turn"][row]))
+                image = tone_mapped(seen, float(value["exposure"][row]), log_mean(panorama))
+                texture[:] = blend(texture, image, float(value["amount"][row]))
+            if value["light"][row]:
+                ambient = fields["vis.headlight.ambient"][row]
+                colour = received(panorama) ** (1 / 2.2)  # MuJoCo's renderer multiplies encoded colours
+                tinted = ambient @ LUMA / max(colour @ LUMA, 1e-9) * colour
+                ambient[:] = np.minimum((1 - value["light"][row]) * ambient + value["light"][row] * tinted, 1)
+
+
+def received(panorama: np.ndarray) -> np.ndarray:
+    """Light (3,) on a level surface: the panorama's upper half weighted by cos(zenith) and solid angle."""
+    rows = len(panorama) // 2
+    zenith = (np.arange(rows) + 0.5) / len(panorama) * np.pi
+    weight = np.cos(zenith) * np.sin(zenith)
+    mean = (weight[:, None] * panorama[:rows].mean(axis=1)).sum(axis=0) / weight.sum()
+    return np.maximum(mean, 1e-6 * max(float(mean.max()), 1e-12))

@@ -1,0 +1,38 @@
+"""Material finish: how a part's surface shines, as offsets from the nominal material, cut to [0, 1].
+
+Native mechanism: `mat_specular`, `mat_shininess`, `mat_reflectance`; `mat_roughness` and `mat_metallic` for renderers
+that use them, where `roughness` = 1 - shininess whenever the finish is not nominal.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.params import Param
+from vispeg.effects.common.appearance import PartLook
+
+FIELDS = {"specular": "mat_specular", "shininess": "mat_shininess", "reflectance": "mat_reflectance"}
+
+
+class MaterialFinish(PartLook):
+    """Matt or polished, metal or not."""
+
+    name = "material_finish"
+    params = {
+        "specular": Param(0.0, -1.0, 1.0, "1", start=0.4, doc="added to the strength of highlights"),
+        "shininess": Param(0.0, -1.0, 1.0, "1", start=0.3, doc="added to the sharpness of highlights"),
+        "reflectance": Param(0.0, 0.0, 0.6, "1", start=0.2, doc="of mirror images, where the renderer draws them"),
+        "metallic": Param(0.0, 0.0, 1.0, "1", start=0.5, doc="share of metal, in a physically based renderer"),
+    }
+    writes = frozenset({*FIELDS.values(), "mat_roughness", "mat_metallic"})
+
+    def write(self, fields, p):
+        for column, part in enumerate(self.targets(fields.scene)):
+            m = fields.model.material(part).id
+            rows = np.flatnonzero(np.any([v[:, column] != 0 for v in p.values()], axis=0))
+            if not len(rows):
+                continue
+            for name, field in FIELDS.items():
+                fields[field][rows, m] = np.clip(fields[field][rows, m] + p[name][rows, column], 0, 1)
+            fields["mat_roughness"][rows, m] = 1 - fields["mat_shininess"][rows, m]
+            fields["mat_metallic"][rows, m] = p["metallic"][rows, column]

@@ -1,0 +1,32 @@
+"""Sky: what is seen where no surface is, made up from a seed: a horizon between two colours, and lamps or windows.
+
+Native mechanism: pixels of the skybox texture `sky`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.params import Param
+from vispeg.core.seeds import stream
+from vispeg.effects.common.appearance import SEEDS, SceneLook, blend, pixels
+from vispeg.effects.common.panorama import directions, look_up, procedural, tone_mapped
+
+
+class Sky(SceneLook):
+    """Made-up surroundings."""
+
+    name = "sky"
+    order = 40
+    params = {
+        "amount": Param(0.0, 0.0, 1.0, "1", start=1.0, doc="of the made-up sky over the nominal one"),
+        "seed": Param(0.0, 0.0, SEEDS, "1", start=1.0, shape=True, doc="of its colours and lamps"),
+    }
+    writes = frozenset({"tex_data"})
+
+    def write(self, fields, p):
+        for row in np.flatnonzero(p["amount"][:, 0]):
+            texture = pixels(fields, int(row), "sky")
+            panorama = procedural(stream(int(p["seed"][row, 0]), "sky"))
+            light = look_up(tone_mapped(panorama), directions(texture.shape[1]))
+            texture[:] = blend(texture, light, float(p["amount"][row, 0]))

@@ -1,0 +1,1 @@
+"""Masses, centres of mass, and how the base stands."""

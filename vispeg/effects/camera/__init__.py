@@ -1,0 +1,1 @@
+"""What a lens, a sensor and a codec make of a picture."""

@@ -1,0 +1,27 @@
+"""Brightness, as picture tools change it: encoded values scaled, `v (1 + change)`, cut at white.
+
+Not light but a post-processing gain; `exposure` is the physical one. Range: +-30 % in practitioners' recipes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.params import Param
+from vispeg.effects.common.camera import CameraEffect
+
+
+class Brightness(CameraEffect):
+    """A picture brighter or darker than rendered."""
+
+    name = "brightness"
+    order = 62
+    photometric = True
+    params = {"change": Param(0.0, -0.8, 0.8, "1", start=0.2, doc="relative change of all encoded values")}
+
+    def image(self, state, frame, p, rng):
+        if frame.rgb is None:
+            return
+        for row in self.rows(p):
+            rgb = frame.rgb[row] * np.float32(1 + p["change"][row])
+            np.clip(rgb, 0, 1, out=frame.rgb[row])

@@ -1,0 +1,37 @@
+"""Frame latency: what is delivered was seen `delay` seconds ago.
+
+Of the frames that were rendered, the one nearest in time to `time - delay`, an earlier one where two are as near;
+when an episode begins, its first. Cameras are exposed, read out and transferred in 20 to 120 ms, so a renderer that
+gives frames far apart in time shows latency in whole steps only.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.params import Param
+from vispeg.effects.common.camera import CameraEffect
+from vispeg.effects.common.field import begins
+
+
+class CameraDelay(CameraEffect):
+    """A camera whose frames come late."""
+
+    name = "camera_delay"
+    order = 85
+    params = {"delay": Param(0.0, 0.0, 0.5, "s", start=0.06, doc="from what happens to its image's arrival")}
+
+    def image(self, state, frame, p, rng):
+        opening = begins(state, frame)
+        past = state.setdefault("past", {})
+        now = np.broadcast_to(np.asarray(frame.time, float), (frame.n,))
+        for row in self.rows(p):
+            row = int(row)
+            seen = [] if opening[row] else past.get(row, [])
+            images = {n: i[row].copy() for n in ("rgb", "depth") if (i := getattr(frame, n)) is not None}
+            seen = [(t, i) for t, i in seen if t >= now[row] - 2 * self.params["delay"].high] + [(now[row], images)]
+            past[row] = seen
+            ages = np.array([abs(t - (now[row] - p["delay"][row])) for t, _ in seen])
+            chosen = seen[int(np.flatnonzero(ages <= ages.min() + 1e-9)[0])][1]
+            for name, image in chosen.items():
+                getattr(frame, name)[row] = image

@@ -1,0 +1,45 @@
+"""Camera pose error: the camera sits elsewhere than its calibration says.
+
+A displacement and a rotation vector in the camera's own OpenCV axes (x right, y down, z forward), written to MuJoCo's
+`cam_pos` and `cam_quat`, whose axes are (x, -y, -z). What the user believes of the camera stays. Ranges: 2 to 10 mm and
+1 to 3 deg for a careful hand-eye calibration; +-3 cm and +-5 deg to +-10 cm and +-10 deg in practitioners' recipes.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from vispeg.core.params import Param
+from vispeg.effects.common.camera import CameraEffect
+
+AXES = np.array([1.0, -1.0, -1.0])  # OpenCV's axes in MuJoCo's
+
+
+class CameraOffset(CameraEffect):
+    """A camera that is not quite where it was calibrated."""
+
+    name = "camera_offset"
+    writes = frozenset({"cam_pos", "cam_quat"})
+    params = {
+        "x": Param(0.0, -0.1, 0.1, "m", start=0.005, doc="to the right"),
+        "y": Param(0.0, -0.1, 0.1, "m", start=0.005, doc="downwards"),
+        "z": Param(0.0, -0.1, 0.1, "m", start=0.005, doc="forwards"),
+        "rx": Param(0.0, -0.2, 0.2, "rad", start=0.02, doc="about the axis to the right"),
+        "ry": Param(0.0, -0.2, 0.2, "rad", start=0.02, doc="about the axis downwards"),
+        "rz": Param(0.0, -0.2, 0.2, "rad", start=0.02, doc="about the optical axis"),
+    }
+
+    def write(self, fields, p):
+        for row, camera, v in self.moved(fields, p):
+            shift, turn = (np.array([v[k] for k in keys]) * AXES for keys in ("xyz", ("rx", "ry", "rz")))
+            pos, quat = fields["cam_pos"][row, camera], fields["cam_quat"][row, camera]
+            before, moved, turned = np.array(quat, float), np.zeros(3), np.zeros(4)
+            mujoco.mju_rotVecQuat(moved, shift, before)
+            pos += moved
+            angle = float(np.linalg.norm(turn))
+            if angle:
+                step = np.zeros(4)
+                mujoco.mju_axisAngle2Quat(step, turn / angle, angle)
+                mujoco.mju_mulQuat(turned, before, step)
+                quat[:] = turned

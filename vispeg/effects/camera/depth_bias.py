@@ -1,0 +1,45 @@
+"""Depth bias: a wrong scale, a plane that leans, and the ripple of a matcher that favours whole pixels.
+
+z' = z (1 + scale) + tilt_x x + tilt_y y + ripple z^2 / (f B) sin(2 pi d), with (x, y) the normalised pixel and d = f
+B / z the disparity; ripple is its error in px. Source of the ripple: Grunnet-Jepsen et al., Subpixel linearity
+improvement for RealSense depth cameras D400, white paper; reported as rings on a plane (librealsense #3210). Ranges:
+scale +-1 %, ripple 0.02 to 0.08 px.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.params import Param
+from vispeg.effects.common.camera import CameraEffect
+from vispeg.effects.common.disparity import PARAMS, disparity, gauge
+from vispeg.effects.common.rays import rays
+
+
+class DepthBias(CameraEffect):
+    """Depth wrong in the same way in every frame."""
+
+    name = "depth_bias"
+    order = 34
+    params = {
+        "scale": Param(0.0, -0.1, 0.1, "1", start=0.01, doc="relative error of every distance"),
+        "tilt_x": Param(0.0, -0.05, 0.05, "m", start=0.002, doc="error at 45 deg to the right"),
+        "tilt_y": Param(0.0, -0.05, 0.05, "m", start=0.002, doc="error at 45 deg downwards"),
+        "ripple": Param(0.0, -0.3, 0.3, "px", start=0.05, doc="of the disparity between whole pixels"),
+        **PARAMS,
+    }
+
+    def image(self, state, frame, p, rng):
+        rows = self.rows(p)
+        if frame.depth is None or not len(rows):
+            return
+        for row, fb in zip(rows, gauge(p, rows)[:, 0, 0], strict=True):
+            depth = frame.depth[row]
+            x, y, _ = rays(frame.K[row], frame.shape)
+            scale, a, b, ripple = (np.float32(p[k][row]) for k in ("scale", "tilt_x", "tilt_y", "ripple"))
+            out = depth * (1 + scale)
+            out += a * x
+            out += b * y
+            if ripple:
+                out += ripple / fb * (depth * depth) * np.sin(np.float32(2 * np.pi) * disparity(depth, fb))
+            frame.depth[row] = np.where((depth > 0) & (out > 0), out, 0)

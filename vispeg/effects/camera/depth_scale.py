@@ -1,0 +1,25 @@
+"""Depth scale: every distance times one factor, `z' = factor z`, as a wrong baseline or focal length makes it.
+
+A depth camera finds a disparity d and reports z = f B / d. If the true focal length and baseline are f and B and it
+believes f' and B', then z' / z = (f' B') / (f B) at every pixel: the same factor near and far, which no averaging
+removes. Source: Gallup, Frahm, Mordohai and Pollefeys, CVPR 2008, eq. (1). Range: 1 to 2 % after a fall or a change of
+temperature. `depth_bias` has the same law as its `scale`, among the leans and ripples of a matcher.
+"""
+
+from __future__ import annotations
+
+from vispeg.core.params import Param
+from vispeg.effects.common.camera import CameraEffect, column
+
+
+class DepthScale(CameraEffect):
+    """Everything a little nearer or farther, in proportion."""
+
+    name = "depth_scale"
+    order = 33
+    params = {"factor": Param(1.0, 0.8, 1.25, "1", start=1.02, scale="log", doc="on every distance")}
+
+    def image(self, state, frame, p, rng):
+        rows = self.rows(p)
+        if frame.depth is not None and len(rows):
+            frame.depth[rows] *= column(p["factor"], rows, 2)

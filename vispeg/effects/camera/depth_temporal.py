@@ -1,0 +1,33 @@
+"""Depth errors that last: disparity noise of which each frame keeps a share, e <- rho e + sqrt(1 - rho^2) sd n.
+
+A first-order autoregression: sd at every frame, correlated by rho^k over k frames. So a policy cannot average it away
+as it can `disparity_noise`. Ranges: rho 0.5 to 0.9, by the temporal filter that stereo cameras run; sd as of the
+noise.
+"""
+
+from __future__ import annotations
+
+from vispeg.core.params import Param
+from vispeg.effects.common.camera import CameraEffect, column
+from vispeg.effects.common.disparity import PARAMS, displaced, gauge
+from vispeg.effects.common.field import persistent
+
+
+class DepthTemporal(CameraEffect):
+    """Waves in the depth that change slowly from frame to frame."""
+
+    name = "depth_temporal"
+    order = 28
+    params = {
+        "sd": Param(0.0, 0.0, 2.0, "px", start=0.08, doc="standard deviation of the disparity, at the native size"),
+        "rho": Param(0.7, 0.0, 0.99, "1", start=0.7, shape=True, doc="share that a frame keeps of the one before"),
+        "length": Param(2.0, 0.0, 6.0, "px", start=2.0, shape=True, doc="of the low-pass, in px of the image"),
+        **PARAMS,
+    }
+
+    def image(self, state, frame, p, rng):
+        rows = self.rows(p)
+        if frame.depth is None or not len(rows):
+            return
+        noise = persistent(state, frame, rows, rng, p["length"], p["rho"])
+        frame.depth[rows] = displaced(frame.depth[rows], column(p["sd"], rows, 2) * noise, gauge(p, rows))

@@ -1,0 +1,29 @@
+"""Dropped frames: now and then the camera's last frame is delivered again.
+
+Each frame is lost with probability `chance`, independently; an episode's first frame never is. Range: 0 to 3 %.
+"""
+
+from __future__ import annotations
+
+from vispeg.core.params import Param
+from vispeg.effects.common.camera import CameraEffect
+from vispeg.effects.common.field import begins
+
+
+class DroppedFrames(CameraEffect):
+    """A camera that loses frames."""
+
+    name = "dropped_frames"
+    order = 80
+    params = {"chance": Param(0.0, 0.0, 0.5, "1", start=0.02, doc="of losing a frame")}
+
+    def image(self, state, frame, p, rng):
+        opening = begins(state, frame)
+        kept = state.setdefault("kept", {})
+        for row in self.rows(p):
+            row = int(row)
+            if rng[row].random() < p["chance"][row] and not opening[row] and row in kept:
+                for name, image in kept[row].items():
+                    getattr(frame, name)[row] = image
+            else:
+                kept[row] = {n: i[row].copy() for n in ("rgb", "depth") if (i := getattr(frame, n)) is not None}

@@ -1,0 +1,27 @@
+"""Principal point error: the optical axis meets the image elsewhere than its calibration says.
+
+Written to `cam_intrinsic`, whose last two numbers are the principal point's distance from the centre in m on the
+sensor, with the sign that makes the pixel c = size / 2 - principal / pixel. What the user believes of K stays. Range:
++-3 px.
+"""
+
+from __future__ import annotations
+
+from vispeg.core.params import Param
+from vispeg.effects.common.camera import CameraEffect
+
+
+class PrincipalPointError(CameraEffect):
+    """An image a little beside where K says."""
+
+    name = "principal_point_error"
+    writes = frozenset({"cam_intrinsic"})
+    params = {
+        "x": Param(0.0, -30.0, 30.0, "px", start=2.0, doc="to the right"),
+        "y": Param(0.0, -30.0, 30.0, "px", start=2.0, doc="downwards"),
+    }
+
+    def write(self, fields, p):
+        for row, camera, v in self.moved(fields, p):
+            pixel = fields.model.cam_sensorsize[camera] / fields.model.cam_resolution[camera]  # m
+            fields["cam_intrinsic"][row, camera, 2:] -= pixel * (v["x"], v["y"])

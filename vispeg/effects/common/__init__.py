@@ -1,0 +1,1 @@
+"""What effects of one or more families share."""

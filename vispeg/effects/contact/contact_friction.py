@@ -1,0 +1,29 @@
+"""Contact friction: a part's sliding friction is `scale` times nominal.
+
+Native mechanism: `geom_friction`, its first column; torsional and rolling friction stay. Law: Coulomb,
+`|f_t| <= mu f_n`, in the friction cone of the MuJoCo 4.0 manual, Computation, Contact. See `_parts` for which of two
+parts is heard.
+"""
+
+from __future__ import annotations
+
+from vispeg.core.effect import Effect
+from vispeg.core.params import Param
+from vispeg.effects.common.parts import changed, touching
+
+
+class ContactFriction(Effect):
+    """A surface more slippery or rougher than nominal."""
+
+    name = "contact_friction"
+    family = "contact"
+    params = {"scale": Param(1.0, 0.0, 5.0, "1", start=1.5, doc="of the nominal coefficient of sliding friction")}
+    writes = frozenset({"geom_friction"})
+
+    def targets(self, model):
+        return touching(model)
+
+    def write(self, fields, p):
+        sliding = fields["geom_friction"][..., 0]
+        for at, scale in changed(fields, p["scale"], 1.0):
+            sliding[at] *= scale

@@ -1,0 +1,26 @@
+"""Gripper slip: the fingers hold the peg with `grip` times the nominal force along its axis before it slips.
+
+Native mechanism: `dof_frictionloss` of the peg's slide `peg_slip`, dry friction in N. Source: Coulomb's law for two
+fingers, `2 mu F`, whose product is what `grip` scales.
+"""
+
+from __future__ import annotations
+
+from vispeg.core.effect import Effect
+from vispeg.core.params import Param
+from vispeg.effects.common.parts import in_scene
+
+
+class GripperSlip(Effect):
+    """A grip that slips sooner or later."""
+
+    name = "gripper_slip"
+    family = "contact"
+    params = {"grip": Param(1.0, 0.0, 2.0, "1", start=0.3, doc="of the nominal force at which the peg slips")}
+    writes = frozenset({"dof_frictionloss"})
+
+    def targets(self, model):
+        return in_scene(model, "peg")
+
+    def write(self, fields, p):
+        fields["dof_frictionloss"][:, fields.model.joint("peg_slip").dofadr[0]] *= p["grip"][:, 0]

@@ -1,0 +1,33 @@
+"""Actuator lag: the torque follows its command as a first-order low-pass, `T dtau/dt = tau_cmd - tau`.
+
+MuJoCo's own mechanism is `dyntype="filterexact"`; the same exact step, `1 - exp(-h/T)`, is taken in the drive chain
+here. Source: MuJoCo 4.0 manual, actuator dynamics "filterexact".
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.effect import Effect
+from vispeg.core.params import Param
+
+
+class ActuatorLag(Effect):
+    """The torque loop's bandwidth."""
+
+    name = "actuator_lag"
+    family = "drive"
+    order = 15
+    shared = True
+    params = {"time_constant": Param(0.0, 0.0, 0.05, "s", start=0.004, doc="of the torque loop")}
+
+    def start(self, x, p):
+        return {"act": np.full_like(x.q, np.nan)}  # the first command finds the drive settled
+
+    def drive(self, state, tau, x, p):
+        before, t = np.where(np.isnan(state["act"]), tau, state["act"]), np.maximum(p["time_constant"], 1e-12)
+        decay = np.exp(-x.h / t)
+        state["act"] = tau + (before - tau) * decay
+        # the mean over the step is what the physics step should feel: exact for a held command
+        mean = tau + (before - tau) * t / x.h * (1.0 - decay)
+        return np.where(p["time_constant"] > 0, mean, tau)

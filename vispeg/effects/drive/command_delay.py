@@ -1,0 +1,28 @@
+"""Command delay: the torque acts `delay` after it was commanded (bus cycle, drive firmware).
+
+MuJoCo's own mechanism is the actuator's `delay` with a history buffer of fixed length; the same ring buffer is kept in
+the drive chain here so that any delay runs in one compiled model. Interpolation over a physics step gives the step's
+mean torque.
+"""
+
+from __future__ import annotations
+
+from vispeg.core.effect import Effect
+from vispeg.core.params import Param
+from vispeg.effects.common.delay import DelayLine
+
+
+class CommandDelay(Effect):
+    """Dead time between command and torque."""
+
+    name = "command_delay"
+    family = "drive"
+    order = 10
+    shared = True
+    params = {"delay": Param(0.0, 0.0, 0.03, "s", start=0.004, doc="dead time")}
+
+    def start(self, x, p):
+        return DelayLine(x.h, p["delay"].max(initial=0.0))
+
+    def drive(self, state, tau, x, p):
+        return state(tau, p["delay"])

@@ -1,0 +1,26 @@
+"""Joint bias: a constant torque added to the commanded one (current offset, torque-sensor zero, residual spring).
+
+MuJoCo's own mechanism is `qfrc_applied` or a biased actuator; it is added in the drive here. Source: FloBaRoID's torque
+offsets (Bethge et al., 2016).
+"""
+
+from __future__ import annotations
+
+from vispeg.core.effect import Effect
+from vispeg.core.params import Param
+
+
+class JointBias(Effect):
+    """A constant torque on top of the command."""
+
+    name = "joint_bias"
+    family = "drive"
+    order = 45
+    params = {"torque": Param(0.0, -20.0, 20.0, "N m", start=0.5, doc="added to the commanded torque")}
+
+    def drive(self, state, tau, x, p):
+        return tau + p["torque"]
+
+    def inverse(self, needed, sensor, p):
+        # behind the gear a constant can only be the sensor's own zero; before it, torque that need not be commanded
+        return needed + p["torque"] if sensor == "joint" else needed - p["torque"]

@@ -1,0 +1,1 @@
+"""Friction, springs and play in a joint."""

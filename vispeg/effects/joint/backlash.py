@@ -1,0 +1,60 @@
+"""Backlash: free play between motor and link, with the encoder on the motor side.
+
+The gear carries torque only when the teeth touch: `s = K (delta - +-gap/2)` plus damping outside the gap, 0 inside it,
+`delta = theta - q`; inside the gap the rotor turns on its own inertia. Source: Nordin and Gutman, Automatica 38(10),
+2002, the dead-zone model, eq. (3). MuJoCo's own mechanism is a second hinge with a tight range.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.effect import Effect
+from vispeg.core.params import Param
+from vispeg.effects.common.gear import free_step, motor_step
+
+TOOTH_RELAXATION = 2e-3  # s
+
+
+class Backlash(Effect):
+    """Free play in the gear."""
+
+    name = "backlash"
+    family = "joint"
+    order = 85
+    smooth = False
+    step = 1e-3  # a rotor free in its play, under a stiff servo, runs away at 2 ms
+    grows_from = {"rotor_inertia": {"motor_inertia": "inertia"}}
+    params = {
+        "gap": Param(0.0, 0.0, 0.03, "rad", start=1e-3, doc="whole free play"),
+        "motor_inertia": Param(
+            0.2, 0.005, 3.0, "kg m2", start=0.2, shape=True, scale="log", doc="rotor inertia at the link side"
+        ),
+        "compliance": Param(
+            3e-5, 5e-6, 2e-4, "rad/(N m)", start=3e-5, shape=True, scale="log", doc="of the teeth in contact"
+        ),
+    }
+
+    def start(self, x, p):
+        side = np.where(x.tau >= 0, 0.5, -0.5)
+        loose = p["gap"] > 0
+        return {"theta": x.q + side * p["gap"] + loose * p["compliance"] * x.tau, "omega": x.dq.copy()}
+
+    def drive(self, state, tau, x, p):
+        loose, inertia, half = p["gap"] > 0, p["motor_inertia"], 0.5 * p["gap"]
+        theta0, omega0 = state["theta"], state["omega"]
+        theta, omega = free_step(theta0, omega0, tau, x, inertia)
+        reach = theta - x.q - x.h * x.dq  # where the teeth would be at the end of a free step
+        offset = np.where(reach > half, half, -half)
+        hit = motor_step(theta0, omega0, tau, x, offset, p["compliance"], TOOTH_RELAXATION, inertia)
+        touching = (np.abs(reach) > half) & (hit[2] * offset > 0)  # teeth push, they never pull
+        state["theta"] = np.where(touching, hit[0], theta)
+        state["omega"] = np.where(touching, hit[1], omega)
+        return np.where(loose, np.where(touching, hit[2], 0.0), tau)
+
+    def observe(self, state, q, dq, x, p):
+        loose = p["gap"] > 0
+        return np.where(loose, q + (state["theta"] - x.q), q), np.where(loose, dq + (state["omega"] - x.dq), dq)
+
+    def guesses(self, look):
+        return [{"gap": g, "motor_inertia": i} for g in (3e-4, 1.5e-3) for i in (0.05, 0.4)]

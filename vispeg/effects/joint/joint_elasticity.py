@@ -1,0 +1,48 @@
+"""Joint elasticity: a spring between motor and link, with the encoder on the motor side.
+
+`J d(omega)/dt = tau - s`, `s = (delta + relaxation d(delta)/dt) / compliance`, `delta = theta - q`. The link gets s,
+the encoder reads theta. A massless motor (`motor_inertia` 0, as in the nominal arm) leaves the link's torque as it was
+and shifts the reading by `compliance tau`. Source: Spong, J. Dynamic Systems, Measurement and Control 109, 1987,
+eq. (6).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.effect import Effect
+from vispeg.core.params import Param
+from vispeg.effects.common.gear import motor_step
+
+
+class JointElasticity(Effect):
+    """A gear that winds up under torque, out of the encoder's sight."""
+
+    name = "joint_elasticity"
+    family = "joint"
+    order = 80
+    grows_from = {"rotor_inertia": {"motor_inertia": "inertia"}}
+    params = {
+        "compliance": Param(0.0, 0.0, 2e-3, "rad/(N m)", start=1e-4, doc="wind-up per torque (1 / stiffness)"),
+        "relaxation": Param(5e-3, 5e-4, 5e-2, "s", start=5e-3, shape=True, scale="log", doc="gear damping / stiffness"),
+        "motor_inertia": Param(0.0, 0.0, 5.0, "kg m2", start=0.0, shape=True, doc="rotor inertia at the link side"),
+    }
+
+    def start(self, x, p):
+        return {"theta": x.q + p["compliance"] * x.tau, "omega": x.dq.copy()}
+
+    def drive(self, state, tau, x, p):
+        soft = p["compliance"] > 0
+        compliance = np.where(soft, p["compliance"], 1.0)
+        theta, omega, gear = motor_step(
+            state["theta"], state["omega"], tau, x, 0.0, compliance, p["relaxation"], p["motor_inertia"]
+        )
+        state["theta"], state["omega"] = theta, omega
+        return np.where(soft, gear, tau)
+
+    def observe(self, state, q, dq, x, p):
+        soft = p["compliance"] > 0
+        return np.where(soft, q + (state["theta"] - x.q), q), np.where(soft, dq + (state["omega"] - x.dq), dq)
+
+    def guesses(self, look):
+        return [{"compliance": 5e-5}, {"compliance": 5e-5, "motor_inertia": 0.2}]

@@ -1,0 +1,1 @@
+"""What encoders and the wrist's force sensor make of the truth."""

@@ -1,0 +1,23 @@
+"""Encoder offset: the measured angle is the true one plus a constant (a zero that was set wrong).
+
+The controller and the log read the shifted angle, the arm stands elsewhere: gravity and kinematics no longer fit.
+Source:
+DIAGNOSIS conventions of this project (measured minus true); no MuJoCo mechanism, since it is the reading that is wrong.
+"""
+
+from __future__ import annotations
+
+from vispeg.core.effect import Effect
+from vispeg.core.params import Param
+
+
+class EncoderOffset(Effect):
+    """A constant error of the measured angle."""
+
+    name = "encoder_offset"
+    family = "sensor"
+    order = 20
+    params = {"offset": Param(0.0, -0.2, 0.2, "rad", start=0.01, doc="measured minus true angle")}
+
+    def observe(self, state, q, dq, x, p):
+        return q + p["offset"], dq

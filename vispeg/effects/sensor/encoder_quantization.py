@@ -1,0 +1,73 @@
+"""Encoder quantization: the measured angle is rounded to whole steps, `q = step round(q / step)`.
+
+No MuJoCo mechanism, since it is the reading that is coarse. Source: Widrow and Kollar, Quantization Noise, eq. (1.1).
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from vispeg.core.effect import Effect
+from vispeg.core.params import Param
+
+
+class EncoderQuantization(Effect):
+    """A coarse encoder."""
+
+    name = "encoder_quantization"
+    family = "sensor"
+    order = 95
+    smooth = False
+    torqueless = True
+    params = {"step": Param(0.0, 0.0, 0.01, "rad", start=5e-4, doc="angle of one count")}
+
+    def observe(self, state, q, dq, x, p):
+        step = np.where(p["step"] > 0, p["step"], 1.0)
+        return np.where(p["step"] > 0, np.round(q / step) * step, q), dq
+
+    def reading_noise(self, sigma, p):
+        """Noise tips readings over to the next step: sqrt(E[(Q(x + n) - Q(x))^2]) for n ~ N(0, sigma^2).
+
+        An x anywhere in its step with noise n = (m + f) step ends m or, with probability f, m + 1 steps away.
+        """
+        if not p["step"] > 0 or not sigma > 0:
+            return sigma
+        n = np.linspace(-6, 6, 4001) * sigma
+        weight = np.exp(-0.5 * (n / sigma) ** 2)
+        whole, part = np.divmod(n / p["step"], 1.0)
+        squared = (1 - part) * whole**2 + part * (whole + 1) ** 2
+        return float(p["step"] * np.sqrt(np.average(squared, weights=weight)))
+
+    def guesses(self, look):
+        """The spacing of the measured angles, where they are seen to lie on a grid wider than their noise."""
+        values = np.unique(look.raw)
+        gaps = np.diff(values)
+        gaps = gaps[gaps > 1e-9]
+        if len(gaps) >= 4 and len(values) < 0.5 * len(look.raw):
+            return [{"step": float(np.clip(np.median(gaps), 1e-6, self.params["step"].high))}]
+        found = _under_noise(np.ascontiguousarray(look.raw).tobytes(), self.params["step"].high)
+        return [{"step": found}] if found else []
+
+
+@lru_cache(maxsize=64)
+def _under_noise(readings: bytes, widest: float) -> float:
+    """Noise rides on the grid: the step on whose phase the differences cluster most (Rayleigh's statistic); 0 if none.
+
+    Differences over longer and longer lags span more steps and so pin the step down more finely. Remembered, as a
+    search asks it of the same readings again and again.
+    """
+    raw = np.frombuffer(readings)
+    low, high, best, width = 2e-5, widest, 0.0, 0.0
+    for lag in (1, 4, 16, 64, 256):
+        moves = (raw[lag:] - raw[:-lag])[:: max(1, len(raw) // 1500)]
+        steps = np.linspace(1 / high, 1 / low, 2500) if not best else 1 / best + np.linspace(-1, 1, 400) * width
+        phase = np.abs([np.mean(np.exp(2j * np.pi * moves * s)) for s in steps])
+        slow = 1.0 / max(np.ptp(moves), 1e-12)
+        phase[steps < 2 * slow] = 0.0  # a step wider than the motion fits anything
+        top = int(np.argmax(phase))
+        if phase[top] < 0.25:
+            return float(best) if lag > 4 else 0.0
+        best, width = 1.0 / steps[top], 0.5 * slow
+    return float(best)

@@ -1,0 +1,24 @@
+"""Wrench bias: the wrist's force sensor reads a constant more than there is, `w' = w + b`, in the flange frame.
+
+What taring leaves and drift brings. No MuJoCo mechanism, since it is the reading that is wrong. Source: the affine
+model of a multi-axis force sensor, e.g. Traversaro et al. 2015, In situ calibration of six-axis force-torque sensors.
+"""
+
+from __future__ import annotations
+
+from vispeg.core.params import Param
+from vispeg.effects.common.wrist import FORCE, TORQUE, WristEffect, axes
+
+
+class WrenchBias(WristEffect):
+    """A force sensor with a wrong zero."""
+
+    name = "wrench_bias"
+    order = 40
+    params = {
+        **{a: Param(0.0, -20.0, 20.0, "N", start=2.0, doc=f"measured minus true force along {a[1]}") for a in FORCE},
+        **{a: Param(0.0, -2.0, 2.0, "N m", start=0.1, doc=f"measured minus true torque about {a[1]}") for a in TORQUE},
+    }
+
+    def wrench(self, state, wrench, x, p):
+        return wrench + axes(p)

@@ -1,0 +1,22 @@
+"""Wrench gain: the wrist's force sensor reads a share of what there is, `w' = gain w`, all six numbers alike.
+
+A wrong scale. The tool's weight is scaled too, and the task subtracts the weight that it knows. No MuJoCo mechanism,
+since it is the reading that is wrong. Source: the affine model of a multi-axis force sensor, e.g. Traversaro et al.
+2015, In situ calibration of six-axis force-torque sensors, with a multiple of the identity as its matrix.
+"""
+
+from __future__ import annotations
+
+from vispeg.core.params import Param
+from vispeg.effects.common.wrist import WristEffect
+
+
+class WrenchGain(WristEffect):
+    """A force sensor with a wrong scale."""
+
+    name = "wrench_gain"
+    order = 30
+    params = {"gain": Param(1.0, 0.2, 2.0, "1", start=1.1, doc="measured over true wrench")}
+
+    def wrench(self, state, wrench, x, p):
+        return p["gain"] * wrench

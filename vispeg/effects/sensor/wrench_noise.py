@@ -1,0 +1,36 @@
+"""Wrench noise: each force and torque that the wrist's sensor reads is off by a Gaussian of its own, white over ticks.
+
+No MuJoCo mechanism: its engine does not apply a sensor's `noise`. Each simulation draws from a stream keyed by the
+shape parameter `seed`, so a world replays and a row does not depend on its neighbours. Source: the noise that data
+sheets of force sensors state, as one standard deviation for forces and one for torques.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.params import Param
+from vispeg.effects.common.row_noise import keys, normal
+from vispeg.effects.common.wrist import WristEffect, six
+
+
+class WrenchNoise(WristEffect):
+    """Noisy forces."""
+
+    name = "wrench_noise"
+    order = 92
+    smooth = False
+    params = {
+        "force": Param(0.0, 0.0, 10.0, "N", start=0.2, doc="standard deviation of each force"),
+        "torque": Param(0.0, 0.0, 1.0, "N m", start=0.01, doc="standard deviation of each torque"),
+        "seed": Param(0.0, 0.0, 2.0**31 - 1, "1", start=0.0, shape=True, doc="of the stream"),
+    }
+
+    def start(self, x, p):
+        lanes = np.arange(6)
+        return {"tick": np.zeros(len(x.q), int), "key": keys(self.name, np.repeat(p["seed"], 6, axis=1), lanes)}
+
+    def wrench(self, state, wrench, x, p):
+        sd, tick = six(p["force"], p["torque"]), state["tick"]
+        state["tick"] = tick + 1
+        return np.where(sd > 0, wrench + sd * normal(state["key"], tick), wrench) if (sd > 0).any() else wrench

@@ -1,0 +1,29 @@
+"""Goal imprecision: the hole is believed (x, y, z) from where it is, base axes.
+
+The physics does not change, what the task tells a policy does. Source: Kaspar and Bock, Reinforcement
+Learning with Cartesian Commands and Sim to Real Transfer for Peg in Hole Tasks: a subtler search emerged from it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.effect import Effect
+from vispeg.core.params import Param
+from vispeg.effects.common.parts import in_scene
+
+
+class GoalImprecision(Effect):
+    """A belief of the hole's place that is off."""
+
+    name = "goal_imprecision"
+    family = "task"
+    params = {
+        axis: Param(0.0, -0.05, 0.05, "m", start=0.002, doc=f"believed minus true {axis}, base axes") for axis in "xyz"
+    }
+
+    def targets(self, model):
+        return in_scene(model, "hole")
+
+    def believe(self, goal, p):
+        return goal + np.stack([p[axis][:, 0] for axis in "xyz"], axis=1)

@@ -1,0 +1,41 @@
+"""Grip pose: the peg sits askew between the fingers, shifted by (x, y, z) and turned by roll and pitch.
+
+Axes are the flange's; the turn is about the peg's centre, which is where the fingers end. Native mechanism: `body_pos`
+and `body_quat` of the body `peg` in the gripper.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.effect import Effect
+from vispeg.core.params import Param
+from vispeg.effects.common.inertia import rotation
+from vispeg.effects.common.parts import in_scene
+from vispeg.effects.task.hole_tilt import turned
+
+
+class GripPose(Effect):
+    """A peg that was not gripped straight."""
+
+    name = "grip_pose"
+    family = "task"
+    params = {
+        **{axis: Param(0.0, -0.01, 0.01, "m", start=0.001, doc=f"shift along the flange's {axis}") for axis in "xyz"},
+        "roll": Param(0.0, -0.2, 0.2, "rad", start=0.02, doc="turn about the flange's x axis"),
+        "pitch": Param(0.0, -0.2, 0.2, "rad", start=0.02, doc="then about its y axis"),
+    }
+    writes = frozenset({"body_pos", "body_quat"})
+
+    def targets(self, model):
+        return in_scene(model, "peg")
+
+    def write(self, fields, p):
+        shift = np.stack([p[axis][:, 0] for axis in "xyz"], axis=1)
+        angles = np.stack([p["roll"][:, 0], p["pitch"][:, 0], np.zeros(len(shift))], axis=1)
+        pos, quat, body = fields["body_pos"], fields["body_quat"], fields.model.body("peg").id
+        rows = np.flatnonzero((angles != 0).any(axis=1))
+        before = rotation(quat[rows, body])
+        quat[rows, body] = turned(quat[rows, body], angles[rows])
+        pos[rows, body] += (before - rotation(quat[rows, body])) @ fields.model.body("peg").ipos
+        pos[:, body] += shift

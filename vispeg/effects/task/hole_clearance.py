@@ -1,0 +1,34 @@
+"""Hole clearance: the hole is `width` wider than nominal, measured across (diametral).
+
+Native mechanism: `geom_pos` of the hole's walls, each moved outwards along its own normal by half of `width`; no
+recompile, so clearance can be drawn per episode or tightened while a policy learns. What a camera sees of the hole
+stays nominal. A hole made narrower than the peg is one that the peg does not fit.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.effect import Effect
+from vispeg.core.params import Param
+from vispeg.effects.common.parts import in_scene
+
+
+class HoleClearance(Effect):
+    """A wider or tighter hole."""
+
+    name = "hole_clearance"
+    family = "task"
+    params = {"width": Param(0.0, -0.005, 0.005, "m", start=0.001, doc="added to the hole's diameter")}
+    writes = frozenset({"geom_pos"})
+
+    def targets(self, model):
+        own = hasattr(model, "config") and model.config.hole_mesh  # a user's block has no ring of walls to move
+        return [] if own else in_scene(model, "fixture")
+
+    def write(self, fields, p):
+        pos, model = fields["geom_pos"], fields.model
+        walls = [g for g in range(model.ngeom) if model.geom(g).name.startswith("hole_wall")]
+        angle = 2 * np.pi / len(walls) * np.array([int(model.geom(g).name[len("hole_wall") :]) for g in walls])
+        outwards = np.stack([np.cos(angle), np.sin(angle), np.zeros(len(walls))], axis=1)
+        pos[:, walls] += 0.5 * p["width"][:, :, None] * outwards

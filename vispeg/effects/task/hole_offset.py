@@ -1,0 +1,30 @@
+"""Hole offset: the fixture, and the hole in it, stands (x, y, z) from its nominal place, base axes.
+
+The goal itself moves: whoever is told where the hole is, is told the new place (an error of what is told is
+`goal_imprecision`). Native mechanism: `body_pos` of the body `fixture`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.effect import Effect
+from vispeg.core.params import Param
+from vispeg.effects.common.parts import in_scene
+
+
+class HoleOffset(Effect):
+    """A fixture that stands elsewhere."""
+
+    name = "hole_offset"
+    family = "task"
+    params = {
+        axis: Param(0.0, -0.15, 0.15, "m", start=0.02, doc=f"shift along the base's {axis} axis") for axis in "xyz"
+    }
+    writes = frozenset({"body_pos"})
+
+    def targets(self, model):
+        return in_scene(model, "fixture")
+
+    def write(self, fields, p):
+        fields["body_pos"][:, fields.model.body("fixture").id] += np.stack([p[axis][:, 0] for axis in "xyz"], axis=1)

@@ -1,0 +1,98 @@
+"""Plays a job's episodes: the policy from its folder, the task's vector environment, the controls between them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from vispeg.evaluation.controls import ON_IMAGES, Controlled
+from vispeg.evaluation.jobs import Job, Pushes
+from vispeg.evaluation.players import player
+from vispeg.evaluation.records import Episode
+
+_kept: dict[Any, Any] = {}  # the last environment of this worker: jobs that follow each other mostly want the same
+
+
+def play(job: Job) -> list[Episode]:
+    """The episodes of a job, in the order of its seeds.
+
+    Raises:
+        UserError: a policy made for another observation, a world that cannot be.
+    """
+    from vispeg.learn.evaluation import run_episodes
+
+    env: Any = environment(job)
+    policy: Any = player(job.entrant, env.config)
+    if job.control in ON_IMAGES:
+        policy = Controlled(policy, job.control)
+    if job.pushes is not None:
+        env = Pushed(env, job.pushes)
+    return [episode(job, outcome) for outcome in run_episodes(policy, env, list(job.seeds))]
+
+
+def environment(job: Job, render_mode: str | None = None) -> Any:
+    """The vector environment of a job, that of the last job where it is the same."""
+    from vispeg.learn.modalities import modality
+    from vispeg.task.vector import PegInHoleVec
+
+    obs_mode = modality(job.entrant.modality).obs_mode
+    key = (job.world, job.world_hash, obs_mode, str(job.entrant.task), job.rows, render_mode, job.dump)
+    if key not in _kept:
+        for old in _kept.values():
+            old.close()
+        _kept.clear()
+        made: dict[str, Any] = {
+            "obs_mode": obs_mode,
+            "render_mode": render_mode,
+            "autoreset_mode": "Disabled",
+            "dump": job.dump,
+        }
+        _kept[key] = PegInHoleVec(job.rows, world=job.world, **made, **job.entrant.task)
+    return _kept[key]
+
+
+def episode(job: Job, outcome: Any) -> Episode:
+    """The record of one finished episode (see `vispeg.learn.evaluation.Outcome`)."""
+    told = outcome.info.get("record") or outcome.info
+    forces = np.asarray(told.get("force_profile", ()), float)
+    steps = max(1, outcome.steps)
+    numbers = [float(told.get(k, np.nan)) for k in ("time", "peak_force", "lateral_error", "depth")]
+    per_step = [float(part.max()) for part in np.array_split(forces, steps) if part.size]
+    return Episode(
+        policy=job.entrant.name,
+        modality=job.entrant.modality,
+        train_seed=job.entrant.train_seed,
+        world=job.world_name,
+        world_hash=job.world_hash,
+        seed=int(outcome.seed),
+        success=bool(outcome.success),
+        category=str(outcome.category),
+        time=numbers[0],
+        peak_force=numbers[1],
+        lateral_error=numbers[2],
+        depth=numbers[3],
+        control=job.control,
+        configuration=job.configuration,
+        force_profile=tuple(per_step) if job.profile else None,
+    )
+
+
+class Pushed:
+    """An environment in which every episode is pushed once."""
+
+    def __init__(self, env: Any, pushes: Pushes):
+        self.env, self.pushes, self.num_envs = env, pushes, env.num_envs
+
+    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> Any:
+        """As the environment's; the rows that begin get the push of their seed."""
+        found = self.env.reset(seed=seed, options=options)
+        mask = (options or {}).get("reset_mask", np.ones(self.num_envs, dtype=bool))
+        for row in np.flatnonzero(mask):
+            force, start, duration = self.pushes.draw(int(seed[row]))
+            self.env.push([int(row)], force, start, duration)
+        return found
+
+    def step(self, actions: np.ndarray) -> Any:
+        """As the environment's."""
+        return self.env.step(actions)

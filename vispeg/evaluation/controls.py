@@ -1,0 +1,71 @@
+"""Controls: the same policy with its sight taken away in a way that tells what its success rests on.
+
+* `shuffled`: every episode sees the images of another one that runs beside it. A policy that looks must fail.
+* `frozen`: the first image for the whole episode. What is left is what one look is worth.
+* `hole_fixed`: the hole at its nominal place in every episode (a change of the world, see `HOLE_FIXED`). A policy that
+  succeeds only here has learnt a place, not to look.
+
+The fourth, a blind policy, is one of its own: modality `proprio`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.evaluation.overlay import Change
+
+CONTROLS = ("shuffled", "frozen", "hole_fixed")
+ON_IMAGES = ("shuffled", "frozen")
+HOLE_FIXED = (Change("hole_offset", {"x": 0.0, "y": 0.0, "z": 0.0}),)
+IMAGES = ("depth_", "rgb_")
+
+
+class Controlled:
+    """A policy that sees other images than those of its episode.
+
+    Args:
+        policy: what is controlled; keeps its interface.
+        control: `shuffled` or `frozen`.
+
+    Raises:
+        UserError: another control, or, at the first look, a single row to shuffle.
+    """
+
+    def __init__(self, policy: Any, control: str):
+        if control not in ON_IMAGES:
+            raise UserError("unknown control", got=control, choices=ON_IMAGES)
+        self.policy, self.control = policy, control
+        self.modality, self.meta = policy.modality, policy.meta
+        self._kept: dict[str, np.ndarray] = {}
+        self._fresh = np.ones(0, dtype=bool)
+
+    def reset(self, n: int, rows: np.ndarray | None = None) -> None:
+        """All rows, or those of the mask (n,), begin a new episode."""
+        if rows is None or len(self._fresh) != n:
+            self._fresh = np.ones(n, dtype=bool)
+        else:
+            self._fresh |= rows
+        self.policy.reset(n, rows)
+
+    def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
+        """What the policy does with the images that the control gives it."""
+        seen = dict(obs)
+        for key in (k for k in obs if k.startswith(IMAGES)):
+            seen[key] = self._instead(key, obs[key])
+        self._fresh[:] = False
+        return self.policy.act(seen)
+
+    def _instead(self, key: str, images: np.ndarray) -> np.ndarray:
+        if self.control == "shuffled":
+            if len(images) < 2:
+                raise UserError("one episode at a time cannot see another's images", expected="two or more rows")
+            return np.roll(images, 1, axis=0)
+        kept = self._kept.get(key)
+        if kept is None or kept.shape != images.shape:
+            kept = self._kept[key] = images.copy()
+        kept[self._fresh] = images[self._fresh]
+        return kept.copy()

@@ -1,0 +1,34 @@
+"""A handful of invented episodes, for examples of the files that are made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from vispeg.evaluation.records import Episode
+
+
+def episodes(worlds: Sequence[str] = ("S", "V"), configurations: Sequence[str] = ("",), n: int = 4) -> list[Episode]:
+    """`n` episodes of a policy that sees and one that does not, in every world and configuration."""
+    found = []
+    for policy, modality in (("depth", "depth"), ("blind", "proprio")):
+        for i, world in enumerate(worlds):
+            for configuration in configurations:
+                for seed in range(n):
+                    ok = modality == "depth" and seed >= i
+                    found.append(
+                        Episode(
+                            policy,
+                            modality,
+                            0,
+                            world,
+                            f"hash of {world} {configuration}",
+                            1_000_000 + seed,
+                            ok,
+                            "success" if ok else "jam",
+                            time=3.2,
+                            peak_force=20.0,
+                            configuration=configuration,
+                            force_profile=(0.0, 5.0, 9.0),
+                        )
+                    )
+    return found

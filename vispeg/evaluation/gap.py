@@ -1,0 +1,213 @@
+"""The transfer gap: success of every policy in every world, what is lost, to which factor, what cannot be told."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.core.seeds import stream
+from vispeg.evaluation import decide
+from vispeg.evaluation.attribution import attribute, joint_of
+from vispeg.evaluation.categories import part
+from vispeg.evaluation.crossed import difference, rate
+from vispeg.evaluation.entrants import EXPERT
+from vispeg.evaluation.intervals import Estimate, unpaired_difference
+from vispeg.evaluation.measures import compare as compare_measures
+from vispeg.evaluation.modalities import compare
+from vispeg.evaluation.ranks import FEWEST, FEWEST_POINTS, TWO_POINTS, Prediction, predict
+from vispeg.evaluation.records import Episode
+from vispeg.evaluation.table import BLIND, Cell, Table
+
+FORMAT = "vispeg-gap/1"
+NO_BLIND = f"no blind control: add a {BLIND} policy"
+
+
+def gap(
+    episodes: Iterable[Episode],
+    reference: str = "S",
+    worlds: Sequence[str] = (),
+    seed: int = 0,
+    notes: Sequence[str] = (),
+    scripted: Collection[str] = (EXPERT,),
+) -> dict[str, Any]:
+    """Everything that a gap report shows, ready for JSON.
+
+    Args:
+        episodes: records of policies in worlds, with controls.
+        reference: the training world.
+        worlds: the order of worlds in tables; empty: the order in which they come.
+        seed: of the bootstrap and the permutation tests.
+        notes: what else is to be known about the episodes.
+        scripted: policies that were not trained, and so have no training seeds.
+
+    Returns:
+        {format, reference, worlds, joint, factors, policies, success, gaps, attribution, comparisons, prediction,
+        categories, measures, notes, rule}; an estimate is {value, low, high, n}.
+
+    Raises:
+        UserError: no episode in the reference world, an unknown world.
+    """
+    table = Table(episodes)
+    order = [reference, *(w for w in (worlds or table.worlds) if w != reference)]
+    for world in order:
+        if world not in table.worlds:
+            raise UserError("no episodes in this world", got=world, choices=table.worlds)
+    joint, factors = joint_of(order, reference)
+    targets, policies = order[1:], table.policies
+    measures = [row for p in policies for w in targets for row in _measures(table, p, reference, w)]
+    said = [f"{row['policy']} in {row['world']}: {row['words']}" for row in measures]
+    return {
+        "format": FORMAT,
+        "reference": reference,
+        "worlds": [{"name": w, "hash": table.hashes[w]} for w in order],
+        "joint": joint,
+        "factors": factors,
+        "policies": [_policy(table, p, p in scripted) for p in policies],
+        "success": [
+            row for c in ("", *table.controls) for p in policies for w in order for row in _success(table, p, w, c)
+        ],
+        "gaps": [row for p in policies for w in targets for row in _gap(table, p, reference, w)],
+        "attribution": _attributions(table, policies, reference, factors, joint, seed),
+        "comparisons": [_plain(c) for w in order for c in compare(table, w, policies)],
+        "prediction": [row for w in targets for row in _prediction(table, reference, w, seed)],
+        "categories": [row for p in policies for w in targets for row in _parting(table, p, reference, w, seed)],
+        "measures": measures,
+        "notes": [*_notes(table, order, scripted), *notes, *said],
+        "rule": decide.RULE,
+    }
+
+
+def _policy(table: Table, policy: str, scripted: bool) -> dict[str, Any]:
+    seeds = sorted({t for cell, rows in table.cells.items() if cell.policy == policy for t in rows})
+    modality = table.modality[policy]
+    row = {"name": policy, "modality": modality, "train_seeds": [] if scripted else seeds, "blind": modality == BLIND}
+    return {**row, "scripted": scripted}
+
+
+def _success(table: Table, policy: str, world: str, control: str) -> list[dict[str, Any]]:
+    cell = Cell(policy, world, control)
+    if not table.has(cell):
+        return []
+    episodes = table.all(cell)
+    row: dict[str, Any] = {"policy": policy, "modality": table.modality[policy], "world": world, "control": control}
+    y = table.outcomes(cell)
+    found = rate(y)
+    more = decide.episodes_needed(found) if len(y) == 1 else None  # of several networks, more episodes are not the cure
+    row |= {"success": found.to_json(), "words": decide.rate_words(found), "needed": more}
+    row |= {"categories": dict(Counter(e.category for e in episodes))}
+    for name in ("time", "peak_force"):
+        values = np.array([getattr(e, name) for e in episodes if name != "time" or e.success], float)
+        values = values[np.isfinite(values)]
+        row[name] = float(values.mean()) if len(values) else None
+    return [row]
+
+
+def _gap(table: Table, policy: str, reference: str, world: str) -> list[dict[str, Any]]:
+    cells = [Cell(policy, reference), Cell(policy, world)]
+    if not table.has(*cells):
+        return []
+    paired = bool(table.seeds(cells)) and bool(table.train_seeds(cells))
+    if paired and table.hashes[world]:
+        y = table.aligned(policy, [reference, world])
+        found = difference(y[reference], y[world], same_networks=True)
+    else:  # a measured target: other starts, so independent samples
+        paired = False
+        counts = [[e.success for e in table.all(cell)] for cell in cells]
+        found = unpaired_difference((sum(counts[0]), sum(counts[1])), (len(counts[0]), len(counts[1])))
+    row = {"policy": policy, "modality": table.modality[policy], "world": world, "paired": paired}
+    return [{**row, "gap": found.to_json(), "verdict": decide.decide(found), "words": decide.gap_words(found)}]
+
+
+def _attributions(
+    table: Table, policies: Sequence[str], reference: str, factors: Sequence[str], joint: str | None, seed: int
+) -> list[dict[str, Any]]:
+    found = []
+    for policy in policies if joint else ():
+        if not table.has(*(Cell(policy, str(w)) for w in (reference, *factors, joint))):
+            continue
+        split = attribute(table, policy, reference, factors, str(joint), stream(seed, "attribution", policy))
+        parts = {"total": split.total, **split.factors, "remainder": split.remainder}
+        found.append(
+            {
+                "policy": policy,
+                "modality": table.modality[policy],
+                "parts": {k: e.to_json() for k, e in parts.items()},
+                "share": {f: split.share(f) for f in factors},
+                "bootstrap": {k: e.to_json() for k, e in split.bootstrap.items()},
+            }
+        )
+    return found
+
+
+def _prediction(table: Table, reference: str, world: str, seed: int) -> list[dict[str, Any]]:
+    points = []
+    for policy in table.policies:
+        cells = [Cell(policy, reference), Cell(policy, world)]
+        for t in table.train_seeds(cells) if table.has(*cells) else ():
+            means = [float(np.mean([e.success for e in table.cells[cell][t].values()])) for cell in cells]
+            points.append({"policy": policy, "train_seed": t, "reference": means[0], "target": means[1]})
+    if len(points) < 2:
+        return []
+    x, y = (np.array([p[key] for p in points]) for key in ("reference", "target"))
+    found = predict(x, y, stream(seed, "prediction", world))
+    names = ("pearson", "spearman", "mmrv", "mean_difference")
+    values = {name: getattr(found, name).to_json() for name in names}
+    return [{"world": world, "n": found.n, **values, "words": _prediction_words(found), "points": points}]
+
+
+def _prediction_words(found: Prediction) -> str:
+    if found.n < FEWEST_POINTS:
+        return f"{decide.CANNOT_TELL}: {TWO_POINTS}"
+    if not np.isfinite(found.pearson.value):
+        return f"{decide.CANNOT_TELL}: success does not vary between these policies"
+    if not found.enough:
+        return f"{decide.CANNOT_TELL}: {found.n} policies, {FEWEST} are the fewest"
+    return (
+        f"r = {found.pearson.value:.2f} ({found.pearson.low:.2f} to {found.pearson.high:.2f}) over {found.n} policies"
+    )
+
+
+def _parting(table: Table, policy: str, reference: str, world: str, seed: int) -> list[dict[str, Any]]:
+    cells = [Cell(policy, reference), Cell(policy, world)]
+    if not table.has(*cells):
+        return []
+    first, second = ([e.category for e in table.all(cell)] for cell in cells)
+    found = part(first, second, stream(seed, "categories", policy, world)).to_json()
+    return [{"policy": policy, "world": world, **found, "n": [len(first), len(second)]}]
+
+
+def _measures(table: Table, policy: str, reference: str, world: str) -> list[dict[str, Any]]:
+    """Of a robot's trials alone: between simulations the tables of success show both."""
+    cells = [Cell(policy, reference), Cell(policy, world)]
+    if table.hashes[world] or not table.has(*cells):
+        return []
+    return [{"policy": policy, "world": world, **row} for row in compare_measures(*map(table.all, cells))]
+
+
+def _notes(table: Table, order: Sequence[str], scripted: Collection[str]) -> list[str]:
+    notes = [] if BLIND in table.modality.values() else [NO_BLIND]
+    for policy in table.policies:
+        missing = [w for w in order if not table.has(Cell(policy, w))]
+        if missing:
+            notes.append(f"{policy} has no episodes in {', '.join(missing)}")
+        cells = [Cell(policy, w) for w in order if table.has(Cell(policy, w)) and table.hashes[w]]
+        counts = {len(row) for cell in cells for row in table.cells[cell].values()}
+        if len(counts) > 1:
+            notes.append(
+                f"{policy} has {min(counts)} to {max(counts)} episodes a world; comparisons use the shared seeds"
+            )
+        if policy not in scripted and len(_policy(table, policy, False)["train_seeds"]) < 3:
+            notes.append(
+                f"{policy} has fewer than three training seeds: intervals speak of these networks, not of the recipe"
+            )
+    return notes
+
+
+def _plain(record: Any) -> dict[str, Any]:
+    row = asdict(record)
+    return {k: getattr(record, k).to_json() if isinstance(getattr(record, k), Estimate) else v for k, v in row.items()}

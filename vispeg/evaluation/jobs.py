@@ -1,0 +1,147 @@
+"""What one worker does in one go: a policy in a world, on a handful of seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from vispeg.core.seeds import stream
+from vispeg.evaluation.controls import HOLE_FIXED
+from vispeg.evaluation.entrants import Entrant
+from vispeg.evaluation.overlay import Change, overlay
+
+# of evaluation; training's are drawn below 2^31 at random: of two thousand episodes one meets one of 500 here in one
+# run of two thousand
+FIRST_SEED = 1_000_000
+STATE_ROWS, IMAGE_ROWS = 50, 20
+EYELESS = ("state", "proprio")  # modalities without images; others are looked up where networks are
+
+
+@dataclass(frozen=True)
+class Pushes:
+    """A push in every episode, drawn from the episode's seed.
+
+    Attributes:
+        force: N, range of the force.
+        duration: s.
+        start: s since the episode began, range of the push's beginning.
+    """
+
+    force: tuple[float, float] = (20.0, 60.0)
+    duration: float = 0.2
+    start: tuple[float, float] = (0.3, 3.0)
+
+    def draw(self, seed: int) -> tuple[list[float], float, float]:
+        """Force (3,) N, horizontal, any direction; beginning and duration in s."""
+        import math
+
+        rng = stream(seed, "push")
+        size, angle = rng.uniform(*self.force), rng.uniform(-math.pi, math.pi)
+        return [size * math.cos(angle), size * math.sin(angle), 0.0], float(rng.uniform(*self.start)), self.duration
+
+
+@dataclass(frozen=True)
+class Job:
+    """One policy in one world on some seeds.
+
+    Attributes:
+        entrant: the policy.
+        world: the world file's path or built-in name.
+        world_name, world_hash: under which the episodes stand.
+        seeds: of the episodes.
+        control, configuration: as in Episode.
+        pushes: or None.
+        profile: whether force profiles are kept.
+        rows: episodes side by side.
+        dump: folder for episodes that diverge, to be played again.
+    """
+
+    entrant: Entrant
+    world: str
+    world_name: str
+    world_hash: str
+    seeds: tuple[int, ...]
+    control: str = ""
+    configuration: str = ""
+    pushes: Pushes | None = None
+    profile: bool = False
+    rows: int = STATE_ROWS
+    dump: Path | None = None
+
+    def keys(self) -> list[tuple[str, int, str, str, str, int]]:
+        """The keys of the episodes that it makes, see Episode."""
+        e = self.entrant
+        return [(e.name, e.train_seed, self.world_name, self.control, self.configuration, s) for s in self.seeds]
+
+    def split(self, size: int) -> list[Job]:
+        """The same in pieces of `size` seeds."""
+        pieces = [self.seeds[i : i + size] for i in range(0, len(self.seeds), size)]
+        return [replace(self, seeds=piece, rows=min(self.rows, max(2, len(piece)))) for piece in pieces]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A world with changes, before it is a file.
+
+    Attributes:
+        world: built-in name or path.
+        name: under which its episodes stand.
+        configuration: as in Episode.
+        changes, task: what is changed, see `overlay`.
+        pushes: as in Job.
+        control: as in Job; `hole_fixed` adds its change.
+    """
+
+    world: str
+    name: str
+    configuration: str = ""
+    changes: tuple[Change, ...] = ()
+    task: dict[str, Any] = field(default_factory=dict)
+    pushes: Pushes | None = None
+    control: str = ""
+
+
+def make_jobs(
+    who: Sequence[Entrant], settings: Sequence[Setting], seeds: Sequence[int], folder: Path, profile: bool = False
+) -> list[Job]:
+    """A job for every policy in every setting; changed worlds are written into `folder`.
+
+    A control on images is left out for policies that see none. Rows are few where images are rendered.
+
+    Raises:
+        UserError: a modality that this installation does not have, a world that cannot be.
+    """
+    jobs, seeing = [], {e.modality: has_eyes(e) for e in who}
+    for s in settings:
+        changes = (*s.changes, *HOLE_FIXED) if s.control == "hole_fixed" else s.changes
+        label = "-".join(part for part in (s.name, s.configuration, s.control) if part)
+        made = overlay(s.world, label, folder, changes, s.task)
+        for e in who:
+            sees = seeing[e.modality]
+            if s.control in ("shuffled", "frozen") and not sees:
+                continue
+            rows = IMAGE_ROWS if sees else STATE_ROWS
+            job = Job(e, str(made.path), s.name, made.hash, tuple(seeds), s.control, s.configuration, s.pushes, profile)
+            jobs.append(replace(job, rows=rows))
+    return jobs
+
+
+def has_eyes(who: Entrant) -> bool:
+    """Whether a policy looks at images.
+
+    Raises:
+        UserError: a modality that this installation does not have.
+    """
+    if who.modality in EYELESS:
+        return False
+    from vispeg.learn.modalities import modality
+
+    return bool(modality(who.modality).kinds)
+
+
+def seeds_of(episodes: int, seed: int = 0) -> list[int]:
+    """Held-out seeds; `seed` shifts them so that another draw shares none."""
+    start = FIRST_SEED + 100_000 * seed
+    return list(range(start, start + episodes))

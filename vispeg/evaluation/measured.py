@@ -1,0 +1,164 @@
+"""Success records of a real robot, as a CSV that a person can type."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from vispeg.core.errors import UserError
+from vispeg.evaluation.records import CATEGORIES, LAST_SEED, Episode, measure
+from vispeg.formats.format import enrol
+from vispeg.formats.guard import MB, read_text
+
+LARGEST = 64 * MB
+REQUIRED = ("policy", "seed", "outcome")
+OPTIONAL = ("configuration", "category", "modality", "train_seed", "time", "peak_force")
+OUTCOMES = {"success": True, "1": True, "true": True, "yes": True, "failure": False, "0": False, "false": False}
+OUTCOMES |= {"fail": False, "no": False}
+
+
+@dataclass(frozen=True)
+class Trials:
+    """A real robot's trials.
+
+    Attributes:
+        episodes: one a trial.
+        notes: what was assumed about them, for the result.
+    """
+
+    episodes: list[Episode] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+
+def _example(folder: Path) -> Path:
+    path = folder / "robot.csv"
+    path.write_text("policy,seed,outcome,category,time,peak_force\na,1,success,,2.5,8\na,2,failure,jam,,\n")
+    return path
+
+
+@enrol("success records (CSV)", _example)
+def read_csv(
+    path: str | Path,
+    world: str = "robot",
+    policies: Mapping[str, Collection[int]] | None = None,
+    configurations: Collection[str] = (),
+) -> Trials:
+    """Reads columns policy, seed, outcome and, where there are, configuration, category, modality, train_seed, time,
+    peak_force.
+
+    Args:
+        path: the CSV, first row its heads, one row a trial. `outcome` is success or failure (also 1/0, true/false,
+            yes/no); `seed` is the trial's number, or the simulated episode's seed where the same start and hole were
+            set up. A failure's `category` is one of `vispeg.evaluation.records.CATEGORIES` or a word of one's own.
+        world: the name under which these records stand in tables.
+        policies: the names that are known, with their training seeds; none: any. Where the file does not tell the
+            training seed, it is the policy's only one; of several the lowest is taken, and a note says so.
+        configurations: the names that are known; empty: any.
+
+    Raises:
+        UserError: a file that cannot be read, a missing or unknown column, an unknown policy, configuration or outcome,
+            a seed that is not a whole number, an outcome that contradicts its category, a trial that stands twice.
+    """
+    path, known = Path(path), {name: sorted(seeds) for name, seeds in (policies or {}).items()}
+    try:
+        reader = csv.DictReader(io.StringIO(read_text(path, LARGEST), newline=""))
+        heads = [h.strip() for h in reader.fieldnames or ()]
+        reader.fieldnames = heads
+        rows = [(reader.line_num, row) for row in reader]
+    except csv.Error as error:
+        raise UserError("is not CSV", file=path, got=str(error)) from error
+    if twice := [head for i, head in enumerate(heads) if head in heads[:i]]:
+        raise UserError("two columns of one name", file=path, got=twice[0])
+    for column in REQUIRED:
+        if column not in heads:
+            raise UserError("a column is missing", file=path, expected=column, got=", ".join(heads))
+    for column in heads:
+        if column not in REQUIRED + OPTIONAL:
+            raise UserError("unknown column", file=path, got=column, choices=REQUIRED + OPTIONAL)
+    episodes: dict[tuple[object, ...], Episode] = {}
+    untold: dict[str, None] = {}
+    for number, row in rows:
+        episode = _episode(row, world, known, path, number)
+        if episode.key in episodes:
+            raise UserError("the same trial twice", file=path, key=f"line {number}", got=episode.key)
+        episodes[episode.key] = episode
+        if not _cell(row, "train_seed") and len(known.get(episode.policy, ())) > 1:
+            untold[episode.policy] = None
+    if not episodes:
+        raise UserError("no trials", file=path, expected="a row a trial below the heads")
+    others = sorted({e.configuration for e in episodes.values()} - set(configurations))
+    if configurations and others:
+        named = ", ".join(repr(o) for o in others)
+        raise UserError(f"the suite does not know the configurations {named}", file=path, choices=configurations)
+    notes = [_note(path, name, known[name]) for name in untold]
+    return Trials(list(episodes.values()), notes)
+
+
+def _note(path: Path, policy: str, seeds: list[int]) -> str:
+    listed = ", ".join(map(str, seeds))
+    return f"{path.name} does not tell which training seed of {policy} ({listed}) was tried; {seeds[0]} is assumed"
+
+
+def _cell(row: Mapping[str, str | None], name: str) -> str:
+    return (row.get(name) or "").strip()
+
+
+def _episode(
+    row: dict[str, str | None], world: str, known: Mapping[str, list[int]], path: Path, number: int
+) -> Episode:
+    where = {"file": path, "key": f"line {number}"}
+    if None in row or any(v is None for v in row.values()):
+        raise UserError("another number of cells than heads", **where)
+    cell = {k: _cell(row, k) for k in row}
+    policy, outcome = cell["policy"], cell["outcome"].lower()
+    if not policy or (known and policy not in known):
+        raise UserError("unknown policy", **where, got=policy, choices=sorted(known))
+    if outcome not in OUTCOMES:
+        raise UserError("unknown outcome", **where, got=cell["outcome"], choices=OUTCOMES)
+    success = OUTCOMES[outcome]
+    category = cell.get("category") or ("success" if success else "failure")
+    category = category.lower() if category.lower() in CATEGORIES else category  # a user's own word stays as it is
+    if (category == "success") != success:
+        raise UserError("outcome and category contradict each other", **where, got=f"{outcome}, {category}")
+    default = str(known[policy][0]) if known.get(policy) else "0"
+    whole = {k: _whole(cell.get(k) or d, k, where) for k, d in (("seed", "0"), ("train_seed", default))}
+    real = {k: _real(cell.get(k) or "", k, where) for k in ("time", "peak_force")}
+    return Episode(
+        policy=policy,
+        modality=cell.get("modality", ""),
+        train_seed=whole["train_seed"],
+        world=world,
+        world_hash="",
+        seed=whole["seed"],
+        success=success,
+        category=category,
+        time=real["time"],
+        peak_force=real["peak_force"],
+        configuration=cell.get("configuration", ""),
+    )
+
+
+def _whole(text: str, name: str, where: Mapping[str, Any]) -> int:
+    try:
+        value = int(text)
+    except ValueError:  # no number, or one of thousands of digits
+        value = LAST_SEED + 1
+    if abs(value) > LAST_SEED:
+        raise UserError(f"{name} is not a number", **where, expected="a whole number", got=text)
+    return value
+
+
+def _real(text: str, name: str, where: Mapping[str, Any]) -> float:
+    """The number, NaN where there is none."""
+    if text.lower() in ("", "nan"):
+        return math.nan
+    try:
+        value: Any = float(text)
+    except ValueError:
+        value = text
+    return measure(name, value, where)

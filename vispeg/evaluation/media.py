@@ -1,0 +1,86 @@
+"""Which episodes to show: failures of every kind, and seeds that succeed in one world and fail in another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from vispeg.evaluation.film import Clip, film
+from vispeg.evaluation.jobs import Job
+from vispeg.evaluation.records import Episode
+from vispeg.evaluation.runner import failures
+from vispeg.evaluation.video import write_image, write_video
+
+
+def film_seeds(
+    jobs: Sequence[Job], episodes: Sequence[Episode], worlds: Sequence[str], folder: Path, most: int
+) -> list[dict[str, Any]]:
+    """Films `most` seeds a policy (its first training seed), each in all of `worlds`, the first and the last of a gap.
+
+    Seeds that succeed in the first world and fail in the last come first, then those that fail in the last, in the
+    first, and in neither; of failures every category in turn. The stills show all sides at the step at which the last
+    one ended, or at the last step of one that was done before.
+    """
+    found = []
+    by = {(e.policy, e.train_seed, e.world, e.seed): e for e in episodes if not e.control and not e.configuration}
+    for job in _first(jobs, worlds[-1]):
+        name, network = job.entrant.name, job.entrant.train_seed
+        played = {s: [by[name, network, w, s] for w in worlds] for s in job.seeds}
+        for seed in _worth_seeing(played)[:most]:
+            clips = [film(_like(job, w, jobs), seed) for w in worlds]
+            step = len(clips[-1].frames) - 1
+            named = zip(clips, worlds, strict=True)
+            sides = [side(clip, world, folder, f"{name}-{seed}-{world}", step) for clip, world in named]
+            found.append({"policy": name, "seed": seed, "sides": sides})
+    return found
+
+
+def _like(job: Job, world: str, jobs: Sequence[Job]) -> Job:
+    """The job of the same network in another world."""
+    return next(j for j in jobs if j.entrant == job.entrant and j.world_name == world and not j.control)
+
+
+def _worth_seeing(played: Mapping[int, Sequence[Episode]]) -> list[int]:
+    """All seeds, in the order of `film_seeds`."""
+    groups = (
+        [row[-1] for row in played.values() if row[0].success],
+        [row[-1] for row in played.values()],
+        [row[0] for row in played.values()],
+    )
+    order = [e.seed for group in groups for e in failures(group, len(group))]
+    return list(dict.fromkeys([*order, *played]))
+
+
+def film_failures(jobs: Sequence[Job], episodes: Sequence[Episode], folder: Path, most: int) -> list[dict[str, Any]]:
+    """Films up to `most` failures a policy, every category in turn; for the page as `film_seeds`, with one side."""
+    found = []
+    for world in dict.fromkeys(j.world_name for j in jobs):
+        for job in _first(jobs, world):
+            own = [e for e in episodes if (e.policy, e.world) == (job.entrant.name, world) and not e.control]
+            for e in failures([e for e in own if e.train_seed == job.entrant.train_seed], most):
+                clip = film(job, e.seed)
+                shown = side(clip, world, folder, f"{e.policy}-{world}-{e.seed}", len(clip.frames) - 1)
+                found.append({"policy": e.policy, "seed": e.seed, "sides": [shown]})
+    return found
+
+
+def side(clip: Clip, world: str, folder: Path, stem: str, step: int) -> dict[str, str | None]:
+    """Writes a clip's video and stills at `step` into `folder`; names relative to its parent."""
+    step = min(step, len(clip.frames) - 1)
+    names: dict[str, Path | None] = {
+        "video": write_video(folder / stem, clip.together),
+        "image": write_image(folder / f"{stem}.jpg", clip.frames[step]),
+        "view": None if clip.views is None else write_image(folder / f"{stem}-view.png", clip.views[step]),
+    }
+    shown = {k: None if p is None else str(p.relative_to(folder.parent)) for k, p in names.items()}
+    return {"world": world, "outcome": f"{clip.category} after {clip.time:.1f} s", **shown}
+
+
+def _first(jobs: Sequence[Job], world: str) -> list[Job]:
+    """One uncontrolled job a policy in `world`: its first training seed."""
+    found: dict[str, Job] = {}
+    for job in jobs:
+        if job.world_name == world and not job.control and not job.configuration:
+            found.setdefault(job.entrant.name, job)
+    return list(found.values())

@@ -1,0 +1,87 @@
+"""Pushes, and hard positions: where a policy that does well on average does not.
+
+Kaspar and Bock (docs/sources.md) pushed the arm away from the hole by hand, and say no force. Here every pushed episode
+gets 20-60 N from any side for 0.2 s. Every position of a frozen list is tried as often as asked
+for, still and pushed on the same seeds, each with its own interval: an average over positions hides the one that
+always fails.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from vispeg.core.errors import UserError
+from vispeg.evaluation.crossed import difference, rate
+from vispeg.evaluation.decide import decide
+from vispeg.evaluation.jobs import Pushes, Setting
+from vispeg.evaluation.overlay import Change
+from vispeg.evaluation.records import Episode
+from vispeg.evaluation.stress import HERE, read_list
+from vispeg.evaluation.table import Cell, Table
+from vispeg.formats.format import Format, copy, enrol
+
+FORMAT = "vispeg-perturb/1"
+LIST = Format("vispeg-positions/1", "a list of positions", keys=("name", "about", "positions"))
+KEYS = ("name", "x", "y", "height", "roll", "pitch", "yaw")
+FREE = "anywhere"
+
+
+@enrol(LIST.name, lambda folder: copy(HERE / "hard_positions.yaml", folder))
+def positions(path: Path | None = None) -> list[dict[str, Any]]:
+    """The frozen list, or one of the user's own. Raises UserError as `read_list`, and for what is no number."""
+    file = path or HERE / "hard_positions.yaml"
+    listed = read_list(file, LIST, "positions", KEYS)
+    for i, entry in enumerate(listed):
+        for key in KEYS[1:]:
+            if key in entry and (isinstance(entry[key], bool) or not isinstance(entry[key], int | float)):
+                at = f"positions[{i}].{key}"
+                raise UserError("not a number", file=file, key=at, expected="m or rad", got=entry[key])
+    return listed
+
+
+def settings(world: str, name: str, listed: Sequence[dict[str, Any]], pushes: Pushes | None = None) -> list[Setting]:
+    """Still and pushed: where the world puts the hole, then every position, from right above its nominal place."""
+    found = []
+    for push, suffix in ((None, ""), (pushes or Pushes(), ", pushed")):
+        found.append(Setting(world, name, FREE + suffix, pushes=push))
+        for p in listed:
+            tilt = {k: float(p[k]) for k in ("roll", "pitch", "yaw") if k in p}
+            changes = [Change("hole_offset", {"x": float(p.get("x", 0.0)), "y": float(p.get("y", 0.0)), "z": 0.0})]
+            changes += [Change("hole_tilt", tilt)] if tilt else []
+            task: dict[str, Any] = {"start_radius": 0.0}
+            task |= {"start_height": [float(p["height"])] * 2} if "height" in p else {}
+            found.append(Setting(world, name, p["name"] + suffix, tuple(changes), task, push))
+    return found
+
+
+def summarise(episodes: Sequence[Episode]) -> dict[str, Any]:
+    """{format, rows: [{policy, position, still, pushed, cost, verdict}]}; cost: still less pushed on the same seeds."""
+    rows = []
+    names = list(dict.fromkeys(e.configuration.removesuffix(", pushed") for e in episodes))
+    for policy in dict.fromkeys(e.policy for e in episodes):
+        for position in names:
+            own = [e for e in episodes if e.policy == policy]
+            still = _table(own, position)
+            pushed = _table(own, position + ", pushed")
+            row: dict[str, Any] = {"policy": policy, "position": position, "still": None, "pushed": None, "cost": None}
+            if still is not None:
+                row["still"] = rate(still[0].outcomes(still[1])).to_json()
+            if pushed is not None:
+                row["pushed"] = rate(pushed[0].outcomes(pushed[1])).to_json()
+            if still is not None and pushed is not None:
+                seeds = sorted(set(still[0].seeds([still[1]])) & set(pushed[0].seeds([pushed[1]])))
+                if seeds:
+                    y = [t.outcomes(c, seeds) for t, c in (still, pushed)]
+                    cost = difference(y[0], y[1], same_networks=y[0].shape == y[1].shape)
+                    row |= {"cost": cost.to_json(), "verdict": decide(cost)}
+            rows.append({"verdict": None, **row})
+    return {"format": FORMAT, "rows": rows}
+
+
+def _table(episodes: Sequence[Episode], configuration: str) -> tuple[Table, Cell] | None:
+    """The episodes of one configuration as a table in which seeds alone tell them apart."""
+    found = [replace(e, configuration="") for e in episodes if e.configuration == configuration]
+    return (Table(found), Cell(found[0].policy, found[0].world)) if found else None

@@ -1,0 +1,194 @@
+"""Episode records: one line of JSON an episode, appended as episodes end, so that a killed evaluation goes on."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+from vispeg.core.disk import written
+from vispeg.core.errors import UserError
+from vispeg.formats.format import enrol
+from vispeg.formats.guard import read_bytes
+from vispeg.formats.json_data import parse_json
+
+LARGEST = 2_000_000_000  # bytes of a file of episodes
+LAST_SEED = 2**62
+CATEGORIES = ("success", "approach", "search", "jam", "wedge", "slip", "force limit", "timeout", "diverged")
+
+
+@dataclass(frozen=True)
+class Episode:
+    """How one episode ended.
+
+    Attributes:
+        policy: the policy's name; replicas that differ in their training seed only share it.
+        modality: what it observes (`state`, `proprio`, `depth`, `rgb`, `rgbd`, or a user's own).
+        train_seed: seed of its training.
+        world: the world's name.
+        world_hash: SHA-256 of the world's content; "" for a measured target.
+        seed: of the episode; the same seed is the same start, hole and draw in every world and for every policy.
+        success, category: the outcome; one of CATEGORIES, or a user's own word for a failure on a real robot.
+        time: s, duration of the episode.
+        peak_force: N, largest contact force.
+        lateral_error: m, distance of peg and hole axes at the end.
+        depth: m, insertion depth at the end.
+        control: "" or the control it was run under (see `vispeg.evaluation.controls`).
+        configuration: "" or the named configuration of a suite, a sweep's value, a hard position.
+        force_profile: N, contact force at the policy's rate, or None.
+        video: path of a video relative to the record's folder, or None.
+    """
+
+    policy: str
+    modality: str
+    train_seed: int
+    world: str
+    world_hash: str
+    seed: int
+    success: bool
+    category: str
+    time: float = math.nan
+    peak_force: float = math.nan
+    lateral_error: float = math.nan
+    depth: float = math.nan
+    control: str = ""
+    configuration: str = ""
+    force_profile: tuple[float, ...] | None = None
+    video: str | None = None
+
+    @property
+    def key(self) -> tuple[str, int, str, str, str, int]:
+        """What an episode is found again by: policy, training seed, world, control, configuration, seed."""
+        return self.policy, self.train_seed, self.world, self.control, self.configuration, self.seed
+
+    def to_json(self) -> str:
+        """One line; NaN becomes null."""
+        row = {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in asdict(self).items()}
+        if self.force_profile is not None:
+            row["force_profile"] = [round(float(f), 3) for f in self.force_profile]
+        return json.dumps(row, allow_nan=False)
+
+
+def append(path: str | Path, episodes: Iterable[Episode]) -> None:
+    """Adds episodes to a JSON-lines file, which is made if it is not there; whole lines in one write, then synced.
+
+    A half-written last line that a killed run left behind is cut off first.
+
+    Raises:
+        UserError: it cannot be written.
+    """
+    path = Path(path)
+    text = "".join(e.to_json() + "\n" for e in episodes)
+    with written(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    with written(path), path.open("ab+") as file:
+        end = _end_of_last_line(path)
+        file.truncate(end)
+        file.write(text.encode())
+        file.flush()
+
+
+def _example(folder: Path) -> Path:
+    ends = [("success", True), ("jam", False)]
+    made = [Episode("a", "depth", 0, "S", "0" * 64, i, won, end, 2.5, 8.0) for i, (end, won) in enumerate(ends)]
+    append(folder / "episodes.jsonl", [replace(e, force_profile=(1.0, 8.0)) for e in made])
+    return folder / "episodes.jsonl"
+
+
+@enrol("episodes (JSON lines)", _example)
+def read(path: str | Path) -> list[Episode]:
+    """The episodes of a JSON-lines file, in order; a half-written last line is left out.
+
+    Raises:
+        UserError: the file cannot be read, a line is not an episode, or two lines are the same episode with different
+            outcomes.
+    """
+    path = Path(path)
+    data = read_bytes(path, LARGEST)
+    found: dict[tuple[Any, ...], Episode] = {}
+    for number, line in enumerate(data[: data.rfind(b"\n") + 1].split(b"\n"), start=1):
+        if not line.strip():
+            continue
+        episode = _parse(line, path, number)
+        other = found.setdefault(episode.key, episode)
+        if (other.success, other.world_hash) != (episode.success, episode.world_hash):
+            raise UserError("the same episode twice with different outcomes", file=path, key=f"line {number}")
+    return list(found.values())
+
+
+def read_all(paths: Iterable[str | Path]) -> list[Episode]:
+    """The episodes of several files; of one that is in two files, the first counts.
+
+    Raises:
+        UserError: as `read`; no episode at all; one world name under two hashes.
+    """
+    found: dict[tuple[Any, ...], Episode] = {}
+    for path in paths:
+        for episode in read(path):
+            found.setdefault(episode.key, episode)
+    if not found:
+        raise UserError("no episodes", got=", ".join(map(str, paths)))
+    check_worlds(found.values())
+    return list(found.values())
+
+
+def check_worlds(episodes: Iterable[Episode]) -> dict[str, str]:
+    """World (and configuration, and control) -> hash. Raises UserError where one name stands for two worlds."""
+    hashes: dict[str, str] = {}
+    for e in episodes:
+        name = " / ".join(filter(None, (e.world, e.configuration, e.control)))  # a control may fix the hole
+        if hashes.setdefault(name, e.world_hash) != e.world_hash:
+            raise UserError("two different worlds under one name", key=name, expected=hashes[name], got=e.world_hash)
+    return hashes
+
+
+def _end_of_last_line(path: Path) -> int:
+    data = path.read_bytes() if path.exists() else b""
+    return data.rfind(b"\n") + 1
+
+
+def measure(key: str, value: Any, where: Mapping[str, Any]) -> float:
+    """A measured number of an episode. Raises UserError for what is none, not finite, or negative where that cannot be.
+
+    Args:
+        key: what it is; all but `depth` (which is negative above the hole's mouth) are 0 or more.
+        value: as it was read.
+        where: `file` and `key` for the error.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < math.inf:
+        raise UserError(f"{key} is not a number", **where, expected="a finite number", got=value)
+    if value < 0 and key != "depth":
+        raise UserError(f"{key} is negative", **where, expected="0 or more", got=value)
+    return float(value)
+
+
+def _parse(line: bytes, path: Path, number: int) -> Episode:
+    where = {"file": path, "key": f"line {number}"}
+    row = parse_json(line, path, f"line {number}")
+    if not isinstance(row, dict):
+        raise UserError("is not an episode", **where, expected="an object", got=row)
+    names = {f.name: f for f in fields(Episode)}
+    if unknown := set(row) - set(names):
+        raise UserError("unknown key", **where, got=sorted(unknown)[0], choices=names)
+    types = {"policy": str, "modality": str, "train_seed": int, "world": str, "world_hash": str, "seed": int}
+    types |= {"success": bool, "category": str}
+    for key, kind in {"control": str, "configuration": str, **types}.items():
+        value: Any = row.setdefault(key, "") if key not in types else row.get(key)
+        if type(value) is not kind or (kind is int and abs(value) > LAST_SEED):
+            raise UserError(f"{key} is missing or of the wrong type", **where, expected=kind.__name__, got=value)
+    for key in ("time", "peak_force", "lateral_error", "depth"):
+        value = row.get(key)
+        row[key] = math.nan if value is None else measure(key, value, where)
+    profile = row.get("force_profile")
+    if not isinstance(profile, list | None) or not isinstance(row.get("video"), str | None):
+        raise UserError("force_profile is no list, or video no path", **where, got=profile)
+    if profile is not None:
+        row["force_profile"] = tuple(measure("force_profile", force, where) for force in profile)
+    if row["success"] != (row["category"] == "success"):
+        raise UserError(
+            "success and category contradict each other", **where, got=f"{row['success']}, {row['category']}"
+        )
+    return Episode(**row)

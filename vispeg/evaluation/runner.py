@@ -1,0 +1,136 @@
+"""Runs jobs in worker processes of one thread each, and writes every episode down as soon as its batch is done."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from vispeg.core.errors import UserError
+from vispeg.core.files import write_text_atomic
+from vispeg.core.workers import pool_of
+from vispeg.evaluation.arena import play
+from vispeg.evaluation.jobs import Job
+from vispeg.evaluation.records import Episode, append, read
+from vispeg.formats.format import enrol
+from vispeg.formats.json_data import read_json
+from vispeg.render.backend import jobs_a_process
+from vispeg.task.world_file import load_world
+
+DIVERGED = "diverged"  # folder of episodes that stopped being finite, to be played again
+EPISODES, RUN = "episodes.jsonl", "run.json"
+Arena = Callable[[Job], list[Episode]]
+Watch = Callable[[list[Episode], int, int], None]
+
+
+def run(
+    jobs: Sequence[Job],
+    out: Path,
+    workers: int = 1,
+    arena: Arena = play,
+    watch: Watch = lambda new, done, total: None,
+) -> list[Episode]:
+    """Plays what is not in OUT/episodes.jsonl yet; returns all episodes of the jobs, in the order of the jobs.
+
+    Args:
+        jobs: what is asked for.
+        out: the folder; a run that was stopped goes on there.
+        workers: processes; 0 or 1: in this one, except for worlds that Filament draws.
+        arena: plays one job. Sent to workers by name.
+        watch: told the new episodes, how many are done, and how many there will be.
+
+    Raises:
+        UserError: OUT holds episodes of other policies or worlds under the same names; whatever a job raises.
+    """
+    path = out / EPISODES
+    names = _same_run(jobs, out)
+    have = {e.key: e for e in read(path)} if path.exists() else {}
+    total = sum(len(job.seeds) for job in jobs)
+    todo = []
+    for job in jobs:
+        missing = tuple(s for s, key in zip(job.seeds, job.keys(), strict=True) if key not in have)
+        todo += replace(job, seeds=missing, dump=out / DIVERGED).split(job.rows) if missing else []
+    done = total - sum(len(job.seeds) for job in todo)
+    watch([], done, total)
+    for found in _results(todo, workers, arena):  # a policy that cannot be played has left nothing to go on with
+        write_text_atomic(out / RUN, names, overwrite=True)
+        append(path, found)
+        have |= {e.key: e for e in found}
+        done += len(found)
+        watch(found, done, total)
+    write_text_atomic(out / RUN, names, overwrite=True)
+    return [have[key] for job in jobs for key in job.keys()]
+
+
+def _results(todo: Sequence[Job], workers: int, arena: Arena) -> Iterator[list[Episode]]:
+    backends = {str(load_world(world).renderer.get("backend", "auto")) for world in {job.world for job in todo}}
+    tasks = min(filter(None, map(jobs_a_process, backends)), default=None)
+    if not tasks and (workers < 2 or len(todo) < 2):
+        yield from (arena(job) for job in todo)
+        return
+    with pool_of(max(1, min(workers, len(todo))), tasks) as pool:
+        waiting: Iterable[Future[list[Episode]]] = [pool.submit(arena, job) for job in todo]
+        while waiting:
+            finished, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            for future in finished:
+                yield future.result()
+
+
+def _same_run(jobs: Sequence[Job], out: Path) -> str:
+    """The content of run.json: what names stand for. Raises UserError where they stand for something else already."""
+    worlds = {"/".join(filter(None, (j.world_name, j.configuration, j.control))): j.world_hash for j in jobs}
+    now: dict[str, dict[str, str]] = {
+        "policies": {f"{j.entrant.name}/s{j.entrant.train_seed}": j.entrant.digest for j in jobs},
+        "worlds": worlds,
+    }
+    path = out / RUN
+    known = read_names(path) if path.exists() else {"policies": {}, "worlds": {}}
+    for kind, names in now.items():
+        for name, value in names.items():
+            if known[kind].setdefault(name, value) != value:
+                raise UserError(
+                    f"{name} was another one when this folder was begun; name another folder",
+                    file=out,
+                    key=kind,
+                    expected=known[kind][name][:12],
+                    got=value[:12],
+                )
+    return json.dumps(known, indent=2) + "\n"
+
+
+def _example(folder: Path) -> Path:
+    names = {"policies": {"a/s0": "0" * 64}, "worlds": {"S": "1" * 64}}
+    return write_text_atomic(folder / RUN, json.dumps(names) + "\n")
+
+
+@enrol("run.json", _example)
+def read_names(path: Path) -> dict[str, dict[str, str]]:
+    """What the names in a run's folder stand for: `policies` and `worlds`, each names to hashes.
+
+    Raises:
+        UserError: no run.json that a run wrote.
+    """
+    known = read_json(path)
+    found = {}
+    for kind in ("policies", "worlds"):
+        names = found[kind] = known.get(kind, {}) if isinstance(known, dict) else None
+        if not isinstance(names, dict) or not all(isinstance(value, str) for value in names.values()):
+            raise UserError("is not the record of a run", file=path, key=kind, expected="names and hashes", got=names)
+    return found
+
+
+def failures(episodes: Iterable[Episode], most: int) -> list[Episode]:
+    """Up to `most` failures, every category in turn, so that rare ones are among them."""
+    by: dict[str, list[Any]] = {}
+    for e in episodes:
+        if not e.success:
+            by.setdefault(e.category, []).append(e)
+    found: list[Episode] = []
+    while len(found) < most and any(by.values()):
+        for kind in list(by):
+            if by[kind] and len(found) < most:
+                found.append(by[kind].pop(0))
+    return found

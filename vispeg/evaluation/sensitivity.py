@@ -1,0 +1,173 @@
+"""Success against one parameter of one effect: a curve with bands, and from where on it has fallen.
+
+A sweep replaces the effect in the world by each value in turn, on the same seeds. The value at which nothing is
+changed (the effect's null) is always among them, and every other one is compared with it, paired, with Holm's
+correction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import vispeg.effects  # noqa: F401  (names must be enrolled)
+from vispeg.core.effect import OPTICAL, effect
+from vispeg.core.errors import UserError
+from vispeg.evaluation.crossed import difference, rate
+from vispeg.evaluation.decide import CANNOT_TELL, decide
+from vispeg.evaluation.entrants import Entrant
+from vispeg.evaluation.jobs import Setting, has_eyes
+from vispeg.evaluation.overlay import Change
+from vispeg.evaluation.records import Episode
+from vispeg.evaluation.significance import holm, mcnemar
+from vispeg.evaluation.table import Cell, Table
+
+FORMAT = "vispeg-sensitivity/1"
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """One effect's parameter over values.
+
+    Attributes:
+        effect, where: as in Change.
+        params: parameters that take the value together (fx and fy of a focal length).
+        values: in the parameter's unit.
+    """
+
+    effect: str
+    params: tuple[str, ...]
+    values: tuple[float, ...]
+    where: str = "*"
+
+    @property
+    def unit(self) -> str:
+        """Of the values."""
+        return effect(self.effect).params[self.params[0]].unit
+
+    @property
+    def null(self) -> float:
+        """The value at which the effect vanishes."""
+        return effect(self.effect).params[self.params[0]].null
+
+    @property
+    def label(self) -> str:
+        """`focal_error.fx,fy`."""
+        return f"{self.effect}.{','.join(self.params)}"
+
+
+SWEEPS = {
+    "focal-length": Sweep("focal_error", ("fx", "fy"), (0.0, 0.01, 0.02, 0.04, 0.07, 0.1)),
+    "camera-shift": Sweep("camera_offset", ("x",), (0.0, 0.002, 0.005, 0.01, 0.02, 0.04)),
+    "camera-turn": Sweep("camera_offset", ("rx",), (0.0, 0.01, 0.02, 0.04, 0.08, 0.15)),
+    "depth-noise": Sweep("disparity_noise", ("sd",), (0.0, 0.05, 0.1, 0.25, 0.5, 1.0)),
+    "light": Sweep("light_intensity", ("gain",), (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)),
+    "latency": Sweep("command_delay", ("delay",), (0.0, 0.005, 0.01, 0.015, 0.02, 0.03)),
+    "image-latency": Sweep("camera_delay", ("delay",), (0.0, 0.04, 0.08, 0.16, 0.32)),
+    "encoder-noise": Sweep("encoder_noise", ("sd",), (0.0, 0.0005, 0.001, 0.002, 0.005, 0.01)),
+    "force-bias": Sweep("wrench_bias", ("fx", "fy", "fz"), (0.0, 0.25, 0.5, 1.0, 2.0, 4.0)),
+    "force-noise": Sweep("wrench_noise", ("force",), (0.0, 0.1, 0.3, 1.0, 3.0)),
+    "friction": Sweep("contact_friction", ("scale",), (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0), "peg"),
+}
+
+
+def sweep(text: str) -> Sweep:
+    """A sweep's name, or EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,...
+
+    Raises:
+        UserError: neither, an unknown effect or parameter, values out of bounds.
+    """
+    if text in SWEEPS:
+        return SWEEPS[text]
+    head, equals, tail = text.partition("=")
+    place, dot, names = head.rpartition(".")
+    if not equals or not dot:
+        expected = "EFFECT[@WHERE].PARAM=VALUE,VALUE"
+        raise UserError("unknown sweep", key="--sweep", expected=expected, got=text, choices=SWEEPS)
+    name, _, where = place.partition("@")
+    known, params = effect(name), tuple(names.split(","))
+    for p in params:
+        if p not in known.params:
+            raise UserError(f"{name} has no such parameter", key="--sweep", got=p, choices=known.params)
+    try:
+        values = tuple(sorted({float(v) for v in tail.split(",")} | {known.params[params[0]].null}))
+    except ValueError:
+        raise UserError("not numbers", key="--sweep", got=tail) from None
+    low, high = known.params[params[0]].low, known.params[params[0]].high
+    for v in values:
+        if not low <= v <= high:
+            raise UserError("out of bounds", key="--sweep", expected=f"{low:g} to {high:g}", got=v)
+    return Sweep(name, params, values, where or "*")
+
+
+def refuse_unseen(sweeps: Iterable[Sweep], who: Iterable[Entrant]) -> None:
+    """Raises UserError for a sweep of what is only seen with a policy that sees nothing: its curve is a line."""
+    for what in sweeps:
+        for e in who:
+            if effect(what.effect).family in OPTICAL and not has_eyes(e):
+                raise UserError(
+                    f"{what.effect} changes images alone, and {e.name} ({e.modality}) looks at none",
+                    key="--sweep",
+                    expected="policies that see, or an effect that they feel, such as latency",
+                    got=what.label,
+                )
+
+
+def settings(world: str, name: str, what: Sweep) -> list[Setting]:
+    """One setting a value; at null too the effect is set, so that the world's own range of it is gone everywhere."""
+    return [
+        Setting(world, name, tag(what, v), (Change(what.effect, dict.fromkeys(what.params, v), what.where),))
+        for v in what.values
+    ]
+
+
+def tag(what: Sweep, value: float) -> str:
+    """The configuration under which a value's episodes stand."""
+    return f"{what.label}={value:g}"
+
+
+def summarise(episodes: Sequence[Episode], what: Sweep) -> dict[str, Any]:
+    """{format, effect, params, unit, null, curves: [{policy, modality, points: [{value, success, cost, p_holm,
+    verdict}], falls_at}]}.
+
+    falls_at: the value nearest to null at which success is lower than at null; None where these data show no fall.
+    """
+    curves = []
+    for policy in dict.fromkeys(e.policy for e in episodes):
+        own = [e for e in episodes if e.policy == policy]
+        table = Table([replace(e, world=e.configuration, configuration="") for e in own])
+        base = tag(what, what.null)
+        points, p = [], []
+        for v in what.values:
+            y = table.aligned(policy, [base, tag(what, v)]) if v != what.null else None
+            point: dict[str, Any] = {"value": v, "success": rate(table.outcomes(Cell(policy, tag(what, v)))).to_json()}
+            if y is not None:
+                point["cost"] = difference(y[base], y[tag(what, v)], same_networks=True)
+                p.append(mcnemar(y[base], y[tag(what, v)]).p)
+            points.append(point)
+        for point, adjusted in zip([q for q in points if "cost" in q], holm(p), strict=True):
+            cost = point["cost"]
+            point |= {"cost": cost.to_json(), "p_holm": adjusted, "verdict": decide(cost, adjusted)}
+        fallen = [q for q in points if q.get("verdict") == "different" and q["cost"]["value"] > 0]
+        nearest = min(fallen, key=lambda q: abs(q["value"] - what.null), default=None)
+        curves.append(
+            {
+                "policy": policy,
+                "modality": own[0].modality,
+                "points": points,
+                "falls_at": nearest["value"] if nearest else None,
+                "words": _words(points, nearest, what),
+            }
+        )
+    head = {"format": FORMAT, "effect": what.effect, "params": list(what.params), "unit": what.unit, "null": what.null}
+    return {**head, "label": what.label, "curves": curves}
+
+
+def _words(points: Sequence[dict[str, Any]], nearest: dict[str, Any] | None, what: Sweep) -> str:
+    if nearest is not None:
+        return f"lower from {nearest['value']:g} {what.unit} on (or nearer: between the values tried)"
+    others = [q for q in points if "cost" in q]
+    if others and all(q["verdict"] == "equal" for q in others):
+        return f"holds over {min(what.values):g} to {max(what.values):g} {what.unit}"
+    return CANNOT_TELL + ": no value is lower beyond doubt, and not all are equal within the margin"

@@ -1,0 +1,79 @@
+"""`suite.json` as `vispeg suite compare` reads it again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BaseModel, Field
+
+from vispeg.formats.format import Format, enrol
+from vispeg.formats.guard import MB
+from vispeg.formats.typed import typed
+
+RESULT = Format("vispeg-suite-result/1", "a suite's result", language="json", most=64 * MB)
+
+
+class _Rate(BaseModel):
+    value: float
+    low: float
+    high: float
+
+
+class _Maybe(BaseModel):
+    value: float | None
+    low: float | None
+    high: float | None
+
+
+class _Row(BaseModel):
+    configuration: str
+    policy: str
+    train: _Rate
+    target: _Rate
+
+
+class _World(BaseModel):
+    name: str
+    hash: str
+
+
+class _Health(BaseModel):
+    status: str
+    words: str
+    pearson: _Maybe | None = None
+
+
+class _Result(BaseModel):
+    version: str
+    train: str
+    target: str
+    rows: Annotated[list[_Row], Field(min_length=1)]
+    health: _Health
+    worlds: list[_World] | None = None
+    notes: list[str] | None = None
+    provenance: dict[str, Any] | None = None
+
+
+def _example(folder: Path) -> Path:
+    import json
+
+    from vispeg.evaluation.example import episodes
+    from vispeg.evaluation.suite import summarise
+
+    values = summarise(episodes(("S", "V"), ("a", "b")), "S", "V", "1")
+    (folder / "suite.json").write_text(json.dumps(values), encoding="utf-8")
+    return folder
+
+
+@enrol(RESULT.name, _example)
+def read_result(folder: Path) -> dict[str, Any]:
+    """The record in a folder that `vispeg suite run` wrote.
+
+    Raises:
+        UserError: no such file, another format, or a value that no result has; names the key.
+    """
+    path = folder / "suite.json"
+    values = RESULT.read(path)
+    typed(_Result, values, path)
+    return {"format": RESULT.name, **values}
