@@ -13,9 +13,10 @@ from vispeg.learn.layout import PRIVILEGED, VECTOR
 from vispeg.learn.modalities import modality
 from vispeg.learn.policy import load
 
-# of `privileged`: where the hole is, relative to its nominal place, in the units of the relative position; and how far
-# from it the policy believes it to be
-HOLE, MISTAKE = slice(3, 6), slice(6, 9)
+# of `privileged`: where the hole is, relative to its nominal place, in the units of the relative position; how far from
+# it the policy believes it to be; and the contact force
+HOLE, MISTAKE, TOUCH = slice(3, 6), slice(6, 9), slice(12, 15)
+WRENCH = slice(6, 12)  # of one observation of the stack
 
 
 class Teacher(Protocol):
@@ -48,6 +49,43 @@ def knowing(obs: Mapping[str, np.ndarray], size: int) -> dict[str, np.ndarray]:
     return {VECTOR: seen.reshape(obs[VECTOR].shape).astype(np.float32), PRIVILEGED: truth}
 
 
+class Tare:
+    """Takes the wrist sensor's zero off what is read: the mean reading of the episode's steps without contact.
+
+    A policy of exact readings is ruined by a zero that is off by one newton. A robot's driver tares its sensor in free
+    air; a teacher knows from the ground truth when that is.
+    """
+
+    def __init__(self) -> None:
+        self.begin(0)
+
+    def begin(self, n: int, rows: np.ndarray | None = None) -> None:
+        """Forgets n episodes, or those rows (n,) bool of them."""
+        if rows is None:
+            self.age, self.free, self.sum = np.zeros(n, int), np.zeros(n), np.zeros((n, 6))
+        else:
+            self.age[rows], self.free[rows], self.sum[rows] = 0, 0.0, 0.0
+
+    def __call__(self, stack: np.ndarray, touch: np.ndarray) -> np.ndarray:
+        """The stack with its readings tared. To be asked once a step.
+
+        Args:
+            stack: (n, depth, size) observations, newest first. What an episode begins with is no reading and stays.
+            touch: (n, 3) contact force, 0 without contact.
+        """
+        if len(stack) != len(self.age):
+            self.begin(len(stack))
+        free = (self.age > 0) & (touch == 0).all(axis=1)
+        self.free += free
+        self.sum[free] += stack[free, 0, WRENCH]
+        zero = self.sum / np.maximum(self.free, 1)[:, None]
+        read = np.arange(stack.shape[1]) < self.age[:, None]
+        tared = stack.copy()
+        tared[:, :, WRENCH] -= np.where(read[:, :, None], zero[:, None], 0.0)
+        self.age += 1
+        return tared
+
+
 class StateTeacher:
     """A state policy, or the scripted expert, as the teacher of students that are not told where the hole is.
 
@@ -57,15 +95,19 @@ class StateTeacher:
     """
 
     def __init__(self, policy: Any, size: int):
-        self.policy, self.size = policy, size
+        self.policy, self.size, self.tare = policy, size, Tare()
 
     def reset(self, n: int, rows: np.ndarray | None = None) -> None:
         """See Teacher."""
         self.policy.reset(n, rows)
+        self.tare.begin(n, rows)
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
-        """See Teacher."""
-        return self.policy.act(knowing(obs, self.size))
+        """See Teacher; to be asked once a step."""
+        shown = knowing(obs, self.size)
+        stack = shown[VECTOR].reshape(len(shown[VECTOR]), -1, self.size)
+        tared = self.tare(stack, obs[PRIVILEGED][:, TOUCH])
+        return self.policy.act(shown | {VECTOR: tared.reshape(shown[VECTOR].shape)})
 
 
 class Scripted:
