@@ -17,23 +17,87 @@ from vispeg.learn.layout import Layout
 from vispeg.learn.modalities import modality
 from vispeg.learn.policy import NetPolicy, load, save
 from vispeg.learn.sb3_env import Sb3Env
-from vispeg.learn.teacher import knowing, teacher_of
+from vispeg.learn.teacher import StateTeacher, Tare, knowing, teacher_of
+
+
+def played(mode, world, steps, seeds=(4, 5)):
+    """Observations of the same episodes in an observation mode, the first at rest, under the same actions."""
+    from vispeg.task.vector import PegInHoleVec
+
+    env = PegInHoleVec(len(seeds), world, mode, autoreset_mode="Disabled")
+    rng, obs = stream(0, "actions"), [env.reset(seed=list(seeds))[0]]
+    for _ in range(steps):
+        action = rng.uniform(-1, 1, (len(seeds), 3)) - [0, 0, 0.6]
+        obs.append(env.step(action)[0])
+    return obs, env.config
 
 
 def test_teachers_view_of_a_blind_students_episode_is_the_state_policys_own():
     """The same episodes in `state` and `proprio`, the hole anywhere within 30 mm."""
-    from vispeg.task.vector import PegInHoleVec
-
-    modes = "state", "proprio"
-    state, blind = (PegInHoleVec(2, "unknown_hole", mode, autoreset_mode="Disabled") for mode in modes)
-    a, b = state.reset(seed=[4, 5])[0], blind.reset(seed=[4, 5])[0]
-    size = state.config.stack and a["policy"].shape[1] // state.config.stack
-    rng = stream(0, "actions")
-    assert np.abs(a["policy"] - b["policy"]).max() > 0.1
-    for _ in range(3):
+    (state, config), (blind, _) = played("state", "unknown_hole", 3), played("proprio", "unknown_hole", 3)
+    assert np.abs(state[0]["policy"] - blind[0]["policy"]).max() > 0.1
+    size = state[0]["policy"].shape[1] // config.stack
+    for a, b in zip(state, blind, strict=True):
         assert np.allclose(knowing(b, size)["policy"], a["policy"], atol=1e-5)
-        action = rng.uniform(-1, 1, (2, 3))
-        a, b = state.step(action)[0], blind.step(action)[0]
+
+
+class Watching:
+    """A policy that keeps what it is shown."""
+
+    def __init__(self):
+        self.views = []
+
+    def reset(self, n, rows=None): ...
+
+    def act(self, obs):
+        self.views.append(obs["policy"].astype(float))
+        return np.zeros((len(obs["policy"]), 3))
+
+
+def views(obs, size):
+    """What a teacher's policy is shown of observations, (steps, n, depth, size)."""
+    teacher = StateTeacher(Watching(), size)
+    teacher.reset(len(obs[0]["policy"]))
+    for one in obs:
+        teacher.act(one)
+    return np.stack(teacher.policy.views).reshape(len(obs), len(obs[0]["policy"]), -1, size)
+
+
+def test_a_wrong_zero_of_the_wrists_sensor_is_not_shown_to_a_teacher():
+    """Any constant of each episode's readings cancels; nothing else than the wrench changes."""
+    from vispeg.core.effect import Placed
+    from vispeg.core.world import World
+
+    bias = Placed.of("wrench_bias", "flange", fx=2.0, fy=-1.0, fz=1.5, tx=0.1, ty=-0.05, tz=0.08)
+    (plain, config), (off, _) = played("proprio", World(), 24), played("proprio", World(effects=(bias,)), 24)
+    size = plain[0]["policy"].shape[1] // config.stack
+    wrench = slice(6, 12)
+    assert max(np.abs(one["privileged"][:, 12:15]).max() for one in plain) > 0.1, "it touched"
+    assert np.abs(off[-1]["policy"] - plain[-1]["policy"]).max() > 0.04
+    # The sensor turns with the flange, by less than 0.05 rad: of a bias of 2.7 N or 0.14 N m no more is left.
+    assert np.allclose(views(off, size), views(plain, size), atol=0.05 * max(2.7 / 20.0, 0.14 / 2.0))
+    raw = np.stack([knowing(one, size)["policy"] for one in off]).reshape(views(off, size).shape)
+    others = np.delete(np.arange(size), np.arange(size)[wrench])
+    assert np.array_equal(views(off, size)[..., others], raw[..., others])
+
+
+def test_a_tared_reading_is_the_reading_less_the_mean_of_those_without_contact_so_far():
+    rng, tare, steps = stream(3, "readings"), Tare(), 9
+    reading, touch = rng.standard_normal((steps, 2, 15)), np.zeros((steps, 2, 3))
+    touch[4:, 0], touch[:, 1], reading[0, :, 6:12] = 1.0, [0, 0, 0.1], 0.0
+    touch[0] = 0.0  # episodes begin in the air
+    tare.begin(2)
+    for k in range(steps):
+        stack = np.stack([reading[k], reading[max(k - 1, 0)]], axis=1)
+        tared = tare(stack, touch[k])
+        zero = reading[1 : min(k, 3) + 1, 0, 6:12].mean(axis=0) if k else np.zeros(6)
+        expected = stack.copy()
+        expected[0, 0, 6:12] -= zero
+        expected[0, 1, 6:12] -= zero if k > 1 else 0.0  # what an episode begins with is no reading
+        np.testing.assert_allclose(tared, expected)
+    tare.begin(2, np.array([True, False]))
+    stack = rng.standard_normal((2, 2, 15))
+    np.testing.assert_array_equal(tare(stack, np.zeros((2, 3)))[0], stack[0])
 
 
 def test_a_teacher_that_knows_is_shown_the_ground_truth_that_it_was_trained_on(tmp_path):
