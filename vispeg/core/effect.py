@@ -145,6 +145,10 @@ class Effect(ABC):
         """Whether this class has a hook of its own."""
         return getattr(type(self), hook) is not getattr(Effect, hook)
 
+    def absent(self, shape: tuple[int, ...]) -> dict[str, np.ndarray]:
+        """Arrays of this shape, one a parameter, with the values of an effect that is not there."""
+        return {name: np.full(shape, param.absent) for name, param in self.params.items()}
+
     @property
     def magnitudes(self) -> list[str]:
         """The parameters whose null makes the effect vanish (all but the shape parameters)."""
@@ -196,7 +200,7 @@ class EffectInstance:
         for key in values:
             if key not in params:
                 raise UserError(f"{name} has no such parameter", got=key, choices=params)
-        full = {k: values.get(k, p.start if p.shape else p.null) for k, p in params.items()}
+        full = {k: values.get(k, p.absent) for k, p in params.items()}
         return cls(name, where, {k: Value(float(v)) for k, v in full.items()})
 
     @property

@@ -30,6 +30,11 @@ class Param:
     scale: Literal["linear", "log"] = "linear"
     doc: str = ""
 
+    @property
+    def absent(self) -> float:
+        """The value where the effect is not: null, or `start` for what only shapes it."""
+        return self.start if self.shape else self.null
+
     def __post_init__(self) -> None:
         if not self.low <= self.start <= self.high:
             raise ValueError(f"start {self.start} outside [{self.low}, {self.high}]")

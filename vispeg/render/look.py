@@ -87,7 +87,7 @@ def writers(world: World) -> list[tuple[Effect, list[EffectInstance]]]:
 def values(one: Effect, placed: Sequence[EffectInstance], scene: Any) -> Mapping[str, np.ndarray]:
     """(1, ntarget) values of an effect's parameters, null where it is not placed; `all` means every target."""
     targets = one.targets(scene)
-    out = {k: np.full((1, len(targets)), p.start if p.shape else p.null) for k, p in one.params.items()}
+    out = one.absent((1, len(targets)))
     for at in placed:
         if at.where != "all" and at.where not in targets:
             raise UserError(f"{one.name} has no such place", key="where", got=at.where, choices=["all", *targets])

@@ -67,7 +67,7 @@ class Pipeline:
                 raise UserError("a pipeline takes a sampled world", got=world.ranges[0].label)
             for stage in self._stages.values():
                 for name, param in stage.effect.params.items():
-                    stage.p[name][row] = param.start if param.shape else param.null
+                    stage.p[name][row] = param.absent
                 if "time" in stage.state:
                     stage.state["time"][row] = np.inf  # any time is before that: the row begins anew
             for placed in world.effects:
@@ -108,8 +108,7 @@ class Pipeline:
         return replace(out, truth=frame.truth)
 
     def _stage(self, kind: Effect) -> Stage:
-        start = {k: np.full(self.n, q.start if q.shape else q.null) for k, q in kind.params.items()}
-        return Stage(kind, start, Streams(kind.name, self.n))
+        return Stage(kind, kind.absent((self.n,)), Streams(kind.name, self.n))
 
     @staticmethod
     def _at_work(stage: Stage) -> bool:

@@ -30,10 +30,7 @@ def activate(robot: RobotModel, worlds: Sequence[World]) -> list[Active]:
 
 def _values(kind: Effect, robot: RobotModel, worlds: Sequence[World]) -> dict[str, np.ndarray]:
     targets = kind.targets(robot)
-    p = {
-        k: np.full((len(worlds), len(targets)), param.start if param.shape else param.null)
-        for k, param in kind.params.items()
-    }
+    p = kind.absent((len(worlds), len(targets)))
     for row, world in enumerate(worlds):
         for placed in world.effects:
             if placed.effect != kind.name:

@@ -62,8 +62,7 @@ class Cell(Plant):
 
     def _null(self, name: str) -> dict[str, np.ndarray]:
         kind = effect(name)
-        shape = self.nsim, len(kind.targets(self.robot))
-        return {k: np.full(shape, p.start if p.shape else p.null) for k, p in kind.params.items()}
+        return kind.absent((self.nsim, len(kind.targets(self.robot))))
 
     def begin(self, rows: np.ndarray, worlds: Sequence[World], q: np.ndarray, weight: np.ndarray) -> None:
         """Rows (indices) begin anew at rest at q (len(rows), nj) rad, in new worlds, their drives carrying `weight`."""
@@ -74,12 +73,9 @@ class Cell(Plant):
             if self.batch.expanded(name) is not None:  # else a value of the row's last episode would stay
                 fresh.expand(name)
         for a in self.active:
-            null = {
-                k: np.broadcast_to(p.start if p.shape else p.null, (len(rows),)) for k, p in a.effect.params.items()
-            }
+            new = drawn.get(a.effect.name)
             for k, values in a.p.items():
-                new = drawn.get(a.effect.name)
-                values[rows] = new[k] if new is not None else null[k][:, None]
+                values[rows] = new[k] if new is not None else a.effect.params[k].absent
             a.effect.write(fields, {k: v[rows] for k, v in a.p.items()})
         for name, values in fresh.values.items():
             self.batch.expand(name)[rows] = values

@@ -65,4 +65,4 @@ def _unit(kind: str, name: str) -> str:
 
 def _vanishes(kind: str, name: str, value: float) -> bool:
     param = REGISTRY[kind].params.get(name) if kind in REGISTRY else None
-    return param is not None and value == (param.start if param.shape else param.null)
+    return param is not None and value == param.absent
