@@ -36,6 +36,24 @@ def test_a_commanded_turn_is_made_and_seen_about_its_axis_alone(axis):
     assert TURN * seen[16:19] == pytest.approx(turn, abs=0.003)
 
 
+@pytest.mark.parametrize("axis", ["rx", "ry"])
+def test_a_turn_is_about_the_pegs_tip_and_the_tip_is_what_is_seen(axis):
+    """The flange goes round the tip: sideways by the tip's distance times the angle's sine."""
+    sim = PegSimulation(World(), TaskConfig(dof=("x", "y", "z", axis), turn=0.04), 1)
+    sim.reset(np.arange(1), [0])
+    tip = lambda: sim.cell.site_position("peg_tip")[0].copy()  # noqa: E731
+    flange, before = sim.flange[0].copy(), tip()
+    for _ in range(3):
+        sim.step(np.array([[0.0, 0.0, 0.0, 1.0]]))
+        seen = 0.03 * sim.observation()["policy"][0][:3] + sim.believed[0]
+        assert seen == pytest.approx(tip(), abs=1e-3)
+    turn = turned_by(sim)
+    aside = sim.scene.tip * np.sin(np.linalg.norm(turn))
+    assert aside > 0.008
+    assert np.linalg.norm((sim.flange[0] - flange)[:2]) == pytest.approx(aside, abs=0.2 * aside)
+    assert np.linalg.norm(tip() - before) < 0.25 * aside
+
+
 def test_translations_alone_see_what_they_saw():
     assert policy_size(TaskConfig()) == 15 and policy_size(TaskConfig(dof=("z",))) == 13
 

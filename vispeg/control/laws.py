@@ -35,6 +35,13 @@ def turned(quat: np.ndarray, vector: np.ndarray) -> np.ndarray:
     )
 
 
+def rotated(quat: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """Vectors (n, 3) or (3,) of frames turned by quaternions (n, 4) wxyz, in the base frame."""
+    w, v = quat[:, :1], quat[:, 1:]
+    half = np.cross(v, vector) + w * vector
+    return vector + 2.0 * np.cross(v, half)
+
+
 # rows of the matrix that multiplies a quaternion wxyz by the conjugate of another from the right
 CONJUGATE = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])
 CONJUGATE_SIGN = np.array([[1, 1, 1, 1], [-1, 1, -1, 1], [-1, 1, 1, -1], [-1, -1, 1, 1]])

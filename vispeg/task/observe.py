@@ -55,8 +55,9 @@ def policy_part(sim: PegSimulation) -> np.ndarray:
 
     Where the policy turns the flange: its rotation vector from straight down, and its angular velocity.
     """
+    tip = sim.flange + sim.lever(sim.turn) if turns(sim.config) else sim.flange - [0, 0, sim.scene.tip]
     parts = [
-        (sim.flange - [0, 0, sim.scene.tip] - sim.believed) / 0.03,
+        (tip - sim.believed) / 0.03,
         sim.twist[:, :3] / 0.1,
         sim.wrench[:, :3] / 20.0,
         sim.wrench[:, 3:] / 2.0,

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from vispeg.control.laws import rotation_vector, turned
+from vispeg.control.laws import rotated, rotation_vector, turned
 from vispeg.core.effect import OPTICAL, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
@@ -19,7 +19,7 @@ from vispeg.sim.reach import reach
 from vispeg.task.cell import Cell
 from vispeg.task.config import DOF, TaskConfig
 from vispeg.task.control import PoseControl
-from vispeg.task.observe import Stack, observation, policy_part, policy_size
+from vispeg.task.observe import Stack, observation, policy_part, policy_size, turns
 from vispeg.task.outcome import Track
 from vispeg.task.reward import REWARDS, Moment
 from vispeg.task.seen import felt, shown
@@ -69,6 +69,7 @@ class PegSimulation:
         n = nsim
         self.straight = np.tile(DOWN, (n, 1))
         self.goal, self.rot = np.zeros((n, 3)), self.straight.copy()  # flange pose that is commanded
+        self.held = self.goal.copy()  # where that puts the end of `lever`
         self.believed, self.seeds = np.zeros((n, 3)), np.zeros(n, dtype=np.int64)
         self.action, self.count = np.zeros((n, len(config.dof))), np.zeros(n, dtype=int)
         self.wrench, self.tracks = np.zeros((n, 6)), [Track() for _ in range(n)]
@@ -103,6 +104,7 @@ class PegSimulation:
         q, weight = self._start(rows, pos)
         self.cell.begin(rows, [felt(w) for w in worlds], q, weight)
         self.goal[rows], self.rot[rows] = pos[rows], DOWN
+        self.held[rows] = (self.goal + self.lever(self.rot))[rows]
         self.action[rows], self.count[rows], self.wrench[rows], self.diverged[rows] = 0.0, 0, 0.0, False
         self._believe(rows)
         self.cell.read()
@@ -133,6 +135,11 @@ class PegSimulation:
         self.measured = q, dq
         self.flange, self.turn, self.twist = self.control.pose(q, dq)
 
+    def lever(self, rot: np.ndarray) -> np.ndarray:
+        """From the flange to the point that actions move and turn about, (nsim, 3) m: the tip of a peg held straight
+        where the policy turns it, else the flange itself. A turn about the flange would throw the tip aside."""
+        return rotated(rot, np.array([0.0, 0.0, self.scene.tip])) if turns(self.config) else np.zeros((self.nsim, 3))
+
     def _believe(self, rows: np.ndarray) -> None:
         if self.obs_mode not in TARGET_KNOWN:
             self.believed[rows] = self.nominal_hole
@@ -158,11 +165,12 @@ class PegSimulation:
             acted.append(given)
         whole = np.zeros((self.nsim, 6))
         whole[:, self.places] = self.action
-        moved = self.flange + c.offset * whole[:, :3]
-        self.goal = np.where(self.move[:3], moved, self.goal)
-        if self.move[3:].any():  # directions that the policy does not turn are held, as are those it does not move
+        moved = self.flange + self.lever(self.turn) + c.offset * whole[:, :3]
+        self.held = np.where(self.move[:3], moved, self.held)
+        if turns(c):  # directions that the policy does not turn are held, as are those it does not move
             asked = rotation_vector(self.straight, self.turn) + c.turn * whole[:, 3:]
             self.rot = turned(self.straight, np.where(self.move[3:], asked, 0.0))
+        self.goal = self.held - self.lever(self.rot)
         force, wrenches = np.empty((c.ticks, self.nsim, 3)), np.empty((c.ticks, self.nsim, 6))
         pushed = any(p is not None for p in self.push)
         with quiet(), np.errstate(all="ignore"):
