@@ -24,7 +24,7 @@ from results import write_result
 from training import Variant, trained
 from transfer_table import success_table
 
-from vispeg.task.reward import REWARDS
+from vispeg.task.peg.reward import REWARDS
 from vispeg.task.world_file import load_world
 
 WORLDS = ("searching", "randomized")

@@ -24,7 +24,7 @@ class Variant:
         stack: observations and actions that a feed-forward actor sees; a recurrent one sees the last alone.
         recurrent: width of the actor's LSTM, 0 for a feed-forward actor.
         modality: what the policy sees.
-        reward: of the task, see vispeg.task.reward.
+        reward: of the task, see vispeg.task.peg.reward.
         dof: directions that the policy moves.
     """
 

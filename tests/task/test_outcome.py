@@ -10,7 +10,7 @@ from vispeg.render.standard import HOLE, standard_cameras
 from vispeg.task.config import TaskConfig
 from vispeg.task.eyes import task_cameras
 from vispeg.task.observe import Stack
-from vispeg.task.outcome import CATEGORIES, Track
+from vispeg.task.peg.outcome import CATEGORIES, Track
 from vispeg.task.simulation import PegSimulation
 
 CONFIG = TaskConfig()

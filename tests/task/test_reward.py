@@ -5,8 +5,8 @@ import pytest
 
 from vispeg.core.errors import UserError
 from vispeg.task.config import TaskConfig
-from vispeg.task.expert import Expert
-from vispeg.task.reward import Moment, paper, shaped
+from vispeg.task.peg.expert import Expert
+from vispeg.task.peg.reward import Moment, paper, shaped
 from vispeg.task.vector import PegInHoleVec
 from vispeg.task.world_file import load_world
 

@@ -6,8 +6,8 @@ import pytest
 from vispeg.control.laws import rotation_vector
 from vispeg.core.world import World
 from vispeg.task.config import TaskConfig
-from vispeg.task.expert import Expert
 from vispeg.task.observe import TURN, policy_size
+from vispeg.task.peg.expert import Expert
 from vispeg.task.simulation import PegSimulation
 from vispeg.task.vector import PegInHoleVec
 

@@ -16,7 +16,7 @@ from vispeg.learn.record import read_record
 from vispeg.learn.shipped import policy_folder
 from vispeg.task.world_file import built_in, parts
 
-EXPERT = "expert"  # the scripted policy of vispeg.task.expert takes part under this name
+EXPERT = "expert"  # the scripted policy of vispeg.task.peg.expert takes part under this name
 TRAINING = "S"  # the frozen training world; what it is made of is held out from nobody
 
 

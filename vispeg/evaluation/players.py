@@ -46,7 +46,7 @@ class ScriptedPolicy:
 
     def reset(self, n: int, rows: np.ndarray | None = None) -> None:
         """All rows, or those of the mask (n,), begin a new episode."""
-        from vispeg.task.expert import Expert
+        from vispeg.task.peg.expert import Expert
 
         if rows is None:
             self.expert = Expert(self.config, n)

@@ -32,8 +32,8 @@ from vispeg.render.camera import quaternion
 from vispeg.render.camera_files import to_record
 from vispeg.render.contrast import TRIES, redraw
 from vispeg.render.look import dress
-from vispeg.task.expert import Expert
 from vispeg.task.eyes import FAR, camera_velocity
+from vispeg.task.peg.expert import Expert
 from vispeg.task.simulation import PegSimulation, felt
 from vispeg.task.world_file import load_world
 

@@ -120,7 +120,7 @@ class Scripted:
 
     def reset(self, n: int, rows: np.ndarray | None = None) -> None:
         """See Teacher."""
-        from vispeg.task.expert import Expert
+        from vispeg.task.peg.expert import Expert
 
         if self.expert is None or rows is None:
             self.expert = Expert(self.config, n)

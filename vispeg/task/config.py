@@ -9,7 +9,7 @@ from typing import Any, get_args, get_type_hints
 
 from vispeg.core.errors import UserError
 from vispeg.robots.scene import SceneConfig
-from vispeg.task.reward import REWARDS
+from vispeg.task.peg.reward import REWARDS
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class TaskConfig:
         success_lateral: greatest distance of the tip from the hole's axis there, m; 0 for half the peg's diameter.
         success_force: greatest contact force there, N; 0 for `force_abort`.
         dwell: policy steps in a row that all three must hold.
-        reward: `shaped` or `paper`, see vispeg.task.reward.
+        reward: `shaped` or `paper`, see vispeg.task.peg.reward.
         reward_scale: m, d0 of the shaped reward.
         cameras: that policies with images look through.
         image_size: px of the shorter side of an image, the field of view kept; 0 for the cameras' own.

@@ -20,8 +20,8 @@ from vispeg.task.cell import Cell
 from vispeg.task.config import DOF, TaskConfig
 from vispeg.task.control import PoseControl
 from vispeg.task.observe import Stack, observation, policy_part, policy_size, turns
-from vispeg.task.outcome import Track
-from vispeg.task.reward import REWARDS, Moment
+from vispeg.task.peg.outcome import Track
+from vispeg.task.peg.reward import REWARDS, Moment
 from vispeg.task.seen import felt, shown
 
 DOWN = np.array([0.0, 1.0, 0.0, 0.0])  # flange z straight down, wxyz

@@ -22,8 +22,8 @@ from vispeg.formats.format import Format, enrol
 from vispeg.formats.guard import is_file, read_bytes
 from vispeg.robots.scene import build
 from vispeg.task.config import TaskConfig
-from vispeg.task.hole_places import check_places
 from vispeg.task.identified import ranges_of
+from vispeg.task.peg.places import check_places
 from vispeg.task.world_entry import entry_dict, ranged
 
 FORMAT = "vispeg-world/1"

@@ -1,0 +1,1 @@
+"""The peg-in-hole task: what it asks, sees, rewards and calls a failure."""
