@@ -30,14 +30,14 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from vispeg.datasets import episode  # noqa: E402
 from vispeg.datasets.plan import Shard  # noqa: E402
 from vispeg.datasets.shard import shard_bytes  # noqa: E402
-from vispeg.learn import demonstrations  # noqa: E402
-from vispeg.learn.demonstration_plan import plan_of  # noqa: E402
+from vispeg.demonstrations import stage  # noqa: E402
+from vispeg.demonstrations.plan import plan_of  # noqa: E402
 from vispeg.render.backend import Renderer  # noqa: E402
 from vispeg.render.pipeline import Pipeline  # noqa: E402
 
 PARTS: tuple[tuple[str, Any, str], ...] = (
-    ("physics, expert", demonstrations.Stage, "play"),
-    ("looks, contrast guard", demonstrations, "redraw"),
+    ("physics, expert", stage.Stage, "play"),
+    ("looks, contrast guard", stage, "redraw"),
     ("rendering", Renderer, "render"),
     ("sensor", Pipeline, "run"),
     ("pictures to bytes", episode, "encode"),
@@ -109,13 +109,13 @@ def main() -> None:
     clock, frames = Clock(), 0
     floor = Clock(clock)
     beneath(floor)
-    shard_bytes(demonstrations.shard, plan, layout, Shard(99, 0, 2 * args.looks))  # imports, the model, shaders
+    shard_bytes(stage.shard, plan, layout, Shard(99, 0, 2 * args.looks))  # imports, the model, shaders
     floor.spent.clear()
     for part in PARTS:
         clock.watch(*part)
     began = time.process_time()
     for shard in plan.shards[: args.shards]:
-        shard_bytes(demonstrations.shard, plan, layout, shard)
+        shard_bytes(stage.shard, plan, layout, shard)
         frames += shard.frames
     whole = time.process_time() - began
     # calls beside those of the frames place the fixture for the guard; they are no part of what is asked for

@@ -7,9 +7,9 @@ import pytest
 from vispeg.cli import progress
 from vispeg.cli.progress import bars, duration, stages
 from vispeg.datasets.shard import shard_bytes
+from vispeg.demonstrations.plan import plan_of
+from vispeg.demonstrations.stage import shard
 from vispeg.diagnosis.share import Share
-from vispeg.learn.demonstration_plan import plan_of
-from vispeg.learn.demonstrations import shard
 
 
 @pytest.fixture

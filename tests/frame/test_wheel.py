@@ -14,7 +14,7 @@ LISTS = "import vispeg.effects; from vispeg.core.effect import REGISTRY; print(s
 # what `vispeg render --world S` plans: the built-in worlds, with the sensors and the images that they name
 WORLDS = """
 from vispeg.effects.common.images import images
-from vispeg.learn.demonstration_plan import plan_of
+from vispeg.demonstrations.plan import plan_of
 print([p.name for p in images((".hdr", ".png", ".jpg"))])
 print([plan_of(name, 10)[0].world_hash for name in ("S", "V", "N", "P", "VNP", "dev")])
 """

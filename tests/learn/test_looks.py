@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from vispeg.core.errors import UserError
+from vispeg.demonstrations.looks import looking, side_by_side
 from vispeg.learn.distill import DistillSettings, collect
-from vispeg.learn.looks import looking, side_by_side
 from vispeg.learn.rounds import keep_ring, kept_ring
 from vispeg.learn.sb3_env import Sb3Env
 from vispeg.learn.teacher import teacher_of

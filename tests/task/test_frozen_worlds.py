@@ -34,4 +34,5 @@ def test_a_seed_draws_what_it_drew(key):
     drawn = file.world.sample(int(seed), build(TaskConfig.of(file.task).scene()), float(level))
     assert [e.label for e in drawn.effects] == list(DRAWS[key])
     for e in drawn.effects:  # not to the bit: another processor's exp and log round otherwise
-        assert {k: v.value for k, v in e.params.items()} == pytest.approx(DRAWS[key][e.label], rel=1e-12, abs=0), e.label
+        values = {k: v.value for k, v in e.params.items()}
+        assert values == pytest.approx(DRAWS[key][e.label], rel=1e-12, abs=0), e.label

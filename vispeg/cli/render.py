@@ -67,8 +67,8 @@ class Args:
         from vispeg.datasets.engine_ray import on_ray
         from vispeg.datasets.formats import EXPORTS
         from vispeg.datasets.rendering import render
-        from vispeg.learn.demonstration_plan import plan_of
-        from vispeg.learn.demonstrations import shard
+        from vispeg.demonstrations.plan import plan_of
+        from vispeg.demonstrations.stage import shard
 
         if self.workers < 0:
             raise UserError("must not be negative", key="workers", got=self.workers)

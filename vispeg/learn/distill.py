@@ -20,10 +20,10 @@ import torch
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
+from vispeg.demonstrations.looks import looking, side_by_side
 from vispeg.learn.actor import Actor
 from vispeg.learn.checkpoint import restart_seed
 from vispeg.learn.clone import CloneSettings, clone
-from vispeg.learn.looks import looking, side_by_side
 from vispeg.learn.policy import NetPolicy
 from vispeg.learn.replay import Replay
 from vispeg.learn.rounds import Rounds

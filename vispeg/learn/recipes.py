@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from vispeg.core.errors import UserError
+from vispeg.demonstrations.looks import check
 from vispeg.learn.config import TrainConfig
 from vispeg.learn.distill import DistillSettings, distill, imitate
 from vispeg.learn.envs import MakeEnv
-from vispeg.learn.looks import check
 from vispeg.learn.progress import Bar, Table
 from vispeg.learn.rounds import ROUNDS, Rounds, keep_ring
 from vispeg.learn.run_folder import begin, settled

@@ -13,8 +13,8 @@ from vispeg.datasets.layout import Layout
 from vispeg.datasets.plan import Plan, Shard, look_seed
 from vispeg.datasets.read import Dataset
 from vispeg.datasets.rendering import render
-from vispeg.learn.demonstration_plan import plan_of
-from vispeg.learn.demonstrations import ROWS, Stage
+from vispeg.demonstrations.plan import plan_of
+from vispeg.demonstrations.stage import ROWS, Stage
 from vispeg.report.dataset.pictures import sheet
 
 FRAMES = 24

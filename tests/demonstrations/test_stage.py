@@ -12,8 +12,8 @@ from vispeg.datasets.codec import decode
 from vispeg.datasets.layout import is_picture
 from vispeg.datasets.plan import Shard, look_seed
 from vispeg.datasets.shard import shard_bytes
-from vispeg.learn.demonstration_plan import plan_of, seen_world
-from vispeg.learn.demonstrations import ROWS, Stage, shard
+from vispeg.demonstrations.plan import plan_of, seen_world
+from vispeg.demonstrations.stage import ROWS, Stage, shard
 from vispeg.task.world_file import load_world
 
 CAMERAS = ("wrist_wide", "external")

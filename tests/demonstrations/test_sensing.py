@@ -6,7 +6,7 @@ import pytest
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
 from vispeg.core.world import World
-from vispeg.datasets.sensing import Clip, sense
+from vispeg.demonstrations.sensing import Clip, sense
 from vispeg.render.camera import Camera
 from vispeg.render.pipeline import Pipeline
 from vispeg.render.sensor import sensor

@@ -14,7 +14,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.datasets.plan import look_seed
-from vispeg.learn.demonstration_plan import seen_world
+from vispeg.demonstrations.plan import seen_world
 from vispeg.task.eyes import CameraRig
 
 

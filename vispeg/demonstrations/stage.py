@@ -23,10 +23,10 @@ from vispeg.core.world import RandomizedEffect, World
 from vispeg.datasets.episode import Episode, Recorder
 from vispeg.datasets.layout import Layout, colour_of, depth_of, truth_of
 from vispeg.datasets.plan import Plan, Shard, look_seed
-from vispeg.datasets.sensing import ROWS as SENSOR_ROWS
-from vispeg.datasets.sensing import Clip, sense
 from vispeg.datasets.shard import drawn
-from vispeg.learn.demonstration_plan import TASK, scene_of, seen_world, task_of
+from vispeg.demonstrations.plan import TASK, scene_of, seen_world, task_of
+from vispeg.demonstrations.sensing import ROWS as SENSOR_ROWS
+from vispeg.demonstrations.sensing import Clip, sense
 from vispeg.render.backend import Renderer, Shot
 from vispeg.render.camera import quaternion
 from vispeg.render.camera_files import to_record
