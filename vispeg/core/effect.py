@@ -141,6 +141,18 @@ class Effect(ABC):
         """Whether a joint torque sensor (behind the gear) sees this effect's torque: 'link' if it does."""
         return "drive"
 
+    def channels(self) -> frozenset[str]:
+        """Kinds of measured values that it leaves a trace in.
+
+        `angle` and `torque`, the motion of a closed loop: whatever moves the arm or its readings. `needed`, the torque
+        of a measured motion by inverse dynamics: what follows from each sample alone, so no effect of timing, gear play
+        or readings.
+        """
+        motion = ("write", "drive", "friction", "torque", "observe")
+        sample = ("write", "friction", "inverse", *(() if self.overrides("start") else ("torque",)))
+        out = {"angle", "torque"} if any(map(self.overrides, motion)) else set()
+        return frozenset(out | ({"needed"} if any(map(self.overrides, sample)) else set()))
+
     def overrides(self, hook: str) -> bool:
         """Whether this class has a hook of its own."""
         return getattr(type(self), hook) is not getattr(Effect, hook)

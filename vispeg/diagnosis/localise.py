@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vispeg.diagnosis.phase import phase
-from vispeg.identify.evidence import Evidence, Item
+from vispeg.identify.channels import Item
+from vispeg.identify.evidence import Evidence
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.recording import Control
 from vispeg.sim.compiled import compiled
@@ -58,7 +59,7 @@ def missing_torque(item: Item, predicted: np.ndarray, seed: int = 0) -> MissingT
     motion: the linearised inverse of the loop, so a torque at one joint shows at that joint alone.
     """
     seg, nj, m = item.segment, item.nj, len(item.segment.time)
-    if item.space == "torque":
+    if item.kind == "needed":
         valid = item.valid.any(axis=1)
         gap = _filled(item.measured - predicted)
         load = predicted[valid]

@@ -11,7 +11,8 @@ from scipy.optimize import lsq_linear
 from vispeg.core.effect import EffectInstance, effect, searchable
 from vispeg.core.world import World
 from vispeg.diagnosis.localise import JointData
-from vispeg.identify.evidence import Evidence, Item
+from vispeg.identify.channels import Item
+from vispeg.identify.evidence import Evidence
 
 
 @dataclass(frozen=True)

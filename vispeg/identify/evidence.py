@@ -1,24 +1,23 @@
-"""Recordings as evidence: rollouts of many candidate worlds against them, as whitened residuals.
+"""Recordings as evidence: rollouts of many candidate worlds against them, as whitened residuals over channels.
 
-A residual is (measured - simulated) / sigma. Angles are always compared; measured torques too where the sensor says
+A residual is (measured - predicted) / sigma. Angles are always compared; measured torques too where the sensor says
 what they measure.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from vispeg.core.effect import Effect, effect
 from vispeg.core.errors import UserError
 from vispeg.core.world import World
+from vispeg.identify.channels import Channel, Item, shows
 from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel, load
-from vispeg.sim.rollout import simulate
+from vispeg.sim.rollout import Response, simulate
 from vispeg.sim.segment import Segment, segments
 from vispeg.sim.shares import processes, shared
 
@@ -27,44 +26,6 @@ OBSERVED = 1.2  # the same where an observer of 8 rad/s, or a null space of 3, i
 SOFT_STEP = 0.5  # of the physics step, for OSC: its null space is so soft that it shows the integrator's error
 MODEL_SIGMA = 4e-6  # rad: what the integrator itself is sure of
 PENALTY = 1e4  # whitened residual of a rollout that diverged
-
-
-@dataclass(frozen=True)
-class Item:
-    """One segment of one recording, ready to be compared.
-
-    Attributes:
-        recording, segment: where it comes from.
-        robot: the nominal robot with the declared tool and tilt.
-        measured: (m, nch) angles (and torques).
-        sigma: (nch,) noise.
-        valid: (m, nch) bool.
-        space: what the first nj channels are.
-    """
-
-    recording: Recording
-    segment: Segment
-    robot: RobotModel
-    measured: np.ndarray
-    sigma: np.ndarray
-    valid: np.ndarray
-    space: Literal["angle", "torque"] = "angle"
-
-    @property
-    def name(self) -> str:
-        """The recording's name, and where in it the item begins if only windows of it are used."""
-        start = float(self.recording.time[self.segment.rows[0]])
-        return self.recording.name + (f", from {start:.4g} s" if self.recording.chosen else "")
-
-    @property
-    def nj(self) -> int:
-        """Joints; the first nj channels are angles."""
-        return len(self.recording.joints)
-
-    @property
-    def period(self) -> float:
-        """Mean time between samples, s."""
-        return float(self.segment.time[-1] / max(1, len(self.segment.time) - 1))
 
 
 class Evidence:
@@ -86,7 +47,6 @@ class Evidence:
             key = (id(item.robot), c.mode, c.rate_hz, c.nullspace is None or id(c.nullspace))
             groups.setdefault(key, []).append(i)
         self.groups = list(groups.values())
-        self.unit = "rad"
         self.notes = [rec.chosen.said(rec.name) for rec in recordings if rec.chosen]
         self.floor_from = "stated noise" if all("q" in r.noise for r in recordings) else "estimated"
         self._recent: list[tuple[tuple[World, ...], list[np.ndarray]]] = []
@@ -96,8 +56,13 @@ class Evidence:
     most_effects = 16  # that a search may add: an arm shows friction in every joint, and more beside it
 
     def sees(self, kind: Effect) -> bool:
-        """Whether an effect leaves a trace in this evidence."""
-        return True
+        """Whether an effect leaves a trace in some channel of this evidence."""
+        return any(shows(kind, channel) for channel in {c.kind for i in self.items for c in i.channels})
+
+    @property
+    def unit(self) -> str:
+        """Unit of the principal channel."""
+        return self.items[0].channels[0].unit
 
     def simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
         """Per item, the channels (nworld, m, nch) that the worlds predict; recent answers are remembered."""
@@ -138,12 +103,7 @@ class Evidence:
                 items[0].robot, worlds, [i.segment for i in items], h_max=h_max, nthread=nthread, along=True
             )
             for i, item, response in zip(group, items, responses, strict=True):
-                channels = [response.q]
-                if item.measured.shape[1] > item.nj:
-                    channels.append(
-                        response.tau_joint if item.recording.torque_sensor == "joint" else response.tau_motor
-                    )
-                out[i] = np.concatenate(channels, axis=2)
+                out[i] = np.concatenate([_predicted(c, item, response) for c in item.channels], axis=2)
         return out
 
     def residuals(self, worlds: Sequence[World]) -> list[np.ndarray]:
@@ -192,6 +152,13 @@ class Evidence:
         return float(np.sqrt(sum((i.valid * i.sigma**2)[:, : i.nj].sum() for i in self.items) / max(n, 1)))
 
 
+def _predicted(channel: Channel, item: Item, response: Response) -> np.ndarray:
+    """What a rollout says of a channel, (nworld, m, nj)."""
+    if channel.kind == "torque":
+        return response.tau_joint if item.recording.torque_sensor == "joint" else response.tau_motor
+    return response.q
+
+
 _ROBOTS: dict[tuple, RobotModel] = {}
 
 
@@ -222,13 +189,13 @@ def _items(rec: Recording) -> list[Item]:
     for segment in segments(rec):
         if segment.time[-1] <= 2 * settle:
             continue
-        channels, sigma = [rec.q[segment.rows]], [np.hypot(noise["q"], MODEL_SIGMA)]
+        late = (segment.time >= settle)[:, None]
+        q = rec.q[segment.rows]
+        channels = [Channel("angle", q, np.hypot(noise["q"], MODEL_SIGMA), np.isfinite(q) & late)]
         if rec.tau is not None and rec.torque_sensor != "none":
-            channels.append(rec.tau[segment.rows])
-            sigma.append(noise["tau"])
-        measured = np.concatenate(channels, axis=1)
-        valid = np.isfinite(measured) & (segment.time >= settle)[:, None]
-        out.append(Item(rec, segment, robot, measured, np.concatenate(sigma), valid))
+            tau = rec.tau[segment.rows]
+            channels.append(Channel("torque", tau, noise["tau"], np.isfinite(tau) & late))
+        out.append(Item(rec, segment, robot, tuple(channels)))
     if not out:
         raise UserError(f"too short to compare: every episode lasts under {2 * settle} s", file=rec.path)
     return out

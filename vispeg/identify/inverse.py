@@ -12,10 +12,11 @@ import mujoco
 import numpy as np
 from mujoco import batch as mjb
 
-from vispeg.core.effect import Effect, effect
+from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.core.world import World
-from vispeg.identify.evidence import Evidence, Item, robot_of
+from vispeg.identify.channels import Channel, Item
+from vispeg.identify.evidence import Evidence, robot_of
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.noise import highpass_sigma
 from vispeg.recordings.recording import Control, Recording
@@ -44,7 +45,7 @@ class TorqueEvidence(Evidence):
 
     def __init__(self, recordings: Sequence[Recording]):
         self.recordings = list(recordings)
-        self.unit, self.notes, self.rollouts = "N m", list(CAVEATS), 0.0
+        self.notes, self.rollouts = list(CAVEATS), 0.0
         self._recent = []
         noise, self.floor_from = _noise(self.recordings)
         # one weight for all joints: what the rigid model lacks exceeds sensor noise by far, newton metres count alike
@@ -56,10 +57,6 @@ class TorqueEvidence(Evidence):
 
     least_gain = 0.002
     most_effects = 24  # inverse dynamics is cheap, and friction sits in every joint
-
-    def sees(self, kind: Effect) -> bool:
-        """Whether an effect leaves a trace in this evidence."""
-        return measurable(kind)
 
     def _simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
         """Per item, the torques (nworld, m, nj) that the worlds say the sensor would read."""
@@ -125,14 +122,6 @@ def evidence_for(world: World, recordings: Sequence[Recording], nthread: int = 1
     return Evidence(recordings, h_max=h_max, nthread=nthread)
 
 
-def measurable(kind: Effect) -> bool:
-    """Whether an effect leaves a trace in inverse dynamics, sample by sample."""
-    stateless = not kind.overrides("start")
-    return any(kind.overrides(hook) for hook in ("write", "friction", "inverse")) or (
-        kind.overrides("torque") and stateless
-    )
-
-
 def _items(rec: Recording, sigma: np.ndarray) -> list[Item]:
     """One item an episode, each differentiated on its own.
 
@@ -165,7 +154,7 @@ def _item(rec: Recording, tau: np.ndarray, rows: np.ndarray, sigma: np.ndarray) 
     segment.known["ddq"] = ddq
     inside = (time >= ENDS) & (time <= time[-1] - ENDS)
     valid = np.isfinite(tau) & inside[:, None]
-    return Item(rec, segment, robot, tau, sigma, valid, "torque")
+    return Item(rec, segment, robot, (Channel("needed", tau, sigma, valid),))
 
 
 def _noise(recordings: Sequence[Recording]) -> tuple[np.ndarray, str]:

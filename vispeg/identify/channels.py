@@ -1,0 +1,98 @@
+"""What is compared: channels of a recording, each with its measured values, its noise and the effects that show there.
+
+The first channel of an item is its principal one: its error is what a user reads, in its unit. All of them enter the
+whitened residual.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from vispeg.core.effect import Effect
+from vispeg.recordings.recording import Recording
+from vispeg.robots.model import RobotModel
+from vispeg.sim.segment import Segment
+
+UNITS = {"angle": "rad", "torque": "N m", "needed": "N m"}
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One kind of measured value of an item, a column a joint.
+
+    Attributes:
+        kind: `angle` (of a closed loop), `torque` (measured in it), `needed` (torque by inverse dynamics of the motion).
+        measured: (m, nj) in the kind's unit.
+        sigma: (nj,) noise.
+        valid: (m, nj) bool.
+    """
+
+    kind: str
+    measured: np.ndarray
+    sigma: np.ndarray
+    valid: np.ndarray
+
+    @property
+    def unit(self) -> str:
+        """Unit of the measured values."""
+        return UNITS[self.kind]
+
+
+@dataclass(frozen=True)
+class Item:
+    """One segment of one recording, ready to be compared.
+
+    Attributes:
+        recording, segment: where it comes from.
+        robot: the nominal robot with the declared tool and tilt.
+        channels: what was measured, the principal channel first.
+    """
+
+    recording: Recording
+    segment: Segment
+    robot: RobotModel
+    channels: tuple[Channel, ...]
+
+    @cached_property
+    def measured(self) -> np.ndarray:
+        """(m, nch) all channels side by side."""
+        return np.concatenate([c.measured for c in self.channels], axis=1)
+
+    @cached_property
+    def sigma(self) -> np.ndarray:
+        """(nch,) noise."""
+        return np.concatenate([c.sigma for c in self.channels])
+
+    @cached_property
+    def valid(self) -> np.ndarray:
+        """(m, nch) bool."""
+        return np.concatenate([c.valid for c in self.channels], axis=1)
+
+    @property
+    def name(self) -> str:
+        """The recording's name, and where in it the item begins if only windows of it are used."""
+        start = float(self.recording.time[self.segment.rows[0]])
+        return self.recording.name + (f", from {start:.4g} s" if self.recording.chosen else "")
+
+    @property
+    def nj(self) -> int:
+        """Joints; the first nj columns are the principal channel."""
+        return len(self.recording.joints)
+
+    @property
+    def kind(self) -> str:
+        """What the principal channel is."""
+        return self.channels[0].kind
+
+    @property
+    def period(self) -> float:
+        """Mean time between samples, s."""
+        return float(self.segment.time[-1] / max(1, len(self.segment.time) - 1))
+
+
+def shows(kind: Effect, channel: str) -> bool:
+    """Whether an effect leaves a trace in a channel of this kind."""
+    return channel in kind.channels()
