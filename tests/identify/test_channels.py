@@ -19,7 +19,7 @@ from vispeg.sim.rollout import simulate
 
 ROBOT = load("iiwa14")
 OTHER = World().add(EffectInstance.of("coulomb_friction", "joint4", torque=1.0))
-# mean squared whitened residual of the nominal arm and of OTHER, as rollouts and inverse dynamics gave it from the start
+# mean squared whitened residual of the nominal arm and of OTHER, as rollouts and inverse dynamics gave it at first
 PINNED = {"position": (0.890993, 1243.437), "unknown": (0.931912, 3.428542)}
 
 

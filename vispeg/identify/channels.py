@@ -24,7 +24,7 @@ class Channel:
     """One kind of measured value of an item, a column a joint.
 
     Attributes:
-        kind: `angle` (of a closed loop), `torque` (measured in it), `needed` (torque by inverse dynamics of the motion).
+        kind: `angle` (of a closed loop), `torque` (measured in it), `needed` (torque by inverse dynamics).
         measured: (m, nj) in the kind's unit.
         sigma: (nj,) noise.
         valid: (m, nj) bool.

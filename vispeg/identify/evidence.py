@@ -18,7 +18,7 @@ from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel, load
 from vispeg.sim.rollout import Response, simulate
-from vispeg.sim.segment import Segment, segments
+from vispeg.sim.segment import segments
 from vispeg.sim.shares import processes, shared
 
 SETTLE = 0.4  # s at the start of a segment that no comparison uses: the unmeasured start state fades there
