@@ -198,12 +198,13 @@ class Value:
 
 @dataclass(frozen=True)
 class EffectInstance:
-    """An effect at a place, with values."""
+    """An effect at a place, with values; `partial` where it was accepted while something else was left unexplained."""
 
     effect: str
     where: str
     params: Mapping[str, Value]
     origin: Mapping[str, Any] = field(default_factory=dict)
+    partial: bool = False
 
     @classmethod
     def of(cls, name: str, where: str, **values: float) -> EffectInstance:

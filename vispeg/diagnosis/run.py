@@ -86,6 +86,7 @@ def diagnose(
         held_out,
         judged.angle_rms(before_held),
         judged.angle_rms(after_held),
+        verdict.partial,
     )
     arrays = _arrays(judged, predicted)
     drawn, left = maps(judged, held[0]), maps(judged, held[1])
@@ -101,7 +102,7 @@ def diagnose(
         "format": "vispeg-diagnosis/1",
         "verdict": verdict.verdict,
         "reason": verdict.reason,
-        "effects": [] if verdict.verdict == "unexplained" else _effects(final, given, rivals),
+        "effects": _effects(final, given, rivals),
         "ladder": _ladder(evidence, judged, state, before_fit, before_held),
         "noise_floor": {
             "value": judged.floor,
@@ -126,9 +127,6 @@ def diagnose(
             *_stirred(fed_back),
         ],
     }
-    if verdict.verdict == "unexplained" and len(final.effects) > given:
-        record["partial"] = _effects(final, given, rivals)
-        final = world
     return Diagnosis(record, final, arrays | more)
 
 
@@ -144,14 +142,15 @@ def _screening(state: State):
     return [t.score for t in first] + state.screening[:20]
 
 
-def _with_origin(world, given, fitted, held_out, before, after) -> World:
+def _with_origin(world, given, fitted, held_out, before, after, partial) -> World:
     origin = {
         "fitted_on": [r.name for r in fitted],
         "validated_on": [r.name for r in held_out],
         "heldout_error_before": float(before),
         "heldout_error_after": float(after),
     }
-    effects = world.effects[:given] + tuple(replace(e, origin=origin) for e in world.effects[given:])
+    found = (replace(e, origin=origin, partial=partial) for e in world.effects[given:])
+    effects = world.effects[:given] + tuple(found)
     return replace(world, effects=effects)
 
 

@@ -10,6 +10,8 @@ from vispeg.diagnosis.rivals import Rivals
 
 FLOOR = 1.6  # held-out mean squared residual, in noise variances, up to which a model stands at the noise floor
 EXPLAINED = 0.97  # share of the held-out excess over noise that an identified model must explain
+# However bad the nominal model was, an identified one leaves no more than this, in noise variances:
+FARTHEST = 100.0
 
 
 @dataclass(frozen=True)
@@ -19,6 +21,7 @@ class Verdict:
     verdict: str
     reason: str
     unexplained: dict | None = None
+    partial: bool = False  # the effects that were accepted are true as far as they go: a remainder is left
 
 
 def decide(
@@ -37,16 +40,18 @@ def decide(
     explained = 1.0 - excess_after / excess_before
     at_floor = after <= FLOOR * floor
     top = depends[0] if depends else None
-    if not at_floor and (explained < EXPLAINED or not found):
+    if not at_floor and (explained < EXPLAINED or after > FARTHEST * floor or not found):
         on = [{"input": d.input, "joint": d.joint, "share": d.share} for d in depends if d.share >= CONVINCING]
         what = f"it depends on {on[0]['input']} at {on[0]['joint']}" if on else "no single input predicts it"
         text = f"a residual {after:.1f} times the noise variance remains that no known effect explains; {what}"
-        return Verdict("unexplained", text, {"depends_on": on, "text": text, "explained_share": round(explained, 4)})
+        rest = {"depends_on": on, "text": text, "explained_share": round(explained, 4)}
+        return Verdict("unexplained", text, rest, partial=True)
     if not found:
         return Verdict("adequate", f"held-out error is {after:.2f} times the noise variance and no effect lowers it")
     names = {r.label for r in rivals if r.equals}
     if names:
-        return Verdict("ambiguous", f"these recordings cannot tell {', '.join(sorted(names))} from other effects")
+        text = f"these recordings cannot tell {', '.join(sorted(names))} from other effects"
+        return Verdict("ambiguous", text, partial=not at_floor)
     remainder = (
         ""
         if at_floor

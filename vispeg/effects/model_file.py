@@ -17,6 +17,7 @@ from vispeg.formats.guard import is_file
 
 FORMAT = "vispeg-model/1"
 MODEL = Format(FORMAT, "a model", keys=("robot", "tool", "effects"))
+ENTRY = ("effect", "where", "params", "partial", "origin")  # keys of one effect
 
 
 class _Plain(yaml.SafeDumper):
@@ -66,11 +67,9 @@ def load_model(source: str | Path) -> World:
 def _placed(entry: Any, file: Path, key: str) -> EffectInstance:
     if not isinstance(entry, Mapping):
         raise UserError("wrong entry", file=file, key=key, expected="a mapping with effect, where, params", got=entry)
-    unknown = sorted(str(k) for k in set(entry) - {"effect", "where", "params", "origin"})
+    unknown = sorted(str(k) for k in set(entry) - set(ENTRY))
     if unknown:
-        raise UserError(
-            "unknown key", file=file, key=f"{key}.{unknown[0]}", choices=["effect", "where", "params", "origin"]
-        )
+        raise UserError("unknown key", file=file, key=f"{key}.{unknown[0]}", choices=ENTRY)
     name = entry.get("effect")
     if not isinstance(name, str) or name not in REGISTRY:
         names, at = sorted(REGISTRY), f"{key}.effect"
@@ -89,7 +88,10 @@ def _placed(entry: Any, file: Path, key: str) -> EffectInstance:
             raise UserError(f"{name} has no such parameter", file=file, key=at, got=parameter, choices=known)
         params[parameter] = _value(value, known[parameter], file, at)
     origin = entry.get("origin") or {}
-    return EffectInstance(name, where, params, dict(origin) if isinstance(origin, Mapping) else {})
+    partial = entry.get("partial", False)
+    if not isinstance(partial, bool):
+        raise UserError("wrong mark", file=file, key=f"{key}.partial", expected="true or false", got=partial)
+    return EffectInstance(name, where, params, dict(origin) if isinstance(origin, Mapping) else {}, partial)
 
 
 def _value(value: Any, param: Any, file: Path, key: str) -> Value:
@@ -129,6 +131,7 @@ def placed_dict(placed: EffectInstance) -> dict[str, Any]:
             entry |= {"low": float(v.low), "high": float(v.high)}
         params[name] = {**entry, "unit": effect(placed.effect).params[name].unit}
     out: dict[str, Any] = {"effect": placed.effect, "where": placed.where, "params": params}
+    out |= {"partial": True} if placed.partial else {}
     return {**out, "origin": dict(placed.origin)} if placed.origin else out
 
 

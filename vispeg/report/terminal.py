@@ -42,6 +42,8 @@ def print_diagnosis(diagnosis: Mapping[str, Any], out: Path) -> None:
     console.print(ladder_table(diagnosis))
     if diagnosis.get("effects"):
         console.print(effects_table(diagnosis))
+        if any(effect.get("partial") for effect in rows(diagnosis, "effects")):
+            console.print(Text(words.PARTIAL))
         for chosen, *others in words.rivals(diagnosis):
             console.print(Text(f"{chosen} cannot be told from {words.join(others, 'or')}"))
     for row in diagnosis.get("windows") or ():

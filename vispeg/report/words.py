@@ -12,6 +12,7 @@ from vispeg.report.record import rows
 
 NEAR_FLOOR = 1.2  # a held-out error up to this many floors is called "at the noise floor"
 MOST_NAMED = 5  # beyond it a sentence gives the number of effects; the tables name them
+PARTIAL = "partial: each effect lowers the held-out error, a remainder is left; model.yaml has them, to go on from"
 SAME = 0.05  # a relative change below this is called none
 
 

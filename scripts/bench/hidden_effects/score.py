@@ -71,7 +71,8 @@ def judge(r: Record) -> Record:
     Adds: exact, right_class (nothing missed, nothing invented), right_place, found (all there, perhaps more), extras,
     confident (the verdict claims to know), error_fall, to_oracle, shows.
     """
-    truth, named = r["hidden"] if r["kind"] != "unknown" else [], r["effects"]
+    truth = r["hidden"] if r["kind"] != "unknown" else []
+    named = r["effects"] if r["verdict"] != "unexplained" else []  # what is partial is not claimed to be all
     hits = _matched(truth, named)
     key = lambda e: (e["effect"], e["where"])  # noqa: E731
     ladder, floor = r["ladder"], r["floor"]

@@ -17,7 +17,7 @@ def context(record: Record) -> dict[str, Any]:
     sigma = number(following.get("expected_separation_sigma"))
     return {
         "classes": words.rivals(record.values),
-        "named": bool(record.rows("effects")),
+        "named": bool(record.rows("effects") or record.rows("partial")),
         "remedy": str(following.get("why") or "").rstrip("."),
         "sigma": plain(sigma, 2) if sigma else "",  # zero: not predicted
     }

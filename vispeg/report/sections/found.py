@@ -23,8 +23,8 @@ AT_BOUND = "at a bound: the true value may lie beyond"
 def context(record: Record) -> dict[str, Any]:
     """The effects with a row a parameter, earlier values that moved, and how the estimates are correlated."""
     return {
-        "effects": [_effect(e) for e in record.rows("effects")],
-        "partial": [_effect(e) for e in record.rows("partial")],
+        "effects": [_effect(e) for e in record.rows("effects") if not e.get("partial")],
+        "partial": [_effect(e) for e in [*record.rows("effects"), *record.rows("partial")] if in_part(record, e)],
         "moved": [_moved(row) for row in record.rows("parameters_moved")],
         "correlations": correlations(record),
     }
@@ -33,6 +33,11 @@ def context(record: Record) -> dict[str, Any]:
 def effect_rows(record: Record, key: str = "effects") -> list[dict[str, str]]:
     """The effects under `key` as rows of a table, one a parameter."""
     return [{"effect": label(e), **row} for e in record.rows(key) for row in _effect(e)["params"] or [_NOTHING]]
+
+
+def in_part(record: Record, effect: Mapping[str, Any]) -> bool:
+    """Whether an effect is true as far as it goes: accepted, and a remainder left. Old records list those apart."""
+    return bool(effect.get("partial")) or effect in record.rows("partial")
 
 
 _NOTHING = dict.fromkeys(("param", "value", "interval", "unit", "bound"), "")
