@@ -17,14 +17,14 @@ import numpy as np
 import yaml
 
 from vispeg.core.files import write_bytes_atomic
-from vispeg.core.world import World
 from vispeg.render.backend import Renderer
 from vispeg.render.contrast import contrast, redraw
 from vispeg.render.look import dress
 from vispeg.render.standard import standard_cameras
 from vispeg.robots.scene import build
-from vispeg.task.world_entry import ranged
 from vispeg.task.world_file import load_world
+from vispeg.worlds.entry import ranged
+from vispeg.worlds.world import World
 
 ABOVE = np.array([0.0, 0.7774, 0.0, -1.4955, 0.0, 0.8687, 0.0, 0.0])  # rad: the tip 40 mm above the nominal hole
 COLUMNS, TILES, SIZE = 4, 36, 80

@@ -15,13 +15,13 @@ from vispeg.core.effect import effect
 from vispeg.core.files import write_bytes_atomic
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.render import block_matching
 from vispeg.render.backend import Renderer
 from vispeg.render.pipeline import Pipeline
-from vispeg.render.sensor import sensor, sensors
 from vispeg.render.standard import standard_cameras
 from vispeg.robots.scene import Scene, build
+from vispeg.worlds.sensor import sensor, sensors
+from vispeg.worlds.world import World
 
 ZOOM = 2
 

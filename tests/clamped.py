@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 from mujoco import batch as mjb
 
-from vispeg.core.world import World
 from vispeg.robots.scene import build
 from vispeg.sim.compiled import compiled
 from vispeg.sim.placement import activate
 from vispeg.sim.state import Fields
+from vispeg.worlds.world import World
 
 SCENE = build()
 SLIP = 7  # the peg's slide comes after the arm's joints

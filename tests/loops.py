@@ -10,12 +10,12 @@ import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.identify.excitation import SEVEN_AXIS_CENTRE, motion
 from vispeg.recordings.recording import Control, Nullspace, Recording
 from vispeg.robots.model import RobotModel, load
 from vispeg.sim.rollout import Response, simulate
 from vispeg.sim.segment import Segment
+from vispeg.worlds.world import World
 
 KP = np.array([800.0, 800, 300, 400, 100, 60, 5])  # N m/rad, for the iiwa at 500 Hz
 KD = np.array([20.0, 30, 6, 12, 1.5, 0.8, 0.08])  # N m s/rad

@@ -13,9 +13,9 @@ import time
 
 import numpy as np
 
-from vispeg.core.world import World
 from vispeg.task.config import TaskConfig
 from vispeg.task.simulation import PegSimulation
+from vispeg.worlds.world import World
 
 PHASES = {  # start of the tip relative to the mouth (m), actions (n, 3)
     "free": ((0.01, -0.01, 0.04), np.tile([0.6, 0.6, -0.2], (6, 1))),

@@ -22,13 +22,13 @@ import numpy as np
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import motion
 from vispeg.identify.record import NOISE, centre_of, controller, record
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.write import write
 from vispeg.robots.model import load
+from vispeg.worlds.world import World
 
 HIDDEN = World().add(
     EffectInstance.of("coulomb_friction", "joint4", torque=1.2), EffectInstance.of("joint_bias", "joint2", torque=1.0)

@@ -17,12 +17,12 @@ import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import EffectInstance, of_family
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.render.backend import Renderer
 from vispeg.render.pipeline import Pipeline
-from vispeg.render.sensor import sensor, sensors
 from vispeg.render.standard import standard_cameras
 from vispeg.robots.scene import build
+from vispeg.worlds.sensor import sensor, sensors
+from vispeg.worlds.world import World
 
 HOME = np.array([0.0, 0.6, 0.0, -1.2, 0.0, 1.3, 0.0, 0.0])  # rad; the peg's slip in m
 COLOUR = range(40, 71)  # orders of the effects on colour, occlusion and lens among them

@@ -17,7 +17,6 @@ from mujoco import batch as mjb
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.identify.excitation import motion
 from vispeg.identify.record import centre_of, controller
 from vispeg.robots.model import load
@@ -25,6 +24,7 @@ from vispeg.sim.compiled import compiled
 from vispeg.sim.plant import STIFF_FRICTION
 from vispeg.sim.rollout import simulate
 from vispeg.sim.segment import Segment
+from vispeg.worlds.world import World
 
 
 def raw(model, rows: int, ticks: int, substeps: int, friction: np.ndarray | None) -> float:

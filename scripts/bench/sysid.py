@@ -23,7 +23,6 @@ from mujoco import sysid
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.identify.calibrate import calibrate
 from vispeg.identify.evidence import SETTLE, Evidence
 from vispeg.identify.excitation import motion
@@ -34,6 +33,7 @@ from vispeg.recordings.recording import Control, Recording
 from vispeg.robots.model import RobotModel, load
 from vispeg.sim.compiled import compiled, nominal_of
 from vispeg.sim.segment import segments
+from vispeg.worlds.world import World
 
 FRICTION = np.array([1.5, 2.0, 0.8, 1.2, 0.5, 0.4, 0.25])  # N m
 ARMATURE = np.array([0.4, 0.5, 0.3, 0.3, 0.1, 0.08, 0.04])  # kg m^2

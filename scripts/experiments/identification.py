@@ -13,13 +13,13 @@ import yaml
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
-from vispeg.core.world import World
-from vispeg.effects.model_file import model_text
 from vispeg.robots.model import load
 from vispeg.robots.scene import build
-from vispeg.task.identified import ranges_of
-from vispeg.task.world_entry import entry_dict
 from vispeg.task.world_file import FORMAT, load_world
+from vispeg.worlds.entry import entry_dict
+from vispeg.worlds.identified import ranges_of
+from vispeg.worlds.model_file import model_text
+from vispeg.worlds.world import World
 
 ROBOT, TOOL = "iiwa14", "meg50+peg16"
 FITTED, JUDGED = (1, 2), 3  # motion seeds

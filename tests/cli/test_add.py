@@ -2,7 +2,7 @@
 
 import pytest
 
-from vispeg.effects.model_file import load_model
+from vispeg.worlds.model_file import load_model
 
 
 def test_add_then_replace_then_keep(vispeg, tmp_path):

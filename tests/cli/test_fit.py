@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from vispeg.core.files import new_folder
-from vispeg.effects.model_file import load_model
 from vispeg.identify.checkpoint import Trace
+from vispeg.worlds.model_file import load_model
 
 ROOT = Path(__file__).resolve().parents[2]
 

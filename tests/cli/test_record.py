@@ -7,13 +7,13 @@ import pytest
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import motion
 from vispeg.identify.record import NOISE, centre_of, controller, record, servo
 from vispeg.recordings.load import load
 from vispeg.robots.declared import declared
 from vispeg.robots.model import load as robot_load
+from vispeg.worlds.world import World
 
 FRICTION = EffectInstance.of("coulomb_friction", "joint4", torque=1.2)
 

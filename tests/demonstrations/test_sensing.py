@@ -5,12 +5,12 @@ import pytest
 
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.demonstrations.sensing import Clip, sense
 from vispeg.render.camera import Camera
 from vispeg.render.pipeline import Pipeline
-from vispeg.render.sensor import sensor
 from vispeg.robots.scene import build
+from vispeg.worlds.sensor import sensor
+from vispeg.worlds.world import World
 
 EYE = Camera("wrist_wide", 24, 20, 30.0, 30.0, 11.5, 9.5)
 PERIOD = 0.16

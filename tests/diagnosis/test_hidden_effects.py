@@ -9,9 +9,9 @@ import pytest
 from cases import choose
 from make import folders, make
 
-from vispeg.core.world import World
 from vispeg.diagnosis.run import diagnose
 from vispeg.recordings.load import load
+from vispeg.worlds.world import World
 
 NAMED = [
     "coulomb_friction/joint4/small",

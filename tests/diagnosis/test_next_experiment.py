@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from vispeg.core.effect import EffectInstance
-from vispeg.core.world import World
 from vispeg.diagnosis.next_experiment import DECISIVE, MENU, next_experiment
 from vispeg.diagnosis.rivals import Rivals
 from vispeg.identify.record import controller
 from vispeg.robots.model import load
+from vispeg.worlds.world import World
 
 CHOSEN, OTHER = (
     EffectInstance.of("coulomb_friction", "joint4", torque=1.2),

@@ -7,10 +7,10 @@ from loops import drive, hinge, pendulum, recorded
 import vispeg.diagnosis.search as searching
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.diagnosis.judge import Judge
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.run import diagnose
+from vispeg.worlds.world import World
 
 
 class Killed(Exception):

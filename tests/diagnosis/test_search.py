@@ -7,9 +7,9 @@ from loops import drive, recorded
 import vispeg.diagnosis.search as searching
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.diagnosis.run import diagnose
 from vispeg.robots.model import load
+from vispeg.worlds.world import World
 
 ARM = """
 <mujoco><compiler angle="radian"/>

@@ -10,8 +10,8 @@ import numpy as np
 
 import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import EffectInstance, effect
-from vispeg.core.world import World
 from vispeg.robots.scene import Scene, build
+from vispeg.worlds.world import World
 
 SCENE: Scene = build()
 

@@ -11,9 +11,9 @@ import pytest
 from tests.effects.looks import SCENE, field, nominal, written
 from vispeg.core.effect import Effect, EffectInstance, of_family
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
-from vispeg.effects.model_file import load_model, model_text
 from vispeg.robots.model import load
+from vispeg.worlds.model_file import load_model, model_text
+from vispeg.worlds.world import World
 
 LOOKS = of_family("appearance")
 NAMES = sorted(LOOKS)

@@ -13,13 +13,13 @@ from scipy.spatial.transform import Rotation
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.recordings.recording import Control
 from vispeg.robots.model import RobotModel, load
 from vispeg.sim.compiled import compiled
 from vispeg.sim.nominal import dense
 from vispeg.sim.placement import activate
 from vispeg.sim.state import Fields
+from vispeg.worlds.world import World
 
 ROBOT = load("iiwa14")
 

@@ -8,12 +8,12 @@ from scipy.spatial.transform import Rotation
 
 import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import EffectInstance, effect, of_family
-from vispeg.core.world import World
 from vispeg.render.backend import Renderer
 from vispeg.render.camera import Camera, quaternion
 from vispeg.render.look import Fields, dress, values
 from vispeg.render.standard import standard_cameras
 from vispeg.robots.scene import build
+from vispeg.worlds.world import World
 
 SCENE = build()
 WRITERS = sorted(n for n, e in of_family("camera").items() if e.overrides("write"))

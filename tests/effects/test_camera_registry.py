@@ -12,10 +12,10 @@ import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import EffectInstance, of_family
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.render.pipeline import Pipeline
 from vispeg.robots.model import load
 from vispeg.robots.scene import build
+from vispeg.worlds.world import World
 
 CAMERA = of_family("camera")
 IMAGE = sorted(n for n, e in CAMERA.items() if e.overrides("image") or hasattr(e, "light"))

@@ -7,8 +7,8 @@ from camera_images import plane
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.render.pipeline import Pipeline
+from vispeg.worlds.world import World
 
 FB = 425.0 * 0.05  # px m
 

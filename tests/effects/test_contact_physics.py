@@ -10,8 +10,8 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from vispeg.core.effect import EffectInstance
-from vispeg.core.world import World
 from vispeg.effects.contact.restitution import ratio, rebound
+from vispeg.worlds.world import World
 
 MASS = SCENE.compile().body("peg").mass[0]
 FRICTION = SCENE.config.friction

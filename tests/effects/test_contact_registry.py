@@ -10,11 +10,11 @@ from mujoco import batch as mjb
 
 from vispeg.core.effect import ARM, REGISTRY, EffectInstance, of_family
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.robots.model import load
 from vispeg.sim.compiled import compiled
 from vispeg.sim.placement import activate
 from vispeg.sim.state import DriveState, Fields
+from vispeg.worlds.world import World
 
 EFFECTS = of_family("contact", "task") | {n: e for n, e in REGISTRY.items() if e.family in ARM and not e.searchable}
 NAMES = sorted(EFFECTS)

@@ -10,8 +10,8 @@ from loops import SWING, drive, hinge, one, pendulum
 
 from vispeg.core.effect import effect
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.effects.common.delay import DelayLine
+from vispeg.worlds.world import World
 
 FLOATING = pendulum(0.0)
 TICK = 1e-3

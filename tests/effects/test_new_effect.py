@@ -10,12 +10,12 @@ from vispeg.core.effect import REGISTRY, Effect, EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.params import Param
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
-from vispeg.effects.model_file import load_model, model_text
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import fit_job
 from vispeg.identify.pool import run_together
 from vispeg.robots.model import load
+from vispeg.worlds.model_file import load_model, model_text
+from vispeg.worlds.world import World
 
 ROBOT = load("iiwa14")
 

@@ -12,12 +12,12 @@ import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import EffectInstance, searchable
 from vispeg.core.params import Param
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.diagnosis.localise import joint_data, missing_torque
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit, fit_job
 from vispeg.identify.pool import run_together
 from vispeg.robots.model import load
+from vispeg.worlds.world import World
 
 REGISTRY = searchable()  # what an arm alone can show
 

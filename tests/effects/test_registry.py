@@ -13,13 +13,13 @@ from mujoco import batch as mjb
 import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import EffectInstance, Value, searchable
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
-from vispeg.effects.model_file import load_model, model_text
 from vispeg.robots.model import load
 from vispeg.sim.compiled import compiled
 from vispeg.sim.placement import activate
 from vispeg.sim.rollout import simulate
 from vispeg.sim.state import Fields
+from vispeg.worlds.model_file import load_model, model_text
+from vispeg.worlds.world import World
 
 REGISTRY = searchable()  # what an arm alone can show
 

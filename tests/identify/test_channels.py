@@ -11,11 +11,11 @@ from loops import iiwa_segment, recorded
 import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import EffectInstance, searchable
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.identify.inverse import evidence_for
 from vispeg.recordings.recording import Control
 from vispeg.robots.model import load
 from vispeg.sim.rollout import simulate
+from vispeg.worlds.world import World
 
 ROBOT = load("iiwa14")
 OTHER = World().add(EffectInstance.of("coulomb_friction", "joint4", torque=1.0))

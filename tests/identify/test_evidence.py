@@ -11,10 +11,10 @@ from loops import iiwa_segment, recorded
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.identify.evidence import PENALTY, SETTLE, Evidence
 from vispeg.identify.inverse import evidence_for
 from vispeg.robots.model import load
+from vispeg.worlds.world import World
 
 ROBOT = load("iiwa14")
 TRUTH = World().add(EffectInstance.of("viscous_friction", "joint4", damping=2.0))

@@ -10,10 +10,10 @@ from loops import drive, hinge, pendulum, recorded
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import fit_job
 from vispeg.identify.pool import run_together
+from vispeg.worlds.world import World
 
 ROBOT = pendulum()
 TRUTH = hinge("viscous_friction", damping=0.7).add(*hinge("coulomb_friction", torque=0.4).effects)

@@ -13,13 +13,13 @@ import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import EffectInstance, searchable
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.identify.fit import fit_job
 from vispeg.identify.inverse import evidence_for
 from vispeg.identify.pool import run_together
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.recording import Control
 from vispeg.robots.model import load
+from vispeg.worlds.world import World
 
 REGISTRY = searchable()  # what an arm alone can show
 

@@ -8,13 +8,13 @@ import pytest
 from loop import GAINS, NULLSPACE, RATE, Run, simulate
 
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import motion
 from vispeg.identify.record import NOISE, centre_of, controller, record
 from vispeg.recordings.recording import Control, Nullspace, Recording
 from vispeg.robots.model import load
 from vispeg.sim.compiled import compiled
+from vispeg.worlds.world import World
 
 ROBOT = load("iiwa14")
 

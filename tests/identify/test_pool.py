@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vispeg.core.effect import EffectInstance
-from vispeg.core.world import World
 from vispeg.identify.pool import run_together
+from vispeg.worlds.world import World
 
 
 def world(value: float) -> World:

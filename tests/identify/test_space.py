@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import EffectInstance, searchable
-from vispeg.core.world import World
 from vispeg.identify.space import Space
+from vispeg.worlds.world import World
 
 REGISTRY = searchable()  # what an arm alone can show
 

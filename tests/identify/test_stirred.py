@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import motion
 from vispeg.identify.record import centre_of, controller, record
@@ -15,6 +14,7 @@ from vispeg.recordings.recording import Recording
 from vispeg.robots.model import load
 from vispeg.sim.compiled import compiled
 from vispeg.sim.rollout import ReadingNoise, simulate
+from vispeg.worlds.world import World
 
 NOISE = {"q": 2e-5, "dq": 1e-3, "tau": 0.2}
 

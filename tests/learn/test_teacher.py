@@ -66,7 +66,7 @@ def views(obs, size):
 def test_a_wrong_zero_of_the_wrists_sensor_is_not_shown_to_a_teacher():
     """Any constant of each episode's readings cancels; nothing else than the wrench changes."""
     from vispeg.core.effect import EffectInstance
-    from vispeg.core.world import World
+    from vispeg.worlds.world import World
 
     bias = EffectInstance.of("wrench_bias", "flange", fx=2.0, fy=-1.0, fz=1.5, tx=0.1, ty=-0.05, tz=0.08)
     (plain, config), (off, _) = played("proprio", World(), 24), played("proprio", World(effects=(bias,)), 24)

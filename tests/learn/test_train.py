@@ -13,9 +13,7 @@ import pytest
 import torch
 from toy import STEP, Pointing, Reach
 
-from vispeg.core.distribution import Uniform
 from vispeg.core.errors import UserError
-from vispeg.core.world import RandomizedEffect, World
 from vispeg.learn.config import Stage, TrainConfig, read_config
 from vispeg.learn.curriculum import Curriculum, stages
 from vispeg.learn.distill import collect, demonstrations
@@ -27,6 +25,8 @@ from vispeg.learn.sb3_env import Sb3Env
 from vispeg.learn.settings import SacSettings
 from vispeg.learn.train import resume, train
 from vispeg.task.config import TaskConfig
+from vispeg.worlds.distribution import Uniform
+from vispeg.worlds.world import RandomizedEffect, World
 
 ROOT = Path(__file__).resolve().parents[2]
 SAC = SacSettings(batch=32, hidden=(16, 16), warmup=80, replay=600, horizon=12, utd=0.25)

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 import vispeg.effects  # noqa: F401 - enrols them
-from vispeg.core.distribution import Uniform
 from vispeg.core.effect import EffectInstance, of_family
 from vispeg.core.errors import UserError
-from vispeg.core.world import RandomizedEffect, World
 from vispeg.render.backend import Renderer
 from vispeg.render.look import dress
 from vispeg.render.pristine import place
 from vispeg.render.standard import standard_cameras
 from vispeg.robots.scene import build
+from vispeg.worlds.distribution import Uniform
+from vispeg.worlds.world import RandomizedEffect, World
 
 OVER = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0, 0.0])
 SCENE = build()

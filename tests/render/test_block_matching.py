@@ -10,10 +10,10 @@ import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.render.backend import Renderer
 from vispeg.render.block_matching import depth, eyes, settings
 from vispeg.render.camera import Camera
+from vispeg.worlds.world import World
 
 F, SIZE = 42.0, 32
 EYE = Camera("eye", SIZE, SIZE, F, F, 15.5, 15.5)  # in the world's origin, looking along z

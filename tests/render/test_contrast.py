@@ -13,17 +13,17 @@ import pytest
 import yaml
 
 import vispeg.effects  # noqa: F401  (enrols the library)
-from vispeg.core.distribution import Choice, Uniform
 from vispeg.core.effect import EffectInstance, effect, of_family
 from vispeg.core.seeds import stream
-from vispeg.core.world import RandomizedEffect, World
 from vispeg.effects.common.light import to_linear
 from vispeg.render.backend import Renderer
 from vispeg.render.contrast import Rule, contrast, delivered, lab, measure, redraw
 from vispeg.render.look import dress
 from vispeg.render.standard import standard_cameras
 from vispeg.robots.scene import build
-from vispeg.task.world_entry import ranged
+from vispeg.worlds.distribution import Choice, Uniform
+from vispeg.worlds.entry import ranged
+from vispeg.worlds.world import RandomizedEffect, World
 
 SCENE = build()
 ABOVE = np.array([0.0, 0.7774, 0.0, -1.4955, 0.0, 0.8687, 0.0, 0.0])  # rad: the tip 40 mm above the hole's mouth

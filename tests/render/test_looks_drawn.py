@@ -10,13 +10,13 @@ import pytest
 
 import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import EffectInstance, of_family
-from vispeg.core.world import World
 from vispeg.effects.common.images import FOLDER
 from vispeg.render.backend import Renderer, Shot
 from vispeg.render.camera import Camera, looking_at
 from vispeg.render.look import dress
 from vispeg.render.standard import standard_cameras
 from vispeg.robots.scene import build
+from vispeg.worlds.world import World
 
 SCENE = build()
 ABOVE = np.array([0.0, 0.7774, 0.0, -1.4955, 0.0, 0.8687, 0.0, 0.0])  # rad: the tip 40 mm above the hole's mouth

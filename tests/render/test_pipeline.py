@@ -11,11 +11,11 @@ from camera_images import busy, plane
 from vispeg.core.effect import EffectInstance, effect, of_family
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.render.pipeline import Pipeline
-from vispeg.render.sensor import sensor, sensor_file, sensors
 from vispeg.robots.scene import build
 from vispeg.task.world_file import load_world
+from vispeg.worlds.sensor import sensor, sensor_file, sensors
+from vispeg.worlds.world import World
 
 
 def started(*names: str) -> World:

@@ -12,9 +12,9 @@ from scipy.integrate import solve_ivp
 
 from vispeg.control.laws import osc, rotation_vector
 from vispeg.core.effect import EffectInstance
-from vispeg.core.world import World
 from vispeg.robots.model import load
 from vispeg.sim.rollout import simulate
+from vispeg.worlds.world import World
 
 ROBOT = load("iiwa14")
 FINE = 40  # physics steps a control tick of the oracle: its own error is far below the bound

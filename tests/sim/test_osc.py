@@ -14,13 +14,13 @@ from scipy.spatial.transform import Rotation
 
 from vispeg.control.laws import osc, rotation_vector, task_inertia
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.identify.excitation import SEVEN_AXIS_CENTRE
 from vispeg.recordings.recording import Nullspace
 from vispeg.robots.model import load
 from vispeg.sim.compiled import compiled, flange_pose
 from vispeg.sim.nominal import Nominal
 from vispeg.sim.rollout import simulate
+from vispeg.worlds.world import World
 
 ROBOT = load("iiwa14")
 HOME = np.array(SEVEN_AXIS_CENTRE)

@@ -9,12 +9,12 @@ import pytest
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import motion
 from vispeg.identify.record import NOISE, centre_of, controller, record
 from vispeg.robots.model import load
 from vispeg.sim.shares import processes, shared
+from vispeg.worlds.world import World
 
 
 def worlds(n: int) -> list[World]:

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from vispeg.core.effect import EffectInstance
-from vispeg.core.world import World
 from vispeg.identify.evidence import Evidence
 from vispeg.recordings.load import load
 from vispeg.recordings.recording import Control, Nullspace, Recording
@@ -16,6 +15,7 @@ from vispeg.robots.declared import declared
 from vispeg.task.config import TaskConfig
 from vispeg.task.control import DAMPING, POSTURE
 from vispeg.task.simulation import PegSimulation
+from vispeg.worlds.world import World
 
 NOISE = 2e-5  # rad, the encoders'
 FRICTION = EffectInstance.of("coulomb_friction", "joint4", torque=1.5)

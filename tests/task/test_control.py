@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from vispeg.core.effect import EffectInstance
-from vispeg.core.world import World
 from vispeg.task.config import TaskConfig
 from vispeg.task.simulation import PegSimulation
+from vispeg.worlds.world import World
 
 
 @pytest.mark.parametrize("rotation,stable", [(400.0, True), (900.0, False)])

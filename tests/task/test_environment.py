@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from vispeg.core.distribution import Uniform
 from vispeg.core.errors import UserError
-from vispeg.core.world import RandomizedEffect, World
 from vispeg.task.divergence import replay
 from vispeg.task.vector import PegInHoleVec, episode_seed
+from vispeg.worlds.distribution import Uniform
+from vispeg.worlds.world import RandomizedEffect, World
 
 VARIED = World(
     ranges=(

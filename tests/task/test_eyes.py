@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from vispeg.core.distribution import Uniform
 from vispeg.core.errors import UserError
-from vispeg.core.world import RandomizedEffect, World
 from vispeg.task.vector import PegInHoleVec
+from vispeg.worlds.distribution import Uniform
+from vispeg.worlds.world import RandomizedEffect, World
 
 WORLD = World(
     ranges=(

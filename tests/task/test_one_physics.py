@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from vispeg.core.effect import EffectInstance, effect, searchable
-from vispeg.core.world import World
 from vispeg.robots.scene import SceneConfig, build
 from vispeg.sim.compiled import nominal_of
 from vispeg.sim.plant import Plant
 from vispeg.task.cell import Cell
+from vispeg.worlds.world import World
 
 TICK = 5e-3  # s, a controller's period
 HOME = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])

@@ -5,13 +5,13 @@ import pytest
 
 from vispeg.control.laws import turned
 from vispeg.core.errors import UserError
-from vispeg.core.world import World
 from vispeg.render.standard import HOLE, standard_cameras
 from vispeg.task.config import TaskConfig
 from vispeg.task.eyes import task_cameras
 from vispeg.task.observe import Stack
 from vispeg.task.peg.outcome import CATEGORIES, Track
 from vispeg.task.simulation import PegSimulation
+from vispeg.worlds.world import World
 
 CONFIG = TaskConfig()
 

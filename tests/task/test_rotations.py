@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from vispeg.control.laws import rotation_vector
-from vispeg.core.world import World
 from vispeg.task.config import TaskConfig
 from vispeg.task.observe import TURN, policy_size
 from vispeg.task.peg.expert import Expert
 from vispeg.task.simulation import PegSimulation
 from vispeg.task.vector import PegInHoleVec
+from vispeg.worlds.world import World
 
 ALL = ("x", "y", "z", "rx", "ry", "rz")
 

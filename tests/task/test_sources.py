@@ -4,8 +4,8 @@ import re
 
 import pytest
 
-from vispeg.core.distribution import Choice, Distribution, LogUniform, Uniform
 from vispeg.task.world_file import built_in, load_world
+from vispeg.worlds.distribution import Choice, Distribution, LogUniform, Uniform
 
 # what the article states: effect -> its parameter and range
 ARTICLE = {

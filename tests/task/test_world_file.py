@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import yaml
 
-from vispeg.core.distribution import Normal, Uniform
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.robots.scene import build
 from vispeg.task.world_file import LATER, built_in, load_world, world_hash, world_text
+from vispeg.worlds.distribution import Normal, Uniform
 
 SCENE = build()
 FRICTION = {"effect": "contact_friction", "where": "peg", "params": {"scale": {"uniform": [0.5, 1.5]}}}

@@ -8,10 +8,10 @@ from clamped import SCENE, written
 
 from vispeg.core.effect import OPTICAL, EffectInstance, effect
 from vispeg.core.seeds import stream
-from vispeg.core.world import RandomizedEffect, World
 from vispeg.sim.placement import activate
 from vispeg.sim.state import DriveState
 from vispeg.task.world_file import built_in, load_world
+from vispeg.worlds.world import RandomizedEffect, World
 
 TICKS = 400
 ALL = [r for name in built_in() for r in load_world(name).world.ranges]

@@ -3,8 +3,8 @@
 import numpy as np
 
 from vispeg.core.effect import EffectInstance
-from vispeg.core.world import World
 from vispeg.task.vector import PegInHoleVec
+from vispeg.worlds.world import World
 
 WRENCH = slice(6, 12)  # of an observation: force in 20 N, torque in 2 N m
 SCALE = np.repeat([20.0, 2.0], 3)

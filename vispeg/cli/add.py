@@ -42,9 +42,9 @@ class Args:
         from vispeg.core.effect import EffectInstance, effect
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
-        from vispeg.effects.model_file import load_model, model_text
-        from vispeg.effects.words import place, values
         from vispeg.robots.model import load
+        from vispeg.worlds.model_file import load_model, model_text
+        from vispeg.worlds.words import place, values
 
         if self.out.suffix.lower() not in (".yaml", ".yml"):
             raise UserError("not a model file", key="--out", expected="a name that ends in .yaml", got=str(self.out))

@@ -53,9 +53,9 @@ class Args:
         from vispeg.core.provenance import digest, provenance
         from vispeg.diagnosis.progress import Progress
         from vispeg.diagnosis.run import diagnose
-        from vispeg.effects.model_file import model_text
         from vispeg.report.terminal import print_diagnosis
         from vispeg.report.write import write_diagnosis
+        from vispeg.worlds.model_file import model_text
 
         world, fitted, held_out = read_inputs(self.model, self.recording, self.validate, seconds=self.seconds)
         inputs = [*self.recording, *self.validate]

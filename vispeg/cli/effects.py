@@ -43,10 +43,10 @@ class Args:
         """Prints the list, or one effect's words, equation and parameters; draws its picture where asked to."""
         import vispeg.effects  # noqa: F401  (enrols the library)
         from vispeg.core.effect import REGISTRY, effect, searchable
-        from vispeg.effects.words import place
         from vispeg.report.catalogue import describe, print_catalogue, print_effect
         from vispeg.robots.model import load
         from vispeg.robots.scene import build
+        from vispeg.worlds.words import place
 
         chosen = [effect(self.name)] if self.name else [REGISTRY[name] for name in sorted(REGISTRY)]
         arm, scene, arms = load(self.robot), build(), searchable()

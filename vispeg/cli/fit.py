@@ -81,12 +81,12 @@ class Args:
         from vispeg.cli.inputs import read_inputs
         from vispeg.core.files import new_folder
         from vispeg.core.provenance import digest, provenance
-        from vispeg.effects.model_file import model_text
         from vispeg.identify.calibrate import ITERATIONS, calibrate
         from vispeg.identify.checkpoint import Checkpoint
         from vispeg.identify.inverse import evidence_for
         from vispeg.report.fitted import fit_record, print_fit
         from vispeg.report.write import write_json
+        from vispeg.worlds.model_file import model_text
 
         given, fitted, held_out = read_inputs(
             self.model, self.recording, self.validate, need_validate=False, seconds=self.seconds
@@ -128,8 +128,8 @@ class Args:
     def _free(self, world):
         """The world with the named effects in it, and their places in its list."""
         from vispeg.core.errors import UserError
-        from vispeg.effects.words import parse
         from vispeg.robots.model import load
+        from vispeg.worlds.words import parse
 
         if not self.effects:
             if not world.effects:

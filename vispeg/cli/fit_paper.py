@@ -18,11 +18,11 @@ def run_paper(args: Args) -> int:
     from vispeg.core.files import new_folder
     from vispeg.core.provenance import provenance
     from vispeg.core.seeds import stream
-    from vispeg.effects.model_file import model_text, placed_dict
     from vispeg.identify.checkpoint import Checkpoint
     from vispeg.identify.paper import GENERATIONS, cost, cut, fit_paper, paths
     from vispeg.report.signature import signature_panels
     from vispeg.report.write import write_json
+    from vispeg.worlds.model_file import model_text, placed_dict
 
     if args.effects:
         raise UserError("the paper's protocol has its own parameters", key="--effects", expected="none")

@@ -11,12 +11,12 @@ import numpy as np
 
 from vispeg.cli.reading import size_of, told
 from vispeg.core.errors import UserError
-from vispeg.core.world import World
-from vispeg.effects.model_file import load_model
 from vispeg.recordings.load import load, needed
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.schema import Header
 from vispeg.recordings.windows import SECONDS, choose
+from vispeg.worlds.model_file import load_model
+from vispeg.worlds.world import World
 
 
 def read_inputs(
@@ -78,8 +78,8 @@ def read_model(source: str) -> World:
         UserError: as `load_model`, and for a robot, tool or place that does not exist, with the file and key at fault.
     """
     from vispeg.core.effect import effect
-    from vispeg.effects.words import place
     from vispeg.robots.model import load as load_robot
+    from vispeg.worlds.words import place
 
     world = load_model(source)
     if Path(source).suffix.lower() not in (".yaml", ".yml"):

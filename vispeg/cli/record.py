@@ -58,11 +58,11 @@ class Args:
         """Simulates, writes the folder, prints what is in it."""
         from vispeg.core.errors import UserError
         from vispeg.core.seeds import stream
-        from vispeg.effects.model_file import load_model
-        from vispeg.effects.words import parse
         from vispeg.identify.record import centre_of, controller, record
         from vispeg.recordings.write import write
         from vispeg.robots.model import load
+        from vispeg.worlds.model_file import load_model
+        from vispeg.worlds.words import parse
 
         if self.repeat < 1:
             raise UserError("nothing to record", key="--repeat", expected="1 or more", got=self.repeat)

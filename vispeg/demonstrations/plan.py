@@ -9,7 +9,6 @@ from typing import Any
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
-from vispeg.core.world import RandomizedEffect, World
 from vispeg.datasets.layout import Layout, colour_of, depth, depth_of, flag, number, numbers, parts, picture, truth_of
 from vispeg.datasets.plan import Plan, shard_frames
 from vispeg.render.camera import Camera
@@ -19,6 +18,7 @@ from vispeg.task.config import TaskConfig
 from vispeg.task.eyes import task_cameras
 from vispeg.task.observe import PRIVILEGED, policy_size
 from vispeg.task.world_file import WorldFile, load_world
+from vispeg.worlds.world import RandomizedEffect, World
 
 TASK = "Insert the peg into the hole."
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")

@@ -19,7 +19,6 @@ import numpy as np
 from vispeg.core.effect import OPTICAL, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.core.world import RandomizedEffect, World
 from vispeg.datasets.episode import Episode, Recorder
 from vispeg.datasets.layout import Layout, colour_of, depth_of, truth_of
 from vispeg.datasets.plan import Plan, Shard, look_seed
@@ -36,6 +35,7 @@ from vispeg.task.eyes import FAR, camera_velocity
 from vispeg.task.peg.expert import Expert
 from vispeg.task.simulation import PegSimulation, felt
 from vispeg.task.world_file import load_world
+from vispeg.worlds.world import RandomizedEffect, World
 
 ROWS = 4  # episodes played side by side; part of what the bytes follow from
 TAKES = 2 * SENSOR_ROWS  # looks that are rendered before their sensors see them

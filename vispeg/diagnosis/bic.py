@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from vispeg.core.world import World
 from vispeg.diagnosis.judge import parameters
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit
+from vispeg.worlds.world import World
 
 
 def bic_gain(evidence: Evidence, world: World, residual: np.ndarray, fit: Fit) -> float:

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from vispeg.core.world import World
 from vispeg.diagnosis.localise import maps, missing_torque, peaks, where_it_fails
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import evidence_for
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import records
+from vispeg.worlds.world import World
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from vispeg.core.effect import Value, effect
-from vispeg.core.world import World
+from vispeg.worlds.world import World
 
 
 def widened(world: World, given: int, before: float, after: float) -> World:

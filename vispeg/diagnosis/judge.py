@@ -9,9 +9,9 @@ import numpy as np
 from scipy import stats
 
 from vispeg.core.effect import effect
-from vispeg.core.world import World
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit
+from vispeg.worlds.world import World
 
 CAP = 1e7  # squared whitened residual beyond which a reading counts no more: one wild row must not decide
 

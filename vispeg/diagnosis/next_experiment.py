@@ -15,7 +15,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.diagnosis.rivals import Rivals
 from vispeg.diagnosis.search import Search
 from vispeg.diagnosis.state import State
@@ -23,6 +22,7 @@ from vispeg.identify.excitation import motion
 from vispeg.identify.record import controller
 from vispeg.sim.rollout import simulate
 from vispeg.sim.segment import Segment
+from vispeg.worlds.world import World
 
 MENU = ("triangle", "chirp", "steps", "fourier", "sweep")
 SECONDS = 6.0

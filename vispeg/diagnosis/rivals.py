@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from vispeg.core.effect import effect
-from vispeg.core.world import World
 from vispeg.diagnosis.judge import present
 from vispeg.diagnosis.screen import candidates
 from vispeg.diagnosis.search import Search, shortlist
 from vispeg.diagnosis.state import State, Trial
+from vispeg.worlds.world import World
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
-from vispeg.core.world import World
 from vispeg.diagnosis.intervals import widened
 from vispeg.diagnosis.judge import Judge
 from vispeg.diagnosis.localise import maps, missing_torque, peaks, where_it_fails
@@ -22,13 +21,14 @@ from vispeg.diagnosis.search import Search
 from vispeg.diagnosis.share import Share
 from vispeg.diagnosis.state import State, Trial
 from vispeg.diagnosis.verdict import Verdict, decide
-from vispeg.effects.model_file import placed_dict
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import evidence_for
 from vispeg.identify.stirred import stirred
 from vispeg.recordings.quality import quantization
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import records
+from vispeg.worlds.model_file import placed_dict
+from vispeg.worlds.world import World
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,10 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from vispeg.core.effect import EffectInstance, effect, searchable
-from vispeg.core.world import World
 from vispeg.diagnosis.localise import JointData
 from vispeg.identify.channels import Item
 from vispeg.identify.evidence import Evidence
+from vispeg.worlds.world import World
 
 
 @dataclass(frozen=True)

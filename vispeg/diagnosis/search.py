@@ -8,17 +8,17 @@ import numpy as np
 from scipy import stats
 
 from vispeg.core.effect import EffectInstance, effect, searchable
-from vispeg.core.world import World
 from vispeg.diagnosis.bic import bic_gain
 from vispeg.diagnosis.judge import Judge, parameters, present
 from vispeg.diagnosis.localise import MissingTorque, joint_data, joint_z, missing_torque
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.screen import Score, candidates, screen
 from vispeg.diagnosis.state import State, Trial
-from vispeg.effects.model_file import model_text
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit, Race, fit_job
 from vispeg.identify.pool import Submit, run_together
+from vispeg.worlds.model_file import model_text
+from vispeg.worlds.world import World
 
 BEST = 7  # candidates fitted at each step
 AT_FLOOR = 1.25  # held-out noise variances at which there is nothing left to look for

@@ -8,11 +8,11 @@ import numpy as np
 from scipy import stats
 
 from vispeg.core.effect import EffectInstance
-from vispeg.core.world import World
 from vispeg.diagnosis.judge import Gain
 from vispeg.diagnosis.localise import MissingTorque
 from vispeg.diagnosis.screen import Score
 from vispeg.identify.fit import Fit
+from vispeg.worlds.world import World
 
 
 @dataclass(frozen=True)

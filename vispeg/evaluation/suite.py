@@ -33,7 +33,7 @@ from vispeg.evaluation.table import Cell, Table
 from vispeg.formats.format import Format, copy, enrol
 from vispeg.robots.scene import build
 from vispeg.task.config import TaskConfig
-from vispeg.task.world_entry import ranged
+from vispeg.worlds.entry import ranged
 
 FORMAT = "vispeg-suite-result/1"
 LIST = Format("vispeg-suite/1", "a suite", keys=("name", "about", "configurations"))

@@ -10,12 +10,12 @@ import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.identify.checkpoint import Checkpoint
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit, fit_job
 from vispeg.identify.pool import run_together
 from vispeg.identify.space import Axis, Space
+from vispeg.worlds.world import World
 
 Method = Literal["auto", "least-squares", "cma"]
 ITERATIONS = 15  # least-squares steps at most; ten times as many CMA-ES generations

@@ -12,7 +12,6 @@ import numpy as np
 
 from vispeg.core.effect import Effect, effect
 from vispeg.core.errors import UserError
-from vispeg.core.world import World
 from vispeg.identify.channels import Channel, Item, shows
 from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Recording
@@ -20,6 +19,7 @@ from vispeg.robots.model import RobotModel, load
 from vispeg.sim.rollout import Response, simulate
 from vispeg.sim.segment import segments
 from vispeg.sim.shares import processes, shared
+from vispeg.worlds.world import World
 
 SETTLE = 0.4  # s at the start of a segment that no comparison uses: the unmeasured start state fades there
 OBSERVED = 1.2  # the same where an observer of 8 rad/s, or a null space of 3, is all that forgets a wrong start

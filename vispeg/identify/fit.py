@@ -10,12 +10,12 @@ import numpy as np
 from scipy import optimize, stats
 
 from vispeg.core.effect import EffectInstance, Value
-from vispeg.core.world import World
 from vispeg.identify.checkpoint import Trace
 from vispeg.identify.cmaes import minimise
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.pool import Submit
 from vispeg.identify.space import Space
+from vispeg.worlds.world import World
 
 ROBUST = 1e3  # whitened residuals beyond this count less: a diverging candidate must not rule the fit
 

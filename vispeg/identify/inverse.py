@@ -14,7 +14,6 @@ from mujoco import batch as mjb
 
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
-from vispeg.core.world import World
 from vispeg.identify.channels import Channel, Item
 from vispeg.identify.evidence import Evidence, robot_of
 from vispeg.recordings.differentiate import smooth
@@ -26,6 +25,7 @@ from vispeg.sim.physics import EffectLoop, total
 from vispeg.sim.placement import activate
 from vispeg.sim.segment import Segment
 from vispeg.sim.state import DriveState, Fields
+from vispeg.worlds.world import World
 
 MOTION_HZ = 8.0  # bandwidth of the motion whose acceleration is believed
 SAMPLES_HZ = 50.0  # six times that bandwidth: more samples would only repeat it

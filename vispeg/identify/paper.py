@@ -15,7 +15,6 @@ import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
-from vispeg.core.world import World
 from vispeg.identify.checkpoint import Trace
 from vispeg.identify.cmaes import minimise
 from vispeg.identify.evidence import robot_of
@@ -25,6 +24,7 @@ from vispeg.sim.compiled import compiled, flange_pose
 from vispeg.sim.nominal import Nominal
 from vispeg.sim.rollout import simulate
 from vispeg.sim.segment import Segment, segments
+from vispeg.worlds.world import World
 
 PIECES, STEPS = 9, 50
 TILT, MASS, DECAY = 0.01, 0.3, 2.0  # rad, kg, 1/s: a typical size of each parameter; damping is DECAY times inertia

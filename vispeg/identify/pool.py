@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from vispeg.core.world import World
+from vispeg.worlds.world import World
 
 T = TypeVar("T")
 Submit = Callable[[Sequence[World]], list[np.ndarray]]

@@ -10,7 +10,6 @@ from typing import Any, Literal
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.core.world import World
 from vispeg.identify.excitation import Motion, room_of
 from vispeg.recordings.recording import Control, Nullspace, Recording
 from vispeg.robots.declared import declared
@@ -19,6 +18,7 @@ from vispeg.sim.compiled import compiled, flange_pose
 from vispeg.sim.nominal import Nominal
 from vispeg.sim.rollout import simulate
 from vispeg.sim.segment import Segment
+from vispeg.worlds.world import World
 
 NOISE = {"q": 2e-5, "dq": 1e-3, "tau": 0.2, "ee": 1e-4}  # rad, rad/s, N m, m: a good torque-controlled arm
 IIWA_KP = (800.0, 800.0, 300.0, 400.0, 100.0, 60.0, 5.0)  # N m/rad

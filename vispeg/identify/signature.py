@@ -8,13 +8,13 @@ import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
-from vispeg.effects.words import place
 from vispeg.identify.excitation import motion
 from vispeg.identify.record import centre_of, controller
 from vispeg.robots.model import load
 from vispeg.sim.rollout import simulate
 from vispeg.sim.segment import Segment
+from vispeg.worlds.words import place
+from vispeg.worlds.world import World
 
 RATE, SECONDS = 500.0, 5.0
 JOINT, LINK = "joint4", "link4"  # where an effect is shown if nothing else is asked for

@@ -9,7 +9,7 @@ import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.params import Param
-from vispeg.core.world import World
+from vispeg.worlds.world import World
 
 
 @dataclass(frozen=True)

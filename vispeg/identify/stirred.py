@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.identify.evidence import SOFT_STEP, Evidence
 from vispeg.recordings.noise import highpass_sigma, noise_of
 from vispeg.recordings.recording import Recording
 from vispeg.sim.rollout import ReadingNoise, simulate
+from vispeg.worlds.world import World
 
 DRAWS, SHARE = 16, 0.9
 

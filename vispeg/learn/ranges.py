@@ -9,8 +9,8 @@ import numpy as np
 from stable_baselines3.common.vec_env import VecEnv
 
 from vispeg.core.errors import UserError
-from vispeg.core.world import World
-from vispeg.task.adaptive import Adaptive, Schedule
+from vispeg.worlds.adaptive import Adaptive, Schedule
+from vispeg.worlds.world import World
 
 Levels = float | dict[str, float]  # of all ranges, or by label
 

@@ -20,7 +20,6 @@ from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder, recover
 from vispeg.core.lock import claimed
 from vispeg.core.provenance import command_line, provenance
-from vispeg.core.world import World
 from vispeg.learn.checkpoint import load_state, restart_seed, save_state
 from vispeg.learn.clone import CloneSettings
 from vispeg.learn.config import TrainConfig, read_config
@@ -38,6 +37,7 @@ from vispeg.learn.run_folder import begin, begun_by, is_distilled, same_run
 from vispeg.learn.sac import AsymmetricSAC
 from vispeg.learn.sb3_env import Sb3Env
 from vispeg.learn.shown import from_folder, made_in
+from vispeg.worlds.world import World
 
 DIVERGED = "diverged"  # folder of a run's episodes that stopped being finite, to be played again
 EVALUATION_ROWS = 25  # environments an evaluation steps together, at most

@@ -18,11 +18,11 @@ import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.effects.common.field import normal
 from vispeg.effects.common.light import LUMA, to_linear
 from vispeg.render.backend import Renderer, Shot
 from vispeg.render.camera import PINHOLE, Camera
+from vispeg.worlds.world import World
 
 NAME = "block_matching"
 SPECKLE = 512  # side of the pattern, repeated beyond

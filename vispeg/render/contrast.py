@@ -18,12 +18,12 @@ import numpy as np
 from vispeg.core.effect import effect
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.effects.common.light import to_linear
 from vispeg.render.backend import Renderer, Shot
 from vispeg.render.camera import Camera
 from vispeg.render.look import dress
 from vispeg.render.pipeline import Pipeline
+from vispeg.worlds.world import World
 
 if TYPE_CHECKING:
     from vispeg.robots.scene import Scene

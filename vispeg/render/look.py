@@ -13,11 +13,11 @@ import numpy as np
 
 from vispeg.core.effect import OPTICAL, Effect, EffectInstance, effect
 from vispeg.core.errors import UserError
-from vispeg.core.world import World
 from vispeg.render import model_camera
 from vispeg.render.backend import Renderer
 from vispeg.render.camera import Camera
 from vispeg.render.pristine import place
+from vispeg.worlds.world import World
 
 
 class Fields:

@@ -14,8 +14,8 @@ import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import Effect, effect
 from vispeg.core.errors import UserError
 from vispeg.core.frame import Frame
-from vispeg.core.world import World
 from vispeg.effects.common.light import LightEffect, pass_light
+from vispeg.worlds.world import World
 
 
 @dataclass

@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 
 from vispeg.core.effect import EffectInstance
-from vispeg.core.world import World
 from vispeg.diagnosis.intervals import widened
-from vispeg.effects.model_file import placed_dict
 from vispeg.identify.calibrate import Calibration, labels, strong_pairs
 from vispeg.identify.evidence import Evidence
 from vispeg.recordings.windows import records
 from vispeg.report import words
 from vispeg.report.tables import terminal
 from vispeg.report.terminal import effects_table, ladder_table
+from vispeg.worlds.model_file import placed_dict
+from vispeg.worlds.world import World
 
 HOPELESS = 5e5  # noise variances: where most readings are counted at the cap of a diverged rollout
 

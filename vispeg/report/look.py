@@ -11,14 +11,14 @@ from vispeg.core.effect import Effect, EffectInstance
 from vispeg.core.files import write_bytes_atomic
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
-from vispeg.effects.words import place
 from vispeg.render.backend import Renderer, Shot
 from vispeg.render.look import dress
 from vispeg.render.pipeline import Pipeline
 from vispeg.render.standard import standard_cameras
 from vispeg.task.eyes import resized
 from vispeg.task.simulation import HOME
+from vispeg.worlds.words import place
+from vispeg.worlds.world import World
 
 SIZE = 240  # px
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from vispeg.core.world import World
-from vispeg.effects.model_file import model_text
 from vispeg.report.build import write_report
+from vispeg.worlds.model_file import model_text
+from vispeg.worlds.world import World
 
 
 def write_diagnosis(folder: Path, record: dict[str, Any], world: World, arrays: dict[str, np.ndarray]) -> None:

@@ -10,8 +10,8 @@ import numpy as np
 import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import Effect, effect
 from vispeg.core.errors import UserError
-from vispeg.core.world import World
 from vispeg.robots.model import RobotModel
+from vispeg.worlds.world import World
 
 
 @dataclass(frozen=True)

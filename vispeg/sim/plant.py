@@ -11,12 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 from mujoco import batch as mjb
 
-from vispeg.core.world import World
 from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import columns, compiled
 from vispeg.sim.physics import EffectLoop, Forces, derive
 from vispeg.sim.placement import Active, activate
 from vispeg.sim.state import DriveState, Fields
+from vispeg.worlds.world import World
 
 STIFF_FRICTION = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # impedance at which dry friction stops a joint within one step
 

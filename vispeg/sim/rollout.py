@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vispeg.core.world import World
 from vispeg.robots.model import RobotModel
 from vispeg.sim.along import apparent_inertia, once
 from vispeg.sim.compiled import flange_pose, nominal_of
@@ -18,6 +17,7 @@ from vispeg.sim.plant import Plant
 from vispeg.sim.quiet import quiet
 from vispeg.sim.rows import Rows
 from vispeg.sim.segment import Segment
+from vispeg.worlds.world import World
 
 
 @dataclass(frozen=True)

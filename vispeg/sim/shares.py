@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from vispeg.core.world import World
+from vispeg.worlds.world import World
 
 Work = Callable[[Sequence[World]], list[np.ndarray]]
 LEAST = 4  # worlds in a share: under that a process costs more than it saves

@@ -8,13 +8,13 @@ import mujoco
 import numpy as np
 
 from vispeg.core.effect import effect
-from vispeg.core.world import World
 from vispeg.robots.scene import Scene
 from vispeg.sim.physics import derive
 from vispeg.sim.placement import Active, activate
 from vispeg.sim.plant import Plant
 from vispeg.sim.restart import RowFields
 from vispeg.sim.state import Fields
+from vispeg.worlds.world import World
 
 CONSTANT = frozenset(mujoco.MjModel._setconst_inputs)  # fields that other fields are derived from
 BAD = [

@@ -8,7 +8,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from vispeg.core.world import World
+from vispeg.worlds.world import World
 
 
 class PegInHoleEnv(gym.Env):

@@ -11,7 +11,6 @@ from vispeg.control.laws import rotated, rotation_vector, turned
 from vispeg.core.effect import OPTICAL, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.robots.scene import build
 from vispeg.sim.compiled import nominal_of
 from vispeg.sim.quiet import quiet
@@ -22,7 +21,8 @@ from vispeg.task.control import PoseControl
 from vispeg.task.observe import Stack, observation, policy_part, policy_size, turns
 from vispeg.task.peg.outcome import Track
 from vispeg.task.peg.reward import REWARDS, Moment
-from vispeg.task.seen import felt, shown
+from vispeg.worlds.seen import felt, shown
+from vispeg.worlds.world import World
 
 DOWN = np.array([0.0, 1.0, 0.0, 0.0])  # flange z straight down, wxyz
 HOME = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])  # rad, from where inverse kinematics starts

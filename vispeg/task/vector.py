@@ -14,12 +14,12 @@ from gymnasium.vector.utils import batch_space
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.core.world import World
 from vispeg.task.config import TaskConfig
 from vispeg.task.divergence import leave
 from vispeg.task.eyes import MODES, CameraRig, image_spaces
 from vispeg.task.observe import PRIVILEGED, policy_size
 from vispeg.task.simulation import PegSimulation
+from vispeg.worlds.world import World
 
 
 def spaces(config: TaskConfig, obs_mode: str, cameras: Sequence[Any]) -> tuple[gym.spaces.Dict, gym.spaces.Box]:

@@ -14,20 +14,21 @@ from typing import Any
 
 import yaml
 
+from vispeg import worlds
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
-from vispeg.core.world import RandomizedEffect, World
-from vispeg.effects.model_file import placed_dict
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.guard import is_file, read_bytes
 from vispeg.robots.scene import build
 from vispeg.task.config import TaskConfig
-from vispeg.task.identified import ranges_of
 from vispeg.task.peg.places import check_places
-from vispeg.task.world_entry import entry_dict, ranged
+from vispeg.worlds.entry import entry_dict, ranged
+from vispeg.worlds.identified import ranges_of
+from vispeg.worlds.model_file import placed_dict
+from vispeg.worlds.world import RandomizedEffect, World
 
 FORMAT = "vispeg-world/1"
-BUILT_IN = Path(__file__).parent / "worlds"
+BUILT_IN = Path(worlds.__file__).parent / "library"
 WORLD = Format(FORMAT, "a world", keys=("name", "about", "base", "model", "task", "cameras", "renderer", "effects"))
 FILES = 100  # that a world may be put together from: bases that name bases can be many times that
 # fields of TaskConfig that policies and results of before do not know: at its default, such a field is not in the hash,

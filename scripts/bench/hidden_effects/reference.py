@@ -15,11 +15,11 @@ import numpy as np  # noqa: E402
 
 import vispeg.effects  # noqa: E402, F401  (enrols the effects)
 from vispeg.core.effect import EffectInstance  # noqa: E402
-from vispeg.core.world import World  # noqa: E402
 from vispeg.identify.fit import Fit, fit_job  # noqa: E402
 from vispeg.identify.inverse import evidence_for  # noqa: E402
 from vispeg.identify.pool import run_together  # noqa: E402
 from vispeg.recordings.load import load  # noqa: E402
+from vispeg.worlds.world import World  # noqa: E402
 
 FIXED = {"rotor_inertia": "inertia", "viscous_friction": "damping", "coulomb_friction": "torque",
          "joint_bias": "torque"}  # fmt: skip

@@ -11,9 +11,9 @@ import yaml
 
 from vispeg.core.effect import ALL_NAMES, REGISTRY, EffectInstance, Value, effect
 from vispeg.core.errors import UserError
-from vispeg.core.world import World
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.guard import is_file
+from vispeg.worlds.world import World
 
 FORMAT = "vispeg-model/1"
 MODEL = Format(FORMAT, "a model", keys=("robot", "tool", "effects"))

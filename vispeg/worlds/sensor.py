@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import vispeg.effects  # noqa: F401  (enrols the library)
-from vispeg.core.distribution import Normal, parse
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
-from vispeg.core.world import RandomizedEffect
 from vispeg.formats.yaml_data import read_yaml
+from vispeg.worlds.distribution import Normal, parse
+from vispeg.worlds.world import RandomizedEffect
 
-PRESETS = Path(__file__).parent / "presets"
+PRESETS = Path(__file__).parent / "sensors"
 
 
 def sensors() -> list[str]:

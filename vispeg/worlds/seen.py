@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from vispeg.core.effect import OPTICAL, EffectInstance, effect
-from vispeg.core.world import RandomizedEffect, World
+from vispeg.worlds.world import RandomizedEffect, World
 
 
 def shown(world: World, cameras: Sequence[str]) -> World:

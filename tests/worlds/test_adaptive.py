@@ -7,12 +7,12 @@ import json
 import numpy as np
 import pytest
 
-from vispeg.core.distribution import Uniform
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.core.world import RandomizedEffect, World
 from vispeg.robots.scene import build
-from vispeg.task.adaptive import Adaptive, Schedule
+from vispeg.worlds.adaptive import Adaptive, Schedule
+from vispeg.worlds.distribution import Uniform
+from vispeg.worlds.world import RandomizedEffect, World
 
 SCENE = build()
 FRICTION = RandomizedEffect("contact_friction", "peg", {"scale": Uniform(0.5, 1.5)})

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import vispeg.effects  # noqa: F401  (names must be enrolled)
-from vispeg.core.distribution import Choice, Distribution, LogUniform, Normal, Uniform, parse, written
 from vispeg.core.effect import ALL_NAMES, REGISTRY, Effect
 from vispeg.core.errors import UserError
 from vispeg.core.params import Param
-from vispeg.core.world import RandomizedEffect
+from vispeg.worlds.distribution import Choice, Distribution, LogUniform, Normal, Uniform, parse, written
+from vispeg.worlds.world import RandomizedEffect
 
 KEYS = ("effect", "where", "params", "chance", "group", "rho", "source")
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from vispeg.core.distribution import Distribution
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.seeds import stream
+from vispeg.worlds.distribution import Distribution
 
 NORMAL = NormalDist()
 

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 import vispeg.effects  # noqa: F401  (names must be enrolled)
-from vispeg.core.distribution import Distribution
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
-from vispeg.core.world import RandomizedEffect, World
+from vispeg.worlds.distribution import Distribution
+from vispeg.worlds.world import RandomizedEffect, World
 
 TAIL = 0.025  # quantile taken for a range's end
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from vispeg.core.distribution import Distribution, Normal
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
-from vispeg.core.world import RandomizedEffect
-from vispeg.effects.model_file import load_model
+from vispeg.worlds.distribution import Distribution, Normal
+from vispeg.worlds.model_file import load_model
+from vispeg.worlds.world import RandomizedEffect
 
 WIDTH = 2 * 1.96  # standard deviations in a 95 % interval
 
