@@ -4,8 +4,8 @@
     python scripts/bench/recordings.py --work bench
 
 Makes recordings of 30 minutes at 1 kHz (CSV and Parquet), fifty of a minute, and one of 30 joints, by
-`long_recording.py`, and runs `check`, `compare` and `convert` on them. CPU seconds count, as other work may run beside;
-memory is the peak of one process.
+`long_recording.py`, and runs `check`, `compare`, `convert` and `diagnose` on them. CPU seconds count, as other work may
+run beside; memory is the peak of one process.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
@@ -47,25 +48,36 @@ def main() -> int:
     parser.add_argument("--only", default="", help="jobs whose line has this in it")
     args = parser.parse_args()
     work, vispeg = args.work, [sys.executable, "-m", "vispeg"]
-    long = {kind: made(work / f"long-{kind}", minutes=args.minutes, table=kind) for kind in ("csv", "parquet")}
-    many = [made(work / f"minute-{k}", minutes=1, seed=k, table="parquet") for k in range(50)]
-    wide = {n: made(work / f"joints-{n}", minutes=1, joints=n, table="parquet") for n in (10, 30)}
-    table = long["csv"] / "samples.csv"
-    jobs = {
-        "check, 30 min at 1 kHz, CSV": ["check", str(long["csv"])],
-        "check, 30 min at 1 kHz, Parquet": ["check", str(long["parquet"])],
-        "check --out, 30 min at 1 kHz": ["check", str(long["parquet"]), "--out", str(work / "c1"), "--overwrite"],
-        "compare, 30 min at 1 kHz": ["compare", "iiwa14", "--recording", str(long["parquet"]),
-                                     "--out", str(work / "c2"), "--overwrite"],
-        "convert, 30 min at 1 kHz, CSV to Parquet": ["convert", str(table), "--robot", "iiwa14", "--table", "parquet",
-                                                     "--out", str(work / "c3"), "--overwrite"],
-        "convert --guess": ["convert", str(table), "--robot", "iiwa14", "--guess"],
+
+    def long(kind: str) -> str:
+        return str(made(work / f"long-{kind}", minutes=args.minutes, table=kind))
+
+    def many(n: int) -> list[str]:
+        return [str(made(work / f"minute-{k}", minutes=1, seed=k, table="parquet")) for k in range(n)]
+
+    def wide(n: int) -> str:
+        return str(made(work / f"joints-{n}", minutes=1, joints=n, table="parquet"))
+
+    def out(name: str) -> list[str]:
+        return ["--out", str(work / name), "--overwrite"]
+
+    iiwa, told = ["--robot", "iiwa14"], f"{args.minutes:g} min at 1 kHz"
+    jobs: dict[str, Callable[[], list[str]]] = {
+        f"check, {told}, CSV": lambda: ["check", long("csv")],
+        f"check, {told}, Parquet": lambda: ["check", long("parquet")],
+        f"check --out, {told}": lambda: ["check", long("parquet"), *out("c1")],
+        f"compare, {told}": lambda: ["compare", "iiwa14", "--recording", long("parquet"), *out("c2")],
+        f"convert, {told}, CSV to Parquet": lambda: [
+            "convert", f"{long('csv')}/samples.csv", *iiwa, "--table", "parquet", *out("c3"),
+        ],
+        "convert --guess": lambda: ["convert", f"{long('csv')}/samples.csv", *iiwa, "--guess"],
+        f"diagnose, {told}": lambda: ["diagnose", "iiwa14", "--recording", long("parquet"), *out("c4")],
     }  # fmt: skip
-    jobs |= {f"check, {n} recordings of 1 min": ["check", *map(str, many[:n])] for n in (1, 10, 50)}
-    jobs |= {f"check, 1 min of {n} joints": ["check", str(folder)] for n, folder in wide.items()}
+    jobs |= {f"check, {n} recordings of 1 min": lambda n=n: ["check", *many(n)] for n in (1, 10, 50)}
+    jobs |= {f"check, 1 min of {n} joints": lambda n=n: ["check", wide(n)] for n in (10, 30)}
     print(f"{'what':<42} {'wall s':>8} {'CPU s':>8} {'peak MB':>8}")
     for what, command in ((what, command) for what, command in jobs.items() if args.only in what):
-        wall, cpu, peak = run(*vispeg, *command)
+        wall, cpu, peak = run(*vispeg, *command())
         print(f"{what:<42} {wall:8.1f} {cpu:8.1f} {peak:8.0f}", flush=True)
     return 0
 
