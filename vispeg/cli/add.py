@@ -1,4 +1,4 @@
-"""Adds an effect to a model file, or sets the values of one that is there.
+"""Adds an effect to a model file, or sets the values of one that is there; or adds what a measurement became.
 
 MODEL is left as it is unless --out names it and --overwrite is given. Parameters that are not set keep the model's
 value, or take the effect's typical size where it is new.
@@ -6,25 +6,32 @@ value, or take the effect's typical size where it is new.
 Example:
     vispeg add iiwa14 coulomb_friction joint4 --set torque=1.2 --out model.yaml
     vispeg add model.yaml payload flange --set mass=0.6 z=0.07 --out model2.yaml
+    vispeg add model.yaml joint4/measurement.yaml --out model2.yaml
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import tyro
 
+if TYPE_CHECKING:
+    from vispeg.core.effect import EffectInstance, Value
+    from vispeg.robots.model import RobotModel
+    from vispeg.worlds.world import World
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, kw_only=True)
 class Args:
     """Arguments of `vispeg add`."""
 
     model: tyro.conf.Positional[str]
     """A model file, a robot's name, or a path to an MJCF or URDF."""
     effect: tyro.conf.Positional[str]
-    """Name of the effect; `vispeg effects` lists them."""
-    where: tyro.conf.Positional[str]
+    """Name of the effect (`vispeg effects` lists them), or a measurement file, whose effects are added as measured."""
+    where: tyro.conf.Positional[str | None] = None
     """Where it acts: a joint, a link, `flange`, `base`, or `all`."""
     out: Path
     """The model file to write."""
@@ -39,28 +46,72 @@ class Args:
         from dataclasses import replace
 
         from vispeg.cli.inputs import read_model
-        from vispeg.core.effect import EffectInstance, effect
+        from vispeg.core.effect import effect
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
         from vispeg.robots.model import load
         from vispeg.worlds.model_file import load_model, model_text
-        from vispeg.worlds.words import place, values
 
         if self.out.suffix.lower() not in (".yaml", ".yml"):
             raise UserError("not a model file", key="--out", expected="a name that ends in .yaml", got=str(self.out))
         world = read_model(self.model)
         if self.overwrite and self.out.is_file():
             load_model(self.out)  # what is no model is not replaced
-        kind, robot = effect(self.effect), load(world.robot, tool=world.tool)
-        where, given = place(kind, self.where, robot), values(kind, self.set)
-        typical = {name: param.start for name, param in kind.params.items()}
-        here = [e for e in world.effects if (e.effect, e.where) == (self.effect, where)]
-        placed = (here[0] if here else EffectInstance.of(self.effect, where, **typical)).with_values(**given)
-        world = world.add(placed)
+        robot = load(world.robot, tool=world.tool)
+        added = self._measured(world, robot) if _is_file(self.effect) else [self._typed(world, robot)]
+        world = world.add(*added)
         if Path(world.robot).suffix:  # a model file names its robot relative to itself
             world = replace(world, robot=os.path.relpath(Path(world.robot).resolve(), self.out.resolve().parent))
         write_text_atomic(self.out, model_text(world), overwrite=self.overwrite)
-        shown = ", ".join(f"{k} {v.value:g} {kind.params[k].unit}" for k, v in placed.params.items())
         print(f"{self.out}: {world.label}")
-        print(f"{placed.label}: {shown}")
+        for placed in added:
+            params = effect(placed.effect).params
+            print(
+                f"{placed.label}: " + ", ".join(f"{k} {_shown(v)} {params[k].unit}" for k, v in placed.params.items())
+            )
         return 0
+
+    def _typed(self, world: World, robot: RobotModel) -> EffectInstance:
+        """The effect that the arguments spell out."""
+        from vispeg.core.effect import EffectInstance, effect
+        from vispeg.core.errors import UserError
+        from vispeg.worlds.words import place, values
+
+        kind = effect(self.effect)
+        if self.where is None:
+            raise UserError(f"{kind.name} needs a place", expected="WHERE after it", choices=kind.targets(robot))
+        where, given = place(kind, self.where, robot), values(kind, self.set)
+        typical = {name: param.start for name, param in kind.params.items()}
+        here = [e for e in world.effects if (e.effect, e.where) == (self.effect, where)]
+        return (here[0] if here else EffectInstance.of(self.effect, where, **typical)).with_values(**given)
+
+    def _measured(self, world: World, robot: RobotModel) -> list[EffectInstance]:
+        """The effects of a measurement file, intervals and all."""
+        from vispeg.core.effect import effect
+        from vispeg.core.errors import UserError
+        from vispeg.worlds.measurement_file import load_measurement
+        from vispeg.worlds.words import place
+
+        found = load_measurement(self.effect)
+        if self.where is not None or self.set:
+            raise UserError("a measurement has its own place and values", expected="no WHERE and no --set beside it")
+        if found.robot not in (None, world.robot) and not Path(found.robot or "").suffix:
+            raise UserError("of another robot", file=self.effect, key="robot", expected=world.robot, got=found.robot)
+        if not found.effects:
+            raise UserError("has become no effect", file=self.effect, key="effects", expected="one or more")
+        for placed in found.effects:
+            if not effect(placed.effect).targets(robot):
+                expected = f"it in a world file of the peg task: `model: {self.effect}`"
+                what = f"{placed.effect} acts on a scene, not on an arm alone"
+                raise UserError(what, file=self.effect, key="effects", expected=expected)
+            place(effect(placed.effect), placed.where, robot)
+        return list(found.effects)
+
+
+def _is_file(text: str) -> bool:
+    return Path(text).suffix.lower() in (".yaml", ".yml")
+
+
+def _shown(value: Value) -> str:
+    interval = "" if value.low is None else f" [{value.low:.4g}, {value.high:.4g}]"
+    return f"{value.value:g}{interval}"

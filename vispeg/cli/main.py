@@ -31,6 +31,7 @@ COMMANDS: dict[str, str] = {
     "add": "vispeg.cli.add",
     "effects": "vispeg.cli.effects",
     "record": "vispeg.cli.record",
+    "measure": "vispeg.cli.measure",
     "camera": "vispeg.cli.camera",
     "report": "vispeg.cli.report",
     "render": "vispeg.cli.render",

@@ -7,6 +7,7 @@ from pathlib import Path
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.worlds.distribution import Distribution, Normal
+from vispeg.worlds.measurement_file import is_measurement, load_measurement
 from vispeg.worlds.model_file import load_model
 from vispeg.worlds.world import RandomizedEffect
 
@@ -17,18 +18,32 @@ def ranges_of(path: Path, robot: str) -> tuple[RandomizedEffect, ...]:
     """A range for each effect of a model file: normal where a value has an interval, fixed where it has none.
 
     Args:
-        path: of the `vispeg-model/1` file.
+        path: of the `vispeg-model/1` or `vispeg-measurement/1` file.
         robot: the cell's arm.
 
     Raises:
         UserError: the file cannot be used, or is of another robot.
     """
     if path.suffix.lower() not in (".yaml", ".yml"):
-        raise UserError("not a model file", file=path, expected="a .yaml file of the format vispeg-model/1")
+        raise UserError(
+            "not a model file", file=path, expected="a .yaml file of the format vispeg-model/1 or vispeg-measurement/1"
+        )
+    if is_measurement(path):
+        return _measured(path, robot)
     model = load_model(path)
     if model.robot != robot:
         raise UserError("a model of another robot", file=path, key="robot", expected=robot, got=model.robot)
     return tuple(_ranged(placed, path) for placed in model.effects)
+
+
+def _measured(path: Path, robot: str) -> tuple[RandomizedEffect, ...]:
+    """The effects that a measurement became."""
+    found = load_measurement(path)
+    if found.robot not in (None, robot):
+        raise UserError("a measurement of another robot", file=path, key="robot", expected=robot, got=found.robot)
+    if not found.effects:
+        raise UserError("has become no effect", file=path, key="effects", expected="one or more")
+    return tuple(_ranged(placed, path) for placed in found.effects)
 
 
 def _ranged(placed: EffectInstance, path: Path) -> RandomizedEffect:

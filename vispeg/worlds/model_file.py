@@ -20,7 +20,7 @@ MODEL = Format(FORMAT, "a model", keys=("robot", "tool", "effects"))
 ENTRY = ("effect", "where", "params", "partial", "origin")  # keys of one effect
 
 
-class _Plain(yaml.SafeDumper):
+class Plain(yaml.SafeDumper):
     """Writes what two effects share (an origin) twice: a reader should not need to know YAML's aliases."""
 
     def ignore_aliases(self, data: Any) -> bool:
@@ -55,7 +55,7 @@ def load_model(source: str | Path) -> World:
     tool = data.get("tool")
     if tool is not None and not isinstance(tool, str | Mapping):
         raise UserError("wrong tool", file=path, key="tool", expected="none, a name or a mapping", got=tool)
-    effects = tuple(_placed(entry, path, f"effects[{i}]") for i, entry in enumerate(entries))
+    effects = tuple(read_placed(entry, path, f"effects[{i}]") for i, entry in enumerate(entries))
     seen = set()
     for i, e in enumerate(effects):
         if (e.effect, e.where) in seen:
@@ -64,7 +64,8 @@ def load_model(source: str | Path) -> World:
     return World(robot, None if tool in (None, "none") else tool, effects)
 
 
-def _placed(entry: Any, file: Path, key: str) -> EffectInstance:
+def read_placed(entry: Any, file: Path, key: str) -> EffectInstance:
+    """An effect as a model file writes it. Raises UserError naming file and key."""
     if not isinstance(entry, Mapping):
         raise UserError("wrong entry", file=file, key=key, expected="a mapping with effect, where, params", got=entry)
     unknown = sorted(str(k) for k in set(entry) - set(ENTRY))
@@ -144,4 +145,4 @@ def model_text(world: World) -> str:
         "tool": "none" if tool is None else tool,
         "effects": [placed_dict(e) for e in world.effects],
     }
-    return yaml.dump(data, Dumper=_Plain, sort_keys=False, allow_unicode=True)
+    return yaml.dump(data, Dumper=Plain, sort_keys=False, allow_unicode=True)

@@ -1,0 +1,121 @@
+"""A measurement's file gives the measurement back, and goes into a model and a world as it is."""
+
+import numpy as np
+import pytest
+import yaml
+
+from vispeg.cli.main import main
+from vispeg.core.effect import EffectInstance, Value
+from vispeg.task.world_file import load_world
+from vispeg.worlds.measurement_file import Measurement, load_measurement, measurement_text
+from vispeg.worlds.model_file import load_model
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(4)
+    angles = np.round(17.2 + 0.4 * rng.standard_normal(12), 1)
+    rows = "".join(f"{place},{angle}\n" for place, angle in zip(np.repeat([1, 2, 3], 4), angles, strict=True))
+    (tmp_path / "slides.csv").write_text("place,angle_deg\n" + rows)
+    (tmp_path / "mass.csv").write_text("mass_g\n410\n411\n410\n412\n411\n")
+    return tmp_path
+
+
+def friction(*more):
+    return main(["measure", "friction", "slides.csv", "--resolution", "angle_deg=0.1", "--out", "mu.yaml", *more])
+
+
+def test_the_file_gives_the_measurement_back(here):
+    assert friction("--conditions", "surface=steel", "temperature=21") == 0
+    found = load_measurement("mu.yaml")
+    (here / "again.yaml").write_text(measurement_text(found))
+    assert load_measurement("again.yaml") == found
+    assert found.conditions == {"surface": "steel", "temperature": "21"}
+    assert found.raw["slides.csv"].startswith("sha256:")
+    assert {"command", "seed", "versions"} <= set(found.provenance)
+    q = found.results[0]
+    assert q.u**2 == pytest.approx(sum(row.contribution**2 for row in q.budget))
+    assert (q.low, q.high) == pytest.approx((q.value - q.k * q.u, q.value + q.k * q.u))
+
+
+def test_its_interval_is_the_width_of_a_world_s_distribution(here):
+    assert friction("--nominal", "0.3") == 0
+    (here / "w.yaml").write_text("format: vispeg-world/1\nbase: nominal\nmodel: mu.yaml\n")
+    (scale,) = (r.params["scale"] for r in load_world("w.yaml").world.ranges if r.effect == "contact_friction")
+    q = load_measurement("mu.yaml").results[0]
+    assert (scale.mean, scale.sd) == pytest.approx((q.value / 0.3, (q.high - q.low) / 0.3 / 3.92))
+
+
+def test_the_cell_s_own_friction_is_what_it_is_a_multiple_of(here):
+    assert friction("--world", "nominal") == 0
+    q, placed = load_measurement("mu.yaml").results[0], load_measurement("mu.yaml").effects[0]
+    nominal = q.value / placed.params["scale"].value
+    assert nominal == pytest.approx(0.3)  # task.friction of the cell
+
+
+def test_a_mass_goes_into_a_model_with_its_interval(here, capsys):
+    assert main(["measure", "mass", "mass.csv", "--resolution", "mass_g=1", "--out", "mass.yaml"]) == 0
+    assert main(["add", "iiwa14", "mass.yaml", "--out", "model.yaml"]) == 0
+    (payload,) = load_model("model.yaml").effects
+    q = load_measurement("mass.yaml").results[0]
+    assert payload.params["mass"] == Value(q.value, q.low, q.high)
+    friction()
+    assert main(["add", "iiwa14", "mu.yaml", "--out", "other.yaml"]) == 2
+    assert "model: mu.yaml" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("argv", "said"),
+    [
+        (["--out", "mu.txt"], "ends in .yaml"),
+        (["--out", "slides.yaml"], "exists already"),
+        (["--out", "mu.yaml", "--where", "hand"], "becomes no effect"),
+        (["--out", "mu.yaml", "--conditions", "steel"], "NAME=TEXT"),
+        (["--out", "mu.yaml", "--resolution", "angle_deg=x"], "not a size"),
+    ],
+)
+def test_bad_arguments(here, argv, said, capsys):
+    (here / "slides.yaml").write_text("mine")
+    code = main(["measure", "friction", "slides.csv", "--resolution", "angle_deg=0.1", *argv])
+    out = capsys.readouterr()
+    assert said in " ".join((out.out + out.err).split())
+    assert code == (0 if said == "becomes no effect" else 2)
+    assert (here / "slides.yaml").read_text() == "mine"
+
+
+def test_what_is_no_measurement_is_not_replaced(here, capsys):
+    (here / "mu.yaml").write_text("format: vispeg-model/1\n")
+    assert friction("--overwrite") == 2
+    assert "vispeg-measurement/1" in capsys.readouterr().err
+    assert (here / "mu.yaml").read_text() == "format: vispeg-model/1\n"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"results": []}, "results: is empty"),
+        ({"effects": {"a": 1}}, "effects: wrong effects"),
+        ({"effects": [{"effect": "contact_frictoin", "where": "peg"}]}, "did you mean 'contact_friction'"),
+        ({"robot": 7}, "robot: wrong robot"),
+        ({"notes": "x"}, "notes: wrong notes"),
+        ({"value": 1}, "value: unknown key"),
+    ],
+)
+def test_a_damaged_file_is_refused_with_its_key(here, change, said):
+    from vispeg.core.errors import UserError
+
+    friction()
+    data = yaml.safe_load((here / "mu.yaml").read_text()) | change
+    (here / "bad.yaml").write_text(yaml.safe_dump(data))
+    with pytest.raises(UserError, match=f"bad.yaml.*{said}"):
+        load_measurement("bad.yaml")
+
+
+def test_of_another_robot(here, capsys):
+    friction()
+    found = load_measurement("mu.yaml")
+    effect = (EffectInstance.of("coulomb_friction", "joint4", torque=1.0),)
+    (here / "joint.yaml").write_text(measurement_text(Measurement("joint", "joint4", found.results, effect, "panda")))
+    assert main(["add", "iiwa14", "joint.yaml", "--out", "model.yaml"]) == 2
+    assert "of another robot" in capsys.readouterr().err

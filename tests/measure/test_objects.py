@@ -1,0 +1,166 @@
+"""Masses, centres, friction, bounces and fixtures that are known, read by noisy instruments."""
+
+import numpy as np
+import pytest
+
+from vispeg.core.errors import UserError
+from vispeg.measure import com, friction, mass, restitution, stiffness
+from vispeg.measure.readings import Readings, read
+
+G = 9.81
+
+
+def rng(seed=0):
+    return np.random.default_rng(seed)
+
+
+def weighings(r):
+    readings = np.round(0.4123 + 2e-4 * r.standard_normal(8), 4)
+    return mass, Readings("t", {"mass": readings}, {"mass": 1e-4}), "mass", 0.4123
+
+
+def incline(r):
+    place = np.repeat([0.0, 1.0, 2.0], 4)
+    mu = 0.31 + np.repeat(0.01 * r.standard_normal(3), 4) + 0.01 * r.standard_normal(12)
+    table = {"angle": np.round(np.arctan(mu), 3), "place": place}
+    return friction, Readings("t", table, {"angle": 1e-3}), "static_friction", 0.31
+
+
+def timed(r):
+    angle, distance, mu = np.full(10, 0.6), np.full(10, 0.5), 0.25
+    time = np.sqrt(2 * distance / (G * (np.sin(angle) - mu * np.cos(angle))))
+    time = time + 0.01 * r.standard_normal(10)
+    table = {"angle": angle, "distance": distance, "time": time}
+    return friction, Readings("t", table, {"angle": 0.0, "distance": 0.0, "time": 0.0}), "kinetic_friction", mu
+
+
+def bounces(r):
+    e, first = 0.4, 0.2 + 0.05 * r.random(10)
+    second = first * e
+    t = [0.01 * r.random(10), first, first + second]
+    table = {f"t{i + 1}": x + 1e-3 * r.standard_normal(10) for i, x in enumerate([t[0], t[0] + t[1], t[0] + t[2]])}
+    return restitution, Readings("t", table, dict.fromkeys(table, 0.0)), "restitution", e
+
+
+def pressed(r):
+    rows = []
+    for pose in (1, 2):
+        for on in (0, 1):
+            for ramp in (1, 2, 3):
+                c = 1e-5 * (1 + pose) + on * 3e-5 + 2e-7 * r.standard_normal()
+                rows += [(pose, on, ramp, f, c * f) for f in np.linspace(5, 50, 8)]
+    table = dict(zip(("pose", "on", "ramp", "force", "depth"), np.array(rows).T, strict=True))
+    return stiffness, Readings("t", table, {"force": 0.0, "depth": 0.0}), "compliance", 3e-5
+
+
+def held_still(r, noise=(0.05, 0.003), count=6):
+    """A 1.2 kg tool with its centre at (10, -5, 60) mm, in random attitudes; the sensor has a bias."""
+    down = r.standard_normal((count, 3))
+    down /= np.linalg.norm(down, axis=1)[:, None]
+    f = 1.2 * G * down
+    t = np.cross([0.01, -0.005, 0.06], f)
+    wrench = np.hstack([f + [1, -2, 0.5], t + [0.1, 0, -0.2]])
+    wrench[:, :3] += noise[0] * r.standard_normal((count, 3))
+    wrench[:, 3:] += noise[1] * r.standard_normal((count, 3))
+    return wrench, down
+
+
+def attitudes(r):
+    wrench, down = held_still(r)
+    names = com.FORMS["attitudes"]
+    table = dict(zip(names, np.hstack([wrench, down]).T, strict=True))
+    return com, Readings("t", table), "com_z", 0.06
+
+
+@pytest.mark.parametrize("case", [weighings, incline, timed, bounces, pressed, attitudes])
+def test_intervals_hold_the_truth_as_often_as_they_say(case):
+    held, widths = 0, []
+    for seed in range(200):
+        protocol, readings, name, truth = case(rng(seed))
+        try:
+            outcome = protocol.measure(readings, rng(seed))
+        except UserError:  # repeats that disagree by three sigma: as rare as three sigma are
+            continue
+        q = next(q for q in outcome.results if q.quantity == name)
+        held += q.low <= truth <= q.high
+        widths.append((q.high - q.low) / truth)
+    assert len(widths) >= 197
+    assert held >= 0.9 * len(widths), held
+    assert np.median(widths) < 0.35  # and they say something
+
+
+def test_without_noise_the_closed_forms_come_back():
+    wrench, down = held_still(rng(3), (0.0, 0.0))
+    got = {q.quantity: q.value for q in com.attitudes(wrench, down, rng(), "t").results}
+    assert got == pytest.approx({"mass": 1.2, "com_x": 0.01, "com_y": -0.005, "com_z": 0.06}, rel=1e-9)
+    table = {"x": np.array([0.0, 0.04, -0.02]), "y": np.array([0.05, 0.0, 0.01])}
+    centre = np.array([0.013, -0.007])
+    table["angle"] = np.arctan2(centre[1] - table["y"], centre[0] - table["x"])
+    outcome = com.measure(Readings("t", table, {"x": 1e-3, "y": 1e-3, "angle": 0.01}), rng())
+    assert [q.value for q in outcome.results] == pytest.approx(centre)
+    assert np.allclose(outcome.details["misses_m"], 0, atol=1e-12)
+
+
+def test_a_sensor_that_reads_the_reaction_is_turned_round():
+    wrench, down = held_still(rng(3), (0.0, 0.0))
+    outcome = com.attitudes(-wrench, down, rng(), "t")
+    assert [q.value for q in outcome.results] == pytest.approx([1.2, 0.01, -0.005, 0.06])
+    assert "turned round" in outcome.notes[0]
+
+
+def test_plumb_lines_spread_as_a_simulation_of_the_same_errors_does():
+    """The stated u beside the spread of crossings whose lines were really drawn with these errors."""
+    x, y, centre = np.array([0.0, 0.04]), np.array([0.05, 0.0]), np.array([0.013, -0.007])
+    angle = np.arctan2(centre[1] - y, centre[0] - x)
+    q = com.measure(Readings("t", {"x": x, "y": y, "angle": angle}, {"x": 0.0, "y": 0.0, "angle": 0.02}), rng()).results
+    r, found = rng(1), []
+    for _ in range(4000):
+        a = angle + 0.01 * r.uniform(-1, 1, 2)
+        found.append(np.linalg.solve(np.array([-np.sin(a), np.cos(a)]).T, -np.sin(a) * x + np.cos(a) * y))
+    assert [one.u for one in q] == pytest.approx(np.std(found, axis=0), rel=0.05)
+
+
+def test_compliance_of_the_arm_is_subtracted_pose_by_pose():
+    _, readings, _, truth = pressed(rng(5))
+    one = {k: v[readings["pose"] == 1] for k, v in readings.columns.items()}
+    both, single = (stiffness.measure(r, rng()) for r in (readings, Readings("t", one, readings.resolution)))
+    assert both.results[1].value == pytest.approx(truth, rel=0.02)
+    assert single.results[1].value == pytest.approx(truth, rel=0.03) and "1 arm poses" in single.notes[0]
+    shifted = dict(readings.columns)
+    shifted["depth"] = shifted["depth"] + (shifted["pose"] == 2) * shifted["on"] * 1e-5 * shifted["force"]
+    with pytest.raises(UserError, match="poses disagree"):
+        stiffness.measure(Readings("t", shifted, readings.resolution), rng())
+
+
+@pytest.mark.parametrize(
+    ("protocol", "text", "resolution", "said"),
+    [
+        (mass, "mass\n0.4\n0.41\n", (), "resolution of 'mass' is not stated"),
+        (mass, "mass\n0.4\n\n0.41\n", ("mass=1e-3",), "reading is missing|wrong number"),
+        (mass, "mass_g\n400\nx\n", ("mass_g=1",), "row 3, column mass_g: is not a number"),
+        (mass, "weight\n400\n", (), "no table of this protocol"),
+        (mass, "mass\n0.40\n0.41\n0.41\n0.41\n0.40\n0.41\n0.9\n", ("mass=1e-3",), "drifts"),
+        (mass, "mass,mass_g\n0.4,400\n0.4,400\n", (), "same column in two units"),
+        (friction, "angle\n17.2\n17.3\n", ("angle=0.1",), "row 2, column angle: is no incline"),
+        (friction, "angle_deg\n17.2\n17.3\n", ("angel=0.1",), "did you mean 'angle'"),
+        (friction, "angle_deg\n17.2\n17.3\n", ("angle=-1",), "not a size"),
+        (restitution, "drop,bounce\n0.3,0.4\n0.3,0.1\n", ("drop=0", "bounce=0"), "row 2: is no bounce"),
+        (stiffness, "force,depth,on\n5,0,0\n10,0,0\n20,0,0\n", ("force=0", "depth=0"), "no press on the fixture"),
+        (stiffness, "force,depth,on\n5,0,3\n10,0,0\n20,0,0\n", ("force=0", "depth=0"), "row 2, column on"),
+        (com, "x,y,angle\n0,0,1\n0,1,1.1\n", ("x=0", "y=0", "angle=0"), "do not cross well"),
+        (com, "fx,fy,fz,tx,ty,tz,gx,gy,gz\n" + 4 * "0,0,-9,0,0,0,0,0,-1\n", (), "do not tell the centre"),
+    ],
+)
+def test_malformed_tables_are_refused_in_one_line(protocol, text, resolution, said, tmp_path):
+    (tmp_path / "t.csv").write_text(text)
+    with pytest.raises(UserError, match=said) as refused:
+        protocol.measure(read(tmp_path / "t.csv", resolution, ()), rng())
+    assert "\n" not in str(refused.value)
+
+
+def test_units_in_a_column_s_name(tmp_path):
+    (tmp_path / "a.csv").write_text("angle_deg\n20\n21\n22\n")
+    (tmp_path / "b.csv").write_text("angle\n" + "".join(f"{np.deg2rad(a)}\n" for a in (20, 21, 22)))
+    deg = friction.measure(read(tmp_path / "a.csv", ("angle_deg=0.1",), ()), rng()).results[0]
+    rad = friction.measure(read(tmp_path / "b.csv", (f"angle={np.deg2rad(0.1)}",), ()), rng()).results[0]
+    assert (deg.value, deg.u) == pytest.approx((rad.value, rad.u))

@@ -1,0 +1,26 @@
+"""What a world's cell has where a measurement gives a multiple of it."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+
+def cell_value(what: Literal["mass", "friction"], part: str, world: str) -> float:
+    """Mass (kg) of a part's body, or its coefficient of sliding friction, in the cell of a world.
+
+    Raises:
+        UserError: an unknown world or part, or a part without the value.
+    """
+    from vispeg.core.errors import UserError
+    from vispeg.effects.common.parts import BODIES, TOUCHING, shapes
+    from vispeg.robots.scene import build
+    from vispeg.task.config import TaskConfig
+    from vispeg.task.world_file import load_world
+
+    parts = TOUCHING if what == "friction" else ("peg",)
+    if part not in parts:
+        raise UserError(f"has no {what} that an effect scales", key="--where", got=part, choices=parts)
+    model = build(TaskConfig.of(load_world(world).task).scene()).compile()
+    if what == "mass":
+        return float(model.body(BODIES[part]).mass[0])
+    return float(model.geom_friction[shapes(model, part), 0].max())

@@ -1,0 +1,95 @@
+"""A measurement's file, and the table that a person reads."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from vispeg.core.errors import UserError
+
+if TYPE_CHECKING:
+    from vispeg.worlds.measurement_file import Measurement, Quantity
+
+
+def check_out(out: Path, overwrite: bool) -> None:
+    """Raises UserError for a name that no measurement can have, before anything is worked out."""
+    if out.suffix.lower() not in (".yaml", ".yml"):
+        raise UserError("not a measurement file", key="--out", expected="a name that ends in .yaml", got=str(out))
+    if out.exists() and not overwrite:
+        raise UserError("exists already; name another or pass --overwrite", file=out)
+    if out.is_file():
+        from vispeg.worlds.measurement_file import load_measurement
+
+        load_measurement(out)  # what is no measurement is not replaced
+
+
+def conditions(texts: Iterable[str]) -> dict[str, str]:
+    """`NAME=TEXT` pairs. Raises UserError for others."""
+    out = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals or not name:
+            raise UserError("not a condition", key="--conditions", expected="NAME=TEXT", got=text)
+        out[name] = value
+    return out
+
+
+def complete(measurement: Measurement, inputs: Sequence[Path], seed: int) -> Measurement:
+    """With the readings' hashes, the command and the versions."""
+    from vispeg.core.provenance import provenance
+
+    origin = provenance(sys.argv, seed, inputs)
+    raw = origin.pop("inputs")
+    return replace(measurement, raw=raw, provenance=origin)
+
+
+def write_and_show(measurement: Measurement, out: Path, inputs: Sequence[Path], seed: int, overwrite: bool) -> None:
+    """Writes OUT and prints the numbers, their budget and the effects."""
+    from vispeg.core.files import write_text_atomic
+    from vispeg.worlds.measurement_file import measurement_text
+
+    full = complete(measurement, inputs, seed)
+    write_text_atomic(out, measurement_text(full), overwrite=overwrite)
+    show(full)
+    print(out)
+
+
+def show(measurement: Measurement) -> None:
+    """A row a number; below it the sources of the first one's uncertainty; the effects; the notes."""
+    from rich.markup import escape
+
+    from vispeg.report.tables import Column, Sheet, terminal
+
+    console = terminal()
+    heads = [
+        Column("quantity"),
+        *(Column(h, right=True) for h in ("value", "u", "95 % interval", "dof")),
+        Column("unit"),
+    ]
+    console.print(Sheet(heads, [row(q) for q in measurement.results]))
+    first = measurement.results[0]
+    if first.budget:
+        total = sum(b.contribution**2 for b in first.budget) or 1.0
+        rows = [
+            [b.source, b.type, f"{b.contribution:.2g}", f"{100 * b.contribution**2 / total:.0f} %"]
+            for b in first.budget
+        ]
+        columns = [Column(f"budget of {first.quantity}", prose=True), Column("type"), Column("u", right=True)]
+        console.print(Sheet([*columns, Column("share", right=True)], rows))
+    for placed in measurement.effects:
+        values = ", ".join(
+            f"{k} {v.value:.4g}" + ("" if v.low is None else f" [{v.low:.4g}, {v.high:.4g}]")
+            for k, v in placed.params.items()
+        )
+        console.print(f"becomes {escape(placed.label)}: {values}", soft_wrap=True, highlight=False)
+    for note in measurement.notes:
+        console.print(f"  [yellow]![/yellow] {escape(note)}", soft_wrap=True, highlight=False)
+
+
+def row(q: Quantity) -> list[str]:
+    """The cells of one number."""
+    dof = "inf" if q.dof is None else f"{q.dof:.3g}"
+    return [q.quantity, f"{q.value:.5g}", f"{q.u:.2g}", f"{q.low:.5g} to {q.high:.5g}", dof, q.unit]

@@ -1,0 +1,1 @@
+"""Measurements of actuators and objects, with the uncertainty of each number."""

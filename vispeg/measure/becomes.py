@@ -1,0 +1,69 @@
+"""What a measured number becomes in a model: the effect, its place, its values with their intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import vispeg.effects  # noqa: F401  (names must be enrolled)
+from vispeg.core.effect import EffectInstance, Value, effect
+from vispeg.core.errors import UserError
+from vispeg.worlds.measurement_file import Quantity
+
+SCALES = {  # quantity -> the effect whose `scale` it is of a nominal value
+    "mass": "object_mass",
+    "static_friction": "contact_friction",
+    "kinetic_friction": "contact_friction",
+    "stiffness": "contact_stiffness",
+}
+
+
+def scaled(quantity: Quantity, where: str, nominal: float) -> EffectInstance:
+    """`quantity` as a multiple of what the model has."""
+    if not nominal > 0:
+        raise UserError("no nominal value", key="--nominal", expected=f"above 0 {quantity.unit}", got=nominal)
+    value = Value(quantity.value / nominal, quantity.low / nominal, quantity.high / nominal)
+    return placed(SCALES[quantity.quantity], where, {"scale": value}, quantity)
+
+
+def placed(name: str, where: str, values: Mapping[str, Value], quantity: Quantity) -> EffectInstance:
+    """The effect with these values and its other parameters as they usually are.
+
+    Raises:
+        UserError: a value beyond the effect's bounds.
+    """
+    known = effect(name).params
+    for key, value in values.items():
+        param = known[key]
+        if not param.low <= value.value <= param.high:
+            expected = f"{param.low:g} to {param.high:g} {param.unit}"
+            raise UserError(f"{name}: {key} is out of bounds", expected=expected, got=round(value.value, 6))
+    bounded = {
+        key: Value(
+            v.value,
+            None if v.low is None else max(v.low, known[key].low),
+            None if v.high is None else min(v.high, known[key].high),
+        )
+        for key, v in values.items()
+    }
+    usual = EffectInstance.of(name, where)
+    return EffectInstance(name, where, {**usual.params, **bounded}, {"measured": quantity.quantity})
+
+
+def payload(results: Sequence[Quantity], mass: Quantity | None, axes: Sequence[str] = "xyz") -> EffectInstance:
+    """A payload at the flange from a mass and, where there is one, its centre of mass.
+
+    Args:
+        results: of `mass` or `com`.
+        mass: from another measurement, where the results have none.
+        axes: the flange's axes along which com_x, com_y (and com_z) were measured.
+    """
+    by_name = {q.quantity: q for q in results}
+    weight = by_name.get("mass", mass)
+    if weight is None:
+        raise UserError("a payload needs a mass", key="--mass", expected="the file of `vispeg measure mass`")
+    values = {"mass": Value(weight.value, weight.low, weight.high)}
+    for axis, name in zip(axes, ("com_x", "com_y", "com_z"), strict=False):
+        if name in by_name:
+            q = by_name[name]
+            values[axis] = Value(q.value, q.low, q.high)
+    return placed("payload", "flange", values, weight)

@@ -1,0 +1,74 @@
+"""Friction of two surfaces: the incline that lets go, the time to slide down it, or the forces while sliding.
+
+At the angle a at which rest ends, mu_s = tan a. Sliding a distance d from rest in the time t gives
+mu_k = tan a - 2 d / (g t^2 cos a) (Newton's second law along the incline). While sliding under a normal force,
+mu_k = F_t / F_n.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.measure.outcome import Outcome, by_place, short
+from vispeg.measure.readings import Readings, choose, instrument_law, refuse_drift
+from vispeg.measure.uncertainty import places, propagate
+
+GRAVITY = 9.81  # m/s^2
+REPEATS, PLACES = 10, 3
+FORMS = {
+    "kinetic, timed": ("angle", "distance", "time"),
+    "kinetic, by forces": ("normal", "tangential"),
+    "static": ("angle",),
+}
+
+
+def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
+    """The coefficient of friction, static or kinetic as the columns say.
+
+    Args:
+        readings: `angle` (rad); or also `distance` (m) and `time` (s); or `normal` and `tangential` (N); and `place`.
+        rng: of the Monte Carlo propagation.
+
+    Raises:
+        UserError: an angle outside (0, 90) degrees, a time or force that cannot be, a drift, no resolution.
+    """
+    form = choose(readings, FORMS)
+    values, read, function, name = _forms(form, readings)
+    if not (np.isfinite(values) & (values > 0)).all():
+        row = int(np.flatnonzero(~(np.isfinite(values) & (values > 0)))[0])
+        raise UserError("gives no coefficient of friction above 0", file=readings.file, key=f"row {row + 2}")
+    place = readings.place()
+    mean = places(name.replace("_", " "), values, place)
+    errors, law = instrument_law(readings, read, function)
+    nominal = law(*(0.0 for _ in errors))
+    if place is None:
+        refuse_drift(values, 0.0, readings.file, "friction")
+    result = propagate(name, "1", lambda mu, *off: mu + law(*off) - nominal, [mean, *errors], rng, repeats=len(values))
+    count = 1 if place is None else len(np.unique(place))
+    notes = [*short(len(values), REPEATS, "slides"), *short(count, PLACES, "places")]
+    return Outcome((result,), tuple(notes), by_place(values, place))
+
+
+def _forms(form: str, r: Readings):
+    """(mu of each row, the columns that an instrument read, mu of such columns, the name)."""
+    if form == "static":
+        return _angles(r, np.tan), ("angle",), np.tan, "static_friction"
+    if form == "kinetic, timed":
+
+        def timed(angle, distance, time):
+            return np.tan(angle) - 2.0 * distance / (GRAVITY * time**2 * np.cos(angle))
+
+        values = _angles(r, lambda angle: timed(angle, r["distance"], r["time"]))
+        return values, ("angle", "distance", "time"), timed, "kinetic_friction"
+    return np.abs(r["tangential"] / r["normal"]), ("normal", "tangential"), lambda n, t: abs(t / n), "kinetic_friction"
+
+
+def _angles(r: Readings, function):
+    angle = r["angle"]
+    bad = np.flatnonzero((angle <= 0) | (angle >= np.pi / 2))
+    if len(bad):
+        got = f"{angle[bad[0]]:.4g} rad"
+        key, expected = f"row {bad[0] + 2}, column angle", "an angle between 0 and 90 degrees: rad, or angle_deg"
+        raise UserError("is no incline", file=r.file, key=key, expected=expected, got=got)
+    return function(angle)

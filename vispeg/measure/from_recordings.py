@@ -1,0 +1,151 @@
+"""Readings from recordings with a wrench: attitudes at rest, strokes of a slide, ramps of a press.
+
+A slide or a press begins with a second in free air, whose mean wrench is the sensor's bias.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.measure.readings import Readings
+from vispeg.recordings.load import load
+from vispeg.recordings.recording import Recording
+from vispeg.robots.model import load as load_robot
+from vispeg.sim.compiled import flange_pose
+
+REST, STILL = 0.5, 2e-3  # s that count as rest, rad of all joints within that time
+FREE, TOUCH = 1.0, 1.0  # s of free air, N above which it touches
+SPEED, STROKE = 2e-3, 0.1  # m/s and s of a stroke that counts
+
+
+def at_rest(paths: Sequence[Path]) -> tuple[np.ndarray, np.ndarray]:
+    """Mean wrench (n, 6) N, N m and gravity's direction (n, 3), both in the flange frame, of every stretch at rest.
+
+    Raises:
+        UserError: a recording that cannot be read, has no `ft`, or never rests.
+    """
+    wrench, down = [], []
+    for path in paths:
+        rec, pose = _opened(path)
+        length = max(2, round(REST * rec.rate_hz))
+        rests = _rests(rec.q, length)
+        if not rests:
+            raise UserError(f"never rests for {REST:g} s", file=path, expected="an attitude that is held")
+        for rows in rests:
+            wrench.append(np.nanmean(rec.ft[rows], axis=0))  # type: ignore[index]
+            down.append(_rotation(pose[rows][len(pose[rows]) // 2, 3:]).T @ _gravity(rec))
+    return np.array(wrench), np.array(down)
+
+
+def slides(paths: Sequence[Path]) -> Readings:
+    """Normal (along the flange's z) and tangential force, N, of every stroke; `place` is the recording.
+
+    Raises:
+        UserError: a recording that cannot be read, has no `ft`, or in which nothing slides.
+    """
+    rows: list[tuple[float, float, float]] = []
+    for at, path in enumerate(paths):
+        rec, pose = _opened(path)
+        force, moved = _unbiased(rec, path), np.gradient(pose[:, :3], rec.time, axis=0)
+        smooth = np.stack([np.convolve(v, np.ones(9) / 9, "same") for v in moved.T], axis=1)
+        sliding = (np.linalg.norm(smooth, axis=1) > SPEED) & (np.abs(force[:, 2]) > TOUCH)
+        strokes = [s for s in _stretches(sliding) if rec.time[s][-1] - rec.time[s][0] >= STROKE]
+        if not strokes:
+            what = f"nothing slides: no {STROKE:g} s above {SPEED:g} m/s and {TOUCH:g} N"
+            raise UserError(what, file=path)
+        for s in strokes:
+            mean = force[s].mean(axis=0)
+            rows.append((abs(float(mean[2])), float(np.hypot(mean[0], mean[1])), float(at)))
+    table = np.array(rows)
+    columns = {"normal": table[:, 0], "tangential": table[:, 1]}
+    if len(paths) > 1:
+        columns["place"] = table[:, 2]
+    return Readings(paths[0], columns, {"normal": 0.0, "tangential": 0.0})
+
+
+def presses(stop: Sequence[Path], fixture: Sequence[Path]) -> Readings:
+    """Force (N) and depth (m) along the flange's z; loading and unloading are ramps of their own.
+
+    Raises:
+        UserError: not as many recordings on each side; one that cannot be read, has no `ft` or never touches.
+    """
+    if len(stop) != len(fixture) or not stop:
+        expected = "as many of --stop as of --fixture, in the same order of arm poses"
+        raise UserError("presses without their counterpart", expected=expected, got=f"{len(stop)} and {len(fixture)}")
+    parts = []
+    for on, paths in enumerate((stop, fixture)):
+        for pose, path in enumerate(paths):
+            rec, flange = _opened(path)
+            force = np.abs(_unbiased(rec, path)[:, 2])
+            axis = _rotation(flange[0, 3:])[:, 2]
+            depth = np.abs((flange[:, :3] - flange[0, :3]) @ axis)
+            touching = np.flatnonzero(force > TOUCH)
+            if not len(touching):
+                raise UserError(f"never touches with more than {TOUCH:g} N", file=path)
+            top = int(np.argmax(force))
+            for ramp, rows in enumerate((touching[touching <= top], touching[touching > top])):
+                if len(rows) > 2:
+                    same = np.ones(len(rows))
+                    parts.append(np.column_stack([force[rows], depth[rows], on * same, pose * same, ramp * same]))
+    table = np.concatenate(parts)
+    names = ("force", "depth", "on", "pose", "ramp")
+    return Readings(stop[0], dict(zip(names, table.T, strict=True)), {"force": 0.0, "depth": 0.0})
+
+
+def _opened(path: Path) -> tuple[Recording, np.ndarray]:
+    """The recording, and the flange's pose (n, 7) in the base: measured, or else of the robot's model."""
+    rec = load(path)
+    if rec.ft is None:
+        raise UserError("has no wrench", file=path, expected="columns ft.fx ... ft.tz")
+    pose = rec.ee if rec.ee is not None else flange_pose(load_robot(rec.robot), rec.q)
+    return rec, pose
+
+
+def _unbiased(rec: Recording, path: Path) -> np.ndarray:
+    """Force (n, 3) less its mean in the first second."""
+    free = rec.time - rec.time[0] < FREE
+    force = rec.ft[:, :3]  # type: ignore[index]
+    if np.nanstd(force[free], axis=0).max() > TOUCH:
+        raise UserError(f"does not begin with {FREE:g} s in free air", file=path)
+    return np.nan_to_num(force - np.nanmean(force[free], axis=0))
+
+
+def _rests(q: np.ndarray, length: int) -> list[slice]:
+    """Stretches of `length` rows or more in which every joint stays within `STILL`, one after the other."""
+    out, start = [], 0
+    while start + length <= len(q):
+        end = start + length
+        if np.ptp(q[start:end], axis=0).max() > STILL:
+            start += max(1, length // 10)
+            continue
+        while end < len(q) and np.abs(q[end] - q[start]).max() <= STILL:
+            end += 1
+        out.append(slice(start, end))
+        start = end
+    return out
+
+
+def _stretches(flags: np.ndarray) -> list[slice]:
+    """Slices in which `flags` (n,) holds."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
+    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _rotation(quat: np.ndarray) -> np.ndarray:
+    """(3, 3) of a unit quaternion (w, x, y, z)."""
+    import mujoco
+
+    out = np.empty(9)
+    mujoco.mju_quat2Mat(out, np.asarray(quat, float))
+    return out.reshape(3, 3)
+
+
+def _gravity(rec: Recording) -> np.ndarray:
+    """Unit vector (3,) of gravity in the base frame."""
+    from vispeg.robots.model import tilted
+
+    return tilted(np.array([0.0, 0.0, -1.0]), *rec.base_tilt)

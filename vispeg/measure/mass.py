@@ -1,0 +1,33 @@
+"""Mass: weighings, each with the empty scale (tare) where there is such a column."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.measure.outcome import Outcome, short
+from vispeg.measure.readings import Readings, choose, refuse_drift
+from vispeg.measure.uncertainty import propagate, repeated
+
+FORMS = {"weighing": ("mass",)}
+WEIGHINGS = 5
+
+
+def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
+    """The mass in kg.
+
+    Args:
+        readings: `mass` (kg), and `tare` (kg) of the empty scale before each.
+        rng: of the Monte Carlo propagation.
+
+    Raises:
+        UserError: a mass that is not above 0, a drift, no resolution.
+    """
+    choose(readings, FORMS)
+    tare = readings.columns.get("tare")
+    net = readings["mass"] - (0.0 if tare is None else tare)
+    inputs = [repeated("repeats", net), *readings.instrument("mass")]
+    if tare is not None:
+        inputs += readings.instrument("tare") if "tare" in readings.resolution else readings.instrument("mass")[:1]
+    refuse_drift(net, readings.resolution["mass"], readings.file, "mass")
+    result = propagate("mass", "kg", lambda *x: sum(x), inputs, rng, repeats=len(net))  # type: ignore[arg-type]
+    return Outcome((result,), tuple(short(len(net), WEIGHINGS, "weighings")))

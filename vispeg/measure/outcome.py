@@ -1,0 +1,48 @@
+"""What a protocol hands over: numbers, notes, tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from vispeg.worlds.measurement_file import Quantity
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Results of one protocol.
+
+    Attributes:
+        results: the numbers, the main one first.
+        notes: what weakens them, in a sentence each.
+        details: tables for the file.
+    """
+
+    results: tuple[Quantity, ...]
+    notes: tuple[str, ...] = ()
+    details: Mapping[str, Any] = field(default_factory=dict)
+
+
+def by_place(values: np.ndarray, place: np.ndarray | None) -> dict[str, Any]:
+    """The mean, spread and number of readings at each place, for the file's `details`."""
+    if place is None:
+        return {}
+    rows = [
+        {
+            "place": float(p),
+            "mean": float(v.mean()),
+            "sd": float(v.std(ddof=1)) if len(v) > 1 else None,
+            "repeats": len(v),
+        }
+        for p in np.unique(place)
+        for v in (values[place == p],)
+    ]
+    return {"places": rows}
+
+
+def short(repeats: int, wanted: int, what: str) -> list[str]:
+    """A note where fewer were taken than the protocol asks for."""
+    return [] if repeats >= wanted else [f"{repeats} {what}; the protocol asks for {wanted}"]

@@ -1,0 +1,171 @@
+"""Readings of an instrument from a table, in SI units, with what the instrument itself leaves open."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from scipy import stats
+
+from vispeg.core.errors import UserError
+from vispeg.measure.uncertainty import Input, rectangular
+from vispeg.recordings.table import Table, read_table
+
+SUFFIXES = {"_deg": np.pi / 180.0, "_g": 1e-3, "_mm": 1e-3, "_cm": 1e-2, "_ms": 1e-3}  # to SI
+REPEATS_AGREE = 3.0  # standard uncertainties by which the first reading and its repeat at the end may differ
+
+
+@dataclass(frozen=True)
+class Readings:
+    """A table of readings.
+
+    Attributes:
+        file: where they stand.
+        columns: name without its unit -> (n,) in SI units.
+        resolution: name -> one digit of the instrument, SI.
+        accuracy: name -> limit of its error, SI.
+    """
+
+    file: Path
+    columns: Mapping[str, np.ndarray]
+    resolution: Mapping[str, float] = field(default_factory=dict)
+    accuracy: Mapping[str, float] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.columns[name]
+
+    def place(self) -> np.ndarray | None:
+        """The column `place`, (n,), or None."""
+        return self.columns.get("place")
+
+    def instrument(self, name: str, times: int = 1) -> list[Input]:
+        """Errors of value 0 that `name` may have: half a digit, `times` over, and the instrument's limit of error.
+
+        Raises:
+            UserError: nobody has said how fine the instrument reads.
+        """
+        if name not in self.resolution:
+            expected = f"--resolution {name}=ONE DIGIT (0 if it counts for nothing)"
+            raise UserError(f"the resolution of '{name}' is not stated", file=self.file, expected=expected)
+        out = [rectangular(f"resolution of {name}", 0.5 * self.resolution[name]) for _ in range(times)]
+        if self.accuracy.get(name):
+            out.append(rectangular(f"limit of error of {name}", self.accuracy[name]))
+        return [one for one in out if one.u > 0]
+
+
+def read(file: Path, resolution: Iterable[str], accuracy: Iterable[str]) -> Readings:
+    """The readings in a .csv, .csv.gz or .parquet table.
+
+    Args:
+        file: columns named as the protocol says, SI, or with a unit at the end (`angle_deg`, `mass_g`, `h1_mm`).
+        resolution: `NAME=NUMBER` texts: one digit, in the column's unit or, under the bare name, in SI.
+        accuracy: the same for the limit of error.
+
+    Raises:
+        UserError: a cell that is empty or no number, a column twice, an unknown name or a number below 0.
+    """
+    table = read_table(file)
+    columns: dict[str, np.ndarray] = {}
+    for full in table.names:
+        name, factor = bare(full)
+        if name in columns:
+            raise UserError("the same column in two units", file=file, key=full)
+        columns[name] = factor * _complete(table, full)
+    settings = [
+        _settings(flag, texts, columns, file) for flag, texts in (("resolution", resolution), ("accuracy", accuracy))
+    ]
+    return Readings(file, columns, *settings)
+
+
+def bare(name: str) -> tuple[str, float]:
+    """A column's name without its unit, and the factor to SI: `angle_deg` -> angle, 0.01745."""
+    for suffix, factor in SUFFIXES.items():
+        if name.endswith(suffix) and len(name) > len(suffix):
+            return name[: -len(suffix)], factor
+    return name, 1.0
+
+
+def choose(readings: Readings, forms: Mapping[str, Sequence[str]]) -> str:
+    """Which of several forms of a table it is: the first whose columns are all there.
+
+    Raises:
+        UserError: none of them; names the columns of each.
+    """
+    for form, columns in forms.items():
+        if all(column in readings.columns for column in columns):
+            return form
+    expected = " or ".join(f"columns {', '.join(columns)} ({form})" for form, columns in forms.items())
+    raise UserError(
+        "is no table of this protocol", file=readings.file, expected=expected, got=", ".join(readings.columns)
+    )
+
+
+def instrument_law(
+    readings: Readings, names: Sequence[str], function: Callable[..., float]
+) -> tuple[list[Input], Callable[..., float]]:
+    """What the instruments' errors do to a function of the mean readings.
+
+    Returns:
+        (errors, law): inputs of value 0, and `law(*errors)` = function(mean readings + errors).
+    """
+    errors = [(name, one) for name in names for one in readings.instrument(name)]
+    at = {name: float(readings[name].mean()) for name in names}
+
+    def law(*off: float) -> float:
+        shifted = dict(at)
+        for (name, _), shift in zip(errors, off, strict=True):
+            shifted[name] = shifted[name] + shift
+        return function(*shifted.values())
+
+    return [one for _, one in errors], law
+
+
+def refuse_drift(values: np.ndarray, resolution: float, file: Path, what: str) -> None:
+    """Raises UserError where the first reading and the last, taken alike, differ by more than chance allows.
+
+    The spread is that of the readings between, whatever the order; at least five readings are needed to tell.
+    """
+    if len(values) < 5:
+        return
+    inner = float(np.std(values[1:-1], ddof=1))
+    u = np.sqrt(2.0) * np.hypot(inner, resolution / np.sqrt(12.0))
+    # the spread of few readings is itself uncertain: Student's factor for what three sigma are for many
+    most = stats.t.isf(stats.norm.sf(REPEATS_AGREE), len(values) - 3) * u
+    if abs(values[-1] - values[0]) > most > 0:
+        raise UserError(
+            f"the first reading of {what} and its repeat at the end disagree: it drifts",
+            file=file,
+            expected=f"a difference under {most:.3g}",
+            got=float(abs(values[-1] - values[0])),
+        )
+
+
+def _complete(table: Table, name: str) -> np.ndarray:
+    values = table.number(name)
+    bad = np.flatnonzero(~np.isfinite(values))
+    if len(bad):
+        got = "an empty cell" if np.isnan(values[bad[0]]) else "infinity"
+        raise UserError("a reading is missing", file=table.file, key=f"{table.row(bad[0])}, column {name}", got=got)
+    return values
+
+
+def _settings(flag: str, texts: Iterable[str], columns: Mapping[str, np.ndarray], file: Path) -> dict[str, float]:
+    out: dict[str, float] = {}
+    for text in texts:
+        full, _, number = text.partition("=")
+        name, factor = bare(full)
+        if name not in columns:
+            raise UserError("no such column", file=file, key=f"--{flag}", got=full, choices=columns)
+        try:
+            value = float(number)
+        except ValueError:
+            value = -1.0
+        if not 0 <= value < np.inf:
+            raise UserError("not a size", key=f"--{flag} {full}", expected="NAME=NUMBER, 0 or more", got=text)
+        out[name] = factor * value
+    return out

@@ -1,0 +1,67 @@
+"""Restitution: heights of drop and bounce, or the times between bounces.
+
+e = sqrt(h_bounce / h_drop). Between two touches a thing flies for t = 2 v / g, so e is the ratio of two such times in a
+row: free of any scale, and of the height it was let go from.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.measure.outcome import Outcome, short
+from vispeg.measure.readings import Readings, choose, instrument_law
+from vispeg.measure.uncertainty import places, propagate
+
+FORMS = {
+    "times of three touches": ("t1", "t2", "t3"),
+    "times of two flights": ("flight1", "flight2"),
+    "heights": ("drop", "bounce"),
+}
+DROPS, HEIGHTS = 10, 2
+
+
+def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
+    """The coefficient of restitution.
+
+    Args:
+        readings: `t1`, `t2`, `t3` (s) of three touches, or `flight1`, `flight2` (s), or `drop` and `bounce` (m); with
+            times also `drop` where drops are from several heights.
+        rng: of the Monte Carlo propagation.
+
+    Raises:
+        UserError: times or heights that no bounce has, no resolution.
+    """
+    form = choose(readings, FORMS)
+    if form == "heights":
+        read, function = ("drop", "bounce"), lambda drop, bounce: np.sqrt(np.maximum(bounce / drop, 0.0))
+    elif form == "times of two flights":
+        read, function = ("flight1", "flight2"), lambda first, second: second / first
+    else:
+        read, function = ("t1", "t2", "t3"), lambda t1, t2, t3: (t3 - t2) / (t2 - t1)
+    with np.errstate(all="ignore"):
+        values = function(*(readings[column] for column in read))
+    bad = np.flatnonzero(~(np.isfinite(values) & (values > 0) & (values <= 1)))
+    if len(bad):
+        got = float(values[bad[0]])
+        raise UserError("is no bounce", file=readings.file, key=f"row {bad[0] + 2}", expected="0 < e <= 1", got=got)
+    drop = readings.columns.get("drop")
+    groups = None if drop is None else np.round(drop, 2)  # m: set by hand, so within a centimetre is the same
+    mean = places("restitution", values, groups)
+    errors, law = instrument_law(readings, read, function)
+    nominal = law(*(0.0 for _ in errors))
+    result = propagate(
+        "restitution", "1", lambda e, *off: e * law(*off) / nominal, [mean, *errors], rng, repeats=len(values)
+    )
+    count = 1 if groups is None else len(np.unique(groups))
+    notes = [*short(len(values), DROPS, "drops"), *short(count, HEIGHTS, "heights")]
+    rows = (
+        []
+        if groups is None
+        else [
+            {"drop_m": float(h), "mean": float(v.mean()), "repeats": len(v)}
+            for h in np.unique(groups)
+            for v in (values[groups == h],)
+        ]
+    )
+    return Outcome((result,), tuple(notes), {"heights": rows} if rows else {})

@@ -1,0 +1,197 @@
+"""Reading and writing `vispeg-measurement/1`: numbers with their uncertainty, and the effects that they become."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import yaml
+
+from vispeg.core.effect import EffectInstance, Value
+from vispeg.core.errors import UserError
+from vispeg.formats.format import Format, enrol
+from vispeg.formats.typed import typed
+from vispeg.formats.yaml_data import read_yaml
+from vispeg.worlds.model_file import Plain, placed_dict, read_placed
+
+FORMAT = "vispeg-measurement/1"
+LEVEL = 0.95
+KEYS = ("protocol", "of", "robot", "results", "effects", "conditions", "raw", "notes", "details", "provenance")
+MEASUREMENT = Format(FORMAT, "a measurement", keys=KEYS, needed=("protocol", "results"))
+
+
+@dataclass(frozen=True)
+class BudgetRow:
+    """One source of uncertainty.
+
+    Attributes:
+        source: what it is.
+        type: A from repeats, B from knowledge of the instrument.
+        u: standard uncertainty of the source, in its own unit.
+        dof: its degrees of freedom; None for infinitely many.
+        sensitivity: change of the result with the source.
+        contribution: |sensitivity| u, in the result's unit.
+    """
+
+    source: str
+    type: Literal["A", "B"]
+    u: float
+    dof: float | None
+    sensitivity: float
+    contribution: float
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One measured number.
+
+    Attributes:
+        quantity: its name.
+        value, unit: the best estimate.
+        u: combined standard uncertainty.
+        dof: effective degrees of freedom (Welch-Satterthwaite); None for infinitely many.
+        k: coverage factor of 95 %.
+        low, high: the 95 % interval: value +- k u, or the quantiles of a Monte Carlo propagation.
+        method: which of the two.
+        budget: by source.
+        repeats: readings behind it.
+    """
+
+    quantity: str
+    value: float
+    unit: str
+    u: float
+    dof: float | None
+    k: float
+    low: float
+    high: float
+    method: Literal["gum", "monte carlo"]
+    budget: tuple[BudgetRow, ...] = ()
+    repeats: int = 0
+
+    def __post_init__(self) -> None:
+        if not (self.u >= 0 and self.k >= 0 and self.repeats >= 0 and (self.dof is None or self.dof > 0)):
+            raise UserError(f"{self.quantity}: a negative uncertainty, coverage factor, count or degree of freedom")
+        if not self.low <= self.value <= self.high:
+            expected = "low <= value <= high"
+            raise UserError(
+                f"{self.quantity}: wrong interval", expected=expected, got=[self.low, self.value, self.high]
+            )
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What one `vispeg measure` found.
+
+    Attributes:
+        protocol: how it was measured, such as `friction`.
+        of: the object or the joint.
+        robot: a robot's name or path where the effects are a robot's; None where any may have them.
+        results: the numbers.
+        effects: what they become in a model, values with their 95 % intervals.
+        conditions: instrument, surface, temperature: what the user stated.
+        raw: file -> SHA-256 of the readings.
+        notes: what to know about it.
+        details: tables of the protocol's own (a Bode table, a torque-speed curve).
+        provenance: command, seed, versions.
+    """
+
+    protocol: str
+    of: str
+    results: tuple[Quantity, ...]
+    effects: tuple[EffectInstance, ...] = ()
+    robot: str | None = None
+    conditions: Mapping[str, Any] = field(default_factory=dict)
+    raw: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    details: Mapping[str, Any] = field(default_factory=dict)
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def result(self, name: str) -> Quantity:
+        """The number of that name. Raises UserError where there is none."""
+        for one in self.results:
+            if one.quantity == name:
+                return one
+        raise UserError("no such quantity", got=name, choices=[q.quantity for q in self.results])
+
+
+def _example(folder: Path) -> Path:
+    row = BudgetRow("angle at 3 places", "A", 0.011, 2.0, 1.09, 0.012)
+    mu = Quantity("static_friction", 0.31, "1", 0.012, 2.0, 4.30265, 0.258, 0.362, "gum", (row,), 10)
+    friction = EffectInstance("contact_friction", "peg", {"scale": Value(1.03, 0.86, 1.21)}, {"measured": "friction"})
+    path = folder / "measurement.yaml"
+    path.write_text(measurement_text(Measurement("friction", "peg", (mu,), (friction,))), encoding="utf-8")
+    return path
+
+
+@enrol(FORMAT, _example)
+def load_measurement(path: str | Path) -> Measurement:
+    """A measurement file.
+
+    Raises:
+        UserError: unreadable, another format, or a number, unit, place or key that cannot be; names file and key.
+    """
+    data = MEASUREMENT.read(path)
+    text = {key: _text(data.get(key, ""), path, key) for key in ("protocol", "of")}
+    robot = data.get("robot")
+    if robot is not None and (not isinstance(robot, str) or not robot):
+        raise UserError("wrong robot", file=path, key="robot", expected="a name or a path", got=robot)
+    results = typed(tuple[Quantity, ...], data["results"], path, "results")
+    if not results:
+        raise UserError("is empty", file=path, key="results", expected="one result or more")
+    for i, one in enumerate(results):
+        if any(not math.isfinite(row.contribution) or row.contribution < 0 for row in one.budget):
+            raise UserError("a negative contribution", file=path, key=f"results[{i}].budget")
+    entries = data.get("effects") or []
+    if not isinstance(entries, list):
+        raise UserError("wrong effects", file=path, key="effects", expected="a list", got=type(entries).__name__)
+    effects = tuple(read_placed(entry, Path(path), f"effects[{i}]") for i, entry in enumerate(entries))
+    rest = {key: _mapping(data.get(key) or {}, path, key) for key in ("conditions", "raw", "details", "provenance")}
+    notes = data.get("notes") or []
+    if not isinstance(notes, list) or not all(isinstance(note, str) for note in notes):
+        raise UserError("wrong notes", file=path, key="notes", expected="a list of text", got=notes)
+    return Measurement(text["protocol"], text["of"], results, effects, robot, notes=tuple(notes), **rest)
+
+
+def is_measurement(path: str | Path) -> bool:
+    """Whether a YAML file says that it is a measurement. Raises UserError where it cannot be read."""
+    data = read_yaml(path)
+    return isinstance(data, dict) and data.get("format") == FORMAT
+
+
+def measurement_text(measurement: Measurement) -> str:
+    """The file; `load_measurement` of it gives the measurement back."""
+    data: dict[str, Any] = {"format": FORMAT, "protocol": measurement.protocol, "of": measurement.of}
+    data |= {"robot": measurement.robot} if measurement.robot else {}
+    data["results"] = [_plain(asdict(one)) for one in measurement.results]
+    data["effects"] = [placed_dict(one) for one in measurement.effects]
+    for key in ("conditions", "raw", "notes", "details", "provenance"):
+        if value := getattr(measurement, key):
+            data[key] = _plain(value)
+    return yaml.dump(data, Dumper=Plain, sort_keys=False, allow_unicode=True, width=120)
+
+
+def _plain(value: Any) -> Any:
+    """Tuples as lists, NumPy's numbers as Python's, for YAML."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    return value
+
+
+def _text(value: Any, path: str | Path, key: str) -> str:
+    if not isinstance(value, str):
+        raise UserError("is of another kind", file=path, key=key, expected="text", got=value)
+    return value
+
+
+def _mapping(value: Any, path: str | Path, key: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise UserError("is of another kind", file=path, key=key, expected="a mapping", got=value)
+    return value
