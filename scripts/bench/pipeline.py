@@ -13,7 +13,6 @@ import time
 
 import numpy as np
 
-import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import EffectInstance, of_family
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream

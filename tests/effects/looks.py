@@ -8,7 +8,6 @@ from typing import Any
 import mujoco
 import numpy as np
 
-import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.robots.scene import Scene, build
 from vispeg.worlds.world import World

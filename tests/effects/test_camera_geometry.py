@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import EffectInstance, effect, of_family
 from vispeg.render.backend import Renderer
 from vispeg.render.camera import Camera, quaternion

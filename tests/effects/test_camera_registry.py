@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from camera_images import busy
 
-import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import EffectInstance, of_family
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream

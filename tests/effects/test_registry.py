@@ -10,7 +10,6 @@ import pytest
 from loops import iiwa_segment, one
 from mujoco import batch as mjb
 
-import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import EffectInstance, Value, searchable
 from vispeg.core.seeds import stream
 from vispeg.robots.model import load

@@ -2,7 +2,6 @@
 
 import pytest
 
-import vispeg.effects  # noqa: F401  (names enrol themselves)
 from vispeg.core.effect import REGISTRY, effect
 from vispeg.core.errors import MANY, NEAREST, UserError
 

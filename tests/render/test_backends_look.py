@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-import vispeg.effects  # noqa: F401 - enrols them
 from vispeg.core.effect import EffectInstance, of_family
 from vispeg.core.errors import UserError
 from vispeg.render.backend import Renderer

@@ -6,7 +6,6 @@ import mujoco
 import numpy as np
 import pytest
 
-import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream

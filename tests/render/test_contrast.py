@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 import yaml
 
-import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import EffectInstance, effect, of_family
 from vispeg.core.seeds import stream
 from vispeg.effects.common.light import to_linear

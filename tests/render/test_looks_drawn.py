@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 import pytest
 
-import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import EffectInstance, of_family
 from vispeg.effects.common.images import FOLDER
 from vispeg.render.backend import Renderer, Shot

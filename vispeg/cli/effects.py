@@ -41,7 +41,6 @@ class Args:
 
     def run(self) -> int:
         """Prints the list, or one effect's words, equation and parameters; draws its picture where asked to."""
-        import vispeg.effects  # noqa: F401  (enrols the library)
         from vispeg.core.effect import REGISTRY, effect, searchable
         from vispeg.report.catalogue import describe, print_catalogue, print_effect
         from vispeg.robots.model import load

@@ -43,7 +43,6 @@ def read_inputs(
     Raises:
         UserError: none given, one given twice or on both sides, or another robot's.
     """
-    import vispeg.effects  # noqa: F401  (names in a model file must be enrolled)
 
     world = read_model(model)
     if not recording:

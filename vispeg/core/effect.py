@@ -12,12 +12,13 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.core.frame import Frame
 from vispeg.core.params import Param
+from vispeg.core.registry import Registry
 
 Family = Literal["joint", "drive", "sensor", "body", "contact", "task", "camera", "appearance"]
 ARM = ("joint", "drive", "sensor", "body")  # families that an arm alone can show; the others need a scene
 OPTICAL = ("camera", "appearance")  # families that are only seen; the others are felt
 Values = Mapping[str, np.ndarray]  # parameter name -> (nsim, ntarget)
-REGISTRY: dict[str, Effect] = {}
+REGISTRY: Registry[Effect] = Registry()
 
 
 class Effect(ABC):
@@ -63,10 +64,7 @@ class Effect(ABC):
         name = cls.__dict__.get("name")
         if name is None:  # an abstract helper between Effect and an effect
             return
-        known = REGISTRY.get(name)
-        if known is not None and type(known).__qualname__ != cls.__qualname__:
-            raise UserError(f"effect '{name}' is registered twice", got=cls.__qualname__, choices=sorted(REGISTRY))
-        REGISTRY[name] = cls()
+        REGISTRY.enrol(name, cls())
 
     # Where ------------------------------------------------------------------------------------------------------
     def targets(self, model: Any) -> list[str]:

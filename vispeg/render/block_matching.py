@@ -14,7 +14,6 @@ from functools import lru_cache
 
 import numpy as np
 
-import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream

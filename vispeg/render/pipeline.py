@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import Effect, effect
 from vispeg.core.errors import UserError
 from vispeg.core.frame import Frame

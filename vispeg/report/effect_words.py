@@ -12,7 +12,6 @@ import sys
 from collections.abc import Mapping
 from typing import Any
 
-import vispeg.effects  # noqa: F401  (effects enrol themselves, and with them their words)
 from vispeg.core.effect import REGISTRY, Effect
 from vispeg.report.quantities import number, plain, quantity
 from vispeg.report.record import params_of

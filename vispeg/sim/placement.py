@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import Effect, effect
 from vispeg.core.errors import UserError
 from vispeg.robots.model import RobotModel

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-import vispeg.effects  # noqa: F401  (names must be enrolled)
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.worlds.distribution import Distribution

@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import vispeg.effects  # noqa: F401  (names must be enrolled)
 from vispeg.core.effect import ALL_NAMES, REGISTRY, Effect
 from vispeg.core.errors import UserError
 from vispeg.core.params import Param

@@ -10,7 +10,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.formats.yaml_data import read_yaml

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-import vispeg.effects  # noqa: F401  (names must be enrolled)
 from vispeg.core.effect import Effect, EffectInstance, effect
 from vispeg.core.errors import UserError
 

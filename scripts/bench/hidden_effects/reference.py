@@ -13,7 +13,6 @@ sys.path[:0] = [str(Path(__file__).resolve().parents[3])]
 
 import numpy as np  # noqa: E402
 
-import vispeg.effects  # noqa: E402, F401  (enrols the effects)
 from vispeg.core.effect import EffectInstance  # noqa: E402
 from vispeg.identify.fit import Fit, fit_job  # noqa: E402
 from vispeg.identify.inverse import evidence_for  # noqa: E402

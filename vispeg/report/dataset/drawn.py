@@ -22,7 +22,6 @@ def drawn(worlds: Sequence[Mapping[str, Mapping[str, float]]]) -> dict[str, Any]
         `effects`, by name: its histograms (place, parameter, unit, lowest, highest, svg, in how many episodes); and
         `fixed`: label, parameter, unit and value of what never varies.
     """
-    import vispeg.effects  # noqa: F401  (units are those of the enrolled effects)
 
     found: dict[tuple[str, str], list[float]] = defaultdict(list)
     for world in worlds:

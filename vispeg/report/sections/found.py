@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-import vispeg.effects  # noqa: F401  (effects enrol themselves, and with them their bounds)
 from vispeg.core.effect import REGISTRY
 from vispeg.core.params import Param
 from vispeg.report import effect_words, words

@@ -1,0 +1,54 @@
+"""The effects by name; the library is loaded when one is first looked up, in whatever order modules are imported."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, MutableMapping
+from importlib import import_module
+from typing import TypeVar
+
+import vispeg
+from vispeg.core.errors import UserError
+
+Item = TypeVar("Item")
+
+
+class Registry(MutableMapping[str, Item]):
+    """Items by name. Looking up loads `vispeg.LIBRARY`; enrolling one does not."""
+
+    def __init__(self) -> None:
+        self._items: dict[str, Item] = {}
+
+    def enrol(self, name: str, item: Item) -> None:
+        """Keeps an item under its name, in place of one of the same class, as when a module is loaded anew.
+
+        Raises:
+            UserError: the name is another class's.
+        """
+        kind = type(item)
+        if not kind.__module__.startswith(vispeg.LIBRARY):
+            self._load()  # of a user's own: a name that the library has is refused where it is defined
+        if type(self._items.get(name, item)).__qualname__ != kind.__qualname__:
+            raise UserError(f"effect '{name}' is registered twice", got=kind.__qualname__, choices=sorted(self._items))
+        self._items[name] = item
+
+    def _load(self) -> None:
+        for room in vispeg.LIBRARY:
+            import_module(room)  # at once where it is loaded, or is just being loaded
+
+    def __getitem__(self, name: str) -> Item:
+        self._load()
+        return self._items[name]
+
+    def __setitem__(self, name: str, item: Item) -> None:
+        self._items[name] = item
+
+    def __delitem__(self, name: str) -> None:
+        del self._items[name]
+
+    def __iter__(self) -> Iterator[str]:
+        self._load()
+        return iter(self._items)
+
+    def __len__(self) -> int:
+        self._load()
+        return len(self._items)
