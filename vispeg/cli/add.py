@@ -45,7 +45,7 @@ class Args:
         import os
         from dataclasses import replace
 
-        from vispeg.cli.inputs import read_model
+        from vispeg.api.inputs import read_model
         from vispeg.core.effect import effect
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic

@@ -9,12 +9,12 @@ Example:
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import tyro
 
+from vispeg.cli.output import Output, Told
 from vispeg.recordings.windows import SECONDS
 
 
@@ -34,21 +34,20 @@ class Args:
     """Threads of the simulation."""
     overwrite: bool = False
     """Replace OUT if it is there."""
+    output: Told = Output()
 
     def run(self) -> int:
         """Compares, writes the folder, prints the table."""
-        from vispeg.cli.inputs import read_inputs
-        from vispeg.core.files import new_folder
-        from vispeg.core.provenance import provenance
-        from vispeg.diagnosis.compare import compare
-        from vispeg.report.terminal import print_comparison
-        from vispeg.report.write import write_comparison
+        from vispeg.api.compare import compare
+        from vispeg.api.inputs import model_files
+        from vispeg.cli.reading import shown
+        from vispeg.core.files import reserved
+        from vispeg.report.terminal import report_line
 
-        world, recordings, _ = read_inputs(self.model, self.recording, (), False, self.seconds)
-        inputs = (self.model, world.robot, *self.recording)
-        with new_folder(self.out, overwrite=self.overwrite, holds="comparison", inputs=inputs) as folder:
-            found = compare(world, recordings, nthread=self.threads)
-            record = {**found.record, "provenance": provenance(sys.argv, None, self.recording)}
-            write_comparison(folder, record, found.arrays)
-        print_comparison(record, self.out)
+        inputs = (*model_files(self.model), *self.recording)
+        with reserved(self.out, self.overwrite, holds="comparison", inputs=inputs):
+            options = {"seconds": self.seconds, "threads": self.threads}
+            result = compare(self.model, self.recording, reading=shown(self.output.quiet), **options)
+            result.save(self.out, overwrite=self.overwrite)
+        self.output.give(result.record, [*result.summary, report_line(self.out)])
         return 0

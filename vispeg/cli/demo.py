@@ -41,7 +41,7 @@ class Args:
         """Runs the demonstration; the table of falling error comes first."""
         from rich.console import Console
 
-        from vispeg.cli.inputs import read_inputs
+        from vispeg.api.inputs import read_inputs
         from vispeg.core.assets import assets
         from vispeg.core.files import new_folder
         from vispeg.core.provenance import provenance
@@ -59,7 +59,8 @@ class Args:
             new_folder(self.out, overwrite=self.overwrite, holds="demonstration") as folder,
             progress.status("reading") as status,
         ):
-            world, fitted, held_out = read_inputs("iiwa14", *paths)
+            given = read_inputs("iiwa14", *paths)
+            world, fitted, held_out = given.world, given.fitted, given.held_out
             for rec in (*fitted, *held_out):
                 role = "fitted" if rec.name in FITTED else "held out"
                 progress.print(f"{rec.name}: {rec.motion}, {rec.time[-1]:.0f} s at {rec.rate_hz:g} Hz, {role}")

@@ -10,14 +10,12 @@ Example:
 
 from __future__ import annotations
 
-import json
-import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 import tyro
 
+from vispeg.cli.output import Output, Told
 from vispeg.core.interrupt import goes_on
 from vispeg.recordings.windows import SECONDS
 
@@ -38,41 +36,27 @@ class Args:
     """Of a longer recording, the windows that show the most, this long in all; 0 uses all of it."""
     seed: int = 0
     """Seed of whatever is drawn."""
-    threads: Annotated[int, tyro.conf.arg(help="Threads of the simulation.")] = 2
+    threads: int = 2
+    """Threads of the simulation."""
     overwrite: bool = False
     """Replace OUT if it is there."""
-    quiet: bool = False
-    """No progress, only the table."""
+    output: Told = Output()
 
     @goes_on()
     def run(self) -> int:
         """Runs the diagnosis and writes its folder."""
-        from vispeg.cli.inputs import read_inputs
+        from vispeg.api.diagnose import diagnose
+        from vispeg.api.inputs import model_files
         from vispeg.cli.progress import stages
-        from vispeg.core.files import new_folder
-        from vispeg.core.provenance import digest, provenance
-        from vispeg.diagnosis.progress import Progress
-        from vispeg.diagnosis.run import diagnose
-        from vispeg.report.terminal import print_diagnosis
-        from vispeg.report.write import write_diagnosis
-        from vispeg.worlds.model_file import model_text
+        from vispeg.cli.reading import shown
+        from vispeg.core.files import reserved
+        from vispeg.report.terminal import report_line
 
-        world, fitted, held_out = read_inputs(self.model, self.recording, self.validate, seconds=self.seconds)
-        inputs = [*self.recording, *self.validate]
-        stamp = provenance(sys.argv, self.seed, inputs)
-        content = [[stamp["inputs"][str(path)] for path in paths] for paths in (self.recording, self.validate)]
-        robot = digest(world.robot) if Path(world.robot).is_file() else None
-        key = [model_text(world), robot, content, self.seconds, self.seed, stamp["versions"]]
-        part = self.out.with_name(self.out.name + ".part")
-        read = (self.model, world.robot, *inputs)
-        with new_folder(self.out, overwrite=self.overwrite, holds="diagnosis", inputs=read) as folder:
-            progress = Progress(part / "progress.json", key)
-            options = {"seed": self.seed, "nthread": self.threads, "progress": progress}
-            with stages(self.quiet) as say:
-                say("going on" if progress.resumed else "simulating")
-                found = diagnose(world, fitted, held_out, say=say, **options)
-            record = {**found.record, "provenance": stamp}
-            write_diagnosis(folder, record, found.world, found.arrays)
-        progress.remove()
-        print_diagnosis(json.loads((self.out / "diagnosis.json").read_text()), self.out)
+        inputs = (*model_files(self.model), *self.recording, *self.validate)
+        with reserved(self.out, self.overwrite, holds="diagnosis", inputs=inputs), stages(self.output.quiet) as say:
+            options = {"seconds": self.seconds, "seed": self.seed, "threads": self.threads, "say": say}
+            part, reading = self.out.with_name(self.out.name + ".part"), shown(self.output.quiet)
+            result = diagnose(self.model, self.recording, self.validate, part=part, reading=reading, **options)
+            result.save(self.out, overwrite=self.overwrite)
+        self.output.give(result.record, [*result.summary, report_line(self.out)])
         return 0

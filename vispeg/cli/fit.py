@@ -15,15 +15,19 @@ Example:
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import tyro
 
+from vispeg.cli.output import Output, Told
 from vispeg.core.interrupt import goes_on
 from vispeg.recordings.windows import SECONDS
+
+if TYPE_CHECKING:
+    from vispeg.api.fit import FitResult
+    from vispeg.api.fit_paper import PaperFit
 
 
 @dataclass(frozen=True)
@@ -58,90 +62,55 @@ class Args:
     """Go on with a fit that was stopped."""
     overwrite: bool = False
     """Replace OUT if it is there."""
-    quiet: bool = False
-    """No progress, only the result."""
+    output: Told = Output()
 
     @goes_on("--resume")
     def run(self) -> int:
         """Fits, writes the folder, prints values with intervals."""
-        from vispeg.core.errors import UserError
+        from vispeg.api.inputs import model_files
+        from vispeg.core.files import reserved
+        from vispeg.report.summary import Line
 
-        if self.starts < 1:
-            raise UserError("nothing to fit", key="--starts", expected="1 or more", got=self.starts)
-        if self.iterations is not None and self.iterations < 1:
-            raise UserError("nothing to fit", key="--iterations", expected="1 or more", got=self.iterations)
-        if self.protocol == "paper":
-            from vispeg.cli.fit_paper import run_paper
-
-            return run_paper(self)
-        return self._fit()
-
-    def _fit(self) -> int:
-        from vispeg.cli.fit_progress import following
-        from vispeg.cli.inputs import read_inputs
-        from vispeg.core.files import new_folder
-        from vispeg.core.provenance import digest, provenance
-        from vispeg.identify.calibrate import ITERATIONS, calibrate
-        from vispeg.identify.checkpoint import Checkpoint
-        from vispeg.identify.inverse import evidence_for
-        from vispeg.report.fitted import fit_record, print_fit
-        from vispeg.report.write import write_json
-        from vispeg.worlds.model_file import model_text
-
-        given, fitted, held_out = read_inputs(
-            self.model, self.recording, self.validate, need_validate=False, seconds=self.seconds
-        )
-        world, free = self._free(given)
-        inputs = [*self.recording, *self.validate]
-        stamp = provenance(sys.argv, self.seed, inputs)
-        robot = digest(world.robot) if Path(world.robot).is_file() else None
-        content = [[stamp["inputs"][str(path)] for path in paths] for paths in (self.recording, self.validate)]
-        key = [
-            model_text(world),
-            robot,
-            list(free),
-            self.seconds,
-            self.method,
-            self.starts,
-            self.seed,
-            content,
-            stamp["versions"],
-        ]
-        part = self.out.with_name(self.out.name + ".part")
-        read = (self.model, world.robot, *inputs)
-        with new_folder(self.out, overwrite=self.overwrite, holds="fit", inputs=read) as folder:
-            steps = self.iterations or ITERATIONS
-            with following(self.starts, steps, self.quiet) as told:
-                checkpoint = Checkpoint(part / "checkpoint.json", key, self.starts, self.resume, told)
-                evidence = evidence_for(world, fitted, self.threads, h_max=1e-3)
-                judged = evidence_for(world, held_out, self.threads, h_max=1e-3) if held_out else None
-                options = {"method": self.method, "starts": self.starts, "iterations": steps}
-                found = calibrate(evidence, world, free, seed=self.seed, checkpoint=checkpoint, **options)
-            record, final = fit_record(given, found, free, evidence, judged)
-            record |= {"provenance": stamp}
-            write_json(folder / "fit.json", record)
-            (folder / "model.yaml").write_text(model_text(final), encoding="utf-8")
-        checkpoint.remove()
-        print_fit(record, self.out)
+        inputs = (*model_files(self.model), *self.recording, *self.validate)
+        with reserved(self.out, self.overwrite, holds="fit", inputs=inputs):
+            result = self._paper() if self.protocol == "paper" else self._effects()
+            result.save(self.out, overwrite=self.overwrite)
+        where = [f"model: {self.out / 'model.yaml'}"]
+        where += [f"picture: {path}" for path in sorted(self.out.glob("paths-*.png"))]
+        self.output.give(result.record, [*result.summary, *(Line(text, path=True) for text in where)])
         return 0
 
-    def _free(self, world):
-        """The world with the named effects in it, and their places in its list."""
-        from vispeg.core.errors import UserError
-        from vispeg.robots.model import load
-        from vispeg.worlds.words import parse
+    def _effects(self) -> FitResult:
+        from vispeg.api.fit import fit
+        from vispeg.cli.fit_progress import following
+        from vispeg.identify.calibrate import ITERATIONS
 
-        if not self.effects:
-            if not world.effects:
-                raise UserError(
-                    "nothing to fit", key="--effects", expected="EFFECT:WHERE, or a model file with effects"
-                )
-            return world, tuple(range(len(world.effects)))
-        robot, wanted = load(world.robot, tool=world.tool), {}
-        here = {(e.effect, e.where): e for e in world.effects}
-        for text in self.effects:
-            for placed in parse(text, robot):
-                at = (placed.effect, placed.where)
-                wanted[at] = placed if text.count(":") > 1 else here.get(at, placed)
-        world = world.add(*wanted.values())
-        return world, tuple(i for i, e in enumerate(world.effects) if (e.effect, e.where) in wanted)
+        steps = ITERATIONS if self.iterations is None else self.iterations
+        options = {"seconds": self.seconds, "method": self.method, "iterations": steps, "starts": self.starts}
+        with following(self.starts, steps, self.output.quiet) as watch:
+            more = {**self._common(), **options}
+            return fit(self.model, self.recording, self.effects, self.validate, watch=watch, **more)
+
+    def _paper(self) -> PaperFit:
+        from vispeg.api.fit_paper import fit_paper
+        from vispeg.cli.fit_progress import generations
+        from vispeg.core.errors import UserError
+        from vispeg.identify.paper import GENERATIONS
+
+        if self.effects:
+            raise UserError("the paper's protocol has its own parameters", key="--effects", expected="none")
+        if len(self.recording) != 1:
+            got = len(self.recording)
+            raise UserError("the paper's protocol fits one recording", key="--recording", expected=1, got=got)
+        steps = GENERATIONS if self.iterations is None else self.iterations
+        with generations(steps, self.output.quiet) as watch:
+            options = {**self._common(), "iterations": steps}
+            return fit_paper(self.model, self.recording[0], self.validate, watch=watch, **options)
+
+    def _common(self) -> dict[str, Any]:
+        """What both protocols take."""
+        from vispeg.cli.reading import shown
+
+        part = self.out.with_name(self.out.name + ".part")
+        options = {"seed": self.seed, "threads": self.threads, "part": part, "resume": self.resume}
+        return {**options, "reading": shown(self.output.quiet)}

@@ -32,3 +32,16 @@ def following(starts: int, steps: int, quiet: bool) -> Iterator[Callable[[int, T
                 print(f"start {i + 1} of {starts}: {done:.0f} of {steps} steps at most, {error}", file=sys.stderr)
 
         yield told
+
+
+@contextmanager
+def generations(steps: int, quiet: bool) -> Iterator[Callable[[int, Trace], None]]:
+    """Tells of the generations of one CMA-ES while the body runs; yields what each one is told to."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True, disable=quiet) as progress:
+        bar = progress.add_task("generations", total=steps)
+        yield lambda i, trace: progress.update(
+            bar, completed=len(trace.generations), description=f"cost {trace.cost:.4g} m"
+        )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 LARGE = 50_000_000  # bytes that take long enough for a line
@@ -30,6 +30,11 @@ def told(title: str, size: int = 0, quiet: bool = False) -> Iterator[Callable[[f
     with Progress(*columns, console=console, transient=True, disable=quiet or not terminal) as bar:
         task = bar.add_task(title, total=1.0)
         yield lambda share: bar.update(task, completed=share)
+
+
+def shown(quiet: bool = False) -> Callable[[Path], AbstractContextManager[Callable[[float], None]]]:
+    """What shows how far a recording is read, for the functions that read several."""
+    return lambda path: told(f"reading {path}", size_of(path), quiet)
 
 
 def size_of(recording: Path) -> int:

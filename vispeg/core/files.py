@@ -73,6 +73,21 @@ def new_folder(
             raise
 
 
+@contextmanager
+def reserved(
+    path: str | Path, overwrite: bool = False, *, holds: str = "result", inputs: Iterable[str | Path | None] = ()
+) -> Iterator[None]:
+    """Keeps a folder's name for long work that ends with `new_folder` under the same arguments.
+
+    Raises:
+        UserError: as `new_folder`, before the body runs.
+    """
+    recover(Path(path).expanduser().resolve())
+    refuse(path, overwrite, holds=holds, inputs=inputs)
+    with claimed(path), _terminable():
+        yield
+
+
 def refuse(
     path: str | Path, overwrite: bool, *, holds: str | None = "result", inputs: Iterable[str | Path | None] = ()
 ) -> None:

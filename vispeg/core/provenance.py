@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import platform
 import shlex
-from collections.abc import Iterable, Sequence
+import sys
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -31,15 +32,23 @@ def provenance(argv: Sequence[str], seed: int | None, inputs: Iterable[str | Pat
     Raises:
         UserError: an input does not exist or cannot be read.
     """
+    return _stamp(argv, seed, {str(path): f"sha256:{digest(path)}" for path in inputs})
+
+
+def here(seed: int | None, digests: Mapping[str, str]) -> dict[str, Any]:
+    """The provenance of what this process works out, from inputs whose digests are known.
+
+    Its command is the one that the process was started with; `python` in a notebook or an interactive session.
+    """
+    interactive = Path(sys.argv[0]).stem in ("", "-", "-c", "ipykernel_launcher", "ipython")
+    return _stamp(["python"] if interactive else sys.argv, seed, digests)
+
+
+def _stamp(argv: Sequence[str], seed: int | None, digests: Mapping[str, str]) -> dict[str, Any]:
     versions = {"vispeg": __version__, "python": platform.python_version()}
     versions |= {name: _version(name) for name in PACKAGES}
-    digests = {str(path): f"sha256:{digest(path)}" for path in inputs}
-    return {
-        "command": command_line(argv),
-        "seed": seed,
-        "versions": versions,
-        "inputs": dict(sorted(digests.items())),
-    }
+    inputs = dict(sorted(digests.items()))
+    return {"command": command_line(argv), "seed": seed, "versions": versions, "inputs": inputs}
 
 
 def command_line(argv: Sequence[str]) -> str:

@@ -15,7 +15,7 @@ from vispeg.identify.calibrate import Calibration, labels, strong_pairs
 from vispeg.identify.evidence import Evidence
 from vispeg.recordings.windows import records
 from vispeg.report import words
-from vispeg.report.tables import terminal
+from vispeg.report.summary import Block, Line, print_summary
 from vispeg.report.terminal import effects_table, ladder_table
 from vispeg.worlds.model_file import placed_dict
 from vispeg.worlds.world import World
@@ -86,20 +86,16 @@ def _honest(world: World, free: Sequence[int], before: float, after: float) -> l
     return [wide.effects[order.index(i)] for i in range(len(order))]
 
 
-def print_fit(record: Mapping[str, Any], out: Path) -> None:
-    """Prints errors before and after, values with intervals, and every doubt there is about them."""
-    from rich.text import Text
-
-    console = terminal()
-    console.print(ladder_table(record))
+def fit_summary(record: Mapping[str, Any]) -> list[Block]:
+    """Errors before and after, values with intervals, and every doubt there is about them."""
     held = record["ladder"][-1]["heldout_error"] is not None
-    console.print(
-        Text(words.fall(record) if held else "Errors are on the fitted recordings; --validate gives honest ones.")
-    )
-    console.print(effects_table(record))
-    for line in doubts(record):
-        console.print(Text(line))
-    console.print(Text(f"model: {out / 'model.yaml'}"), soft_wrap=True)
+    said = words.fall(record) if held else "Errors are on the fitted recordings; --validate gives honest ones."
+    return [ladder_table(record), Line(said), effects_table(record), *map(Line, doubts(record))]
+
+
+def print_fit(record: Mapping[str, Any], out: Path) -> None:
+    """Prints the summary and where the model lies."""
+    print_summary([*fit_summary(record), Line(f"model: {out / 'model.yaml'}", path=True)])
 
 
 def doubts(record: Mapping[str, Any]) -> list[str]:

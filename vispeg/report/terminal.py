@@ -11,7 +11,8 @@ from vispeg.report.ladder import ladder_rows
 from vispeg.report.quantities import fold, quantity
 from vispeg.report.record import Record, rows
 from vispeg.report.sections.found import effect_rows
-from vispeg.report.tables import Column, Sheet, terminal
+from vispeg.report.summary import Block, Line, print_summary
+from vispeg.report.tables import Column, Sheet
 
 
 def ladder_table(diagnosis: Mapping[str, Any]) -> Sheet:
@@ -31,26 +32,32 @@ def effects_table(diagnosis: Mapping[str, Any]) -> Sheet:
     return Sheet(columns, [c + ([row["bound"]] if bound else []) for c, row in zip(cells, found, strict=True)], keys=2)
 
 
-def print_diagnosis(diagnosis: Mapping[str, Any], out: Path) -> None:
-    """Prints the verdict in words, both tables, and where the report lies."""
-    from rich.text import Text
-
-    console = terminal()
+def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
+    """The verdict in words, both tables, what cannot be told apart, and what to do next."""
+    out: list[Block] = []
     if verdict := diagnosis.get("verdict"):
-        console.print(Text(f"{verdict}: ", style="bold").append(words.verdict(diagnosis), style="not bold"))
-    console.print(Text(words.fall(diagnosis)))
-    console.print(ladder_table(diagnosis))
+        out.append(Line(words.verdict(diagnosis), head=str(verdict)))
+    out += [Line(words.fall(diagnosis)), ladder_table(diagnosis)]
     if diagnosis.get("effects"):
-        console.print(effects_table(diagnosis))
+        out.append(effects_table(diagnosis))
         if any(effect.get("partial") for effect in rows(diagnosis, "effects")):
-            console.print(Text(words.PARTIAL))
+            out.append(Line(words.PARTIAL))
         for chosen, *others in words.rivals(diagnosis):
-            console.print(Text(f"{chosen} cannot be told from {words.join(others, 'or')}"))
-    for row in diagnosis.get("windows") or ():
-        console.print(Text(f"note: {row['said']}"))
+            out.append(Line(f"{chosen} cannot be told from {words.join(others, 'or')}"))
+    out += [Line(f"note: {row['said']}") for row in diagnosis.get("windows") or ()]
     if diagnosis.get("verdict"):
-        console.print(Text(f"next: {words.onward(diagnosis)}"))
-    console.print(Text(f"report: {out / 'report.html'}"), soft_wrap=True)
+        out.append(Line(f"next: {words.onward(diagnosis)}"))
+    return out
+
+
+def print_diagnosis(diagnosis: Mapping[str, Any], out: Path) -> None:
+    """Prints the summary and where the report lies."""
+    print_summary([*diagnosis_summary(diagnosis), report_line(out)])
+
+
+def report_line(out: Path) -> Line:
+    """Where the report lies."""
+    return Line(f"report: {out / 'report.html'}", path=True)
 
 
 def joints_table(comparison: Mapping[str, Any]) -> Sheet:
@@ -67,23 +74,22 @@ def joints_table(comparison: Mapping[str, Any]) -> Sheet:
     return Sheet([Column("Joint"), *(Column(head, right=True) for head in heads)], cells)
 
 
-def print_comparison(comparison: Mapping[str, Any], out: Path) -> None:
-    """Prints the error in words, joint by joint, where it arises, and where the report lies."""
-    from rich.text import Text
-
-    console = terminal()
-    console.print(Text(words.fall(comparison)))
-    console.print(joints_table(comparison))
+def comparison_summary(comparison: Mapping[str, Any]) -> list[Block]:
+    """The error in words, joint by joint, and where it arises."""
+    out: list[Block] = [Line(words.fall(comparison)), joints_table(comparison)]
     worst = [
         f"{r.get('joint')}, {r.get('regime')} ({100 * r['share']:.0f} %)" for r in rows(comparison, "where_it_fails")
     ]
     if comparison.get("chi2", 0.0) <= words.NEAR_FLOOR**2:
-        console.print(Text("the model is at the noise floor: nowhere does it fail"))
+        out.append(Line("the model is at the noise floor: nowhere does it fail"))
     elif worst:
-        console.print(Text(f"where it fails: {'; '.join(worst[:3])}"))
-    for note in comparison.get("notes") or ():
-        console.print(Text(f"note: {note}"))
-    console.print(Text(f"report: {out / 'report.html'}"), soft_wrap=True)
+        out.append(Line(f"where it fails: {'; '.join(worst[:3])}"))
+    return out + [Line(f"note: {note}") for note in comparison.get("notes") or ()]
+
+
+def print_comparison(comparison: Mapping[str, Any], out: Path) -> None:
+    """Prints the summary and where the report lies."""
+    print_summary([*comparison_summary(comparison), report_line(out)])
 
 
 def _record(values: Mapping[str, Any]) -> Record:

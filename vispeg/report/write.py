@@ -32,7 +32,7 @@ def write_comparison(folder: Path, record: dict[str, Any], arrays: dict[str, np.
 
 def write_json(path: Path, record: dict[str, Any]) -> None:
     """Writes a record into a folder that is not finished yet; what is not finite becomes null."""
-    path.write_text(json.dumps(_finite(record), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    path.write_text(json.dumps(finite(record), indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def _write_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
@@ -54,12 +54,12 @@ def _compact(a: np.ndarray) -> np.ndarray:
     return a.astype(np.float32) if a.dtype == np.float64 and a.ndim > 1 else a
 
 
-def _finite(value: Any) -> Any:
+def finite(value: Any) -> Any:
     """JSON has no NaN: null stands for it."""
     if isinstance(value, dict):
-        return {str(k): _finite(v) for k, v in value.items()}
+        return {str(k): finite(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(v) for v in value]
+        return [finite(v) for v in value]
     if isinstance(value, np.generic):
         value = value.item()
     return None if isinstance(value, float) and not np.isfinite(value) else value

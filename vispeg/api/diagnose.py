@@ -1,0 +1,109 @@
+"""`vispeg.diagnose`: names the effects that a model lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vispeg.api.inputs import Model, Reading, Source, read_inputs, silent
+from vispeg.api.result import Result
+from vispeg.core.effect import EffectInstance
+from vispeg.worlds.world import World
+from vispeg.diagnosis import run
+from vispeg.diagnosis.progress import Progress
+from vispeg.recordings.windows import SECONDS
+from vispeg.report.summary import Block
+from vispeg.report.terminal import diagnosis_summary
+from vispeg.report.write import finite, write_diagnosis
+
+
+@dataclass(frozen=True)
+class DiagnosisResult(Result):
+    """What a model lacks; every error is on the held-out recordings.
+
+    Attributes:
+        record: what diagnosis.json holds, see docs/formats.md.
+        world: the model with the effects that were identified; `effects` are those.
+        arrays: measured and predicted values behind the pictures, as in evidence.npz.
+        effects: with values and 95 % intervals; none where the verdict is `adequate` or `unexplained`.
+        sources: what was read.
+    """
+
+    record: Mapping[str, Any]
+    world: World
+    arrays: Mapping[str, np.ndarray] = field(repr=False)
+    effects: tuple[EffectInstance, ...] = ()
+    sources: tuple[str | Path, ...] = ()
+    _progress: Progress | None = field(default=None, repr=False)
+    holds = "diagnosis"
+
+    @property
+    def verdict(self) -> str:
+        """`adequate`, `identified`, `ambiguous` or `unexplained`."""
+        return self.record["verdict"]
+
+    @property
+    def errors(self) -> tuple[float, float]:
+        """Held-out RMS error of the model as it was and as it is now, rad (or N m, see `record`)."""
+        ladder = self.record["ladder"]
+        return ladder[0]["heldout_error"], ladder[-1]["heldout_error"]
+
+    @property
+    def summary(self) -> list[Block]:
+        """The verdict, the fall of the error, the effects with their intervals, and what to do next."""
+        return diagnosis_summary(self.record)
+
+    def save(self, out: str | Path, *, overwrite: bool = False) -> Path:
+        """Writes diagnosis.json, evidence.npz, model.yaml, report.html and the next motion; see `Result.save`."""
+        path = super().save(out, overwrite=overwrite)
+        if self._progress is not None:
+            self._progress.remove()
+        return path
+
+    def _write(self, folder: Path) -> None:
+        write_diagnosis(folder, dict(self.record), self.world, dict(self.arrays))
+
+
+def diagnose(
+    model: Model,
+    recordings: Source | Sequence[Source],
+    validate: Source | Sequence[Source],
+    *,
+    seconds: float = SECONDS,
+    seed: int = 0,
+    threads: int = 2,
+    part: str | Path | None = None,
+    say: Callable[[str], None] = lambda text: None,
+    reading: Reading = silent,
+) -> DiagnosisResult:
+    """Names the physical effects that a model lacks and adds them.
+
+    Args:
+        model: a world, a model file, a robot's name, or a path to an MJCF or URDF.
+        recordings: folders, or recordings in memory, to fit.
+        validate: those to judge on, which are never fitted.
+        seconds: of a longer recording, the windows that show the most, this long in all; 0 uses all of it.
+        seed: of whatever is drawn.
+        threads: of the simulation.
+        part: a folder that keeps what is worked out until the result is saved: with the same arguments and folder, a
+            diagnosis that was stopped goes on.
+        say: is told what is being done.
+        reading: shows how far a recording is read.
+
+    Raises:
+        UserError: a model or a recording that cannot be read or compared, or in which nothing moves.
+    """
+    given = read_inputs(model, recordings, validate, seconds=seconds, reading=reading)
+    stamp = given.provenance(seed)
+    key = [*given.key(), seconds, seed, stamp["versions"]]
+    progress = None if part is None else Progress(Path(part) / "progress.json", key)
+    say("going on" if progress is not None and progress.resumed else "simulating")
+    options = {"seed": seed, "nthread": threads, "say": say, "progress": progress}
+    result = run.diagnose(given.world, given.fitted, given.held_out, **options)
+    record = finite({**result.record, "provenance": stamp})
+    effects = result.world.effects[len(given.world.effects) :]
+    return DiagnosisResult(record, result.world, result.arrays, effects, given.files, progress)

@@ -1,0 +1,138 @@
+"""`vispeg.fit`: the parameters of effects that the user names, with intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from vispeg.api.inputs import Model, Reading, Source, read_inputs, silent
+from vispeg.api.result import Result
+from vispeg.core.effect import EffectInstance
+from vispeg.core.errors import UserError
+from vispeg.worlds.world import World
+from vispeg.worlds.model_file import model_text
+from vispeg.worlds.words import parse
+from vispeg.identify.calibrate import ITERATIONS, Method, calibrate
+from vispeg.identify.checkpoint import Checkpoint, Trace
+from vispeg.identify.inverse import evidence_for
+from vispeg.recordings.windows import SECONDS
+from vispeg.report.fitted import fit_record, fit_summary
+from vispeg.report.summary import Block
+from vispeg.report.write import finite, write_json
+from vispeg.robots.model import load
+
+Watch = Callable[[int, Trace], None]
+
+
+@dataclass(frozen=True)
+class FitResult(Result):
+    """Fitted effects.
+
+    Attributes:
+        record: what fit.json holds, see docs/formats.md.
+        world: the model with the fitted values and their 95 % intervals.
+        effects: the fitted ones of `world`.
+        sources: what was read.
+    """
+
+    record: Mapping[str, Any]
+    world: World
+    effects: tuple[EffectInstance, ...] = ()
+    sources: tuple[str | Path, ...] = ()
+    _checkpoint: Checkpoint | None = field(default=None, repr=False)
+    holds = "fit"
+
+    @property
+    def summary(self) -> list[Block]:
+        """Errors before and after, values with intervals, and every doubt there is about them."""
+        return fit_summary(self.record)
+
+    def save(self, out: str | Path, *, overwrite: bool = False) -> Path:
+        """Writes fit.json and model.yaml; see `Result.save`."""
+        path = super().save(out, overwrite=overwrite)
+        if self._checkpoint is not None:
+            self._checkpoint.remove()
+        return path
+
+    def _write(self, folder: Path) -> None:
+        write_json(folder / "fit.json", dict(self.record))
+        (folder / "model.yaml").write_text(model_text(self.world), encoding="utf-8")
+
+
+def fit(
+    model: Model,
+    recordings: Source | Sequence[Source],
+    effects: Sequence[str | EffectInstance] = (),
+    validate: Source | Sequence[Source] = (),
+    *,
+    seconds: float = SECONDS,
+    method: Method = "auto",
+    iterations: int = ITERATIONS,
+    starts: int = 1,
+    seed: int = 0,
+    threads: int = 2,
+    part: str | Path | None = None,
+    resume: bool = False,
+    watch: Watch = lambda start, trace: None,
+    reading: Reading = silent,
+) -> FitResult:
+    """Fits the parameters of named effects to recordings, with 95 % intervals.
+
+    Args:
+        model: a world, a model file, a robot's name, or a path to an MJCF or URDF.
+        recordings: folders, or recordings in memory, to fit.
+        effects: what to fit: instances with the values to start from, or texts `EFFECT:WHERE[:param=start,...]`, where
+            WHERE `all` is one value for all places and `each` one for each; those of the model where none is named.
+        validate: recordings to judge on, which are never fitted.
+        seconds: of a longer recording, the windows that show the most, this long in all; 0 uses all of it.
+        method: `auto`: CMA-ES before least squares where an effect is not smooth, else least squares.
+        iterations: least-squares steps at most, and a tenth of the CMA-ES generations.
+        starts: optimizers that start at different values; the best one counts.
+        seed: of the random starts and of CMA-ES.
+        threads: of the simulation.
+        part: a folder that keeps where the optimizers stand until the result is saved.
+        resume: go on from `part`.
+        watch: is told the number and trace of an optimizer after each of its steps.
+        reading: shows how far a recording is read.
+
+    Raises:
+        UserError: a model, a recording or an effect that cannot be read, or nothing to fit.
+    """
+    for flag, number in (("--starts", starts), ("--iterations", iterations)):
+        if number < 1:
+            raise UserError("nothing to fit", key=flag, expected="1 or more", got=number)
+    given = read_inputs(model, recordings, validate, need_validate=False, seconds=seconds, reading=reading)
+    world, free = _free(given.world, effects)
+    stamp = given.provenance(seed)
+    key = [model_text(world), *given.key()[1:], list(free), seconds, method, starts, seed, stamp["versions"]]
+    checkpoint = None
+    if part is not None:
+        checkpoint = Checkpoint(Path(part) / "checkpoint.json", key, starts, resume, watch)
+    evidence = evidence_for(world, given.fitted, threads, h_max=1e-3)
+    judged = evidence_for(world, given.held_out, threads, h_max=1e-3) if given.held_out else None
+    options = {"method": method, "starts": starts, "iterations": iterations, "checkpoint": checkpoint}
+    result = calibrate(evidence, world, free, seed=seed, **options)
+    record, final = fit_record(given.world, result, free, evidence, judged)
+    record = finite(record | {"provenance": stamp})
+    return FitResult(record, final, tuple(final.effects[i] for i in free), given.files, checkpoint)
+
+
+def _free(world: World, effects: Sequence[str | EffectInstance]) -> tuple[World, tuple[int, ...]]:
+    """The world with the named effects in it, and their places in its list."""
+    if not effects:
+        if not world.effects:
+            raise UserError("nothing to fit", key="--effects", expected="EFFECT:WHERE, or a model file with effects")
+        return world, tuple(range(len(world.effects)))
+    robot, wanted = load(world.robot, tool=world.tool), {}
+    present = {(e.effect, e.where): e for e in world.effects}
+    for named in effects:
+        if isinstance(named, EffectInstance):
+            wanted[named.effect, named.where] = named
+            continue
+        for placed in parse(named, robot):
+            at = (placed.effect, placed.where)
+            wanted[at] = placed if named.count(":") > 1 else present.get(at, placed)
+    world = world.add(*wanted.values())
+    return world, tuple(i for i, e in enumerate(world.effects) if (e.effect, e.where) in wanted)

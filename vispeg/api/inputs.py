@@ -1,0 +1,220 @@
+"""What several functions read: a model and recordings, checked against each other."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from vispeg.core.effect import effect
+from vispeg.core.errors import UserError
+from vispeg.core.provenance import digest, here
+from vispeg.worlds.world import World
+from vispeg.worlds.model_file import load_model, model_text
+from vispeg.worlds.words import place
+from vispeg.recordings.load import load, needed
+from vispeg.recordings.recording import Recording
+from vispeg.recordings.schema import Header
+from vispeg.recordings.windows import SECONDS, choose
+from vispeg.robots.model import load as load_robot
+
+Model = World | str | Path
+Source = Recording | str | Path
+Told = Callable[[float], None]  # is told the share that is read, 0 to 1
+Reading = Callable[[Path], AbstractContextManager[Told]]
+
+
+def silent(path: Path) -> AbstractContextManager[Told]:
+    """Shows nothing while a recording is read."""
+    return nullcontext(lambda share: None)
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """A model and recordings, ready for a comparison, a fit or a diagnosis.
+
+    Attributes:
+        world: the model.
+        fitted, held_out: the recordings.
+        digests: of the fitted and of the held-out recordings' content, by the name that the user gave.
+        files: what was read.
+    """
+
+    world: World
+    fitted: tuple[Recording, ...]
+    held_out: tuple[Recording, ...]
+    digests: tuple[Mapping[str, str], Mapping[str, str]]
+    files: tuple[str | Path, ...]
+
+    def provenance(self, seed: int | None) -> dict[str, object]:
+        """What is needed to repeat a result."""
+        return here(seed, {**self.digests[0], **self.digests[1]})
+
+    def key(self) -> list[object]:
+        """What a result depends on."""
+        robot = digest(self.world.robot) if Path(self.world.robot).is_file() else None
+        return [model_text(self.world), robot, *([*group.values()] for group in self.digests)]
+
+
+def load_recording(path: str | Path, *, seconds: float = 0.0) -> Recording:
+    """The recording in a folder with recording.yaml and samples.csv or samples.parquet; see docs/formats.md.
+
+    Args:
+        path: the folder.
+        seconds: of a longer recording, the windows that show the most, this long in all; 0 keeps all of it.
+
+    Raises:
+        UserError: anything missing, malformed or implausible, naming the file and the key, column or row.
+    """
+    return choose(load(path), seconds)
+
+
+def read_inputs(
+    model: Model,
+    recordings: Source | Sequence[Source],
+    validate: Source | Sequence[Source],
+    *,
+    need_validate: bool = True,
+    seconds: float = SECONDS,
+    signals: Callable[[Header], Collection[str]] | None = needed,
+    reading: Reading = silent,
+) -> Inputs:
+    """The world and the fitted and held-out recordings.
+
+    The model's robot takes the place of the recordings' where it is a file of the user's own. One recording after the
+    other is read and cut to its windows, so that only one long one is in memory.
+
+    Args:
+        model: a world, a model file, a robot's name, or a path to an MJCF or URDF.
+        recordings: to fit: folders, or recordings in memory.
+        validate: to judge on.
+        need_validate: whether there must be one to judge on.
+        seconds: of a longer recording the windows that show the most, this long in all; 0 uses all.
+        signals: header -> what is kept of a recording beside `q`; None keeps all.
+        reading: shows how far a recording is read.
+
+    Raises:
+        UserError: none given, one given twice or on both sides, or another robot's.
+    """
+    world = model if isinstance(model, World) else read_model(str(model))
+    fit, judge = _several(recordings), _several(validate)
+    if not fit:
+        raise UserError("no recording given", key="--recording", expected="at least one folder")
+    if need_validate and not judge:
+        raise UserError("no recording to judge on", key="--validate", expected="at least one folder that is not fitted")
+    for flag, sources in (("--recording", fit), ("--validate", judge)):
+        _once(flag, [_path(s) for s in sources])
+    both = {_path(s).resolve() for s in fit} & {_path(s).resolve() for s in judge}
+    if both:
+        raise UserError("fitted and held out at once", file=sorted(both)[0], expected="different recordings")
+    if not 0 <= seconds < float("inf"):
+        raise UserError("is no length", key="--seconds", expected="seconds, or 0 for all", got=seconds)
+    fitted, held_out = (tuple(_read(s, world, seconds, signals, reading) for s in sources) for sources in (fit, judge))
+    for held, path in zip(held_out, map(_path, judge), strict=True):
+        for other, rec in zip(map(_path, fit), fitted, strict=True):
+            if np.array_equal(held.q, rec.q):
+                raise UserError(f"a copy of {other}, which is fitted", file=path, expected="different recordings")
+    digests = tuple({str(_path(s)): _digest(s) for s in sources} for sources in (fit, judge))
+    source = [] if isinstance(model, World) else [str(model)]
+    files = (*source, world.robot, *(p for p in map(_path, (*fit, *judge)) if p.exists()))
+    return Inputs(world, fitted, held_out, (digests[0], digests[1]), files)
+
+
+def _several(sources: Source | Sequence[Source]) -> list[Source]:
+    return [sources] if isinstance(sources, Recording | str | Path) else [*sources]
+
+
+def _path(source: Source) -> Path:
+    return source.path if isinstance(source, Recording) else Path(source)
+
+
+def _digest(source: Source) -> str:
+    """SHA-256 of a folder's content, or of the arrays of a recording in memory."""
+    if not isinstance(source, Recording):
+        return f"sha256:{digest(source)}"
+    made = hashlib.sha256()
+    for field in dataclasses.fields(source):
+        value = getattr(source, field.name)
+        made.update(f"{field.name} {value if not isinstance(value, np.ndarray) else value.shape}\n".encode())
+        made.update(np.ascontiguousarray(value).tobytes() if isinstance(value, np.ndarray) else b"")
+    return f"sha256:{made.hexdigest()}"
+
+
+def _read(
+    source: Source,
+    world: World,
+    seconds: float,
+    signals: Callable[[Header], Collection[str]] | None,
+    reading: Reading,
+) -> Recording:
+    if isinstance(source, Recording):
+        rec = source
+    else:
+        with reading(Path(source)) as told:
+            rec = load(source, signals, told)
+    rec = _of_robot(rec, world, _path(source))
+    return rec if rec.chosen is not None else choose(rec, seconds)
+
+
+def read_model(source: str) -> World:
+    """The world of a model file, a robot's name or a path; its robot, its tool and its effects' places are there.
+
+    Raises:
+        UserError: as `load_model`, and for a robot, tool or place that does not exist, with the file and key at fault.
+    """
+    world = load_model(source)
+    if Path(source).suffix.lower() not in (".yaml", ".yml"):
+        return world
+    with _said_of(source, "robot"):
+        robot = load_robot(world.robot)
+    with _said_of(source, "tool"):
+        robot = load_robot(world.robot, tool=world.tool)
+    for i, placed in enumerate(world.effects):
+        with _said_of(source, f"effects[{i}].where"):
+            place(effect(placed.effect), placed.where, robot)
+    return world
+
+
+def model_files(source: str) -> tuple[str, ...]:
+    """The model file and the robot's file that it names, as far as they can be read."""
+    try:
+        return source, load_model(source).robot
+    except UserError:  # is said when the model is read
+        return (source,)
+
+
+@contextmanager
+def _said_of(file: str | Path, key: str) -> Iterator[None]:
+    """A mistake in what a file names is a mistake in that file."""
+    try:
+        yield
+    except UserError as error:
+        raise UserError(str(error), file=file, key=key) from error
+
+
+def _once(flag: str, paths: Sequence[Path]) -> None:
+    """Raises UserError for a recording given twice: the same noise would count as new evidence."""
+    seen: set[Path] = set()
+    for path in paths:
+        if path.resolve() in seen:
+            raise UserError("given twice", file=path, key=flag, expected="each recording once")
+        seen.add(path.resolve())
+
+
+def _of_robot(rec: Recording, world: World, path: Path) -> Recording:
+    """The recording under the model's robot; a UserError where the two name different ones."""
+    is_file = Path(world.robot).suffix != ""
+    if not is_file and Path(rec.robot).suffix == "" and rec.robot != world.robot:
+        raise UserError(
+            "another robot than the model's",
+            file=path / "recording.yaml",
+            key="robot",
+            expected=world.robot,
+            got=rec.robot,
+        )
+    return replace(rec, robot=world.robot)

@@ -1,0 +1,37 @@
+"""`--json` and `--quiet`, which every command has: how it tells its result, and whether it shows its progress."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+if TYPE_CHECKING:
+    from vispeg.report.summary import Block
+
+
+@dataclass(frozen=True)
+class Output:
+    """Output."""
+
+    json: bool = False
+    """Print one JSON object in place of text."""
+    quiet: bool = False
+    """Show no progress."""
+
+    def give(
+        self, record: Mapping[str, object] | Callable[[], Mapping[str, object]], text: Iterable[str | Block]
+    ) -> None:
+        """Prints the record as one JSON object, or the lines and tables for a person."""
+        if self.json:
+            print(json.dumps(record() if callable(record) else record, indent=1, allow_nan=False, default=str))
+            return
+        from vispeg.report.summary import Line, print_summary
+
+        print_summary(Line(block, path=True) if isinstance(block, str) else block for block in text)
+
+
+Told = Annotated[Output, tyro.conf.arg(name="")]
