@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from vispeg.api.diagnose import diagnose
     from vispeg.api.fit import fit
     from vispeg.api.inputs import load_recording
-    from vispeg.core.world import World
+    from vispeg.worlds.world import World
     from vispeg.task.world_file import load_world
 
 __version__ = "0.1.0"
@@ -23,7 +23,7 @@ __all__ = ["World", "compare", "diagnose", "effects", "fit", "load_recording", "
 
 LIBRARY = ("vispeg.effects",)  # rooms that enrol effects, see vispeg.core.registry
 _PLACES = {
-    "World": "vispeg.core.world",
+    "World": "vispeg.worlds.world",
     "compare": "vispeg.api.compare",
     "diagnose": "vispeg.api.diagnose",
     "fit": "vispeg.api.fit",

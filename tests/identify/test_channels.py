@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from loops import iiwa_segment, recorded
 
-import vispeg.effects  # noqa: F401  (enrols the library)
 from vispeg.core.effect import EffectInstance, searchable
 from vispeg.core.seeds import stream
 from vispeg.identify.inverse import evidence_for
