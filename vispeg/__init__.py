@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from vispeg.api.diagnose import diagnose
     from vispeg.api.fit import fit
     from vispeg.api.inputs import load_recording
-    from vispeg.worlds.world import World
     from vispeg.task.world_file import load_world
+    from vispeg.worlds.world import World
 
 __version__ = "0.1.0"
 __all__ = ["World", "compare", "diagnose", "effects", "fit", "load_recording", "load_world"]

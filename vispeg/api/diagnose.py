@@ -12,13 +12,13 @@ import numpy as np
 from vispeg.api.inputs import Model, Reading, Source, read_inputs, silent
 from vispeg.api.result import Result
 from vispeg.core.effect import EffectInstance
-from vispeg.worlds.world import World
 from vispeg.diagnosis import run
 from vispeg.diagnosis.progress import Progress
 from vispeg.recordings.windows import SECONDS
 from vispeg.report.summary import Block
 from vispeg.report.terminal import diagnosis_summary
 from vispeg.report.write import finite, write_diagnosis
+from vispeg.worlds.world import World
 
 
 @dataclass(frozen=True)

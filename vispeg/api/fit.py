@@ -11,9 +11,6 @@ from vispeg.api.inputs import Model, Reading, Source, read_inputs, silent
 from vispeg.api.result import Result
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
-from vispeg.worlds.world import World
-from vispeg.worlds.model_file import model_text
-from vispeg.worlds.words import parse
 from vispeg.identify.calibrate import ITERATIONS, Method, calibrate
 from vispeg.identify.checkpoint import Checkpoint, Trace
 from vispeg.identify.inverse import evidence_for
@@ -22,6 +19,9 @@ from vispeg.report.fitted import fit_record, fit_summary
 from vispeg.report.summary import Block
 from vispeg.report.write import finite, write_json
 from vispeg.robots.model import load
+from vispeg.worlds.model_file import model_text
+from vispeg.worlds.words import parse
+from vispeg.worlds.world import World
 
 Watch = Callable[[int, Trace], None]
 

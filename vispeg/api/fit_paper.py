@@ -14,14 +14,14 @@ from vispeg.api.result import Result
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.worlds.world import World
-from vispeg.worlds.model_file import model_text, placed_dict
 from vispeg.identify import paper
 from vispeg.identify.checkpoint import Checkpoint, Trace
 from vispeg.report.quantities import quantity
 from vispeg.report.signature import signature_panels
 from vispeg.report.summary import Block, Line
 from vispeg.report.write import finite, write_json
+from vispeg.worlds.model_file import model_text, placed_dict
+from vispeg.worlds.world import World
 
 
 @dataclass(frozen=True)

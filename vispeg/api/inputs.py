@@ -14,14 +14,14 @@ import numpy as np
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.core.provenance import digest, here
-from vispeg.worlds.world import World
-from vispeg.worlds.model_file import load_model, model_text
-from vispeg.worlds.words import place
 from vispeg.recordings.load import load, needed
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.schema import Header
 from vispeg.recordings.windows import SECONDS, choose
 from vispeg.robots.model import load as load_robot
+from vispeg.worlds.model_file import load_model, model_text
+from vispeg.worlds.words import place
+from vispeg.worlds.world import World
 
 Model = World | str | Path
 Source = Recording | str | Path
