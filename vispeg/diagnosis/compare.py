@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from vispeg.diagnosis.localise import maps, missing_torque, peaks, where_it_fails
+from vispeg.diagnosis.subsets import subsets
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import evidence_for
 from vispeg.recordings.recording import Recording
@@ -63,7 +64,7 @@ def compare(world: World, recordings: Sequence[Recording], *, nthread: int = 1, 
         "windows": records(recordings),
         "notes": list(evidence.notes),
     }
-    arrays = _arrays(evidence, predicted)
+    arrays = _arrays(evidence, predicted) | subsets(evidence, world, len(world.effects))
     for axis, (edges, grid) in drawn.items():
         arrays[f"map/{axis}/edges"], arrays[f"map/{axis}/before"] = edges, grid
     return Comparison(record, arrays)

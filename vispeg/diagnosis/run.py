@@ -20,6 +20,7 @@ from vispeg.diagnosis.rivals import Rivals, find_rivals
 from vispeg.diagnosis.search import Search
 from vispeg.diagnosis.share import Share
 from vispeg.diagnosis.state import State, Trial
+from vispeg.diagnosis.subsets import subsets
 from vispeg.diagnosis.verdict import Verdict, decide
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import evidence_for
@@ -88,7 +89,8 @@ def diagnose(
         judged.angle_rms(after_held),
         verdict.partial,
     )
-    arrays = _arrays(judged, predicted)
+    equals = [(f"{t.score.placed.label} in place of {r.label}", t.fit.world) for r in rivals for t in r.equals]
+    arrays = _arrays(judged, predicted) | subsets(judged, state.world, given, equals)
     drawn, left = maps(judged, held[0]), maps(judged, held[1])
     for axis, (edges, grid) in drawn.items():
         arrays[f"map/{axis}/edges"], arrays[f"map/{axis}/before"] = edges, grid

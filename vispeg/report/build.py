@@ -64,13 +64,14 @@ def read(out: Path) -> str:
 
 
 def render(record: Record) -> str:
-    """The whole page as text: no script, no link that leaves it."""
+    """The whole page as text: no link that leaves it, no request."""
     sections = []
     for name in DIAGNOSIS if record.kind == "diagnosis" else COMPARE:
         module = import_module(f"vispeg.report.sections.{name}")
         values = module.context(record)
         if values is not None:  # else nothing to show
-            sections.append(Section(name, module.TITLE, f"sections/{name}", values))
+            scripts, styles = getattr(module, "SCRIPTS", ()), getattr(module, "STYLES", ())
+            sections.append(Section(name, module.TITLE, f"sections/{name}", values, scripts, styles))
     kind = "diagnosis" if record.kind == "diagnosis" else "comparison"
     verdict = record.values.get("verdict") if record.kind == "diagnosis" else None
     return page(f"vispeg {kind}" + (f": {verdict}" if verdict else ""), kind, sections)

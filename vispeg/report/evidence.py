@@ -62,6 +62,26 @@ class NextMotion:
 
 
 @dataclass(frozen=True)
+class Choices:
+    """What m choices of k added effects leave of the held-out residual; the last without a rival has all of them.
+
+    Attributes:
+        effects: (k,) name and place of each.
+        on: (m, k) which are on.
+        rivals: (m,) what a rival model is called; "" for a choice of the effects.
+        error: (m,) held-out RMS, in the evidence's unit; `joints` (m, nj) the same joint by joint.
+        residuals: of each recording its name, time (p,) s and measured minus predicted (m, p, nj).
+    """
+
+    effects: tuple[tuple[str, str], ...]
+    on: np.ndarray
+    rivals: tuple[str, ...]
+    error: np.ndarray
+    joints: np.ndarray
+    residuals: tuple[tuple[str, np.ndarray, np.ndarray], ...]
+
+
+@dataclass(frozen=True)
 class Evidence:
     """All arrays of a report; empty where there was no evidence file."""
 
@@ -71,6 +91,7 @@ class Evidence:
     torques: tuple[Trace, ...] = ()
     maps: Mapping[str, ResidualMap] = field(default_factory=dict)
     next_motion: NextMotion | None = None
+    choices: Choices | None = None
 
 
 def _example(folder: Path) -> Path:
@@ -79,6 +100,13 @@ def _example(folder: Path) -> Path:
     arrays |= {f"0/{key}": np.ones((8, 2)) for key in ("measured", "before", "after")}
     arrays |= {"map/speed/edges": np.linspace(-1, 1, 4), "map/speed/before": np.ones((2, 3))}
     arrays |= {"next/time": time, "next/q_cmd": np.zeros((8, 2))}
+    arrays |= {"choice/on": np.array([[False], [True]]), "choice/effect": np.array(["coulomb_friction"])}
+    arrays |= {
+        "choice/where": np.array(["a"]),
+        "choice/rival": np.array(["", ""]),
+        "choice/error": np.array([2.0, 1.0]),
+    }
+    arrays |= {"choice/joints": np.ones((2, 2)), "choice/0/time": time, "choice/0/residual": np.ones((2, 8, 2))}
     np.savez(folder / "evidence.npz", **arrays)  # type: ignore[arg-type]
     return folder / "evidence.npz"
 
@@ -110,7 +138,27 @@ class _Reader:
             if f"{r}/measured_tau" in self.arrays and f"{r}/before_tau" in self.arrays:
                 torques.append(self.trace(r, "_tau", name, "N m", time))
         maps = {axis: self.map(axis) for axis in AXES if f"map/{axis}/before" in self.arrays}
-        return Evidence(self.joints, unit, tuple(traces), tuple(torques), maps, self.next())
+        return Evidence(self.joints, unit, tuple(traces), tuple(torques), maps, self.next(), self.choices())
+
+    def choices(self) -> Choices | None:
+        if "choice/on" not in self.arrays:
+            return None
+        on, nj = self.need("choice/on").astype(bool), len(self.joints)
+        m = len(on)
+        effects = [[str(v) for v in self.arrays.get(f"choice/{key}", ())] for key in ("effect", "where")]
+        rivals = tuple(str(v) for v in self.arrays.get("choice/rival", ()))
+        for key, got in (("effect", len(effects[0])), ("where", len(effects[1])), ("rival", len(rivals))):
+            expected = m if key == "rival" else on.shape[-1]
+            if got != expected:
+                raise UserError("has the wrong length", file=self.path, key=f"choice/{key}", expected=expected, got=got)
+        residuals, r = [], 0
+        while f"choice/{r}/time" in self.arrays:
+            time = self.need(f"choice/{r}/time")
+            values = self.need(f"choice/{r}/residual", (m, len(time), nj))
+            residuals.append((self.text(f"{r}/name", f"held-out {r + 1}"), _end_to_end(time), values))
+            r += 1
+        error, joints = self.need("choice/error", (m,)), self.need("choice/joints", (m, nj))
+        return Choices(tuple(zip(*effects, strict=True)), on, rivals, error, joints, tuple(residuals))
 
     def text(self, key: str, default: str) -> str:
         return str(self.arrays[key]) if key in self.arrays else default

@@ -1,10 +1,14 @@
-"""One self-contained HTML page from sections, for every report: no script, no link that leaves it, one style sheet."""
+"""One self-contained HTML page from sections, for every report: no link that leaves it, no request, one style sheet.
+
+A section that answers the mouse names its scripts; a page without such a section has none.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from vispeg import __version__
@@ -16,12 +20,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Section:
-    """A part of a page: `template` (templates/TEMPLATE.html.j2) shows `values`; `name` is its anchor."""
+    """A part of a page: `template` (templates/TEMPLATE.html.j2) shows `values`; `name` is its anchor.
+
+    `scripts` are files of templates/ that it runs, `styles` those of their style; each comes once into a page.
+    """
 
     name: str
     title: str
     template: str
     values: Mapping[str, Any]
+    scripts: tuple[str, ...] = ()
+    styles: tuple[str, ...] = ()
 
 
 def page(title: str, kind: str, sections: Sequence[Section]) -> str:
@@ -38,8 +47,17 @@ def page(title: str, kind: str, sections: Sequence[Section]) -> str:
     for section in sections:
         html = templates().get_template(f"{section.template}.html.j2").render(section.values)
         made.append({"name": section.name, "title": section.title, "html": Markup(html)})
+    scripts = [Markup(source(name)) for name in dict.fromkeys(n for s in sections for n in s.scripts)]
+    styles = [Markup(source(name)) for name in dict.fromkeys(n for s in sections for n in s.styles)]
     values = {"sections": made, "title": title, "kind": kind, "version": __version__, "palette": Markup(css())}
+    values |= {"scripts": scripts, "styles": styles}
     return templates().get_template("report.html.j2").render(values) + "\n"
+
+
+@cache
+def source(name: str) -> str:
+    """The text of a file of templates/."""
+    return (files("vispeg.report") / "templates" / name).read_text(encoding="utf-8")
 
 
 @cache

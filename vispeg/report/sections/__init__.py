@@ -1,11 +1,12 @@
 """One section of the report a file: its TITLE, and `context(record)`, the values its template shows (None: nothing).
 
 The template of `sections/NAME.py` is `templates/sections/NAME.html.j2`. A section is added by writing the two files and
-naming it here.
+naming it here. One that answers the mouse names its SCRIPTS and STYLES, files of templates/.
 """
 
 DIAGNOSIS = (
     "headline",
+    "explore",
     "found",
     "where_it_fails",
     "measured_vs_model",
@@ -16,4 +17,4 @@ DIAGNOSIS = (
     "rendered",
     "provenance",
 )
-COMPARE = ("headline", "where_it_fails", "measured_vs_model", "maps", "provenance")
+COMPARE = ("headline", "explore", "where_it_fails", "measured_vs_model", "maps", "provenance")

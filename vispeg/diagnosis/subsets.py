@@ -1,0 +1,96 @@
+"""What each choice of the added effects leaves of the error, for a reader who switches effects on and off."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from vispeg.core.world import World
+from vispeg.identify.channels import Item
+from vispeg.identify.evidence import Evidence
+
+EVERY = 4  # effects up to which each of their subsets is worked out; beyond it they come and go one by one
+POINTS = 700  # of a residual's picture
+
+
+def choices(count: int) -> np.ndarray:
+    """Which of `count` effects are on, (m, count) bool: none first, all last.
+
+    Every subset of up to EVERY effects; of more, the ladder in the order in which they were added, and all but one.
+    """
+    if count <= EVERY:
+        rows = [row[::-1] for row in product((False, True), repeat=count)]
+    else:
+        ladder = np.tri(count + 1, count, -1, dtype=bool)
+        rows = [*ladder[:-1], *~np.eye(count, dtype=bool), ladder[-1]]
+    unique = list(dict.fromkeys(tuple(map(bool, row)) for row in rows))
+    return np.array(unique, dtype=bool).reshape(len(unique), count)
+
+
+def subsets(
+    judged: Evidence, world: World, given: int, alternatives: Sequence[tuple[str, World]] = ()
+) -> dict[str, np.ndarray]:
+    """Arrays of `evidence.npz` under `choice/`: no value is fitted anew, each effect keeps the one it has in `world`.
+
+    Args:
+        judged: held-out evidence.
+        world: the model with everything that was added behind its first `given` effects.
+        alternatives: label and world of each rival that explains the held-out data as well.
+
+    Returns:
+        on (m, k) bool; effect, where (k,); rival (m,) its label or ""; error (m,) held-out RMS and joints (m, nj), in
+        `unit`; and for item r r/time (p,), r/residual (m, p, nj), measured minus predicted, NaN where not valid.
+    """
+    added = world.effects[given:]
+    on = choices(len(added))
+    worlds = [replace(world, effects=(*world.effects[:given], *_chosen(added, row))) for row in on]
+    worlds += [rival for _, rival in alternatives]
+    nothing = np.zeros((len(alternatives), len(added)), bool)
+    labels = [""] * len(on) + [label for label, _ in alternatives]
+    predicted = judged.simulated(worlds)
+    out = {
+        "on": np.concatenate([on, nothing]),
+        "effect": np.array([e.effect for e in added], dtype=str),
+        "where": np.array([e.where for e in added], dtype=str),
+        "rival": np.array(labels, dtype=str),
+        "error": np.array([judged.angle_rms(r) for r in judged.residuals(worlds)]),
+        "joints": _joint_errors(judged, predicted),
+    }
+    for r, (item, y) in enumerate(zip(judged.items, predicted, strict=True)):
+        out[f"{r}/time"], out[f"{r}/residual"] = _drawn(item, y)
+    return {f"choice/{key}": value for key, value in out.items()}
+
+
+def _chosen(effects: Sequence, row: np.ndarray) -> list:
+    return [e for e, is_on in zip(effects, row, strict=True) if is_on]
+
+
+def _joint_errors(judged: Evidence, predicted: Sequence[np.ndarray]) -> np.ndarray:
+    """(m, nj) RMS of the principal channel, over valid readings."""
+    total, count = 0.0, 0
+    for item, y in zip(judged.items, predicted, strict=True):
+        valid = item.valid[:, : item.nj]
+        gap = np.where(valid, item.measured[:, : item.nj] - y[:, :, : item.nj], 0.0)
+        total, count = total + np.sum(gap**2, axis=1), count + valid.sum(axis=0)
+    return np.sqrt(total / np.maximum(count, 1))
+
+
+def _drawn(item: Item, predicted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Time (p,) and residual (m, p, nj): of every stretch of the recording its lowest and its highest value."""
+    valid = item.valid[:, : item.nj]
+    residual = np.where(valid, item.measured[:, : item.nj] - predicted[:, :, : item.nj], np.nan)
+    n = len(item.segment.time)
+    if n <= POINTS:
+        return item.segment.time, residual.astype(np.float32)
+    parts = np.array_split(np.arange(n), POINTS // 2)
+    time = np.array([item.segment.time[[p[0], p[len(p) // 2]]] for p in parts]).ravel()
+    out = np.full((len(residual), len(time), item.nj), np.nan, np.float32)
+    for i, part in enumerate(parts):
+        stretch = residual[:, part]
+        empty = np.isnan(stretch).all(axis=1)
+        out[:, 2 * i] = np.where(empty, np.nan, np.where(np.isnan(stretch), np.inf, stretch).min(axis=1))
+        out[:, 2 * i + 1] = np.where(empty, np.nan, np.where(np.isnan(stretch), -np.inf, stretch).max(axis=1))
+    return time, out

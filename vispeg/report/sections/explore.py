@@ -1,0 +1,129 @@
+"""Effects switched on and off: the held-out error, its bar and each joint's residual follow the mouse."""
+
+from __future__ import annotations
+
+import base64
+import json
+from typing import Any
+
+import numpy as np
+
+from vispeg.report import effect_words, words
+from vispeg.report.evidence import Choices
+from vispeg.report.quantities import prefix, quantity
+from vispeg.report.record import Record
+
+TITLE = "Try it: the model's error"
+SCRIPTS = ("vendored/uPlot.js", "explore.js")
+STYLES = ("vendored/uPlot.css",)
+SHARE = 0.05  # of the greatest residual: joints below it are folded away at first
+
+
+def context(record: Record) -> dict[str, Any] | None:
+    """Buttons for the effects and the rivals, a bar for the error, and what the script draws."""
+    choices = record.evidence.choices
+    if choices is None or not len(choices.error) or not choices.residuals:
+        return None
+    unit, floor = record.evidence.unit, record.floor
+    last = int(np.flatnonzero(np.array(choices.rivals) == "")[-1])
+    rows = [_row(choices, i, unit, floor) for i in range(len(choices.error))]
+    data = {
+        "on": choices.on.astype(int).tolist(),
+        "rival": list(choices.rivals),
+        "rows": rows,
+        "start": last,
+        "joints": list(record.evidence.joints),
+        **_traces(choices, unit),
+    }
+    return {
+        "effects": [_named(record, name, where) for name, where in choices.effects],
+        "rivals": [(i, _rival_words(name), name) for i, name in enumerate(choices.rivals) if name],
+        "joints": _joints(record.evidence.joints, choices),
+        "recordings": [name for name, _, _ in choices.residuals],
+        "start": rows[last],
+        "first": rows[0],
+        "bar": _axis(choices, floor),
+        "data": json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
+        "held_out": record.kind == "diagnosis",
+        "one_by_one": len(choices.effects) > 1 and len(choices.on) < 2 ** len(choices.effects),
+    }
+
+
+def _named(record: Record, name: str, where: str) -> dict[str, str]:
+    listed = [*record.rows("effects"), *record.rows("partial")]
+    row = next((e for e in listed if (e.get("effect"), e.get("where")) == (name, where)), None)
+    return {
+        "words": effect_words.named({"effect": name, "where": where}),
+        "size": "" if row is None else effect_words.size(row),
+        "name": f"{name}({where})",
+    }
+
+
+def _rival_words(name: str) -> str:
+    """`Payload at the flange in place of ...` for `payload(flange) in place of ...`."""
+
+    def word(label: str) -> str:
+        effect, _, where = label.partition("(")
+        return effect_words.named({"effect": effect, "where": where.rstrip(")")})
+
+    return " in place of ".join(word(label) for label in name.split(" in place of "))
+
+
+def _row(choices: Choices, i: int, unit: str, floor: float | None) -> dict[str, Any]:
+    error, first = float(choices.error[i]), float(choices.error[0])
+    return {
+        "error": quantity(error, unit),
+        "change": "" if i == 0 else words.change(first, error) or "stays",
+        "floor": words.against_floor(error, floor),
+        "at": _position(error, choices, floor),
+        "joints": [quantity(float(v), unit) for v in choices.joints[i]],
+    }
+
+
+def _ends(choices: Choices, floor: float | None) -> tuple[float, float]:
+    """Ends of the bar's logarithmic axis."""
+    shown = [float(e) for e in choices.error if np.isfinite(e) and e > 0] + ([floor] if floor else [])
+    high = max(shown, default=1.0)
+    return min(min(shown, default=0.1) / 1.6, high / 10), high
+
+
+def _position(error: float, choices: Choices, floor: float | None) -> float:
+    """Per cent of the bar's length."""
+    low, high = _ends(choices, floor)
+    if not np.isfinite(error) or error <= 0:
+        return 100.0 if not np.isfinite(error) else 0.0
+    return round(100 * float(np.clip(np.log(error / low) / np.log(high / low), 0, 1)), 2)
+
+
+def _axis(choices: Choices, floor: float | None) -> dict[str, float | None]:
+    return {
+        "floor": None if not floor else _position(floor, choices, floor),
+        "first": _position(float(choices.error[0]), choices, floor),
+    }
+
+
+def _joints(names: tuple[str, ...], choices: Choices) -> list[tuple[str, bool]]:
+    """Joints with whether they are shown at first: those with a visible share of the first model's error."""
+    first = np.nan_to_num(choices.joints[0])
+    return [(name, bool(first[j] >= SHARE * first.max(initial=0.0))) for j, name in enumerate(names)]
+
+
+def _traces(choices: Choices, unit: str) -> dict[str, Any]:
+    """Residuals as 16-bit numbers, each joint of each choice on a scale of its own, so that small ones stay exact."""
+    peak = max((float(np.nanmax(np.abs(v), initial=0.0)) for _, _, v in choices.residuals), default=0.0)
+    factor, shown = prefix(peak, unit)
+    recordings = []
+    for name, time, values in choices.residuals:
+        scale = np.nanmax(np.abs(values), axis=1, initial=0.0, keepdims=True) * factor / 32767
+        safe = np.where(scale > 0, scale, 1.0)
+        gap = ~np.isfinite(values)
+        codes = np.where(gap, -32768, np.round(np.where(gap, 0.0, values) * factor / safe)).astype("<i2")
+        recordings.append(
+            {
+                "name": name,
+                "time": np.round(time, 4).tolist(),
+                "scale": [[float(f"{s:.6g}") for s in row] for row in safe[:, 0]],
+                "codes": base64.b64encode(np.ascontiguousarray(codes.transpose(0, 2, 1)).tobytes()).decode(),
+            }
+        )
+    return {"unit": shown, "recordings": recordings}
