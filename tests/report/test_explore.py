@@ -32,8 +32,8 @@ def choices(k=2, m=4, nj=7, points=40):
 
 def dom(page, script, tmp_path):
     """What `script` (an expression) gives in the page, by a headless browser."""
-    answer = f"document.body.setAttribute('data-answer', JSON.stringify({script}))"
-    inside = f"<script>addEventListener('load', () => {answer})</script>"
+    answer = f"document.body.setAttribute('data-answer', JSON.stringify(await {script}))"
+    inside = f"<script>addEventListener('load', async () => {{ {answer} }})</script>"
     path = tmp_path / "page.html"
     path.write_text(page.replace("</body>", inside + "</body>"), encoding="utf-8")
     command = [
@@ -70,20 +70,23 @@ def test_a_report_without_choices_has_no_script(run, diagnosis, evidence):
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no browser on this machine")
 def test_a_click_on_an_effect_moves_error_bar_and_residuals(page, tmp_path):
-    shown = """(() => {
+    shown = """(async () => {
       const text = (s) => document.querySelector(s).textContent, seen = [];
       const note = () => seen.push([text("[data-error]"), document.querySelector("[data-bar]").style.width,
         [...document.querySelectorAll("[data-effect]")].map((b) => b.getAttribute("aria-checked")).join(),
         document.querySelector(".plots h3 .note").textContent]);
       note();
       for (const k of [0, 1, 0]) { document.querySelectorAll("[data-effect]")[k].click(); note(); }
+      await new Promise((done) => setTimeout(done, 300));
+      seen.push([...document.querySelectorAll(".plots canvas")].map((c) =>
+        c.getContext("2d").getImageData(60, 5, c.width - 60, c.height - 30).data.some((v) => v > 0)));
       for (const s of [".plots canvas", "[data-joint]:checked"]) seen.push(document.querySelectorAll(s).length);
       return seen;
     })()"""
-    all_on, one, none, other, canvases, joints = dom(page, shown, tmp_path)
+    all_on, one, none, other, drawn, canvases, joints = dom(page, shown, tmp_path)
     assert all_on[0] == "2.00 mrad" and all_on[2] == "true,true" and all_on[3] == "1.30 mrad RMS"
     assert one[0] == "4.00 mrad" and one[2] == "false,true" and none[0] == "8.00 mrad" and none[2] == "false,false"
     assert other[0] == "4.00 mrad" and other[2] == "true,false" and other[3] == "1.10 mrad RMS"
     widths = [float(s[1].rstrip("%")) for s in (all_on, one, none)]
     assert widths[0] < widths[1] < widths[2] == 100.0
-    assert canvases == joints == 7
+    assert canvases == joints == 7 and drawn == [True] * 7

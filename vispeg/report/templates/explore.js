@@ -51,9 +51,9 @@
       }
       for (const button of all("rival")) button.setAttribute("aria-pressed", +button.dataset.rival === row);
       for (const chart of charts) {
-        const span = [chart.scales.x.min, chart.scales.x.max];
-        chart.setData(lines(chart.joint), false);
-        chart.setScale("x", { min: span[0], max: span[1] });
+        const { min, max } = chart.scales.x;
+        chart.setData(lines(chart.joint), min == null);
+        if (min != null) chart.setScale("x", { min, max }); // the zoom stays; the other axis follows the new values
         chart.caption.textContent = r.joints[chart.joint] + " RMS";
       }
     }
