@@ -10,7 +10,7 @@ import numpy as np
 
 from vispeg.report import effect_words, words
 from vispeg.report.evidence import Choices
-from vispeg.report.quantities import prefix, quantity
+from vispeg.report.quantities import PREFIXED, quantity
 from vispeg.report.record import Record
 
 TITLE = "Try it: the model's error"
@@ -110,14 +110,12 @@ def _joints(names: tuple[str, ...], choices: Choices) -> list[tuple[str, bool]]:
 
 def _traces(choices: Choices, unit: str) -> dict[str, Any]:
     """Residuals as 16-bit numbers, each joint of each choice on a scale of its own, so that small ones stay exact."""
-    peak = max((float(np.nanmax(np.abs(v), initial=0.0)) for _, _, v in choices.residuals), default=0.0)
-    factor, shown = prefix(peak, unit)
     recordings = []
     for name, time, values in choices.residuals:
-        scale = np.nanmax(np.abs(values), axis=1, initial=0.0, keepdims=True) * factor / 32767
+        scale = np.nanmax(np.abs(values), axis=1, initial=0.0, keepdims=True) / 32767
         safe = np.where(scale > 0, scale, 1.0)
         gap = ~np.isfinite(values)
-        codes = np.where(gap, -32768, np.round(np.where(gap, 0.0, values) * factor / safe)).astype("<i2")
+        codes = np.where(gap, -32768, np.round(np.where(gap, 0.0, values) / safe)).astype("<i2")
         recordings.append(
             {
                 "name": name,
@@ -126,4 +124,4 @@ def _traces(choices: Choices, unit: str) -> dict[str, Any]:
                 "codes": base64.b64encode(np.ascontiguousarray(codes.transpose(0, 2, 1)).tobytes()).decode(),
             }
         )
-    return {"unit": shown, "recordings": recordings}
+    return {"unit": unit, "prefixed": unit in PREFIXED, "recordings": recordings}

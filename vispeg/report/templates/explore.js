@@ -7,7 +7,7 @@
     const data = JSON.parse(root.querySelector("[data-choices]").textContent);
     const one = (name) => root.querySelector(`[data-${name}]`);
     const all = (name) => [...root.querySelectorAll(`[data-${name}]`)];
-    const charts = [];
+    const charts = [], SMALLER = [["", 1], ["m", 1e3], ["µ", 1e6]];
     let row = data.start, recording = 0, sharedScale = false;
 
     for (const r of data.recordings) r.values = decoded(r, data.rows.length, data.joints.length);
@@ -53,6 +53,7 @@
       for (const chart of charts) {
         const { min, max } = chart.scales.x;
         chart.setData(lines(chart.joint), min == null);
+        rescale(chart);
         if (min != null) chart.setScale("x", { min, max }); // the zoom stays; the other axis follows the new values
         chart.caption.textContent = r.joints[chart.joint] + " RMS";
       }
@@ -63,6 +64,15 @@
       return sharedScale ? [r.time, r.values[0][joint], r.values[row][joint]] : [r.time, r.values[row][joint]];
     }
 
+    function rescale(chart) { // the prefix that suits what is drawn
+      const peak = Math.max(...chart.data.slice(1).flat().filter((v) => v != null).map(Math.abs), 0);
+      const fits = data.prefixed ? SMALLER.filter(([, factor]) => peak * factor >= 1) : [];
+      chart.prefix = fits[0] || (data.prefixed && peak > 0 ? SMALLER[2] : SMALLER[0]);
+      chart.unit.textContent = chart.prefix[0] + data.unit;
+    }
+
+    function number(v) { return String(+v.toPrecision(3)); }
+
     function width() { return Math.max(240, one("plots").clientWidth); }
 
     function build() {
@@ -71,26 +81,27 @@
       const colour = (name) => css.getPropertyValue("--" + name).trim();
       place.replaceChildren();
       const axis = { stroke: colour("muted"), grid: { stroke: colour("rule"), width: 0.5 }, ticks: { show: false } };
-      const value = (u, v) => (v == null ? "–" : +v.toPrecision(3) + " " + data.unit);
+      const value = (u, v) => (v == null ? "–" : number(v * u.prefix[1]) + " " + u.prefix[0] + data.unit);
       const trace = (label, name, wide) => ({ label, stroke: colour(name), width: wide, value, points: { show: false } });
       for (const box of all("joint")) {
         if (!box.checked) continue;
         const j = +box.dataset.joint, head = document.createElement("h3"), caption = document.createElement("span");
-        head.append(data.joints[j] + " residual ");
-        caption.className = "note";
-        head.append(caption);
+        const unit = document.createElement("span");
+        caption.className = unit.className = "note";
+        head.append(data.joints[j] + ": residual in ", unit, ", ", caption);
         place.append(head);
         const series = [{ label: "time", value: (u, v) => (v == null ? "–" : v.toFixed(2) + " s") }];
         if (sharedScale) series.push(trace("first model", "before", 0.8));
         series.push(trace("residual", "after", 1.2));
         const chart = new uPlot({
-          width: width(), height: 130, series,
+          width: width(), height: 120, series,
           cursor: { sync: { key: "explore", scales: ["x", null] }, drag: { x: true, y: false } },
           scales: { x: { time: false } },
-          axes: [{ ...axis, values: (u, v) => v.map((t) => t + " s") }, { ...axis, size: 58, label: data.unit, labelSize: 18 }],
+          axes: [{ ...axis, size: 26, values: (u, v) => v.map((t) => t + " s") }, { ...axis, size: 58, space: 22, values: (u, v) => v.map((y) => number(y * u.prefix[1])) }],
           hooks: { setScale: [(u, key) => { if (key === "x") follow(u); }] },
         }, lines(j), place);
-        chart.joint = j;
+        Object.assign(chart, { joint: j, unit });
+        rescale(chart);
         chart.caption = caption;
         caption.textContent = data.rows[row].joints[j] + " RMS";
         chart.root.setAttribute("role", "img");
