@@ -74,7 +74,7 @@ def test_a_click_on_an_effect_moves_error_bar_and_residuals(page, tmp_path):
       const text = (s) => document.querySelector(s).textContent, seen = [];
       const note = () => seen.push([text("[data-error]"), document.querySelector("[data-bar]").style.width,
         [...document.querySelectorAll("[data-effect]")].map((b) => b.getAttribute("aria-checked")).join(),
-        document.querySelector(".plots h3 .note").textContent]);
+        document.querySelector(".plots h3 .note:last-child").textContent]);
       note();
       for (const k of [0, 1, 0]) { document.querySelectorAll("[data-effect]")[k].click(); note(); }
       await new Promise((done) => setTimeout(done, 300));

@@ -8,9 +8,9 @@ from itertools import product
 
 import numpy as np
 
-from vispeg.core.world import World
 from vispeg.identify.channels import Item
 from vispeg.identify.evidence import Evidence
+from vispeg.worlds.world import World
 
 EVERY = 4  # effects up to which each of their subsets is worked out; beyond it they come and go one by one
 POINTS = 700  # of a residual's picture
