@@ -13,8 +13,8 @@ import time
 
 import numpy as np
 
-from vispeg.task.config import TaskConfig
-from vispeg.task.simulation import PegSimulation
+from vispeg.task.peg.config import PegConfig
+from vispeg.task.simulation import TaskSimulation
 from vispeg.worlds.world import World
 
 PHASES = {  # start of the tip relative to the mouth (m), actions (n, 3)
@@ -24,29 +24,29 @@ PHASES = {  # start of the tip relative to the mouth (m), actions (n, 3)
 }
 
 
-def play(config: TaskConfig, phase: str) -> tuple[np.ndarray, np.ndarray, float, float]:
+def play(config: PegConfig, phase: str) -> tuple[np.ndarray, np.ndarray, float, float]:
     """Tip path (k, 3) m, contact force of every control tick (N), height of the tip under the press, CPU s.
 
     The height is in m; the peg leans, so its middle stands above its edge.
     """
     start, actions = PHASES[phase]
-    sim = PegSimulation(World(), config, 1)
+    sim = TaskSimulation(World(), config, 1)
     sim.reset(np.arange(1), [0])
     place(sim, np.array(start))
     before, path = time.process_time(), []
     for action in actions:
         sim.step(action[None])
-        path.append(sim.tip_in_hole()[0])
+        path.append(sim.tip_in_goal()[0])
     depth = float(path[-1][2]) if phase == "press" else 0.0
     return np.array(path), np.concatenate(sim.tracks[0].forces), depth, time.process_time() - before
 
 
-def place(sim: PegSimulation, tip: np.ndarray) -> None:
+def place(sim: TaskSimulation, tip: np.ndarray) -> None:
     """Moves the arm so that the peg's tip stands there in the hole's frame, at rest."""
     from vispeg.sim.reach import reach
     from vispeg.task.simulation import DOWN
 
-    pos = (sim.nominal_hole + tip + [0, 0, sim.scene.tip])[None]
+    pos = (sim.nominal_goal + tip + [0, 0, sim.scene.tip])[None]
     q, _ = reach(sim.control.nominal, pos, DOWN[None], sim.home)
     sim.cell.begin(np.arange(1), [World()], q, sim.control.nominal.gravity(q).copy())
     sim.cell.read()
@@ -60,7 +60,7 @@ def main() -> None:
     print("| substeps | step, ms | free path, mm | impact, N | tip under the press, mm | wall, N | CPU, s |")
     print("|---|---|---|---|---|---|---|")
     for n in (40, 20, 10, 5, 4, 3, 2, 1):
-        config = TaskConfig(substeps=n, clearance_mm=0.5, steps=1000, force_abort=1e9)
+        config = PegConfig(substeps=n, clearance_mm=0.5, steps=1000, force_abort=1e9)
         free, press, wall = (play(config, phase) for phase in PHASES)
         finest = free[0] if finest is None else finest
         off = 1e3 * np.sqrt(np.mean(np.sum((free[0] - finest) ** 2, axis=1)))

@@ -24,7 +24,7 @@ from results import write_result
 from training import Variant, trained
 from transfer_table import success_table
 
-from vispeg.task.peg.reward import REWARDS
+from vispeg.task.peg.rewards import REWARDS
 from vispeg.task.world_file import load_world
 
 WORLDS = ("searching", "randomized")
@@ -36,7 +36,9 @@ def main() -> None:
     """Trains, judges, writes OUT/fig3.json and draws the picture."""
     parser = arguments.parser(__doc__ or "")
     parser.add_argument("--picture", type=Path, default=Path("docs/img/fig3.png"), help="the picture")
-    parser.add_argument("--reward", choices=REWARDS, default="shaped", help="the task's; `paper` is that of the figure")
+    parser.add_argument(
+        "--reward", choices=REWARDS.named, default="shaped", help="the task's; `paper` is that of the figure"
+    )
     parser.add_argument("--lstm", type=int, default=LSTM, help="width of the LSTM")
     given = parser.parse_args()
     budget = arguments.budget(given)

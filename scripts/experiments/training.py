@@ -9,7 +9,7 @@ from pathlib import Path
 from vispeg.core.errors import UserError
 from vispeg.learn.config import TrainConfig, read_config
 from vispeg.learn.settings import SacSettings
-from vispeg.task.config import TaskConfig
+from vispeg.task.peg.config import PegConfig
 
 NEVER_EARLY = 2.0  # a success rate that no run reaches, so that every run has the whole budget
 
@@ -24,7 +24,7 @@ class Variant:
         stack: observations and actions that a feed-forward actor sees; a recurrent one sees the last alone.
         recurrent: width of the actor's LSTM, 0 for a feed-forward actor.
         modality: what the policy sees.
-        reward: of the task, see vispeg.task.peg.reward.
+        reward: of the task, see vispeg.task.peg.rewards.
         dof: directions that the policy moves.
     """
 
@@ -49,8 +49,8 @@ class Budget:
 def configuration(variant: Variant, seed: int, budget: Budget) -> TrainConfig:
     """The run's configuration; all variants differ in what `Variant` names alone. The task's own values go unsaid."""
     settings = {"stack": 1 if variant.recurrent else variant.stack}
-    settings |= {} if variant.reward == TaskConfig.reward else {"reward": variant.reward}
-    settings |= {} if variant.dof == TaskConfig.dof else {"dof": list(variant.dof)}
+    settings |= {} if variant.reward == PegConfig.reward else {"reward": variant.reward}
+    settings |= {} if variant.dof == PegConfig.dof else {"dof": list(variant.dof)}
     return TrainConfig(
         task=f"peg-{variant.modality}",
         world=variant.world,

@@ -20,7 +20,7 @@ from vispeg.learn.meta import interface, worlds
 from vispeg.learn.modalities import modality
 from vispeg.learn.policy import load, save
 from vispeg.learn.shown import made_in
-from vispeg.task.config import TaskConfig
+from vispeg.task.peg.config import PegConfig
 from vispeg.task.world_file import load_world, parts
 
 S, VNP, DEV = load_world("S"), load_world("VNP"), load_world("dev")
@@ -31,7 +31,7 @@ class Staged(Reach):
 
     def __init__(self, rows, file):
         super().__init__(rows, "depth")
-        self.file, self.config = file, TaskConfig()
+        self.file, self.config = file, PegConfig()
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ def actor_of(name, recurrent=0):
     torch.manual_seed(0)
     seen = modality(name)
     images = {f"{kind}_cam": KINDS[kind] for kind in seen.kinds}
-    return Actor(Layout(5, images, 3, 22 * bool(seen.truth)), seen, (32, 32), recurrent)
+    return Actor(Layout(5, images, 3, 22 * seen.knows, tuple(range(12, 17)) * seen.knows), seen, (32, 32), recurrent)
 
 
 def observation(actor, n):

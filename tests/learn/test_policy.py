@@ -24,7 +24,9 @@ def made(name="depth", recurrent=0):
     torch.manual_seed(0)
     seen = modality(name)
     images = {f"{kind}_wrist": SHAPES[kind] for kind in seen.kinds}
-    return NetPolicy(Actor(Layout(5, images, 3, 22 * bool(seen.truth)), seen, (32,), recurrent), name)
+    return NetPolicy(
+        Actor(Layout(5, images, 3, 22 * seen.knows, tuple(range(12, 17)) * seen.knows), seen, (32,), recurrent), name
+    )
 
 
 def observation(policy, n=4, seed=0):

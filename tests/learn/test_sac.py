@@ -43,7 +43,7 @@ def test_learns_to_reach(mode, changes, steps):
 def test_a_teacher_learns_from_ground_truth_what_it_could_not_from_the_rest():
     """Without images the toy's vector holds the time alone."""
     settings = SacSettings(**SMALL, utd=1.0, lr=1e-3)
-    knows = Modality("knows", "state", (), blind, "", truth=(0, 1))  # the offset
+    knows = Modality("knows", "state", (), blind, "", knows=True)
     model = AsymmetricSAC(Sb3Env(Reach(8, "depth")), knows, settings, seed=0)
     model.restart(0)
     model.learn(480, log_interval=None)

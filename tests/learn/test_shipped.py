@@ -7,7 +7,7 @@ import pytest
 
 from vispeg.core.assets import assets
 from vispeg.learn.policy import load
-from vispeg.task.config import TaskConfig
+from vispeg.task.peg.config import PegConfig
 from vispeg.task.vector import PegInHoleVec
 
 FOLDERS = sorted(p.parent for p in (assets() / "policies").glob("*/policy.json"))
@@ -37,7 +37,7 @@ def test_a_policy_says_where_it_comes_from(folder):
     meta = json.loads((folder / "policy.json").read_text())["meta"]
     assert meta["command"].startswith("vispeg train ") and "/tmp" not in meta["command"]
     assert meta["world_hash"] and isinstance(meta["seed"], int)
-    TaskConfig.of(meta["task"])
+    PegConfig.of(meta["task"])
 
 
 def test_the_state_policy_inserts():

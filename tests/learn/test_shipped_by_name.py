@@ -9,7 +9,7 @@ from vispeg.core.assets import assets
 from vispeg.learn.policy import load
 from vispeg.learn.shipped import names, policy_folder
 from vispeg.learn.teacher import teacher_of
-from vispeg.task.config import TaskConfig
+from vispeg.task.peg.config import PegConfig
 
 
 @pytest.fixture(autouse=True)
@@ -32,7 +32,7 @@ def test_play_finetune_and_teachers_take_them(monkeypatch):
     assert main(["play", "depth-S", "--episodes", "1"]) == 0
     assert main(["finetune", "depth-S", "--world", "dev", "--out", "tuned"]) == 0
     assert asked == [("depth-S", "S"), "depth-S"]
-    assert teacher_of("state-3mm-randomized", TaskConfig()).policy.meta["world_file"] == "randomized"
+    assert teacher_of("state-3mm-randomized", PegConfig()).policy.meta["world_file"] == "randomized"
 
 
 def test_a_folder_of_ones_own_comes_before_a_shipped_policy_of_its_name(tmp_path):

@@ -18,6 +18,9 @@ from vispeg.learn.modalities import modality
 from vispeg.learn.policy import NetPolicy, load, save
 from vispeg.learn.sb3_env import Sb3Env
 from vispeg.learn.teacher import StateTeacher, Tare, knowing, teacher_of
+from vispeg.task.peg.config import PegConfig
+from vispeg.task.peg.terms import TERMS
+from vispeg.task.terms import Observation
 
 
 def played(mode, world, steps, seeds=(4, 5)):
@@ -36,9 +39,9 @@ def test_teachers_view_of_a_blind_students_episode_is_the_state_policys_own():
     """The same episodes in `state` and `proprio`, the hole anywhere within 30 mm."""
     (state, config), (blind, _) = played("state", "unknown_hole", 3), played("proprio", "unknown_hole", 3)
     assert np.abs(state[0]["policy"] - blind[0]["policy"]).max() > 0.1
-    size = state[0]["policy"].shape[1] // config.stack
+    observed = observed_in(config)
     for a, b in zip(state, blind, strict=True):
-        assert np.allclose(knowing(b, size)["policy"], a["policy"], atol=1e-5)
+        assert np.allclose(knowing(b, observed)["policy"], a["policy"], atol=1e-5)
 
 
 class Watching:
@@ -54,9 +57,13 @@ class Watching:
         return np.zeros((len(obs["policy"]), 3))
 
 
-def views(obs, size):
+def observed_in(config):
+    return Observation(TERMS, config)
+
+
+def views(obs, observed):
     """What a teacher's policy is shown of observations, (steps, n, depth, size)."""
-    teacher = StateTeacher(Watching(), size)
+    teacher, size = StateTeacher(Watching(), observed), observed.policy_size
     teacher.reset(len(obs[0]["policy"]))
     for one in obs:
         teacher.act(one)
@@ -70,19 +77,19 @@ def test_a_wrong_zero_of_the_wrists_sensor_is_not_shown_to_a_teacher():
 
     bias = EffectInstance.of("wrench_bias", "flange", fx=2.0, fy=-1.0, fz=1.5, tx=0.1, ty=-0.05, tz=0.08)
     (plain, config), (off, _) = played("proprio", World(), 24), played("proprio", World(effects=(bias,)), 24)
-    size = plain[0]["policy"].shape[1] // config.stack
-    wrench = slice(6, 12)
-    assert max(np.abs(one["privileged"][:, 12:15]).max() for one in plain) > 0.1, "it touched"
+    observed = observed_in(config)
+    size, wrench = observed.policy_size, slice(observed["force"].start, observed["torque"].stop)
+    assert max(np.abs(one["privileged"][:, observed["contact"]]).max() for one in plain) > 0.1, "it touched"
     assert np.abs(off[-1]["policy"] - plain[-1]["policy"]).max() > 0.04
     # The sensor turns with the flange, by less than 0.05 rad: of a bias of 2.7 N or 0.14 N m no more is left.
-    assert np.allclose(views(off, size), views(plain, size), atol=0.05 * max(2.7 / 20.0, 0.14 / 2.0))
-    raw = np.stack([knowing(one, size)["policy"] for one in off]).reshape(views(off, size).shape)
+    assert np.allclose(views(off, observed), views(plain, observed), atol=0.05 * max(2.7 / 20.0, 0.14 / 2.0))
+    raw = np.stack([knowing(one, observed)["policy"] for one in off]).reshape(views(off, observed).shape)
     others = np.delete(np.arange(size), np.arange(size)[wrench])
-    assert np.array_equal(views(off, size)[..., others], raw[..., others])
+    assert np.array_equal(views(off, observed)[..., others], raw[..., others])
 
 
 def test_a_tared_reading_is_the_reading_less_the_mean_of_those_without_contact_so_far():
-    rng, tare, steps = stream(3, "readings"), Tare(), 9
+    rng, tare, steps = stream(3, "readings"), Tare(observed_in(PegConfig())), 9
     reading, touch = rng.standard_normal((steps, 2, 15)), np.zeros((steps, 2, 3))
     touch[4:, 0], touch[:, 1], reading[0, :, 6:12] = 1.0, [0, 0, 0.1], 0.0
     touch[0] = 0.0  # episodes begin in the air
@@ -106,7 +113,7 @@ def test_a_teacher_that_knows_is_shown_the_ground_truth_that_it_was_trained_on(t
 
     told, blind = (PegInHoleVec(2, "unknown_hole", mode, autoreset_mode="Disabled") for mode in ("state", "proprio"))
     seen = modality("privileged")
-    layout = Layout.of(told.single_observation_space, told.single_action_space, (), bool(seen.truth))
+    layout = Layout.of(told.single_observation_space, told.single_action_space, (), told.observed.for_teachers)
     save(tmp_path, Actor(layout, seen, (16,)), "privileged", {})
     teacher, policy = teacher_of(tmp_path, blind.config), load(tmp_path)
     a, b = told.reset(seed=[4, 5])[0], blind.reset(seed=[4, 5])[0]
@@ -196,15 +203,14 @@ def test_the_estimate_of_the_offset_is_learnt_beside_the_action(tmp_path):
 
 
 def test_a_teacher_must_know_the_state_and_fit_the_stack(tmp_path):
-    from vispeg.task.config import TaskConfig
 
     save(tmp_path / "p", trained_pair()[0], "depth", {})
     with pytest.raises(UserError, match="knows the state"):
-        teacher_of(tmp_path / "p", TaskConfig())
+        teacher_of(tmp_path / "p", PegConfig())
     seen = modality("state")
     save(tmp_path / "s", Actor(Layout(7, {}, 3), seen, (8,)), "state", {})
     with pytest.raises(UserError, match="another stack"):
-        teacher_of(tmp_path / "s", TaskConfig())
+        teacher_of(tmp_path / "s", PegConfig())
 
 
 def test_a_share_that_is_none_is_refused():

@@ -24,7 +24,7 @@ from vispeg.learn.recipes import distilled
 from vispeg.learn.sb3_env import Sb3Env
 from vispeg.learn.settings import SacSettings
 from vispeg.learn.train import resume, train
-from vispeg.task.config import TaskConfig
+from vispeg.task.peg.config import PegConfig
 from vispeg.worlds.distribution import Uniform
 from vispeg.worlds.world import RandomizedEffect, World
 
@@ -203,7 +203,7 @@ def test_demonstrations_are_successes_only_and_as_many_as_asked():
 
 
 def test_configuration_survives_its_file(tmp_path):
-    course = stages((6.0, 4.5), (0.005,), TaskConfig())
+    course = stages((6.0, 4.5), (0.005,), PegConfig())
     c = config(stages=course, settings={"clearance_mm": 3.0}, distill={"betas": [1.0, 0.0]})
     for given in (c, config(ranges="adaptive")):
         given.write(tmp_path / "config.yaml")
@@ -219,7 +219,7 @@ def test_configuration_survives_its_file(tmp_path):
         ({"stages": ()}, "needs a stage"),
         ({"ranges": "wide"}, "ranges: no such opening.*choices: full, schedule, adaptive"),
         ({"ranges": "adaptive", "recipe": "distill"}, "distillation alone opens no ranges"),
-        ({"ranges": "schedule", "stages": stages((6.0,), (), TaskConfig())}, "a curriculum opens the ranges itself"),
+        ({"ranges": "schedule", "stages": stages((6.0,), (), PegConfig())}, "a curriculum opens the ranges itself"),
         ({"sac": {"gamma": 2.0}}, "between 0 and 1"),
         ({"sac": {"lr": -1.0}}, "positive"),
     ],
@@ -314,7 +314,7 @@ def test_a_run_killed_while_it_learns_goes_on_to_the_same_bits(tmp_path):
 
 
 def test_a_curriculum_moves_on_only_by_success():
-    course = Curriculum(stages((6.0, 3.0), (0.01,), TaskConfig(clearance_mm=1.0)), 0.8)
+    course = Curriculum(stages((6.0, 3.0), (0.01,), PegConfig(clearance_mm=1.0)), 0.8)
     assert course.settings({"stack": 3, "clearance_mm": 1.0}) == {"stack": 3, "clearance_mm": 6.0, "start_radius": 0.01}
     assert [course.after(s) for s in (0.7, 0.8, 0.79, 1.0, 1.0)] == [False, True, False, True, False]
     assert course.last and course.settings({"stack": 3}) == {"stack": 3}
@@ -332,7 +332,7 @@ def test_a_curriculum_moves_on_only_by_success():
     ],
 )
 def test_stages_lead_to_the_task_as_it_is(wide, near, made):
-    *first, last = stages(wide, near, TaskConfig(clearance_mm=0.5))
+    *first, last = stages(wide, near, PegConfig(clearance_mm=0.5))
     assert [(stage.clearance_mm, stage.radius) for stage in first] == made and last == Stage()
     assert [stage.level for stage in first] == [0.5, 1.0, 1.0][: len(made)]
 
@@ -351,7 +351,7 @@ def test_stages_lead_to_the_task_as_it_is(wide, near, made):
 )
 def test_stages_that_do_not_become_harder_are_refused(wide, near, said):
     with pytest.raises(UserError, match=said):
-        stages(wide, near, TaskConfig())
+        stages(wide, near, PegConfig())
 
 
 class Drawn(Reach):
@@ -433,10 +433,10 @@ def test_ranges_that_a_world_does_not_have_are_refused_before_anything_is_writte
 
 def test_episodes_of_the_task_widen_its_ranges():
     """The real environment's records are what the opening reads, and its next episodes are what it sets."""
-    from vispeg.learn.envs import peg_maker
+    from vispeg.learn.envs import maker
     from vispeg.learn.modalities import modality
 
-    env = Sb3Env(peg_maker(modality("state"), "searching", SAC, 1)(2, {"steps": 1}))
+    env = Sb3Env(maker(modality("state"), "searching", SAC, 1)(2, {"steps": 1}))
     opening = Opening("adaptive", env.env.sim.world, 100, random=0)
     opening.begin(env, 0)
     env.seed(0)

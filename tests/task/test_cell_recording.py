@@ -12,9 +12,9 @@ from vispeg.recordings.load import load
 from vispeg.recordings.recording import Control, Nullspace, Recording
 from vispeg.recordings.write import write
 from vispeg.robots.declared import declared
-from vispeg.task.config import TaskConfig
 from vispeg.task.control import DAMPING, POSTURE
-from vispeg.task.simulation import PegSimulation
+from vispeg.task.peg.config import PegConfig
+from vispeg.task.simulation import TaskSimulation
 from vispeg.worlds.world import World
 
 NOISE = 2e-5  # rad, the encoders'
@@ -24,8 +24,8 @@ PAYLOAD = EffectInstance.of("payload", "flange", mass=0.4, z=0.05)
 
 def recorded(effects, steps=20):
     """An episode in free air above the fixture, as a recording of the arm under the task's controller."""
-    config = TaskConfig(start_height=(0.1, 0.1))
-    sim = PegSimulation(World(effects=effects), config, 1)
+    config = PegConfig(start_height=(0.1, 0.1))
+    sim = TaskSimulation(World(effects=effects), config, 1)
     sim.reset(np.arange(1), [3])
     angles, goals = [], []
     torque = sim.control.torque

@@ -231,10 +231,10 @@ def test_a_wrong_argument_is_named_with_what_was_meant_and_no_file_is_blamed_tha
 def test_every_other_name_for_a_setting_leads_to_one_that_there_is():
     import inspect
 
-    from vispeg.task.config import TaskConfig
+    from vispeg.task.peg.config import PegConfig
     from vispeg.task.vector import MEANT
 
-    known = {*inspect.signature(PegInHoleVec.__init__).parameters, *TaskConfig.__dataclass_fields__}
+    known = {*inspect.signature(PegInHoleVec.__init__).parameters, *PegConfig.__dataclass_fields__}
     assert set(MEANT.values()) <= known and not set(MEANT) & known
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from vispeg.robots.scene import build
-from vispeg.task.config import TaskConfig
+from vispeg.task.peg.config import PegConfig
 from vispeg.task.world_file import load_world
 
 DRAWS = json.loads(Path(__file__).with_name("frozen_draws.json").read_text())  # NAME/SEED/LEVEL: effects and values
@@ -31,7 +31,7 @@ def test_a_world_of_published_results_is_what_it_was(name):
 def test_a_seed_draws_what_it_drew(key):
     name, seed, level = key.split("/")
     file = load_world(name)
-    drawn = file.world.sample(int(seed), build(TaskConfig.of(file.task).scene()), float(level))
+    drawn = file.world.sample(int(seed), build(PegConfig.of(file.task).scene()), float(level))
     assert [e.label for e in drawn.effects] == list(DRAWS[key])
     for e in drawn.effects:  # not to the bit: another processor's exp and log round otherwise
         values = {k: v.value for k, v in e.params.items()}

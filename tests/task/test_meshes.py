@@ -129,7 +129,7 @@ def test_the_task_runs_with_them(files):
     aside.reset(seed=0)
     for k in range(20):
         aside.step(np.array([[1.0 if k < 4 else 0.0, 0.0, -0.6 if k >= 4 else 0.0]]))
-    assert aside.sim.tip_in_hole()[0, 2] > -0.001 and aside.sim.tracks[0].peak > 5.0
+    assert aside.sim.tip_in_goal()[0, 2] > -0.001 and aside.sim.tracks[0].peak > 5.0
 
 
 def test_what_cannot_be_is_refused(files, tmp_path):

@@ -6,19 +6,19 @@ import pytest
 from vispeg.control.laws import turned
 from vispeg.core.errors import UserError
 from vispeg.render.standard import HOLE, standard_cameras
-from vispeg.task.config import TaskConfig
 from vispeg.task.eyes import task_cameras
-from vispeg.task.observe import Stack
-from vispeg.task.peg.outcome import CATEGORIES, Track
-from vispeg.task.simulation import PegSimulation
+from vispeg.task.peg.config import PegConfig
+from vispeg.task.peg.outcome import CATEGORIES, PegTrack
+from vispeg.task.simulation import TaskSimulation
+from vispeg.task.terms import Stack
 from vispeg.worlds.world import World
 
-CONFIG = TaskConfig()
+CONFIG = PegConfig()
 
 
 def track(depths, lateral=0.0, force=5.0, tilt=0.0, slip=0.0, config=CONFIG):
     """A track that saw these depths (m)."""
-    t = Track()
+    t = PegTrack()
     for d in depths:
         t.add(config, np.array([force]), np.array([lateral, 0.0, -d]), tilt, slip)
     return t
@@ -60,8 +60,8 @@ def test_deep_beside_the_hole_is_no_success():
 
 def test_dwell_counts_steps_in_a_row():
     """Leaving starts it anew."""
-    config = TaskConfig(dwell=2)
-    t = Track()
+    config = PegConfig(dwell=2)
+    t = PegTrack()
     for d in (0.021, 0.0, 0.021):
         t.add(config, np.array([1.0]), np.array([0, 0, -d]), 0.0, 0.0)
         assert t.verdict(config) is None
@@ -73,7 +73,7 @@ def test_success_may_ask_for_a_smaller_lateral_error():
     """Half the peg's diameter if nothing is said; a peg that is deep but aside is not stuck, it ran out of time."""
     assert track([0.021], lateral=0.0079).verdict(CONFIG) == "success"
     assert track([0.021], lateral=0.0081).verdict(CONFIG) is None
-    strict = TaskConfig(success_lateral=0.001)
+    strict = PegConfig(success_lateral=0.001)
     assert track([0.021], lateral=0.0009, config=strict).verdict(strict) == "success"
     aside = track([0.021] * 5, lateral=0.0011, config=strict)
     assert aside.verdict(strict) is None and aside.at_time(strict) == "timeout"
@@ -82,7 +82,7 @@ def test_success_may_ask_for_a_smaller_lateral_error():
 def test_success_may_ask_for_a_smaller_force():
     """Up to `force_abort` if nothing is said; steps that press harder do not count, however long."""
     assert track([0.021], force=199.0).verdict(CONFIG) == "success"
-    gentle = TaskConfig(success_force=20.0, dwell=2)
+    gentle = PegConfig(success_force=20.0, dwell=2)
     assert track([0.021] * 2, force=19.0, config=gentle).verdict(gentle) == "success"
     hard = track([0.021] * 5, force=21.0, config=gentle)
     assert hard.verdict(gentle) is None and hard.at_time(gentle) == "timeout"
@@ -109,24 +109,24 @@ def test_turned_is_a_rotation():
 
 def test_the_controller_is_a_spring_that_yields():
     """Pressed into the block, the contact force settles at the controller's limit."""
-    sim = PegSimulation(World(), TaskConfig(force_limit=15.0, steps=1000, force_abort=1e9), 1)
+    sim = TaskSimulation(World(), PegConfig(force_limit=15.0, steps=1000, force_abort=1e9), 1)
     sim.reset(np.arange(1), [0])
     for k in range(40):  # 20 mm aside of the hole, then down
-        aside = 0.02 - sim.tip_in_hole()[0, 0]
-        sim.step(np.array([[np.clip(aside / 0.010, -1, 1), -sim.tip_in_hole()[0, 1] / 0.010, -1.0 if k > 8 else 0.0]]))
+        aside = 0.02 - sim.tip_in_goal()[0, 0]
+        sim.step(np.array([[np.clip(aside / 0.010, -1, 1), -sim.tip_in_goal()[0, 1] / 0.010, -1.0 if k > 8 else 0.0]]))
     assert sim.tracks[0].forces[-1].mean() == pytest.approx(15.0, rel=0.1)
     assert sim.wrench[0, 2] == pytest.approx(sim.tracks[0].forces[-1][-4:].mean(), rel=0.15)  # the wrist feels it too
 
 
 def test_free_motion_reaches_what_was_asked():
     """An offset of the action's size, to a few per cent within a few policy steps, other axes still."""
-    sim = PegSimulation(World(), TaskConfig(), 1)
+    sim = TaskSimulation(World(), PegConfig(), 1)
     sim.reset(np.arange(1), [0])
-    before = sim.tip_in_hole()[0]
+    before = sim.tip_in_goal()[0]
     sim.step(np.array([[1.0, 0.0, 0.0]]))
     for _ in range(4):
         sim.step(np.zeros((1, 3)))
-    moved = sim.tip_in_hole()[0] - before
+    moved = sim.tip_in_goal()[0] - before
     assert moved[0] > 0.0065 and np.abs(moved[1:]).max() < 1e-3
 
 
@@ -167,7 +167,7 @@ NAN = float("nan")
 def test_impossible_tasks_are_refused(bad):
     """With the key at fault, what would do and what came; the same from a file's mapping."""
     key = next(iter(bad))
-    for make in (lambda: TaskConfig(**bad), lambda: TaskConfig.of(bad, "w.yaml")):
+    for make in (lambda: PegConfig(**bad), lambda: PegConfig.of(bad, "w.yaml")):
         with pytest.raises(UserError, match=rf"\b{key}: .*got ") as error:
             make()
         assert "expected" in str(error.value) or "choices" in str(error.value)
@@ -194,32 +194,32 @@ def test_impossible_tasks_are_refused(bad):
 def test_wrong_types_are_refused(key, value, expected):
     """With file, key, what would do and what came."""
     with pytest.raises(UserError) as error:
-        TaskConfig.of({key: value}, "w.yaml")
+        PegConfig.of({key: value}, "w.yaml")
     assert str(error.value) == f"w.yaml: task.{key}: wrong type; expected {expected}; got {value!r}"
 
 
 def test_whole_numbers_do_where_any_number_does():
     """And lists of any length where a length is not said."""
     given = {"clearance_mm": 3, "fixture": [0.6, 0, 0.05], "dof": ["x"], "hole_origin": [], "stiffness": [300, 400]}
-    config = TaskConfig.of(given)
-    assert config.fixture == TaskConfig().fixture and config.dof == ("x",) and config.hole_origin == ()
+    config = PegConfig.of(given)
+    assert config.fixture == PegConfig().fixture and config.dof == ("x",) and config.hole_origin == ()
 
 
 def test_the_fixture_stands_where_the_task_says():
     """The hole, where a blind policy looks for it, the start above it, what is drawn, and the camera beside it."""
     place = (0.55, 0.05, 0.08)
-    sim = PegSimulation(World(), TaskConfig.of({"fixture": list(place), "cameras": ["external"]}), 2, "proprio")
+    sim = TaskSimulation(World(), PegConfig.of({"fixture": list(place), "cameras": ["external"]}), 2, "proprio")
     sim.reset(np.arange(2), [0, 1])
-    np.testing.assert_allclose(sim.cell.site_position("hole"), [place] * 2, atol=1e-9)
+    np.testing.assert_allclose(sim.cell.site_position("goal"), [place] * 2, atol=1e-9)
     np.testing.assert_allclose(sim.believed, [place] * 2)
     np.testing.assert_allclose(sim.bodies(0)["fixture"][:3], place)
     (camera,) = task_cameras(sim, {})
     np.testing.assert_allclose(np.subtract(camera.pos, standard_cameras()[2].pos), np.subtract(place, HOLE), atol=1e-12)
-    assert np.all(np.abs(sim.tip_in_hole()[:, :2]) < 0.021) and np.all(sim.tip_in_hole()[:, 2] > 0.019)
+    assert np.all(np.abs(sim.tip_in_goal()[:, :2]) < 0.021) and np.all(sim.tip_in_goal()[:, 2] > 0.019)
 
 
 def test_a_start_beyond_the_joint_limits_is_refused():
     """Inverse kinematics alone would find it."""
-    sim = PegSimulation(World(), TaskConfig(fixture=(0.42, 0.42, 0.05)), 1)
+    sim = TaskSimulation(World(), PegConfig(fixture=(0.42, 0.42, 0.05)), 1)
     with pytest.raises(UserError, match="out of the arm's reach"):
         sim.reset(np.arange(1), [0])

@@ -24,7 +24,7 @@ def test_a_pushed_peg_presses_as_deep_into_the_wall_as_stated(clearance, stated)
     env.reset(seed=[0])
     for _ in range(6):
         env.step(np.array([[0.0, 0.0, -0.4]]))
-    assert env.sim.tip_in_hole()[0, 2] < -0.01, "the peg is in the hole"
+    assert env.sim.tip_in_goal()[0, 2] < -0.01, "the peg is in the hole"
     sim, cell, data = env.sim, env.sim.cell, mujoco.MjData(env.sim.cell.model)
     depth, force = [], []
     cell.external[0] = [PUSH, 0.0, 0.0]

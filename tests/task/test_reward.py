@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 
 from vispeg.core.errors import UserError
-from vispeg.task.config import TaskConfig
+from vispeg.task.peg.config import PegConfig
 from vispeg.task.peg.expert import Expert
-from vispeg.task.peg.reward import Moment, paper, shaped
+from vispeg.task.peg.rewards import REWARDS
+from vispeg.task.rewards import Moment
 from vispeg.task.vector import PegInHoleVec
 from vispeg.task.world_file import load_world
 
+shaped, paper = (REWARDS.of(name).dense for name in ("shaped", "paper"))
 GOAL = np.array([0.0, 0.0, -0.02])
 
 
@@ -74,4 +76,4 @@ def test_a_world_may_name_it_and_only_then_has_another_hash(tmp_path):
     assert plain.hash == same.hash != paper.hash
     assert PegInHoleVec(1, tmp_path / "paper.yaml").config.reward == "paper"
     with pytest.raises(UserError, match="reward: unknown reward.*got 'papr'.*did you mean 'paper'"):
-        TaskConfig(reward="papr")
+        PegConfig(reward="papr")

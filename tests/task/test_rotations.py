@@ -4,17 +4,18 @@ import numpy as np
 import pytest
 
 from vispeg.control.laws import rotation_vector
-from vispeg.task.config import TaskConfig
-from vispeg.task.observe import TURN, policy_size
+from vispeg.task.peg.config import PegConfig
 from vispeg.task.peg.expert import Expert
-from vispeg.task.simulation import PegSimulation
+from vispeg.task.peg.terms import TERMS
+from vispeg.task.simulation import TaskSimulation
+from vispeg.task.terms import Observation
 from vispeg.task.vector import PegInHoleVec
 from vispeg.worlds.world import World
 
 ALL = ("x", "y", "z", "rx", "ry", "rz")
 
 
-def turned_by(sim: PegSimulation) -> np.ndarray:
+def turned_by(sim: TaskSimulation) -> np.ndarray:
     """True rotation vector (3,) rad of the flange from straight down."""
     sim.see(sim.cell.x.q, sim.cell.x.dq)
     return rotation_vector(sim.straight, sim.turn)[0]
@@ -22,8 +23,8 @@ def turned_by(sim: PegSimulation) -> np.ndarray:
 
 @pytest.mark.parametrize("axis", ["rx", "ry", "rz"])
 def test_a_commanded_turn_is_made_and_seen_about_its_axis_alone(axis):
-    config = TaskConfig(dof=("x", "y", "z", axis), turn=0.04)
-    sim = PegSimulation(World(), config, 1)
+    config = PegConfig(dof=("x", "y", "z", axis), turn=0.04)
+    sim = TaskSimulation(World(), config, 1)
     sim.reset(np.arange(1), [0])
     for _ in range(3):
         sim.step(np.array([[0.0, 0.0, 0.0, 1.0]]))
@@ -31,17 +32,18 @@ def test_a_commanded_turn_is_made_and_seen_about_its_axis_alone(axis):
     turn = turned_by(sim)
     assert 0.04 < turn[way] < 0.12  # three steps of up to 0.04 rad; the spring lags
     assert np.abs(np.delete(turn, way)).max() < 0.002
-    seen = sim.observation()["policy"][0][: policy_size(config)]
+    observed = Observation(TERMS, config)
+    seen = sim.observation()["policy"][0][: observed.policy_size]
     assert len(seen) == 12 + 4 + 6
-    assert TURN * seen[16:19] == pytest.approx(turn, abs=0.003)
+    assert observed.term("turn").scale * seen[observed["turn"]] == pytest.approx(turn, abs=0.003)
 
 
 @pytest.mark.parametrize("axis", ["rx", "ry"])
 def test_a_turn_is_about_the_pegs_tip_and_the_tip_is_what_is_seen(axis):
     """The flange goes round the tip: sideways by the tip's distance times the angle's sine."""
-    sim = PegSimulation(World(), TaskConfig(dof=("x", "y", "z", axis), turn=0.04), 1)
+    sim = TaskSimulation(World(), PegConfig(dof=("x", "y", "z", axis), turn=0.04), 1)
     sim.reset(np.arange(1), [0])
-    tip = lambda: sim.cell.site_position("peg_tip")[0].copy()  # noqa: E731
+    tip = lambda: sim.cell.site_position("tip")[0].copy()  # noqa: E731
     flange, before = sim.flange[0].copy(), tip()
     for _ in range(3):
         sim.step(np.array([[0.0, 0.0, 0.0, 1.0]]))
@@ -55,7 +57,8 @@ def test_a_turn_is_about_the_pegs_tip_and_the_tip_is_what_is_seen(axis):
 
 
 def test_translations_alone_see_what_they_saw():
-    assert policy_size(TaskConfig()) == 15 and policy_size(TaskConfig(dof=("z",))) == 13
+    sizes = [Observation(TERMS, PegConfig(dof=dof)).policy_size for dof in (("x", "y", "z"), ("z",))]
+    assert sizes == [15, 13]
 
 
 @pytest.mark.parametrize("dof", [ALL, ("x", "y", "z", "rx", "ry"), ("z", "y", "x")])

@@ -18,7 +18,7 @@ def told(*effects: EffectInstance, steps: int = 12) -> tuple[np.ndarray, np.ndar
     for _ in range(steps):
         seen, *_ = env.step(np.array([[0.05, 0.0, -0.9]]))
         wrench.append(seen["policy"][0, WRENCH] * SCALE)
-        tip.append(env.sim.tip_in_hole()[0])
+        tip.append(env.sim.tip_in_goal()[0])
     return np.array(wrench), np.array(tip)
 
 

@@ -118,10 +118,10 @@ def at_clearance(who: Iterable[Any], world: Any, clearance: float | None) -> dic
         world: what they are judged in.
         clearance: diametral, mm, in place of the world's; None for the world's own.
     """
-    from vispeg.task.config import TaskConfig
+    from vispeg.task.registry import config_of
 
     task = {} if clearance is None else {"clearance_mm": clearance}
-    here = TaskConfig.of({**world.task, **task}).clearance_mm
+    here = getattr(config_of({**world.task, **task}), "clearance_mm", None)
     for e in who:
         if e.clearance_mm not in (None, here):
             print(f"{e.name} was made for {e.clearance_mm:g} mm, here it is {here:g} mm (--clearance)", file=sys.stderr)

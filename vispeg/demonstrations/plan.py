@@ -1,4 +1,4 @@
-"""What a rendering of the peg task is to be: its plan, its cell, and what every frame holds."""
+"""What a rendering of a task is to be: its plan, its cell, and what every frame holds."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from vispeg.datasets.layout import Layout, colour_of, depth, depth_of, flag, num
 from vispeg.datasets.plan import Plan, shard_frames
 from vispeg.render.camera import Camera
 from vispeg.render.part_mesh import part_mesh
-from vispeg.robots.scene import Scene, build
+from vispeg.robots.scene import Scene
+from vispeg.task import registry
 from vispeg.task.config import TaskConfig
 from vispeg.task.eyes import task_cameras
-from vispeg.task.observe import PRIVILEGED, policy_size
+from vispeg.task.terms import Observation
 from vispeg.task.world_file import WorldFile, load_world
 from vispeg.worlds.world import RandomizedEffect, World
 
-TASK = "Insert the peg into the hole."
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 STATE = (
     *(f"joint{i}" for i in range(1, 8)),
@@ -41,7 +41,7 @@ def plan_of(
     labels: bool = True,
     backend: str = "auto",
 ) -> tuple[Plan, Layout]:
-    """The plan of a rendering of the peg task, and what its frames hold; see Plan for the arguments.
+    """The plan of a rendering of a world's task, and what its frames hold; see Plan for the arguments.
 
     Raises:
         UserError: an unknown world or camera, or numbers that cannot be.
@@ -86,27 +86,28 @@ def seen_world(world: World, cameras: Sequence[str]) -> World:
 def task_of(file: WorldFile, cameras: Sequence[str], size: int) -> TaskConfig:
     """The task of a world's file, seen through these cameras at this image size (0: their own)."""
     given = {"cameras": tuple(cameras)} if cameras else {}
-    return TaskConfig.of({**file.task, **given, "image_size": size}, str(file.path))
+    return registry.config_of({**file.task, **given, "image_size": size}, str(file.path))
 
 
 def scene_of(task: TaskConfig) -> Scene:
     """The task's cell with the cameras that the task looks through, and no others."""
-    return replace(build(task.scene()), cameras=task.cameras)
+    return replace(registry.task_of(task).cell(task), cameras=task.cameras)
 
 
 def layout_of(file: WorldFile, task: TaskConfig, cameras: tuple[Camera, ...], labels: bool) -> Layout:
     """What every frame of a rendering holds."""
+    observed, scene = Observation(registry.task_of(task).terms, task), scene_of(task)
     features: dict[str, Any] = {
         "observation.state": numbers(STATE),
-        "observation.policy": numbers([f"policy{i}" for i in range(task.stack * policy_size(task))]),
-        truth_of(()): numbers([f"truth{i}" for i in range(PRIVILEGED)]),
+        "observation.policy": numbers([f"policy{i}" for i in range(task.stack * observed.policy_size)]),
+        truth_of(()): numbers([f"truth{i}" for i in range(observed.truth_size)]),
         "action": numbers(task.dof),
         "executed.action": numbers(task.dof),
         "next.reward": number(),
         "next.done": flag(),
         "next.success": flag(),
-        "label.peg": numbers(POSE),
-        "label.hole": numbers(POSE),
+        f"label.{scene.held}": numbers(POSE),
+        f"label.{scene.goal}": numbers(POSE),
     }
     for c in cameras:
         features[f"label.camera.{c.name}"] = numbers(POSE)
@@ -114,6 +115,14 @@ def layout_of(file: WorldFile, task: TaskConfig, cameras: tuple[Camera, ...], la
         features[depth_of(c.name, ())] = depth(c)
         if labels:
             features[f"label.parts.{c.name}"] = parts(c)
-    scene = scene_of(task)
-    models = {part: part_mesh(scene, part, site) for part, site in (("peg", "peg_tip"), ("fixture", "hole"))}
-    return Layout(features, cameras, tuple(scene.parts), 1 / task.policy_period, TASK, file.world.robot, models)
+    sites = {scene.held: scene.tip_site, scene.fixture: scene.goal}
+    models = {part: part_mesh(scene, part, site) for part, site in sites.items()}
+    return Layout(
+        features,
+        cameras,
+        tuple(scene.parts),
+        1 / task.policy_period,
+        registry.task_of(task).title,
+        file.world.robot,
+        models,
+    )

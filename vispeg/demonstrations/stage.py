@@ -1,4 +1,4 @@
-"""Plays the peg task with the scripted expert and draws what its cameras see, several looks of every state.
+"""Plays a task with its scripted expert and draws what its cameras see, several looks of every state.
 
 Physics runs once an episode; then each look is drawn from the recorded states, through the world's cameras and their
 sensor, exactly as the task's own observations are: the first look of an episode is the one that its seed has in play.
@@ -23,7 +23,7 @@ from vispeg.datasets.episode import Episode, Recorder
 from vispeg.datasets.layout import Layout, colour_of, depth_of, truth_of
 from vispeg.datasets.plan import Plan, Shard, look_seed
 from vispeg.datasets.shard import drawn
-from vispeg.demonstrations.plan import TASK, scene_of, seen_world, task_of
+from vispeg.demonstrations.plan import scene_of, seen_world, task_of
 from vispeg.demonstrations.sensing import ROWS as SENSOR_ROWS
 from vispeg.demonstrations.sensing import Clip, sense
 from vispeg.render.backend import Renderer, Shot
@@ -32,8 +32,8 @@ from vispeg.render.camera_files import to_record
 from vispeg.render.contrast import TRIES, redraw
 from vispeg.render.look import dress
 from vispeg.task.eyes import FAR, camera_velocity
-from vispeg.task.peg.expert import Expert
-from vispeg.task.simulation import PegSimulation, felt
+from vispeg.task.registry import task_of as contract_of
+from vispeg.task.simulation import TaskSimulation, felt
 from vispeg.task.world_file import load_world
 from vispeg.worlds.world import RandomizedEffect, World
 
@@ -111,8 +111,9 @@ class Stage:
         self.scene = scene_of(self.config)
         self.physics = replace(file.world, ranges=tuple(r for r in file.world.ranges if _family(r) not in OPTICAL))
         self.seen = seen_world(file.world, plan.cameras)
-        self.sim = PegSimulation(self.physics, self.config, ROWS, "state")
-        self.expert = Expert(self.config, ROWS)
+        self.sim = TaskSimulation(self.physics, self.config, ROWS, "state")
+        self.task = contract_of(self.config)
+        self.expert = self.task.expert(self.config, ROWS)
         make = {"backend": plan.backend, "shadows": bool(file.renderer.get("shadows", False))}
         self.labelled = Renderer(self.scene, layout.cameras, labels=True, **make)  # type: ignore[arg-type]
         self.plain = self.labelled if plan.labels else Renderer(self.scene, layout.cameras, **make)  # type: ignore[arg-type]
@@ -136,7 +137,7 @@ class Stage:
             shaken = meant.copy()
             playing = [(i, one) for i, one in enumerate(rows) if one]
             for i, one in playing:
-                shaken[i] = np.clip(meant[i] + self.plan.noise * one.noise.standard_normal(3), -1, 1)
+                shaken[i] = np.clip(meant[i] + self.plan.noise * one.noise.standard_normal(len(self.config.dof)), -1, 1)
                 one.moments.append(self._moment(i, seen, meant[i], shaken[i]))
             gain, _, _, ended = self.sim.step(shaken)
             for i, one in playing:
@@ -167,7 +168,8 @@ class Stage:
         tip = pos[row] - [0, 0, sim.scene.tip]
         state = np.concatenate([q[row], tip, twist[row, :3], sim.wrench[row]])
         known = sim.stack.values[:, row].copy()
-        known[:, :3] += (sim.believed[row] - sim.nominal_hole) / 0.03  # as one who must look for the hole is told it
+        unit = sim.observed.term("tip").scale
+        known[:, sim.observed["tip"]] += (sim.believed[row] - sim.nominal_goal) / unit  # as one who must look for it
         values = {
             "observation.state": state,
             "observation.policy": np.clip(known.reshape(-1), -20, 20),
@@ -203,7 +205,7 @@ class Stage:
             shots.append({name: replace(shot, segmentation=None, normal_of=None) for name, shot in seen.items()})
             drawn(1)
         about = {
-            "task": TASK,
+            "task": self.task.title,
             "seed": seed,
             "look": look,
             "look_seed": own,
@@ -227,7 +229,7 @@ class Stage:
     def _labels(self, shots: dict[str, Shot]) -> dict[str, np.ndarray]:
         data, model = self.plain.data, self.plain.model
         found = {}
-        for name, site in (("peg", "peg_tip"), ("hole", "hole")):
+        for name, site in ((self.scene.held, self.scene.tip_site), (self.scene.goal, self.scene.goal)):
             i = model.site(site).id
             found[f"label.{name}"] = np.concatenate([data.site_xpos[i], quaternion(data.site_xmat[i].reshape(3, 3))])
         for name, shot in shots.items():

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from vispeg.evaluation.entrants import EXPERT, Entrant, entrants
+from vispeg.task.registry import task_of
 
 
 def player(who: Entrant, config: Any) -> Any:
@@ -46,10 +47,8 @@ class ScriptedPolicy:
 
     def reset(self, n: int, rows: np.ndarray | None = None) -> None:
         """All rows, or those of the mask (n,), begin a new episode."""
-        from vispeg.task.peg.expert import Expert
-
         if rows is None:
-            self.expert = Expert(self.config, n)
+            self.expert = task_of(self.config).expert(self.config, n)
         else:
             self.expert.reset(rows)
 

@@ -31,8 +31,7 @@ from vispeg.evaluation.significance import holm, mcnemar
 from vispeg.evaluation.stress import HERE, read_list
 from vispeg.evaluation.table import Cell, Table
 from vispeg.formats.format import Format, copy, enrol
-from vispeg.robots.scene import build
-from vispeg.task.config import TaskConfig
+from vispeg.task.registry import config_of, task_of
 from vispeg.worlds.entry import ranged
 
 FORMAT = "vispeg-suite-result/1"
@@ -51,7 +50,8 @@ def configurations(path: Path | None = None) -> list[dict[str, Any]]:
     """
     file = path or HERE / "suite.yaml"
     listed = read_list(file, LIST, "configurations", KEYS)
-    cell = build(TaskConfig().scene())
+    standard = config_of({})
+    cell = task_of(standard).cell(standard)
     for i, entry in enumerate(listed):
         at = f"configurations[{i}]"
         task, effects = entry.get("task") or {}, entry.get("effects") or []
@@ -59,7 +59,7 @@ def configurations(path: Path | None = None) -> list[dict[str, Any]]:
             raise UserError("wrong task", file=file, key=f"{at}.task", expected="a mapping", got=task)
         if not isinstance(effects, list):
             raise UserError("wrong effects", file=file, key=f"{at}.effects", expected="a list", got=effects)
-        TaskConfig.of(task, f"{file}: {at}")
+        config_of(task, f"{file}: {at}")
         for j, effect in enumerate(effects):
             place = {"where": "all"} if isinstance(effect, dict) and effect.get("where") in (None, "*") else {}
             ranged(effect | place if place else effect, cell, file, f"{at}.effects[{j}]")

@@ -19,7 +19,7 @@ State = tuple[Tensor, Tensor]  # an LSTM's hidden and cell state, (1, n, width) 
 
 
 class Actor(nn.Module):
-    """pi(a | o): a = tanh(u), u ~ N(mean(o), std(o)), and an estimate of the peg's offset from the hole.
+    """pi(a | o): a = tanh(u), u ~ N(mean(o), std(o)), and an estimate of the tip's place in the goal's frame.
 
     Args:
         layout: shapes of the observation and action.
@@ -31,7 +31,7 @@ class Actor(nn.Module):
     def __init__(self, layout: Layout, modality: Modality, hidden: Sequence[int] = (256, 256), recurrent: int = 0):
         super().__init__()
         self.layout, self.hidden, self.recurrent = layout, tuple(hidden), recurrent
-        self.truth = list(modality.truth)  # columns of the ground truth
+        self.truth = list(layout.reads)  # columns of the ground truth
         known = layout.vector + len(self.truth)
         self.scale = Scale(known)
         self.encoders = nn.ModuleDict({key: modality.encoder(key, shape) for key, shape in layout.images.items()})

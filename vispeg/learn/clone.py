@@ -10,7 +10,7 @@ import torch
 
 from vispeg.core.errors import UserError
 from vispeg.learn.actor import Actor
-from vispeg.learn.layout import PRIVILEGED
+from vispeg.learn.layout import ESTIMATE, PRIVILEGED
 from vispeg.learn.nets import huber
 from vispeg.learn.recurrent import draw, latents
 from vispeg.learn.replay import Replay, mixed
@@ -25,7 +25,7 @@ class CloneSettings:
             judged afterwards has settled.
         batch: transitions an update.
         shift: random shift of images, in pixels.
-        offset: weight of the peg-to-hole estimate beside the action.
+        offset: weight of the estimate of the tip in the goal's frame beside the action.
         horizon: steps of an episode that a recurrent actor learns from.
         encoders: learning rate of the image encoders, as a share of `lr`.
     """
@@ -59,7 +59,7 @@ def clone(
     frozen: int = 0,
     watch: Callable[[int, float], None] | None = None,
 ) -> float:
-    """Huber loss on actions, plus one on the offset from the hole where actor and data have it. Moves `actor`.
+    """Huber loss on actions, plus one on that estimate where actor and data have it. Moves `actor`.
 
     Args:
         actor: the student.
@@ -112,5 +112,5 @@ def _loss(
     latent, there = latents(actor, batch, shift=s.shift), batch.weight > 0
     loss = huber(torch.tanh(actor.mean(latent))[there], batch.action[there])
     if actor.offset is not None and PRIVILEGED in batch.obs:
-        loss = loss + s.offset * huber(actor.offset(latent)[there], batch.obs[PRIVILEGED][..., :3][there])
+        loss = loss + s.offset * huber(actor.offset(latent)[there], batch.obs[PRIVILEGED][..., ESTIMATE][there])
     return loss

@@ -1,7 +1,7 @@
-"""A coarse policy that sees brings the peg to the hole; a fine contact policy takes over there.
+"""A coarse policy that sees brings the tip to the goal; a fine contact policy takes over there.
 
-An episode is handed over for good once the coarse policy thinks the peg's tip to be near the hole's axis. What it saw
-goes along: a fine policy that is told a believed target (`state`) is told the hole where the coarse one saw it.
+An episode is handed over for good once the coarse policy thinks the tip to be near the goal's axis. What it saw
+goes along: a fine policy that is told a believed target (`state`) is told the goal where the coarse one saw it.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
-from vispeg.learn.layout import OFFSET_M, VECTOR
-from vispeg.learn.meta import worlds
+from vispeg.learn.layout import VECTOR
+from vispeg.learn.meta import observed, worlds
 from vispeg.learn.policy import NetPolicy, Policy, load
 from vispeg.learn.record import COARSE, FINE, PAIR, read_record
 from vispeg.learn.shipped import META, policy_folder
 
-NEWEST = 0.5  # weight of the newest sight of the hole; the rest is the average of those before
+NEWEST = 0.5  # weight of the newest sight of the goal; the rest is the average of those before
 
 
 class CoarseToFine:
     """Two policies as one. Raises UserError where the fine one reads what the coarse one is not given.
 
     Attributes:
-        estimate: (n, 3) m, where the coarse policy thinks the tip to be in the hole's frame.
+        estimate: (n, 3) m, where the coarse policy thinks the tip to be in the goal's frame.
         fine_has: (n,) bool, the rows that were handed over.
     """
 
@@ -44,6 +44,8 @@ class CoarseToFine:
         self.modality = coarse.modality
         self.meta: Mapping[str, Any] = dict(meta or coarse.meta)
         self.layout, self.recurrent = coarse.layout, coarse.recurrent
+        self.observed = observed(coarse.meta)
+        self.tip, self.unit = self.observed["tip"], self.observed.term("tip").scale
         self.estimate: np.ndarray | None = None
 
     def reset(self, n: int, rows: np.ndarray | None = None) -> None:
@@ -52,28 +54,27 @@ class CoarseToFine:
         self.fine.reset(n, rows)
         if rows is None:
             self.fine_has, self.sights = np.zeros(n, bool), np.zeros(n, int)
-            self.hole = np.zeros((n, 2))
+            self.goal = np.zeros((n, 2))
         else:
-            self.fine_has[rows], self.sights[rows], self.hole[rows] = False, 0, 0.0
+            self.fine_has[rows], self.sights[rows], self.goal[rows] = False, 0, 0.0
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
         """See Policy."""
         action = self.coarse.act(obs)
         self.estimate = self.coarse.estimate
-        measured = OFFSET_M * obs[VECTOR][:, :2]  # of the tip, relative to where the task says that the hole is
+        measured = self.unit * obs[VECTOR][:, self.tip][:, :2]  # relative to where the task says that the goal is
         offset = measured if self.estimate is None else self.estimate[:, :2]
         weight = np.where(self.sights == 0, 1.0, NEWEST) * ~self.fine_has
-        self.hole += weight[:, None] * (measured - offset - self.hole)
+        self.goal += weight[:, None] * (measured - offset - self.goal)
         self.sights += ~self.fine_has
-        self.fine_has |= np.linalg.norm(measured - self.hole, axis=1) < self.within
+        self.fine_has |= np.linalg.norm(measured - self.goal, axis=1) < self.within
         told = {**obs, VECTOR: self._told(obs[VECTOR])} if self.fine.modality == "state" else obs
         return np.where(self.fine_has[:, None], self.fine.act(told), action)
 
     def _told(self, vector: np.ndarray) -> np.ndarray:
-        """The stacked observations (n, stack d) with positions relative to the hole that was seen."""
-        frame = 12 + self.layout.action
-        out = vector.reshape(len(vector), -1, frame).copy()
-        out[:, :, :2] -= (self.hole / OFFSET_M)[:, None]
+        """The stacked observations (n, stack d) with positions relative to the goal that was seen."""
+        out = vector.reshape(len(vector), -1, self.observed.policy_size).copy()
+        out[:, :, self.tip][:, :, :2] -= (self.goal / self.unit)[:, None]
         return out.reshape(vector.shape)
 
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.learn.config import Stage
-from vispeg.task.config import TaskConfig
 
 
 class Curriculum:
@@ -47,7 +46,7 @@ class Curriculum:
         return {**given, **{key: value for key, value in own.items() if value is not None}}
 
 
-def stages(clearances: Sequence[float], radii: Sequence[float], task: TaskConfig) -> tuple[Stage, ...]:
+def stages(clearances: Sequence[float], radii: Sequence[float], task: Any) -> tuple[Stage, ...]:
     """Stages that narrow the hole, move the start away and open the world; the last one is the task as it is.
 
     The first has half of every range, all others have all of it.

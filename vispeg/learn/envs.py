@@ -17,18 +17,18 @@ MakeEnv = Callable[[int, Mapping[str, Any]], VectorEnv]  # (rows, task settings)
 HELD_OUT = 2**31  # seeds from here on are never drawn by training, whose seeds are below it
 
 
-def peg_maker(seen: Modality, world: str, sac: SacSettings, threads: int, dump: Path | None = None) -> MakeEnv:
-    """Makes peg-in-hole environments of a modality in a world; for a policy with a memory, without a stack.
+def maker(seen: Modality, world: str, sac: SacSettings, threads: int, dump: Path | None = None) -> MakeEnv:
+    """Makes environments of a world's task in a modality; for a policy with a memory, without a stack.
 
     Episodes that diverge leave themselves behind in `dump`.
     """
 
     def make(rows: int, settings: Mapping[str, Any]) -> VectorEnv:
-        from vispeg.task.vector import PegInHoleVec
+        from vispeg.task.vector import TaskVec
 
         own = {"stack": 1, **settings} if sac.recurrent else dict(settings)
         mode = AutoresetMode.DISABLED
-        return PegInHoleVec(rows, world, seen.obs_mode, autoreset_mode=mode, nthread=threads, dump=dump, **own)
+        return TaskVec(rows, world, seen.obs_mode, autoreset_mode=mode, nthread=threads, dump=dump, **own)
 
     return make
 
@@ -57,5 +57,5 @@ def home(policy: Policy) -> str:
 def of_policy(policy: Policy, world: str, threads: int = 1) -> MakeEnv:
     """Makes the environments that a policy can act in, in a world: with its own stack, directions, cameras, ..."""
     own = interface(policy.meta)
-    make = peg_maker(modality(policy.modality), world, SacSettings(recurrent=policy.recurrent), threads)
+    make = maker(modality(policy.modality), world, SacSettings(recurrent=policy.recurrent), threads)
     return lambda rows, settings: make(rows, {**own, **settings})

@@ -7,10 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from vispeg.core.errors import UserError
+from vispeg.task.standard_terms import TIP_IN_GOAL
+from vispeg.task.terms import POLICY, PRIVILEGED
 
 MOST = 4096  # numbers of an observation's part, pixels of an image's side
-VECTOR, PRIVILEGED = "policy", "privileged"  # keys of the observation: what the actor may see, and what critics may
-OFFSET_M = 0.03  # a unit of the offset that actors estimate: `privileged[:3]` is the tip in the hole's frame over this
+VECTOR = POLICY  # key of what the actor may see; critics may see PRIVILEGED too
+ESTIMATE = slice(0, TIP_IN_GOAL.size)  # of the ground truth: what actors that see estimate, see Task.terms
+OFFSET_M = TIP_IN_GOAL.scale  # its unit
 
 
 @dataclass(frozen=True)
@@ -23,22 +26,26 @@ class Layout:
             0-255.
         action: length of the action.
         truth: length of the observation's `privileged` part; 0 for a policy that does not read it.
+        reads: its entries that the policy reads.
     """
 
     vector: int
     images: Mapping[str, tuple[int, int, int]]
     action: int = 3
     truth: int = 0
+    reads: tuple[int, ...] = ()
 
     @classmethod
-    def of(cls, observation_space: Any, action_space: Any, kinds: tuple[str, ...], truth: bool = False) -> Layout:
+    def of(
+        cls, observation_space: Any, action_space: Any, kinds: tuple[str, ...], truth: tuple[int, ...] = ()
+    ) -> Layout:
         """The layout of an environment's spaces for one environment, of which images of these kinds are seen.
 
         Args:
             observation_space: gymnasium Dict with `policy` and perhaps images.
             action_space: gymnasium Box.
             kinds: any of `depth`, `rgb`.
-            truth: whether `privileged` is seen.
+            truth: entries of `privileged` that are seen.
 
         Raises:
             UserError: no `policy` or `privileged` key, or no image of a kind.
@@ -54,7 +61,7 @@ class Layout:
                 raise UserError("the environment gives no such images", expected=f"{kind}_<camera>", got=sorted(spaces))
             images |= found
         known = spaces[PRIVILEGED].shape[0] if truth else 0
-        return cls(spaces[VECTOR].shape[0], images, action_space.shape[-1], known)
+        return cls(spaces[VECTOR].shape[0], images, action_space.shape[-1], known, truth)
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -90,7 +97,7 @@ class Layout:
             "vector": self.vector,
             "images": {key: list(shape) for key, shape in self.images.items()},
             "action": self.action,
-            **({"truth": self.truth} if self.truth else {}),
+            **({"truth": self.truth, "reads": list(self.reads)} if self.truth else {}),
         }
 
     @classmethod
@@ -99,11 +106,14 @@ class Layout:
         try:
             images = {str(key): _chw(shape) for key, shape in found["images"].items()}
             lengths = [_count(found["vector"], 1), _count(found["action"], 1), _count(found.get("truth", 0), 0)]
+            reads = tuple(_count(entry, 0) for entry in found.get("reads", ()))
+            if reads and max(reads) >= lengths[2]:
+                raise ValueError(reads)
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise UserError(
                 "not a policy's layout", key="layout", expected="vector, images, action", got=found
             ) from error
-        return cls(lengths[0], images, lengths[1], lengths[2])
+        return cls(lengths[0], images, lengths[1], lengths[2], reads)
 
 
 def _chw(shape: Any) -> tuple[int, int, int]:

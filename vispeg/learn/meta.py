@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from vispeg.task.registry import config_of, task_of
+from vispeg.task.terms import Observation
 from vispeg.task.world_file import built_in, parts
 
-INTERFACE = ("stack", "dof", "offset", "turn", "policy_period", "cameras", "image_size")
+INTERFACE = ("name", "stack", "dof", "offset", "turn", "policy_period", "cameras", "image_size")
 # of the task: what a policy sees and what its actions mean, kept in every world
 
 
@@ -16,6 +18,12 @@ def interface(meta: Mapping[str, Any]) -> dict[str, Any]:
     task = meta.get("task") or {}
     own = {key: task[key] for key in INTERFACE if task.get(key) is not None}
     return {key: tuple(value) if isinstance(value, list) else value for key, value in own.items()}
+
+
+def observed(meta: Mapping[str, Any]) -> Observation:
+    """The observation terms of the task that a policy was made for; those of the task's defaults as far as not said."""
+    config = config_of(interface(meta))
+    return Observation(task_of(config).terms, config)
 
 
 def clearance_of(meta: Mapping[str, Any]) -> float | None:

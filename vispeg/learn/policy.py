@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -23,6 +24,7 @@ from vispeg.formats.format import copy, enrol
 from vispeg.formats.guard import read_bytes
 from vispeg.learn.actor import Actor, State
 from vispeg.learn.layout import OFFSET_M, VECTOR, Layout
+from vispeg.learn.meta import observed
 from vispeg.learn.modalities import Modality
 from vispeg.learn.modalities import modality as modality_of
 from vispeg.learn.record import NETWORK, WEIGHTS, check_weights, read_record
@@ -39,7 +41,7 @@ class Policy(Protocol):
         meta: where it comes from; see `save`.
         layout: of its observation and action.
         recurrent: width of its memory; 0 where a stack of observations serves for one.
-        estimate: (n, 3) m, where the last `act` thought the peg's tip to be in the hole's frame; None where it does not
+        estimate: (n, 3) m, where the last `act` thought the tip to be in the goal's frame; None where it does not
             say.
     """
 
@@ -162,6 +164,8 @@ def load(folder: str | Path, device: str = "cpu") -> NetPolicy:
     modality = modality_of(record["modality"])
     check_weights(path, record)
     layout, net = Layout.from_json(record["layout"]), record["net"]
+    if modality.knows and not layout.reads:  # older records do not say
+        layout = replace(layout, reads=observed(record["meta"]).for_teachers)
     actor = _actor(layout, modality, net, path)
     try:
         actor.load_state_dict(load_tensors(read_bytes(path / WEIGHTS, LARGEST)))

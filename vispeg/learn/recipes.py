@@ -34,7 +34,7 @@ def distilled(
     Args:
         config: with `teacher` or `dataset` set, unless `teacher` is given.
         folder: of the run.
-        make: environments; peg-in-hole if not given.
+        make: environments; those of the configuration's world if not given.
         show: whether to tell of progress on stderr.
         teacher: in place of the configuration's.
 

@@ -14,10 +14,9 @@ from vispeg.formats.format import Format, copy, enrol
 from vispeg.formats.guard import is_file
 from vispeg.formats.json_data import read_json
 from vispeg.learn.layout import Layout
-from vispeg.learn.meta import interface
+from vispeg.learn.meta import interface, observed
 from vispeg.learn.shipped import META
-from vispeg.task.config import TaskConfig
-from vispeg.task.observe import policy_size
+from vispeg.task.registry import config_of
 
 KEYS = ("modality", "layout", "net", "meta", "weights")
 NETWORK = Format("vispeg-policy/1", "a policy", KEYS, ("modality", "layout"), "json")
@@ -110,16 +109,17 @@ def _meta(meta: Any, path: Path) -> None:
     if not isinstance(tuned, dict | None):
         raise UserError("not a mapping", file=path, key="meta.finetuned", got=tuned)
     try:
-        TaskConfig.of(interface(meta), "meta.task")
+        config_of(interface(meta), "meta.task")
     except (UserError, TypeError, ValueError) as error:
         raise UserError(str(error), file=path) from None
 
 
 def _agree(layout: Layout, meta: Mapping[str, Any], path: Path) -> None:
     """Raises UserError where a policy sees something else than the task shows that it says to be made for."""
-    task, own = TaskConfig.of(interface(meta)), interface(meta)
-    if {"stack", "dof"} <= own.keys() and layout.vector != task.stack * policy_size(task):
-        expected = f"{task.stack * policy_size(task)} by meta.task"
+    task, own = config_of(interface(meta)), interface(meta)
+    length = task.stack * observed(meta).policy_size
+    if {"stack", "dof"} <= own.keys() and layout.vector != length:
+        expected = f"{length} by meta.task"
         raise UserError("another observation", file=path, key="layout.vector", expected=expected, got=layout.vector)
     if "dof" in own and layout.action != len(task.dof):
         raise UserError("another action", file=path, key="layout.action", expected=len(task.dof), got=layout.action)

@@ -22,7 +22,7 @@ from torch import Tensor, nn
 
 from vispeg.learn.actor import Actor, State
 from vispeg.learn.critic import Critic
-from vispeg.learn.layout import PRIVILEGED, VECTOR, Layout
+from vispeg.learn.layout import ESTIMATE, PRIVILEGED, VECTOR, Layout
 from vispeg.learn.modalities import Modality
 from vispeg.learn.nets import huber, soft_update
 from vispeg.learn.recurrent import draw, latents
@@ -87,7 +87,7 @@ class AsymmetricSAC(SAC):
         seed: int,
         device: str = "cpu",
     ):
-        layout = Layout.of(env.observation_space, env.action_space, modality.kinds, bool(modality.truth))
+        layout = Layout.of(env.observation_space, env.action_space, modality.kinds, teachers_share(env, modality))
         torch.manual_seed(seed)
 
         def networks() -> tuple[Actor, Callable[[], Critic]]:
@@ -190,7 +190,7 @@ class AsymmetricSAC(SAC):
                 torch.tanh(self.actor.mean(latent[..., -demos:, :])), batch.action[..., -demos:, :]
             )
         if self.actor.offset is not None and PRIVILEGED in batch.obs:
-            loss = loss + huber(self.actor.offset(latent), batch.obs[PRIVILEGED][..., :3])
+            loss = loss + huber(self.actor.offset(latent), batch.obs[PRIVILEGED][..., ESTIMATE])
         _step(self.actor, loss)
         entropy = _mean(-log_prob.detach(), batch.weight)
         if self.log_ent_coef is not None and self.ent_coef_optimizer is not None:
@@ -244,6 +244,14 @@ class AsymmetricSAC(SAC):
         self.replay.cut()
         self.env.seed(seed)  # type: ignore[union-attr]
         self._last_obs, self._hidden = self.env.reset(), None  # type: ignore[union-attr,assignment]
+
+
+def teachers_share(env: Any, modality: Modality) -> tuple[int, ...]:
+    """Entries of the ground truth that a policy of this modality reads: in a task what its terms show to a teacher."""
+    if not modality.knows:
+        return ()
+    observed = getattr(getattr(env, "env", env), "observed", None)
+    return observed.for_teachers if observed else tuple(range(env.observation_space.spaces[PRIVILEGED].shape[0]))
 
 
 def critics(space: Any, layout: Layout, modality: Modality, settings: SacSettings) -> Critic:

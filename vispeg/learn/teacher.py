@@ -1,4 +1,4 @@
-"""Teachers: policies that know where the hole is, shown what their students see."""
+"""Teachers: policies that know where the goal is, shown what their students see."""
 
 from __future__ import annotations
 
@@ -12,11 +12,8 @@ from vispeg.core.errors import UserError
 from vispeg.learn.layout import PRIVILEGED, VECTOR
 from vispeg.learn.modalities import modality
 from vispeg.learn.policy import load
-
-# of `privileged`: where the hole is, relative to its nominal place, in the units of the relative position; how far from
-# it the policy believes it to be; and the contact force
-HOLE, MISTAKE, TOUCH = slice(3, 6), slice(6, 9), slice(12, 15)
-WRENCH = slice(6, 12)  # of one observation of the stack
+from vispeg.task.registry import task_of
+from vispeg.task.terms import Observation
 
 
 class Teacher(Protocol):
@@ -31,21 +28,21 @@ class Teacher(Protocol):
         ...
 
 
-def knowing(obs: Mapping[str, np.ndarray], size: int) -> dict[str, np.ndarray]:
-    """A student's observation as a `state` policy would have it that believes the truth about the hole.
+def knowing(obs: Mapping[str, np.ndarray], observed: Observation) -> dict[str, np.ndarray]:
+    """A student's observation as a `state` policy would have it that believes the truth about the goal.
 
-    A student's relative position counts from the hole's nominal place; a teacher's from where the hole is. The two
-    differ by the hole's displacement, the same in every stacked observation. Who believes the truth makes no mistake
-    about the hole, and of the ground truth that part is 0.
+    A student's relative position counts from the goal's nominal place; a teacher's from where the goal is. The two
+    differ by the goal's displacement, the same in every stacked observation. Who believes the truth makes no mistake
+    about the goal, and of the ground truth that part is 0.
 
     Args:
         obs: `policy` (n, stack size) and `privileged` (n, k) at least.
-        size: numbers in one observation of the stack, of which the first three are the relative position.
+        observed: the task's terms, `goal_away` in the unit of `tip`.
     """
-    seen = obs[VECTOR].reshape(len(obs[VECTOR]), -1, size).copy()
-    seen[:, :, :3] -= obs[PRIVILEGED][:, None, HOLE]
+    seen = obs[VECTOR].reshape(len(obs[VECTOR]), -1, observed.policy_size).copy()
+    seen[:, :, observed["tip"]] -= obs[PRIVILEGED][:, None, observed["goal_away"]]
     truth = obs[PRIVILEGED].copy()
-    truth[:, MISTAKE] = 0.0
+    truth[:, observed["mistake"]] = 0.0
     return {VECTOR: seen.reshape(obs[VECTOR].shape).astype(np.float32), PRIVILEGED: truth}
 
 
@@ -56,7 +53,8 @@ class Tare:
     air; a teacher knows from the ground truth when that is.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, observed: Observation) -> None:
+        self.wrench = slice(observed["force"].start, observed["torque"].stop)
         self.begin(0)
 
     def begin(self, n: int, rows: np.ndarray | None = None) -> None:
@@ -77,25 +75,25 @@ class Tare:
             self.begin(len(stack))
         free = (self.age > 0) & (touch == 0).all(axis=1)
         self.free += free
-        self.sum[free] += stack[free, 0, WRENCH]
+        self.sum[free] += stack[free, 0, self.wrench]
         zero = self.sum / np.maximum(self.free, 1)[:, None]
         read = np.arange(stack.shape[1]) < self.age[:, None]
         tared = stack.copy()
-        tared[:, :, WRENCH] -= np.where(read[:, :, None], zero[:, None], 0.0)
+        tared[:, :, self.wrench] -= np.where(read[:, :, None], zero[:, None], 0.0)
         self.age += 1
         return tared
 
 
 class StateTeacher:
-    """A state policy, or the scripted expert, as the teacher of students that are not told where the hole is.
+    """A state policy, or the scripted expert, as the teacher of students that are not told where the goal is.
 
     Args:
         policy: with `reset(n, rows)` and `act(obs)`.
-        size: see `knowing`.
+        observed: the task's terms.
     """
 
-    def __init__(self, policy: Any, size: int):
-        self.policy, self.size, self.tare = policy, size, Tare()
+    def __init__(self, policy: Any, observed: Observation):
+        self.policy, self.observed, self.tare = policy, observed, Tare(observed)
 
     def reset(self, n: int, rows: np.ndarray | None = None) -> None:
         """See Teacher."""
@@ -104,9 +102,9 @@ class StateTeacher:
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
         """See Teacher; to be asked once a step."""
-        shown = knowing(obs, self.size)
-        stack = shown[VECTOR].reshape(len(shown[VECTOR]), -1, self.size)
-        tared = self.tare(stack, obs[PRIVILEGED][:, TOUCH])
+        shown = knowing(obs, self.observed)
+        stack = shown[VECTOR].reshape(len(shown[VECTOR]), -1, self.observed.policy_size)
+        tared = self.tare(stack, obs[PRIVILEGED][:, self.observed["contact"]])
         return self.policy.act(shown | {VECTOR: tared.reshape(shown[VECTOR].shape)})
 
 
@@ -120,10 +118,8 @@ class Scripted:
 
     def reset(self, n: int, rows: np.ndarray | None = None) -> None:
         """See Teacher."""
-        from vispeg.task.peg.expert import Expert
-
         if self.expert is None or rows is None:
-            self.expert = Expert(self.config, n)
+            self.expert = task_of(self.config).expert(self.config, n)
         else:
             self.expert.reset(np.flatnonzero(rows))
 
@@ -138,22 +134,22 @@ def teacher_of(source: str | Path, config: Any) -> StateTeacher:
     """A teacher for students of a task.
 
     Args:
-        source: folder of a policy of `peg-state` or `peg-privileged`, or `expert` for the scripted one.
+        source: folder of a policy of modality `state` or `privileged`, or `expert` for the scripted one.
         config: the task's TaskConfig.
 
     Raises:
-        UserError: not a policy, one that is not told where the hole is, or one that was made for another stack of
+        UserError: not a policy, one that is not told where the goal is, or one that was made for another stack of
             observations.
     """
-    from vispeg.task.observe import policy_size
     from vispeg.task.simulation import TARGET_KNOWN
 
-    size = policy_size(config)
+    observed = Observation(task_of(config).terms, config)
+    size = observed.policy_size
     if str(source) == "expert":
-        return StateTeacher(Scripted(config), size)
+        return StateTeacher(Scripted(config), observed)
     policy = load(source)
     if modality(policy.modality).obs_mode not in TARGET_KNOWN:
-        expected = "a policy of peg-state or peg-privileged"
+        expected = "a policy of modality state or privileged"
         raise UserError("a teacher knows the state", file=source, expected=expected, got=policy.modality)
     if policy.actor.layout.vector != config.stack * size:
         raise UserError(
@@ -162,4 +158,4 @@ def teacher_of(source: str | Path, config: Any) -> StateTeacher:
             expected=config.stack * size,
             got=policy.actor.layout.vector,
         )
-    return StateTeacher(policy, size)
+    return StateTeacher(policy, observed)

@@ -25,7 +25,7 @@ from vispeg.learn.clone import CloneSettings
 from vispeg.learn.config import TrainConfig, read_config
 from vispeg.learn.curriculum import Curriculum
 from vispeg.learn.device import device_of
-from vispeg.learn.envs import HELD_OUT, MakeEnv, describe, peg_maker
+from vispeg.learn.envs import HELD_OUT, MakeEnv, describe, maker
 from vispeg.learn.evaluation import Outcome, run_episodes, success_rate
 from vispeg.learn.meta import worlds
 from vispeg.learn.modalities import modality as modality_of
@@ -49,7 +49,7 @@ class SacRun:
     Args:
         config: what to do.
         folder: of the run.
-        make: environments; peg-in-hole in the configuration's world if not given.
+        make: environments; those of the configuration's world if not given.
         show: whether to tell of progress on stderr.
     """
 
@@ -63,7 +63,7 @@ class SacRun:
         torch.set_num_threads(config.threads)
         self.config, self.folder, self.show = config, folder, show
         self.modality = modality_of(config.modality)
-        self.make = make or peg_maker(self.modality, config.world, config.sac, config.threads, folder / DIVERGED)
+        self.make = make or maker(self.modality, config.world, config.sac, config.threads, folder / DIVERGED)
         self.course = Curriculum(config.stages, config.pass_rate)
         self.env, self.judge = self._environments()
         self.opening: Opening | None = None

@@ -134,7 +134,11 @@ class Scene(RobotModel):
         nominal: the arm with its tool and peg alone: what a controller knows.
         parts: geom names of each part that can be seen.
         lights, cameras: names.
-        tip: height of the peg's tip below the flange, m.
+        tip: height of the tip below the flange, m.
+        target: nominal place of the goal, base frame, m.
+        goal, tip_site: names of the sites that the task brings together, z of both along the way in.
+        held, fixture: bodies of what the gripper holds and of what the goal is part of.
+        slip: slide joint of the held part in the gripper; "" where it cannot slip.
     """
 
     config: SceneConfig = field(default_factory=SceneConfig)
@@ -143,6 +147,12 @@ class Scene(RobotModel):
     lights: tuple[str, ...] = tuple(LIGHTS)
     cameras: tuple[str, ...] = CAMERAS
     tip: float = tools.GRASP + tools.PEG_LENGTH
+    target: tuple[float, float, float] = SceneConfig.fixture
+    goal: str = "hole"
+    tip_site: str = "peg_tip"
+    held: str = "peg"
+    fixture: str = "fixture"
+    slip: str = "peg_slip"
 
 
 def build(config: SceneConfig | None = None, cameras: tuple[str, ...] = CAMERAS) -> Scene:
@@ -180,7 +190,8 @@ def _build(config: SceneConfig, cameras: tuple[str, ...], peg: UserShape | None,
     _sensors(spec)
     base = {f.name: getattr(arm, f.name) for f in fields(RobotModel)}
     # a square peg is declared with its round sister's mass and inertia
-    return Scene(**{**base, "build": spec.copy}, config=config, nominal=arm, parts=parts, cameras=cameras, tip=tip)
+    own = {"config": config, "nominal": arm, "parts": parts, "cameras": cameras, "tip": tip, "target": config.fixture}
+    return Scene(**{**base, "build": spec.copy}, **own)
 
 
 def _options(spec: mujoco.MjSpec) -> None:

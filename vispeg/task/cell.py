@@ -42,10 +42,11 @@ class Cell(Plant):
     ):
         self.names = sorted(names, key=lambda n: (effect(n).order, n))
         super().__init__(scene, worlds, h, tick, nthread)
-        self.site = {n: self.model.site(n).id for n in ("hole", "peg_tip", "flange")}
+        names_of = {"goal": scene.goal, "tip": scene.tip_site, "flange": "flange"}
+        self.site = {name: self.model.site(site).id for name, site in names_of.items()}
         self.site_pos, self.site_mat = self.batch.bind("site_xpos"), self.batch.bind("site_xmat")
         self.sensors = self.batch.bind("sensordata")
-        self.slip = self.model.joint("peg_slip").qposadr[0]
+        self.slip = self.model.joint(scene.slip).qposadr[0] if scene.slip else None
         self.qposes = np.arange(self.model.nq)[self.qadr]
         self.dofs = np.arange(self.model.nv)[self.vadr]
         self.bodies = self.model.dof_bodyid[self.dofs]
@@ -152,7 +153,7 @@ class Cell(Plant):
         return through if link is None else through - link
 
     def site_position(self, name: str) -> np.ndarray:
-        """World position (nsim, 3) m of `hole`, `peg_tip` or `flange`."""
+        """World position (nsim, 3) m of `goal`, `tip` or `flange`."""
         return self.site_pos[:, self.site[name]]
 
     def site_rotation(self, name: str) -> np.ndarray:

@@ -1,24 +1,25 @@
-"""What the task asks and allows; everything that is not a property of the world."""
+"""What any task asks and allows of the arm: all that is neither a property of the world nor of one task alone."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any, get_args, get_type_hints
+from typing import Any, ClassVar, get_args, get_type_hints
 
 from vispeg.core.errors import UserError
-from vispeg.robots.scene import SceneConfig
-from vispeg.task.peg.reward import REWARDS
+from vispeg.task.rewards import Rewards
+
+DOF = ("x", "y", "z", "rx", "ry", "rz")
+Weights = tuple[tuple[str, float], ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TaskConfig:
-    """SI units unless the name says otherwise.
+    """SI units unless the name says otherwise. A task adds fields of its own in a subclass.
 
     Attributes:
-        clearance_mm, shape, diameter, depth, chamfer, friction, fixture, block, solref: the cell, see SceneConfig.
-        peg_mesh, hole_mesh, mesh_scale, mesh_concavity, hole_origin, peg_density: your own shapes, see SceneConfig.
+        name: of the task (`peg`, or a user's own, see vispeg.task.registry).
         control_period: of the controller, s.
         substeps: physics steps a control period (docs/task.md holds the convergence study).
         policy_period: of the policy, s; a whole number of control periods.
@@ -28,33 +29,17 @@ class TaskConfig:
         stiffness: of the controlled point along each translation and about each rotation, 1/s^2 per unit mass.
         force_limit: greatest force that the controller asks for, N.
         force_abort: contact force that ends the episode, N.
-        start_height, start_radius: of the peg's tip above the nominal hole, m: range of heights, lateral range (+-).
+        start_height, start_radius: of the tip above the nominal goal, m: range of heights, lateral range (+-).
         stack: observations and actions that the policy sees, the present one included.
-        success_depth: share of the hole's depth that the tip must reach.
-        success_lateral: greatest distance of the tip from the hole's axis there, m; 0 for half the peg's diameter.
-        success_force: greatest contact force there, N; 0 for `force_abort`.
-        dwell: policy steps in a row that all three must hold.
-        reward: `shaped` or `paper`, see vispeg.task.peg.reward.
-        reward_scale: m, d0 of the shaped reward.
+        reward: one of the task's rewards by name, or a weight for each of its reward terms (vispeg.task.rewards).
+        reward_scale: m, unit of the term `distance`.
         cameras: that policies with images look through.
         image_size: px of the shorter side of an image, the field of view kept; 0 for the cameras' own.
     """
 
-    clearance_mm: float = 3.0
-    shape: str = "round"
-    diameter: float = 0.016
-    depth: float = 0.025
-    chamfer: float = 0.001
-    friction: float = 0.3
-    fixture: tuple[float, float, float] = SceneConfig.fixture
-    block: float = SceneConfig.block
-    solref: tuple[float, float] = (0.004, 1.0)
-    peg_mesh: str = ""
-    hole_mesh: str = ""
-    mesh_scale: float = 1.0
-    mesh_concavity: float = 0.02
-    hole_origin: tuple[float, ...] = ()
-    peg_density: float = 7850.0
+    rewards: ClassVar[Rewards]
+
+    name: str = ""
     control_period: float = 0.005
     substeps: int = 3
     policy_period: float = 0.160
@@ -68,11 +53,7 @@ class TaskConfig:
     start_height: tuple[float, float] = (0.02, 0.04)
     start_radius: float = 0.02
     stack: int = 2
-    success_depth: float = 0.8
-    success_lateral: float = 0.0
-    success_force: float = 0.0
-    dwell: int = 1
-    reward: str = "shaped"
+    reward: str | Weights = "shaped"
     reward_scale: float = 0.05
     cameras: tuple[str, ...] = ("wrist_wide", "wrist_crop")
     image_size: int = 48
@@ -97,8 +78,7 @@ class TaskConfig:
             )
         if not self.dof or any(d not in DOF for d in self.dof) or len(set(self.dof)) < len(self.dof):
             raise UserError("unknown directions", key="dof", got=self.dof, choices=DOF)
-        if self.reward not in REWARDS:
-            raise UserError("unknown reward", key="reward", got=self.reward, choices=REWARDS)
+        self.rewards.of(self.reward)
         low, high = self.start_height
         if not 0.002 <= low <= high <= 0.2:
             raise UserError(
@@ -110,34 +90,28 @@ class TaskConfig:
             raise UserError("wrong cameras", key="cameras", expected="names, each once", got=self.cameras)
         if self.image_size != 0 and not 8 <= self.image_size <= 1024:
             raise UserError("impossible image", key="image_size", expected="0, or 8 to 1024 px", got=self.image_size)
-        if not 0 < self.success_depth <= 1:
-            raise UserError("not a share", key="success_depth", expected="above 0, at most 1", got=self.success_depth)
-        for key, most in (("success_lateral", 0.5 * self.diameter), ("success_force", self.force_abort)):
-            if not 0 <= getattr(self, key) <= most:
-                expected = f"0 to {most:g}, where 0 stands for {most:g}"
-                raise UserError("not a limit", key=key, expected=expected, got=getattr(self, key))
-        if not 1 <= self.dwell <= self.steps:
-            expected = f"1 to {self.steps}, the steps of an episode"
-            raise UserError("impossible dwell", key="dwell", expected=expected, got=self.dwell)
-        self.scene()  # raises where the geometry cannot be
 
     @property
     def ticks(self) -> int:
         """Control periods a policy step."""
         return round(self.policy_period / self.control_period)
 
-    def scene(self) -> SceneConfig:
-        """The cell that this task needs."""
-        same = {f.name for f in fields(SceneConfig)} & {f.name for f in fields(self)}
-        return SceneConfig(**{name: getattr(self, name) for name in same})
+    @property
+    def turns(self) -> bool:
+        """Whether the policy moves any rotation."""
+        return any(d.startswith("r") for d in self.dof)
 
     @classmethod
     def of(cls, given: Mapping[str, Any], file: str | None = None) -> TaskConfig:
         """From a mapping (a world file's `task:`), with an error for unknown keys and wrong types."""
         hints, values, at = get_type_hints(cls), {}, "task." if file else ""
+        del hints["rewards"]
         for key, value in given.items():
             if key not in hints:
                 raise UserError("unknown key", file=file, key=f"{at}{key}", got=key, choices=hints)
+            if key == "reward":
+                values[key] = cls.rewards.read(value, file, f"{at}{key}")
+                continue
             values[key] = tuple(value) if isinstance(value, list) else value
             if not _fits(values[key], hints[key]):
                 raise UserError("wrong type", file=file, key=f"{at}{key}", expected=_said(hints[key]), got=value)
@@ -178,4 +152,3 @@ ABOVE_0 = (
     "force_abort",
     "reward_scale",
 )
-DOF = ("x", "y", "z", "rx", "ry", "rz")

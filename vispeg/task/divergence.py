@@ -19,7 +19,7 @@ from vispeg.task.push import Push
 from vispeg.task.world_file import WorldFile, load_world, world_hash, world_text
 
 if TYPE_CHECKING:
-    from vispeg.task.vector import PegInHoleVec
+    from vispeg.task.vector import TaskVec
 
 FORMAT = "vispeg-episode/1"
 LEFT = Format(FORMAT, "an episode that was left behind", language="json", most=64 * MB)
@@ -46,7 +46,7 @@ class _Told(BaseModel):
         return actions
 
 
-def leave(folder: Path, env: PegInHoleVec, row: int) -> Path:
+def leave(folder: Path, env: TaskVec, row: int) -> Path:
     """Writes FOLDER/SEED with the row's present episode; returns it.
 
     `world.yaml` is a world file in which nothing is drawn any more, with the task as it was; `episode.json` holds seed,
@@ -80,7 +80,7 @@ def _example(folder: Path) -> Path:
 
 
 @enrol(FORMAT, _example, slow=True)
-def replay(folder: str | Path) -> tuple[PegInHoleVec, np.ndarray]:
+def replay(folder: str | Path) -> tuple[TaskVec, np.ndarray]:
     """The episode again, up to just before the step that ended it.
 
     Returns:
@@ -89,11 +89,11 @@ def replay(folder: str | Path) -> tuple[PegInHoleVec, np.ndarray]:
     Raises:
         UserError: the folder holds no such episode.
     """
-    from vispeg.task.vector import PegInHoleVec
+    from vispeg.task.vector import TaskVec
 
     path = Path(folder) / EPISODE
     told = typed(_Told, LEFT.read(path), path)
-    env = PegInHoleVec(1, Path(folder) / WORLD, told.obs_mode, autoreset_mode="Disabled")
+    env = TaskVec(1, Path(folder) / WORLD, told.obs_mode, autoreset_mode="Disabled")
     actions = np.asarray(told.actions, float)[:, None]
     if actions.shape[2] != len(env.config.dof):
         expected = f"{len(env.config.dof)} numbers each, as the world's task says"

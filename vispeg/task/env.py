@@ -11,8 +11,8 @@ import numpy as np
 from vispeg.worlds.world import World
 
 
-class PegInHoleEnv(gym.Env):
-    """One peg-in-hole environment; arguments as PegInHoleVec."""
+class TaskEnv(gym.Env):
+    """One environment of a world's task; arguments as TaskVec."""
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 6}
 
@@ -23,10 +23,10 @@ class PegInHoleEnv(gym.Env):
         render_mode: str | None = None,
         **settings: Any,
     ):
-        from vispeg.task.vector import PegInHoleVec
+        from vispeg.task.vector import TaskVec
 
         self._made = {"world": world, "obs_mode": obs_mode, "render_mode": render_mode, **settings}
-        self.vec = PegInHoleVec(1, **self._made)
+        self.vec = TaskVec(1, **self._made)
         self.render_mode = render_mode
         self.observation_space, self.action_space = self.vec.single_observation_space, self.vec.single_action_space
 

@@ -23,7 +23,7 @@ from vispeg.render.pipeline import Pipeline
 from vispeg.render.standard import standard_cameras
 
 if TYPE_CHECKING:
-    from vispeg.task.simulation import PegSimulation
+    from vispeg.task.simulation import TaskSimulation
 
 MODES = ("state", "proprio", "depth", "rgb", "rgbd")
 FAR = 4.0  # m, greatest depth that is told apart
@@ -44,14 +44,14 @@ def image_spaces(obs_mode: str, cameras: Sequence[Camera]) -> dict[str, gym.Spac
     return out
 
 
-def task_cameras(sim: PegSimulation, given: Mapping[str, Any]) -> tuple[Camera, ...]:
+def task_cameras(sim: TaskSimulation, given: Mapping[str, Any]) -> tuple[Camera, ...]:
     """The cameras that a task is seen through.
 
     Args:
         sim: whose scene they stand in, and whose task names them.
         given: a world file's `cameras`: a file, or a mapping of what differs from the standard camera of that name.
     """
-    known = {c.name: c for c in standard_cameras(sim.scene.tip, sim.scene.config.fixture)}
+    known = {c.name: c for c in standard_cameras(sim.scene.tip, sim.scene.target)}
     for name, change in given.items():
         if isinstance(change, str):
             known[name] = load_camera(change).moved(name=name)
@@ -111,7 +111,7 @@ class CameraRig:
 
     def __init__(
         self,
-        sim: PegSimulation,
+        sim: TaskSimulation,
         obs_mode: str,
         file: Any = None,
         backend: str = "auto",
@@ -234,7 +234,7 @@ class CameraRig:
     def picture(self, row: int) -> np.ndarray:
         """A row from outside, (240, 320, 3) uint8, in its episode's look."""
         if self._film is None:
-            side = standard_cameras(self.sim.scene.tip, self.sim.scene.config.fixture)[2]
+            side = standard_cameras(self.sim.scene.tip, self.sim.scene.target)[2]
             width, height = FILM
             film = resized(side, height).moved(name="film", width=width, cx=(width - 1) / 2)
             self._film = self._renderer([film])

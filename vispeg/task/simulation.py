@@ -1,4 +1,4 @@
-"""The peg-in-hole task on a batch of cells: start rows, move them by actions, say what each policy may see."""
+"""A task on a batch of cells: start rows, move them by actions, say what each policy may see."""
 
 from __future__ import annotations
 
@@ -11,26 +11,25 @@ from vispeg.control.laws import rotated, rotation_vector, turned
 from vispeg.core.effect import OPTICAL, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.robots.scene import build
 from vispeg.sim.compiled import nominal_of
 from vispeg.sim.quiet import quiet
 from vispeg.sim.reach import reach
 from vispeg.task.cell import Cell
 from vispeg.task.config import DOF, TaskConfig
 from vispeg.task.control import PoseControl
-from vispeg.task.observe import Stack, observation, policy_part, policy_size, turns
-from vispeg.task.peg.outcome import Track
-from vispeg.task.peg.reward import REWARDS, Moment
+from vispeg.task.registry import task_of
+from vispeg.task.rewards import Moment
+from vispeg.task.terms import LIMIT, POLICY, PRIVILEGED, Observation, Stack
 from vispeg.worlds.seen import felt, shown
 from vispeg.worlds.world import World
 
 DOWN = np.array([0.0, 1.0, 0.0, 0.0])  # flange z straight down, wxyz
 HOME = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])  # rad, from where inverse kinematics starts
 IMAGE_MODES = ("depth", "rgb", "rgbd")  # observation modes with cameras
-TARGET_KNOWN = ("state",)  # observation modes whose policy is told a believed target; the others get the nominal hole
+TARGET_KNOWN = ("state",)  # observation modes whose policy is told a believed target; the others get the nominal goal
 
 
-class PegSimulation:
+class TaskSimulation:
     """nsim independent episodes of the task; rows end and begin one by one.
 
     Args:
@@ -43,9 +42,12 @@ class PegSimulation:
 
     def __init__(self, world: World, config: TaskConfig, nsim: int, obs_mode: str = "state", nthread: int = 1):
         cameras = config.cameras if obs_mode in IMAGE_MODES else ()
-        self.world, self.config, self.nsim, self.obs_mode = shown(world, cameras), config, nsim, obs_mode
+        self.world, self.nsim, self.obs_mode = shown(world, cameras), nsim, obs_mode
+        self.config: Any = config  # of the task's own class
         world = self.world
-        self.scene = build(config.scene(), cameras)
+        self.task = task_of(config)
+        self.scene = self.task.cell(config, cameras)
+        self.observed, self.reward = Observation(self.task.terms, config), config.rewards.of(config.reward)
         self.levels: Mapping[str, float] | float = 1.0
         self.radius = config.start_radius
         h = config.control_period / config.substeps
@@ -56,8 +58,8 @@ class PegSimulation:
         self.solo = nominal_of(self.scene.nominal, 1)
         self.move = np.array([d in config.dof for d in DOF])
         self.places = [DOF.index(d) for d in config.dof]  # of an action's entries among all directions
-        self.nominal_hole = np.array(self.scene.config.fixture)
-        tip = self.nominal_hole + [0, 0, 0.03 + self.scene.tip]
+        self.nominal_goal = np.array(self.scene.target)
+        tip = self.nominal_goal + [0, 0, 0.03 + self.scene.tip]
         rest = np.tile(tip, (nsim, 1)), np.tile(DOWN, (nsim, 1))
         self.home = reach(self.control.nominal, *rest, np.tile(HOME, (nsim, 1)))[0]
         self.control.home = self.home[0]
@@ -72,8 +74,8 @@ class PegSimulation:
         self.held = self.goal.copy()  # where that puts the end of `lever`
         self.believed, self.seeds = np.zeros((n, 3)), np.zeros(n, dtype=np.int64)
         self.action, self.count = np.zeros((n, len(config.dof))), np.zeros(n, dtype=int)
-        self.wrench, self.tracks = np.zeros((n, 6)), [Track() for _ in range(n)]
-        self.stack = Stack(config.stack, n, policy_size(config))
+        self.wrench, self.tracks = np.zeros((n, 6)), [self.task.track() for _ in range(n)]
+        self.stack = Stack(config.stack, n, self.observed.policy_size)
         self.diverged = np.zeros(n, dtype=bool)
         self.measured = self.home.copy(), np.zeros_like(self.home)
         self.push: list[Any] = [None] * n
@@ -82,7 +84,7 @@ class PegSimulation:
     def _tool_weight(self) -> np.ndarray:
         """Weight (3,) N in the world frame that the wrench sensor carries at rest, as the controller knows it."""
         model = self.scene.nominal.compile()
-        tool = [b for b in range(model.nbody) if model.body(b).name in ("tool", "peg")]
+        tool = [b for b in range(model.nbody) if model.body(b).name in ("tool", self.scene.held)]
         return float(model.body_mass[tool].sum()) * model.opt.gravity
 
     # Episodes -------------------------------------------------------------------------------------------------
@@ -90,16 +92,14 @@ class PegSimulation:
         """Rows (indices) begin the episodes of these seeds."""
         if not len(rows):
             return
-        c = self.config
-        pos = np.tile(self.nominal_hole + [0, 0, 0.1], (self.nsim, 1))
+        pos = np.tile(self.nominal_goal + [0, 0, 0.1], (self.nsim, 1))
         worlds = []
         for row, seed in zip(rows, seeds, strict=True):
             rng = stream(int(seed), "start")
-            aside = rng.uniform(-self.radius, self.radius, 2)
-            pos[row] = self.nominal_hole + [*aside, rng.uniform(*c.start_height)]
+            pos[row] = self.nominal_goal + self.task.start(self.config, self.radius, rng)
             worlds.append(self.world.sample(int(seed), self.scene, self.levels))
             self.drawn[row], self.seeds[row] = worlds[-1], seed
-            self.tracks[row], self.push[row], self.acted[row] = Track(), None, []
+            self.tracks[row], self.push[row], self.acted[row] = self.task.track(), None, []
         pos[:, 2] += self.scene.tip
         q, weight = self._start(rows, pos)
         self.cell.begin(rows, [felt(w) for w in worlds], q, weight)
@@ -112,7 +112,7 @@ class PegSimulation:
         true = self.cell.x.q, self.cell.x.dq
         q, dq = (np.where(begun, new, known) for new, known in zip(true, self.measured, strict=True))
         self.see(q, dq)
-        self.stack.fill(rows, policy_part(self))
+        self.stack.fill(rows, self.observed.read(self, self.observed.policy))
 
     def _start(self, rows: np.ndarray, pos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Joint angles (len(rows), nj) in rad that put these rows' flanges at `pos`, and the weight there, N m."""
@@ -138,17 +138,30 @@ class PegSimulation:
     def lever(self, rot: np.ndarray) -> np.ndarray:
         """From the flange to the point that actions move and turn about, (nsim, 3) m: the tip of a peg held straight
         where the policy turns it, else the flange itself. A turn about the flange would throw the tip aside."""
-        return rotated(rot, np.array([0.0, 0.0, self.scene.tip])) if turns(self.config) else np.zeros((self.nsim, 3))
+        return rotated(rot, np.array([0.0, 0.0, self.scene.tip])) if self.config.turns else np.zeros((self.nsim, 3))
 
     def _believe(self, rows: np.ndarray) -> None:
         if self.obs_mode not in TARGET_KNOWN:
-            self.believed[rows] = self.nominal_hole
+            self.believed[rows] = self.nominal_goal
             return
-        hole = self.cell.site_position("hole")
+        goal = self.cell.site_position("goal")
         for a in self.cell.active:
             if a.effect.overrides("believe"):
-                hole = a.effect.believe(hole, a.p)
-        self.believed[rows] = hole[rows]
+                goal = a.effect.believe(goal, a.p)
+        self.believed[rows] = goal[rows]
+
+    def offset_by(self, action: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where an action (nsim, 6), an offset from where the arm is, puts the held point and the flange's turn.
+
+        Directions that the policy does not move are held.
+        """
+        c = self.config
+        moved = self.flange + self.lever(self.turn) + c.offset * action[:, :3]
+        held, rot = np.where(self.move[:3], moved, self.held), self.rot
+        if c.turns:
+            asked = rotation_vector(self.straight, self.turn) + c.turn * action[:, 3:]
+            rot = turned(self.straight, np.where(self.move[3:], asked, 0.0))
+        return held, rot
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any] | None]]:
         """One policy step of every row.
@@ -165,11 +178,7 @@ class PegSimulation:
             acted.append(given)
         whole = np.zeros((self.nsim, 6))
         whole[:, self.places] = self.action
-        moved = self.flange + self.lever(self.turn) + c.offset * whole[:, :3]
-        self.held = np.where(self.move[:3], moved, self.held)
-        if turns(c):  # directions that the policy does not turn are held, as are those it does not move
-            asked = rotation_vector(self.straight, self.turn) + c.turn * whole[:, 3:]
-            self.rot = turned(self.straight, np.where(self.move[3:], asked, 0.0))
+        self.held, self.rot = self.task.command(self, whole)
         self.goal = self.held - self.lever(self.rot)
         force, wrenches = np.empty((c.ticks, self.nsim, 3)), np.empty((c.ticks, self.nsim, 6))
         pushed = any(p is not None for p in self.push)
@@ -196,7 +205,7 @@ class PegSimulation:
     def _settle(self, forces, wrenches):
         c, cell = self.config, self.cell
         self.count += 1
-        tip = self.tip_in_hole()
+        tip = self.tip_in_goal()
         bad = ~np.isfinite(cell.qpos).all(axis=1) | ~np.isfinite(forces).all(axis=0) | (np.abs(tip).max(axis=1) > 2.0)
         bad |= ~np.isfinite(tip).all(axis=1) | cell.unstable()
         self.diverged |= bad
@@ -206,22 +215,23 @@ class PegSimulation:
         site = cell.site_rotation("flange")
         self.wrench[:, :3] = np.einsum("nij,nj->ni", site, recent[:, :3]) - self.tare
         self.wrench[:, 3:] = np.einsum("nij,nj->ni", site, recent[:, 3:])
-        reward, goal = REWARDS[c.reward], np.array([0.0, 0.0, -c.success_depth * c.depth])
-        gain = reward.dense(Moment(tip, goal, forces.max(axis=0), self.action, c.reward_scale))
-        tilt, slip = self.tilt(), cell.qpos[:, cell.slip]
+        goal = self.task.goal(c)
+        gain = self.reward.dense(Moment(tip, goal, forces.max(axis=0), self.action, c.reward_scale, self))
+        observed = {name: np.nan_to_num(value) for name, value in self.task.observed(self).items()}
         terminated, truncated = np.zeros(self.nsim, dtype=bool), self.count >= c.steps
         records: list[dict[str, Any] | None] = [None] * self.nsim
         for i, track in enumerate(self.tracks):
-            track.add(c, forces[:, i], tip[i], float(np.nan_to_num(tilt[i])), float(np.nan_to_num(slip[i])))
+            track.add(c, forces[:, i], tip[i], **{name: float(value[i]) for name, value in observed.items()})
             category = "diverged" if self.diverged[i] else track.verdict(c)
             terminated[i] = category is not None
             if category is not None:
-                gain[i] += reward.success if category == "success" else reward.abort
+                gain[i] += self.reward.success if category == "success" else self.reward.abort
             elif truncated[i]:
                 category = track.at_time(c)
             if category is not None:
                 records[i] = self._record(i, category)
-        self.stack.push(np.nan_to_num(policy_part(self), posinf=0.0, neginf=0.0))
+        seen = self.observed.read(self, self.observed.policy)
+        self.stack.push(np.nan_to_num(seen, posinf=0.0, neginf=0.0))
         return gain, terminated, truncated & ~terminated, records
 
     def _record(self, i: int, category: str) -> dict[str, Any]:
@@ -245,26 +255,30 @@ class PegSimulation:
         return {e.label: {k: v.value for k, v in e.params.items()} for e in self.drawn[row].effects}
 
     # What can be seen -----------------------------------------------------------------------------------------
-    def tip_in_hole(self) -> np.ndarray:
-        """True tip (nsim, 3) m in the hole's frame; z is negative inside."""
-        offset = self.cell.site_position("peg_tip") - self.cell.site_position("hole")
-        return np.einsum("nji,nj->ni", self.cell.site_rotation("hole"), offset)
+    def tip_in_goal(self) -> np.ndarray:
+        """True tip (nsim, 3) m in the goal's frame; z is negative below its plane."""
+        offset = self.cell.site_position("tip") - self.cell.site_position("goal")
+        return np.einsum("nji,nj->ni", self.cell.site_rotation("goal"), offset)
 
     def tilt(self) -> np.ndarray:
-        """Angle (nsim,) rad between the peg's axis and the hole's."""
-        along = np.einsum(
-            "nj,nj->n", self.cell.site_rotation("peg_tip")[:, :, 2], self.cell.site_rotation("hole")[:, :, 2]
-        )
+        """Angle (nsim,) rad between the tip's axis and the goal's."""
+        along = np.einsum("nj,nj->n", self.cell.site_rotation("tip")[:, :, 2], self.cell.site_rotation("goal")[:, :, 2])
         return np.arccos(np.clip(np.abs(along), 0.0, 1.0))
 
+    def slip(self) -> np.ndarray:
+        """How far (nsim,) m the held part slipped in the gripper; 0 where it cannot."""
+        return np.zeros(self.nsim) if self.cell.slip is None else self.cell.qpos[:, self.cell.slip]
+
     def observation(self) -> dict[str, np.ndarray]:
-        """See `vispeg.task.observe.observation`."""
-        return observation(self)
+        """`policy` (nsim, stack d) and `privileged` (nsim, k), float32; see Observation for what they hold."""
+        truth = np.nan_to_num(self.observed.read(self, self.observed.truth))
+        parts = {POLICY: self.stack.flat(), PRIVILEGED: truth}
+        return {key: np.clip(value, -LIMIT, LIMIT).astype(np.float32) for key, value in parts.items()}
 
     def bodies(self, row: int) -> dict[str, np.ndarray]:
-        """Where this row's fixture and peg are placed in their parents, (7,) each, for whoever draws them."""
+        """Where this row's fixture and held part are placed in their parents, (7,) each, for whoever draws them."""
         out = {}
-        for name in ("fixture", "peg"):
+        for name in (self.scene.fixture, self.scene.held):
             body = self.cell.model.body(name).id
             pos, quat = self.cell.batch.expanded("body_pos"), self.cell.batch.expanded("body_quat")
             pos = self.cell.model.body_pos[body] if pos is None else pos[row, body]
@@ -273,4 +287,6 @@ class PegSimulation:
         return out
 
 
-__all__ = ["DOWN", "HOME", "IMAGE_MODES", "PegSimulation", "felt", "shown"]
+__all__ = ["DOWN", "HOME", "IMAGE_MODES", "TaskSimulation", "felt", "shown"]
+
+PegSimulation = TaskSimulation

@@ -17,34 +17,48 @@ from vispeg.core.seeds import stream
 from vispeg.task.config import TaskConfig
 from vispeg.task.divergence import leave
 from vispeg.task.eyes import MODES, CameraRig, image_spaces
-from vispeg.task.observe import PRIVILEGED, policy_size
-from vispeg.task.simulation import PegSimulation
+from vispeg.task.registry import config_of, kind_of, task_of
+from vispeg.task.simulation import TaskSimulation
+from vispeg.task.terms import LIMIT, POLICY, PRIVILEGED, Observation
 from vispeg.worlds.world import World
 
 
 def spaces(config: TaskConfig, obs_mode: str, cameras: Sequence[Any]) -> tuple[gym.spaces.Dict, gym.spaces.Box]:
     """Observation and action space of one environment."""
     box = gym.spaces.Box
+    observed = Observation(task_of(config).terms, config)
     parts: dict[str, gym.Space] = {
-        "policy": box(-20.0, 20.0, (config.stack * policy_size(config),), np.float32),
-        "privileged": box(-20.0, 20.0, (PRIVILEGED,), np.float32),
+        POLICY: box(-LIMIT, LIMIT, (config.stack * observed.policy_size,), np.float32),
+        PRIVILEGED: box(-LIMIT, LIMIT, (observed.truth_size,), np.float32),
     }
     parts |= image_spaces(obs_mode, cameras)
     return gym.spaces.Dict(parts), box(-1.0, 1.0, (len(config.dof),), np.float32)
 
 
-def world_of(world: World | str | Path | None, given: dict[str, Any]) -> tuple[World, TaskConfig, Any]:
+def world_of(
+    world: World | str | Path | None, given: dict[str, Any], arguments: Iterable[str] | None = None
+) -> tuple[World, TaskConfig, Any]:
     """A world, the task it states with `given` on top, and its file (None for a World object).
+
+    Args:
+        world: a World, a built-in world's name, or a file; `nominal` if None.
+        given: settings of the task in place of the world's.
+        arguments: of a call that `given` was taken from; a name that is neither among them nor a setting is refused as
+            a misspelt argument.
 
     Raises:
         UserError: as `load_world`; of what is `given`, without the file, in which it does not stand.
     """
     if isinstance(world, World):
-        return world, TaskConfig.of(given), None
-    from vispeg.task.world_file import load_world
+        file, told = None, given
+    else:
+        from vispeg.task.world_file import load_world
 
-    file = load_world(world if world is not None else "nominal")
-    return file.world, TaskConfig.of({**file.task, **given}, None if given else str(file.path)), file
+        file = load_world(world if world is not None else "nominal")
+        world, told = file.world, {**file.task, **given}
+    if arguments is not None:
+        check_names(given, arguments, kind_of(told))
+    return world, config_of(told, None if given or file is None else str(file.path)), file
 
 
 MEANT = {  # what others call it -> what it is called here, where spelling does not tell
@@ -60,9 +74,9 @@ MEANT = {  # what others call it -> what it is called here, where spelling does 
 }
 
 
-def check_names(given: Iterable[str], others: Iterable[str]) -> None:
-    """Raises UserError for a keyword argument that is neither a field of TaskConfig nor among `others`."""
-    choices = (*others, *(f.name for f in fields(TaskConfig)))
+def check_names(given: Iterable[str], others: Iterable[str], kind: type[TaskConfig]) -> None:
+    """Raises UserError for a keyword argument that is neither a field of the task's settings nor among `others`."""
+    choices = (*others, *(f.name for f in fields(kind)))
     for name in given:
         if name not in choices:
             raise UserError("no such setting of the task", got=name, choices=choices, meant=MEANT.get(name, ""))
@@ -71,8 +85,8 @@ def check_names(given: Iterable[str], others: Iterable[str]) -> None:
 TOLD = ("success", "category", "seed", "time", "peak_force", "lateral_error", "depth")  # as arrays in `infos`
 
 
-class PegInHoleVec(VectorEnv):
-    """`num_envs` peg-in-hole environments, stepped together.
+class TaskVec(VectorEnv):
+    """`num_envs` environments of a world's task, stepped together.
 
     Args:
         num_envs: rows.
@@ -85,7 +99,7 @@ class PegInHoleVec(VectorEnv):
         backend: of the renderer, for image modes.
         render_mode: None or `rgb_array`.
         dump: folder in which an episode that diverges leaves what `vispeg.task.divergence.replay` plays again.
-        **task: TaskConfig fields that replace the world's.
+        **settings: of the task, fields of its TaskConfig that replace the world's.
     """
 
     def __init__(
@@ -99,12 +113,11 @@ class PegInHoleVec(VectorEnv):
         backend: str = "auto",
         render_mode: str | None = None,
         dump: str | Path | None = None,
-        **task: Any,
+        **settings: Any,
     ):
         made = {"num_envs": num_envs, "world": world, "obs_mode": obs_mode, "seed": seed, "nthread": nthread}
         made |= {"autoreset_mode": autoreset_mode, "backend": backend, "render_mode": render_mode, "dump": dump}
-        check_names(task, made)
-        self._made = {**made, **task}
+        self._made = {**made, **settings}
         if obs_mode not in MODES:
             raise UserError("unknown observation mode", key="obs_mode", got=obs_mode, choices=MODES)
         if render_mode not in (None, "rgb_array"):
@@ -114,13 +127,14 @@ class PegInHoleVec(VectorEnv):
             raise UserError("unknown way of resetting", key="autoreset_mode", got=autoreset_mode, choices=resets)
         if num_envs < 1:
             raise UserError("must be at least 1", key="num_envs", got=num_envs)
-        self.world, self.config, self.file = world_of(world, task)
+        self.world, self.config, self.file = world_of(world, settings, made)
         self.num_envs, self.obs_mode, self.render_mode, self.dump = num_envs, obs_mode, render_mode, dump
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": 6, "autoreset_mode": self.autoreset_mode}
-        self.sim = PegSimulation(self.world, self.config, num_envs, obs_mode, nthread)
+        self.sim = TaskSimulation(self.world, self.config, num_envs, obs_mode, nthread)
         self.eyes = CameraRig(self.sim, obs_mode, self.file, backend)
         self.single_observation_space, self.single_action_space = spaces(self.config, obs_mode, self.eyes.cameras)
+        self.observed = self.sim.observed
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._base = np.arange(num_envs, dtype=np.int64) + (0 if seed is None else seed)
@@ -233,3 +247,6 @@ def episode_seed(base: int, episode: int) -> int:
     if episode == 0:
         return int(base)
     return int(stream(int(base), "episode", int(episode)).integers(2**31))
+
+
+PegInHoleVec = TaskVec

@@ -19,9 +19,8 @@ from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.guard import is_file, read_bytes
-from vispeg.robots.scene import build
 from vispeg.task.config import TaskConfig
-from vispeg.task.peg.places import check_places
+from vispeg.task.registry import config_of, digest_of, task_of
 from vispeg.worlds.entry import entry_dict, ranged
 from vispeg.worlds.identified import ranges_of
 from vispeg.worlds.model_file import placed_dict
@@ -33,7 +32,7 @@ WORLD = Format(FORMAT, "a world", keys=("name", "about", "base", "model", "task"
 FILES = 100  # that a world may be put together from: bases that name bases can be many times that
 # fields of TaskConfig that policies and results of before do not know: at its default, such a field is not in the hash,
 # so that theirs stays what it was; whoever adds a field adds it here
-LATER = ("fixture", "block", "success_lateral", "success_force", "reward")
+LATER = ("name", "fixture", "block", "success_lateral", "success_force", "reward")
 RENDERER = {"backend": ("auto", "classic", "raycast", "filament"), "shadows": (False, True)}
 
 
@@ -104,11 +103,10 @@ def load_world(source: str | Path) -> WorldFile:
     broad = [r for r in parts.ranges.values() if r.where in ("all", "each")]
     narrow = [r for r in parts.ranges.values() if r.where not in ("all", "each")]
     world = World(ranges=(*broad, *narrow))
-    scene = build(TaskConfig.of(parts.task, str(path)).scene())
-    check_places(scene, None, path, "task.fixture")
-    for place, r in parts.ranges.items():
-        if r.effect == "hole_offset":  # here, not entry by entry: a file may move the fixture that its base speaks of
-            check_places(scene, r, *parts.said[place])
+    config = config_of(parts.task, str(path))
+    ranges = [(r, *parts.said[place]) for place, r in parts.ranges.items()]
+    task_of(config).check(task_of(config).cell(config), ranges, path)  # here, not entry by entry: a file may move what
+    # its base speaks of
     digest = world_hash(world, parts.task, parts.cameras, parts.renderer)
     return WorldFile(name, world, parts.task, parts.cameras, parts.renderer, digest, path)
 
@@ -120,11 +118,13 @@ def world_hash(
     renderer: Mapping[str, Any] | None = None,
 ) -> str:
     """SHA-256 (hex) of all that decides what an episode in this world may be."""
-    config = task if isinstance(task, TaskConfig) else TaskConfig.of(task or {})
+    config = task if isinstance(task, TaskConfig) else config_of(task or {})
     entries = [{k: v for k, v in entry_dict(r).items() if k != "source"} for r in world.ranges]
     fixed = [{k: v for k, v in placed_dict(e).items() if k != "origin"} for e in world.effects]
     seen = {n: _digest(c) if isinstance(c, str) else c for n, c in (cameras or {}).items()}
-    told = {k: v for k, v in asdict(config).items() if k not in LATER or v != getattr(TaskConfig, k)}
+    told = {k: v for k, v in asdict(config).items() if k not in LATER or v != getattr(type(config), k)}
+    if (code := digest_of(config.name)) is not None:
+        told["name"] = [config.name, code]
     content = [world.robot, world.tool, fixed, entries, told, seen, dict(renderer or {})]
     return hashlib.sha256(json.dumps(content, sort_keys=True, default=list).encode()).hexdigest()
 
@@ -153,14 +153,15 @@ def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> None:
     for base in [bases] if isinstance(bases, str) else _typed(bases, list, path, "base"):
         _collect(_path(base, path), parts, (*above, path))
     task = _typed(_given(data, "task", {}), Mapping, path, "task")
-    TaskConfig.of(task, str(path))
+    config_of({**{k: v for k, v in parts.task.items() if k == "name"}, **task}, str(path))
     parts.task |= task
     parts.cameras |= _cameras(_given(data, "cameras", {}), path)
     parts.renderer |= _renderer(_given(data, "renderer", {}), path)
     if data.get("model") is not None:
         for r in ranges_of(_beside(_typed(data["model"], str, path, "model"), path), World().robot):
             _replace(parts, r, path, "model")
-    scene = build(TaskConfig.of(parts.task, str(path)).scene())
+    config = config_of(parts.task, str(path))
+    scene = task_of(config).cell(config)
     seen: set[tuple[str, str]] = set()
     for i, entry in enumerate(_typed(_given(data, "effects", []), list, path, "effects")):
         r = ranged(entry, scene, path, f"effects[{i}]")

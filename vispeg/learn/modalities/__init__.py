@@ -27,7 +27,7 @@ class Modality:
         encoder: (key, (C, H, W)) -> a module from raw images (n, C, H, W) to (n, features) with an attribute
             `features`.
         summary: one line for people.
-        truth: entries of the ground truth (`privileged`) that it also reads: for teachers, as no robot has them.
+        knows: whether it also reads what a teacher may of the ground truth (`privileged`), which no robot has.
     """
 
     name: str
@@ -35,7 +35,7 @@ class Modality:
     kinds: tuple[str, ...]
     encoder: Callable[[str, tuple[int, int, int]], nn.Module]
     summary: str
-    truth: tuple[int, ...] = ()
+    knows: bool = False
 
 
 def enrol(modality: Modality) -> Modality:

@@ -1,1 +1,11 @@
 """The peg-in-hole task: what it asks, sees, rewards and calls a failure."""
+
+from gymnasium.envs.registration import register, registry
+
+if "PegInHole-v0" not in registry:
+    register(
+        "PegInHole-v0",
+        entry_point="vispeg.task.peg.env:PegInHoleEnv",
+        vector_entry_point="vispeg.task.peg.env:PegInHoleVec",
+        disable_env_checker=True,
+    )

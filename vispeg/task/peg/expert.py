@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from vispeg.task.config import DOF, TaskConfig
-from vispeg.task.observe import TURN, turns
+from vispeg.task.config import DOF
+from vispeg.task.peg.config import PegConfig
+from vispeg.task.peg.terms import TERMS
+from vispeg.task.terms import Observation
 
 HOVER = 0.004  # m, height at which the lateral error is removed before lowering
 TOUCHING = 2.0  # N
@@ -24,8 +26,8 @@ class Expert:
         nsim: rows.
     """
 
-    def __init__(self, config: TaskConfig, nsim: int):
-        self.config = config
+    def __init__(self, config: PegConfig, nsim: int):
+        self.config, self.observed = config, Observation(TERMS, config)
         self.angle, self.searching = np.zeros(nsim), np.zeros(nsim, dtype=bool)
 
     def reset(self, rows: np.ndarray) -> None:
@@ -33,12 +35,12 @@ class Expert:
         self.angle[rows], self.searching[rows] = 0.0, False
 
     def act(self, observation: dict[str, np.ndarray]) -> np.ndarray:
-        """Actions (n, len(dof)) in [-1, 1] from `policy` (n, ..): see PegSimulation for its layout.
+        """Actions (n, len(dof)) in [-1, 1] from `policy` (n, ..): see PegTask.terms for its layout.
 
         It turns the peg upright where it may turn it.
         """
         c, seen = self.config, observation["policy"]
-        tip, force = 0.03 * seen[:, :3].astype(float), 20.0 * seen[:, 6:9].astype(float)
+        tip, force = self._read("tip", seen), self._read("force", seen)
         up = force[:, 2]
         inside = tip[:, 2] < -0.003
         self.searching |= (up > TOUCHING) & (np.abs(tip[:, 2]) < 0.003)
@@ -54,7 +56,10 @@ class Expert:
         lateral = np.where(inside[:, None], np.clip(-0.5 * force[:, :2] / 20.0 * -0.003, -0.002, 0.002), error)
         whole = np.zeros((len(seen), len(DOF)))
         whole[:, :3] = np.concatenate([lateral, down[:, None]], axis=1) / c.offset
-        if turns(c):
-            first = 12 + len(c.dof)
-            whole[:, 3:] = -TURN * seen[:, first : first + 3] / c.turn
+        if c.turns:
+            whole[:, 3:] = -self.observed.term("turn").scale * seen[:, self.observed["turn"]] / c.turn
         return np.clip(whole[:, [DOF.index(d) for d in c.dof]], -1.0, 1.0).astype(np.float32)
+
+    def _read(self, name: str, seen: np.ndarray) -> np.ndarray:
+        """A term (n, size) of the newest moment, in its unit."""
+        return self.observed.term(name).scale * seen[:, self.observed[name]].astype(float)

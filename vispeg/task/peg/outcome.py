@@ -2,60 +2,47 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from vispeg.task.config import TaskConfig
+from vispeg.task.peg.config import PegConfig
+from vispeg.task.track import Track
 
 CATEGORIES = ("success", "approach", "search", "jam", "wedge", "slip", "force limit", "timeout", "diverged")
-TOUCH = 0.5  # N, contact force from which the peg counts as touching
 ENTERED = 0.002  # m, depth from which the tip counts as in the hole
 SLIPPED = 0.003  # m, slip along the peg that counts as lost
 MOVING = 0.0005  # m a policy step, progress that counts as still going in
 
 
 @dataclass
-class Track:
+class PegTrack(Track):
     """What one row has seen so far in its episode.
 
     Attributes:
-        touched: whether the peg ever touched.
         deepest: greatest depth of the tip below the mouth while over the hole, m; beside the fixture is not in it.
         dwell: policy steps in a row at the goal: deep, close to the axis and gentle.
-        peak: greatest contact force, N.
-        forces: contact force at every control tick, N.
-        depths: depth after every policy step, m.
         tilt: angle between peg and hole, rad.
         slip: along the peg, m.
     """
 
-    touched: bool = False
     deepest: float = -1.0
     dwell: int = 0
-    peak: float = 0.0
-    lateral: float = 0.0
     tilt: float = 0.0
     slip: float = 0.0
-    forces: list[np.ndarray] = field(default_factory=list)
-    depths: list[float] = field(default_factory=list)
 
-    def add(self, config: TaskConfig, forces: np.ndarray, tip: np.ndarray, tilt: float, slip: float) -> None:
+    def add(self, config: PegConfig, forces: np.ndarray, tip: np.ndarray, tilt: float = 0.0, slip: float = 0.0) -> None:
         """One policy step: contact forces at its ticks (N), tip in the hole's frame (3,) m, tilt (rad), slip (m)."""
-        depth = float(-tip[2])
-        self.lateral, self.tilt, self.slip = float(np.hypot(tip[0], tip[1])), tilt, slip
+        super().add(config, forces, tip)
+        depth, self.tilt, self.slip = self.depths[-1], tilt, slip
         over = self.lateral <= 0.5 * config.diameter
         close = self.lateral <= (config.success_lateral or 0.5 * config.diameter)
         gentle = forces.max() <= (config.success_force or config.force_abort)
         there = close and gentle and depth >= config.success_depth * config.depth
         self.dwell = self.dwell + 1 if there else 0
         self.deepest = max(self.deepest, depth if over else -1.0)
-        self.touched |= bool(forces.max() > TOUCH)
-        self.peak = max(self.peak, float(forces.max()))
-        self.forces.append(forces)
-        self.depths.append(depth)
 
-    def verdict(self, config: TaskConfig) -> str | None:
+    def verdict(self, config: PegConfig) -> str | None:
         """The category once the episode is over by itself (success, force limit, slip), else None."""
         if self.peak > config.force_abort:
             return "force limit"
@@ -63,7 +50,7 @@ class Track:
             return "slip"
         return "success" if self.dwell >= config.dwell else None
 
-    def at_time(self, config: TaskConfig) -> str:
+    def at_time(self, config: PegConfig) -> str:
         """The category of an episode that ran out of time.
 
         `wedge` and `jam` follow Whitney (J. Dyn. Sys. Meas. Control 104, 1982): a peg is wedged when it stands across

@@ -1,0 +1,67 @@
+"""What the peg task asks beyond what any task does: its cell, and when an insertion counts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import ClassVar
+
+from vispeg.core.errors import UserError
+from vispeg.robots.scene import SceneConfig
+from vispeg.task.config import TaskConfig
+from vispeg.task.peg.rewards import REWARDS
+from vispeg.task.rewards import Rewards
+
+
+@dataclass(frozen=True, kw_only=True)
+class PegConfig(TaskConfig):
+    """SI units unless the name says otherwise; see TaskConfig for what every task has.
+
+    Attributes:
+        clearance_mm, shape, diameter, depth, chamfer, friction, fixture, block, solref: the cell, see SceneConfig.
+        peg_mesh, hole_mesh, mesh_scale, mesh_concavity, hole_origin, peg_density: your own shapes, see SceneConfig.
+        success_depth: share of the hole's depth that the tip must reach.
+        success_lateral: greatest distance of the tip from the hole's axis there, m; 0 for half the peg's diameter.
+        success_force: greatest contact force there, N; 0 for `force_abort`.
+        dwell: policy steps in a row that all three must hold.
+    """
+
+    rewards: ClassVar[Rewards] = REWARDS
+
+    name: str = "peg"
+    clearance_mm: float = 3.0
+    shape: str = "round"
+    diameter: float = 0.016
+    depth: float = 0.025
+    chamfer: float = 0.001
+    friction: float = 0.3
+    fixture: tuple[float, float, float] = SceneConfig.fixture
+    block: float = SceneConfig.block
+    solref: tuple[float, float] = (0.004, 1.0)
+    peg_mesh: str = ""
+    hole_mesh: str = ""
+    mesh_scale: float = 1.0
+    mesh_concavity: float = 0.02
+    hole_origin: tuple[float, ...] = ()
+    peg_density: float = 7850.0
+    success_depth: float = 0.8
+    success_lateral: float = 0.0
+    success_force: float = 0.0
+    dwell: int = 1
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 0 < self.success_depth <= 1:
+            raise UserError("not a share", key="success_depth", expected="above 0, at most 1", got=self.success_depth)
+        for key, most in (("success_lateral", 0.5 * self.diameter), ("success_force", self.force_abort)):
+            if not 0 <= getattr(self, key) <= most:
+                expected = f"0 to {most:g}, where 0 stands for {most:g}"
+                raise UserError("not a limit", key=key, expected=expected, got=getattr(self, key))
+        if not 1 <= self.dwell <= self.steps:
+            expected = f"1 to {self.steps}, the steps of an episode"
+            raise UserError("impossible dwell", key="dwell", expected=expected, got=self.dwell)
+        self.scene()  # raises where the geometry cannot be
+
+    def scene(self) -> SceneConfig:
+        """The cell that this task needs."""
+        same = {f.name for f in fields(SceneConfig)} & {f.name for f in fields(self)}
+        return SceneConfig(**{name: getattr(self, name) for name in same})

@@ -1,0 +1,14 @@
+"""The peg task under its names in gymnasium: `PegInHole-v0`, single and as a vector environment."""
+
+from __future__ import annotations
+
+from vispeg.task.env import TaskEnv
+from vispeg.task.vector import TaskVec
+
+
+class PegInHoleVec(TaskVec):
+    """`num_envs` peg-in-hole environments, stepped together; see TaskVec."""
+
+
+class PegInHoleEnv(TaskEnv):
+    """One peg-in-hole environment; see TaskEnv."""

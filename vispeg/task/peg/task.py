@@ -1,0 +1,54 @@
+"""The peg-in-hole task, first tenant of the contract."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from vispeg.core.world import RandomizedEffect
+from vispeg.robots.scene import CAMERAS, Scene, build
+from vispeg.task.contract import Task
+from vispeg.task.peg.config import PegConfig
+from vispeg.task.peg.expert import Expert
+from vispeg.task.peg.outcome import CATEGORIES, PegTrack
+from vispeg.task.peg.places import check_places
+from vispeg.task.peg.terms import TERMS
+from vispeg.task.simulation import TaskSimulation
+
+
+class PegTask(Task):
+    """A peg, a hole, an arm under operational space control."""
+
+    title = "Insert the peg into the hole."
+    Config = PegConfig
+    terms = TERMS
+    categories = CATEGORIES
+
+    def cell(self, config: PegConfig, cameras: tuple[str, ...] | None = None) -> Scene:
+        """See Task."""
+        return build(config.scene(), CAMERAS if cameras is None else cameras)
+
+    def check(self, scene: Scene, ranges: Sequence[tuple[RandomizedEffect, Path, str]], file: Path) -> None:
+        """The arm must reach the hole wherever it may stand."""
+        check_places(scene, None, file, "task.fixture")
+        for r, where, key in ranges:
+            if r.effect == "hole_offset":
+                check_places(scene, r, where, key)
+
+    def goal(self, config: PegConfig) -> np.ndarray:
+        """On the axis, as deep as success asks."""
+        return np.array([0.0, 0.0, -config.success_depth * config.depth])
+
+    def track(self) -> PegTrack:
+        """See Task."""
+        return PegTrack()
+
+    def observed(self, sim: TaskSimulation) -> Mapping[str, np.ndarray]:
+        """Tilt and slip."""
+        return {"tilt": sim.tilt(), "slip": sim.slip()}
+
+    def expert(self, config: PegConfig, nsim: int) -> Expert:
+        """Hovers, lowers, searches in a spiral, pushes down."""
+        return Expert(config, nsim)

@@ -1,0 +1,81 @@
+"""Tasks by name: the package's own, those that an installed package offers, and any class of an importable module.
+
+An installed package offers one under the entry point group `vispeg.tasks`. A module is named as `MODULE:CLASS`, as
+gymnasium names environments; naming it runs its code, so a world file that names a module deserves the trust that the
+module does.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import inspect
+from collections.abc import Mapping
+from functools import cache
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any
+
+from vispeg.core.errors import UserError
+from vispeg.task.config import TaskConfig
+from vispeg.task.contract import Task
+
+GROUP = "vispeg.tasks"
+FIRST = "peg"  # the task of a world that names none
+OURS = {FIRST: "vispeg.task.peg.task:PegTask"}
+
+
+@cache
+def task(name: str) -> Task:
+    """The task of that name.
+
+    Raises:
+        UserError: no such task, a module that cannot be imported, or a class that is no task.
+    """
+    offered = {**{e.name: e.value for e in entry_points(group=GROUP)}, **OURS}
+    where = offered.get(name, name)
+    module, _, attribute = where.partition(":")
+    if not module or not attribute:
+        expected = "a task's name, or MODULE:CLASS of one that Python can import"
+        raise UserError("no such task", key="task.name", expected=expected, got=name, choices=offered)
+    try:
+        found = getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError, SyntaxError, ValueError) as error:
+        expected = "a module on PYTHONPATH or installed, and a class in it"
+        raise UserError(f"no such task ({error})", key="task.name", expected=expected, got=name) from error
+    if not (inspect.isclass(found) and issubclass(found, Task) and not inspect.isabstract(found)):
+        expected = "a class that implements vispeg.task.contract.Task"
+        raise UserError("not a task", key="task.name", expected=expected, got=name)
+    return found()
+
+
+def task_of(config: TaskConfig) -> Task:
+    """The task that these settings are of."""
+    return task(config.name)
+
+
+def kind_of(given: Mapping[str, Any], file: str | None = None) -> type[TaskConfig]:
+    """The class of the settings that a mapping (a world file's `task:`) states. Raises UserError: no such task."""
+    name = given.get("name", FIRST)
+    if not isinstance(name, str):
+        raise UserError("wrong type", file=file, key="task.name", expected="a text", got=name)
+    try:
+        return task(name).Config
+    except UserError as error:
+        raise UserError(str(error), file=file) from error
+
+
+def config_of(given: Mapping[str, Any], file: str | None = None) -> TaskConfig:
+    """The settings that a mapping states.
+
+    Raises:
+        UserError: no such task, an unknown key, a wrong type or value.
+    """
+    return kind_of(given, file).of({"name": FIRST, **given}, file)
+
+
+def digest_of(name: str) -> str | None:
+    """SHA-256 (hex) of the file that a task of the user's own is written in; None for the package's."""
+    if name in OURS:
+        return None
+    return hashlib.sha256(Path(inspect.getfile(type(task(name)))).read_bytes()).hexdigest()

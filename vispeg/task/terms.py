@@ -1,0 +1,147 @@
+"""Observation terms: what is observed, by name, each with its unit, its scale and who may see it.
+
+A task lists its terms (`Task.terms`); `Observation` puts them side by side and finds each again by its name. The
+policy's terms are stacked, newest first (`TaskConfig.stack`); the ground truth is of the present moment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.core.seeds import stream
+from vispeg.task.config import TaskConfig
+
+if TYPE_CHECKING:
+    from vispeg.task.simulation import TaskSimulation
+
+POLICY, PRIVILEGED = "policy", "privileged"  # keys of an observation: what a policy may see, and the ground truth
+LIMIT = 20.0  # largest scaled value
+
+
+@dataclass(frozen=True)
+class Term:
+    """One term.
+
+    Attributes:
+        name: by which it is found again.
+        read: simulation -> (nsim, size), in `unit`.
+        size: numbers, or a function of the task's settings.
+        unit: of what `read` gives.
+        scale: in `unit`; an observation holds `read / scale`, near 1.
+        to: who may see it: the `policy` (and critics), a `teacher` (and critics), or a `critic` alone.
+        about: one line for people.
+        noise: standard deviation in `unit` of white noise on it, drawn from the episode's seed.
+        when: whether a task of these settings has the term.
+    """
+
+    name: str
+    read: Callable[[TaskSimulation], np.ndarray]
+    size: int | Callable[[TaskConfig], int]
+    unit: str
+    scale: float
+    to: Literal["policy", "teacher", "critic"]
+    about: str
+    noise: float = 0.0
+    when: Callable[[TaskConfig], bool] = lambda config: True
+
+    def length(self, config: TaskConfig) -> int:
+        """Numbers that it has in a task of these settings."""
+        return self.size if isinstance(self.size, int) else self.size(config)
+
+
+class Observation:
+    """The terms of a task of these settings, in order.
+
+    Args:
+        terms: of the task.
+        config: its settings.
+
+    Raises:
+        UserError: two terms of one name.
+    """
+
+    def __init__(self, terms: Iterable[Term], config: TaskConfig):
+        self.config = config
+        self.terms = tuple(t for t in terms if t.when(config))
+        self.policy = tuple(t for t in self.terms if t.to == POLICY)
+        self.truth = tuple(t for t in self.terms if t.to != POLICY)
+        self._places: dict[str, slice] = {}
+        for group in (self.policy, self.truth):
+            first = 0
+            for t in group:
+                if t.name in self._places:
+                    raise UserError("two observation terms share a name", got=t.name)
+                self._places[t.name] = slice(first, first + t.length(config))
+                first += t.length(config)
+
+    @property
+    def policy_size(self) -> int:
+        """Numbers of one moment in the policy's part."""
+        return sum(t.length(self.config) for t in self.policy)
+
+    @property
+    def truth_size(self) -> int:
+        """Numbers of the ground truth."""
+        return sum(t.length(self.config) for t in self.truth)
+
+    @property
+    def for_teachers(self) -> tuple[int, ...]:
+        """Entries of the ground truth that a teacher may see."""
+        return tuple(i for t in self.truth if t.to == "teacher" for i in _entries(self[t.name]))
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._places
+
+    def __getitem__(self, name: str) -> slice:
+        """Where a term stands: in one moment of the policy's part, or in the ground truth."""
+        if name not in self._places:
+            raise UserError("no such observation term", got=name, choices=self._places)
+        return self._places[name]
+
+    def term(self, name: str) -> Term:
+        """The term of that name. Raises UserError that lists the choices."""
+        self[name]
+        return next(t for t in self.terms if t.name == name)
+
+    def read(self, sim: TaskSimulation, terms: Sequence[Term]) -> np.ndarray:
+        """(nsim, d) scaled values of these terms."""
+        return np.concatenate([self._value(t, sim) / t.scale for t in terms], axis=1)
+
+    def _value(self, term: Term, sim: TaskSimulation) -> np.ndarray:
+        value = term.read(sim)
+        if not term.noise:
+            return value
+        drawn = [
+            stream(int(seed), "term", term.name, int(k)).standard_normal(value.shape[1])
+            for seed, k in zip(sim.seeds, sim.count, strict=True)
+        ]
+        return value + term.noise * np.stack(drawn)
+
+
+def _entries(place: slice) -> range:
+    return range(place.start, place.stop)
+
+
+class Stack:
+    """The last `depth` observations (nsim, size), newest first; a row that begins repeats its first one."""
+
+    def __init__(self, depth: int, nsim: int, size: int):
+        self.values = np.zeros((depth, nsim, size))
+
+    def fill(self, rows: np.ndarray, value: np.ndarray) -> None:
+        """Rows begin anew with their `value` (nsim, size)."""
+        self.values[:, rows] = value[rows]
+
+    def push(self, value: np.ndarray) -> None:
+        """One more observation (nsim, size) of every row."""
+        self.values[1:] = self.values[:-1]
+        self.values[0] = value
+
+    def flat(self) -> np.ndarray:
+        """(nsim, depth size)."""
+        return np.swapaxes(self.values, 0, 1).reshape(self.values.shape[1], -1)

@@ -1,0 +1,53 @@
+"""What one row has seen so far in its episode, and what that is called in the end."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+TOUCH = 0.5  # N, contact force from which a contact counts
+
+
+@dataclass
+class Track(ABC):
+    """The judge of one episode. A task says what its ends are called.
+
+    Attributes:
+        touched: whether there ever was contact.
+        peak: greatest contact force, N.
+        lateral: distance of the tip from the goal's axis, m.
+        forces: contact force at every control tick, N.
+        depths: depth of the tip below the goal's plane after every policy step, m.
+    """
+
+    touched: bool = False
+    peak: float = 0.0
+    lateral: float = 0.0
+    forces: list[np.ndarray] = field(default_factory=list)
+    depths: list[float] = field(default_factory=list)
+
+    def add(self, config: Any, forces: np.ndarray, tip: np.ndarray, **observed: float) -> None:
+        """One policy step.
+
+        Args:
+            config: the task's settings.
+            forces: contact forces at its ticks, N.
+            tip: (3,) m in the goal's frame.
+            observed: see `Task.observed`.
+        """
+        self.lateral = float(np.hypot(tip[0], tip[1]))
+        self.touched |= bool(forces.max() > TOUCH)
+        self.peak = max(self.peak, float(forces.max()))
+        self.forces.append(forces)
+        self.depths.append(float(-tip[2]))
+
+    @abstractmethod
+    def verdict(self, config: Any) -> str | None:
+        """The category once the episode is over by itself, else None."""
+
+    @abstractmethod
+    def at_time(self, config: Any) -> str:
+        """The category of an episode that ran out of time."""
