@@ -19,8 +19,8 @@ from vispeg.task.terms import Term
 from vispeg.task.track import Track
 
 if TYPE_CHECKING:
-    from vispeg.core.world import RandomizedEffect
     from vispeg.task.simulation import TaskSimulation
+    from vispeg.worlds.world import RandomizedEffect
 
 
 class Expert(Protocol):

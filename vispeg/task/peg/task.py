@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from vispeg.core.world import RandomizedEffect
 from vispeg.robots.scene import CAMERAS, Scene, build
 from vispeg.task.contract import Task
 from vispeg.task.peg.config import PegConfig
@@ -16,6 +15,7 @@ from vispeg.task.peg.outcome import CATEGORIES, PegTrack
 from vispeg.task.peg.places import check_places
 from vispeg.task.peg.terms import TERMS
 from vispeg.task.simulation import TaskSimulation
+from vispeg.worlds.world import RandomizedEffect
 
 
 class PegTask(Task):
