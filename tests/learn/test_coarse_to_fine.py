@@ -61,11 +61,11 @@ def test_the_fine_policy_keeps_its_episode_and_its_hole_until_the_next_one():
     both.act(seen([[0.001, 0], [0.001, 0]]))
     both.coarse.hole = np.array([0.01, 0.01])  # what it sees later no longer counts
     both.act(seen([[0.03, 0.03], [0.03, 0.03]]))
-    assert both.fine_has.all() and np.abs(both.hole).max() < 1e-9
+    assert both.fine_has.all() and np.abs(both.goal).max() < 1e-9
     both.reset(2, np.array([True, False]))
     both.act(seen([[0.03, 0.03], [0.03, 0.03]]))
     assert both.fine_has.tolist() == [False, True]
-    np.testing.assert_allclose(both.hole, [[0.01, 0.01], [0, 0]], atol=1e-9)
+    np.testing.assert_allclose(both.goal, [[0.01, 0.01], [0, 0]], atol=1e-9)
 
 
 def test_a_blind_fine_policy_sees_what_the_task_gives():

@@ -1,6 +1,7 @@
-"""Trains a policy for the peg-in-hole task.
+"""Trains a policy for the task of a world.
 
-TASK is peg-state, peg-proprio, peg-depth, peg-rgb or peg-rgbd. The run's folder holds config.yaml, progress.csv,
+TASK is the task and what the policy sees: peg-state, peg-proprio, peg-depth, peg-rgb or peg-rgbd, or LABEL-MODALITY of a
+task of your own. The run's folder holds config.yaml, progress.csv,
 tensorboard/ and checkpoints/best and checkpoints/last; either checkpoint is a policy that `vispeg play` and `vispeg
 evaluate` take.
 
@@ -33,7 +34,7 @@ class Args:
     """Arguments of `vispeg train`."""
 
     task: tyro.conf.Positional[str | None] = None
-    """peg-state, peg-proprio, peg-depth, peg-rgb or peg-rgbd; not needed with --resume."""
+    """Task and modality, such as peg-depth (peg-state, -proprio, -depth, -rgb, -rgbd); not needed with --resume."""
     recipe: Literal["sac", "distill", "distill+sac"] = "sac"
     """Reinforcement learning, imitation of a teacher that knows the state, or the one after the other."""
     world: str = "nominal"
@@ -110,16 +111,19 @@ class Args:
         from vispeg.learn.modalities import modality, names
         from vispeg.learn.settings import defaults
         from vispeg.learn.train import train
+        from vispeg.task.registry import task_of
         from vispeg.task.vector import world_of
 
-        if self.task is None or not self.task.startswith("peg-"):
-            raise UserError("no such task", got=self.task, choices=[f"peg-{name}" for name in names()])
-        seen = modality(self.task.removeprefix("peg-"))
+        settings = self._settings()
+        task = world_of(self.world, dict(settings))[1]
+        label, _, name = (self.task or "").partition("-")
+        if not name or label != task_of(task).label:
+            known = [f"{task_of(task).label}-{name}" for name in names()]
+            raise UserError("no such task", got=self.task, expected=f"one of the world {self.world}", choices=known)
+        seen = modality(name)
         sac = defaults(bool(seen.kinds))
         utd = sac.utd if self.utd is None else self.utd
         sac = replace(sac, recurrent=self.recurrent, utd=utd, symmetric=self.symmetric)
-        settings = self._settings()
-        task = world_of(self.world, dict(settings))[1]
         rounds = {"steps": self.distill_steps, "updates": self.distill_updates, "looks": self.distill_looks}
         config = TrainConfig(
             self.task,

@@ -40,7 +40,7 @@ class TrainConfig:
     """A run.
 
     Attributes:
-        task: `peg-<modality>`.
+        task: `<label>-<modality>`, such as `peg-depth`: the label of the world's task, see vispeg.task.contract.
         recipe: `sac`, `distill` or `distill+sac`.
         world: built-in name or path of a world file.
         steps: environment steps in all.
@@ -88,8 +88,8 @@ class TrainConfig:
                 raise UserError("must be at least 1", key=key, got=getattr(self, key))
         if self.recipe not in RECIPES:
             raise UserError("no such recipe", key="recipe", got=self.recipe, choices=RECIPES)
-        if not self.task.startswith("peg-"):
-            raise UserError("no such task", key="task", got=self.task, expected="peg-<modality>")
+        if not all(self.task.partition("-")):
+            raise UserError("no such task", key="task", got=self.task, expected="LABEL-MODALITY")
         if self.teacher is not None and self.dataset is not None:
             raise UserError("a dataset stands in place of a teacher", key="dataset", expected="one of them", got="both")
         if not self.stages:
@@ -104,7 +104,7 @@ class TrainConfig:
     @property
     def modality(self) -> str:
         """What the policy sees."""
-        return self.task.removeprefix("peg-")
+        return self.task.partition("-")[2]
 
     def write(self, path: Path) -> None:
         """Writes YAML."""

@@ -39,6 +39,7 @@ class Task(ABC):
     """One task.
 
     Attributes:
+        label: one word without a dash; `vispeg train LABEL-MODALITY`.
         title: what a person would ask for, in a sentence; the instruction in datasets.
         Config: its settings, whose `rewards` are its reward terms.
         terms: what is observed; the first of the ground truth is the tip in the goal's frame (m), which policies that
@@ -47,6 +48,7 @@ class Task(ABC):
         hard_positions: a `vispeg-positions/1` file of places that are tried one by one, or None.
     """
 
+    label: ClassVar[str]
     title: ClassVar[str]
     Config: ClassVar[type[TaskConfig]]
     terms: ClassVar[tuple[Term, ...]]

@@ -21,7 +21,7 @@ class Modality:
     """One way of seeing the task.
 
     Attributes:
-        name: as in `vispeg train peg-<name>`.
+        name: as in `vispeg train LABEL-NAME`.
         obs_mode: what the environment is asked to observe.
         kinds: prefixes of the image keys that are read: `depth`, `rgb`.
         encoder: (key, (C, H, W)) -> a module from raw images (n, C, H, W) to (n, features) with an attribute

@@ -21,6 +21,7 @@ from vispeg.worlds.world import RandomizedEffect
 class PegTask(Task):
     """A peg, a hole, an arm under operational space control."""
 
+    label = "peg"
     title = "Insert the peg into the hole."
     Config = PegConfig
     terms = TERMS
