@@ -13,14 +13,14 @@ def cell_value(what: Literal["mass", "friction"], part: str, world: str) -> floa
     """
     from vispeg.core.errors import UserError
     from vispeg.effects.common.parts import BODIES, TOUCHING, shapes
-    from vispeg.robots.scene import build
-    from vispeg.task.config import TaskConfig
+    from vispeg.task.registry import config_of, task_of
     from vispeg.task.world_file import load_world
 
     parts = TOUCHING if what == "friction" else ("peg",)
     if part not in parts:
         raise UserError(f"has no {what} that an effect scales", key="--where", got=part, choices=parts)
-    model = build(TaskConfig.of(load_world(world).task).scene()).compile()
+    config = config_of(load_world(world).task)
+    model = task_of(config).cell(config).compile()
     if what == "mass":
         return float(model.body(BODIES[part]).mass[0])
     return float(model.geom_friction[shapes(model, part), 0].max())

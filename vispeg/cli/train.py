@@ -1,7 +1,7 @@
 """Trains a policy for the task of a world.
 
-TASK is the task and what the policy sees: peg-state, peg-proprio, peg-depth, peg-rgb or peg-rgbd, or LABEL-MODALITY of a
-task of your own. The run's folder holds config.yaml, progress.csv,
+TASK is the task and what the policy sees: peg-state, peg-proprio, peg-depth, peg-rgb or peg-rgbd, or LABEL-MODALITY of
+a task of your own. The run's folder holds config.yaml, progress.csv,
 tensorboard/ and checkpoints/best and checkpoints/last; either checkpoint is a policy that `vispeg play` and `vispeg
 evaluate` take.
 
