@@ -8,7 +8,7 @@ from tempfile import mkdtemp
 
 import numpy as np
 
-from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.effect import Effect, EffectInstance, effect
 from vispeg.core.seeds import stream
 from vispeg.identify.excitation import SEVEN_AXIS_CENTRE, motion
 from vispeg.recordings.recording import Control, Nullspace, Recording
@@ -62,8 +62,8 @@ def drive(
     control = Control(mode, rate, compensation, *gains, nullspace)  # type: ignore[arg-type]
     still = np.broadcast_to(np.asarray(q0, float), (n, nj)).copy()
     moving = np.broadcast_to(np.asarray(dq0, float), (n, nj)).copy()
-    name = {"position": "q_cmd", "osc": "ee_cmd"}.get(mode, "tau_cmd")
-    default = still if mode == "position" else np.zeros((n, nj))
+    name = {"position": "q_cmd", "servo": "q_cmd", "osc": "ee_cmd"}.get(mode, "tau_cmd")
+    default = still if name == "q_cmd" else np.zeros((n, nj))
     value = (
         default if command is None else np.broadcast_to(np.asarray(command, float), (n, np.shape(command)[-1])).copy()
     )
@@ -72,7 +72,7 @@ def drive(
 
 
 def iiwa_segment(mode: str = "position", seconds: float = 1.0, name: str = "fourier", seed: int = 0) -> Segment:
-    """The iiwa on an exciting motion: joint servo, the servo's torques in open loop, or its flange poses by OSC."""
+    """The iiwa on an exciting motion: impedance control, its torques in open loop, its flange by OSC, or goals."""
     robot = load("iiwa14")
     m = motion(name, robot, 500.0, seconds, stream(seed, "motion"))
     common = {"seconds": seconds, "rate": 500.0, "compensation": "model"}
@@ -80,6 +80,8 @@ def iiwa_segment(mode: str = "position", seconds: float = 1.0, name: str = "four
     servo = Segment(servo.control, servo.tick, servo.command, m.q_cmd, m.dq_cmd, m.q_cmd, servo.time, servo.rows)
     if mode == "position":
         return servo
+    if mode == "servo":
+        return Segment(Control("servo", 500.0), servo.tick, {"q_cmd": m.q_cmd}, *servo_motion(servo))
     if mode == "osc":
         goal = simulate(robot, [World()], [servo], want_ee=True)[0].ee
         assert goal is not None
@@ -90,6 +92,16 @@ def iiwa_segment(mode: str = "position", seconds: float = 1.0, name: str = "four
             robot, mode, seconds=seconds, rate=500.0, command=simulate(robot, [World()], [servo])[0].tau_motor[0]
         )
     return Segment(loop.control, loop.tick, loop.command, m.q_cmd, m.dq_cmd, m.q_cmd, loop.time, loop.rows)
+
+
+def servo_motion(s: Segment) -> tuple[np.ndarray, ...]:
+    """What a segment holds beside its control and commands."""
+    return s.q, s.dq, s.q_raw, s.time, s.rows
+
+
+def mode_of(kind: Effect) -> str:
+    """A control mode under which an effect does something."""
+    return "position" if "angle" in kind.channels() else "servo"
 
 
 def one(robot: RobotModel, world: World, segment: Segment, **options) -> Response:
@@ -114,15 +126,18 @@ def recorded(
 ) -> Recording:
     """A noisy recording of a world's response to a segment, in memory; `label` is what a recording calls the robot.
 
-    A commanded robot stands still for a while before, so that it starts in balance.
+    A commanded robot stands still for a while before, so that it starts in balance. A servo's has a load, not a torque.
     """
     rest = 0 if segment.control.mode in ("torque", "passive") else round(0.6 / segment.tick)
     y = one(robot, world, _rested(segment, rest), h_max=h_max)
     q = y.q[0, rest:] + rng.normal(scale=q_noise, size=segment.q.shape)
     tau = y.tau_joint[0, rest:] + rng.normal(scale=tau_noise, size=segment.q.shape)
+    felt = {"tau": tau, "torque_sensor": "joint", "noise": {"q": q_noise, "tau": tau_noise}}
+    if segment.control.mode == "servo":
+        felt = {"load": y.tau_motor[0, rest:] + tau - y.tau_joint[0, rest:], "noise": {"q": q_noise}}
     return Recording(
-        Path("made-up"), label, robot.joints, 1.0 / segment.tick, segment.control, segment.time, q, tau=tau,
-        torque_sensor="joint", noise={"q": q_noise, "tau": tau_noise}, **segment.command,
+        Path("made-up"), label, robot.joints, 1.0 / segment.tick, segment.control, segment.time, q,
+        **felt, **segment.command,
     )  # fmt: skip
 
 

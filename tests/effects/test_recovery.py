@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from loops import iiwa_segment, recorded
+from loops import iiwa_segment, mode_of, recorded
 
 from vispeg.core.effect import EffectInstance, searchable
 from vispeg.core.params import Param
@@ -42,7 +42,7 @@ def fitted(name: str) -> tuple[Fit, float]:
     kind = REGISTRY[name]
     where = kind.targets(ROBOT)[len(kind.targets(ROBOT)) // 2]
     truth = World().add(EffectInstance.of(name, where, **truth_of(name)))
-    motions = [iiwa_segment("position", 1.6, motion) for motion in ("fourier", "triangle")]
+    motions = [iiwa_segment(mode_of(kind), 1.6, motion) for motion in ("fourier", "triangle")]
     evidence = Evidence([recorded(ROBOT, "iiwa14", truth, s, stream(5, name, i)) for i, s in enumerate(motions)])
     guesses = [{}]
     if where in ROBOT.joints:

@@ -7,7 +7,7 @@ from functools import lru_cache
 import mujoco
 import numpy as np
 import pytest
-from loops import iiwa_segment, one
+from loops import iiwa_segment, mode_of, one
 from mujoco import batch as mjb
 
 from vispeg.core.effect import EffectInstance, Value, searchable
@@ -23,7 +23,7 @@ from vispeg.worlds.world import World
 REGISTRY = searchable()  # what an arm alone can show
 
 NAMES = sorted(REGISTRY)
-MODES = ("position", "torque", "osc")
+MODES = ("position", "torque", "osc", "servo")
 ROBOT = load("iiwa14")
 # a sampled loop with these beyond some value is unstable on a real robot as well (a hardly massive wrist link, too)
 MAY_DIVERGE = {
@@ -79,8 +79,9 @@ def test_another_row_is_not_touched(name):
     strong = World().add(
         *(EffectInstance.of(name, w, **{k: p.start for k, p in kind.params.items()}) for w in kind.targets(ROBOT))
     )
-    pair = simulate(ROBOT, [strong, World()], [segment("position")])[0]
-    np.testing.assert_array_equal(pair.q[1], nominal("position").q[0])
+    mode = mode_of(kind)
+    pair = simulate(ROBOT, [strong, World()], [segment(mode)])[0]
+    np.testing.assert_array_equal(pair.q[1], nominal(mode).q[0])
     assert not np.array_equal(pair.q[0], pair.q[1]), "the effect at its start value does nothing"
 
 
@@ -95,7 +96,7 @@ def test_finite_at_every_bound(name):
         for k, p in kind.params.items()
         for bound in (p.low, p.high)
     ]
-    y = simulate(ROBOT, worlds, [segment("position")], h_max=2e-3)[0]
+    y = simulate(ROBOT, worlds, [segment(mode_of(kind))], h_max=2e-3)[0]
     assert np.isfinite(y.q[~y.diverged]).all() and np.isfinite(y.tau_joint[~y.diverged]).all()
     assert np.isnan(y.q[y.diverged]).all()
     if name not in MAY_DIVERGE:

@@ -23,6 +23,7 @@ import tyro
 from vispeg.cli.reading import told
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
+from vispeg.recordings.columns import SIGNALS
 from vispeg.recordings.importers.mapping import FACTORS, ColumnMap, map_from, read_map
 from vispeg.recordings.importers.plausible import doubts
 from vispeg.recordings.quality import Limits
@@ -84,8 +85,7 @@ class Args:
         rec = self._read(robot, model.joints, mapping)
         self._refuse_units(rec, model.joints, limits, mapping)
         write(rec, self.out, self.overwrite, self.table, inputs=(self.source, self.map))
-        names = ("q", "dq", "tau", "tau_cmd", "q_cmd", "dq_cmd", "ee", "ee_cmd", "ft")
-        found = ", ".join(name for name in names if getattr(rec, name) is not None)
+        found = ", ".join(name for name in SIGNALS if getattr(rec, name) is not None)
         print(f"{self.out}: {len(rec.time)} samples of {len(rec.joints)} joints at {rec.rate_hz:g} Hz: {found}")
         return 0
 

@@ -31,8 +31,8 @@ class Args:
     """Seconds; 5, or 9 for osc, where not given. A CSV file has its own."""
     rate: float = 500.0
     """Control ticks and samples a second."""
-    control: Literal["position", "torque", "osc"] | None = None
-    """The controller that runs; position where not given, osc for the motion osc."""
+    control: Literal["position", "torque", "osc", "servo"] | None = None
+    """The controller that runs; position where not given, osc for the motion osc. servo: goals alone are sent."""
     kp: tuple[float, ...] | None = None
     """Stiffness: one a joint (N m/rad), or six for osc (1/s^2)."""
     kd: tuple[float, ...] | None = None

@@ -85,6 +85,16 @@ class Effect(ABC):
         """The torque that leaves this stage of the drive, given the torque (nsim, nj) that enters it. N m."""
         return tau
 
+    def goal(self, state: Any, goal: np.ndarray, x: Any, p: Values) -> np.ndarray:
+        """What reaches the loop of a position servo, given the goal (nsim, nj) in rad that was sent.
+
+        Asked at each physics step. An effect with this hook acts there instead of in `drive` where goals are sent.
+        """
+        return goal
+
+    def regulate(self, loop: Any, p: Values) -> None:
+        """Changes the numbers of a position servo's own loop (`effects.common.servo_loop.ServoLoop`)."""
+
     def friction(self, state: Any, x: Any, p: Values) -> np.ndarray:
         """Friction level (nsim, nj) >= 0 in N m, added to the joint's dry friction for the next physics step."""
         raise NotImplementedError
@@ -142,13 +152,14 @@ class Effect(ABC):
     def channels(self) -> frozenset[str]:
         """Kinds of measured values that it leaves a trace in.
 
-        `angle` and `torque`, the motion of a closed loop: whatever moves the arm or its readings. `needed`, the torque
-        of a measured motion by inverse dynamics: what follows from each sample alone, so no effect of timing, gear play
-        or readings.
+        `angle` and `torque`, the motion under a known controller: whatever moves the arm or its readings. `servo` and
+        `load`, the motion under a servo's own loop: that, and what is in the loop. `needed`, the torque of a measured
+        motion by inverse dynamics: what follows from each sample alone, so no effect of timing, gear play or readings.
         """
         motion = ("write", "drive", "friction", "torque", "observe")
         sample = ("write", "friction", "inverse", *(() if self.overrides("start") else ("torque",)))
-        out = {"angle", "torque"} if any(map(self.overrides, motion)) else set()
+        out = {"angle", "torque", "servo", "load"} if any(map(self.overrides, motion)) else set()
+        out |= {"servo", "load"} if any(map(self.overrides, ("goal", "regulate"))) else set()
         return frozenset(out | ({"needed"} if any(map(self.overrides, sample)) else set()))
 
     def overrides(self, hook: str) -> bool:

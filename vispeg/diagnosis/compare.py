@@ -77,8 +77,10 @@ def _joints(evidence: Evidence, predicted: list[np.ndarray]) -> list[dict[str, A
         error, floor = _rms(evidence, predicted, j), _floor(evidence, j)
         row: dict[str, Any] = {"joint": joint, "error": error, "floor": floor, "unit": f"{evidence.unit} RMS"}
         row["times_floor"] = error / floor if floor > 0 else None
-        if all(i.measured.shape[1] > i.nj for i in evidence.items):
+        if all(i.beside == "torque" for i in evidence.items):
             row["torque_error"] = _rms(evidence, predicted, j + evidence.items[0].nj)
+        if all(i.beside == "load" for i in evidence.items):
+            row["load_error"] = _rms(evidence, predicted, j + evidence.items[0].nj)
         out.append(row)
     return out
 
@@ -105,6 +107,6 @@ def _arrays(evidence: Evidence, predicted: list[np.ndarray]) -> dict[str, np.nda
         nj = item.nj
         out |= {f"{r}/time": item.segment.time, f"{r}/name": np.array(item.name)}
         out |= {f"{r}/measured": item.measured[:, :nj], f"{r}/before": y[0][:, :nj]}
-        if item.measured.shape[1] > nj:
+        if item.beside == "torque":
             out |= {f"{r}/measured_tau": item.measured[:, nj:], f"{r}/before_tau": y[0][:, nj:]}
     return out

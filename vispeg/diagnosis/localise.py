@@ -16,6 +16,7 @@ from vispeg.sim.nominal import Nominal
 from vispeg.sim.observer import OBSERVER, observer_spring
 
 CUTOFF_HZ = 15.0
+SERVO = 25.0  # rad/s: what a servo's unknown loop is taken for, only to turn angles into torques
 SLOW, FAST, LOADED = 0.1, 0.6, 0.7  # fractions of a joint's peak speed and torque
 
 
@@ -78,6 +79,8 @@ def missing_torque(item: Item, predicted: np.ndarray, seed: int = 0) -> MissingT
         kp, kd, spring, damper = OBSERVER**2, 2 * OBSERVER, *observer_spring(item.robot, inertia)
         if control.mode == "osc":
             kp, kd, spring, damper = *_means(control), 0.0, 0.0
+        elif control.mode == "servo":
+            kp, kd, spring, damper = SERVO**2, 2.0 * SERVO, 0.0, 0.0
         return np.einsum("nij,nj->ni", mass, acc + kd * rate + kp * d) + damper * rate + spring * d
 
     difference = _filled(item.measured[:, :nj] - predicted[:, :nj])
@@ -87,6 +90,7 @@ def missing_torque(item: Item, predicted: np.ndarray, seed: int = 0) -> MissingT
     raw = seg.q_raw if len(seg.q_raw) == m else item.measured[:, :nj]
     tau = _motor_torque(item, raw, dq, gravity)
     needed = np.einsum("nij,nj->ni", mass, ddq) + gravity
+    tau = needed if control.mode == "servo" else tau
     gap = torque(difference)[valid]
     return MissingTorque(seg.time[valid], q[valid], dq[valid], tau[valid], needed[valid], gap, np.maximum(sigma, 1e-9))
 

@@ -61,7 +61,7 @@ class _Stage:
         self.evidence, self.seed = search.evidence, seed
         self.item = search.evidence.items[0]
         control = self.item.segment.control
-        if control.mode != "position":
+        if control.mode not in ("position", "servo"):
             control = controller(self.item.robot, "position", control.rate_hz, self.item.segment.q[0])
         self.control = control
         self.menu = {

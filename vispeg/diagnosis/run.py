@@ -277,7 +277,7 @@ def _arrays(evidence: Evidence, predicted: list[np.ndarray]) -> dict[str, np.nda
             f"{r}/before": y[0][:, :nj],
             f"{r}/after": y[1][:, :nj],
         }
-        if item.measured.shape[1] > nj:
+        if item.beside == "torque":
             out |= {
                 f"{r}/measured_tau": item.measured[:, nj:],
                 f"{r}/before_tau": y[0][:, nj:],

@@ -16,7 +16,7 @@ from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel
 from vispeg.sim.segment import Segment
 
-UNITS = {"angle": "rad", "torque": "N m", "needed": "N m"}
+UNITS = {"angle": "rad", "servo": "rad", "torque": "N m", "needed": "N m", "load": "of the log"}
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,8 @@ class Channel:
     """One kind of measured value of an item, a column a joint.
 
     Attributes:
-        kind: `angle` (of a closed loop), `torque` (measured in it), `needed` (torque by inverse dynamics).
+        kind: `angle` (under a known controller), `servo` (angle under a loop of the robot's own), `torque` (measured in
+            either), `load` (the robot's own estimate of it, of unknown gain), `needed` (torque by inverse dynamics).
         measured: (m, nj) in the kind's unit.
         sigma: (nj,) noise.
         valid: (m, nj) bool.
@@ -86,6 +87,11 @@ class Item:
     def kind(self) -> str:
         """What the principal channel is."""
         return self.channels[0].kind
+
+    @property
+    def beside(self) -> str | None:
+        """What the channel next to the principal one is: `torque`, `load`, or None."""
+        return self.channels[1].kind if len(self.channels) > 1 else None
 
     @property
     def period(self) -> float:

@@ -13,6 +13,7 @@ import numpy as np
 from vispeg.core.effect import Effect, effect
 from vispeg.core.errors import UserError
 from vispeg.identify.channels import Channel, Item, shows
+from vispeg.identify.load import load_noise, unsigned, with_gains
 from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel, load
@@ -24,6 +25,7 @@ from vispeg.worlds.world import World
 SETTLE = 0.4  # s at the start of a segment that no comparison uses: the unmeasured start state fades there
 OBSERVED = 1.2  # the same where an observer of 8 rad/s, or a null space of 3, is all that forgets a wrong start
 SOFT_STEP = 0.5  # of the physics step, for OSC: its null space is so soft that it shows the integrator's error
+SERVO_STEP = 2.5e-3  # s: a servo's loop is stepped by a stable rule, and it is no faster than 150 rad/s
 MODEL_SIGMA = 4e-6  # rad: what the integrator itself is sure of
 PENALTY = 1e4  # whitened residual of a rollout that diverged
 
@@ -33,13 +35,14 @@ class Evidence:
 
     Args:
         recordings: with a known controller.
-        h_max: greatest physics step, s.
+        h_max: greatest physics step, s (2.5 ms at least where all are of servos).
         nthread: processors to use: processes that share the worlds, threads of the batch where there are few worlds.
     """
 
     def __init__(self, recordings: Sequence[Recording], *, h_max: float = 2e-3, nthread: int = 1):
-        self.h_max, self.nthread = h_max, nthread
-        self.recordings = list(recordings)
+        self.recordings, self.nthread = list(recordings), nthread
+        servo = all(rec.control.mode == "servo" for rec in recordings)
+        self.h_max = max(h_max, SERVO_STEP) if servo else h_max
         self.items = [item for rec in recordings for item in _items(rec)]
         groups: dict[tuple, list[int]] = {}
         for i, item in enumerate(self.items):
@@ -70,7 +73,7 @@ class Evidence:
         for known, answer in self._recent:
             if known == key:
                 return answer
-        answer = self._simulated(worlds)
+        answer = with_gains(self.items, self._simulated(worlds))
         if key is not None:
             self._recent = [(key, answer), *self._recent[:7]]
         return answer
@@ -154,6 +157,8 @@ class Evidence:
 
 def _predicted(channel: Channel, item: Item, response: Response) -> np.ndarray:
     """What a rollout says of a channel, (nworld, m, nj)."""
+    if channel.kind == "load":
+        return np.abs(response.tau_motor) if unsigned(item.recording) else response.tau_motor
     if channel.kind == "torque":
         return response.tau_joint if item.recording.torque_sensor == "joint" else response.tau_motor
     return response.q
@@ -185,16 +190,19 @@ def robot_of(rec: Recording) -> RobotModel:
 def _items(rec: Recording) -> list[Item]:
     robot, noise = robot_of(rec), noise_of(rec)
     out = []
-    settle = SETTLE if rec.control.mode == "position" else OBSERVED
+    settle = SETTLE if rec.control.mode in ("position", "servo") else OBSERVED
     for segment in segments(rec):
         if segment.time[-1] <= 2 * settle:
             continue
         late = (segment.time >= settle)[:, None]
-        q = rec.q[segment.rows]
-        channels = [Channel("angle", q, np.hypot(noise["q"], MODEL_SIGMA), np.isfinite(q) & late)]
+        q, kind = rec.q[segment.rows], "servo" if rec.control.mode == "servo" else "angle"
+        channels = [Channel(kind, q, np.hypot(noise["q"], MODEL_SIGMA), np.isfinite(q) & late)]
         if rec.tau is not None and rec.torque_sensor != "none":
             tau = rec.tau[segment.rows]
             channels.append(Channel("torque", tau, noise["tau"], np.isfinite(tau) & late))
+        if rec.load is not None and kind == "servo":
+            load = rec.load[segment.rows]
+            channels.append(Channel("load", load, load_noise(rec.load), np.isfinite(load) & late))
         out.append(Item(rec, segment, robot, tuple(channels)))
     if not out:
         raise UserError(f"too short to compare: every episode lasts under {2 * settle} s", file=rec.path)

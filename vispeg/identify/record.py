@@ -48,7 +48,7 @@ def servo(robot: RobotModel, centre: np.ndarray, rate_hz: float) -> tuple[np.nda
 
 def controller(
     robot: RobotModel,
-    mode: Literal["position", "torque", "osc"],
+    mode: Literal["position", "torque", "osc", "servo"],
     rate_hz: float,
     centre: np.ndarray,
     kp: np.ndarray | None = None,
@@ -56,9 +56,15 @@ def controller(
 ) -> Control:
     """A controller of RECORDING.md with default gains where none are given; nominal gravity is compensated.
 
+    Servos take goals: their loop is their own, and effects are what is said of it.
+
     Raises:
-        UserError: gains of the wrong length or sign.
+        UserError: gains of the wrong length or sign, or gains of servos.
     """
+    if mode == "servo":
+        if kp is not None or kd is not None:
+            raise UserError("a servo's loop is its own", key="gains", expected="--effects servo:WHERE to change it")
+        return Control("servo", rate_hz)
     width = 6 if mode == "osc" else len(robot.joints)
     default = (np.full(6, OSC_KP), np.full(6, OSC_KD)) if mode == "osc" else servo(robot, centre, rate_hz)
     gains = []
@@ -83,7 +89,7 @@ def record(
     name: str = "simulated",
     nthread: int = 1,
 ) -> Recording:
-    """Drives a world through a motion and reads its sensors.
+    """Drives a world through a motion and reads its sensors; of servos only angles and loads.
 
     Args:
         world: the plant, effects included; its tool is declared in the recording, its effects are not.
@@ -91,7 +97,7 @@ def record(
         control: the controller. In mode `torque` the joint servo with these gains computes `tau_cmd`.
         noise: 1-sigma of white noise on `q`, `dq`, `tau`, `ee`; it is added to what was read, after the loop.
         rng: the only source of chance.
-        torque_sensor: what `tau` measures; `none` leaves it out.
+        torque_sensor: what `tau` measures; `none` leaves it out. A servo has a `load` instead, its motor's torque.
         repeat: how often the same motion is run; more than one run become episodes.
         name: what the recording is called.
         nthread: threads of the simulation.
@@ -115,6 +121,9 @@ def record(
     else:
         fixed = {"q_cmd": motion.q_cmd, "dq_cmd": motion.dq_cmd}
         del signals["ee"]
+    if control.mode == "servo":
+        del fixed["dq_cmd"]
+        signals, torque_sensor = {"q": q, "load": tau}, "none"
     if control.mode == "torque":
         fixed = {"tau_cmd": control.kp * (motion.q_cmd - q) + control.kd * (motion.dq_cmd - dq)}
     runs = [{key: _noisy(key, v, noise, rng) for key, v in signals.items()} for _ in range(repeat)]
@@ -157,7 +166,7 @@ def _segment(robot: RobotModel, motion: Motion, control: Control) -> Segment:
 
 
 def _noisy(key: str, values: np.ndarray, noise: Mapping[str, float], rng: np.random.Generator) -> np.ndarray:
-    draw = float(noise.get(key, 0.0)) * rng.standard_normal(values.shape)
+    draw = float(noise.get("tau" if key == "load" else key, 0.0)) * rng.standard_normal(values.shape)
     if key == "ee":  # the tracker's orientation is taken as exact, so that quaternions stay of unit length
         draw[:, 3:] = 0.0
     return values + draw

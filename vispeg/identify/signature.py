@@ -53,11 +53,13 @@ def signature(name: str, where: str | None = None, *, robot: str = "iiwa14", see
     placed = EffectInstance.of(name, spot, **{k: p.start for k, p in kind.params.items()})
     move = "triangle" if kind.family == "joint" else "fourier"
     m = motion(move, model, RATE, SECONDS, stream(seed, "signature"))
-    control = controller(model, "position", RATE, centre_of(model))
+    mode = "position" if "angle" in kind.channels() else "servo"
+    control = controller(model, mode, RATE, centre_of(model))
     command = {"q_cmd": m.q_cmd, "dq_cmd": m.dq_cmd}
     segment = Segment(control, 1.0 / RATE, command, m.q_cmd, m.dq_cmd, m.q_cmd, m.time, np.arange(len(m.time)))
     r = simulate(model, [World(robot), World(robot, None, (placed,))], [segment], nthread=1)[0]
-    size = np.sqrt(np.nanmean(((r.q[1] - r.q[0]) * control.kp) ** 2, axis=0))
+    stiffness = 1.0 if control.kp is None else control.kp
+    size = np.sqrt(np.nanmean(((r.q[1] - r.q[0]) * stiffness) ** 2, axis=0))
     j = model.joints.index(spot) if spot in model.joints else int(np.argmax(size))
     q, tau = r.q[:, :, j], r.tau_motor[:, :, j]
     return Signature(placed, model.joints[j], move, m.time, q[1] - q[0], tau[1] - tau[0], q[0], r.dq[0, :, j])

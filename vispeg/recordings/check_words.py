@@ -52,7 +52,7 @@ def _spike_words(bad: Sequence[Spike]) -> str:
 
 def _silence_warnings(joints: Sequence[JointCheck], rec: Recording) -> list[str]:
     quiet = {
-        "q": [joint.name for joint in joints if joint.noise_q < SILENT_Q],
+        "q": [joint.name for joint in joints if joint.noise_q < SILENT_Q and joint.quantum_q is None],
         "tau": [joint.name for joint in joints if silent(joint.noise_tau, joint.peak_torque)],
     }
     out = []

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-JOINT_SIGNALS = ("q", "dq", "tau", "tau_cmd", "q_cmd", "dq_cmd")  # one column a joint: `q.joint1`
+JOINT_SIGNALS = ("q", "dq", "tau", "tau_cmd", "q_cmd", "dq_cmd", "load")  # one column a joint: `q.joint1`
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
 SPATIAL_SIGNALS = {"ee": POSE, "ee_cmd": POSE, "ft": WRENCH}
 SIGNALS = (*JOINT_SIGNALS, *SPATIAL_SIGNALS)
-NEEDED = {"torque": ("tau_cmd",), "position": ("q_cmd",), "osc": ("ee_cmd",), "passive": (), "unknown": ()}
+NEEDED = {
+    "torque": ("tau_cmd",),
+    "position": ("q_cmd",),
+    "osc": ("ee_cmd",),
+    "servo": ("q_cmd",),
+    "passive": (),
+    "unknown": (),
+}
 UNITS = {
     "q": "rad",
     "dq": "rad/s",
@@ -17,6 +24,7 @@ UNITS = {
     "tau_cmd": "N m",
     "q_cmd": "rad",
     "dq_cmd": "rad/s",
+    "load": "any, in proportion to the motor's torque",
     "ee": "m, quaternion",
     "ee_cmd": "m, quaternion",
     "ft": "N, N m",

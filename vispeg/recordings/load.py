@@ -70,7 +70,7 @@ def load(
 def needed(header: Header) -> tuple[str, ...]:
     """What a recording with this header is compared by: torque where it says what it measures, and commands."""
     torque = ("tau",) if header.torque_sensor != "none" else ()
-    rates = {"position": ("dq_cmd",), "osc": ("dq",)}.get(header.control.mode, ())
+    rates = {"position": ("dq_cmd",), "osc": ("dq",), "servo": ("load",)}.get(header.control.mode, ())
     return (*NEEDED[header.control.mode], *rates, *torque)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.recordings.quality import quantization
 from vispeg.recordings.recording import Recording
 
 
@@ -31,8 +32,13 @@ def noise_of(rec: Recording) -> dict[str, np.ndarray]:
         if name in rec.noise:
             out[name] = np.full(values.shape[1], float(rec.noise[name]))
         else:
-            out[name] = np.maximum(highpass_sigma(values), least)
+            out[name] = np.maximum(np.maximum(highpass_sigma(values), _rounding(values)), least)
     return out
+
+
+def _rounding(values: np.ndarray) -> np.ndarray:
+    """1-sigma (nj,) of what a quantized signal (n, nj) rounds away: step / sqrt(12); 0 where no step is seen."""
+    return np.array([(quantization(column) or 0.0) / np.sqrt(12.0) for column in values.T])
 
 
 def noise_from_repeats(recs: Sequence[Recording], signal: str = "q") -> np.ndarray:

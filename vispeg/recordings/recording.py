@@ -11,7 +11,7 @@ import numpy as np
 
 from vispeg.recordings.windows import Chosen
 
-Mode = Literal["torque", "position", "osc", "passive", "unknown"]
+Mode = Literal["torque", "position", "osc", "servo", "passive", "unknown"]
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,7 @@ class Recording:
         time: (n,) s.
         q: (n, nj) rad, measured; NaN where a reading is missing, here and in every array below.
         dq, tau, tau_cmd, q_cmd, dq_cmd: (n, nj) or None.
+        load: (n, nj) or None; the robot's own estimate of its motors' torque, in any unit, with or without a sign.
         ee, ee_cmd: (n, 7) x y z qw qx qy qz of the flange in the base, or None.
         ft: (n, 6) or None.
         episode: (n,) int; rows of one episode belong together.
@@ -72,6 +73,7 @@ class Recording:
     tau_cmd: np.ndarray | None = None
     q_cmd: np.ndarray | None = None
     dq_cmd: np.ndarray | None = None
+    load: np.ndarray | None = None
     ee: np.ndarray | None = None
     ee_cmd: np.ndarray | None = None
     ft: np.ndarray | None = None

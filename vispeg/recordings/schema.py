@@ -38,7 +38,7 @@ class NullspaceSection(_Section):
 class ControlSection(_Section):
     """The controller that ran."""
 
-    mode: Literal["torque", "position", "osc", "passive", "unknown"] = "unknown"
+    mode: Literal["torque", "position", "osc", "servo", "passive", "unknown"] = "unknown"
     rate_hz: Positive | None = None
     gravity_compensation: Literal["model", "none"] = "none"
     kp: list[Gain] | None = None

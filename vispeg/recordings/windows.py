@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from vispeg.recordings.columns import SIGNALS
 from vispeg.recordings.differentiate import episodes, smooth
 
 if TYPE_CHECKING:
@@ -105,7 +106,7 @@ def choose(rec: Recording, seconds: float = SECONDS) -> Recording:
         acceleration=float(cover[1]),
         load=float(cover[2]),
     )
-    names = ("time", "q", "dq", "tau", "tau_cmd", "q_cmd", "dq_cmd", "ee", "ee_cmd", "ft")
+    names = ("time", *SIGNALS)
     cut = {name: value[rows] for name in names if (value := getattr(rec, name)) is not None}
     return replace(rec, episode=number, chosen=chosen, **cut)
 

@@ -1,4 +1,4 @@
-"""The recorded controller, for all rows at once: from what the encoders read to the torque that it asks for."""
+"""The recorded controller, for all rows at once: from what the encoders read to what it asks the drives for."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vispeg.sim.rows import ByTick, Rows
 
 
 class Controller:
-    """Joint impedance, operational space control, or recorded torques, as RECORDING.md states them.
+    """Joint impedance, operational space control, recorded torques, or goals of servos, as RECORDING.md states them.
 
     Args:
         robot: the nominal robot, which is all that the controller knows.
@@ -34,8 +34,9 @@ class Controller:
             width = nj if self.mode == "position" else 6
             self.kp = rows.constant(lambda s: s.control.kp, width)
             self.kd = rows.constant(lambda s: s.control.kd, width)
-        if self.mode == "position":
+        if self.mode in ("position", "servo"):
             self.q_cmd = rows.by_tick(lambda s: s.command["q_cmd"])
+        if self.mode == "position":
             self.dq_cmd = rows.by_tick(lambda s: s.command.get("dq_cmd", np.zeros_like(s.q)))
         elif self.mode == "osc":
             limits = [s.control.force_limit for s in rows.segments]
@@ -50,8 +51,10 @@ class Controller:
             self.gravity0 = rows.by_tick(lambda s: once(s, robot, gravity))
             self.gravity1 = rows.by_tick(lambda s: once(s, robot, gravity_slope))
 
-    def torque(self, k: int, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-        """Commanded torque (nsim, nj) N m at tick k for measured q (rad) and dq (rad/s)."""
+    def command(self, k: int, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
+        """Commanded torque (nsim, nj) N m at tick k for measured q (rad) and dq (rad/s); of servos their goals, rad."""
+        if self.mode == "servo":
+            return self.q_cmd[k]
         if self.mode == "position":
             tau = position(self.q_cmd[k], self.dq_cmd[k], q, dq, self.kp, self.kd)
             if self.compensated:

@@ -44,14 +44,18 @@ class EffectLoop:
 
     Args:
         active: effects with their parameters.
+        goals: whether angles are sent to position servos, not torques to drives.
     """
 
-    def __init__(self, active: Sequence[Active]):
+    def __init__(self, active: Sequence[Active], goals: bool = False):
         self.active = list(active)
-        self.drives = [a for a in active if a.effect.overrides("drive")]
+        self.goals = [a for a in active if goals and a.effect.overrides("goal")]
+        self.drives = [a for a in active if a.effect.overrides("drive") and a not in self.goals]
         self.frictions = [a for a in active if a.effect.overrides("friction")]
         self.torques = [a for a in active if a.effect.overrides("torque")]
         self.senses = [a for a in active if a.effect.overrides("observe")]
+        # a servo reads its own encoder at once: what makes a log late is not in its loop
+        self.inside = [a for a in self.senses if a.effect.family == "joint" or not a.effect.overrides("start")]
         self.wrists = [a for a in active if a.effect.overrides("wrench")]
         self.inverses = [a for a in active if a.effect.overrides("inverse")]
         self.states: dict[str, Any] = {a.effect.name: None for a in active}
@@ -102,6 +106,19 @@ class EffectLoop:
     def read(self, q: np.ndarray, dq: np.ndarray, x: DriveState) -> tuple[np.ndarray, np.ndarray]:
         """What the encoders make of q (nsim, nj) rad and dq rad/s."""
         for a in self.senses:
+            q, dq = a.effect.observe(self.states[a.effect.name], q, dq, x, a.p)
+        return q, dq
+
+    def goal(self, goal: np.ndarray, x: DriveState) -> np.ndarray:
+        """What reaches the servos' loops of goals (nsim, nj) rad that were sent."""
+        for a in self.goals:
+            goal = a.effect.goal(self.states[a.effect.name], goal, x, a.p)
+        return goal
+
+    def feedback(self, x: DriveState) -> tuple[np.ndarray, np.ndarray]:
+        """Angle (nsim, nj) rad and velocity rad/s that a servo's own loop reads."""
+        q, dq = x.q, x.dq
+        for a in self.inside:
             q, dq = a.effect.observe(self.states[a.effect.name], q, dq, x, a.p)
         return q, dq
 

@@ -30,6 +30,7 @@ class Plant:
         h: physics step, s.
         tick: control period, s.
         nthread: threads of the batch.
+        servo: whether the arms are sent angles, so that what delays a command delays those.
 
     Attributes:
         x: the state that effects read.
@@ -38,14 +39,16 @@ class Plant:
 
     x: DriveState
 
-    def __init__(self, robot: RobotModel, worlds: Sequence[World], h: float, tick: float, nthread: int):
+    def __init__(
+        self, robot: RobotModel, worlds: Sequence[World], h: float, tick: float, nthread: int, servo: bool = False
+    ):
         self.robot, self.h, self.tick, self.nsim = robot, h, tick, len(worlds)
         self.model = compiled(robot)
         self.batch = mjb.Batch(self.model, self.nsim, nthread=nthread)
         self.qadr = columns([self.model.joint(j).qposadr[0] for j in robot.joints])
         self.vadr = columns([self.model.joint(j).dofadr[0] for j in robot.joints])
         self.u = columns([self.model.actuator(j).id for j in robot.joints])
-        self.loop = EffectLoop(self._active(worlds))
+        self.loop = EffectLoop(self._active(worlds), servo)
         self.active = self.loop.active
         self.batch.expand("opt.timestep")[:] = h
         self._write()

@@ -17,6 +17,7 @@ from vispeg.sim.plant import Plant
 from vispeg.sim.quiet import quiet
 from vispeg.sim.rows import Rows
 from vispeg.sim.segment import Segment
+from vispeg.sim.servo import Servos
 from vispeg.worlds.world import World
 
 
@@ -100,7 +101,9 @@ class _Run:
         self.robot, self.rows, self.tick = robot, Rows(segments, len(worlds)), segments[0].tick
         self.nsub = max(1, math.ceil(self.tick / h_max - 1e-9))
         nthread = max(1, min(nthread, self.rows.nsim))
-        self.plant = Plant(robot, list(worlds) * len(segments), self.tick / self.nsub, self.tick, nthread)
+        servo = segments[0].control.mode == "servo"
+        self.plant = Plant(robot, list(worlds) * len(segments), self.tick / self.nsub, self.tick, nthread, servo)
+        self.servos = Servos(self.plant) if servo else None
         self.nominal = nominal_of(robot, self.rows.nsim, nthread)
         self.reference = self.rows.by_tick(lambda s: s.q), self.rows.by_tick(lambda s: s.dq)
         self.controller = Controller(robot, self.rows, self.nominal, self.reference[0], along)
@@ -126,12 +129,12 @@ class _Run:
                 true_q[k] = plant.x.q
             if noise is not None:
                 q, dq = noise.add(q, dq)
-            command = self.controller.torque(k, q, dq)
+            command = self.controller.command(k, q, dq)
             hold = 0.0 if self.observer is None else self.observer.torque(k, q, dq)
             for sub in range(self.nsub):
                 if sub:
                     plant.read()
-                motor = plant.step(command, hold)
+                motor = plant.step(command if self.servos is None else self.servos.torque(command), hold)
         out[2:, 0] = out[2:, 1]  # nothing was measured before the first step
         return [self._response(i, out, true_q) for i in range(len(self.rows.segments))]
 

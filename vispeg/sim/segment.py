@@ -12,6 +12,7 @@ from vispeg.recordings.recording import Control, Recording
 from vispeg.sim.start import start_state
 
 START_HZ = 20.0  # bandwidth of the motion that gives a closed loop its start state
+SERVO_TICK = 2.5e-3  # s, at most, between the instants at which a new goal may reach a servo
 HELD_HZ = 40.0  # of the motion that an observer holds a rollout to: its corners must not be rounded
 
 
@@ -21,7 +22,7 @@ class Segment:
 
     Attributes:
         control: the controller that ran.
-        tick: control period, s.
+        tick: control period, s; of a servo the grid on which its goals are held.
         command: name -> (n, ...) on the control grid: `q_cmd`, `dq_cmd`, `tau_cmd`, `ee_cmd` as the mode needs.
         q, dq: (n, nj) smoothed measured motion on the control grid: start state and observer reference.
         q_raw: (n, nj) measured angles as the controller read them.
@@ -54,25 +55,29 @@ def segments(rec: Recording) -> list[Segment]:
 
 def _segment(rec: Recording, rows: np.ndarray) -> Segment:
     time = rec.time[rows] - rec.time[rows[0]]
-    tick = 1.0 / rec.control.rate_hz
+    tick, servo = 1.0 / rec.control.rate_hz, rec.control.mode == "servo"
+    if servo:  # goals come when they come, and a servo's own loop is faster than any log
+        tick /= np.ceil(tick / SERVO_TICK - 1e-9)
     grid = np.arange(int(np.floor(time[-1] / tick + 1e-6)) + 1) * tick
     same_clock = len(grid) == len(time) and bool(np.all(np.abs(grid - time) < 0.05 * tick))
 
-    def on_grid(values: np.ndarray) -> np.ndarray:
+    def on_grid(values: np.ndarray, held: bool = False) -> np.ndarray:
         values = _filled(time, values[rows])
         if same_clock:
             return values
+        if held:
+            return values[np.clip(np.searchsorted(time, grid + 1e-9, side="right") - 1, 0, None)]
         return np.stack([np.interp(grid, time, v) for v in values.T], axis=1)
 
     command = {
-        name: on_grid(values)
+        name: on_grid(values, servo)
         for name in ("q_cmd", "dq_cmd", "tau_cmd", "ee_cmd")
         if (values := getattr(rec, name)) is not None
     }
     if "ee_cmd" in command:
         command["ee_cmd"][:, 3:] /= np.linalg.norm(command["ee_cmd"][:, 3:], axis=1, keepdims=True)
     raw = on_grid(rec.q)
-    closed = rec.control.mode in ("position", "osc")
+    closed = rec.control.mode in ("position", "osc", "servo")
     q, dq, _ = smooth(grid, raw, START_HZ if closed else HELD_HZ)
     if rec.control.mode == "osc":  # a redundant arm's null space forgets its start slowly
         q[0], dq[0] = start_state(grid, raw, noise_of(rec)["q"])

@@ -1,4 +1,4 @@
-"""Command delay: the torque acts `delay` after it was commanded (bus cycle, drive firmware).
+"""Command delay: the torque, or the goal of a position servo, acts `delay` after it was sent (bus cycle, firmware).
 
 MuJoCo's own mechanism is the actuator's `delay` with a history buffer of fixed length; the same ring buffer is kept in
 the drive chain here so that any delay runs in one compiled model. Interpolation over a physics step gives the step's
@@ -13,7 +13,7 @@ from vispeg.effects.common.delay import DelayLine
 
 
 class CommandDelay(Effect):
-    """Dead time between command and torque."""
+    """Dead time between a command and its effect."""
 
     name = "command_delay"
     family = "drive"
@@ -26,3 +26,6 @@ class CommandDelay(Effect):
 
     def drive(self, state, tau, x, p):
         return state(tau, p["delay"])
+
+    def goal(self, state, goal, x, p):
+        return state(goal, p["delay"])

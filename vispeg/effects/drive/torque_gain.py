@@ -18,6 +18,9 @@ class TorqueGain(Effect):
     order = 30
     params = {"gain": Param(1.0, 0.5, 1.5, "1", start=1.05, doc="delivered over commanded torque")}
 
+    def channels(self):
+        return super().channels() - {"servo", "load"}  # there it is only another stiffness of a loop nobody knows
+
     def drive(self, state, tau, x, p):
         return tau * p["gain"]
 

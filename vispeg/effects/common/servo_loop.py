@@ -1,0 +1,59 @@
+"""The loop inside a position servo: second order from goal to angle, its gains the servo maker's own.
+
+`tau = J (w^2 (K goal - q) - 2 zeta w dq)`: on a joint of inertia J without load that is the standard second-order
+system with natural frequency w, damping ratio zeta and static gain K. J is the nominal arm's apparent inertia in one
+reference posture, so that the loop keeps its stiffness J w^2 in N m/rad where the arm's inertia varies or is another
+one. Source: Franklin, Powell and Emami-Naeini, Feedback Control of Dynamic Systems, 7th ed., sec. 3.3, eq. (3.55).
+
+A servo of which nothing is known is taken as a fast one, critically damped, that follows its goal within 15 ms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+FAST = 150.0  # rad/s: natural frequency of the ideal servo
+
+
+@dataclass
+class ServoLoop:
+    """The numbers of the loops, each (nsim, nj); effects change them before a rollout begins.
+
+    Attributes:
+        frequency: natural frequency, rad/s.
+        damping: damping ratio.
+        gain: static gain, angle over goal.
+        band: half of the dead band, rad: a smaller error makes no torque.
+    """
+
+    frequency: np.ndarray
+    damping: np.ndarray
+    gain: np.ndarray
+    band: np.ndarray
+
+    @classmethod
+    def ideal(cls, nsim: int, nj: int) -> ServoLoop:
+        """A servo that follows its goal."""
+        return cls(np.full((nsim, nj), FAST), np.ones((nsim, nj)), np.ones((nsim, nj)), np.zeros((nsim, nj)))
+
+    def torque(self, goal, q, dq, inertia, last, x) -> np.ndarray:
+        """Mean torque (nsim, nj) in N m over the step that comes, by the implicit midpoint rule: stable at any step.
+
+        The acceleration over the step is the last one's, and what the change of torque adds to it: a joint that dry
+        friction holds so feels the loop's static torque exactly.
+
+        Args:
+            goal, q, dq: (nsim, nj) rad, rad, rad/s, what the loop is asked for and reads.
+            inertia: (nsim, nj) reference inertia J, kg m^2.
+            last: (nsim, nj) N m, the torque of the last step; None at the first.
+            x: the state of the batch.
+        """
+        kp, kd, ahead = inertia * self.frequency**2, 2.0 * inertia * self.damping * self.frequency, 0.5 * x.h
+        error = self.gain * goal - q - ahead * dq
+        error = error - np.clip(error, -self.band, self.band)
+        asked, lost = kp * error - kd * dq, kd * ahead + 0.5 * kp * ahead**2
+        if last is None:
+            return asked
+        return (asked - lost * (x.ddq - last / x.inertia)) / (1.0 + lost / x.inertia)

@@ -1,0 +1,40 @@
+"""Torque-speed limit: at a fixed supply voltage a motor's greatest torque falls with its speed, down to none.
+
+`tau <= stall (1 - dq / no_load)` in the direction of motion, `stall` against it (the drive's current limit). Null is a
+stall torque that no drive reaches. MuJoCo's own mechanism is the `dcmotor` actuator, compiled into the model. Source:
+Krishnan, Electric Motor Drives, 2001, eq. (2.9), the torque-speed line of a DC motor at constant armature voltage.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.effect import Effect
+from vispeg.core.params import Param
+
+
+class TorqueSpeedLimit(Effect):
+    """A voltage limit: less torque the faster the motor turns."""
+
+    name = "torque_speed_limit"
+    family = "drive"
+    order = 42
+    smooth = False
+    params = {
+        "stall": Param(1000.0, 0.05, 1000.0, "N m", start=20.0, scale="log", doc="greatest torque at rest"),
+        "no_load": Param(
+            5.0, 0.3, 50.0, "rad/s", start=5.0, shape=True, scale="log", doc="speed at which no torque is left"
+        ),
+    }
+
+    def drive(self, state, tau, x, p):
+        forward = p["stall"] * np.clip(1.0 - x.dq / p["no_load"], 0.0, 1.0)
+        backward = p["stall"] * np.clip(1.0 + x.dq / p["no_load"], 0.0, 1.0)
+        return np.where(p["stall"] < self.params["stall"].null, np.clip(tau, -backward, forward), tau)
+
+    def guesses(self, look):
+        """Torques that the motion needs, and speeds just above those that it reaches."""
+        tops, top = np.quantile(np.abs(look.needed), (0.97, 1.0)), float(np.quantile(np.abs(look.dq), 0.999))
+        low, high = self.params["stall"].low, self.params["stall"].high
+        speeds = {float(np.clip(s * top, 0.3, 50.0)) for s in (1.1, 2.0)}
+        return [{"stall": float(np.clip(t, low, 0.99 * high)), "no_load": s} for t in tops for s in sorted(speeds)]

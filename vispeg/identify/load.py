@@ -1,0 +1,58 @@
+"""The load that a servo says it carries: in proportion to its motor's torque, by a gain that nobody knows.
+
+The gain is a nuisance: for each world and joint the one that fits best over all recordings is taken before anything is
+compared, so that only the shape of the load in time speaks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vispeg.identify.channels import Item
+from vispeg.recordings.noise import highpass_sigma
+from vispeg.recordings.recording import Recording
+
+TRUST = 0.2  # of a load's spread: an estimate from current or duty cycle is no sensor, and is weighted as none
+
+
+def unsigned(rec: Recording) -> bool:
+    """Whether the load is a magnitude: no joint's reading is ever negative."""
+    return rec.load is not None and bool(np.nanmin(rec.load) >= 0)
+
+
+def load_noise(load: np.ndarray) -> np.ndarray:
+    """1-sigma (nj,) of a load (n, nj), in its unit; never 0."""
+    return np.maximum(np.maximum(highpass_sigma(load), TRUST * np.nanstd(load, axis=0)), 1e-9)
+
+
+def with_gains(items: Sequence[Item], predicted: list[np.ndarray]) -> list[np.ndarray]:
+    """Predictions (nworld, m, nch) an item, those of load channels times the gain that fits best, one a joint.
+
+    A gain is the weighted least-squares one, sum(m y / sigma^2) / sum(y^2 / sigma^2) over all items' valid readings m.
+    """
+    above, below = 0.0, 0.0
+    for item, y in zip(items, predicted, strict=True):
+        for columns, c in _loads(item):
+            weight = c.valid / c.sigma**2
+            measured, torque = np.where(c.valid, c.measured, 0.0), y[:, :, columns]
+            above = above + np.einsum("mj,mj,wmj->wj", weight, measured, torque)
+            below = below + np.einsum("mj,wmj,wmj->wj", weight, torque, torque)
+    if np.ndim(above) == 0:
+        return predicted
+    gain = above / np.maximum(below, 1e-300)
+    for item, y in zip(items, predicted, strict=True):
+        for columns, _ in _loads(item):
+            y[:, :, columns] *= gain[:, None]
+    return predicted
+
+
+def _loads(item: Item):
+    """(columns, channel) of the load channels of an item."""
+    start = 0
+    for c in item.channels:
+        stop = start + c.measured.shape[1]
+        if c.kind == "load":
+            yield slice(start, stop), c
+        start = stop
