@@ -22,7 +22,11 @@ REGISTRY = searchable()  # what an arm alone can show
 
 NAMES = sorted(REGISTRY)
 ROBOT = load("iiwa14")
-TRUTH = {"torque_limit": {"limit": 32.0}}  # one that this motion runs into without dropping the arm
+TRUTH = {  # limits that this motion runs into without dropping the arm
+    "torque_limit": {"limit": 32.0},
+    "torque_speed_limit": {"stall": 36.0, "no_load": 4.0},
+    "goal_rate_limit": {"rate": 0.35},
+}
 
 
 def truth_of(name: str) -> dict[str, float]:
