@@ -18,7 +18,6 @@ from arguments import told
 from vispeg.core.errors import UserError
 from vispeg.learn.layout import PRIVILEGED
 from vispeg.learn.policy import NetPolicy, load
-from vispeg.task.observe import policy_size
 from vispeg.task.vector import PegInHoleVec
 
 GROUPS = {"position": range(0, 3), "velocity": range(3, 6), "wrench": range(6, 12), "action": range(12, 15)}
@@ -37,7 +36,7 @@ def inputs(policy: NetPolicy, world: str, steps: int, seed: int) -> tuple[np.nda
         touch.append((obs[PRIVILEGED][:, 12:15] != 0).any(axis=1))
         obs, _, terminated, truncated, _ = env.step(policy.act(obs))
         policy.reset(16, terminated | truncated)
-    return np.concatenate(scaled), np.concatenate(touch), policy_size(env.config)
+    return np.concatenate(scaled), np.concatenate(touch), env.sim.observed.policy_size
 
 
 def main() -> None:
