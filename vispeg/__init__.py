@@ -11,24 +11,52 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from vispeg import effects
+    from vispeg.api.calibrate import calibrate
     from vispeg.api.compare import compare
+    from vispeg.api.datasets import render_dataset
     from vispeg.api.diagnose import diagnose
+    from vispeg.api.environments import make, make_vec
+    from vispeg.api.evaluate import evaluate
     from vispeg.api.fit import fit
+    from vispeg.api.gap import gap
     from vispeg.api.inputs import load_recording
+    from vispeg.api.policies import load_policy
     from vispeg.task.world_file import load_world
     from vispeg.worlds.world import World
 
 __version__ = "0.1.0"
-__all__ = ["World", "compare", "diagnose", "effects", "fit", "load_recording", "load_world"]
+__all__ = [
+    "World",
+    "calibrate",
+    "compare",
+    "diagnose",
+    "effects",
+    "evaluate",
+    "fit",
+    "gap",
+    "load_policy",
+    "load_recording",
+    "load_world",
+    "make",
+    "make_vec",
+    "render_dataset",
+]
 
 LIBRARY = ("vispeg.effects",)  # rooms that enrol effects, see vispeg.core.registry
 _PLACES = {
     "World": "vispeg.worlds.world",
+    "calibrate": "vispeg.api.calibrate",
     "compare": "vispeg.api.compare",
     "diagnose": "vispeg.api.diagnose",
+    "evaluate": "vispeg.api.evaluate",
     "fit": "vispeg.api.fit",
+    "gap": "vispeg.api.gap",
+    "load_policy": "vispeg.api.policies",
     "load_recording": "vispeg.api.inputs",
     "load_world": "vispeg.task.world_file",
+    "make": "vispeg.api.environments",
+    "make_vec": "vispeg.api.environments",
+    "render_dataset": "vispeg.api.datasets",
 }
 
 

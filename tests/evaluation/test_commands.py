@@ -96,12 +96,15 @@ def test_the_scripted_policy_succeeds_and_a_second_call_plays_nothing(vispeg, tm
 def played(monkeypatch):
     """Commands play nothing: an episode succeeds as the given function of job and seed says. Returns the jobs."""
 
-    def by(success):
-        import vispeg.cli.evaluation
-        from vispeg.evaluation.records import Episode
-        from vispeg.evaluation.runner import run
+    from vispeg.evaluation import runner
 
-        jobs = []
+    run = runner.run
+
+    def by(success):
+        from vispeg.evaluation import runner
+        from vispeg.evaluation.records import Episode
+
+        run, jobs = runner.run, []
 
         def toss(job):
             jobs.append(job)
@@ -112,7 +115,7 @@ def played(monkeypatch):
             more = {"time": 1.0, "control": job.control, "configuration": job.configuration}
             return [Episode(*head, *end, **more) for end in ends]
 
-        monkeypatch.setattr(vispeg.cli.evaluation, "play_all", lambda todo, out, *_: run(todo, out, arena=toss))
+        monkeypatch.setattr(runner, "run", lambda todo, out, *_, **more: run(todo, out, arena=toss))
         return jobs
 
     return by

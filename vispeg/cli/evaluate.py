@@ -17,6 +17,7 @@ from pathlib import Path
 
 import tyro
 
+from vispeg.cli.output import Output, Told
 from vispeg.core.interrupt import goes_on
 
 
@@ -44,64 +45,33 @@ class Args:
     """Processes."""
     overwrite: bool = False
     """Replace OUT's result."""
-    quiet: bool = False
-    """No progress bar."""
+    output: Told = Output()
 
     @goes_on()
     def run(self) -> int:
         """Plays what is missing, writes the folder, prints the table."""
-        import json
-
-        from vispeg.cli.evaluation import (
-            at_clearance,
-            check_episodes,
-            open_folder,
-            play_all,
-            print_table,
-            write_result,
-        )
-        from vispeg.core.errors import UserError
-        from vispeg.core.files import write_text_atomic
-        from vispeg.evaluation.controls import CONTROLS
-        from vispeg.evaluation.gap import gap
-        from vispeg.evaluation.jobs import Setting, make_jobs, seeds_of
-        from vispeg.evaluation.media import film_failures
-        from vispeg.evaluation.players import ready
-        from vispeg.report.gap import words
-        from vispeg.report.gap.build import write
+        from vispeg.api.evaluate import evaluate
+        from vispeg.cli.evaluation import at_clearance
+        from vispeg.cli.progress import playing
+        from vispeg.evaluation.entrants import entrants
+        from vispeg.report.summary import Line
         from vispeg.task.world_file import load_world
 
-        check_episodes(self.episodes, self.workers)
-        for control in self.controls:
-            if control not in CONTROLS:
-                raise UserError("unknown control", key="--controls", got=control, choices=CONTROLS)
-        who, world = ready(self.policies), load_world(self.world)
+        who, world = entrants(self.policies), load_world(self.world)
         task = at_clearance(who, world, self.clearance)
         out = self.out or Path("evaluated") / f"{'+'.join(dict.fromkeys(e.name for e in who))}-{world.name}"
-        out = open_folder(out, "evaluate.json", self.overwrite, [world.path, *(e.path for e in who)])
-        settings = [Setting(self.world, world.name, task=task, control=c) for c in ("", *self.controls)]
-        jobs = make_jobs(who, settings, seeds_of(self.episodes, self.seed), out / "worlds", profile=True)
-        episodes = play_all(jobs, out, self.workers, self.quiet)
-        scripted = [e.name for e in who if e.scripted]
-        values = gap(episodes, world.name, seed=self.seed, scripted=scripted)
-        values["notes"] += [words.told(r) for r in values["success"] if r["needed"]]
-        media = film_failures(jobs, episodes, out / "media", self.videos) if self.videos else []
-        write_text_atomic(out / "media.json", json.dumps(media) + "\n", overwrite=True)
-        values = write_result(out, "evaluate.json", values, self.seed, [e.path for e in who if e.path.exists()])
-        page = write(out, "evaluate", overwrite=True)
-        heads = ("policy", "success", "time", "peak force", "failures")
-        print_table(heads, [_row(r, words) for r in values["success"]])
-        for r in values["success"]:
-            if r["needed"]:
-                print(words.told(r))
-        for c in values["comparisons"]:
-            print(f"{c['first']} - {c['second']}: {words.lost(c['difference'])} points, {c['verdict']}")
-        print(page)
+        result = evaluate(
+            self.policies,
+            self.world,
+            episodes=self.episodes,
+            controls=self.controls,
+            task=task,
+            videos=self.videos,
+            seed=self.seed,
+            workers=self.workers,
+            out=out,
+            overwrite=self.overwrite,
+            playing=lambda jobs, folder: playing(jobs, folder, self.output.quiet),
+        )
+        self.output.give(result.record, [*result.summary, Line(str(out / "evaluate.html"), path=True)])
         return 0
-
-
-def _row(r, words) -> list[str]:  # type: ignore[no-untyped-def]
-    failures = ", ".join(f"{k} {v}" for k, v in sorted(r["categories"].items()) if k != "success")
-    time = "-" if r["time"] is None else f"{r['time']:.1f} s"
-    force = "-" if r["peak_force"] is None else f"{r['peak_force']:.0f} N"
-    return [words.name(r), words.rate(r["success"]), time, force, failures]

@@ -49,9 +49,9 @@ class Args:
     @goes_on()
     def run(self) -> int:
         """Plays what is missing, writes the folder, prints the table."""
+        from vispeg.api.playing import check_numbers
         from vispeg.cli.evaluation import (
             at_clearance,
-            check_episodes,
             open_folder,
             play_all,
             print_table,
@@ -66,7 +66,7 @@ class Args:
         from vispeg.report.gap.perturb_page import render
         from vispeg.task.world_file import load_world
 
-        check_episodes(self.episodes, self.workers)
+        check_numbers(self.episodes, self.workers)
         if not 0 <= self.force[0] <= self.force[1] or not self.duration > 0:
             raise UserError("not a push", key="--force", expected="low <= high, a duration above 0", got=self.force)
         who, world = ready(self.policies), load_world(self.world)

@@ -4,8 +4,14 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from vispeg.evaluation.jobs import Job
+    from vispeg.evaluation.records import Episode
 
 SHARE, SECONDS = 0.1, 10.0  # a line in a log is this much further than the last one, and so much later
 MOST = 12  # rows of a terminal
@@ -45,6 +51,47 @@ def bars(totals: Mapping[str, int], unit: str, quiet: bool = False) -> Iterator[
             log.advance(name, by, note, known)
 
         yield advance
+
+
+@contextmanager
+def rendering(frames: int, quiet: bool = False) -> Iterator[tuple[Callable[[int, int], None], Callable[[int], None]]]:
+    """A bar of frames with the rate of the new ones; yields what is told the frames from before, and the new ones."""
+    began = time.monotonic()
+    made = 0
+    with bars({"rendering": frames}, "frames", quiet) as advance:
+
+        def watch(drawn: int) -> None:
+            nonlocal made
+            made += drawn
+            advance("rendering", drawn, f"{made / max(time.monotonic() - began, 1e-9):.1f} frames/s")
+
+        yield lambda total, resumed: advance("rendering", resumed, known=True), watch
+
+
+@contextmanager
+def playing(
+    jobs: Sequence[Job], folder: Path, quiet: bool = False
+) -> Iterator[Callable[[Sequence[Episode], int, int], None]]:
+    """A bar of episodes for each policy, with the success so far; yields what is told the episodes as they end."""
+    from vispeg.evaluation.records import read
+    from vispeg.evaluation.runner import EPISODES
+
+    totals: dict[str, int] = {}
+    for job in jobs:
+        totals[job.entrant.name] = totals.get(job.entrant.name, 0) + len(job.seeds)
+    before = {e.key for e in read(folder / EPISODES)} if (folder / EPISODES).exists() else set()
+    wins = [0, 0]
+    with bars(totals, "episodes", quiet) as advance:
+        for job in jobs:
+            advance(job.entrant.name, sum(key in before for key in job.keys()), known=True)
+
+        def watch(new: Sequence[Episode], *_: int) -> None:
+            wins[0], wins[1] = wins[0] + sum(e.success for e in new), wins[1] + len(new)
+            if new:
+                rate = f"{100 * wins[0] / wins[1]:.0f} % of the new ones succeed"
+                advance(new[0].policy, len(new), f"{rate}, now {new[0].policy} in {new[0].world}")
+
+        yield watch
 
 
 class _Log:

@@ -13,12 +13,11 @@ Example:
 
 from __future__ import annotations
 
-import sys
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from vispeg.cli.output import Output, Told
 from vispeg.core.interrupt import goes_on
 
 
@@ -55,62 +54,32 @@ class Args:
     overwrite: bool = False
     """Replace OUT, if it is there, once the new dataset is complete."""
 
+    output: Told = Output()
+
     @goes_on()
     def run(self) -> int:
         """Renders, and says how fast and where."""
-        from vispeg.cli.progress import bars
-        from vispeg.core.errors import UserError
-        from vispeg.core.extras import require
-        from vispeg.core.files import refuse
-        from vispeg.core.provenance import provenance
-        from vispeg.datasets.engine import local
-        from vispeg.datasets.engine_ray import on_ray
-        from vispeg.datasets.formats import EXPORTS
-        from vispeg.datasets.rendering import render
-        from vispeg.demonstrations.plan import plan_of
-        from vispeg.demonstrations.stage import shard
+        from vispeg.api.datasets import render_dataset
+        from vispeg.cli.progress import rendering
 
-        if self.workers < 0:
-            raise UserError("must not be negative", key="workers", got=self.workers)
-        if self.engine == "ray":
-            require("ray", "--engine ray")
-        refuse(self.out, self.overwrite, holds="dataset", inputs=(self.world,))
-        plan, layout = plan_of(
-            self.world,
-            self.frames,
-            looks=self.looks,
-            cameras=self.cameras,
-            size=self.size,
-            seed=self.seed,
-            noise=self.noise,
-            labels=not self.no_labels,
-            backend=self.backend,
-        )
-        began = time.monotonic()
-        done: list[int] = []
-        with bars({"rendering": plan.frames}, "frames") as advance:
-
-            def watch(frames: int) -> None:
-                made, took = sum(done[1:]) + frames, max(time.monotonic() - began, 1e-9)
-                advance("rendering", frames, f"{made / took:.1f} frames/s" if done else "", known=not done)
-                done.append(frames)
-
-            render(
-                plan,
-                layout,
-                shard,
+        with rendering(self.frames, self.output.quiet) as (begun, watch):
+            result = render_dataset(
                 self.out,
-                engine=on_ray if self.engine == "ray" else local,
+                self.world,
+                frames=self.frames,
+                looks=self.looks,
+                cameras=self.cameras,
+                size=self.size,
+                seed=self.seed,
+                noise=self.noise,
+                labels=not self.no_labels,
                 workers=self.workers,
-                watch=watch,
-                export=EXPORTS.get(self.format),
-                provenance={"versions": provenance(sys.argv, self.seed)["versions"]},
+                engine=self.engine,
+                format=self.format,
+                backend=self.backend,
                 overwrite=self.overwrite,
+                begun=begun,
+                watch=watch,
             )
-        took, kept = time.monotonic() - began, done[0]
-        rate = (
-            f"{(plan.frames - kept) / max(took, 1e-9):.1f} frames/s" if kept < plan.frames else "nothing left to draw"
-        )
-        again = f", {kept} of them from before" if kept else ""
-        print(f"{plan.frames} frames of {len(layout.cameras)} cameras in {self.out}{again}; {took:.0f} s, {rate}")
+        self.output.give(result.record, result.summary)
         return 0

@@ -45,7 +45,8 @@ class Args:
     @goes_on()
     def run(self) -> int:
         """Plays what is missing, writes the folder, prints a line a curve."""
-        from vispeg.cli.evaluation import check_episodes, open_folder, play_all, write_result
+        from vispeg.api.playing import check_numbers
+        from vispeg.cli.evaluation import open_folder, play_all, write_result
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
         from vispeg.evaluation import sensitivity
@@ -54,7 +55,7 @@ class Args:
         from vispeg.report.gap.sweep_page import render
         from vispeg.task.world_file import load_world
 
-        check_episodes(self.episodes, self.workers)
+        check_numbers(self.episodes, self.workers)
         if not self.sweep:
             raise UserError("nothing to sweep", key="--sweep", expected="a sweep", choices=sensitivity.SWEEPS)
         who, world = ready(self.policies), load_world(self.world)

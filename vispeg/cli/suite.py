@@ -57,6 +57,7 @@ class Run:
     @goes_on()
     def run(self) -> int:
         """Plays what is missing, writes the folder, prints health and table; 1 on an alarm."""
+        from vispeg.api.playing import check_numbers
         from vispeg.cli import evaluation
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
@@ -67,7 +68,7 @@ class Run:
         from vispeg.report.gap.suite_page import render
         from vispeg.task.world_file import load_world
 
-        evaluation.check_episodes(self.episodes, self.workers)
+        check_numbers(self.episodes, self.workers)
         if (self.target is None) == (self.measured is None):
             raise UserError("no target", expected="either --target WORLD or --measured CSV")
         who, listed = ready(self.policies), suite.configurations(self.suite)

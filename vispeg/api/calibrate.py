@@ -1,0 +1,112 @@
+"""`vispeg.calibrate`: a camera from images of a board and, for its place, the flange's poses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from vispeg.api.result import Result
+from vispeg.core.errors import UserError
+from vispeg.core.provenance import digest, here
+from vispeg.render import calibration as rooms
+from vispeg.render.calibration.board import parse_pattern
+from vispeg.render.calibration.hand_eye import Mount
+from vispeg.render.calibration.intrinsics import Distortion
+from vispeg.render.calibration.known import read_intrinsics
+from vispeg.render.calibration.picture import overlay
+from vispeg.render.calibration.results import record
+from vispeg.render.camera import Camera
+from vispeg.render.camera_files import save_cameras
+from vispeg.report.camera_tables import calibration_summary
+from vispeg.report.summary import Block
+from vispeg.report.write import write_json
+
+
+@dataclass(frozen=True)
+class CalibrationResult(Result):
+    """A calibrated camera; intervals are of 95 %.
+
+    Attributes:
+        record: what results.json holds, see docs/cameras.md.
+        camera: intrinsics, distortion and, with poses, where it sits.
+        board: that was seen.
+        images: their folder.
+        found: the fit behind the record.
+        flange: poses of the flange on the base, one a used image, (n, 4, 4); None without.
+        sources: what was read.
+    """
+
+    record: Mapping[str, Any]
+    camera: Camera
+    board: rooms.Board
+    images: Path
+    found: rooms.Calibration = field(repr=False)
+    flange: np.ndarray | None = field(default=None, repr=False)
+    sources: tuple[str | Path, ...] = ()
+    holds = "calibration"
+
+    @property
+    def summary(self) -> list[Block]:
+        """The numbers with their intervals, a row an image, and what to know before using them."""
+        return calibration_summary(self.record)
+
+    def _write(self, folder: Path) -> None:
+        save_cameras(folder / "camera.yaml", self.camera)
+        write_json(folder / "results.json", dict(self.record))
+        (folder / "corners").mkdir()
+        for number, view in enumerate(self.found.views):
+            pose = None if self.flange is None else self.flange[number]
+            picture = overlay(self.images / view.name, self.found, self.board, number, pose)
+            (folder / "corners" / f"{view.name}.png").write_bytes(picture)
+
+
+def calibrate(
+    images: str | Path,
+    pattern: str,
+    square: float,
+    *,
+    board: Literal["chessboard", "charuco"] = "chessboard",
+    marker: float = 0.0,
+    dictionary: str = "DICT_4X4_50",
+    legacy: bool = False,
+    poses: str | Path | None = None,
+    mount: Mount = "flange",
+    intrinsics: str | Path | None = None,
+    distortion: Distortion = "brown4",
+    name: str = "camera",
+) -> CalibrationResult:
+    """Calibrates a camera; with `poses` also where it sits: on the flange, or on the base with the board on the flange.
+
+    Args:
+        images: folder of images of one size.
+        pattern: COLUMNSxROWS: inner corners of a chessboard (`9x6`), squares of a ChArUco board.
+        square: side of a square, m.
+        board: what the images show, `chessboard` or `charuco`.
+        marker, dictionary, legacy: of a ChArUco board: side of a marker in m, OpenCV's name of its dictionary, and
+            whether OpenCV before 4.6 printed it.
+        poses: the flange on the base in each image: CSV (file, x, y, z in m, qw, qx, qy, qz) or ViSP's YAML files.
+        mount: what the camera is fixed to.
+        intrinsics: known ones instead of fitted ones: a camera file, OpenCV's, ROS's or ViSP's.
+        distortion: lens terms to fit: `none`; `radial` (k1 k2); `brown4` (and p1 p2); `brown5` (and k3).
+        name: the camera's name in camera.yaml.
+
+    Raises:
+        UserError: images without the board, too few views, motion that does not tell where the camera sits.
+    """
+    if intrinsics is not None and poses is None:
+        raise UserError("nothing is left to find", expected="--poses, or no --intrinsics")
+    folder = Path(images)
+    marks = (marker, dictionary, legacy) if board == "charuco" else (0.0, "", False)
+    printed = rooms.Board(board, *parse_pattern(pattern), square, *marks)
+    lens = None if intrinsics is None else read_intrinsics(Path(intrinsics))
+    sources = [Path(p) for p in (images, poses, intrinsics) if p is not None and Path(p).exists()]
+    stamp = here(None, {str(path): f"sha256:{digest(path)}" for path in sources})
+    views, missed = rooms.detect(folder, printed)
+    flange = None if poses is None else rooms.read_poses(Path(poses), [view.name for view in views])
+    found = rooms.calibrate(views, printed, distortion=distortion, camera=lens, flange=flange, mount=mount)
+    results = {**record(found, printed, missed), "provenance": stamp}
+    return CalibrationResult(results, found.to_camera(name), printed, folder, found, flange, tuple(sources))

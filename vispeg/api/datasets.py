@@ -1,0 +1,146 @@
+"""`vispeg.render_dataset`: a randomized RGB-D dataset of the task."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from vispeg.core.errors import UserError
+from vispeg.core.extras import require
+from vispeg.core.files import refuse
+from vispeg.core.provenance import here
+from vispeg.datasets.engine import local
+from vispeg.datasets.engine_ray import on_ray
+from vispeg.datasets.formats import EXPORTS
+from vispeg.datasets.opening import open_dataset
+from vispeg.datasets.read import Dataset
+from vispeg.datasets.rendering import render
+from vispeg.datasets.stored import Stored
+from vispeg.report.summary import Block, Line, html
+
+Begun = Callable[[int, int], None]  # is told the frames that there will be, and those that an earlier run has left
+
+
+@dataclass(frozen=True)
+class RenderedDataset:
+    """A dataset on disk.
+
+    Attributes:
+        path: its folder.
+        frames: in all; one moment in one look, seen by every camera.
+        cameras: their names.
+        resumed: frames that an earlier run had left.
+        seconds: that the others took.
+    """
+
+    path: Path
+    frames: int
+    cameras: tuple[str, ...]
+    resumed: int
+    seconds: float
+
+    def open(self) -> Dataset | Stored:
+        """The dataset, to read frames from."""
+        return open_dataset(self.path)
+
+    @property
+    def record(self) -> dict[str, object]:
+        """What `vispeg render --json` prints."""
+        numbers = {"frames": self.frames, "resumed": self.resumed, "seconds": round(self.seconds, 1)}
+        return {"dataset": str(self.path), "cameras": list(self.cameras), **numbers}
+
+    @property
+    def summary(self) -> list[Block]:
+        """How many frames of how many cameras, where, and how fast."""
+        new = self.frames - self.resumed
+        rate = f"{new / max(self.seconds, 1e-9):.1f} frames/s" if new else "nothing left to draw"
+        again = f", {self.resumed} of them from before" if self.resumed else ""
+        text = (
+            f"{self.frames} frames of {len(self.cameras)} cameras in {self.path}{again}; {self.seconds:.0f} s, {rate}"
+        )
+        return [Line(text, path=True)]
+
+    def _repr_html_(self) -> str:
+        return html(self.summary)
+
+
+def render_dataset(
+    out: str | Path,
+    world: str | Path = "S",
+    *,
+    frames: int = 2000,
+    looks: int = 1,
+    cameras: Sequence[str] = (),
+    size: int = 64,
+    seed: int = 0,
+    noise: float = 0.2,
+    labels: bool = True,
+    workers: int = 2,
+    engine: Literal["local", "ray"] = "local",
+    format: Literal["lerobot", "bop", "folder"] = "lerobot",
+    backend: Literal["auto", "classic", "raycast", "filament"] = "auto",
+    overwrite: bool = False,
+    begun: Begun = lambda frames, resumed: None,
+    watch: Callable[[int], None] = lambda frames: None,
+) -> RenderedDataset:
+    """An expert plays, and its moments are drawn in several looks through the cameras; see docs/datasets.md.
+
+    A rendering that was stopped goes on when it is called again, and ends with the same bytes.
+
+    Args:
+        out: folder of the dataset, new or empty.
+        world: a built-in world's name or a world file.
+        frames: in all: one moment in one look, seen by every camera.
+        looks: of every episode; its physics runs once.
+        cameras: to look through; the world's where not given.
+        size: pixels of a picture's shorter side; 0 for the cameras' own.
+        seed: of everything.
+        noise: standard deviation of what disturbs the expert's actions, as a share of the greatest action.
+        labels: whether the pictures of parts are drawn; poses are always kept.
+        workers: processes of one thread each; 0 for none but this one.
+        engine: where workers run: on this machine, or on the Ray cluster at RAY_ADDRESS.
+        format: of the folder: LeRobotDataset v3.0, BOP, or plain PNG and CSV files.
+        backend: renderer, where the world names none.
+        overwrite: replace `out`, if it is there, once the new dataset is complete.
+        begun: is told once how many frames there will be, and how many are there.
+        watch: is told frames as they are drawn.
+
+    Raises:
+        UserError: an unknown world or camera, numbers that cannot be, or `out` holds something else.
+    """
+    from vispeg.demonstrations.plan import plan_of
+    from vispeg.demonstrations.stage import shard
+
+    if workers < 0:
+        raise UserError("must not be negative", key="workers", got=workers)
+    if engine == "ray":
+        require("ray", "--engine ray")
+    refuse(out, overwrite, holds="dataset", inputs=(world,))
+    shape = {"looks": looks, "cameras": cameras, "size": size, "seed": seed, "noise": noise}
+    plan, layout = plan_of(str(world), frames, labels=labels, backend=backend, **shape)
+    start, resumed = time.monotonic(), list[int]()
+
+    def told(drawn: int) -> None:
+        if not resumed:
+            resumed.append(drawn)
+            begun(plan.frames, drawn)
+        else:
+            watch(drawn)
+
+    render(
+        plan,
+        layout,
+        shard,
+        out,
+        engine=on_ray if engine == "ray" else local,
+        workers=workers,
+        watch=told,
+        export=EXPORTS.get(format),
+        provenance={"versions": here(seed, {})["versions"]},
+        overwrite=overwrite,
+    )
+    names = tuple(camera.name for camera in layout.cameras)
+    return RenderedDataset(Path(out), plan.frames, names, resumed[0] if resumed else 0, time.monotonic() - start)

@@ -1,0 +1,52 @@
+"""`vispeg.make` and `vispeg.make_vec`: the task as gymnasium environments."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from vispeg.worlds.world import World
+
+if TYPE_CHECKING:
+    from vispeg.task.env import PegInHoleEnv
+    from vispeg.task.vector import PegInHoleVec
+
+
+def make(
+    world: World | str | Path = "nominal", obs_mode: str = "state", *, render_mode: str | None = None, **settings: Any
+) -> PegInHoleEnv:
+    """One peg-in-hole environment, a `gymnasium.Env`.
+
+    Args:
+        world: a world, a built-in world's name (`vispeg worlds` lists them) or a world file.
+        obs_mode: `state`, `proprio`, `depth`, `rgb` or `rgbd`.
+        render_mode: `rgb_array` for pictures from outside.
+        settings: of the task, in place of the world's, such as `clearance_mm=1.0`; see `vispeg.task.config.TaskConfig`.
+
+    Raises:
+        UserError: no such world, mode or setting.
+    """
+    from vispeg.task.env import PegInHoleEnv
+
+    return PegInHoleEnv(world, obs_mode, render_mode, **settings)
+
+
+def make_vec(
+    num_envs: int,
+    world: World | str | Path = "nominal",
+    obs_mode: str = "state",
+    *,
+    seed: int | None = None,
+    render_mode: str | None = None,
+    **settings: Any,
+) -> PegInHoleVec:
+    """`num_envs` environments that are stepped together, a `gymnasium.vector.VectorEnv`; arguments as in `make`.
+
+    Args:
+        num_envs: rows.
+        seed: of the first row; row i has seed + i.
+        world, obs_mode, render_mode, settings: as in `make`; `nthread` among the settings is the threads of physics.
+    """
+    from vispeg.task.vector import PegInHoleVec
+
+    return PegInHoleVec(num_envs, world, obs_mode, seed=seed, render_mode=render_mode, **settings)

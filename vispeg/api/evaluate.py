@@ -1,0 +1,93 @@
+"""`vispeg.evaluate`: policies in one world, on the same seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from vispeg.api.playing import Played, Playing, check_numbers, folders, play, silent, stamped
+from vispeg.evaluation import gap as gaps
+from vispeg.evaluation.folder import workplace
+from vispeg.evaluation.jobs import Setting, make_jobs, seeds_of
+from vispeg.evaluation.media import film_failures
+from vispeg.evaluation.players import ready
+from vispeg.report.gap import words
+from vispeg.report.summary import Block, Line
+from vispeg.report.tables import Column, Sheet
+from vispeg.task.world_file import load_world
+
+
+class EvaluationResult(Played):
+    """Success of each policy with its interval, how long it takes, how hard it pushes, how it fails; see `Played`."""
+
+    command = holds = "evaluate"
+
+    @property
+    def summary(self) -> list[Block]:
+        """A row a policy, what more episodes would tell, and the policies against each other."""
+        rows = self.record["success"]
+        heads = ("policy", "success", "time", "peak force", "failures")
+        out: list[Block] = [Sheet([Column(head) for head in heads], [_row(r) for r in rows])]
+        out += [Line(words.told(r)) for r in rows if r["needed"]]
+        for c in self.record["comparisons"]:
+            out.append(Line(f"{c['first']} - {c['second']}: {words.lost(c['difference'])} points, {c['verdict']}"))
+        return out
+
+
+def evaluate(
+    policies: str | Path | Sequence[str | Path],
+    world: str | Path = "nominal",
+    *,
+    episodes: int = 100,
+    controls: Sequence[str] = (),
+    task: Mapping[str, Any] | None = None,
+    videos: int = 0,
+    seed: int = 0,
+    workers: int = 1,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    playing: Playing = silent,
+) -> EvaluationResult:
+    """Plays policies in one world and says how often they succeed, with 95 % intervals.
+
+    Args:
+        policies: folders, names of policies that come with the package, `NAME=FOLDER`, or `expert`, the scripted one.
+        world: a built-in world's name or a world file.
+        episodes: of every policy.
+        controls: `shuffled`, `frozen`, `hole_fixed`: the same policies with their sight taken away in that way.
+        task: settings in place of the world's, such as `clearance_mm`.
+        videos: failures of each policy that are filmed; needs `out`.
+        seed: another number plays other episodes.
+        workers: processes.
+        out: a folder in which episodes are kept as they end, so that an evaluation that was stopped goes on, and which
+            holds the result; without it, nothing is written.
+        overwrite: replace the result in `out`.
+        playing: shows how far it is.
+
+    Raises:
+        UserError: a policy, a world or a control that there is not, or `out` holds something else.
+    """
+    check_numbers(episodes, workers, controls)
+    named = [str(p) for p in ([policies] if isinstance(policies, str | Path) else policies)]
+    who, file = ready(named), load_world(world)
+    sources = [file.path, *(e.path for e in who)]
+    with workplace(out, "evaluate.json", overwrite, sources) as place:
+        settings = [Setting(str(world), file.name, task=dict(task or {}), control=c) for c in ("", *controls)]
+        jobs = make_jobs(who, settings, seeds_of(episodes, seed), place / "worlds", profile=True)
+        ends = play(jobs, place, workers, playing)
+        values = gaps.gap(ends, file.name, seed=seed, scripted=[e.name for e in who if e.scripted])
+        values["notes"] += [words.told(r) for r in values["success"] if r["needed"]]
+        filmed = out is not None and videos > 0
+        media = film_failures(jobs, ends, place / "media", videos) if filmed else []
+        result = EvaluationResult(stamped(values, seed, folders(who)), tuple(ends), tuple(media), tuple(sources))
+        if out is not None:
+            result._write(place)
+    return result
+
+
+def _row(r: Mapping[str, Any]) -> list[str]:
+    failures = ", ".join(f"{k} {v}" for k, v in sorted(r["categories"].items()) if k != "success")
+    time = "-" if r["time"] is None else f"{r['time']:.1f} s"
+    force = "-" if r["peak_force"] is None else f"{r['peak_force']:.0f} N"
+    return [words.name(r), words.rate(r["success"]), time, force, failures]

@@ -1,0 +1,174 @@
+"""`vispeg.gap`: policies in several worlds on the same seeds, what each loses, and to which factor of the change."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from vispeg.api.playing import Played, Playing, check_numbers, play, silent, stamped
+from vispeg.core.errors import UserError
+from vispeg.evaluation import gap as gaps
+from vispeg.evaluation import stored
+from vispeg.evaluation.entrants import EXPERT, Entrant, refuse_trained_on
+from vispeg.evaluation.folder import workplace
+from vispeg.evaluation.jobs import Job, Setting, make_jobs, seeds_of
+from vispeg.evaluation.measured import Trials, read_csv
+from vispeg.evaluation.media import film_seeds
+from vispeg.evaluation.players import ready
+from vispeg.evaluation.records import read_all
+from vispeg.report.gap import words
+from vispeg.report.summary import Block, Line
+from vispeg.report.tables import Column, Sheet
+from vispeg.task.world_file import WorldFile, load_world
+
+WORLDS = ("S", "V", "N", "P", "VNP")
+CONTROLS = ("shuffled", "frozen", "hole_fixed")
+
+
+class GapResult(Played):
+    """What each policy loses from the training world to the others, with intervals; see `Played`."""
+
+    command = holds = "gap"
+
+    @property
+    def summary(self) -> list[Block]:
+        """Success of each policy in each world, and each gap in words."""
+        values = self.record
+        cells = {(r["policy"], r["world"]): words.rate(r["success"]) for r in values["success"] if not r["control"]}
+        order = [w["name"] for w in values["worlds"]]
+        rows = [[p["name"], *(cells.get((p["name"], w), "-") for w in order)] for p in values["policies"]]
+        out: list[Block] = [Sheet([Column(head) for head in ("policy", *order)], rows)]
+        for row in (*values["gaps"], *values["measures"]):
+            out.append(Line(f"{row['policy']} in {row['world']}: {row['words']}"))
+        return out
+
+
+@dataclass(frozen=True)
+class _Worlds:
+    """The worlds of a gap: what the user named, their files, and those in which controls are played."""
+
+    given: tuple[str, ...]
+    files: tuple[WorldFile, ...]
+    controlled: tuple[str, ...]
+
+    @property
+    def names(self) -> list[str]:
+        return [file.name for file in self.files]
+
+    def settings(self, controls: Sequence[str]) -> list[Setting]:
+        """Every world, then the controls where they are played."""
+        places = dict(zip(self.names, self.given, strict=True))
+        plain = [Setting(world, name) for name, world in places.items()]
+        return plain + [Setting(places[name], name, control=c) for name in self.controlled for c in controls]
+
+
+def gap(
+    policies: str | Path | Sequence[str | Path] = (),
+    worlds: Sequence[str | Path] = WORLDS,
+    *,
+    episodes: int = 100,
+    controls: Sequence[str] = CONTROLS,
+    control_worlds: Sequence[str] | None = None,
+    records: Sequence[str | Path] = (),
+    measured: str | Path | None = None,
+    robot: str = "robot",
+    videos: int = 0,
+    fine_tuned: bool = False,
+    seed: int = 0,
+    workers: int = 1,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    playing: Playing = silent,
+) -> GapResult:
+    """Plays policies in several worlds on the same seeds and says what each loses, with 95 % intervals.
+
+    Args:
+        policies: as in `vispeg.evaluate`; replicas of one name differ in their training seed.
+        worlds: built-in worlds' names or world files; the first is the training world. One that is named after others
+            (VNP after V, N, P) is split into their shares.
+        episodes: of every policy in every world.
+        controls: `shuffled`, `frozen`, `hole_fixed`.
+        control_worlds: those of `worlds` in which the controls are played; the first and the last where not given.
+        records: files of episodes that are there already; they are not played again.
+        measured: CSV of a real robot's trials.
+        robot: the name of that target.
+        videos: seeds of each policy that are filmed in the first world and the last; needs `out`.
+        fine_tuned: allow policies that were trained or fine-tuned in a target.
+        seed, workers, out, overwrite, playing: as in `vispeg.evaluate`.
+
+    Raises:
+        UserError: nothing to evaluate; a policy, world, control or record that there is not or that does not fit; a
+            policy that was trained in a target.
+    """
+    named = [str(p) for p in ([policies] if isinstance(policies, str | Path) else policies)]
+    files = [Path(r) for r in records]
+    if not named and not files:
+        raise UserError("nothing to evaluate", expected="policy folders, or --records FILE")
+    who, stored_before = ready(named) if named else [], read_all(files) if files else []
+    networks = [*((e.name, e.train_seed) for e in who), *((e.policy, e.train_seed) for e in stored_before)]
+    trials = _measured(measured, networks, robot)
+    read: list[str | Path | None] = [*files, measured, *(e.path for e in who)]
+    chosen = None
+    if who:
+        check_numbers(episodes, workers, controls)
+        chosen = _worlds(worlds, control_worlds, who, fine_tuned)
+        read += [file.path for file in chosen.files]
+        if stored_before:  # OUT, which may hold the records, is not touched before they fit
+            with TemporaryDirectory() as folder:
+                seeds = seeds_of(episodes, seed)
+                stored.check(make_jobs(who, chosen.settings(controls), seeds, Path(folder)), stored_before, files)
+    names = [str(w) for w in worlds] if chosen is None else chosen.names
+    with workplace(out if who else None, "gap.json", overwrite, read) as place:
+        jobs: list[Job] = []
+        played = []
+        if chosen is not None:
+            if stored_before:
+                stored.take_in(stored_before, place)
+            jobs = make_jobs(who, chosen.settings(controls), seeds_of(episodes, seed), place / "worlds")
+            played = play(jobs, place, workers, playing)
+        ends = {e.key: e for e in [*stored_before, *played]}
+        every = [*ends.values(), *trials.episodes]
+        targets = [*names, *([robot] if trials.episodes else [])]
+        scripted = [e.name for e in who if e.scripted] if who else [EXPERT]
+        values = gaps.gap(every, names[0], targets, seed, trials.notes, scripted)
+        filmed = out is not None and videos > 0 and bool(jobs)
+        both = list(dict.fromkeys((names[0], names[-1])))
+        media = film_seeds(jobs, list(ends.values()), both, place / "media", videos) if filmed else []
+        inputs = [*files, *([Path(measured)] if measured else [])]
+        sources = tuple(p for p in read if p is not None)
+        result = GapResult(stamped(values, seed, inputs), tuple(every), tuple(media), sources)
+        if out is not None and who:
+            result._write(place)
+    if out is not None and not who:
+        result.save(out, overwrite=overwrite)
+    return result
+
+
+def _worlds(
+    given: Sequence[str | Path], control_worlds: Sequence[str] | None, who: Sequence[Entrant], fine_tuned: bool
+) -> _Worlds:
+    """The worlds, none of whose targets a policy was trained in."""
+    files = [load_world(w) for w in given]
+    names = [f.name for f in files]
+    if len(set(names)) < len(names):
+        raise UserError("two worlds of one name", key="--worlds", got=", ".join(names))
+    called = dict(zip(map(str, given), names, strict=True))
+    chosen = (names[0], names[-1]) if control_worlds is None else control_worlds
+    controlled = dict.fromkeys(called.get(w, w) for w in chosen)
+    for name in controlled:
+        if name not in names:
+            raise UserError("not one of --worlds", key="--control-worlds", got=name, choices=names)
+    for file in files[1:]:
+        if not fine_tuned:
+            refuse_trained_on(who, file.name, file.hash, file.path, training=files[0].path)
+    return _Worlds(tuple(map(str, given)), tuple(files), tuple(controlled))
+
+
+def _measured(csv: str | Path | None, networks: Sequence[tuple[str, int]], robot: str) -> Trials:
+    """A real robot's trials of these policies (name, training seed); none without a file."""
+    seeds: dict[str, set[int]] = {}
+    for name, seed in networks:
+        seeds.setdefault(name, set()).add(seed)
+    return Trials() if csv is None else read_csv(Path(csv), robot, seeds, ())

@@ -1,0 +1,90 @@
+"""What evaluations share: playing jobs under a progress display, and a result of episodes that saves itself."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+from vispeg.api.result import Result
+from vispeg.core.errors import UserError
+from vispeg.core.files import write_text_atomic
+from vispeg.core.provenance import digest, here
+from vispeg.evaluation import runner
+from vispeg.evaluation.controls import CONTROLS
+from vispeg.evaluation.entrants import Entrant
+from vispeg.evaluation.folder import workplace
+from vispeg.evaluation.jobs import Job
+from vispeg.evaluation.records import Episode, append
+from vispeg.report.gap.build import write
+
+Playing = Callable[[Sequence[Job], Path], AbstractContextManager[runner.Watch]]
+
+
+def silent(jobs: Sequence[Job], folder: Path) -> AbstractContextManager[runner.Watch]:
+    """Shows nothing while episodes are played."""
+    return nullcontext(lambda new, done, total: None)
+
+
+@dataclass(frozen=True)
+class Played(Result):
+    """Episodes and what they say.
+
+    Attributes:
+        record: what the JSON file holds, see docs/formats.md.
+        episodes: every one, see `vispeg.evaluation.records.Episode`.
+        media: films of some of them; none where the result has no folder of its own.
+        sources: what was read.
+    """
+
+    record: Mapping[str, Any]
+    episodes: tuple[Episode, ...] = field(repr=False)
+    media: tuple[Mapping[str, Any], ...] = field(default=(), repr=False)
+    sources: tuple[str | Path, ...] = ()
+    command: ClassVar[str]
+
+    def save(self, out: str | Path, *, overwrite: bool = False) -> Path:
+        """Writes record, page and episodes into a folder; see `Result.save`."""
+        with workplace(out, f"{self.command}.json", overwrite, self.sources) as place:
+            (place / runner.EPISODES).unlink(missing_ok=True)
+            append(place / runner.EPISODES, self.episodes)
+            write_text_atomic(place / runner.RUN, json.dumps({"policies": {}, "worlds": {}}) + "\n", overwrite=True)
+            self._write(place)
+        return Path(out)
+
+    def _write(self, folder: Path) -> None:
+        """The record, the list of films and the page; the episodes are there."""
+        write_text_atomic(folder / "media.json", json.dumps(self.media) + "\n", overwrite=True)
+        text = json.dumps(self.record, indent=1, allow_nan=False) + "\n"
+        write_text_atomic(folder / f"{self.command}.json", text, overwrite=True)
+        write(folder, self.command, overwrite=True)
+
+
+def play(jobs: Sequence[Job], folder: Path, workers: int, playing: Playing) -> list[Episode]:
+    """All episodes of the jobs; those that `folder` has are not played again."""
+    with playing(jobs, folder) as watch:
+        return runner.run(jobs, folder, workers, watch=watch)
+
+
+def stamped(values: Mapping[str, Any], seed: int, inputs: Iterable[Path]) -> dict[str, Any]:
+    """The record with its provenance."""
+    return {**values, "provenance": here(seed, {str(path): f"sha256:{digest(path)}" for path in inputs})}
+
+
+def folders(who: Iterable[Entrant]) -> list[Path]:
+    """Of the policies; the scripted one has none."""
+    return [e.path for e in who if e.path.exists()]
+
+
+def check_numbers(episodes: int, workers: int, controls: Iterable[str] = ()) -> None:
+    """Raises UserError for numbers that make no sense, or an unknown control."""
+    if episodes < 1:
+        raise UserError("no episodes", key="--episodes", expected="1 or more", got=episodes)
+    if workers < 1:
+        raise UserError("no workers", key="--workers", expected="1 or more", got=workers)
+    for control in controls:
+        if control not in CONTROLS:
+            raise UserError("unknown control", key="--controls", got=control, choices=CONTROLS)

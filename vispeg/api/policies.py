@@ -1,0 +1,27 @@
+"""`vispeg.load_policy`: a policy from its folder, or one that comes with the package, by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from vispeg.core.extras import require
+
+if TYPE_CHECKING:
+    from vispeg.learn.policy import Policy
+
+
+def load_policy(place: str | Path) -> Policy:
+    """A policy that acts: `policy.reset(n)`, then `policy.act(observations)` gives actions (n, action) within +-1.
+
+    Args:
+        place: a folder with policy.json and policy.safetensors, or the name of a policy that comes with the package
+            (`vispeg policies` lists them). Nothing in the folder is executed.
+
+    Raises:
+        UserError: no such policy, a file is missing or damaged, or torch is not installed.
+    """
+    require("torch", f"the policy {place}")
+    from vispeg.learn.coarse_to_fine import open_policy
+
+    return open_policy(place)
