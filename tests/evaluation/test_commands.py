@@ -101,10 +101,9 @@ def played(monkeypatch):
     run = runner.run
 
     def by(success):
-        from vispeg.evaluation import runner
         from vispeg.evaluation.records import Episode
 
-        run, jobs = runner.run, []
+        jobs = []
 
         def toss(job):
             jobs.append(job)
