@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 from vispeg.worlds.world import World
 
 if TYPE_CHECKING:
-    from vispeg.task.env import PegInHoleEnv
-    from vispeg.task.vector import PegInHoleVec
+    from vispeg.task.env import TaskEnv
+    from vispeg.task.vector import TaskVec
 
 
 def make(
     world: World | str | Path = "nominal", obs_mode: str = "state", *, render_mode: str | None = None, **settings: Any
-) -> PegInHoleEnv:
-    """One peg-in-hole environment, a `gymnasium.Env`.
+) -> TaskEnv:
+    """One environment of a world's task, a `gymnasium.Env`.
 
     Args:
         world: a world, a built-in world's name (`vispeg worlds` lists them) or a world file.
@@ -26,9 +26,9 @@ def make(
     Raises:
         UserError: no such world, mode or setting.
     """
-    from vispeg.task.env import PegInHoleEnv
+    from vispeg.task.env import TaskEnv
 
-    return PegInHoleEnv(world, obs_mode, render_mode, **settings)
+    return TaskEnv(world, obs_mode, render_mode, **settings)
 
 
 def make_vec(
@@ -39,7 +39,7 @@ def make_vec(
     seed: int | None = None,
     render_mode: str | None = None,
     **settings: Any,
-) -> PegInHoleVec:
+) -> TaskVec:
     """`num_envs` environments that are stepped together, a `gymnasium.vector.VectorEnv`; arguments as in `make`.
 
     Args:
@@ -47,6 +47,6 @@ def make_vec(
         seed: of the first row; row i has seed + i.
         world, obs_mode, render_mode, settings: as in `make`; `nthread` among the settings is the threads of physics.
     """
-    from vispeg.task.vector import PegInHoleVec
+    from vispeg.task.vector import TaskVec
 
-    return PegInHoleVec(num_envs, world, obs_mode, seed=seed, render_mode=render_mode, **settings)
+    return TaskVec(num_envs, world, obs_mode, seed=seed, render_mode=render_mode, **settings)

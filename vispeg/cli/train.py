@@ -117,7 +117,7 @@ class Args:
         settings = self._settings()
         task = world_of(self.world, dict(settings))[1]
         label, _, name = (self.task or "").partition("-")
-        if not name or label != task_of(task).label:
+        if self.task is None or not name or label != task_of(task).label:
             known = [f"{task_of(task).label}-{name}" for name in names()]
             raise UserError("no such task", got=self.task, expected=f"one of the world {self.world}", choices=known)
         seen = modality(name)
