@@ -7,7 +7,8 @@ from gymnasium import spaces
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.learn.replay import DEPTH_STEP_M, Replay, mixed
+from vispeg.learn.replay import Replay, mixed
+from vispeg.render.image_kinds import STEP
 
 SPACE = spaces.Dict(
     {
@@ -98,7 +99,7 @@ def test_depth_is_kept_to_half_a_twentieth_of_a_millimetre_and_no_reading_stays_
     back = ring._batch(np.array([0]), np.array([0])).obs["depth_a"][0, 0].numpy()
     assert back[0, 0] == 0.0 and back[0, 1] == 0.0
     expected = np.nan_to_num(first["depth_a"][0, 0])
-    assert np.abs(back - expected).max() <= 0.5 * DEPTH_STEP_M + 1e-6
+    assert np.abs(back - expected).max() <= 0.5 * STEP + 1e-6
 
 
 def test_what_is_not_finite_is_refused_and_its_neighbours_are_kept():

@@ -15,9 +15,9 @@ from vispeg.datasets.plan import Plan
 from vispeg.datasets.read import Dataset
 from vispeg.datasets.rendering import render
 from vispeg.learn.layout import Layout
-from vispeg.learn.replay import DEPTH_STEP_M
 from vispeg.learn.shown import from_folder, successes
 from vispeg.render.camera import Camera
+from vispeg.render.image_kinds import STEP
 
 EYE = Camera("eye", 8, 8, 10.0, 10.0, 3.5, 3.5, pos=(0, 0, 0.5), quat=(0.0, 1.0, 0.0, 0.0))
 PLAN = Plan("made", "0" * 64, frames=20, looks=1, cameras=("eye",), seed=3, shard_frames=20)
@@ -111,7 +111,7 @@ def test_every_frame_is_there_with_its_action(folder, beside, feature):
     assert np.allclose(batch.action.numpy(), column(feature), atol=1e-6)
     assert np.array_equal(np.moveaxis(batch.obs["rgb_eye"].numpy(), 1, -1), column("observation.images.eye"))
     depth = batch.obs["depth_eye"].numpy()[:, 0]
-    assert np.abs(depth - column("observation.depth.eye")).max() <= 0.5 * DEPTH_STEP_M + 1e-6
+    assert np.abs(depth - column("observation.depth.eye")).max() <= 0.5 * STEP + 1e-6
     assert batch.done.numpy().tolist() == [0, 0, 0, 0, 1] * 4
     assert np.allclose(batch.reward.numpy(), column("next.reward") if beside else 0)
     on = batch.done.numpy()[:-1] == 0

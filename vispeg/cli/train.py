@@ -116,17 +116,18 @@ class Args:
 
         settings = self._settings()
         task = world_of(self.world, dict(settings))[1]
-        label, _, name = (self.task or "").partition("-")
-        if self.task is None or not name or label != task_of(task).label:
+        asked = self.task or ""
+        label, _, name = asked.partition("-")
+        if not name or label != task_of(task).label:
             known = [f"{task_of(task).label}-{name}" for name in names()]
-            raise UserError("no such task", got=self.task, expected=f"one of the world {self.world}", choices=known)
+            raise UserError("no such task", got=asked, expected=f"one of the world {self.world}", choices=known)
         seen = modality(name)
         sac = defaults(bool(seen.kinds))
         utd = sac.utd if self.utd is None else self.utd
         sac = replace(sac, recurrent=self.recurrent, utd=utd, symmetric=self.symmetric)
         rounds = {"steps": self.distill_steps, "updates": self.distill_updates, "looks": self.distill_looks}
         config = TrainConfig(
-            self.task,
+            asked,
             self.recipe,
             self.world,
             100_000 if self.steps is None else self.steps,
@@ -145,7 +146,7 @@ class Args:
             threads=self.threads,
             ranges=self.ranges,
         )
-        out = self.out or Path("runs") / self.task / f"{time.strftime('%Y%m%d-%H%M%S')}_s{self.seed}"
+        out = self.out or Path("runs") / asked / f"{time.strftime('%Y%m%d-%H%M%S')}_s{self.seed}"
         with self._goes_on(out):
             self._tell(train(config, out), out, self.world, settings)
         return 0

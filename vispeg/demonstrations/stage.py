@@ -30,8 +30,9 @@ from vispeg.render.backend import Renderer, Shot
 from vispeg.render.camera import quaternion
 from vispeg.render.camera_files import to_record
 from vispeg.render.contrast import TRIES, redraw
+from vispeg.render.image_kinds import FAR
 from vispeg.render.look import dress
-from vispeg.task.eyes import FAR, camera_velocity
+from vispeg.task.eyes import camera_velocity
 from vispeg.task.registry import task_of as contract_of
 from vispeg.task.simulation import TaskSimulation, felt
 from vispeg.task.world_file import load_world

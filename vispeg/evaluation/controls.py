@@ -17,11 +17,11 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.evaluation.overlay import Change
+from vispeg.render.image_kinds import kind_of
 
 CONTROLS = ("shuffled", "frozen", "hole_fixed")
 ON_IMAGES = ("shuffled", "frozen")
 HOLE_FIXED = (Change("hole_offset", {"x": 0.0, "y": 0.0, "z": 0.0}),)
-IMAGES = ("depth_", "rgb_")
 
 
 class Controlled:
@@ -54,7 +54,7 @@ class Controlled:
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
         """What the policy does with the images that the control gives it."""
         seen = dict(obs)
-        for key in (k for k in obs if k.startswith(IMAGES)):
+        for key in (k for k in obs if kind_of(k) is not None):
             seen[key] = self._instead(key, obs[key])
         self._fresh[:] = False
         return self.policy.act(seen)

@@ -10,8 +10,7 @@ import numpy as np
 from vispeg.evaluation.arena import environment
 from vispeg.evaluation.jobs import Job
 from vispeg.evaluation.players import player
-
-NEAR, FAR = 0.02, 0.40  # m, depths between which a depth image is shown from white to black
+from vispeg.render.image_kinds import kind_of, picture_of
 
 
 @dataclass(frozen=True)
@@ -19,7 +18,7 @@ class Clip:
     """One episode.
 
     Attributes:
-        frames: (T, H, W, 3) uint8 from outside, one a policy step; on them where the policy thinks the peg to be and
+        frames: (T, H, W, 3) uint8 from outside, one a policy step; on them where the policy thinks the tip to be and
             where it is, if it says.
         views: (T, h, w, 3) uint8, what the policy's cameras saw, side by side; None for policies that see nothing.
         category: how it ended this time.
@@ -75,22 +74,9 @@ def film(job: Job, seed: int) -> Clip:
 
 def _view(obs: dict[str, np.ndarray]) -> np.ndarray | None:
     """The images of row 0 side by side (h, w, 3) uint8, or None."""
-    found = []
-    for key in sorted(obs):
-        if key.startswith("rgb_"):
-            found.append(np.moveaxis(obs[key][0], 0, -1))
-        elif key.startswith("depth_"):
-            found.append(depth_picture(obs[key][0, 0]))
+    found = [picture_of(key, obs[key][0]) for key in sorted(obs) if kind_of(key) is not None]
     if not found:
         return None
     height = max(image.shape[0] for image in found)
     padded = [np.pad(i, ((0, height - i.shape[0]), (0, 0), (0, 0))) for i in found]
     return np.concatenate(padded, axis=1)
-
-
-def depth_picture(depth: np.ndarray) -> np.ndarray:
-    """Depth (H, W) m as grey (H, W, 3) uint8: near is bright; no reading (0) is dark red."""
-    grey = 255 * (1 - np.clip((depth - NEAR) / (FAR - NEAR), 0, 1))
-    image = np.repeat(grey[..., None], 3, axis=-1).astype(np.uint8)
-    image[~(depth > 0)] = (90, 0, 0)
-    return image

@@ -11,12 +11,12 @@ from vispeg.core.seeds import stream
 from vispeg.evaluation.controls import HOLE_FIXED
 from vispeg.evaluation.entrants import Entrant
 from vispeg.evaluation.overlay import Change, overlay
+from vispeg.render.image_kinds import MODES
 
 # of evaluation; training's are drawn below 2^31 at random: of two thousand episodes one meets one of 500 here in one
 # run of two thousand
 FIRST_SEED = 1_000_000
 STATE_ROWS, IMAGE_ROWS = 50, 20
-EYELESS = ("state", "proprio")  # modalities without images; others are looked up where networks are
 
 
 @dataclass(frozen=True)
@@ -134,8 +134,8 @@ def has_eyes(who: Entrant) -> bool:
     Raises:
         UserError: a modality that this installation does not have.
     """
-    if who.modality in EYELESS:
-        return False
+    if who.modality in MODES:  # others are looked up where networks are
+        return bool(MODES[who.modality])
     from vispeg.learn.modalities import modality
 
     return bool(modality(who.modality).kinds)

@@ -13,6 +13,7 @@ from vispeg.core.extras import missing, there
 from vispeg.core.files import write_bytes_atomic
 from vispeg.learn.actor import Actor
 from vispeg.learn.policy import NetPolicy
+from vispeg.render.image_kinds import RGB, kind_of
 
 OPSET = 17
 
@@ -52,7 +53,7 @@ def export(policy: NetPolicy, path: str | Path, overwrite: bool = False) -> Path
 
     actor = policy.actor.cpu().eval()
     keys, shapes = list(actor.layout.keys), actor.layout.shapes
-    kinds = {key: torch.uint8 if key.startswith("rgb") else torch.float32 for key in keys}
+    kinds = {key: torch.uint8 if kind_of(key) is RGB else torch.float32 for key in keys}
     parts = [torch.zeros(2, *shapes[key], dtype=kinds[key]) for key in keys]
     outputs, axes = ["action"], {key: {0: "n"} for key in (*keys, "action")}
     state = actor.initial(2)

@@ -1,4 +1,4 @@
-"""Episodes of a policy as frames for a video: the cell, what the policy sees, where it thinks the peg is."""
+"""Episodes of a policy as frames for a video: the cell, what the policy sees, where it thinks the tip is."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vispeg.learn.layout import ESTIMATE, OFFSET_M, PRIVILEGED
+from vispeg.render.image_kinds import picture_of
 
 if TYPE_CHECKING:
     from vispeg.learn.policy import Policy
 
-NEAR_M, FAR_M = 0.02, 0.35  # depths that colours tell apart
 WHITE, GREEN, RED = (255, 255, 255), (90, 220, 120), (255, 110, 90)
 
 
@@ -64,7 +64,7 @@ def compose(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: Policy, 
     """
     picture = thoughts(outside, obs, policy)
     height = picture.shape[0]
-    views = [view(key, obs[key][0]) for key in policy.layout.images]
+    views = [picture_of(key, obs[key][0]) for key in policy.layout.images]
     if not views:
         return picture
     size = height // max(len(views), 2)
@@ -75,7 +75,7 @@ def compose(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: Policy, 
 
 
 def thoughts(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: Policy) -> np.ndarray:
-    """The outside view with where the policy thinks the peg's tip to be in the hole's frame, and where it is, in words.
+    """The outside view with where the policy thinks the tip to be in the goal's frame, and where it is, in words.
 
     Args:
         outside: (H, W, 3) uint8.
@@ -88,19 +88,6 @@ def thoughts(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: Policy)
         write(picture, "thinks " + " ".join(f"{v:+6.1f}" for v in found) + " mm", (8, height - 22), WHITE)
         write(picture, "is     " + " ".join(f"{v:+6.1f}" for v in true) + " mm", (8, height - 8), WHITE)
     return picture
-
-
-def view(key: str, image: np.ndarray) -> np.ndarray:
-    """An observed image (C, H, W) as people see it (H, W, 3): depth in colours, black where there is no reading."""
-    if key.startswith("rgb"):
-        return np.moveaxis(image, 0, -1)
-    import cv2
-
-    z = image[0]
-    level = np.clip((z - NEAR_M) / (FAR_M - NEAR_M), 0, 1)
-    colours = cv2.applyColorMap((255 * (1 - level)).astype(np.uint8), cv2.COLORMAP_TURBO)[..., ::-1].copy()
-    colours[~(z > 0)] = 0
-    return colours
 
 
 def enlarged(image: np.ndarray, size: int) -> np.ndarray:

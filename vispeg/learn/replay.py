@@ -19,9 +19,9 @@ from torch import Tensor
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
+from vispeg.render.image_kinds import kind_of
 
 Images = Literal["before", "after", "both", "none"]
-DEPTH_STEP_M = 5e-5  # a unit of stored depth: 0.05 mm, up to 3.27 m in 16 bits
 
 
 @dataclass(frozen=True)
@@ -198,12 +198,11 @@ class Replay:
         )
 
     def _keys(self, images: bool) -> list[str]:
-        return [key for key in self.obs if images or not _image(key)]
+        return [key for key in self.obs if images or kind_of(key) is None]
 
     def _tensor(self, key: str, packed: np.ndarray) -> Tensor:
-        if packed.dtype == np.uint16:
-            packed = packed.astype(np.float32) * np.float32(DEPTH_STEP_M)
-        return torch.from_numpy(packed).to(self.device)
+        kind = kind_of(key)
+        return torch.from_numpy(packed if kind is None else kind.unpack(packed)).to(self.device)
 
     def save(self, folder: Path) -> None:
         """Writes the ring as one .npy an array, so that no more than the file's own size is in memory."""
@@ -246,25 +245,26 @@ def mixed(first: Batch, second: Batch) -> Batch:
     )
 
 
-def _image(key: str) -> bool:
-    return key.startswith(("depth_", "rgb_"))
-
-
 def _stored(key: str, dtype: Any) -> Any:
-    return np.uint16 if key.startswith("depth") else dtype
+    kind = kind_of(key)
+    return dtype if kind is None else kind.stored
 
 
 def _pack(key: str, value: np.ndarray) -> np.ndarray:
-    if key.startswith("depth"):
-        steps = np.rint(np.nan_to_num(value, nan=0.0, posinf=0.0, neginf=0.0) / DEPTH_STEP_M)
-        return np.clip(steps, 0, 65535).astype(np.uint16)
+    if (kind := kind_of(key)) is not None:
+        return kind.pack(value)
     return np.nan_to_num(value) if value.dtype.kind == "f" else value
+
+
+def _gaps(key: str) -> bool:
+    kind = kind_of(key)
+    return kind is not None and kind.gaps
 
 
 def _finite(obs: Mapping[str, np.ndarray], n: int) -> np.ndarray:
     """(n,) whether all vectors are finite; a depth image's NaN only means that there is no reading."""
     fine = np.ones(n, bool)
     for key, value in obs.items():
-        if value.dtype.kind == "f" and not key.startswith("depth"):
+        if value.dtype.kind == "f" and not _gaps(key):
             fine &= np.isfinite(value.reshape(n, -1)).all(1)
     return fine

@@ -17,6 +17,7 @@ from vispeg.datasets.read import Dataset
 from vispeg.learn.layout import PRIVILEGED, Layout
 from vispeg.learn.modalities import modality as modality_of
 from vispeg.learn.replay import Replay
+from vispeg.render.image_kinds import DEPTH, GOAL_TOLD, camera_of, kind_of
 
 SUCCESS, REACHED = f"{OWN}success", "next.success"  # of an episode, as we write it, and of a step, as LeRobot's own do
 
@@ -25,9 +26,10 @@ def feature_of(key: str, features: Container[str]) -> str:
     """The feature that holds `depth_<camera>`, `rgb_<camera>`, `policy` or `privileged` of our observations."""
     if key == PRIVILEGED:
         return truth_of(features)
-    if key.startswith("depth_"):
-        return depth_of(key.removeprefix("depth_"), features)
-    return colour_of(key.removeprefix("rgb_")) if key.startswith("rgb_") else f"observation.{key}"
+    kind = kind_of(key)
+    if kind is None:
+        return f"observation.{key}"
+    return depth_of(camera_of(key), features) if kind is DEPTH else colour_of(camera_of(key))
 
 
 def from_folder(
@@ -53,9 +55,7 @@ def from_folder(
         UserError: not such a folder, no episode succeeded, a feature is missing, an observation or action of another
             shape, or a policy that would see something else than the folder holds.
     """
-    from vispeg.task.simulation import TARGET_KNOWN
-
-    if modality_of(modality).obs_mode in TARGET_KNOWN:
+    if modality_of(modality).obs_mode in GOAL_TOLD:
         expected = "a policy that is not told where the hole is"
         raise UserError("a dataset shows what such a policy does not see", file=folder, expected=expected, got=modality)
     known = Dataset(folder)
@@ -118,12 +118,13 @@ def made_in(folder: str | Path) -> dict[str, Any]:
 
 def _channels_first(key: str, value: np.ndarray) -> np.ndarray:
     """Images (T, H, W[, C]) -> (T, C, H, W); vectors (T, n), a lone number being one of them."""
-    if not key.startswith(("depth_", "rgb_")):
+    if kind_of(key) is None:
         return value.reshape(len(value), -1)
     return value[:, None] if value.ndim == 3 else np.moveaxis(value, -1, 1)
 
 
 def _box(key: str, value: np.ndarray) -> Any:
-    if key.startswith("rgb_"):
-        return spaces.Box(0, 255, value.shape[1:], np.uint8)
+    kind = kind_of(key)
+    if kind is not None and not kind.gaps:
+        return spaces.Box(0, kind.high, value.shape[1:], kind.dtype)
     return spaces.Box(-np.inf, np.inf, value.shape[1:], np.float32)

@@ -12,6 +12,7 @@ from vispeg.core.errors import UserError
 from vispeg.learn.layout import PRIVILEGED, VECTOR
 from vispeg.learn.modalities import modality
 from vispeg.learn.policy import load
+from vispeg.render.image_kinds import GOAL_TOLD
 from vispeg.task.registry import task_of
 from vispeg.task.terms import Observation
 
@@ -141,14 +142,12 @@ def teacher_of(source: str | Path, config: Any) -> StateTeacher:
         UserError: not a policy, one that is not told where the goal is, or one that was made for another stack of
             observations.
     """
-    from vispeg.task.simulation import TARGET_KNOWN
-
     observed = Observation(task_of(config).terms, config)
     size = observed.policy_size
     if str(source) == "expert":
         return StateTeacher(Scripted(config), observed)
     policy = load(source)
-    if modality(policy.modality).obs_mode not in TARGET_KNOWN:
+    if modality(policy.modality).obs_mode not in GOAL_TOLD:
         expected = "a policy of modality state or privileged"
         raise UserError("a teacher knows the state", file=source, expected=expected, got=policy.modality)
     if policy.actor.layout.vector != config.stack * size:

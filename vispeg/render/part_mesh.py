@@ -16,7 +16,7 @@ def part_mesh(scene: Any, part: str, site: str) -> tuple[np.ndarray, np.ndarray]
 
     Args:
         scene: `vispeg.robots.scene.Scene`.
-        part: one of its parts, of boxes, cylinders and meshes.
+        part: one of its parts, of boxes, cylinders, spheres, capsules and meshes.
         site: whose frame it is told in.
     """
     import trimesh
@@ -37,6 +37,11 @@ def part_mesh(scene: Any, part: str, site: str) -> tuple[np.ndarray, np.ndarray]
             one = trimesh.creation.box(2 * size)
         elif kind == G.mjGEOM_CYLINDER:
             one = trimesh.creation.cylinder(size[0], 2 * size[1], sections=SECTIONS)
+        elif kind == G.mjGEOM_SPHERE:
+            one = trimesh.creation.icosphere(3, size[0])
+        elif kind == G.mjGEOM_CAPSULE:
+            one = trimesh.creation.capsule(2 * size[1], size[0], count=(SECTIONS, SECTIONS))
+            one.apply_translation((0.0, 0.0, -one.bounds.mean(axis=0)[2]))
         else:
             raise ValueError(f"{name}: a part of geoms of type {kind}")
         world = np.asarray(one.vertices) @ data.geom(name).xmat.reshape(3, 3).T + data.geom(name).xpos

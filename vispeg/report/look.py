@@ -12,6 +12,7 @@ from vispeg.core.files import write_bytes_atomic
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
 from vispeg.render.backend import Renderer, Shot
+from vispeg.render.image_kinds import depth_picture
 from vispeg.render.look import dress
 from vispeg.render.pipeline import Pipeline
 from vispeg.render.standard import standard_cameras
@@ -50,12 +51,10 @@ def draw(kind: Effect, where: str | None, scene: Any, path: Path, *, overwrite: 
 
 
 def _seen(shot: Shot, camera: str, K: np.ndarray, world: World) -> np.ndarray:
-    """Colour and depth side by side, (H, 2 W, 3) uint8, after the camera's own effects; no reading is dark red."""
+    """Colour and depth side by side, (H, 2 W, 3) uint8, after the camera's own effects; no reading is black."""
     frame = Frame(shot.rgb[None].astype(np.float32) / 255, shot.depth[None], K[None])
     out = Pipeline([world], camera).run(frame, [stream(0, "look", camera)])
     colour = np.round(255 * np.clip(out.rgb[0], 0, 1)).astype(np.uint8)  # type: ignore[index]
     depth = out.depth[0]  # type: ignore[index]
-    valid = np.isfinite(depth) & (depth > 0)
-    near, far = (np.percentile(shot.depth[shot.depth > 0], q) for q in (2, 90))
-    grey = np.round(255 * np.clip(1 - (np.nan_to_num(depth) - near) / max(far - near, 1e-6), 0, 1)).astype(np.uint8)
-    return np.concatenate([colour, np.where(valid[..., None], grey[..., None], (90, 0, 0)).astype(np.uint8)], axis=1)
+    near, far = (float(np.percentile(shot.depth[shot.depth > 0], q)) for q in (2, 90))
+    return np.concatenate([colour, depth_picture(depth, near, max(far, near + 1e-6))], axis=1)

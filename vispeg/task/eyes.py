@@ -18,6 +18,7 @@ from vispeg.render.backend import Renderer, Shot
 from vispeg.render.camera import Camera
 from vispeg.render.camera_files import load_camera
 from vispeg.render.contrast import redraw
+from vispeg.render.image_kinds import DEPTH, MODES, RGB, key_of
 from vispeg.render.look import dress
 from vispeg.render.pipeline import Pipeline
 from vispeg.render.standard import standard_cameras
@@ -25,22 +26,15 @@ from vispeg.render.standard import standard_cameras
 if TYPE_CHECKING:
     from vispeg.task.simulation import TaskSimulation
 
-MODES = ("state", "proprio", "depth", "rgb", "rgbd")
-FAR = 4.0  # m, greatest depth that is told apart
 FILM = (320, 240)  # px, width and height of pictures for people
 
 
-WANTED = {"depth": ("depth",), "rgb": ("rgb",), "rgbd": ("rgb", "depth")}  # kinds of images by observation mode
-
-
 def image_spaces(obs_mode: str, cameras: Sequence[Camera]) -> dict[str, gym.Space]:
-    """Spaces `depth_<camera>` (1, H, W) float32 m, 0 = no reading, and `rgb_<camera>` (3, H, W) uint8."""
+    """Spaces KIND_CAMERA of a mode's images, as vispeg.render.image_kinds states them; depth first."""
     out: dict[str, gym.Space] = {}
     for c in cameras:
-        if "depth" in WANTED.get(obs_mode, ()):
-            out[f"depth_{c.name}"] = gym.spaces.Box(0.0, FAR, (1, c.height, c.width), np.float32)
-        if "rgb" in WANTED.get(obs_mode, ()):
-            out[f"rgb_{c.name}"] = gym.spaces.Box(0, 255, (3, c.height, c.width), np.uint8)
+        for kind in sorted(MODES[obs_mode], key=lambda k: k.name):
+            out[key_of(kind, c.name)] = gym.spaces.Box(0, kind.high, kind.shape(c.height, c.width), kind.dtype)
     return out
 
 
@@ -121,7 +115,7 @@ class CameraRig:
         self.backend, self.shadows = chosen.get("backend", backend), bool(chosen.get("shadows", False))
         self._camera_file = dict(file.cameras) if file is not None else {}
         self.cameras: tuple[Camera, ...] = ()
-        self.wanted = WANTED.get(obs_mode, ())
+        self.wanted = MODES[obs_mode]
         self._film: Renderer | None = None
         self._infrared: dict[int, Renderer] = {}
         self._guard: Renderer | None = None
@@ -183,7 +177,7 @@ class CameraRig:
         sim = self.sim
         for row in rows if self.cameras else ():
             shots = self._renderers[row].render(sim.cell.qpos[row], sim.bodies(row))
-            for name, p in self._matchers[row].items() if "depth" in self.wanted else ():
+            for name, p in self._matchers[row].items() if DEPTH in self.wanted else ():
                 rng = stream(int(sim.seeds[row]), "eyes", name, int(sim.count[row]))
                 qpos, eyes = sim.cell.qpos[row], self._infrared.get(row, self._renderers[row])
                 if eyes is not self._renderers[row]:
@@ -207,19 +201,17 @@ class CameraRig:
             shots = [shots[c.name] for shots in self._shots if shots is not None]
             rng = [stream(int(s), "image", c.name, int(k)) for s, k in zip(sim.seeds, sim.count, strict=True)]
             frame = self._pipelines[c.name].run(self._frame(i, c, shots), rng, some)
-            if frame.depth is not None:
-                depth = np.clip(np.nan_to_num(frame.depth[rows]), 0, FAR)
-                self._delivered[f"depth_{c.name}"][rows] = depth[:, None]
-            if frame.rgb is not None:
-                image = np.round(255 * np.clip(frame.rgb[rows], 0, 1)).astype(np.uint8)
-                self._delivered[f"rgb_{c.name}"][rows] = np.moveaxis(image, -1, 1)
+            for kind in self.wanted:
+                images = kind.deliver(frame)
+                if images is not None:
+                    self._delivered[key_of(kind, c.name)][rows] = images[rows]
 
     def _frame(self, i: int, camera: Camera, shots: Sequence[Shot]) -> Frame:
         rgb = depth = None
         truth = np.stack([s.depth for s in shots])
-        if "rgb" in self.wanted:
+        if RGB in self.wanted:
             rgb = np.stack([s.rgb for s in shots]).astype(np.float32) / 255
-        if "depth" in self.wanted:
+        if DEPTH in self.wanted:
             depth = truth
         poses = np.stack([s.pose for s in shots])
         return Frame(

@@ -11,6 +11,7 @@ from vispeg.control.laws import rotated, rotation_vector, turned
 from vispeg.core.effect import OPTICAL, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
+from vispeg.render.image_kinds import GOAL_TOLD, MODES
 from vispeg.sim.compiled import nominal_of
 from vispeg.sim.quiet import quiet
 from vispeg.sim.reach import reach
@@ -25,8 +26,6 @@ from vispeg.worlds.world import World
 
 DOWN = np.array([0.0, 1.0, 0.0, 0.0])  # flange z straight down, wxyz
 HOME = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])  # rad, from where inverse kinematics starts
-IMAGE_MODES = ("depth", "rgb", "rgbd")  # observation modes with cameras
-TARGET_KNOWN = ("state",)  # observation modes whose policy is told a believed target; the others get the nominal goal
 
 
 class TaskSimulation:
@@ -41,7 +40,7 @@ class TaskSimulation:
     """
 
     def __init__(self, world: World, config: TaskConfig, nsim: int, obs_mode: str = "state", nthread: int = 1):
-        cameras = config.cameras if obs_mode in IMAGE_MODES else ()
+        cameras = config.cameras if MODES[obs_mode] else ()
         self.world, self.nsim, self.obs_mode = shown(world, cameras), nsim, obs_mode
         self.config: Any = config  # of the task's own class
         world = self.world
@@ -141,7 +140,7 @@ class TaskSimulation:
         return rotated(rot, np.array([0.0, 0.0, self.scene.tip])) if self.config.turns else np.zeros((self.nsim, 3))
 
     def _believe(self, rows: np.ndarray) -> None:
-        if self.obs_mode not in TARGET_KNOWN:
+        if self.obs_mode not in GOAL_TOLD:
             self.believed[rows] = self.nominal_goal
             return
         goal = self.cell.site_position("goal")
@@ -287,6 +286,6 @@ class TaskSimulation:
         return out
 
 
-__all__ = ["DOWN", "HOME", "IMAGE_MODES", "TaskSimulation", "felt", "shown"]
+__all__ = ["DOWN", "HOME", "TaskSimulation", "felt", "shown"]
 
 PegSimulation = TaskSimulation

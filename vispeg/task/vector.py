@@ -14,9 +14,10 @@ from gymnasium.vector.utils import batch_space
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
+from vispeg.render.image_kinds import MODES
 from vispeg.task.config import TaskConfig
 from vispeg.task.divergence import leave
-from vispeg.task.eyes import MODES, CameraRig, image_spaces
+from vispeg.task.eyes import CameraRig, image_spaces
 from vispeg.task.registry import config_of, kind_of, task_of
 from vispeg.task.simulation import TaskSimulation
 from vispeg.task.terms import LIMIT, POLICY, PRIVILEGED, Observation

@@ -6,11 +6,12 @@ from vispeg.learn.modalities import Modality, enrol
 from vispeg.learn.modalities.depth import DepthEncoder
 from vispeg.learn.modalities.rgb import RgbEncoder
 from vispeg.learn.nets import ConvEncoder
+from vispeg.render.image_kinds import DEPTH, kind_of
 
 
 def encoder(key: str, shape: tuple[int, int, int]) -> ConvEncoder:
     """Encoder of one image, by its key's kind."""
-    return DepthEncoder(shape) if key.startswith("depth") else RgbEncoder(shape)
+    return DepthEncoder(shape) if kind_of(key) is DEPTH else RgbEncoder(shape)
 
 
 enrol(Modality("rgbd", "rgbd", ("depth", "rgb"), encoder, "proprioception, colour and depth from the wrist"))

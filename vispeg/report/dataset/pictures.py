@@ -11,6 +11,7 @@ from vispeg.datasets.codec import encode
 from vispeg.datasets.layout import colour_of, depth_of
 from vispeg.datasets.read import Dataset
 from vispeg.datasets.stored import Stored
+from vispeg.render.image_kinds import depth_picture
 
 GAP, GREY = 4, 235  # px between pictures, and its colour
 # one colour a part, told apart by those who see red and green alike too (Okabe and Ito, "Color Universal Design")
@@ -39,15 +40,6 @@ def depth_range(data: Dataset | Stored, frames: Sequence[Mapping[str, np.ndarray
         low, high = np.percentile(every, [2, 85]) if len(every) else (0.0, 1.0)
         out[name] = float(low), float(max(high, low + 1e-3))
     return out
-
-
-def depth_picture(depth: np.ndarray, low: float, high: float) -> np.ndarray:
-    """(H, W, 3) uint8: near is red, far is blue, no reading is black. `depth` (H, W), `low`, `high` in m."""
-    import cv2
-
-    share = np.clip((high - depth) / (high - low), 0, 1)
-    colour = cv2.applyColorMap(np.round(255 * share).astype(np.uint8), cv2.COLORMAP_TURBO)[..., ::-1]
-    return np.where(depth[..., None] > 0, colour, 0).astype(np.uint8)
 
 
 def part_picture(parts: np.ndarray) -> np.ndarray:

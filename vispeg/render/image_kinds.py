@@ -1,0 +1,135 @@
+"""Kinds of images that observations hold: one table of type, range, storage and picture.
+
+An observation's key is KIND_CAMERA, as `depth_wrist_wide`. A new kind is a renderer's picture and one entry here; a
+mode of observation is a list of kinds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from vispeg.core.frame import Frame
+
+FAR = 4.0  # m, greatest depth that is told apart
+SHOWN = (0.02, 0.40)  # m, depths that a picture for people tells apart
+STEP = 5e-5  # m, a unit of stored depth: 0.05 mm, up to 3.27 m in 16 bits
+
+
+@dataclass(frozen=True)
+class ImageKind:
+    """One kind of image, (C, H, W) in an observation.
+
+    Attributes:
+        name: of the kind.
+        channels, dtype, high: of the image; its least value is 0.
+        unit: of its values.
+        deliver: what a camera gives, Frame -> (n, C, H, W); None where the frame has none.
+        stored: type in a replay.
+        pack, unpack: to that type and back.
+        picture: image (C, H, W) -> (H, W, 3) uint8 for people.
+        gaps: whether NaN stands for no reading rather than for an error.
+    """
+
+    name: str
+    channels: int
+    dtype: type
+    high: float
+    unit: str
+    deliver: Callable[[Frame], np.ndarray | None]
+    stored: type
+    pack: Callable[[np.ndarray], np.ndarray]
+    unpack: Callable[[np.ndarray], np.ndarray]
+    picture: Callable[[np.ndarray], np.ndarray]
+    gaps: bool = False
+
+    def shape(self, height: int, width: int) -> tuple[int, int, int]:
+        """Of an image, (C, H, W)."""
+        return self.channels, height, width
+
+
+def depth_picture(depth: np.ndarray, near: float = SHOWN[0], far: float = SHOWN[1]) -> np.ndarray:
+    """(H, W, 3) uint8 of depth (H, W) in m: near is red, far is blue, no reading is black."""
+    import cv2
+
+    reading = np.isfinite(depth) & (depth > 0)
+    share = np.clip((far - np.where(reading, depth, far)) / (far - near), 0, 1)
+    colour = cv2.applyColorMap(np.round(255 * share).astype(np.uint8), cv2.COLORMAP_TURBO)[..., ::-1]
+    return np.where(reading[..., None], colour, 0).astype(np.uint8)
+
+
+def _metres(frame: Frame) -> np.ndarray | None:
+    return None if frame.depth is None else np.clip(np.nan_to_num(frame.depth), 0, FAR)[:, None]
+
+
+def _colours(frame: Frame) -> np.ndarray | None:
+    if frame.rgb is None:
+        return None
+    return np.moveaxis(np.round(255 * np.clip(frame.rgb, 0, 1)).astype(np.uint8), -1, 1)
+
+
+def _steps(depth: np.ndarray) -> np.ndarray:
+    steps = np.rint(np.nan_to_num(depth, nan=0.0, posinf=0.0, neginf=0.0) / STEP)
+    return np.clip(steps, 0, 65535).astype(np.uint16)
+
+
+DEPTH = ImageKind(
+    "depth",
+    1,
+    np.float32,
+    FAR,
+    "m, 0 = no reading",
+    _metres,
+    np.uint16,
+    _steps,
+    lambda steps: steps.astype(np.float32) * np.float32(STEP),
+    lambda image: depth_picture(image[0]),
+    gaps=True,
+)
+RGB = ImageKind(
+    "rgb",
+    3,
+    np.uint8,
+    255,
+    "sRGB",
+    _colours,
+    np.uint8,
+    lambda image: image,
+    lambda image: image,
+    lambda image: np.moveaxis(image, 0, -1),
+)
+KINDS = {kind.name: kind for kind in (DEPTH, RGB)}
+MODES = {  # modes of observation: the kinds of images in each
+    "state": (),
+    "proprio": (),
+    "depth": (DEPTH,),
+    "rgb": (RGB,),
+    "rgbd": (RGB, DEPTH),
+}
+GOAL_TOLD = ("state",)  # modes whose policy is told where the goal is believed to be; others get its nominal place
+
+
+def kind_of(key: str) -> ImageKind | None:
+    """The kind of an observation's part; None for one that is no image."""
+    kind, dash, camera = key.partition("_")
+    return KINDS.get(kind) if dash and camera else None
+
+
+def camera_of(key: str) -> str:
+    """The camera of an image."""
+    return key.partition("_")[2]
+
+
+def key_of(kind: ImageKind, camera: str) -> str:
+    """KIND_CAMERA."""
+    return f"{kind.name}_{camera}"
+
+
+def picture_of(key: str, image: np.ndarray) -> np.ndarray:
+    """An observed image (C, H, W) as people see it, (H, W, 3) uint8."""
+    kind = kind_of(key)
+    if kind is None:
+        raise ValueError(f"{key} is no image")
+    return kind.picture(image)
