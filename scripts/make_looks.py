@@ -24,13 +24,13 @@ from vispeg.render.standard import standard_cameras
 from vispeg.robots.scene import build
 from vispeg.task.world_file import load_world
 from vispeg.worlds.entry import ranged
-from vispeg.worlds.world import World
+from vispeg.worlds.randomized import RandomizedWorld
 
 ABOVE = np.array([0.0, 0.7774, 0.0, -1.4955, 0.0, 0.8687, 0.0, 0.0])  # rad: the tip 40 mm above the nominal hole
 COLUMNS, TILES, SIZE = 4, 36, 80
 
 
-def world_of(source: str) -> World:
+def world_of(source: str) -> RandomizedWorld:
     """A world by name or file, or the one of the YAML block in a page of the documentation."""
     if not source.endswith(".md"):
         return load_world(source).world
@@ -38,7 +38,7 @@ def world_of(source: str) -> World:
     if block is None:
         raise SystemExit(f"{source} has no YAML block")
     entries = yaml.safe_load(block[1])
-    return World(ranges=tuple(ranged(e, build(), Path(source), f"effects[{i}]") for i, e in enumerate(entries)))
+    return RandomizedWorld(tuple(ranged(e, build(), Path(source), f"effects[{i}]") for i, e in enumerate(entries)))
 
 
 def main() -> None:

@@ -20,8 +20,8 @@ from vispeg.render.backend import Renderer
 from vispeg.render.pipeline import Pipeline
 from vispeg.render.standard import standard_cameras
 from vispeg.robots.scene import Scene, build
+from vispeg.worlds.randomized import RandomizedWorld
 from vispeg.worlds.sensor import sensor, sensors
-from vispeg.worlds.world import World
 
 ZOOM = 2
 
@@ -76,7 +76,7 @@ def main() -> None:
             shot = shots[camera.name]
             row = [labelled(shot.rgb[..., ::-1], camera.name), tile(shot.depth, shot.depth, "as rendered")]
             for name in sensors():
-                world = World(ranges=sensor(name, camera.name)).sample(1, scene)
+                world = RandomizedWorld(ranges=sensor(name, camera.name)).sample(1, scene)
                 rgb = shot.rgb[None].astype(np.float32) / 255
                 frame = Frame(rgb, shot.depth[None], camera.K[None], time=np.zeros(1))
                 seen = Pipeline([world], camera.name).run(frame, [stream(1, "sheet", name)])

@@ -20,6 +20,7 @@ from vispeg.render.backend import Renderer
 from vispeg.render.pipeline import Pipeline
 from vispeg.render.standard import standard_cameras
 from vispeg.robots.scene import build
+from vispeg.worlds.randomized import RandomizedWorld
 from vispeg.worlds.sensor import sensor, sensors
 from vispeg.worlds.world import World
 
@@ -68,7 +69,7 @@ def main() -> None:
         "every effect on colour": everything(COLOUR),
         "every effect": everything(),
     }
-    worlds |= {f"sensor {name}": World(ranges=sensor(name, "all")).sample(0, scene) for name in sensors()}
+    worlds |= {f"sensor {name}": RandomizedWorld(ranges=sensor(name, "all")).sample(0, scene) for name in sensors()}
     print("| pipeline | effects | ms a frame | of drawing it |\n|---|---|---|---|")
     for name, world in worlds.items():
         pipeline = Pipeline([world] * n, camera.name)

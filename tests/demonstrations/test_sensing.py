@@ -9,8 +9,8 @@ from vispeg.demonstrations.sensing import Clip, sense
 from vispeg.render.camera import Camera
 from vispeg.render.pipeline import Pipeline
 from vispeg.robots.scene import build
+from vispeg.worlds.randomized import RandomizedWorld
 from vispeg.worlds.sensor import sensor
-from vispeg.worlds.world import World
 
 EYE = Camera("wrist_wide", 24, 20, 30.0, 30.0, 11.5, 9.5)
 PERIOD = 0.16
@@ -19,7 +19,7 @@ PERIOD = 0.16
 def clips():
     """Seven clips of 1 to 6 pictures; an edge in depth and colour that wanders, and sensors that are not alike."""
     scene, out = build(), []
-    world = World(ranges=sensor("d435", "all"))
+    world = RandomizedWorld(ranges=sensor("d435", "all"))
     for i, length in enumerate((3, 1, 6, 2, 5, 1, 4)):
         rgb, depth = np.full((length, 20, 24, 3), 60, np.uint8), np.full((length, 20, 24), 0.4, np.float32)
         for t in range(length):

@@ -12,9 +12,10 @@ from vispeg.datasets.codec import decode
 from vispeg.datasets.layout import is_picture
 from vispeg.datasets.plan import Shard, look_seed
 from vispeg.datasets.shard import shard_bytes
-from vispeg.demonstrations.plan import plan_of, seen_world
+from vispeg.demonstrations.plan import plan_of
 from vispeg.demonstrations.stage import ROWS, Stage, shard
 from vispeg.task.world_file import load_world
+from vispeg.worlds.split import optical
 
 CAMERAS = ("wrist_wide", "external")
 
@@ -133,7 +134,7 @@ def test_first_look_has_the_episodes_own_seed():
 
 def test_effects_of_other_cameras_are_left_out():
     world = load_world("S").world
-    labels = {r.label for r in seen_world(world, ("external",)).ranges}
+    labels = {r.label for r in optical(world, ("external",)).ranges}
     assert "camera_offset(each)" in labels and not any(label.startswith("link_mass") for label in labels)
 
 

@@ -9,9 +9,10 @@ from scipy.spatial.transform import Rotation
 from vispeg.core.effect import EffectInstance, effect, of_family
 from vispeg.render.backend import Renderer
 from vispeg.render.camera import Camera, quaternion
-from vispeg.render.look import Fields, dress, values
+from vispeg.render.look import Fields, dress
 from vispeg.render.standard import standard_cameras
 from vispeg.robots.scene import build
+from vispeg.worlds.places import values
 from vispeg.worlds.world import World
 
 SCENE = build()
@@ -64,11 +65,11 @@ def test_only_declared_fields_of_the_placed_camera_change(name, renderer):
     kind, model = effect(name), renderer.model
     fields = ("cam_pos", "cam_quat", "cam_intrinsic", "cam_fovy", "cam_sensorsize", "geom_pos", "light_pos")
     before = {f: getattr(model, f).copy() for f in fields}
-    kind.write(Fields(model, SCENE), values(kind, [EffectInstance.of(name, "all")], SCENE))
+    kind.write(Fields(model, SCENE), values(kind, [[EffectInstance.of(name, "all")]], SCENE))
     for f in fields:
         np.testing.assert_array_equal(getattr(model, f), before[f])
     placed = EffectInstance.of(name, "wrist_crop", **{k: q.start for k, q in kind.params.items()})
-    kind.write(Fields(model, SCENE), values(kind, [placed], SCENE))
+    kind.write(Fields(model, SCENE), values(kind, [[placed]], SCENE))
     changed = {f for f in fields if not np.array_equal(getattr(model, f), before[f])}
     assert changed == kind.writes
     for f in changed:

@@ -26,7 +26,7 @@ from vispeg.learn.settings import SacSettings
 from vispeg.learn.train import resume, train
 from vispeg.task.peg.config import PegConfig
 from vispeg.worlds.distribution import Uniform
-from vispeg.worlds.world import RandomizedEffect, World
+from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
 
 ROOT = Path(__file__).resolve().parents[2]
 SAC = SacSettings(batch=32, hidden=(16, 16), warmup=80, replay=600, horizon=12, utd=0.25)
@@ -357,7 +357,7 @@ def test_stages_that_do_not_become_harder_are_refused(wide, near, said):
 class Drawn(Reach):
     """The toy in a world: an episode states its draw, starts as far away as that says, and counts as a success."""
 
-    world = World(ranges=(RandomizedEffect("contact_friction", "peg", {"scale": Uniform(0.5, 1.5)}),))
+    world = RandomizedWorld(ranges=(RandomizedEffect("contact_friction", "peg", {"scale": Uniform(0.5, 1.5)}),))
     killed_at = None  # steps after which it dies
 
     def __init__(self, rows):

@@ -22,7 +22,8 @@ from vispeg.render.standard import standard_cameras
 from vispeg.robots.scene import build
 from vispeg.worlds.distribution import Choice, Uniform
 from vispeg.worlds.entry import ranged
-from vispeg.worlds.world import RandomizedEffect, World
+from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
+from vispeg.worlds.world import World
 
 SCENE = build()
 ABOVE = np.array([0.0, 0.7774, 0.0, -1.4955, 0.0, 0.8687, 0.0, 0.0])  # rad: the tip 40 mm above the hole's mouth
@@ -103,7 +104,7 @@ def look(value: float | Choice = GREYS) -> World:
         RandomizedEffect("part_colour", part, {**PLAIN, "value": value}) for part in ("peg", "fixture", "table")
     )
     scale = next(iter(effect("object_mass").params))
-    return World(ranges=(*colours, RandomizedEffect("object_mass", "peg", {scale: Uniform(0.7, 1.3)})))
+    return RandomizedWorld(ranges=(*colours, RandomizedEffect("object_mass", "peg", {scale: Uniform(0.7, 1.3)})))
 
 
 def test_a_redraw_ends_at_the_first_good_look_and_keeps_all_else(renderer):
@@ -181,7 +182,7 @@ def test_what_is_delivered_is_what_the_pipeline_makes_of_one_colour(renderer):
 
 
 def test_a_world_without_looks_is_drawn_once_and_not_rendered(renderer):
-    world = World(ranges=look().ranges[3:])
+    world = RandomizedWorld(ranges=look().ranges[3:])
     before = renderer.model.mat_rgba.copy()
     assert redraw(world, SCENE, renderer, 5) == (world.sample(5, SCENE), 0)
     np.testing.assert_array_equal(renderer.model.mat_rgba, before)
@@ -192,7 +193,7 @@ def test_the_ranges_that_the_documentation_gives_end_in_good_looks(renderer):
     block = re.search(r"```yaml\n(.*?)```", page.read_text(encoding="utf-8"), re.S)
     assert block
     entries = yaml.safe_load(block[1])
-    world = World(ranges=tuple(ranged(e, SCENE, page, f"effects[{i}]") for i, e in enumerate(entries)))
+    world = RandomizedWorld(ranges=tuple(ranged(e, SCENE, page, f"effects[{i}]") for i, e in enumerate(entries)))
     assert {r.effect for r in world.ranges} == set(of_family("appearance"))
     pictures = set()
     for seed in range(6):

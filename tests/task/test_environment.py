@@ -11,7 +11,8 @@ from vispeg.core.errors import UserError
 from vispeg.task.divergence import replay
 from vispeg.task.vector import PegInHoleVec, episode_seed
 from vispeg.worlds.distribution import Uniform
-from vispeg.worlds.world import RandomizedEffect, World
+from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
+from vispeg.worlds.world import World
 
 VARIED = World(
     ranges=(
@@ -159,7 +160,7 @@ def test_records_tell_how_it_went():
 def test_a_policy_without_a_target_sees_nothing_of_the_hole():
     """Two holes 50 mm apart look the same to a blind policy, not to one that is told, and the critic knows."""
     shifted = [
-        World(ranges=(RandomizedEffect("hole_offset", "fixture", {"x": x}),)) for x in (-0.025, 0.025)
+        RandomizedWorld(ranges=(RandomizedEffect("hole_offset", "fixture", {"x": x}),)) for x in (-0.025, 0.025)
     ]  # fixed numbers: drawn the same for every seed
     seen = {m: [PegInHoleVec(1, world=w, obs_mode=m).reset(seed=3)[0] for w in shifted] for m in ("proprio", "state")}
     assert np.array_equal(seen["proprio"][0]["policy"], seen["proprio"][1]["policy"])

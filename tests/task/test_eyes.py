@@ -6,7 +6,8 @@ import pytest
 from vispeg.core.errors import UserError
 from vispeg.task.vector import PegInHoleVec
 from vispeg.worlds.distribution import Uniform
-from vispeg.worlds.world import RandomizedEffect, World
+from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
+from vispeg.worlds.world import World
 
 WORLD = World(
     ranges=(
@@ -50,7 +51,7 @@ def test_a_row_that_begins_anew_shows_the_others_no_moment_twice():
         RandomizedEffect("dropped_frames", "all", {"chance": 0.3}),
     )
     lasting = RandomizedEffect("depth_temporal", "all", {"sd": 0.2, "rho": 0.8, "length": 1.0})
-    world = World(ranges=(*WORLD.ranges, *slow, lasting))
+    world = RandomizedWorld(ranges=(*WORLD.ranges, *slow, lasting))
     calm, busy = (
         PegInHoleVec(3, world=world, obs_mode="rgbd", autoreset_mode="Disabled", **SMALL | {"steps": 9})
         for _ in range(2)
@@ -91,7 +92,7 @@ def test_the_hole_is_seen_where_it_is():
     """Two holes 40 mm apart give different depth images of the same start: the information is in the pixels."""
     images = []
     for x in (-0.02, 0.02):
-        world = World(ranges=(RandomizedEffect("hole_offset", "fixture", {"x": x}),))
+        world = RandomizedWorld(ranges=(RandomizedEffect("hole_offset", "fixture", {"x": x}),))
         images.append(PegInHoleVec(1, world=world, obs_mode="depth", **SMALL).reset(seed=4)[0])
     a, b = images
     assert np.array_equal(a["policy"], b["policy"])

@@ -213,7 +213,7 @@ def test_the_fixture_stands_where_the_task_says():
     np.testing.assert_allclose(sim.cell.site_position("goal"), [place] * 2, atol=1e-9)
     np.testing.assert_allclose(sim.believed, [place] * 2)
     np.testing.assert_allclose(sim.bodies(0)["fixture"][:3], place)
-    (camera,) = task_cameras(sim, {})
+    (camera,) = task_cameras(sim.scene, sim.config, {})
     np.testing.assert_allclose(np.subtract(camera.pos, standard_cameras()[2].pos), np.subtract(place, HOLE), atol=1e-12)
     assert np.all(np.abs(sim.tip_in_goal()[:, :2]) < 0.021) and np.all(sim.tip_in_goal()[:, 2] > 0.019)
 

@@ -13,7 +13,8 @@ from vispeg.render.look import Fields
 from vispeg.render.pipeline import Pipeline
 from vispeg.sim.placement import activate
 from vispeg.task.world_file import built_in, load_world
-from vispeg.worlds.world import RandomizedEffect, World
+from vispeg.worlds.randomized import RandomizedEffect
+from vispeg.worlds.world import World
 
 ALL = [r for name in built_in() for r in load_world(name).world.ranges]
 LOOKS = {f"{r.label} {r.params}": r for r in ALL if effect(r.effect).family == "appearance"}

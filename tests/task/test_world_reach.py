@@ -11,7 +11,8 @@ from vispeg.core.seeds import stream
 from vispeg.sim.placement import activate
 from vispeg.sim.state import DriveState
 from vispeg.task.world_file import built_in, load_world
-from vispeg.worlds.world import RandomizedEffect, World
+from vispeg.worlds.randomized import RandomizedEffect
+from vispeg.worlds.world import World
 
 TICKS = 400
 ALL = [r for name in built_in() for r in load_world(name).world.ranges]

@@ -12,12 +12,12 @@ from vispeg.core.seeds import stream
 from vispeg.robots.scene import build
 from vispeg.worlds.adaptive import Adaptive, Schedule
 from vispeg.worlds.distribution import Uniform
-from vispeg.worlds.world import RandomizedEffect, World
+from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
 
 SCENE = build()
 FRICTION = RandomizedEffect("contact_friction", "peg", {"scale": Uniform(0.5, 1.5)})
 OFFSET = RandomizedEffect("hole_offset", "fixture", {"x": Uniform(-0.04, 0.04), "y": Uniform(-0.04, 0.04)})
-WORLD = World(ranges=(FRICTION, OFFSET))
+WORLD = RandomizedWorld(ranges=(FRICTION, OFFSET))
 
 
 def train(adaptive: Adaptive, copes, episodes: int, first: int = 0) -> None:
@@ -36,7 +36,7 @@ def test_each_level_settles_where_the_policy_ends_to_cope():
     def copes(values) -> bool:
         return abs(values["contact_friction(peg)"]["scale"] - 1) <= 0.3
 
-    world = World(ranges=(FRICTION,))
+    world = RandomizedWorld(ranges=(FRICTION,))
     adaptive = Adaptive(world, step=0.05)
     train(adaptive, copes, 6000)
     assert 0.55 <= adaptive.levels[FRICTION.label] <= 0.8
@@ -48,7 +48,7 @@ def test_each_level_settles_where_the_policy_ends_to_cope():
 
 
 def test_only_the_edge_counts():
-    adaptive = Adaptive(World(ranges=(FRICTION,)), start=0.5, window=10)
+    adaptive = Adaptive(RandomizedWorld(ranges=(FRICTION,)), start=0.5, window=10)
     levels = dict(adaptive.levels)
     for _ in range(200):
         adaptive.record({"contact_friction(peg)": {"scale": 1.1}}, True, levels)
@@ -64,7 +64,7 @@ def test_only_the_edge_counts():
 def test_a_place_with_a_range_to_itself_says_nothing_of_the_broad_one():
     each = RandomizedEffect("viscous_friction", "each", {"damping": Uniform(0.0, 2.0)})
     own = RandomizedEffect("viscous_friction", "joint4", {"damping": Uniform(0.0, 9.0)})
-    adaptive = Adaptive(World(ranges=(each, own)), start=0.5)
+    adaptive = Adaptive(RandomizedWorld(ranges=(each, own)), start=0.5)
     inner, outer = {"damping": 0.1}, {"damping": 4.0}
     adaptive.record({"viscous_friction(joint1)": inner, own.label: outer}, True, dict(adaptive.levels))
     assert adaptive.outcomes == {each.label: [], own.label: [True]}
@@ -90,7 +90,7 @@ def test_state_continues_exactly_through_json():
     train(resumed, copes, 800, first=700)
     assert resumed.state() == straight.state()
     with pytest.raises(UserError, match="another world"):
-        Adaptive(World(ranges=(FRICTION,))).restore(broken.state())
+        Adaptive(RandomizedWorld(ranges=(FRICTION,))).restore(broken.state())
 
 
 def test_schedule_is_linear_between_its_points():

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -170,6 +171,12 @@ class Effect(ABC):
         """Arrays of this shape, one a parameter, with the values of an effect that is not there."""
         return {name: np.full(shape, param.absent) for name, param in self.params.items()}
 
+    def param(self, name: Any, *, file: str | Path | None = None, key: str | None = None) -> Param:
+        """The parameter of that name; a UserError (with file and key, if they are stated) with the names otherwise."""
+        if name not in self.params:
+            raise UserError(f"{self.name} has no such parameter", file=file, key=key, got=name, choices=self.params)
+        return self.params[name]
+
     @property
     def magnitudes(self) -> list[str]:
         """The parameters whose null makes the effect vanish (all but the shape parameters)."""
@@ -189,10 +196,10 @@ def of_family(*families: Family) -> dict[str, Effect]:
     return {name: e for name, e in sorted(REGISTRY.items()) if e.family in families}
 
 
-def effect(name: str) -> Effect:
-    """The registered effect of that name; a UserError with the nearest names otherwise."""
-    if name not in REGISTRY:
-        raise UserError("unknown effect", got=name, choices=sorted(REGISTRY), see=ALL_NAMES)
+def effect(name: Any, *, file: str | Path | None = None, key: str | None = None) -> Effect:
+    """The registered effect of that name; a UserError (with file and key, if they are stated) otherwise."""
+    if not isinstance(name, str) or name not in REGISTRY:
+        raise UserError("unknown effect", file=file, key=key, got=name, choices=sorted(REGISTRY), see=ALL_NAMES)
     return REGISTRY[name]
 
 
@@ -218,11 +225,10 @@ class EffectInstance:
     @classmethod
     def of(cls, name: str, where: str, **values: float) -> EffectInstance:
         """`EffectInstance.of("coulomb_friction", "joint4", torque=1.3)`; other parameters: start (shape) or null."""
-        params = effect(name).params
+        one = effect(name)
         for key in values:
-            if key not in params:
-                raise UserError(f"{name} has no such parameter", got=key, choices=params)
-        full = {k: values.get(k, p.absent) for k, p in params.items()}
+            one.param(key)
+        full = {k: values.get(k, p.absent) for k, p in one.params.items()}
         return cls(name, where, {k: Value(float(v)) for k, v in full.items()})
 
     @property

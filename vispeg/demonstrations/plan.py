@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
-from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.datasets.layout import Layout, colour_of, depth, depth_of, flag, number, numbers, parts, picture, truth_of
 from vispeg.datasets.plan import Plan, shard_frames
@@ -19,7 +17,7 @@ from vispeg.task.config import TaskConfig
 from vispeg.task.eyes import task_cameras
 from vispeg.task.terms import Observation
 from vispeg.task.world_file import WorldFile, load_world
-from vispeg.worlds.world import RandomizedEffect, World
+from vispeg.worlds.split import optical
 
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 STATE = (
@@ -48,20 +46,19 @@ def plan_of(
     """
     file = load_world(world)
     task = task_of(file, cameras, size)
-    standing: Any = SimpleNamespace(scene=scene_of(task), config=task)
-    seen = task_cameras(standing, file.cameras)
-    if looks > 1 and not seen_world(file.world, task.cameras).ranges:
+    through = task_cameras(scene_of(task), task, file.cameras)
+    if looks > 1 and not optical(file.world, task.cameras).ranges:
         raise UserError(
             "all looks would be the same: the world varies nothing that is seen", key="looks", expected="1", got=looks
         )
-    per = shard_frames(sum(c.width * c.height for c in seen))
+    per = shard_frames(sum(c.width * c.height for c in through))
     name = world if world == file.path.stem else str(file.path)
     plan = Plan(
         name,
         file.hash,
         frames,
         looks,
-        tuple(c.name for c in seen),
+        tuple(c.name for c in through),
         size,
         seed,
         noise,
@@ -69,18 +66,7 @@ def plan_of(
         str(file.renderer.get("backend", backend)),
         shard_frames=per,
     )
-    return plan, layout_of(file, task, seen, labels)
-
-
-def seen_world(world: World, cameras: Sequence[str]) -> World:
-    """The part of a world that is only seen, without what acts on other cameras than these."""
-
-    def seen(e: EffectInstance | RandomizedEffect) -> bool:
-        family = effect(e.effect).family
-        return family == "appearance" or (family == "camera" and e.where in ("all", "each", *cameras))
-
-    effects, ranges = tuple(filter(seen, world.effects)), tuple(filter(seen, world.ranges))
-    return replace(world, effects=effects, ranges=ranges)
+    return plan, layout_of(file, task, through, labels)
 
 
 def task_of(file: WorldFile, cameras: Sequence[str], size: int) -> TaskConfig:
@@ -123,6 +109,6 @@ def layout_of(file: WorldFile, task: TaskConfig, cameras: tuple[Camera, ...], la
         tuple(scene.parts),
         1 / task.policy_period,
         registry.task_of(task).title,
-        file.world.robot,
+        file.world.base.robot,
         models,
     )

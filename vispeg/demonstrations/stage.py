@@ -16,14 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from vispeg.core.effect import OPTICAL, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.datasets.episode import Episode, Recorder
 from vispeg.datasets.layout import Layout, colour_of, depth_of, truth_of
 from vispeg.datasets.plan import Plan, Shard, look_seed
 from vispeg.datasets.shard import drawn
-from vispeg.demonstrations.plan import scene_of, seen_world, task_of
+from vispeg.demonstrations.plan import scene_of, task_of
 from vispeg.demonstrations.sensing import ROWS as SENSOR_ROWS
 from vispeg.demonstrations.sensing import Clip, sense
 from vispeg.render.backend import Renderer, Shot
@@ -32,11 +31,13 @@ from vispeg.render.camera_files import to_record
 from vispeg.render.contrast import TRIES, redraw
 from vispeg.render.image_kinds import FAR
 from vispeg.render.look import dress
-from vispeg.task.eyes import camera_velocity
+from vispeg.render.rig import camera_velocity
+from vispeg.render.snapshot import Snapshot
 from vispeg.task.registry import task_of as contract_of
-from vispeg.task.simulation import TaskSimulation, felt
+from vispeg.task.simulation import TaskSimulation
 from vispeg.task.world_file import load_world
-from vispeg.worlds.world import RandomizedEffect, World
+from vispeg.worlds.split import optical
+from vispeg.worlds.world import World
 
 ROWS = 4  # episodes played side by side; part of what the bytes follow from
 TAKES = 2 * SENSOR_ROWS  # looks that are rendered before their sensors see them
@@ -44,13 +45,10 @@ TAKES = 2 * SENSOR_ROWS  # looks that are rendered before their sensors see them
 
 @dataclass
 class Moment:
-    """What is known of one moment of an episode."""
+    """One moment of an episode: how the cell stands, and what a frame holds but for its pictures."""
 
-    qpos: np.ndarray
-    bodies: dict[str, np.ndarray]
+    cell: Snapshot
     values: dict[str, np.ndarray]
-    twist: np.ndarray
-    flange: np.ndarray
 
 
 @dataclass
@@ -110,9 +108,8 @@ class Stage:
             raise UserError("the world has changed since the rendering began", file=file.path)
         self.config = task_of(file, plan.cameras, plan.size)
         self.scene = scene_of(self.config)
-        self.physics = replace(file.world, ranges=tuple(r for r in file.world.ranges if _family(r) not in OPTICAL))
-        self.seen = seen_world(file.world, plan.cameras)
-        self.sim = TaskSimulation(self.physics, self.config, ROWS, "state")
+        self.seen = optical(file.world, plan.cameras)
+        self.sim = TaskSimulation(file.world, self.config, ROWS, "state")
         self.task = contract_of(self.config)
         self.expert = self.task.expert(self.config, ROWS)
         make = {"backend": plan.backend, "shadows": bool(file.renderer.get("shadows", False))}
@@ -159,7 +156,7 @@ class Stage:
         self.sim.reset(free, seeds)
         self.expert.reset(free)
         for i, seed in starting:
-            one = rows[i] = Played(seed, felt(self.sim.drawn[i]), stream(seed, "dataset-noise"))
+            one = rows[i] = Played(seed, self.sim.drawn[i], stream(seed, "dataset-noise"))
             every.append(one)
 
     def _moment(self, row: int, seen: dict[str, np.ndarray], meant: np.ndarray, shaken: np.ndarray) -> Moment:
@@ -178,8 +175,7 @@ class Stage:
             "action": meant,
             "executed.action": shaken,
         }
-        flange = sim.cell.site_position("flange")[row].copy()
-        return Moment(sim.cell.qpos[row].copy(), sim.bodies(row), values, twist[row].copy(), flange)
+        return Moment(sim.snapshot(row), values)
 
     # Pictures -------------------------------------------------------------------------------------------------
     def draw(
@@ -194,14 +190,14 @@ class Stage:
         """The same look as rendered, its sensor still to come."""
         own = look_seed(seed, look)
         if self._placed != seed:  # the guard judges the cell as it stands, which is the same in every look
-            self.labelled.render(moments[0].qpos, moments[0].bodies)
+            self.labelled.render(moments[0].cell.qpos, moments[0].cell.bodies)
             self._placed = seed
-        world, refused = redraw(self.seen, self.scene, self.labelled, own, qpos=moments[0].qpos)
+        world, refused = redraw(self.seen, self.scene, self.labelled, own, qpos=moments[0].cell.qpos)
         if self.plain is not self.labelled:
             dress(self.plain, self.scene, world)
         frames, shots = [], []
         for moment in moments:
-            seen = self.plain.render(moment.qpos, moment.bodies)
+            seen = self.plain.render(moment.cell.qpos, moment.cell.bodies)
             frames.append(moment.values | self._labels(seen))
             shots.append({name: replace(shot, segmentation=None, normal_of=None) for name, shot in seen.items()})
             drawn(1)
@@ -216,10 +212,10 @@ class Stage:
             "success": record is not None and bool(record["success"]),
             "category": "cut" if record is None else str(record["category"]),
             "peak_force": 0.0 if record is None else float(record["peak_force"]),
-            "world": {e.label: {k: v.value for k, v in e.params.items()} for e in (*physics.effects, *world.effects)},
+            "world": physics.values | world.values,
             "cameras": [to_record(c) for c in self.plain.cameras],
         }
-        twist, flange = np.stack([m.twist for m in moments]), np.stack([m.flange for m in moments])
+        twist, flange = np.stack([m.cell.twist for m in moments]), np.stack([m.cell.flange for m in moments])
         clips = {}
         for c in self.layout.cameras:
             mine = [s[c.name] for s in shots]
@@ -270,10 +266,6 @@ def _enough(episodes: Sequence[Played], wanted: int | None) -> bool:
         if one.record is None:
             return False
     return False
-
-
-def _family(r: RandomizedEffect) -> str:
-    return effect(r.effect).family
 
 
 _STAGES: dict[str, Stage] = {}

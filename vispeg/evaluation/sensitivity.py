@@ -87,8 +87,7 @@ def sweep(text: str) -> Sweep:
     name, _, where = place.partition("@")
     known, params = effect(name), tuple(names.split(","))
     for p in params:
-        if p not in known.params:
-            raise UserError(f"{name} has no such parameter", key="--sweep", got=p, choices=known.params)
+        known.param(p, key="--sweep")
     try:
         values = tuple(sorted({float(v) for v in tail.split(",")} | {known.params[params[0]].null}))
     except ValueError:

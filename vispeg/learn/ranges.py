@@ -10,7 +10,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from vispeg.core.errors import UserError
 from vispeg.worlds.adaptive import Adaptive, Schedule
-from vispeg.worlds.world import World
+from vispeg.worlds.randomized import RandomizedWorld
 
 Levels = float | dict[str, float]  # of all ranges, or by label
 
@@ -30,7 +30,7 @@ class Opening:
         UserError: nothing varies in this world.
     """
 
-    def __init__(self, kind: str, world: World, steps: int, random: int):
+    def __init__(self, kind: str, world: RandomizedWorld, steps: int, random: int):
         adaptive = Adaptive(world)
         if not adaptive.levels:
             raise UserError("nothing varies in this world", key="ranges", expected="full", got=kind)

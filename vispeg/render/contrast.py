@@ -23,6 +23,7 @@ from vispeg.render.backend import Renderer, Shot
 from vispeg.render.camera import Camera
 from vispeg.render.look import dress
 from vispeg.render.pipeline import Pipeline
+from vispeg.worlds.randomized import RandomizedWorld
 from vispeg.worlds.world import World
 
 if TYPE_CHECKING:
@@ -115,9 +116,9 @@ def delivered(shots: Mapping[str, Shot], cameras: Sequence[Camera], world: World
     Args:
         shots: of one moment, by camera name.
         cameras: that took them.
-        world: without ranges.
+        world: as drawn.
     """
-    tint = World(effects=tuple(e for e in world.effects if getattr(effect(e.effect), "photometric", False)))
+    tint = world.only(lambda e: getattr(effect(e.effect), "photometric", False))
     out = dict(shots)
     for camera in cameras if tint.effects else ():
         rgb, depth = shots[camera.name].rgb[None].astype(np.float32) / 255, shots[camera.name].depth[None]
@@ -131,7 +132,7 @@ def delivered(shots: Mapping[str, Shot], cameras: Sequence[Camera], world: World
 
 
 def redraw(
-    world: World,
+    world: RandomizedWorld,
     scene: Scene,
     renderer: Renderer,
     seed: int,
@@ -147,7 +148,7 @@ def redraw(
     result follows from the seed alone. If none of `tries` looks will do, the best of them stands.
 
     Args:
-        world: with ranges.
+        world: what is drawn.
         scene: whose targets they walk.
         renderer: with labels and the scene's parts; it is left dressed in the world returned.
         seed: of the episode.
@@ -167,7 +168,7 @@ def redraw(
     best, best_score = fixed, -1.0
     for k in range(tries):
         look_seed = seed if k == 0 else int(stream(seed, "look", k).integers(2**31))
-        drawn = fixed.add(*World(ranges=looks).sample(look_seed, scene, levels).effects)
+        drawn = fixed.add(*RandomizedWorld(ranges=looks).sample(look_seed, scene, levels).effects)
         dress(renderer, scene, drawn)
         shots = delivered(renderer.render(qpos), renderer.cameras, drawn)
         score = contrast(shots, renderer.cameras, scene, rule)

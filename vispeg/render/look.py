@@ -5,7 +5,7 @@ Every look starts from the renderer's pristine fields, so that nothing is left o
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -17,6 +17,7 @@ from vispeg.render import model_camera
 from vispeg.render.backend import Renderer
 from vispeg.render.camera import Camera
 from vispeg.render.pristine import place
+from vispeg.worlds.places import ALL, values
 from vispeg.worlds.world import World
 
 
@@ -44,17 +45,15 @@ def dress(renderer: Renderer, scene: Any, world: World) -> list[int]:
     Args:
         renderer: drawn with from now on; made from a Scene where camera effects shall show.
         scene: what the effects name their targets by.
-        world: without ranges (`world.sample` draws them).
+        world: as drawn.
 
     Returns:
         The textures whose pixels had to be handed to the driver.
 
     Raises:
-        UserError: a world with ranges left, an effect at a place that the scene does not have, or a camera effect for a
-            camera that the renderer's model has no row for.
+        UserError: an effect at a place that the scene does not have, or a camera effect for a camera that the
+            renderer's model has no row for.
     """
-    if world.ranges:
-        raise UserError("a look needs a drawn world", expected="world.sample(seed, scene)", got=world.ranges[0].label)
     renderer.pristine.restore(renderer.model)
     rows = _rows(renderer)
     for i, camera in rows.values():
@@ -64,7 +63,7 @@ def dress(renderer: Renderer, scene: Any, world: World) -> list[int]:
     for writer, placed in writers(world):
         if writer.family == "camera":
             _need_rows(renderer, placed)
-        writer.write(fields, values(writer, placed, scene))
+        writer.write(fields, values(writer, [placed], scene))
     seen = []
     for camera in renderer.nominal:
         i, _ = rows.get(camera.name, (None, None))
@@ -84,19 +83,6 @@ def writers(world: World) -> list[tuple[Effect, list[EffectInstance]]]:
     return sorted(((effect(name), at) for name, at in found.items()), key=lambda e: (e[0].order, e[0].name))
 
 
-def values(one: Effect, placed: Sequence[EffectInstance], scene: Any) -> Mapping[str, np.ndarray]:
-    """(1, ntarget) values of an effect's parameters, null where it is not placed; `all` means every target."""
-    targets = one.targets(scene)
-    out = one.absent((1, len(targets)))
-    for at in placed:
-        if at.where != "all" and at.where not in targets:
-            raise UserError(f"{one.name} has no such place", key="where", got=at.where, choices=["all", *targets])
-        columns = slice(None) if at.where == "all" else targets.index(at.where)
-        for key, value in at.params.items():
-            out[key][0, columns] = value.value
-    return out
-
-
 def _rows(renderer: Renderer) -> dict[str, tuple[int, Camera]]:
     found = ((c, model_camera.row_of(renderer.model, c)) for c in renderer.nominal)
     return {c.name: (i, c) for c, i in found if i is not None}
@@ -109,6 +95,6 @@ def _camera_row(model: mujoco.MjModel, i: int) -> np.ndarray:
 def _need_rows(renderer: Renderer, placed: Sequence[EffectInstance]) -> None:
     names = [renderer.model.camera(i).name for i in range(renderer.model.ncam)]
     for at in placed:
-        if at.where != "all" and at.where not in names:
+        if at.where != ALL and at.where not in names:
             what = "a renderer made from the Scene, with that camera"
             raise UserError(f"{at.effect} moves a camera that is not there", expected=what, got=at.where, choices=names)

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from vispeg.core.effect import Effect, effect
-from vispeg.core.errors import UserError
 from vispeg.core.frame import Frame
 from vispeg.effects.common.light import LightEffect, pass_light
 from vispeg.worlds.world import World
@@ -56,14 +55,8 @@ class Pipeline:
         return sorted(self._stages.values(), key=lambda s: (s.effect.order, s.effect.name))
 
     def place(self, rows: Sequence[int], worlds: Sequence[World]) -> None:
-        """Gives some rows new worlds, as when their episodes begin anew; what effects remembered of them is forgotten.
-
-        Raises:
-            UserError: a world still has ranges to be drawn.
-        """
+        """Gives some rows new worlds, as when episodes begin anew; what effects remembered of them is forgotten."""
         for row, world in zip(rows, worlds, strict=True):
-            if world.ranges:
-                raise UserError("a pipeline takes a sampled world", got=world.ranges[0].label)
             for stage in self._stages.values():
                 for name, param in stage.effect.params.items():
                     stage.p[name][row] = param.absent

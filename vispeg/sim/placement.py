@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vispeg.core.effect import Effect, effect
-from vispeg.core.errors import UserError
 from vispeg.robots.model import RobotModel
+from vispeg.worlds.places import values
 from vispeg.worlds.world import World
 
 
@@ -24,19 +24,4 @@ class Active:
 def activate(robot: RobotModel, worlds: Sequence[World]) -> list[Active]:
     """Effects at work in any of the worlds, in the order of their drive stage."""
     names = sorted({e.effect for w in worlds for e in w.effects}, key=lambda n: (effect(n).order, n))
-    return [Active(effect(n), _values(effect(n), robot, worlds)) for n in names]
-
-
-def _values(kind: Effect, robot: RobotModel, worlds: Sequence[World]) -> dict[str, np.ndarray]:
-    targets = kind.targets(robot)
-    p = kind.absent((len(worlds), len(targets)))
-    for row, world in enumerate(worlds):
-        for placed in world.effects:
-            if placed.effect != kind.name:
-                continue
-            if placed.where != "all" and placed.where not in targets:
-                raise UserError(f"{kind.name} has no such place", got=placed.where, choices=[*targets, "all"])
-            column = slice(None) if placed.where == "all" else targets.index(placed.where)
-            for k, value in placed.params.items():
-                p[k][row, column] = value.value
-    return p
+    return [Active(effect(n), values(effect(n), [w.effects for w in worlds], robot)) for n in names]

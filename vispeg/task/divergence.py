@@ -17,6 +17,7 @@ from vispeg.formats.guard import MB
 from vispeg.formats.typed import typed
 from vispeg.task.push import Push
 from vispeg.task.world_file import WorldFile, load_world, world_hash, world_text
+from vispeg.worlds.randomized import RandomizedWorld
 
 if TYPE_CHECKING:
     from vispeg.task.vector import TaskVec
@@ -56,7 +57,8 @@ def leave(folder: Path, env: TaskVec, row: int) -> Path:
     push, seed = sim.push[row], int(sim.seeds[row])
     task: dict[str, Any] = json.loads(json.dumps(asdict(env.config))) | {"start_radius": float(sim.radius)}
     cameras, renderer = (dict(file.cameras), dict(file.renderer)) if file is not None else ({}, {})
-    world, digest = sim.drawn[row], world_hash(sim.drawn[row], task, cameras, renderer)
+    world = env.drawn(row)
+    digest = world_hash(world, task, cameras, renderer)
     told = {
         "format": FORMAT,
         "seed": seed,
@@ -65,7 +67,8 @@ def leave(folder: Path, env: TaskVec, row: int) -> Path:
         "actions": [action.tolist() for action in sim.acted[row]],
     }
     with new_folder(folder / str(seed), overwrite=True, holds=None) as place:
-        text = world_text(WorldFile(f"diverged-{seed}", world, task, cameras, renderer, digest, place / WORLD))
+        fixed = RandomizedWorld(base=world)
+        text = world_text(WorldFile(f"diverged-{seed}", fixed, task, cameras, renderer, digest, place / WORLD))
         (place / WORLD).write_text(text, encoding="utf-8")
         (place / EPISODE).write_text(json.dumps(told) + "\n", encoding="utf-8")
     return folder / str(seed)

@@ -8,6 +8,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from vispeg.worlds.randomized import RandomizedWorld
 from vispeg.worlds.world import World
 
 
@@ -18,7 +19,7 @@ class TaskEnv(gym.Env):
 
     def __init__(
         self,
-        world: World | str | Path | None = None,
+        world: World | RandomizedWorld | str | Path | None = None,
         obs_mode: str = "state",
         render_mode: str | None = None,
         **settings: Any,
@@ -40,7 +41,7 @@ class TaskEnv(gym.Env):
         """One policy step of 160 ms; the info of an episode's last one is its `record`, and holds it as such too."""
         self.vec._ended[:] = False  # the caller resets
         reward, terminated, truncated, (record,) = self.vec.advance(np.asarray(action, float)[None])
-        self.vec.eyes.look([0])
+        self.vec.look([0])
         obs = {k: v[0] for k, v in self.vec._observe().items()}
         return (
             obs,

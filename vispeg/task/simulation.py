@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from vispeg.control.laws import rotated, rotation_vector, turned
-from vispeg.core.effect import OPTICAL, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.render.image_kinds import GOAL_TOLD, MODES
+from vispeg.render.snapshot import Snapshot
 from vispeg.sim.compiled import nominal_of
 from vispeg.sim.quiet import quiet
 from vispeg.sim.reach import reach
@@ -21,7 +21,8 @@ from vispeg.task.control import PoseControl
 from vispeg.task.registry import task_of
 from vispeg.task.rewards import Moment
 from vispeg.task.terms import LIMIT, POLICY, PRIVILEGED, Observation, Stack
-from vispeg.worlds.seen import felt, shown
+from vispeg.worlds.randomized import RandomizedWorld
+from vispeg.worlds.split import physical
 from vispeg.worlds.world import World
 
 DOWN = np.array([0.0, 1.0, 0.0, 0.0])  # flange z straight down, wxyz
@@ -32,27 +33,29 @@ class TaskSimulation:
     """nsim independent episodes of the task; rows end and begin one by one.
 
     Args:
-        world: effects and ranges; its robot is the cell of `config`.
+        world: what episodes draw or share; its robot is the cell of `config`. Looks and sensors are left to whoever
+            draws pictures.
         config: the task.
         nsim: rows.
         obs_mode: decides which target the policy's part of the observation is relative to.
         nthread: threads of the physics.
     """
 
-    def __init__(self, world: World, config: TaskConfig, nsim: int, obs_mode: str = "state", nthread: int = 1):
+    def __init__(
+        self, world: World | RandomizedWorld, config: TaskConfig, nsim: int, obs_mode: str = "state", nthread: int = 1
+    ):
         cameras = config.cameras if MODES[obs_mode] else ()
-        self.world, self.nsim, self.obs_mode = shown(world, cameras), nsim, obs_mode
+        self.world, self.nsim, self.obs_mode = physical(RandomizedWorld.of(world)), nsim, obs_mode
         self.config: Any = config  # of the task's own class
-        world = self.world
         self.task = task_of(config)
         self.scene = self.task.cell(config, cameras)
         self.observed, self.reward = Observation(self.task.terms, config), config.rewards.of(config.reward)
         self.levels: Mapping[str, float] | float = 1.0
         self.radius = config.start_radius
         h = config.control_period / config.substeps
-        names = {e.effect for e in (*world.effects, *world.ranges) if effect(e.effect).family not in OPTICAL}
-        self.drawn = [world.sample(0, self.scene)] * nsim
-        self.cell = Cell(self.scene, [felt(w) for w in self.drawn], h, config.control_period, nthread, sorted(names))
+        names = {e.effect for e in self.world.entries}
+        self.drawn = [self.world.sample(0, self.scene)] * nsim  # of each row's present episode
+        self.cell = Cell(self.scene, self.drawn, h, config.control_period, nthread, sorted(names))
         self.control = PoseControl(self.scene.nominal, nsim, config.stiffness, config.force_limit, HOME, nthread)
         self.solo = nominal_of(self.scene.nominal, 1)
         self.move = np.array([d in config.dof for d in DOF])
@@ -101,7 +104,7 @@ class TaskSimulation:
             self.tracks[row], self.push[row], self.acted[row] = self.task.track(), None, []
         pos[:, 2] += self.scene.tip
         q, weight = self._start(rows, pos)
-        self.cell.begin(rows, [felt(w) for w in worlds], q, weight)
+        self.cell.begin(rows, worlds, q, weight)
         self.goal[rows], self.rot[rows] = pos[rows], DOWN
         self.held[rows] = (self.goal + self.lever(self.rot))[rows]
         self.action[rows], self.count[rows], self.wrench[rows], self.diverged[rows] = 0.0, 0, 0.0, False
@@ -246,12 +249,8 @@ class TaskSimulation:
             "force_profile": tuple(
                 np.concatenate(t.forces).tolist()
             ),  # not an array: gymnasium stacks these, of one length
-            "world": self.values(i),
+            "world": self.drawn[i].values,
         }
-
-    def values(self, row: int) -> dict[str, dict[str, float]]:
-        """What the row's world drew: parameters by name, by the effect's label."""
-        return {e.label: {k: v.value for k, v in e.params.items()} for e in self.drawn[row].effects}
 
     # What can be seen -----------------------------------------------------------------------------------------
     def tip_in_goal(self) -> np.ndarray:
@@ -274,6 +273,11 @@ class TaskSimulation:
         parts = {POLICY: self.stack.flat(), PRIVILEGED: truth}
         return {key: np.clip(value, -LIMIT, LIMIT).astype(np.float32) for key, value in parts.items()}
 
+    def snapshot(self, row: int) -> Snapshot:
+        """How this row stands now, for whoever draws it."""
+        qpos, flange = self.cell.qpos[row].copy(), self.cell.site_position("flange")[row].copy()
+        return Snapshot(qpos, self.bodies(row), self.twist[row].copy(), flange, int(self.count[row]))
+
     def bodies(self, row: int) -> dict[str, np.ndarray]:
         """Where this row's fixture and held part are placed in their parents, (7,) each, for whoever draws them."""
         out = {}
@@ -286,6 +290,6 @@ class TaskSimulation:
         return out
 
 
-__all__ = ["DOWN", "HOME", "TaskSimulation", "felt", "shown"]
+__all__ = ["DOWN", "HOME", "TaskSimulation"]
 
 PegSimulation = TaskSimulation

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -15,12 +15,16 @@ from gymnasium.vector.utils import batch_space
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.render.image_kinds import MODES
+from vispeg.render.rig import CameraRig
+from vispeg.render.snapshot import Snapshot
 from vispeg.task.config import TaskConfig
 from vispeg.task.divergence import leave
-from vispeg.task.eyes import CameraRig, image_spaces
+from vispeg.task.eyes import image_spaces, rig_of
 from vispeg.task.registry import config_of, kind_of, task_of
 from vispeg.task.simulation import TaskSimulation
 from vispeg.task.terms import LIMIT, POLICY, PRIVILEGED, Observation
+from vispeg.task.world_file import WorldFile, load_world
+from vispeg.worlds.randomized import RandomizedWorld
 from vispeg.worlds.world import World
 
 
@@ -37,8 +41,8 @@ def spaces(config: TaskConfig, obs_mode: str, cameras: Sequence[Any]) -> tuple[g
 
 
 def world_of(
-    world: World | str | Path | None, given: dict[str, Any], arguments: Iterable[str] | None = None
-) -> tuple[World, TaskConfig, Any]:
+    world: World | RandomizedWorld | str | Path | None, given: dict[str, Any], arguments: Iterable[str] | None = None
+) -> tuple[RandomizedWorld, TaskConfig, WorldFile | None]:
     """A world, the task it states with `given` on top, and its file (None for a World object).
 
     Args:
@@ -50,11 +54,9 @@ def world_of(
     Raises:
         UserError: as `load_world`; of what is `given`, without the file, in which it does not stand.
     """
-    if isinstance(world, World):
-        file, told = None, given
+    if isinstance(world, World | RandomizedWorld):
+        file, told, world = None, given, RandomizedWorld.of(world)
     else:
-        from vispeg.task.world_file import load_world
-
         file = load_world(world if world is not None else "nominal")
         world, told = file.world, {**file.task, **given}
     if arguments is not None:
@@ -91,7 +93,7 @@ class TaskVec(VectorEnv):
 
     Args:
         num_envs: rows.
-        world: a World, a built-in world's name, or a world file; `nominal` if not given.
+        world: a World or RandomizedWorld, a built-in world's name, or a world file; `nominal` if not given.
         obs_mode: `state`, `proprio`, `depth`, `rgb` or `rgbd`.
         seed: of the episodes until `reset` is given one.
         autoreset_mode: NEXT_STEP (gymnasium's default: the step after an end begins the next episode) or SAME_STEP
@@ -106,7 +108,7 @@ class TaskVec(VectorEnv):
     def __init__(
         self,
         num_envs: int = 1,
-        world: World | str | Path | None = None,
+        world: World | RandomizedWorld | str | Path | None = None,
         obs_mode: str = "state",
         seed: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
@@ -133,7 +135,8 @@ class TaskVec(VectorEnv):
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": 6, "autoreset_mode": self.autoreset_mode}
         self.sim = TaskSimulation(self.world, self.config, num_envs, obs_mode, nthread)
-        self.eyes = CameraRig(self.sim, obs_mode, self.file, backend)
+        self.eyes = self.rig(backend=backend)
+        self.further: list[CameraRig] = []  # see the same rows in other looks; their images are called `KEY@1`, ...
         self.single_observation_space, self.single_action_space = spaces(self.config, obs_mode, self.eyes.cameras)
         self.observed = self.sim.observed
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -165,13 +168,15 @@ class TaskVec(VectorEnv):
         self._begin(rows)
         worlds = np.full(self.num_envs, None, dtype=object)
         for i in rows:
-            worlds[i] = self.sim.values(int(i))
+            worlds[i] = self.drawn(int(i)).values
         return self._observe(), {"seed": self.sim.seeds.copy(), "world": worlds}
 
     def _begin(self, rows: np.ndarray) -> None:
         self.sim.reset(rows, [episode_seed(int(self._base[i]), int(self._episode[i])) for i in rows])
-        self.eyes.begin(rows)
-        self.eyes.look(rows)
+        snapshots = self._snapshots(rows)
+        for rig in (self.eyes, *self.further):
+            rig.begin(snapshots, {row: int(self.sim.seeds[row]) for row in snapshots}, self.sim.levels)
+            rig.look(snapshots)
         self._ended[rows] = False
 
     def step(self, actions: np.ndarray):
@@ -179,7 +184,7 @@ class TaskVec(VectorEnv):
         actions = np.asarray(actions, dtype=float).reshape(self.num_envs, -1)
         waiting = np.flatnonzero(self._ended)
         rewards, terminated, truncated, records = self.advance(actions)
-        self.eyes.look(np.setdiff1d(np.arange(self.num_envs), waiting))
+        self.look(np.setdiff1d(np.arange(self.num_envs), waiting))
         infos: dict[str, Any] = {}
         if len(waiting) and self.autoreset_mode == AutoresetMode.NEXT_STEP:
             rewards[waiting], terminated[waiting], truncated[waiting] = 0.0, False, False
@@ -205,12 +210,35 @@ class TaskVec(VectorEnv):
         """The simulation's step; an episode that diverged in it is left behind in `dump`."""
         out = self.sim.step(actions)
         for row, record in enumerate(out[3]):
+            if record is not None:
+                record["world"] |= self.eyes.drawn[row].values
             if self.dump is not None and record is not None and record["category"] == "diverged":
                 record["replay"] = str(leave(Path(self.dump), self, row))
         return out
 
     def _observe(self) -> dict[str, np.ndarray]:
-        return {**self.sim.observation(), **self.eyes.see()}
+        others = {f"{key}@{k}": v for k, rig in enumerate(self.further, 1) for key, v in rig.see().items()}
+        return {**self.sim.observation(), **self.eyes.see(), **others}
+
+    # Pictures -------------------------------------------------------------------------------------------------
+    def rig(self, look_seed: Callable[[int], int] | None = None, backend: str | None = None) -> CameraRig:
+        """Cameras that see this environment's rows; `look_seed` gives an episode's look another seed than its own."""
+        backend = self.eyes.backend if backend is None else backend
+        where = self.sim.scene, self.config, self.world, self.obs_mode, self.num_envs
+        return rig_of(*where, file=self.file, backend=backend, look_seed=look_seed)
+
+    def drawn(self, row: int) -> World:
+        """The world of a row's present episode: what its physics drew, and what its cameras show."""
+        return self.sim.drawn[row].add(*self.eyes.drawn[row].effects)
+
+    def look(self, rows: Sequence[int] | np.ndarray) -> None:
+        """Pictures are taken of these rows as they stand now."""
+        snapshots = self._snapshots(rows)
+        for rig in (self.eyes, *self.further):
+            rig.look(snapshots)
+
+    def _snapshots(self, rows: Sequence[int] | np.ndarray) -> dict[int, Snapshot]:
+        return {int(row): self.sim.snapshot(int(row)) for row in rows} if self.eyes.cameras else {}
 
     # Knobs ----------------------------------------------------------------------------------------------------
     def set_level(self, level: float | dict[str, float], radius: float | None = None) -> None:
@@ -230,11 +258,12 @@ class TaskVec(VectorEnv):
         """One RGB image (H, W, 3) uint8 a row, from outside."""
         if self.render_mode is None:
             return None
-        return tuple(self.eyes.picture(i) for i in range(self.num_envs))
+        return tuple(self.eyes.picture(i, self.sim.snapshot(i)) for i in range(self.num_envs))
 
     def close_extras(self, **kwargs: Any) -> None:
         """Frees the renderers."""
-        self.eyes.close()
+        for rig in (self.eyes, *self.further):
+            rig.close()
 
     def __getstate__(self):
         return self._made  # as it was made, not as it stands

@@ -24,7 +24,8 @@ from vispeg.task.registry import config_of, digest_of, task_of
 from vispeg.worlds.entry import entry_dict, ranged
 from vispeg.worlds.identified import ranges_of
 from vispeg.worlds.model_file import placed_dict
-from vispeg.worlds.world import RandomizedEffect, World
+from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
+from vispeg.worlds.world import World
 
 FORMAT = "vispeg-world/1"
 BUILT_IN = Path(worlds.__file__).parent / "library"
@@ -42,7 +43,7 @@ class WorldFile:
 
     Attributes:
         name: of the world.
-        world: robot, effects and ranges.
+        world: what is drawn for an episode.
         task: TaskConfig fields that differ from their defaults.
         cameras: by name, a camera file's path or a mapping of what differs from the standard camera.
         renderer: `backend` and `shadows`, where given.
@@ -51,7 +52,7 @@ class WorldFile:
     """
 
     name: str
-    world: World
+    world: RandomizedWorld
     task: dict[str, Any]
     cameras: dict[str, Any]
     renderer: dict[str, Any]
@@ -102,7 +103,7 @@ def load_world(source: str | Path) -> WorldFile:
     # the later wins: a range for one place over one for many
     broad = [r for r in parts.ranges.values() if r.where in ("all", "each")]
     narrow = [r for r in parts.ranges.values() if r.where not in ("all", "each")]
-    world = World(ranges=(*broad, *narrow))
+    world = RandomizedWorld(ranges=(*broad, *narrow))
     config = config_of(parts.task, str(path))
     ranges = [(r, *parts.said[place]) for place, r in parts.ranges.items()]
     task_of(config).check(task_of(config).cell(config), ranges, path)  # here, not entry by entry: a file may move what
@@ -112,27 +113,28 @@ def load_world(source: str | Path) -> WorldFile:
 
 
 def world_hash(
-    world: World,
+    world: RandomizedWorld | World,
     task: Mapping[str, Any] | TaskConfig | None = None,
     cameras: Mapping[str, Any] | None = None,
     renderer: Mapping[str, Any] | None = None,
 ) -> str:
     """SHA-256 (hex) of all that decides what an episode in this world may be."""
+    base, ranges = (world, ()) if isinstance(world, World) else (world.base, world.ranges)
     config = task if isinstance(task, TaskConfig) else config_of(task or {})
-    entries = [{k: v for k, v in entry_dict(r).items() if k != "source"} for r in world.ranges]
-    fixed = [{k: v for k, v in placed_dict(e).items() if k != "origin"} for e in world.effects]
+    entries = [{k: v for k, v in entry_dict(r).items() if k != "source"} for r in ranges]
+    fixed = [{k: v for k, v in placed_dict(e).items() if k != "origin"} for e in base.effects]
     seen = {n: _digest(c) if isinstance(c, str) else c for n, c in (cameras or {}).items()}
     told = {k: v for k, v in asdict(config).items() if k not in LATER or v != getattr(type(config), k)}
     if (code := digest_of(config.name)) is not None:
         told["name"] = [config.name, code]
-    content = [world.robot, world.tool, fixed, entries, told, seen, dict(renderer or {})]
+    content = [base.robot, base.tool, fixed, entries, told, seen, dict(renderer or {})]
     return hashlib.sha256(json.dumps(content, sort_keys=True, default=list).encode()).hexdigest()
 
 
 def world_text(file: WorldFile) -> str:
     """The file that gives this world back, whatever it was put together from."""
     entries = [entry_dict(r) for r in file.world.ranges]
-    entries += [_fixed(e) for e in file.world.effects]
+    entries += [_fixed(e) for e in file.world.base.effects]
     data = {"format": FORMAT, "name": file.name, "task": file.task, "cameras": file.cameras, "renderer": file.renderer}
     return yaml.safe_dump(data | {"effects": entries}, sort_keys=False, allow_unicode=True)
 

@@ -14,7 +14,8 @@ import numpy as np
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.worlds.distribution import Distribution
-from vispeg.worlds.world import RandomizedEffect, World
+from vispeg.worlds.places import MANY
+from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
 
 TAIL = 0.025  # quantile taken for a range's end
 
@@ -62,7 +63,7 @@ class Adaptive:
 
     def __init__(
         self,
-        world: World,
+        world: RandomizedWorld,
         *,
         start: float = 0.0,
         step: float = 0.05,
@@ -114,7 +115,7 @@ class Adaptive:
         self.outcomes = {k: [bool(x) for x in v] for k, v in state["outcomes"].items()}
 
     def _governs(self, r: RandomizedEffect, name: str) -> bool:
-        broad = r.where in ("all", "each")
+        broad = r.where in MANY
         return name == r.label or broad and name.startswith(f"{r.effect}(") and name not in self.own
 
     def _at_edge(self, r: RandomizedEffect, values: Mapping[str, float]) -> bool:

@@ -8,11 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from vispeg.core.effect import ALL_NAMES, REGISTRY, Effect
+from vispeg.core.effect import Effect, effect
 from vispeg.core.errors import UserError
 from vispeg.core.params import Param
 from vispeg.worlds.distribution import Choice, Distribution, LogUniform, Normal, Uniform, parse, written
-from vispeg.worlds.world import RandomizedEffect
+from vispeg.worlds.places import ALL, MANY, check
+from vispeg.worlds.randomized import RandomizedEffect
 
 KEYS = ("effect", "where", "params", "chance", "group", "rho", "source")
 
@@ -35,11 +36,11 @@ def ranged(entry: Any, model: Any, file: Path, key: str) -> RandomizedEffect:
     for name in entry:
         if name not in KEYS:
             raise UserError("unknown key", file=file, key=f"{key}.{name}", got=name, choices=KEYS)
-    kind = _kind(entry.get("effect"), file, key)
+    kind = effect(entry.get("effect"), file=file, key=f"{key}.effect")
     given = entry.get("params") or {}
     if not isinstance(given, Mapping):
         raise UserError("wrong params", file=file, key=f"{key}.params", expected="a mapping", got=given)
-    params = {str(name): _param(kind, name, raw, file, f"{key}.params.{name}") for name, raw in given.items()}
+    params = {str(name): ranged_value(kind, name, raw, file, f"{key}.params.{name}") for name, raw in given.items()}
     if not set(params) & set(kind.magnitudes):
         expected = f"one or more of {', '.join(kind.magnitudes)}"
         raise UserError(
@@ -56,7 +57,7 @@ def ranged(entry: Any, model: Any, file: Path, key: str) -> RandomizedEffect:
         raise UserError("a correlation needs a group", file=file, key=f"{key}.rho", expected="group: NAME", got=rho)
     return RandomizedEffect(
         kind.name,
-        _place(kind, entry.get("where", "all"), model, file, key),
+        check(kind, entry.get("where", ALL), model, many=MANY, file=file, key=f"{key}.where"),
         params,
         source=str(entry.get("source", "")),
         group=group,
@@ -89,27 +90,13 @@ def within(value: float | Distribution, param: Param) -> bool:
     return all(param.low <= x <= param.high for x in ends)
 
 
-def _kind(name: Any, file: Path, key: str) -> Effect:
-    if not isinstance(name, str) or name not in REGISTRY:
-        names, at = sorted(REGISTRY), f"{key}.effect"
-        raise UserError("unknown effect", file=file, key=at, got=name, choices=names, see=ALL_NAMES)
-    return REGISTRY[name]
+def ranged_value(kind: Effect, name: Any, raw: Any, file: str | Path, key: str) -> float | Distribution:
+    """A parameter's number or distribution as a file states it, inside the parameter's bounds.
 
-
-def _place(kind: Effect, where: Any, model: Any, file: Path, key: str) -> str:
-    places = kind.targets(model)
-    if not isinstance(where, str) or where not in (*places, "all", "each"):
-        choices = [*places, "all", "each"]
-        raise UserError(f"{kind.name} has no such place", file=file, key=f"{key}.where", got=where, choices=choices)
-    if not places:
-        raise UserError(f"{kind.name} has no place in this cell", file=file, key=f"{key}.effect", got=kind.name)
-    return where
-
-
-def _param(kind: Effect, name: Any, raw: Any, file: Path, key: str) -> float | Distribution:
-    if name not in kind.params:
-        raise UserError(f"{kind.name} has no such parameter", file=file, key=key, got=name, choices=kind.params)
-    param, value = kind.params[name], parse(raw, str(file), key)
+    Raises:
+        UserError: no such parameter, no distribution, or values out of bounds; names file and key.
+    """
+    param, value = kind.param(name, file=file, key=key), parse(raw, str(file), key)
     if not within(value, param):
         expected = f"{param.low:g} to {param.high:g} {param.unit}"
         raise UserError("out of bounds", file=file, key=key, expected=expected, got=raw)

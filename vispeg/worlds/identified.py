@@ -9,7 +9,7 @@ from vispeg.core.errors import UserError
 from vispeg.worlds.distribution import Distribution, Normal
 from vispeg.worlds.measurement_file import is_measurement, load_measurement
 from vispeg.worlds.model_file import load_model
-from vispeg.worlds.world import RandomizedEffect
+from vispeg.worlds.randomized import RandomizedEffect
 
 WIDTH = 2 * 1.96  # standard deviations in a 95 % interval
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from vispeg.core.effect import ALL_NAMES, REGISTRY, EffectInstance, Value, effect
+from vispeg.core.effect import EffectInstance, Value, effect
 from vispeg.core.errors import UserError
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.guard import is_file
@@ -71,28 +71,22 @@ def read_placed(entry: Any, file: Path, key: str) -> EffectInstance:
     unknown = sorted(str(k) for k in set(entry) - set(ENTRY))
     if unknown:
         raise UserError("unknown key", file=file, key=f"{key}.{unknown[0]}", choices=ENTRY)
-    name = entry.get("effect")
-    if not isinstance(name, str) or name not in REGISTRY:
-        names, at = sorted(REGISTRY), f"{key}.effect"
-        raise UserError("unknown effect", file=file, key=at, got=name, choices=names, see=ALL_NAMES)
+    one = effect(entry.get("effect"), file=file, key=f"{key}.effect")
     where = entry.get("where", "all")
     if not isinstance(where, str):
         raise UserError("wrong place", file=file, key=f"{key}.where", expected="a name", got=where)
     given = entry.get("params") or {}
     if not isinstance(given, Mapping):
         raise UserError("wrong params", file=file, key=f"{key}.params", expected="a mapping", got=given)
-    known = effect(name).params
-    params = dict(EffectInstance.of(name, where).params)
+    params = dict(EffectInstance.of(one.name, where).params)
     for parameter, value in given.items():
         at = f"{key}.params.{parameter}"
-        if parameter not in known:
-            raise UserError(f"{name} has no such parameter", file=file, key=at, got=parameter, choices=known)
-        params[parameter] = _value(value, known[parameter], file, at)
+        params[parameter] = _value(value, one.param(parameter, file=file, key=at), file, at)
     origin = entry.get("origin") or {}
     partial = entry.get("partial", False)
     if not isinstance(partial, bool):
         raise UserError("wrong mark", file=file, key=f"{key}.partial", expected="true or false", got=partial)
-    return EffectInstance(name, where, params, dict(origin) if isinstance(origin, Mapping) else {}, partial)
+    return EffectInstance(one.name, where, params, dict(origin) if isinstance(origin, Mapping) else {}, partial)
 
 
 def _value(value: Any, param: Any, file: Path, key: str) -> Value:

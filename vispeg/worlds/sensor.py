@@ -6,15 +6,14 @@ They are world files of their own (`vispeg-world/1`), so that a world can also n
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.formats.yaml_data import read_yaml
-from vispeg.worlds.distribution import Normal, parse
-from vispeg.worlds.world import RandomizedEffect
+from vispeg.worlds.entry import ranged_value
+from vispeg.worlds.randomized import RandomizedEffect
 
 PRESETS = Path(__file__).parent / "sensors"
 
@@ -47,12 +46,6 @@ def sensor(name: str, where: str | None = None) -> tuple[RandomizedEffect, ...]:
 
 
 def _ranged(entry: Mapping[str, Any], where: str | None, file: str, key: str) -> RandomizedEffect:
-    params = {k: parse(v, file, f"{key}.params.{k}") for k, v in entry["params"].items()}
-    known = effect(entry["effect"]).params
-    for k in params:
-        if k not in known:
-            raise UserError(f"{entry['effect']} has no such parameter", file=file, key=key, got=k, choices=known)
-        value = params[k]
-        if isinstance(value, Normal):
-            params[k] = replace(value, low=known[k].low, high=known[k].high)
+    one = effect(entry["effect"], file=file, key=f"{key}.effect")
+    params = {k: ranged_value(one, k, v, file, f"{key}.params.{k}") for k, v in entry["params"].items()}
     return RandomizedEffect(entry["effect"], where or entry.get("where", "all"), params, source=entry["source"])

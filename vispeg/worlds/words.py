@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 from vispeg.core.effect import Effect, EffectInstance, effect
 from vispeg.core.errors import UserError
+from vispeg.worlds.places import ALL, EACH, MANY, check, instances
 
 
 def place(kind: Effect, where: str, robot: Any) -> str:
@@ -16,14 +17,9 @@ def place(kind: Effect, where: str, robot: Any) -> str:
     Raises:
         UserError: no such place; it lists those there are.
     """
+    where = check(kind, ALL if where == "all-joints" else where, robot)
     targets = kind.targets(robot)
-    if not targets:
-        raise UserError(f"{kind.name} acts on a scene, not on an arm alone", expected="a world file of the peg task")
-    if where in ("all", "all-joints"):
-        return "all" if len(targets) > 1 else targets[0]
-    if where not in targets:
-        raise UserError(f"{kind.name} has no such place", got=where, choices=[*targets, "all"])
-    return where
+    return targets[0] if where == ALL and len(targets) == 1 else where
 
 
 def values(kind: Effect, pairs: Iterable[str]) -> dict[str, float]:
@@ -33,9 +29,7 @@ def values(kind: Effect, pairs: Iterable[str]) -> dict[str, float]:
         name, equals, text = pair.partition("=")
         if not equals:
             raise UserError("not a parameter setting", expected="name=number", got=pair, choices=kind.params)
-        if name not in kind.params:
-            raise UserError(f"{kind.name} has no such parameter", got=name, choices=kind.params)
-        param = kind.params[name]
+        param = kind.param(name)
         try:
             number = float(text)
         except ValueError:
@@ -56,9 +50,9 @@ def parse(text: str, robot: Any) -> list[EffectInstance]:
     where, _, settings = rest.partition(":")
     kind = effect(name)
     if not where:
-        choices = [*kind.targets(robot), "all", "each"]
+        choices = [*kind.targets(robot), *MANY]
         raise UserError(f"{name} needs a place", expected=f"{name}:WHERE", choices=choices)
     given = values(kind, [s for s in settings.split(",") if s])
     typical = {k: p.start for k, p in kind.params.items()} | given
-    places: Sequence[str] = kind.targets(robot) if where == "each" else [place(kind, where, robot)]
+    places = instances(kind, where, robot) if where == EACH else [place(kind, where, robot)]
     return [EffectInstance.of(name, w, **typical) for w in places]

@@ -14,7 +14,7 @@ from vispeg.sim.compiled import nominal_of
 from vispeg.sim.reach import reach
 from vispeg.task.simulation import DOWN, HOME
 from vispeg.worlds.distribution import Choice, Distribution, LogUniform, Normal, Uniform
-from vispeg.worlds.world import RandomizedEffect
+from vispeg.worlds.randomized import RandomizedEffect
 
 ABOVE = 0.03  # m over the hole, where episodes begin
 RARE = 1e-3  # share of a Gaussian's draws that may lie further out than what is looked at, on either side

@@ -1,0 +1,205 @@
+"""What the cameras of every row see: a renderer a row, dressed in its episode's look, and a pipeline a camera."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from vispeg.core.effect import effect
+from vispeg.core.frame import Frame
+from vispeg.core.seeds import stream
+from vispeg.render import block_matching
+from vispeg.render.backend import Renderer, Shot
+from vispeg.render.camera import Camera
+from vispeg.render.contrast import redraw
+from vispeg.render.image_kinds import DEPTH, RGB, ImageKind, key_of
+from vispeg.render.look import dress
+from vispeg.render.pipeline import Pipeline
+from vispeg.render.snapshot import Snapshot
+from vispeg.robots.scene import Scene
+from vispeg.worlds.randomized import RandomizedWorld
+from vispeg.worlds.split import optical
+from vispeg.worlds.world import World
+
+
+def camera_velocity(camera: Camera, pose: np.ndarray, twist: np.ndarray, flange: np.ndarray) -> np.ndarray:
+    """Velocity (n, 6) of a camera in its own axes, m/s and rad/s; 0 for one that stands.
+
+    Args:
+        camera: what carries it decides whether it moves.
+        pose: (n, 4, 4) camera axes in the base.
+        twist: (n, 6) of the flange, base axes.
+        flange: (n, 3) its position, m.
+    """
+    if camera.parent == "base":
+        return np.zeros((len(pose), 6))
+    linear = twist[:, :3] + np.cross(twist[:, 3:], pose[:, :3, 3] - flange)
+    turn = np.swapaxes(pose[:, :3, :3], 1, 2)
+    return np.concatenate([np.einsum("nij,nj->ni", turn, linear), np.einsum("nij,nj->ni", turn, twist[:, 3:])], axis=1)
+
+
+class CameraRig:
+    """The cameras of `rows` cells. It knows how they stand by Snapshots alone, and draws what is only seen.
+
+    Args:
+        scene: the cell.
+        cameras: in it; none for a rig that shows nothing but `picture`.
+        world: whose looks, cameras and sensors are drawn once an episode; its physics is left to the simulation.
+        rows: cells.
+        kinds: of images.
+        period: time between two pictures, s.
+        outside: the camera of `picture`.
+        backend, shadows: of the renderer.
+        look_seed: episode seed -> seed of its look; the same if not given.
+
+    Attributes:
+        drawn: by row, the world of the present episode as it is seen.
+        redrawn: looks that the contrast guard refused so far, in all rows.
+        varied: whether episodes look different.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        cameras: Sequence[Camera],
+        world: RandomizedWorld,
+        rows: int,
+        *,
+        kinds: Sequence[ImageKind] = (RGB, DEPTH),
+        period: float = 0.16,
+        outside: Camera | None = None,
+        backend: str = "auto",
+        shadows: bool = False,
+        look_seed: Callable[[int], int] | None = None,
+    ):
+        self.scene, self.cameras, self.rows, self.kinds, self.period = scene, tuple(cameras), rows, kinds, period
+        self.world = optical(world, [c.name for c in cameras])
+        self.varied = bool(self.world.ranges)
+        self.drawn, self.redrawn = [World()] * rows, 0
+        self.backend, self.shadows, self.outside = backend, shadows, outside
+        self._seed_of = look_seed or (lambda seed: seed)
+        self._seeds = np.zeros(rows, np.int64)
+        self._film: Renderer | None = None
+        self._infrared: dict[int, Renderer] = {}
+        self._guarded = any(effect(r.effect).family == "appearance" for r in self.world.ranges)
+        self._guard: Renderer | None = None
+        self._renderers = [self._renderer(self.cameras) for _ in range(rows if cameras else 0)]
+        self._pipelines = {c.name: Pipeline([World()] * rows, c.name) for c in self.cameras}
+        self._matchers: list[dict[str, dict[str, float]]] = [{} for _ in range(rows)]  # cameras that match depth
+        self._snapshots: dict[int, Snapshot] = {}
+        self._shots: dict[int, dict[str, Shot]] = {}
+        self._new = np.zeros(rows, bool)  # rows drawn anew since they were last delivered
+        self._delivered: dict[str, np.ndarray] = {}
+        for c in self.cameras:
+            for kind in kinds:
+                self._delivered[key_of(kind, c.name)] = np.zeros((rows, *kind.shape(c.height, c.width)), kind.dtype)
+
+    def _renderer(self, cameras: Sequence[Camera], labels: bool = False) -> Renderer:
+        return Renderer(self.scene, cameras, self.backend, labels=labels, shadows=self.shadows)  # type: ignore[arg-type]
+
+    def begin(
+        self,
+        snapshots: Mapping[int, Snapshot],
+        seeds: Mapping[int, int],
+        levels: Mapping[str, float] | float = 1.0,
+    ) -> None:
+        """New episodes in these rows: new looks, and sensors that remember nothing.
+
+        Args:
+            snapshots: by row, how the cells stand; the contrast guard looks at them.
+            seeds: by row, of the episodes.
+            levels: how far draws may leave nominal, as for `RandomizedWorld.sample`.
+        """
+        if not self.cameras:
+            return
+        for row, snapshot in snapshots.items():
+            self._seeds[row] = self._seed_of(seeds[row])
+            world = self.drawn[row] = self._draw(snapshot, int(self._seeds[row]), levels)
+            dress(self._renderers[row], self.scene, world)
+            matched = {c.name: block_matching.settings(world, c.name) for c in self.cameras}
+            self._matchers[row] = {name: p for name, p in matched.items() if p is not None}
+            # an infrared pair needs no materials, but many pixels
+            if self._matchers[row] and self.backend == "filament":
+                if row not in self._infrared:
+                    self._infrared[row] = Renderer(self.scene, self.cameras, "auto")
+                dress(self._infrared[row], self.scene, world)
+        for pipeline in self._pipelines.values():
+            pipeline.place(list(snapshots), [self.drawn[row] for row in snapshots])
+
+    def _draw(self, snapshot: Snapshot, seed: int, levels: Mapping[str, float] | float) -> World:
+        if not self._guarded:
+            return self.world.sample(seed, self.scene, levels)
+        self._guard = self._guard or self._renderer(self.cameras, labels=True)
+        self._guard.render(snapshot.qpos, snapshot.bodies)  # puts the fixture where it stands
+        world, refused = redraw(self.world, self.scene, self._guard, seed, levels, qpos=snapshot.qpos)
+        self.redrawn += refused
+        return world
+
+    def look(self, snapshots: Mapping[int, Snapshot]) -> None:
+        """Draws these rows as they stand now."""
+        for row, snapshot in snapshots.items() if self.cameras else ():
+            shots = self._renderers[row].render(snapshot.qpos, snapshot.bodies)
+            for name, p in self._matchers[row].items() if DEPTH in self.kinds else ():
+                rng = stream(int(self._seeds[row]), "eyes", name, snapshot.count)
+                pair = self._infrared.get(row, self._renderers[row])
+                if pair is not self._renderers[row]:
+                    pair.render(snapshot.qpos, snapshot.bodies)
+                shots[name] = replace(shots[name], depth=block_matching.depth(pair, name, p, rng, snapshot.qpos))
+            self._shots[row], self._snapshots[row], self._new[row] = shots, snapshot, True
+
+    def see(self) -> dict[str, np.ndarray]:
+        """The images of every row, KIND_CAMERA: (rows, C, H, W), as vispeg.render.image_kinds states them.
+
+        What was not drawn anew by `look` is delivered as before: a camera that remembers does not see a moment twice.
+        """
+        if self._new.any():
+            self._deliver(self._new)
+            self._new[:] = False
+        return {name: images.copy() for name, images in self._delivered.items()}
+
+    def _deliver(self, rows: np.ndarray) -> None:
+        some = None if rows.all() else rows
+        moments = [self._snapshots[row] for row in range(self.rows)]
+        for c in self.cameras:
+            shots = [self._shots[row][c.name] for row in range(self.rows)]
+            rng = [stream(int(s), "image", c.name, m.count) for s, m in zip(self._seeds, moments, strict=True)]
+            frame = self._pipelines[c.name].run(self._frame(c, shots, moments), rng, some)
+            for kind in self.kinds:
+                images = kind.deliver(frame)
+                if images is not None:
+                    self._delivered[key_of(kind, c.name)][rows] = images[rows]
+
+    def _frame(self, camera: Camera, shots: Sequence[Shot], moments: Sequence[Snapshot]) -> Frame:
+        rgb = depth = None
+        truth = np.stack([s.depth for s in shots])
+        if RGB in self.kinds:
+            rgb = np.stack([s.rgb for s in shots]).astype(np.float32) / 255
+        if DEPTH in self.kinds:
+            depth = truth
+        twist, flange = np.stack([m.twist for m in moments]), np.stack([m.flange for m in moments])
+        return Frame(
+            rgb=rgb,
+            depth=depth,
+            K=np.repeat(camera.K[None], len(shots), axis=0),
+            truth=truth,
+            velocity=camera_velocity(camera, np.stack([s.pose for s in shots]), twist, flange),
+            time=np.array([m.count for m in moments]) * self.period,
+        )
+
+    def picture(self, row: int, snapshot: Snapshot) -> np.ndarray:
+        """A row from outside, (H, W, 3) uint8, in its episode's look."""
+        if self.outside is None:
+            raise ValueError("this rig has no camera outside")
+        if self._film is None:
+            self._film = self._renderer([self.outside])
+        looks = self.drawn[row].only(lambda e: effect(e.effect).family == "appearance")
+        dress(self._film, self.scene, looks)
+        return self._film.render(snapshot.qpos, snapshot.bodies)[self.outside.name].rgb
+
+    def close(self) -> None:
+        """Frees the renderers."""
+        for r in (*self._renderers, *self._infrared.values(), self._film, self._guard):
+            if r is not None:
+                r.close()

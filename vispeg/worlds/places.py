@@ -1,0 +1,81 @@
+"""Where effects act: what `all`, `each` and a target's name mean, and the arrays that follow."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.effect import Effect, EffectInstance
+from vispeg.core.errors import UserError
+
+ALL = "all"  # one value, shared by every target
+EACH = "each"  # a value of its own for every target
+MANY = (ALL, EACH)
+
+
+def check(
+    one: Effect,
+    where: Any,
+    model: Any,
+    *,
+    many: Sequence[str] = (ALL,),
+    file: str | Path | None = None,
+    key: str | None = None,
+) -> str:
+    """`where`, if the effect can act there.
+
+    Args:
+        one: the effect.
+        where: a target's name, or one of `many`.
+        model: the RobotModel or Scene whose targets count.
+        many: which words for several targets are allowed.
+        file, key: where it stands, for the error.
+
+    Raises:
+        UserError: no such place, with those that there are; or none at all in this model.
+    """
+    targets = one.targets(model)
+    if not targets:
+        expected = "a cell with what it acts on: a camera, a light, a part, a hole"
+        raise UserError(f"{one.name} has no place here", file=file, key=key, expected=expected, got=where)
+    if not isinstance(where, str) or where not in (*targets, *many):
+        raise UserError(f"{one.name} has no such place", file=file, key=key, got=where, choices=[*targets, *many])
+    return where
+
+
+def instances(one: Effect, where: str, model: Any) -> list[str]:
+    """Where instances of the effect stand: at every target for `each`, else at `where` alone."""
+    return one.targets(model) if where == EACH else [where]
+
+
+def acts_on(where: str, names: Iterable[str]) -> bool:
+    """Whether an effect at `where` acts on any of these targets."""
+    return where in MANY or where in names
+
+
+def values(one: Effect, rows: Sequence[Iterable[EffectInstance]], model: Any) -> dict[str, np.ndarray]:
+    """Parameters (len(rows), ntarget) of one effect by name; where it is not placed, the values of its absence.
+
+    Args:
+        one: the effect.
+        rows: the effects of each row; those of other kinds are passed over. The later wins.
+        model: the RobotModel or Scene whose targets are the columns.
+
+    Raises:
+        UserError: an effect at a place that the model does not have.
+    """
+    targets = one.targets(model)
+    out = one.absent((len(rows), len(targets)))
+    for row, placed in enumerate(rows):
+        for at in placed:
+            if at.effect != one.name:
+                continue
+            if at.where != ALL and at.where not in targets:
+                check(one, at.where, model, key="where")
+            columns = slice(None) if at.where == ALL else targets.index(at.where)
+            for name, value in at.params.items():
+                out[name][row, columns] = value.value
+    return out

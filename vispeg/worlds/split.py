@@ -1,0 +1,31 @@
+"""Which of a world's effects the task's physics feels, and which its cameras see.
+
+Each effect draws from a stream of its own, so the two parts of a randomized world draw apart what they draw together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeVar
+
+from vispeg.core.effect import OPTICAL, effect
+from vispeg.worlds.places import acts_on
+from vispeg.worlds.randomized import RandomizedWorld
+from vispeg.worlds.world import World
+
+AnyWorld = TypeVar("AnyWorld", World, RandomizedWorld)
+
+
+def physical(world: AnyWorld) -> AnyWorld:
+    """The world without what is only seen."""
+    return world.only(lambda e: effect(e.effect).family not in OPTICAL)
+
+
+def optical(world: AnyWorld, cameras: Sequence[str]) -> AnyWorld:
+    """What is only seen of the world, without what acts on other cameras than these; nothing without a camera."""
+
+    def visible(e) -> bool:
+        family = effect(e.effect).family
+        return family == "appearance" or (family == "camera" and acts_on(e.where, cameras))
+
+    return world.only(lambda e: bool(cameras) and visible(e))
