@@ -14,7 +14,7 @@ from vispeg.worlds.distribution import Uniform
 from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
 from vispeg.worlds.world import World
 
-VARIED = World(
+VARIED = RandomizedWorld(
     ranges=(
         RandomizedEffect("command_delay", "all", {"delay": Uniform(0.0, 0.02)}),
         RandomizedEffect("viscous_friction", "each", {"damping": Uniform(0.0, 1.0)}),

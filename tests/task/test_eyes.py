@@ -7,9 +7,8 @@ from vispeg.core.errors import UserError
 from vispeg.task.vector import PegInHoleVec
 from vispeg.worlds.distribution import Uniform
 from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
-from vispeg.worlds.world import World
 
-WORLD = World(
+WORLD = RandomizedWorld(
     ranges=(
         RandomizedEffect("hole_offset", "fixture", {"x": Uniform(-0.03, 0.03)}),
         RandomizedEffect("part_colour", "each", {"amount": 1.0, "hue": Uniform(0, 1), "saturation": 0.8, "value": 0.7}),
