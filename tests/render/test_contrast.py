@@ -152,9 +152,10 @@ def test_a_hopeless_world_takes_its_best_look_and_says_so(renderer):
 def test_a_look_is_judged_as_the_camera_delivers_it(renderer):
     """Of two levels of light the bright one is dazzling, unless a short exposure makes the dim one black."""
     parts = grey(peg=0.2, fixture=0.4, table=0.75)
-    world = replace(parts, ranges=(RandomizedEffect("light_intensity", "all", {"gain": Choice((0.8, 1.5))}),))
+    light = RandomizedEffect("light_intensity", "all", {"gain": Choice((0.8, 1.5))})
     short = EffectInstance.of("exposure", "all", stops=-1.0), EffectInstance.of("brightness", "all", change=-0.3)
-    for cell, gain in ((world, 0.8), (world.add(*short), 1.5)):
+    for base, gain in ((parts, 0.8), (parts.add(*short), 1.5)):
+        cell = RandomizedWorld((light,), base)
         counts = []
         for seed in range(5):
             drawn, redraws = redraw(cell, SCENE, renderer, seed, qpos=ABOVE)
