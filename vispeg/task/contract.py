@@ -20,7 +20,7 @@ from vispeg.task.track import Track
 
 if TYPE_CHECKING:
     from vispeg.task.simulation import TaskSimulation
-    from vispeg.worlds.world import RandomizedEffect
+    from vispeg.worlds.randomized import RandomizedEffect
 
 
 class Expert(Protocol):

@@ -15,7 +15,7 @@ from vispeg.task.peg.outcome import CATEGORIES, PegTrack
 from vispeg.task.peg.places import check_places
 from vispeg.task.peg.terms import TERMS
 from vispeg.task.simulation import TaskSimulation
-from vispeg.worlds.world import RandomizedEffect
+from vispeg.worlds.randomized import RandomizedEffect
 
 
 class PegTask(Task):
