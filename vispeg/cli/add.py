@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING
 
 import tyro
 
+from vispeg.cli.output import Output, Told
+
 if TYPE_CHECKING:
     from vispeg.core.effect import EffectInstance, Value
     from vispeg.robots.model import RobotModel
@@ -39,6 +41,7 @@ class Args:
     """Values, such as torque=1.2 velocity=0.05."""
     overwrite: bool = False
     """Replace OUT if it is there."""
+    output: Told = Output()
 
     def run(self) -> int:
         """Writes the model file and prints what is in it."""
@@ -50,7 +53,7 @@ class Args:
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
         from vispeg.robots.model import load
-        from vispeg.worlds.model_file import load_model, model_text
+        from vispeg.worlds.model_file import load_model, model_text, placed_dict
 
         if self.out.suffix.lower() not in (".yaml", ".yml"):
             raise UserError("not a model file", key="--out", expected="a name that ends in .yaml", got=str(self.out))
@@ -63,12 +66,13 @@ class Args:
         if Path(world.robot).suffix:  # a model file names its robot relative to itself
             world = replace(world, robot=os.path.relpath(Path(world.robot).resolve(), self.out.resolve().parent))
         write_text_atomic(self.out, model_text(world), overwrite=self.overwrite)
-        print(f"{self.out}: {world.label}")
+        lines = [f"{self.out}: {world.label}"]
         for placed in added:
             params = effect(placed.effect).params
-            print(
-                f"{placed.label}: " + ", ".join(f"{k} {_shown(v)} {params[k].unit}" for k, v in placed.params.items())
-            )
+            each = ", ".join(f"{k} {_shown(v)} {params[k].unit}" for k, v in placed.params.items())
+            lines.append(f"{placed.label}: {each}")
+        record = {"model": str(self.out), "label": world.label, "added": [placed_dict(placed) for placed in added]}
+        self.output.give(record, lines)
         return 0
 
     def _typed(self, world: World, robot: RobotModel) -> EffectInstance:

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import tyro
 
+from vispeg.cli.output import Output, Told
+
 
 @dataclass(frozen=True)
 class Show:
@@ -17,22 +19,16 @@ class Show:
 
     file: tyro.conf.Positional[Path]
     """Camera file."""
-    json: bool = False
-    """Print JSON instead of a table."""
+    output: Told = Output()
 
     def run(self) -> int:
         """Prints a row a camera."""
-        import json
-
         import numpy as np
 
         from vispeg.render.camera_files import load_cameras, to_record
-        from vispeg.report.tables import Column, Sheet, terminal
+        from vispeg.report.tables import Column, Sheet
 
         cameras = load_cameras(self.file)
-        if self.json:
-            print(json.dumps([to_record(camera) for camera in cameras], indent=2, allow_nan=False))
-            return 0
         heads = ("camera", "px", "fx fy", "cx cy", "field deg", "lens k1 k2 p1 p2 k3", "on", "at m", "looks along")
         rows = []
         for camera in cameras:
@@ -52,5 +48,5 @@ class Show:
                     " ".join(f"{value:+.2f}" for value in camera.rotation[:, 2]),
                 ]
             )
-        terminal().print(Sheet([Column(head) for head in heads], rows))
+        self.output.give([to_record(camera) for camera in cameras], [Sheet([Column(head) for head in heads], rows)])
         return 0

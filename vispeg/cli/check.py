@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import tyro
 
+from vispeg.cli.output import Output, Told
 from vispeg.cli.reading import size_of, told
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
@@ -44,8 +45,7 @@ class Args:
     """Folder for check.json and a picture of each recording."""
     overwrite: bool = False
     """Replace OUT if it exists."""
-    json: bool = False
-    """Print JSON instead of tables."""
+    output: Told = Output()
 
     def run(self) -> int:
         """Prints what was found, and writes it if asked."""
@@ -64,10 +64,10 @@ class Args:
         """Checks, shows and draws one recording after the other, so that only one is in memory."""
         reports, heads = [], []
         for number, path in enumerate(self.recordings, start=1):
-            with told(f"reading {path}", size_of(path)) as share:
+            with told(f"reading {path}", size_of(path), self.output.quiet) as share:
                 rec = load(path, lambda _: SIGNALS, share)
             limits = limits_of(rec)
-            with told(f"examining {path}") as share:
+            with told(f"examining {path}", quiet=self.output.quiet) as share:
                 reports.append(check(rec, limits, share))
             heads.append(head_of(rec))
             if folder is not None:
@@ -79,8 +79,8 @@ class Args:
             "recordings": [report.to_json() for report in reports],
             "repeats": repeats(heads),
         }
-        if self.json:
-            print(json.dumps(record, indent=2, allow_nan=False))
+        if self.output.json:
+            self.output.give(record, [])
             return record
         for report in reports:
             show(report)

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import tyro
 
+from vispeg.cli.output import Output, Told
+
 
 @dataclass(frozen=True)
 class Args:
@@ -27,11 +29,14 @@ class Args:
     """Distance of the tip from the hole's axis, as the coarse policy sees it, at which the fine one takes over, mm."""
     overwrite: bool = False
     """Replace OUT if it is there."""
+    output: Told = Output()
 
     def run(self) -> int:
         """Writes the folder."""
         from vispeg.learn.coarse_to_fine import combine
 
         combine(self.coarse, self.fine, self.within_mm / 1000, self.out, self.overwrite)
-        print(f"{self.out}: {self.coarse.name}, from {self.within_mm:g} mm on {self.fine.name}")
+        both = {"coarse": str(self.coarse), "fine": str(self.fine), "within_mm": self.within_mm}
+        line = f"{self.out}: {self.coarse.name}, from {self.within_mm:g} mm on {self.fine.name}"
+        self.output.give({"policy": str(self.out), **both}, [line])
         return 0

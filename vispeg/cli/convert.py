@@ -20,6 +20,7 @@ from typing import Any, Literal
 
 import tyro
 
+from vispeg.cli.output import Output, Told
 from vispeg.cli.reading import told
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
@@ -67,6 +68,7 @@ class Args:
     """Format of the samples."""
     overwrite: bool = False
     """Replace OUT if it exists."""
+    output: Told = Output()
 
     def run(self) -> int:
         """Writes the recording and says what is in it."""
@@ -86,7 +88,10 @@ class Args:
         self._refuse_units(rec, model.joints, limits, mapping)
         write(rec, self.out, self.overwrite, self.table, inputs=(self.source, self.map))
         found = ", ".join(name for name in SIGNALS if getattr(rec, name) is not None)
-        print(f"{self.out}: {len(rec.time)} samples of {len(rec.joints)} joints at {rec.rate_hz:g} Hz: {found}")
+        shape = {"samples": len(rec.time), "joints": list(rec.joints), "rate_hz": rec.rate_hz}
+        record = {"recording": str(self.out), **shape, "signals": found.split(", ")}
+        line = f"{self.out}: {len(rec.time)} samples of {len(rec.joints)} joints at {rec.rate_hz:g} Hz: {found}"
+        self.output.give(record, [line])
         return 0
 
     def _guessed(self, joints: tuple[str, ...], limits: Limits) -> ColumnMap | None:
@@ -104,17 +109,19 @@ class Args:
             proposal.recording["torque_sensor"] = self.torque_sensor
             proposal.doubts[:] = [doubt for doubt in proposal.doubts if not doubt.startswith("torque_sensor")]
         shown = text(proposal)
-        print(shown, end="")
+        self.output.line(shown.rstrip("\n"))
         for line in advice(proposal):
-            print(f"# {line}")
+            self.output.line(f"# {line}")
         if self.save_map is not None:
             if self.save_map.suffix.lower() not in (".yaml", ".yml"):
                 raise UserError(
                     "is no name for a map", key="--save-map", expected="a .yaml file", got=str(self.save_map)
                 )
             write_text_atomic(self.save_map, shown, overwrite=self.overwrite)
-            print(f"written to {self.save_map}; use it with --map {self.save_map}")
+            self.output.line(f"written to {self.save_map}; use it with --map {self.save_map}")
         if self.out is None or not self._confirmed():
+            map_file = None if self.save_map is None else str(self.save_map)
+            self.output.give({"recording": None, "map": map_file, "proposal": data(proposal)}, [])
             return None
         return map_from(data(proposal), self.source, joints)
 
@@ -126,7 +133,7 @@ class Args:
             raise UserError("a guess must be confirmed", key="--guess", expected=expected)
         if input("Convert with this map? [y/N] ").strip().lower() in ("y", "yes"):
             return True
-        print("nothing written; --save-map FILE keeps the map to be mended")
+        self.output.line("nothing written; --save-map FILE keeps the map to be mended")
         return False
 
     def _refuse_units(self, rec: Recording, joints: tuple[str, ...], limits: Limits, mapping: ColumnMap) -> None:

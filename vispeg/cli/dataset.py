@@ -15,6 +15,8 @@ from typing import Annotated, Literal
 
 import tyro
 
+from vispeg.cli.output import Output, Told
+
 
 @dataclass(frozen=True)
 class Show:
@@ -28,13 +30,15 @@ class Show:
     """Frames on the contact sheet."""
     overwrite: bool = False
     """Replace OUT if it is there."""
+    output: Told = Output()
 
     def run(self) -> int:
         """Writes the page and says where."""
         from vispeg.report.dataset.build import write
 
         out = self.out or self.dataset.with_name(f"{self.dataset.resolve().name}-page")
-        print(f"page: {write(self.dataset, out, self.tiles, overwrite=self.overwrite)}")
+        page = write(self.dataset, out, self.tiles, overwrite=self.overwrite)
+        self.output.give({"page": str(page)}, [f"page: {page}"])
         return 0
 
 
@@ -44,6 +48,7 @@ class Check:
 
     dataset: tyro.conf.Positional[Path]
     """Folder of the dataset."""
+    output: Told = Output()
 
     def run(self) -> int:
         """Prints what is wrong, a line each."""
@@ -52,15 +57,18 @@ class Check:
         from vispeg.datasets.opening import open_dataset
 
         data = open_dataset(self.dataset)
-        with bars({"checking": len(data)}, "frames") as advance:
+        with bars({"checking": len(data)}, "frames", self.output.quiet) as advance:
             found = check(self.dataset, lambda frames: advance("checking", frames))
         for line in found:
             print(f"vispeg: error: {line}", file=sys.stderr)
         if found:
+            self.output.give({"dataset": str(self.dataset), "wrong": found}, [])
             return 2
         megabytes = sum(f.stat().st_size for f in data.folder.rglob("*") if f.is_file()) / 1e6
         many = f"{len(data.episodes)} episode" + "s" * (len(data.episodes) != 1)
-        print(f"{self.dataset}: {len(data)} frames in {many}, {megabytes:.1f} MB, nothing wrong")
+        text = f"{self.dataset}: {len(data)} frames in {many}, {megabytes:.1f} MB, nothing wrong"
+        sizes = {"frames": len(data), "episodes": len(data.episodes), "megabytes": round(megabytes, 1)}
+        self.output.give({"dataset": str(self.dataset), **sizes, "wrong": []}, [text])
         return 0
 
 
@@ -76,13 +84,14 @@ class Export:
     """BOP, or plain PNG and CSV files."""
     overwrite: bool = False
     """Replace OUT if it is there."""
+    output: Told = Output()
 
     def run(self) -> int:
         """Writes it and says where."""
         from vispeg.datasets.formats import export
 
         export(self.dataset, self.out, self.format, overwrite=self.overwrite)
-        print(f"{self.format}: {self.out}")
+        self.output.give({"dataset": str(self.out), "format": self.format}, [f"{self.format}: {self.out}"])
         return 0
 
 

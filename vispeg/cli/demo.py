@@ -19,6 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
+from vispeg.cli.output import Output, Told
+
 FITTED, HELD_OUT = ("rig-a", "rig-b"), ("rig-c",)
 
 
@@ -34,8 +36,7 @@ class Args:
     """Threads of the simulation."""
     overwrite: bool = False
     """Replace OUT if it is there."""
-    quiet: bool = False
-    """No progress, only the result."""
+    output: Told = Output()
 
     def run(self) -> int:
         """Runs the demonstration; the table of falling error comes first."""
@@ -54,7 +55,7 @@ class Args:
         start, folder_of = time.monotonic(), assets() / "recordings"
         inputs = [folder_of / name for name in (*FITTED, *HELD_OUT)]
         paths = inputs[: len(FITTED)], inputs[len(FITTED) :]
-        progress = Console(stderr=True, highlight=False, quiet=self.quiet)
+        progress = Console(stderr=True, highlight=False, quiet=self.output.quiet)
         with (
             new_folder(self.out, overwrite=self.overwrite, holds="demonstration") as folder,
             progress.status("reading") as status,
@@ -106,6 +107,9 @@ class Args:
         from vispeg.report.terminal import effects_table, ladder_table
 
         diagnosis = json.loads((self.out / "diagnosis.json").read_text(encoding="utf-8"))
+        if self.output.json:
+            self.output.give({**diagnosis, "hidden": truth["hidden"]}, [])
+            return
         console = terminal()
         console.print(ladder_table(diagnosis))
         console.print(Text(words.fall(diagnosis)))

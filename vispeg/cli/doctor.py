@@ -56,6 +56,8 @@ class Args:
 
     json: bool = False
     """Print JSON instead of a table."""
+    quiet: bool = False
+    """Print only what is missing."""
 
     def run(self) -> int:
         """Prints the findings; 0 if nothing that the base needs is missing, else 1."""
@@ -67,10 +69,14 @@ class Args:
             return 0 if healthy else 1
         width = max(len(f.name) for f in findings)
         for f in findings:
+            if self.quiet and f.ok:
+                continue
             mark = "ok  " if f.ok else ("FAIL" if f.needed else "none")
             print(f"{mark}  {f.name:<{width}}  {f.detail}")
             if not f.ok and f.fix:
                 print(f"{'':<{width + 8}}-> {f.fix}")
+        if self.quiet and healthy:
+            return 0
         print("\nReady." if healthy else "\nNot ready: put right what is marked FAIL.")
         return 0 if healthy else 1
 
@@ -80,6 +86,7 @@ def parse(argv: Sequence[str]) -> Args:
     form = argparse.RawDescriptionHelpFormatter
     parser = _Parser("vispeg doctor", description=__doc__, formatter_class=form, allow_abbrev=False)
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    parser.add_argument("--quiet", action="store_true", help="print only what is missing")
     return Args(**vars(parser.parse_args(argv)))
 
 

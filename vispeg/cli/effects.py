@@ -11,12 +11,13 @@ Example:
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import tyro
+
+from vispeg.cli.output import Output, Told
 
 if TYPE_CHECKING:
     from vispeg.core.effect import Effect
@@ -36,25 +37,29 @@ class Args:
     """Folder for the picture, effect-NAME.png; without it none is drawn."""
     overwrite: bool = False
     """Draw the picture anew if it is there."""
-    json: bool = False
-    """Print JSON and draw nothing."""
+    family: Literal["joint", "drive", "sensor", "body", "contact", "task", "camera", "appearance"] | None = None
+    """List those of one family alone."""
+    search: str | None = None
+    """List those that have this text in their name, words or parameters."""
+    output: Told = Output()
 
     def run(self) -> int:
         """Prints the list, or one effect's words, equation and parameters; draws its picture where asked to."""
-        from vispeg.core.effect import REGISTRY, effect, searchable
+        from vispeg import effects
+        from vispeg.core.effect import effect, searchable
         from vispeg.report.catalogue import describe, print_catalogue, print_effect
         from vispeg.robots.model import load
         from vispeg.robots.scene import build
         from vispeg.worlds.words import place
 
-        chosen = [effect(self.name)] if self.name else [REGISTRY[name] for name in sorted(REGISTRY)]
+        chosen = [effect(self.name)] if self.name else effects.find(self.search or "", self.family)
         arm, scene, arms = load(self.robot), build(), searchable()
         models = [arm if kind.name in arms else scene for kind in chosen]
         self._check()
         if self.where is not None:
             place(chosen[0], self.where, models[0])
-        if self.json:
-            print(json.dumps([describe(kind, m) for kind, m in zip(chosen, models, strict=True)], indent=1))
+        if self.output.json:
+            self.output.give([describe(kind, m) for kind, m in zip(chosen, models, strict=True)], [])
         elif self.name is None:
             print_catalogue(chosen, models)
         else:
@@ -67,8 +72,11 @@ class Args:
         """Raises UserError for arguments that would do nothing."""
         from vispeg.core.errors import UserError
 
+        for flag, given in (("--family", self.family), ("--search", self.search)):
+            if given is not None and self.name is not None:
+                raise UserError("is about a list of effects", key=flag, expected="no NAME beside it")
         for flag, given in (("--where", self.where), ("--out", self.out)):
-            if given is not None and (self.name is None or self.json):
+            if given is not None and (self.name is None or self.output.json):
                 raise UserError("is about the picture of one effect", key=flag, expected="NAME, and no --json")
         if self.where is not None and self.out is None:
             raise UserError("says where the picture puts the effect", key="--where", expected="--out FOLDER beside it")

@@ -6,7 +6,7 @@ import json
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from vispeg.core.files import write_text_atomic
 from vispeg.core.lock import claim
@@ -14,6 +14,9 @@ from vispeg.core.provenance import provenance
 from vispeg.evaluation.folder import prepare, refuse
 from vispeg.evaluation.jobs import Job
 from vispeg.evaluation.records import Episode
+
+if TYPE_CHECKING:
+    from vispeg.report.tables import Sheet
 
 
 def open_folder(out: Path, result: str, overwrite: bool, inputs: Iterable[str | Path | None] = ()) -> Path:
@@ -42,11 +45,11 @@ def write_result(
     return record
 
 
-def print_table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Sheet:
     """A plain table."""
-    from vispeg.report.tables import Column, Sheet, terminal
+    from vispeg.report.tables import Column, Sheet
 
-    terminal().print(Sheet([Column(head) for head in heads], list(rows)))
+    return Sheet([Column(head) for head in heads], list(rows))
 
 
 def at_clearance(who: Iterable[Any], world: Any, clearance: float | None) -> dict[str, Any]:

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import tyro
 
+from vispeg.cli.output import Output, Told
+
 
 @dataclass(frozen=True)
 class Args:
@@ -22,6 +24,7 @@ class Args:
     """The ONNX file."""
     overwrite: bool = False
     """Replace OUT if it is there."""
+    output: Told = Output()
 
     def run(self) -> int:
         """Writes the file and names its inputs."""
@@ -34,5 +37,7 @@ class Args:
         policy = load(self.policy)
         export(policy, self.out, self.overwrite)
         shapes = ", ".join(f"{key} {list(shape)}" for key, shape in policy.actor.layout.shapes.items())
-        print(f"{self.out}: {policy.modality}, inputs {shapes}")
+        inputs = {key: list(shape) for key, shape in policy.actor.layout.shapes.items()}
+        record = {"onnx": str(self.out), "modality": policy.modality, "inputs": inputs}
+        self.output.give(record, [f"{self.out}: {policy.modality}, inputs {shapes}"])
         return 0

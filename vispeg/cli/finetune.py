@@ -15,6 +15,8 @@ from typing import Literal
 
 import tyro
 
+from vispeg.cli.output import Output, Told
+
 
 @dataclass(frozen=True)
 class Args:
@@ -48,9 +50,11 @@ class Args:
     """Where the network runs."""
     overwrite: bool = False
     """Replace OUT if it is there."""
+    output: Told = Output()
 
     def run(self) -> int:
         """Fine-tunes and says what it brought."""
+        from vispeg.formats.json_data import read_json
         from vispeg.learn.finetune import FinetuneSettings, finetune_in_worlds
 
         settings = FinetuneSettings(self.demos, self.updates, self.lr, known=self.known, episodes=self.episodes)
@@ -66,5 +70,5 @@ class Args:
             device=self.device,
             overwrite=self.overwrite,
         )
-        print(f"policy: {out}")
+        self.output.give({"policy": str(out), **read_json(Path(out) / "finetune.json")}, [f"policy: {out}"])
         return 0

@@ -30,12 +30,15 @@ COMMANDS: dict[str, str] = {
     "fit": "vispeg.cli.fit",
     "add": "vispeg.cli.add",
     "effects": "vispeg.cli.effects",
+    "motions": "vispeg.cli.motions",
     "record": "vispeg.cli.record",
     "measure": "vispeg.cli.measure",
     "camera": "vispeg.cli.camera",
     "report": "vispeg.cli.report",
     "render": "vispeg.cli.render",
     "dataset": "vispeg.cli.dataset",
+    "worlds": "vispeg.cli.worlds",
+    "policies": "vispeg.cli.policies",
     "train": "vispeg.cli.train",
     "play": "vispeg.cli.play",
     "finetune": "vispeg.cli.finetune",
@@ -47,6 +50,7 @@ COMMANDS: dict[str, str] = {
     "sensitivity": "vispeg.cli.sensitivity",
     "exploit": "vispeg.cli.exploit",
     "perturb": "vispeg.cli.perturb",
+    "completion": "vispeg.cli.completion",
     "doctor": "vispeg.cli.doctor",
 }
 EXIT_USAGE, EXIT_INTERRUPT, EXIT_PIPE = 2, 130, 141
@@ -94,6 +98,9 @@ def run(argv: Sequence[str]) -> int:
     module = importlib.import_module(COMMANDS[argv[0]])
     own = getattr(module, "parse", None)  # the doctor's, who has to work where the parser is what is missing
     args = own(argv[1:]) if own else parse(module.Args, f"vispeg {argv[0]}", module.__doc__, argv[1:])
+    output = getattr(args, "output", getattr(getattr(args, "command", None), "output", None))
+    if output is not None and output.quiet:
+        warnings.showwarning = lambda *_, **__: None
     return int(args.run() or 0)
 
 

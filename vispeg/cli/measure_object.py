@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 import tyro
 
+from vispeg.cli.output import Output, Told
+
 if TYPE_CHECKING:
     import numpy as np
 
@@ -42,6 +44,7 @@ class _Common:
     """Processes that play."""
     overwrite: bool = False
     """Replace OUT if it is there."""
+    output: Told = Output()
 
     protocol: ClassVar[str]
 
@@ -69,7 +72,7 @@ class _Common:
             notes=tuple(notes),
             details=outcome.details,
         )
-        write_and_show(found, self.out, self._inputs(), self.seed, self.overwrite)
+        write_and_show(found, self.out, self._inputs(), self.seed, self.overwrite, self.output)
         if self.policy:
             from vispeg.cli.measure_stop import enough
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from vispeg.cli.output import Output
 from vispeg.core.errors import UserError
 
 if TYPE_CHECKING:
@@ -46,15 +47,22 @@ def complete(measurement: Measurement, inputs: Sequence[Path], seed: int) -> Mea
     return replace(measurement, raw=raw, provenance=origin)
 
 
-def write_and_show(measurement: Measurement, out: Path, inputs: Sequence[Path], seed: int, overwrite: bool) -> None:
+def write_and_show(
+    measurement: Measurement, out: Path, inputs: Sequence[Path], seed: int, overwrite: bool, output: Output
+) -> None:
     """Writes OUT and prints the numbers, their budget and the effects."""
+    import yaml
+
     from vispeg.core.files import write_text_atomic
     from vispeg.worlds.measurement_file import measurement_text
 
     full = complete(measurement, inputs, seed)
     write_text_atomic(out, measurement_text(full), overwrite=overwrite)
-    show(full)
-    print(out)
+    if output.json:
+        output.give(yaml.safe_load(measurement_text(full)), [])
+    else:
+        show(full)
+        print(out)
 
 
 def show(measurement: Measurement) -> None:

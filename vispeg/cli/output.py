@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,18 +20,21 @@ class Output:
     json: bool = False
     """Print one JSON object in place of text."""
     quiet: bool = False
-    """Show no progress."""
+    """Show no progress and no notes."""
 
-    def give(
-        self, record: Mapping[str, object] | Callable[[], Mapping[str, object]], text: Iterable[str | Block]
-    ) -> None:
-        """Prints the record as one JSON object, or the lines and tables for a person."""
+    def give(self, record: Mapping[str, object] | Sequence[object], text: Iterable[str | Block]) -> None:
+        """Prints the record as JSON, or the lines and tables for a person."""
         if self.json:
-            print(json.dumps(record() if callable(record) else record, indent=1, allow_nan=False, default=str))
+            print(json.dumps(record, indent=1, allow_nan=False, default=str))
             return
         from vispeg.report.summary import Line, print_summary
 
         print_summary(Line(block, path=True) if isinstance(block, str) else block for block in text)
+
+    def line(self, text: str) -> None:
+        """Prints a line of a result that comes bit by bit; nothing where JSON is asked for, whose record holds it."""
+        if not self.json:
+            print(text, flush=True)
 
 
 Told = Annotated[Output, tyro.conf.arg(name="")]

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import tyro
 
+from vispeg.cli.output import Output, Told
 from vispeg.core.interrupt import goes_on
 
 
@@ -43,8 +44,7 @@ class Args:
     """Processes."""
     overwrite: bool = False
     """Replace OUT's result."""
-    quiet: bool = False
-    """No progress bar."""
+    output: Told = Output()
 
     @goes_on()
     def run(self) -> int:
@@ -54,7 +54,7 @@ class Args:
             at_clearance,
             open_folder,
             play_all,
-            print_table,
+            table,
             write_result,
         )
         from vispeg.core.errors import UserError
@@ -77,15 +77,13 @@ class Args:
         settings = perturb.settings(self.world, world.name, listed, Pushes(self.force, self.duration))
         settings = [replace(s, task={**s.task, **task}) for s in settings]
         jobs = make_jobs(who, settings, seeds_of(self.episodes, self.seed), out / "worlds")
-        values = perturb.summarise(play_all(jobs, out, self.workers, self.quiet))
+        values = perturb.summarise(play_all(jobs, out, self.workers, self.output.quiet))
         values |= {"world": {"name": world.name, "hash": world.hash}, "force": self.force, "duration": self.duration}
         values = write_result(out, "perturb.json", values, self.seed, [e.path for e in who if e.path.exists()])
         page = write_text_atomic(out / "perturb.html", render(values), overwrite=True)
         heads = ("policy", "position", "still", "pushed", "lost by the push")
-        print_table(
-            heads, [[r["policy"], r["position"], *(_cell(r[k], words) for k in _SIDES)] for r in values["rows"]]
-        )
-        print(page)
+        rows = [[r["policy"], r["position"], *(_cell(r[k], words) for k in _SIDES)] for r in values["rows"]]
+        self.output.give(values, [table(heads, rows), str(page)])
         return 0
 
 

@@ -8,11 +8,13 @@ Example:
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import tyro
+
+from vispeg.cli.output import Output, Told
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,7 @@ class Args:
     """Seed of the first; the next ones count up."""
     overwrite: bool = False
     """Replace OUT if it is there."""
+    output: Told = Output()
 
     def run(self) -> int:
         """Plays and writes."""
@@ -49,15 +52,33 @@ class Args:
         settings = {} if clearance is None else {"clearance_mm": clearance}
         out = self.out or Path("films") / f"{self.policy.resolve().name}-{Path(world).stem}"
         seeds = [self.seed + k for k in range(self.episodes)]
-        for line in films(self.policy, world, settings, seeds, out, self.overwrite):
-            print(line)
+        made = list[Film]()
+        for film in films(self.policy, world, settings, seeds, out, self.overwrite):
+            made.append(film)
+            self.output.line(film.line)
+        self.output.give({"policy": str(self.policy), "world": world, "films": [asdict(film) for film in made]}, [])
         return 0
+
+
+@dataclass(frozen=True)
+class Film:
+    """A video of one episode: its seed, how it ended, its peak contact force in N, where it lies."""
+
+    seed: int
+    category: str
+    peak_force: float
+    file: str
+
+    @property
+    def line(self) -> str:
+        """For a person."""
+        return f"seed {self.seed}: {self.category}, peak force {self.peak_force:.0f} N, {self.file}"
 
 
 def films(
     folder: Path, world: str, settings: dict[str, Any], seeds: list[int], out: Path, overwrite: bool
-) -> Iterator[str]:
-    """Plays a policy on these seeds and writes a video of each; gives a line about each episode.
+) -> Iterator[Film]:
+    """Plays a policy on these seeds and writes a video of each, which it gives.
 
     Args:
         folder: of the policy.
@@ -81,6 +102,6 @@ def films(
                 category = str(played.record.get("category", "episode"))
                 file = write_video(place / f"{played.seed}-{category.replace(' ', '-')}", played.frames)
                 force = float(played.record.get("peak_force", 0.0))
-                yield f"seed {played.seed}: {category}, peak force {force:.0f} N, {out / file.name}"
+                yield Film(played.seed, category, force, str(out / file.name))
     finally:
         env.close()

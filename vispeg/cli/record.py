@@ -16,6 +16,8 @@ from typing import Literal
 
 import tyro
 
+from vispeg.cli.output import Output, Told
+
 
 @dataclass(frozen=True)
 class Args:
@@ -53,6 +55,7 @@ class Args:
     """Seed of the motion and of the noise."""
     overwrite: bool = False
     """Replace OUT if it is there."""
+    output: Told = Output()
 
     def run(self) -> int:
         """Simulates, writes the folder, prints what is in it."""
@@ -83,7 +86,9 @@ class Args:
         write(rec, self.out, overwrite=self.overwrite, table=self.table, inputs=inputs)
         runs = f"{self.repeat} runs of " if self.repeat > 1 else ""
         how = f"{runs}{motion.name}, {motion.time[-1]:.3g} s at {self.rate:g} Hz, {mode} control"
-        print(f"{self.out}: {how}, {world.label}")
+        values = {"samples": len(rec.time), "rate_hz": self.rate, "control": mode, "motion": motion.name}
+        values |= {"recording": str(self.out), "robot": world.label, "repeat": self.repeat}
+        self.output.give(values, [f"{self.out}: {how}, {world.label}"])
         return 0
 
     def _motion(self, robot):

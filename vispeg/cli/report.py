@@ -11,6 +11,8 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
+from vispeg.cli.output import Output, Told
+
 
 @dataclass(frozen=True)
 class Args:
@@ -20,6 +22,7 @@ class Args:
     """Folder that `vispeg diagnose` or `vispeg compare` wrote (diagnosis.json or compare.json, evidence.npz)."""
     overwrite: bool = False
     """Replace a report.html that is there already."""
+    output: Told = Output()
 
     def run(self) -> int:
         """Writes OUT/report.html, prints its path and the headline; 0 on success."""
@@ -29,6 +32,6 @@ class Args:
 
         path = write_report(self.out, overwrite=self.overwrite)
         values = load_record(self.out).values
-        print(words.verdict(values) or words.fall(values))
-        print(path)
+        said = words.verdict(values) or words.fall(values)
+        self.output.give({"report": str(path), "headline": said}, [said, str(path)])
         return 0

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import tyro
 
+from vispeg.cli.output import Output, Told
 from vispeg.core.interrupt import goes_on
 
 
@@ -39,8 +40,7 @@ class Args:
     """Processes."""
     overwrite: bool = False
     """Replace OUT's result."""
-    quiet: bool = False
-    """No progress bar."""
+    output: Told = Output()
 
     @goes_on()
     def run(self) -> int:
@@ -64,7 +64,7 @@ class Args:
         out = open_folder(self.out, "sensitivity.json", self.overwrite, [world.path, *(e.path for e in who)])
         settings = [s for what in sweeps for s in sensitivity.settings(self.world, world.name, what)]
         jobs = make_jobs(who, settings, seeds_of(self.episodes, self.seed), out / "worlds")
-        episodes = play_all(jobs, out, self.workers, self.quiet)
+        episodes = play_all(jobs, out, self.workers, self.output.quiet)
         found = []
         for what in sweeps:
             tags = {sensitivity.tag(what, v) for v in what.values}
@@ -72,8 +72,6 @@ class Args:
         values = {"format": sensitivity.FORMAT, "world": {"name": world.name, "hash": world.hash}, "sweeps": found}
         values = write_result(out, "sensitivity.json", values, self.seed, [e.path for e in who if e.path.exists()])
         page = write_text_atomic(out / "sensitivity.html", render(values), overwrite=True)
-        for sweep in found:
-            for curve in sweep["curves"]:
-                print(f"{sweep['label']}, {curve['policy']}: {curve['words']}")
-        print(page)
+        lines = [f"{s['label']}, {curve['policy']}: {curve['words']}" for s in found for curve in s["curves"]]
+        self.output.give(values, [*lines, str(page)])
         return 0

@@ -16,11 +16,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
+from vispeg.cli.output import Output, Told
 from vispeg.core.interrupt import goes_on
+
+if TYPE_CHECKING:
+    from vispeg.report.summary import Block
 
 
 @dataclass(frozen=True)
@@ -51,8 +55,7 @@ class Run:
     """Processes."""
     overwrite: bool = False
     """Replace OUT's result."""
-    quiet: bool = False
-    """No progress bar."""
+    output: Told = Output()
 
     @goes_on()
     def run(self) -> int:
@@ -86,13 +89,12 @@ class Run:
         read = [self.measured, self.suite, *(f.path for f in files.values()), *(e.path for e in who)]
         out = evaluation.open_folder(self.out, "suite.json", self.overwrite, read)
         jobs = make_jobs(who, suite.settings(listed, worlds), seeds_of(self.episodes, self.seed), out / "worlds")
-        episodes = [*evaluation.play_all(jobs, out, self.workers, self.quiet), *robot.episodes]
+        episodes = [*evaluation.play_all(jobs, out, self.workers, self.output.quiet), *robot.episodes]
         version = self.version or self.out.resolve().name
         values = suite.summarise(episodes, names[0], names[1], version, hashes) | {"notes": robot.notes}
         values = evaluation.write_result(out, "suite.json", values, self.seed, [e.path for e in who if e.path.exists()])
         page = write_text_atomic(out / "suite.html", render([values], []), overwrite=True)
-        _show(values)
-        print(page)
+        self.output.give(values, [*_summary(values), str(page)])
         return 1 if _alarm(values) else 0
 
 
@@ -106,6 +108,7 @@ class Compare:
     """Folder for compare.json and suite.html; nothing is written without."""
     overwrite: bool = False
     """Replace OUT's result."""
+    output: Told = Output()
 
     def run(self) -> int:
         """Prints what fell and the health of every version; 1 on an alarm or a regression."""
@@ -126,18 +129,20 @@ class Compare:
             before, after = (read(folder / "episodes.jsonl") for folder in self.folders[-2:])
             changes = suite.regressions(before, after)
         fell = [c for c in changes if c["verdict"] == "fell"]
-        for line in (*(f"{v['version']}: {v['health']['words']}" for v in versions), *notes):
-            print(line)
+        lines = [*(f"{v['version']}: {v['health']['words']}" for v in versions), *notes]
         for c in changes:
             if c["verdict"] in ("fell", "rose"):
-                print(f"{c['verdict']}: {c['policy']} in {c['world']}, {c['configuration']}: {_points(c['change'])}")
+                where = f"{c['policy']} in {c['world']}, {c['configuration']}"
+                lines.append(f"{c['verdict']}: {where}: {_points(c['change'])}")
         if len(versions) > 1 and not fell:
-            print("no regression beyond doubt")
+            lines.append("no regression beyond doubt")
+        values = {"format": "vispeg-suite-compare/1", "versions": versions, "changes": changes, "notes": notes}
         if self.out is not None:
             out = evaluation.open_folder(self.out, "compare.json", self.overwrite, self.folders)
-            values = {"format": "vispeg-suite-compare/1", "versions": versions, "changes": changes, "notes": notes}
             evaluation.write_result(out, "compare.json", values, 0, self.folders)
-            print(write_text_atomic(out / "suite.html", render(versions, changes, notes), overwrite=True))
+            page = write_text_atomic(out / "suite.html", render(versions, changes, notes), overwrite=True)
+            lines.append(str(page))
+        self.output.give(values, lines)
         return 1 if fell or _alarm(versions[-1]) else 0
 
 
@@ -158,14 +163,13 @@ def _alarm(values: dict[str, Any]) -> bool:
     return values["health"]["status"] == "alarm"
 
 
-def _show(values: dict[str, Any]) -> None:
-    from vispeg.cli.evaluation import print_table
+def _summary(values: dict[str, Any]) -> list[str | Block]:
+    from vispeg.cli.evaluation import table
     from vispeg.report.gap import words
 
     rows = [[r["policy"], r["configuration"], words.rate(r["train"]), words.rate(r["target"])] for r in values["rows"]]
-    print_table(("policy", "configuration", values["train"], values["target"]), rows)
-    for line in (values["health"]["words"], *values["notes"]):
-        print(line)
+    heads = ("policy", "configuration", values["train"], values["target"])
+    return [table(heads, rows), values["health"]["words"], *values["notes"]]
 
 
 def _points(change: dict[str, Any]) -> str:

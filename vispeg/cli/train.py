@@ -20,12 +20,13 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import tyro
 
+from vispeg.cli.output import Output, Told
 from vispeg.core.interrupt import goes_on
 
 
@@ -95,6 +96,7 @@ class Args:
     resume: Path | None = None
     """Goes on with the run in this folder, from its last checkpoint, as if it had never stopped. Of the other options
     only --steps and --films may stand beside it."""
+    output: Told = Output()
 
     def run(self) -> int:
         """Trains and says where the policy is."""
@@ -148,7 +150,7 @@ class Args:
         )
         out = self.out or Path("runs") / asked / f"{time.strftime('%Y%m%d-%H%M%S')}_s{self.seed}"
         with self._goes_on(out):
-            self._tell(train(config, out), out, self.world, settings)
+            self._tell(train(config, out, show=not self.output.quiet), out, self.world, settings)
         return 0
 
     def _settings(self) -> dict[str, Any]:
@@ -166,14 +168,14 @@ class Args:
         from vispeg.learn.config import read_config
         from vispeg.learn.train import resume
 
-        others = [f for f in fields(self) if f.name not in ("resume", "steps", "films")]
+        others = [f for f in fields(self) if f.name not in ("resume", "steps", "films", "output")]
         given = [f.name for f in others if getattr(self, f.name) != f.default]
         if given:
             got = " ".join("TASK" if name == "task" else f"--{name.replace('_', '-')}" for name in given)
             expected = "--steps and --films alone"
             raise UserError("goes on as the run was begun", key="--resume", expected=expected, got=got)
         with self._goes_on(folder):
-            best = resume(folder, self.steps)
+            best = resume(folder, self.steps, show=not self.output.quiet)
             config = read_config(folder / "config.yaml")
             self._tell(best, folder, config.world, config.settings)
         return 0
@@ -184,11 +186,14 @@ class Args:
 
     def _tell(self, best: Path, folder: Path, world: str, settings: Mapping[str, Any]) -> None:
         """Says where the policy is, and films it unless that was done before."""
-        print(f"best policy: {best}")
+        self.output.line(f"best policy: {best}")
+        made = list[dict[str, object]]()
         if self.films and not (folder / "films").exists():
             from vispeg.cli.play import films
             from vispeg.learn.envs import HELD_OUT
 
             seeds = [HELD_OUT + k for k in range(self.films)]
-            for line in films(best, world, dict(settings), seeds, folder / "films", False):
-                print(line)
+            for film in films(best, world, dict(settings), seeds, folder / "films", False):
+                made.append(asdict(film))
+                self.output.line(film.line)
+        self.output.give({"run": str(folder), "best": str(best), "films": made}, [])

@@ -29,6 +29,9 @@ def parse(kind: type[Any], program: str, description: str | None, argv: Sequence
     """
     import tyro
 
+    from vispeg.cli.options import describe
+
+    describe(kind)
     text = io.StringIO()
     flags = (tyro.conf.FlagCreatePairsOff,)
     try:

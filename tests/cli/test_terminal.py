@@ -1,0 +1,94 @@
+"""The terminal: lists of what there is, one JSON object or list each, help in people's words, completion with Tab."""
+
+import json
+import re
+import shutil
+import subprocess
+
+import pytest
+
+from vispeg.cli.main import COMMANDS, main
+from vispeg.core.effect import REGISTRY
+
+SUB = [("camera", "calibrate"), ("camera", "show"), ("dataset", "show"), ("dataset", "check"), ("dataset", "export")]
+SUB += [("suite", "run"), ("suite", "compare"), ("measure", "mass")]
+LEAVES = [(c,) for c in COMMANDS if c not in {sub[0] for sub in SUB}] + SUB
+
+
+@pytest.mark.parametrize("command", LEAVES, ids="-".join)
+def test_help_speaks_in_peoples_words(command, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main([*command, "--help"]) == 0
+    text = capsys.readouterr().out
+    assert "--json" in text and "--quiet" in text
+    usage = text[: text.index("\n\n")] + "".join(line for line in text.splitlines(True) if "--" in line[:12])
+    assert not re.search(r"\b(STR|INT|FLOAT|None|False)\b", usage), usage
+    assert "(default: None)" not in text and "(default: False)" not in text and "(default: )" not in text
+
+
+@pytest.mark.parametrize("command", ["worlds", "policies", "motions"])
+def test_lists(vispeg, command, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    code, out, _ = vispeg(command)
+    assert code == 0 and max(map(len, out.splitlines())) <= 80
+    rows = json.loads(vispeg(command, "--json")[1])
+    assert len(rows) >= 5 and all(row["name"] in out and len(row["about"]) > 10 for row in rows)
+    family = rows[0]["family"]
+    assert json.loads(vispeg(command, "--family", family, "--json")[1]) == [r for r in rows if r["family"] == family]
+    (one,) = (r for r in json.loads(vispeg(command, "--search", rows[-1]["name"], "--json")[1]) if r == rows[-1])
+    code, out, err = vispeg(command, "--family", "nonesuch")
+    assert code == 2 and f"choices: {', '.join(sorted({r['family'] for r in rows}))}" in err
+
+
+def test_what_is_listed_can_be_named():
+    from vispeg.api import catalogue
+    from vispeg.learn.shipped import policy_folder
+    from vispeg.task.world_file import load_world
+
+    for entry in catalogue.worlds():
+        ranges = load_world(entry.name).world.ranges
+        assert (entry.family == "randomized") == bool(ranges), entry.name
+    assert all(policy_folder(entry.name).is_dir() for entry in catalogue.policies())
+
+
+def test_effects_by_family_and_by_words(vispeg):
+    rows = json.loads(vispeg("effects", "--family", "drive", "--json")[1])
+    assert {r["name"] for r in rows} == {n for n, e in REGISTRY.items() if e.family == "drive"}
+    assert {"stribeck_friction"} <= {
+        r["name"] for r in json.loads(vispeg("effects", "--search", "Stribeck", "--json")[1])
+    }
+    assert vispeg("effects", "payload", "--search", "x")[0] == 2
+
+
+def completed(script, *words):
+    line = " ".join(f"'{w}'" for w in words)
+    test = f'source {script}; COMP_WORDS=({line}); COMP_CWORD={len(words) - 1}; _vispeg; echo "${{COMPREPLY[@]}}"'
+    return subprocess.run(["bash", "-c", test], capture_output=True, text=True, check=True).stdout.split()
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
+def test_the_shell_completes_commands_options_choices_and_names(vispeg, tmp_path):
+    script = tmp_path / "vispeg.bash"
+    script.write_text(vispeg("completion", "bash")[1])
+    (tmp_path / "depth-mine").mkdir()
+    assert completed(script, "vispeg", "co") == [c for c in COMMANDS if c.startswith("co")] != []
+    assert completed(script, "vispeg", "train", "--recipe", "d") == ["distill", "distill+sac"]
+    assert {"depth-S", "depth-S2"} <= set(completed(script, "vispeg", "evaluate", "depth"))
+    assert {"V", "VNP"} == set(completed(script, "vispeg", "gap", "--worlds", "V"))
+    assert completed(script, "vispeg", "camera", "cal") == ["calibrate"]
+    assert completed(script, "vispeg", "camera", "calibrate", "--mo") == ["--mount"]
+    assert completed(script, "vispeg", "record", "iiwa14", "--motion", "tri") == ["triangle"]
+    for shell in ("zsh", "fish"):
+        code, out, _ = vispeg("completion", shell)
+        assert code == 0 and all(name in out for name in COMMANDS)
+        if shutil.which(shell):
+            subprocess.run([shell, "-n"], input=out, text=True, check=True)
+
+
+def test_one_object_and_nothing_else(vispeg, rigs):
+    code, out, err = vispeg("compare", "iiwa14", "--recording", rigs["nominal"], "--out", "c", "--json", "--quiet")
+    assert code == 0 and json.loads(out)["format"] == "vispeg-compare/1" and err == ""
+    code, out, _ = vispeg("add", "iiwa14", "coulomb_friction", "joint4", "--out", "m.yaml", "--json")
+    assert code == 0 and json.loads(out)["added"][0]["where"] == "joint4"
+    code, out, _ = vispeg("record", "m.yaml", "--motion", "triangle", "--duration", "2", "--out", "r", "--json")
+    assert code == 0 and json.loads(out)["samples"] == 1000

@@ -1,0 +1,72 @@
+"""What comes with the package, by name: worlds, policies and motions (effects: `vispeg.effects.find`)."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from vispeg.identify.excitation import MOTIONS, osc_targets
+from vispeg.learn.record import PAIR, read_record
+from vispeg.learn.shipped import names, policy_folder
+from vispeg.task.world_file import BUILT_IN, WORLD, built_in
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Something that can be named: its kind of family, what it is in a sentence, and what else is known of it."""
+
+    name: str
+    family: str
+    about: str
+    more: Mapping[str, object]
+
+    @property
+    def record(self) -> dict[str, object]:
+        """For JSON."""
+        return {"name": self.name, "family": self.family, "about": self.about, **self.more}
+
+
+def worlds() -> list[Entry]:
+    """The built-in worlds: `fixed` ones draw nothing, `randomized` ones draw every episode anew."""
+    found = []
+    for name in built_in():
+        data = WORLD.read(BUILT_IN / f"{name}.yaml")
+        bases = data.get("base") or []
+        bases = [bases] if isinstance(bases, str) else list(bases)
+        family = "randomized" if bases or data.get("effects") or data.get("model") else "fixed"
+        found.append(Entry(name, family, _sentence(str(data.get("about", ""))), {"base": bases}))
+    return found
+
+
+def policies() -> list[Entry]:
+    """The bundled policies; the family is what they see."""
+    found = []
+    for name in names():
+        record = read_record(policy_folder(name))
+        meta = record["meta"]
+        success, clearance = meta.get("success"), (meta.get("task") or {}).get("clearance_mm")
+        kind = "two policies in one" if record["format"] == PAIR.name else "one network"
+        parts = [f"trained in {meta.get('world', '?')}", kind]
+        parts += [f"{clearance:g} mm clearance"] if clearance is not None else []
+        parts += [f"{100 * success:.0f} % success there"] if success is not None else []
+        more = {"world": meta.get("world"), "clearance_mm": clearance, "success": success, "steps": meta.get("steps")}
+        found.append(Entry(name, str(record["modality"]), ", ".join(parts), more))
+    return found
+
+
+def motions() -> list[Entry]:
+    """What `vispeg record --motion` takes; the family is the space that the motion is stated in."""
+    found = [Entry(name, "joint", _sentence(inspect.getdoc(f) or ""), {}) for name, f in MOTIONS.items()]
+    return [*found, Entry("osc", "cartesian", _sentence(inspect.getdoc(osc_targets) or ""), {})]
+
+
+def search(entries: list[Entry], text: str = "", family: str | None = None) -> list[Entry]:
+    """Those of one family that have a text in their name or words, in any case."""
+    word = text.lower()
+    return [e for e in entries if family in (None, e.family) and word in f"{e.name} {e.family} {e.about}".lower()]
+
+
+def _sentence(text: str) -> str:
+    """The first one."""
+    return " ".join(text.partition("\n\n")[0].split()).partition(". ")[0].rstrip(".")

@@ -1,0 +1,26 @@
+"""A list of what can be named: a table in 80 columns, or JSON."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from vispeg.cli.output import Output
+
+if TYPE_CHECKING:
+    from vispeg.api.catalogue import Entry
+
+
+def show(entries: list[Entry], heading: str, family: str | None, text: str | None, output: Output) -> int:
+    """Prints those that were asked for. Raises UserError for a family that there is not."""
+    from vispeg.api.catalogue import search
+    from vispeg.core.errors import UserError
+    from vispeg.report.tables import Column, Sheet
+
+    families = sorted({entry.family for entry in entries})
+    if family is not None and family not in families:
+        raise UserError("unknown family", key="--family", got=family, choices=families)
+    found = search(entries, text or "", family)
+    columns = [Column("name"), Column(heading), Column("what it is", prose=True)]
+    rows = [[entry.name, entry.family, entry.about] for entry in found]
+    output.give([entry.record for entry in found], [Sheet(columns, rows)] if rows else ["none"])
+    return 0
