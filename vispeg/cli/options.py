@@ -61,8 +61,9 @@ def describe(kind: type[Any]) -> None:
         if "_described" in leaf.__dict__:
             continue
         hints = get_type_hints(leaf, include_extras=True)
-        for group in filter(is_dataclass, map(_bare, hints.values())):
-            describe(group)
+        for group in map(_bare, hints.values()):
+            if isinstance(group, type) and is_dataclass(group):
+                describe(group)
         leaf.__annotations__ = {**leaf.__annotations__}
         for field in fields(leaf):
             hint = hints[field.name]
