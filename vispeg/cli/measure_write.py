@@ -65,8 +65,8 @@ def write_and_show(
         print(out)
 
 
-def show(measurement: Measurement) -> None:
-    """A row a number; below it the sources of the first one's uncertainty; the effects; the notes."""
+def show(measurement: Measurement, budget: bool = True) -> None:
+    """A row a number; below it, with `budget`, the sources of the first one's uncertainty; the effects; the notes."""
     from rich.markup import escape
 
     from vispeg.report.tables import Column, Sheet, terminal
@@ -79,7 +79,7 @@ def show(measurement: Measurement) -> None:
     ]
     console.print(Sheet(heads, [row(q) for q in measurement.results]))
     first = measurement.results[0]
-    if first.budget:
+    if budget and first.budget:
         total = sum(b.contribution**2 for b in first.budget) or 1.0
         rows = [
             [b.source, b.type, f"{b.contribution:.2g}", f"{100 * b.contribution**2 / total:.0f} %"]

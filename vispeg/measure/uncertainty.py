@@ -17,6 +17,7 @@ from scipy import stats
 from vispeg.core.errors import UserError
 from vispeg.worlds.measurement_file import LEVEL, BudgetRow, Quantity
 
+MANY = 1e6  # degrees of freedom from which on Student's t is the Gaussian
 DRAWS = 200_000  # of a propagation of distributions; the end of a 95 % interval is then good to 0.5 % of u
 AGREE = 0.05  # of u: ends of both intervals this near count as the same (JCGM 101, 8.1: delta for two digits of u)
 
@@ -129,7 +130,8 @@ def effective(rows: Sequence[BudgetRow]) -> float:
     """
     total = sum(row.contribution**2 for row in rows)
     below = sum(row.contribution**4 / row.dof for row in rows if row.dof is not None)
-    return total**2 / below if below > 0 else np.inf
+    dof = total**2 / below if below > 0 else np.inf
+    return dof if dof < MANY else np.inf
 
 
 def coverage(dof: float, level: float = LEVEL) -> float:

@@ -1,0 +1,240 @@
+"""A joint that is known, measured from noisy motions: closed forms, loops that were drawn, and MuJoCo as the judge."""
+
+import mujoco
+import numpy as np
+import pytest
+from scipy import signal
+
+from vispeg.core.errors import UserError
+from vispeg.measure import frequency, joint, loops, steps
+from vispeg.measure.actuator import element, inertia, simulated
+from vispeg.measure.plan import plan, table
+from vispeg.measure.steps import Servo, step_answer
+from vispeg.measure.trace import Trace, from_table, sines, strokes
+from vispeg.robots.model import load
+
+RATE = 500.0
+TRUE = Servo(0.97, 30.0, 0.6, 0.012)
+
+
+def rng(seed=0):
+    return np.random.default_rng(seed)
+
+
+def parts(seed=0):
+    return {p.name: p for p in plan(load("iiwa14"), "joint1", 0.0, 0.1, RATE, rng(seed))}
+
+
+def answered(part, servo=TRUE, noise=2e-5, seed=0, name=None):
+    """The motion of a joint that is exactly this servo: its transfer function by SciPy, apart from what is tested."""
+    t, u = part.time, part.offset
+    wn, z = servo.natural_frequency, servo.damping_ratio
+    late = (
+        np.interp(t - servo.delay, t, u, left=0.0)
+        if "steps" not in part.name
+        else np.concatenate([np.zeros(round(servo.delay * RATE)), u])[: len(u)]
+    )
+    system = signal.cont2discrete(([servo.gain * wn**2], [1, 2 * z * wn, wn**2]), 1 / RATE, "zoh")
+    y = signal.lfilter(np.squeeze(system[0]), system[1], late)
+    return Trace(name or part.name, t, u, y + noise * rng(seed).standard_normal(len(t)))
+
+
+@pytest.mark.parametrize("zeta", [0.1, 0.7, 1.0, 3.0])
+def test_step_answer_is_the_transfer_function_s(zeta):
+    t = np.linspace(0, 1, 300)
+    _, y = signal.step(([400.0], [1, 2 * zeta * 20, 400.0]), T=t)
+    assert np.allclose(step_answer(t, 20.0, zeta), y, atol=2e-5)
+
+
+@pytest.mark.parametrize("zeta", [0.2, 0.7, 1.5])
+def test_bandwidth_is_where_the_transfer_function_has_lost_three_decibels(zeta):
+    servo = Servo(1.3, 25.0, zeta, 0.01)
+    assert abs(servo.response(np.array([servo.bandwidth_hz]))[0]) == pytest.approx(1.3 / np.sqrt(2))
+
+
+def test_the_servo_of_steps_comes_back_and_predicts_the_size_held_out():
+    traces = [answered(p, seed=k) for k, p in enumerate(parts().values()) if p.name.startswith("steps")]
+    found = joint.measure(traces, rng())
+    by_name = {q.quantity: q for q in found.results}
+    for name in steps.NAMES:
+        assert by_name[name].value == pytest.approx(getattr(TRUE, name), rel=0.01, abs=1e-3)
+    assert by_name["bandwidth_from_steps"].value == pytest.approx(TRUE.bandwidth_hz, rel=0.01)
+    assert found.details["held_out"]["size_rad"] == pytest.approx(0.05)
+    assert found.details["held_out"]["error_of_step"] < 0.01
+
+
+def test_intervals_of_the_servo_hold_over_sizes_that_differ():
+    """Each size and direction has a servo of its own, 5 % about the truth: the stated interval is of their mean."""
+    held = 0
+    motions = [p for n, p in parts().items() if n.startswith("steps")][:3]
+    short = [type(p)(p.name, p.shows, p.time[:2300], p.offset[:2300]) for p in motions]
+    for seed in range(25):
+        r = rng(seed)
+        traces = []
+        for k, part in enumerate(short):
+            own = Servo(0.97, 30.0 * np.exp(0.05 * r.standard_normal()), 0.6, 0.012)
+            traces.append(answered(part, own, seed=100 * seed + k))
+        means = steps.parameters([s for t in traces for s in steps.fitted(t) if s.size > 0])
+        q = joint._over_sizes("natural_frequency", "rad/s", means["natural_frequency"], 0.0, r, 3)
+        held += q.low <= 30.0 <= q.high
+    assert held >= 21
+
+
+def test_sines_give_the_transfer_function_with_coherence():
+    trace = answered(parts()["sines-large"])
+    assert len(sines(trace)) == 7
+    for p in frequency.points(trace):
+        held = np.exp(-1j * np.pi * p.hz / RATE)  # a command held for a sample comes half of it late
+        true = TRUE.response(np.array([p.hz]))[0] * held
+        assert abs(p.response / true - 1) < 0.03, p.hz
+        assert p.used and p.coherence > 0.99
+    servo, _, _ = frequency.fit(frequency.points(trace))
+    assert servo.natural_frequency == pytest.approx(30.0, rel=0.02)
+    assert servo.damping_ratio == pytest.approx(0.6, rel=0.03)
+    hz, u = frequency.bandwidth(frequency.points(trace))
+    assert hz == pytest.approx(TRUE.bandwidth_hz, rel=0.1)
+    assert u < 0.1 * hz
+
+
+def test_a_sweep_does_so_too():
+    t = np.arange(0, 60, 1 / RATE)
+    part = type(parts()["triangle"])("sweep", "", t, 0.05 * signal.chirp(t, 0.2, 60, 8.0))
+    found = frequency.points(answered(part))
+    assert len(found) > 10
+    middle = [p for p in found if 0.5 < p.hz < 7]
+    assert max(abs(p.response / TRUE.response(np.array([p.hz]))[0] - 1) for p in middle) < 0.06
+
+
+def test_what_is_not_the_command_s_is_refused():
+    trace = answered(parts()["sines-small"], noise=0.02)
+    found = joint.measure([trace], rng())
+    assert any(not p.used for p in found.points)
+    assert any("refused for a coherence below 0.9" in note for note in found.notes)
+    assert not any(row["used"] for row in found.details["bode"] if row["coherence"] < 0.9)
+
+
+def dragged(part, coulomb=1.2, viscous=2.0, gap=2e-3, load=0.3, noise=0.05, seed=0):
+    """A quasi-static joint that sticks for 1 mrad of command at each turn, then crosses the gap at no torque."""
+    u, dt = part.offset, 1 / RATE
+    q = u.copy()
+    for k in range(1, len(u)):
+        q[k] = min(max(q[k - 1], u[k] - 0.5e-3), u[k] + 0.5e-3)
+    v = np.gradient(q, dt)
+    way = np.sign(np.where(np.abs(v) > 1e-5, v, 0.0))
+    for k in range(1, len(way)):
+        way[k] = way[k] or way[k - 1]
+    tau = way * (coulomb + viscous * np.abs(v)) + load
+    for k in np.flatnonzero(np.diff(way) != 0):
+        moved = np.cumsum(np.abs(v[k + 1 :]) * dt)
+        if abs(load) < coulomb:
+            tau[k + 1 : k + 1 + int(np.searchsorted(moved, gap))] = 0.0
+    r = rng(seed)
+    q = q - 0.01 * v + 1e-5 * r.standard_normal(len(v))
+    return Trace(part.name, part.time, u, q, tau + noise * r.standard_normal(len(v)))
+
+
+def test_friction_is_the_height_of_the_loop_and_backlash_its_width():
+    motions = parts()
+    found = joint.measure([dragged(motions["ladder"]), dragged(motions["triangle"], seed=1)], rng())
+    by_name = {q.quantity: q for q in found.results}
+    assert by_name["coulomb_friction"].value == pytest.approx(1.2, rel=0.03)
+    assert by_name["viscous_friction"].value == pytest.approx(2.0, rel=0.05)
+    assert by_name["lost_motion"].value == pytest.approx(1e-3, rel=0.05)
+    assert by_name["backlash"].value == pytest.approx(2e-3, rel=0.15)
+    placed = {e.effect: e for e in joint.effects("joint1", found)}
+    assert set(placed) == {"coulomb_friction", "viscous_friction", "backlash"}
+    q = by_name["coulomb_friction"]
+    assert (placed["coulomb_friction"].params["torque"].low, placed["coulomb_friction"].params["torque"].high) == (
+        q.low,
+        q.high,
+    )
+
+
+def test_intervals_of_friction_hold_the_truth():
+    held = 0
+    ladder = parts()["ladder"]
+    coarse = type(ladder)(ladder.name, ladder.shows, ladder.time, ladder.offset)
+    for seed in range(10):
+        strokes = loops.measured(dragged(coarse, noise=2.0, gap=0.0, seed=seed))
+        x, cov, dof = loops.line(np.array([s.speed for s in strokes]), np.array([s.friction for s in strokes]))
+        from scipy.stats import t
+
+        held += abs(x[0] - 1.2) <= t.ppf(0.975, dof) * np.sqrt(cov[0, 0])
+    assert held >= 8
+
+
+def test_a_load_that_holds_the_teeth_hides_the_gap():
+    motions = parts()
+    found = joint.measure([dragged(motions["triangle"], load=4.0)], rng())
+    assert "backlash" not in {q.quantity for q in found.results}
+    assert any("keeps the teeth on one side" in note for note in found.notes)
+
+
+def test_a_load_without_a_sign_is_no_torque():
+    trace = dragged(parts()["ladder"])
+    found = joint.measure([Trace("t", trace.time, trace.q_cmd, trace.q, np.abs(trace.tau))], rng())
+    assert "coulomb_friction" not in {q.quantity for q in found.results}
+    assert any("no sign" in note for note in found.notes)
+
+
+def test_an_arm_in_mujoco_with_the_actuator_makes_the_steps_of_the_size_held_out():
+    """The written element in the iiwa's own model, the other joints held: beside the servo that was measured."""
+    robot = load("iiwa14")
+    posture = np.array([0.0, 0.5, 0.0, -1.2, 0.0, 0.9, 0.0])
+    traces = [
+        answered(p, seed=k) for k, p in enumerate(parts().values()) if p.name in ("steps-20mrad", "steps-100mrad")
+    ]
+    servo = steps.mean_servo([s for t in traces for s in steps.fitted(t)])
+    held = answered(parts()["steps-50mrad"], noise=0.0)
+    xml = element(servo, "joint1", inertia(robot, "joint1", posture)).split('"')
+    said = dict(zip([w.strip(" =").split()[-1] for w in xml[:-1:2]], xml[1::2], strict=True))
+    spec = robot.spec()
+    spec.option.gravity, spec.option.timestep = (0, 0, 0), 1e-3
+    for name in robot.joints[1:]:
+        spec.joint(name).armature = 1e6  # held
+    motor = spec.actuator("joint1")
+    motor.gainprm[:3] = [float(x) for x in said["gainprm"].split()]
+    motor.biasprm[:3] = [float(x) for x in said["biasprm"].split()]
+    motor.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+    motor.delay, motor.nsample = float(said["delay"]), int(said["nsample"])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[:] = posture
+    got = np.empty(2000)
+    for k in range(2000):
+        got[k] = data.qpos[0]
+        data.ctrl[model.actuator("joint1").id] = held.q_cmd[k]
+        mujoco.mj_step(model, data)
+        mujoco.mj_step(model, data)
+    assert np.sqrt(np.mean((got - held.q[:2000]) ** 2)) < 0.02 * 0.05
+    alone = simulated(servo, held.q_cmd[:2000], 1 / RATE)
+    assert np.sqrt(np.mean((alone - got) ** 2)) < 0.01 * 0.05
+
+
+def test_steps_that_answer_otherwise_later_are_refused():
+    motion = parts()["steps-100mrad"]
+    later = answered(motion, Servo(0.97, 27.0, 0.6, 0.012), seed=2, name="steps-again")
+    with pytest.raises(UserError, match="natural_frequency.* has drifted between steps-100mrad and steps-again"):
+        joint.measure([answered(motion, seed=1), later], rng())
+
+
+def test_motions_of_the_plan_stay_in_range_and_show_what_they_say(tmp_path):
+    robot = load("iiwa14")
+    for part in plan(robot, "joint4", -1.2, 0.1, RATE, rng()):
+        assert np.abs(part.offset).max() <= 0.9 * (2.09 - 1.2)
+        assert part.offset[0] == pytest.approx(0.0, abs=1e-9)
+        speed = np.diff(part.offset) * RATE
+        if "steps" not in part.name:
+            assert np.abs(speed).max() <= 0.5 * robot.velocity_limit[3] + 1e-9
+        (tmp_path / "m.csv").write_text(table(part, robot.joints, np.full(7, 0.1), "joint4"))
+        back = from_table(tmp_path / "m.csv", {"time": "time", "q_cmd": "q_cmd.joint4", "q": "q_cmd.joint3"})
+        assert np.allclose(back.q_cmd, 0.1 + part.offset) and np.all(back.q == 0.1)
+    ladder = next(p for p in plan(robot, "joint4", -1.2, 0.1, RATE, rng()) if p.name == "ladder")
+    speeds = sorted({round(v, 4) for _, _, v in strokes(Trace("t", ladder.time, ladder.offset, ladder.offset))})
+    assert speeds[0] == 0.004 and len(speeds) == 7
+
+
+def test_what_shows_nothing_is_said():
+    t = np.arange(500) / RATE
+    with pytest.raises(UserError, match="show nothing of a joint"):
+        joint.measure([Trace("still", t, np.zeros(500), np.zeros(500))], rng())

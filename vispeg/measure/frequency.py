@@ -1,0 +1,126 @@
+"""Gain and phase by frequency with their coherence, from sines held for whole periods, or from a sweep.
+
+H1 = S_xy / S_xx of the command x and the angle y, by SciPy's `csd` and `coherence`. Of m averages with coherence g2 the
+gain's relative and the phase's standard uncertainty is sqrt((1 - g2) / (2 g2 m)) (Bendat and Piersol, Random Data,
+4th ed., 9.2.4). Below 0.9 a frequency is refused: more than a tenth of what was measured is not the command's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import optimize, signal
+
+from vispeg.measure.steps import Servo
+from vispeg.measure.trace import PERIODS, Trace, ramps, sines, steps
+
+COHERENT = 0.9
+PER_PERIOD = 64  # samples a period onto which a sine is put
+AVERAGES, POINTS = 15, 30  # of a sweep: segments, and frequencies that are kept
+POWERED = 1e-3  # of the greatest power of the command that a frequency must have
+
+
+@dataclass(frozen=True)
+class Point:
+    """One frequency: Hz; amplitude of the command, rad (0 for a sweep); H; coherence; averages."""
+
+    hz: float
+    amplitude: float
+    response: complex
+    coherence: float
+    averages: int
+
+    @property
+    def used(self) -> bool:
+        """Whether it is coherent enough."""
+        return self.coherence >= COHERENT
+
+    @property
+    def u(self) -> float:
+        """Relative standard uncertainty of the gain; of the phase in rad."""
+        c = min(max(self.coherence, 1e-9), 1.0)
+        return float(np.sqrt((1.0 - c) / (2.0 * c * self.averages)))
+
+
+def points(trace: Trace) -> list[Point]:
+    """Of a trace: one a stretch of sine; or many of a command that sweeps; none of steps and ramps."""
+    held = sines(trace)
+    changing = np.abs(np.diff(trace.q_cmd)) > 1e-9
+    if sum(period * count for _, period, _, count in held) > 0.4 * changing.mean() * np.ptp(trace.time):
+        return [_sine(trace, *one) for one in held]
+    straight = sum(b - a for a, b, _ in ramps(trace)) / len(trace.time)
+    return _sweep(trace) if changing.mean() > 0.9 and straight < 0.3 and not steps(trace) else []
+
+
+def _sine(trace: Trace, start: float, period: float, amplitude: float, count: int) -> Point:
+    if count > PERIODS:  # the first one lets what was before die away
+        start, count = start + period, count - 1
+    grid = start + np.arange(count * PER_PERIOD) * period / PER_PERIOD
+    x, y = np.interp(grid, trace.time, trace.q_cmd), np.interp(grid, trace.time, trace.q)
+    how = {"fs": PER_PERIOD / period, "window": "boxcar", "nperseg": PER_PERIOD, "noverlap": 0}
+    f, sxy = signal.csd(x, y, **how)
+    sxx, syy = signal.welch(x, **how)[1], signal.welch(y, **how)[1]
+    coherence = float(np.abs(sxy[1]) ** 2 / max(float(sxx[1] * syy[1]), 1e-300))
+    return Point(float(f[1]), amplitude, complex(sxy[1] / sxx[1]), coherence, count)
+
+
+def _sweep(trace: Trace) -> list[Point]:
+    rate = 1.0 / trace.period
+    grid = np.arange(trace.time[0], trace.time[-1], trace.period)
+    x, y = np.interp(grid, trace.time, trace.q_cmd), np.interp(grid, trace.time, trace.q)
+    how = {"fs": rate, "nperseg": 2 * len(grid) // (AVERAGES + 1), "detrend": "constant"}
+    f, sxy = signal.csd(x, y, **how)
+    sxx, coherence = signal.welch(x, **how)[1], signal.coherence(x, y, **how)[1]
+    use = np.flatnonzero((sxx > POWERED * sxx.max()) & (f > 0))
+    if not len(use):
+        return []
+    # not every bin: neighbours share their data; evenly in the logarithm
+    goal = np.geomspace(f[use[0]], f[use[-1]], POINTS)
+    pick = np.unique(use[np.abs(f[use][:, None] - goal).argmin(axis=0)])
+    return [Point(float(f[k]), 0.0, complex(sxy[k] / sxx[k]), float(coherence[k]), AVERAGES // 2) for k in pick]
+
+
+def bandwidth(found: list[Point]) -> tuple[float, float] | None:
+    """(Hz, its standard uncertainty) at which the gain is 3 dB under that of the lowest frequency; None if never."""
+    used = sorted((p for p in found if p.used), key=lambda p: p.hz)
+    if len(used) < 2:
+        return None
+    gain = np.array([abs(p.response) for p in used]) / abs(used[0].response)
+    f, end = np.log([p.hz for p in used]), 1.0 / np.sqrt(2.0)
+    below = np.flatnonzero(gain < end)
+    if not len(below) or below[0] == 0:
+        return None
+    k = int(below[0])
+    slope = (gain[k] - gain[k - 1]) / (f[k] - f[k - 1])
+    at = float(np.exp(f[k - 1] + (end - gain[k - 1]) / slope))
+    u = np.hypot(max(used[k].u, used[k - 1].u) * end, used[0].u * end)
+    return at, float(at * u / max(abs(slope), 1e-9))
+
+
+def fit(found: list[Point]) -> tuple[Servo, np.ndarray, int] | None:
+    """A second-order servo through the coherent points: (servo, standard uncertainties (4,), degrees of freedom)."""
+    used = [p for p in found if p.used]
+    if len(used) < 4:
+        return None
+    f, h = np.array([p.hz for p in used]), np.array([p.response for p in used])
+    weight = 1.0 / np.array([max(p.u, 0.01) * abs(p.response) for p in used])
+
+    def residual(x: np.ndarray) -> np.ndarray:
+        miss = weight * (Servo(x[0], np.exp(x[1]), np.exp(x[2]), x[3]).response(f) - h)
+        return np.concatenate([miss.real, miss.imag])
+
+    low, high = [0.0, np.log(0.5), np.log(0.02), 0.0], [3.0, np.log(2000.0), np.log(20.0), 0.3]
+    best = None
+    for hz in (0.5 * f.max(), f.max(), 3.0 * f.max()):
+        x0 = [abs(h[np.argmin(f)]), np.log(2 * np.pi * hz), np.log(0.7), 0.005]
+        one = optimize.least_squares(
+            residual, np.clip(x0, low, high), bounds=(low, high), x_scale=[0.1, 0.3, 0.3, 0.01]
+        )
+        best = one if best is None or one.cost < best.cost else best
+    assert best is not None
+    dof = 2 * len(used) - 4
+    covariance = np.linalg.pinv(best.jac.T @ best.jac) * 2.0 * best.cost / dof
+    servo = Servo(float(best.x[0]), float(np.exp(best.x[1])), float(np.exp(best.x[2])), float(best.x[3]))
+    u = np.sqrt(np.diag(covariance)) * np.array([1.0, servo.natural_frequency, servo.damping_ratio, 1.0])
+    return servo, u, dof

@@ -1,0 +1,303 @@
+"""One joint from its recordings: servo, Bode table, backlash, friction, torque-speed curve."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.effect import EffectInstance, Value
+from vispeg.core.errors import UserError
+from vispeg.measure import frequency, loops, steps
+from vispeg.measure.actuator import step_error
+from vispeg.measure.becomes import placed
+from vispeg.measure.frequency import Point
+from vispeg.measure.loops import Stroke
+from vispeg.measure.steps import Servo, Step
+from vispeg.measure.trace import Trace
+from vispeg.measure.uncertainty import Input, propagate, rectangular, repeated, stated
+from vispeg.worlds.measurement_file import Quantity
+
+SLOW = 0.015  # rad/s, up to which a reversal shows its backlash: faster, the loop is crossed in flight
+NOTHING = "neither steps, nor sines of three periods, nor a sweep, nor ramps out and back"
+
+
+@dataclass(frozen=True)
+class Joint:
+    """What the recordings of one joint show; empty where they do not.
+
+    Attributes:
+        servo: the mean over sizes and directions of the steps, or through the frequency response.
+        steps, points, strokes: as measured, one by one.
+        results: the numbers.
+        notes: what to know about them.
+        details: tables for the file.
+    """
+
+    traces: Sequence[Trace]
+    servo: Servo | None = None
+    steps: Sequence[Step] = ()
+    points: Sequence[Point] = ()
+    strokes: Sequence[Stroke] = ()
+    results: Sequence[Quantity] = ()
+    notes: Sequence[str] = ()
+    details: dict[str, Any] = field(default_factory=dict)
+
+
+def measure(traces: Sequence[Trace], rng: np.random.Generator) -> Joint:
+    """Everything that the traces show of a joint.
+
+    Raises:
+        UserError: they show nothing, or the same steps answer otherwise later on.
+    """
+    found = [s for t in traces for s in steps.fitted(t)]
+    points = sorted((p for t in traces for p in frequency.points(t)), key=lambda p: (p.hz, p.amplitude))
+    strokes = [s for t in traces for s in loops.measured(t)]
+    names = ", ".join(dict.fromkeys(t.name for t in traces))
+    if not found and not points and not strokes:
+        raise UserError(
+            "show nothing of a joint", file=names, expected=NOTHING.replace("neither", "").replace("nor", "or")
+        )
+    steps.refuse_drift(found, names)
+    results: list[Quantity] = []
+    notes: list[str] = []
+    details: dict[str, Any] = {}
+    loop: list[Quantity] = []
+    _loops(strokes, traces, loop, notes, details, rng)
+    found = _resolved(found, loop, notes)
+    servo = _servo(found, points, traces, results, notes, rng)
+    _held_out(found, traces, notes, details)
+    _bode(points, results, notes, details, rng)
+    results += loop
+    if found:
+        details["steps"] = [
+            {"size_rad": size, "repeats": len(group), "left_of_step": float(np.mean([s.rest for s in group]))}
+            | {name: float(np.mean([getattr(s.servo, name) for s in group])) for name in steps.NAMES}
+            for size, group in steps.groups(found).items()
+        ]
+    return Joint(traces, servo, found, points, strokes, results, notes, details)
+
+
+def effects(joint: str, found: Joint) -> list[EffectInstance]:
+    """What the numbers become: friction and backlash of the joint, where they are above nothing."""
+    by_name = {q.quantity: q for q in found.results}
+    out = []
+    for quantity, name, key in (
+        ("coulomb_friction", "coulomb_friction", "torque"),
+        ("viscous_friction", "viscous_friction", "damping"),
+        ("backlash", "backlash", "gap"),
+    ):
+        q = by_name.get(quantity)
+        if q is not None and q.low > 0:
+            out.append(placed(name, joint, {key: Value(q.value, q.low, q.high)}, q))
+    return out
+
+
+def _resolved(found: list[Step], loop: Sequence[Quantity], notes: list[str]) -> list[Step]:
+    """Steps beyond twice the lost motion: what is smaller shows friction and play, not the servo."""
+    lost = next((q.value for q in loop if q.quantity == "lost_motion"), 0.0)
+    small = [s for s in found if abs(s.size) < 2.0 * lost]
+    if small:
+        listed = ", ".join(f"{size:.3g}" for size in steps.sizes(small))
+        notes.append(f"steps of {listed} rad are left out: within twice the lost motion of {lost:.2g} rad")
+    return [s for s in found if s not in small]
+
+
+def _servo(
+    found: Sequence[Step],
+    points: list[Point],
+    traces: Sequence[Trace],
+    results: list[Quantity],
+    notes: list[str],
+    rng: np.random.Generator,
+) -> Servo | None:
+    """The servo's four numbers and the bandwidth that they give."""
+    if len(found) >= 2:
+        means = steps.parameters(found)
+        if len(means["gain"]) < 2:
+            means = {name: np.array([getattr(s.servo, name) for s in found]) for name in steps.NAMES}
+        half = 0.5 * max(t.period for t in traces)
+        for name, unit in steps.NAMES.items():
+            results.append(_over_sizes(name, unit, means[name], half, rng, len(found)))
+        servo = steps.mean_servo(found)
+        bands = np.array([Servo(*row).bandwidth_hz for row in zip(*means.values(), strict=True)])
+        results.append(_over_sizes("bandwidth_from_steps", "Hz", bands, half, rng, len(found)))
+        sizes = steps.sizes(found)
+        if len(sizes) < 3:
+            notes.append(f"{len(sizes)} sizes of step; with three, one is held out to judge on")
+        worst = max(s.rest for s in found)
+        if worst > 0.1:
+            notes.append(f"a second-order answer leaves up to {100 * worst:.0f} % of a step: it is not of that kind")
+        return servo
+    fit = frequency.fit(points)
+    if fit is None:
+        return None
+    servo, u, dof = fit
+    notes.append("no steps: the servo is fitted to the frequency response")
+    for (name, unit), one in zip(steps.NAMES.items(), u, strict=True):
+        inputs = [Input("fit to the frequency response", getattr(servo, name), float(one), "A", float(dof), "t")]
+        results.append(propagate(name, unit, lambda x: x, inputs, rng, repeats=len(points)))
+    return servo
+
+
+def _over_sizes(
+    name: str, unit: str, means: np.ndarray, half: float, rng: np.random.Generator, repeats: int
+) -> Quantity:
+    """The mean over sizes and directions: of what is positive and spreads in proportion, that of its logarithm."""
+    if name in steps.POSITIVE or unit == "Hz":
+        inputs = [repeated("logarithm over sizes and directions", np.log(means))]
+        return propagate(name, unit, np.exp, inputs, rng, repeats=repeats)
+    inputs = [repeated("sizes and directions", means)]
+    inputs += [rectangular("time of a sample", half)] if name == "delay" else []
+    return propagate(name, unit, lambda *x: sum(x), inputs, rng, repeats=repeats)  # type: ignore[arg-type]
+
+
+def _held_out(found: Sequence[Step], traces: Sequence[Trace], notes: list[str], details: dict[str, Any]) -> None:
+    """The error on the steps of the middle size, simulated with a servo from the others alone."""
+    sizes = steps.sizes(found)
+    if len(sizes) < 3:
+        return
+    middle = sizes[len(sizes) // 2]
+    rest = [s for s in found if abs(abs(s.size) - middle) > 0.05 * middle]
+    held = [s for s in found if abs(abs(s.size) - middle) <= 0.05 * middle]
+    errors = step_error(steps.mean_servo(rest), traces, held)
+    details["held_out"] = {
+        "size_rad": middle,
+        "steps": len(held),
+        "error_of_step": float(np.sqrt(np.mean(np.square(errors)))),
+        "worst": max(errors),
+    }
+    notes.append(
+        f"simulated steps of {middle:.3g} rad, which the servo was not fitted to: RMS error "
+        f"{100 * details['held_out']['error_of_step']:.2g} % of the step"
+    )
+
+
+def _bode(
+    points: Sequence[Point],
+    results: list[Quantity],
+    notes: list[str],
+    details: dict[str, Any],
+    rng: np.random.Generator,
+) -> None:
+    """The Bode table, and the bandwidth of the amplitude with the most frequencies."""
+    if not points:
+        return
+    details["bode"] = [
+        {
+            "hz": p.hz,
+            "amplitude_rad": p.amplitude,
+            "gain": abs(p.response),
+            "phase_deg": float(np.degrees(np.angle(p.response))),
+            "coherence": p.coherence,
+            "u_gain": p.u * abs(p.response),
+            "used": p.used,
+        }
+        for p in points
+    ]
+    refused = [p for p in points if not p.used]
+    if refused:
+        listed = ", ".join(f"{p.hz:.3g} Hz ({p.coherence:.2f})" for p in refused[:5])
+        more = f" and {len(refused) - 5} more" if len(refused) > 5 else ""
+        notes.append(f"refused for a coherence below {frequency.COHERENT}: {listed}{more}")
+    found = frequency.bandwidth(list(points))
+    if found is None:
+        top = max((p.hz for p in points if p.used), default=None)
+        notes.append(
+            "no coherent frequency"
+            if top is None
+            else f"the gain stays above -3 dB up to {top:.3g} Hz, the highest used"
+        )
+        return
+    inputs = [stated("gain about -3 dB", found[1], found[0])]
+    results.append(propagate("bandwidth", "Hz", lambda x: x, inputs, rng, repeats=sum(p.used for p in points)))
+
+
+def _loops(
+    strokes: Sequence[Stroke],
+    traces: Sequence[Trace],
+    results: list[Quantity],
+    notes: list[str],
+    details: dict[str, Any],
+    rng: np.random.Generator,
+) -> None:
+    """Lost motion, friction, backlash."""
+    if not strokes:
+        return
+    details["torque_speed"] = [
+        {"speed_rad_s": s.speed, "friction_nm": s.friction, "load_nm": s.load, "lag_rad": s.lag, "gap_rad": s.gap}
+        for s in sorted(strokes, key=lambda s: s.speed)
+    ]
+    speed = np.array([s.speed for s in strokes])
+    width = 2.0 * np.array([s.lag for s in strokes])
+    if len(strokes) >= 3 and np.ptp(speed) > 0.5 * speed.min():
+        x, cov, dof = loops.line(speed, width)
+        mean = Input("loops at several speeds", float(x[0]), float(np.sqrt(cov[0, 0])), "A", float(dof), "t")
+    elif len(strokes) >= 2:
+        mean = repeated("loops", width)
+        notes.append("loops of one speed: the lost motion holds the servo's lag too")
+    else:
+        return
+    results.append(propagate("lost_motion", "rad", lambda x: x, [mean], rng, repeats=len(strokes)))
+    torque = [s for s in strokes if s.friction is not None]
+    if not torque:
+        silent = [t.why for t in traces if t.tau is None]
+        why = silent[0] if len(silent) == len(traces) else "the load has no sign"
+        notes.append(f"{why}: friction and backlash are not told apart; the lost motion is the sum of what they do")
+        return
+    _friction(torque, results, notes, rng)
+    _backlash([s for s in torque if s.speed <= SLOW], results, notes, traces, rng)
+
+
+def _friction(torque: Sequence[Stroke], results: list[Quantity], notes: list[str], rng: np.random.Generator) -> None:
+    speed, height = np.array([s.speed for s in torque]), np.array([s.friction for s in torque], float)
+    if len(torque) < 3 or np.ptp(speed) <= 0.5 * speed.min():
+        if len(torque) >= 2:
+            inputs = [repeated("loops", height)]
+            results.append(propagate("friction", "N m", lambda x: x, inputs, rng, repeats=len(torque)))
+            notes.append("one speed: Coulomb and viscous friction are not told apart")
+        return
+    # the inertia that what is left of each start has moved is a third unknown, and told to nobody
+    left = np.array([s.acceleration for s in torque]) if len(torque) >= 6 else None
+    x, cov, dof = loops.line(speed, height, left)
+    for name, unit, k in (("coulomb_friction", "N m", 0), ("viscous_friction", "N m s/rad", 1)):
+        one = Input("loop heights about their line", float(x[k]), float(np.sqrt(cov[k, k])), "A", float(dof), "t")
+        results.append(propagate(name, unit, lambda x: x, [one], rng, repeats=len(torque)))
+    slow = speed < 0.01
+    if slow.any() and (~slow).sum() >= 3:
+        y, rest, free = loops.line(speed[~slow], height[~slow])
+        excess = float(height[slow].mean() - y[0])
+        u = np.sqrt(rest[0, 0] * (1 + 1 / slow.sum()))
+        if free > 0 and excess > 3 * u > 0:
+            notes.append(f"below 0.01 rad/s {excess:.2g} N m more than the line says: Stribeck friction")
+
+
+def _backlash(
+    slow: Sequence[Stroke],
+    results: list[Quantity],
+    notes: list[str],
+    traces: Sequence[Trace],
+    rng: np.random.Generator,
+) -> None:
+    shown = [s for s in slow if s.gap is not None]
+    gaps = np.array([s.gap for s in shown], float)
+    if len(gaps) < 2:
+        if slow:
+            load = np.mean([abs(s.load or 0.0) for s in slow])
+            friction = np.mean([s.friction or 0.0 for s in slow])
+            reason = f"the load of {load:.2g} N m keeps the teeth on one side (friction {friction:.2g} N m)"
+            notes.append(
+                "backlash is not shown: " + (reason if load > friction else "the loop's height is in the noise")
+            )
+        return
+    noise = float(np.median([np.std(np.diff(t.q, 2)) for t in traces])) / np.sqrt(6.0)
+    # the torque is smoothed over a while in which the joint turns
+    turned = 0.5 * loops.SMOOTH * float(max(s.speed for s in shown))
+    inputs = [repeated("reversals", gaps), rectangular("angle while the torque is smoothed", turned + 2.0 * noise)]
+    q = propagate("backlash", "rad", lambda *x: sum(x), inputs, rng, repeats=len(gaps))  # type: ignore[arg-type]
+    results.append(q)
+
+
+__all__ = ["Joint", "effects", "measure"]

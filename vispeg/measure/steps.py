@@ -1,0 +1,158 @@
+"""A second-order answer with delay, fitted to steps: K, natural frequency, damping ratio, delay, bandwidth.
+
+H(s) = K wn^2 e^(-d s) / (s^2 + 2 z wn s + wn^2). Its step answer, for the poles p = wn (-z +- sqrt(z^2 - 1)):
+1 + (p2 e^(p1 t) - p1 e^(p2 t)) / (p1 - p2), over- and underdamped alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import optimize, stats
+
+from vispeg.core.errors import UserError
+from vispeg.measure.trace import Trace, steps
+
+BEFORE = 0.1  # s before a step whose mean is where the joint stood
+STARTS, TRIED = (5.0, 20.0, 80.0, 250.0), 3  # rad/s; and how many of the nearest starts are followed
+POSITIVE = ("natural_frequency", "damping_ratio")
+NAMES = {"gain": "1", "natural_frequency": "rad/s", "damping_ratio": "1", "delay": "s"}
+
+
+@dataclass(frozen=True)
+class Servo:
+    """A second-order servo: gain K, natural frequency (rad/s), damping ratio, delay (s)."""
+
+    gain: float
+    natural_frequency: float
+    damping_ratio: float
+    delay: float
+
+    @property
+    def bandwidth_hz(self) -> float:
+        """Where |H| has fallen by 3 dB from its value at rest, Hz."""
+        a = 1.0 - 2.0 * self.damping_ratio**2
+        return self.natural_frequency * float(np.sqrt(a + np.sqrt(a * a + 1.0))) / (2.0 * np.pi)
+
+    def response(self, f: np.ndarray) -> np.ndarray:
+        """H (n,), complex, at f Hz."""
+        s = 2j * np.pi * np.asarray(f)
+        wn, z = self.natural_frequency, self.damping_ratio
+        return self.gain * wn**2 * np.exp(-s * self.delay) / (s**2 + 2 * z * wn * s + wn**2)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step and what it fitted: `size` rad, signed; `rest` the RMS that is left, as a share of the size."""
+
+    trace: str
+    start: float
+    size: float
+    servo: Servo
+    rest: float
+
+
+def step_answer(t: np.ndarray, wn: float, zeta: float) -> np.ndarray:
+    """The unit step's answer (n,) at t s; 0 before."""
+    root = np.sqrt(complex(zeta**2 - 1.0))
+    root = root if abs(root) > 1e-6 else 1e-6 + 0j
+    p1, p2 = wn * (-zeta + root), wn * (-zeta - root)
+    late = np.maximum(t, 0.0)
+    y = 1.0 + (p2 * np.exp(p1 * late) - p1 * np.exp(p2 * late)) / (p1 - p2)
+    return np.where(t > 0, y.real, 0.0)
+
+
+def fitted(trace: Trace) -> list[Step]:
+    """Every step of a trace, fitted in time."""
+    return [_fit(trace, first, last) for first, last in steps(trace)]
+
+
+def _fit(trace: Trace, first: int, last: int) -> Step:
+    t = trace.time[first:last] - trace.time[first]
+    still = (trace.time >= trace.time[first] - BEFORE) & (trace.time < trace.time[first])
+    size = float(trace.q_cmd[last - 1] - trace.q_cmd[first - 1])
+    change = np.diff(trace.q_cmd[first - 1 : last]) / size
+    moved = np.flatnonzero(np.abs(change) > 1e-6)
+    parts = list(zip(t[moved], change[moved], strict=True))  # a command held from row to row is a sum of steps
+    y = (trace.q[first:last] - trace.q[still].mean()) / size
+    end = float(np.median(y[-max(3, len(y) // 10) :]))
+
+    def residual(x: np.ndarray) -> np.ndarray:
+        wn, zeta = float(np.exp(x[1])), float(np.exp(x[2]))
+        return x[0] * sum(share * step_answer(t - at - x[3], wn, zeta) for at, share in parts) - y
+
+    low = [-1.0, np.log(0.5), np.log(0.02), 0.0]
+    high = [3.0, np.log(2000.0), np.log(20.0), max(0.2, 3 * trace.period)]
+    edge = np.array(low) + 1e-9, np.array(high) - 1e-9
+    starts = [[end, np.log(wn), np.log(0.7), late] for wn in STARTS for late in (0.0, _onset(t, y, end))]
+    near = sorted((np.clip(x0, *edge) for x0 in starts), key=lambda x0: float(np.sum(residual(x0) ** 2)))[:TRIED]
+    tries = [optimize.least_squares(residual, x0, bounds=(low, high), x_scale=[0.1, 0.3, 0.3, 0.01]) for x0 in near]
+    best = min(tries, key=lambda one: one.cost)
+    gain, wn, zeta = float(best.x[0]), float(np.exp(best.x[1])), float(np.exp(best.x[2]))
+    rest = float(np.sqrt(np.mean(best.fun**2)))
+    delay = float(best.x[3]) if best.x[3] > 1e-6 else 0.0  # an optimizer ends just beside its bound
+    return Step(trace.name, float(trace.time[first]), size, Servo(gain, wn, zeta, delay), rest)
+
+
+def _onset(t: np.ndarray, y: np.ndarray, end: float) -> float:
+    """When the answer passes a twentieth of its end, s."""
+    past = np.flatnonzero(y * np.sign(end or 1.0) > 0.05 * abs(end))
+    return float(t[past[0]]) if len(past) else 0.0
+
+
+def groups(found: Sequence[Step]) -> dict[float, list[Step]]:
+    """Steps of one size and direction: signed size -> steps; sizes within 5 % are one."""
+    out: dict[float, list[Step]] = {}
+    for step in sorted(found, key=lambda s: s.size):
+        near = [size for size in out if abs(size - step.size) <= 0.05 * abs(step.size)]
+        out.setdefault(near[0] if near else step.size, []).append(step)
+    return out
+
+
+def parameters(found: Sequence[Step]) -> dict[str, np.ndarray]:
+    """Name -> the mean of each group (ngroup,): gain, natural_frequency, damping_ratio, delay.
+
+    Of frequency and damping the geometric mean: they are positive, and spread in proportion.
+    """
+    means = [
+        [_mean(name, [getattr(s.servo, name) for s in group]) for name in NAMES] for group in groups(found).values()
+    ]
+    return dict(zip(NAMES, np.array(means).T, strict=True))
+
+
+def mean_servo(found: Sequence[Step]) -> Servo:
+    """The mean over groups, as one servo."""
+    return Servo(**{name: _mean(name, values) for name, values in parameters(found).items()})
+
+
+def _mean(name: str, values: Sequence[float] | np.ndarray) -> float:
+    return float(np.exp(np.mean(np.log(values))) if name in POSITIVE else np.mean(values))
+
+
+def sizes(found: Sequence[Step]) -> list[float]:
+    """The sizes that there are, both directions as one, rad, rising."""
+    out: list[float] = []
+    for size in sorted(abs(s.size) for s in found):
+        if not out or size > 1.05 * out[-1]:
+            out.append(size)
+    return out
+
+
+def refuse_drift(found: Sequence[Step], file: str) -> None:
+    """Raises UserError where the same steps, taken again in a later recording, answer otherwise by three sigma."""
+    for size, group in groups(found).items():
+        names = list(dict.fromkeys(s.trace for s in group))
+        if len(names) < 2:
+            continue
+        for name in ("gain", "natural_frequency"):
+            first, last = ([getattr(s.servo, name) for s in group if s.trace == n] for n in (names[0], names[-1]))
+            if min(len(first), len(last)) < 3 or np.ptp(first) + np.ptp(last) == 0:
+                continue
+            apart = abs(np.mean(first) - np.mean(last)) > 0.02 * abs(np.mean(first))
+            if apart and stats.ttest_ind(first, last, equal_var=False).pvalue < 0.0027:
+                got = f"{np.mean(first):.4g} and {np.mean(last):.4g}"
+                expected = "the same within three standard uncertainties"
+                what = f"{name} of steps of {size:.3g} rad has drifted between {names[0]} and {names[-1]}"
+                raise UserError(what, file=file, expected=expected, got=got)

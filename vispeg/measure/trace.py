@@ -1,0 +1,229 @@
+"""One joint's commanded and measured motion, and the stretches of it that each protocol reads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy import signal
+
+from vispeg.core.errors import UserError
+from vispeg.recordings.load import load
+from vispeg.recordings.recording import Recording
+from vispeg.recordings.table import Reading, read_table
+from vispeg.robots.model import load as load_robot
+from vispeg.sim.compiled import nominal_of
+
+NEEDED = ("time", "q_cmd", "q")
+COLUMNS = (*NEEDED, "tau")
+HOLD = 0.25  # s that a command rests before and after a step
+SHORT = 0.3  # s within which a command that moves between two rests is a step
+STEP_WINDOW = 3.0  # s of the answer to a step that are looked at
+RAMP = 0.3  # s of constant commanded speed that count as a ramp
+PERIODS, LIKE = 3, 0.05  # of a sine, and by how much its half periods may differ
+PURE = 0.05  # of its RMS that a sine may leave; a triangle leaves 0.12
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Arrays (n,): time s, q_cmd and q rad, the motor's tau N m, or None and `why`; `name` is the file's."""
+
+    name: str
+    time: np.ndarray
+    q_cmd: np.ndarray
+    q: np.ndarray
+    tau: np.ndarray | None = None
+    why: str = "no torque was recorded"
+
+    @property
+    def period(self) -> float:
+        """Of the samples, s."""
+        return float(np.median(np.diff(self.time)))
+
+    def signed(self) -> bool:
+        """Whether there is a torque with a sign: what touches zero and never goes below is a magnitude."""
+        if self.tau is None:
+            return False
+        least, most = self.tau.min(), np.abs(self.tau).max()
+        return bool(least < -0.05 * most or least > 0.2 * most)
+
+
+def from_recording(path: Path, joint: str | None) -> tuple[list[Trace], str, str]:
+    """The traces of a recording, one an episode; the joint, that which moves most where none is named; the robot.
+
+    Raises:
+        UserError: unreadable, without commanded angles, or without that joint.
+    """
+    rec = load(path)
+    if rec.q_cmd is None:
+        raise UserError("has no commanded angles", file=path, expected="columns q_cmd.<joint>")
+    if joint is None:
+        joint = rec.joints[int(np.argmax(np.nanstd(rec.q_cmd, axis=0)))]
+    if joint not in rec.joints:
+        raise UserError("no such joint", file=path, got=joint, choices=rec.joints)
+    j = rec.joints.index(joint)
+    episode = np.zeros(len(rec.time)) if rec.episode is None else rec.episode
+    torque, why = motor_torque(rec, j)
+    out = []
+    for one in np.unique(episode):
+        rows = (episode == one) & np.isfinite(rec.q[:, j]) & np.isfinite(rec.q_cmd[:, j])
+        tau = None if torque is None or not np.isfinite(torque[rows]).all() else torque[rows]
+        out.append(_checked(Trace(path.name, rec.time[rows], rec.q_cmd[rows, j], rec.q[rows, j], tau, why), path))
+    return out, joint, rec.robot
+
+
+def motor_torque(rec: Recording, j: int) -> tuple[np.ndarray | None, str]:
+    """What the motor of joint j gives, (n,) N m, before the gear's friction; or None and why not.
+
+    The motor's own sensor; else the recorded control law, where it is known and its torque acts at once. A sensor
+    behind the gear sees what the friction has left.
+    """
+    if rec.tau is not None and rec.torque_sensor == "motor":
+        return rec.tau[:, j], ""
+    law = rec.control
+    if law.mode != "position" or law.kp is None or law.kd is None or rec.q_cmd is None:
+        behind = "the torque sensor sits behind the gear, where friction does not show"
+        return None, "no torque was recorded" if rec.tau is None or rec.torque_sensor == "none" else behind
+    rate = np.gradient(rec.q[:, j], rec.time) if rec.dq is None else rec.dq[:, j]
+    wanted = 0.0 if rec.dq_cmd is None else rec.dq_cmd[:, j]
+    tau = law.kp[j] * (rec.q_cmd[:, j] - rec.q[:, j]) + law.kd[j] * (wanted - rate)
+    return tau + (_weight(rec, j) if law.gravity_compensation == "model" else 0.0), ""
+
+
+def _weight(rec: Recording, j: int) -> np.ndarray:
+    """Nominal gravity torque (n,) N m of joint j, the others where they mostly are: on a grid of its angle."""
+    robot = load_robot(rec.robot, tool=rec.tool, base_tilt=rec.base_tilt)
+    angle = np.linspace(np.nanmin(rec.q[:, j]), np.nanmax(rec.q[:, j]), 33)
+    posture = np.tile(np.nanmedian(rec.q, axis=0), (len(angle), 1))
+    posture[:, j] = angle
+    return np.interp(rec.q[:, j], angle, nominal_of(robot, len(angle), 1).gravity(posture)[:, j])
+
+
+def from_table(path: Path, columns: Mapping[str, str]) -> Trace:
+    """The trace in a .csv, .csv.gz or .parquet table.
+
+    Args:
+        path: of the table.
+        columns: `time`, `q_cmd`, `q` and, where there is one, `tau` -> the column's name.
+
+    Raises:
+        UserError: a column is missing, not named, or no number.
+    """
+    for name in columns:
+        if name not in COLUMNS:
+            raise UserError("unknown signal", key="--columns", got=name, choices=COLUMNS)
+    for name in NEEDED:
+        if name not in columns:
+            raise UserError(f"{name} is not named", file=path, key="--columns", expected=f"{name}=COLUMN")
+    table = read_table(path, Reading(keep=lambda names: [n for n in names if n in columns.values()]))
+    values = {name: table.number(column) for name, column in columns.items()}
+    return _checked(Trace(path.name, values["time"], values["q_cmd"], values["q"], values.get("tau")), path)
+
+
+def _checked(trace: Trace, path: Path) -> Trace:
+    if len(trace.time) < 20 or not (np.isfinite(trace.time).all() and (np.diff(trace.time) > 0).all()):
+        raise UserError("not a motion", file=path, key="time", expected="20 strictly increasing times or more")
+    for name in ("q_cmd", "q", "tau"):
+        values = getattr(trace, name)
+        if values is not None and not np.isfinite(values).all():
+            raise UserError("empty cells", file=path, key=name, expected="a number in each row")
+    return trace
+
+
+def steps(trace: Trace) -> list[tuple[int, int]]:
+    """(row of the first change, row of the end) of each step: a command that moves briefly between two rests."""
+    changes = np.flatnonzero(np.abs(np.diff(trace.q_cmd)) > 1e-9) + 1
+    if not len(changes):
+        return []
+    t = trace.time
+    pauses = np.flatnonzero(np.diff(t[changes]) >= HOLD)
+    first, last = changes[np.concatenate([[0], pauses + 1])], changes[np.concatenate([pauses, [len(changes) - 1]])]
+    end = np.append(first[1:], len(t))
+    out = []
+    for a, b, stop in zip(first, last, end, strict=True):
+        rest = t[a] - (t[0] if a == first[0] else t[last[last < a][-1]])
+        if rest >= HOLD and t[b] - t[a] <= SHORT and t[stop - 1] - t[b] >= HOLD:
+            out.append((int(a), int(min(stop, np.searchsorted(t, t[a] + STEP_WINDOW)))))
+    return out
+
+
+def ramps(trace: Trace) -> list[tuple[int, int, float]]:
+    """(first row, last row, speed in rad/s) of each stretch of constant commanded speed."""
+    dt = np.diff(trace.time)
+    speed = np.diff(trace.q_cmd) / dt
+    digit = 2e-6 / trace.period  # rad/s, of commands written to six decimals
+    out, start = [], 0
+    for k in range(1, len(speed) + 1):
+        mean = (
+            speed[start:k].mean()
+            if k - start < 40
+            else (trace.q_cmd[k - 1] - trace.q_cmd[start]) / (trace.time[k - 1] - trace.time[start])
+        )
+        if k < len(speed) and abs(speed[k] - mean) <= digit + 0.05 * abs(mean):
+            continue
+        if trace.time[k] - trace.time[start] >= RAMP and abs(mean) > 2 * digit / max(1, (k - start) / 20):
+            out.append((start, k, float(mean)))
+        start = k
+    return out
+
+
+def strokes(trace: Trace) -> list[tuple[tuple[int, int], tuple[int, int], float]]:
+    """(out, back, speed): ramps that turn round at once and come back as fast, each (first row, last row)."""
+    found, out = ramps(trace), []
+    for (a, b, v), (c, d, w) in zip(found, found[1:], strict=False):
+        near = trace.time[c] - trace.time[b] < RAMP
+        if near and v * w < 0 and abs(v + w) < 0.03 * abs(v):
+            out.append(((a, b), (c, d), abs(v)))
+    return out
+
+
+def sines(trace: Trace) -> list[tuple[float, float, float, int]]:
+    """(start s, period s, amplitude rad, periods) of each stretch of `PERIODS` periods or more of one sine."""
+    x, t = trace.q_cmd, trace.time
+    span = np.ptp(x)
+    if span < 1e-6:
+        return []
+    tops = signal.find_peaks(x, prominence=0.02 * span)[0]
+    lows = signal.find_peaks(-x, prominence=0.02 * span)[0]
+    turns = np.sort(np.concatenate([tops, lows]))
+    out, k = [], 0
+    while k + 2 * PERIODS < len(turns):
+        end = k + 1
+        half, size = t[turns[k + 1]] - t[turns[k]], abs(x[turns[k + 1]] - x[turns[k]])
+        while end < len(turns):
+            gap, swing = t[turns[end]] - t[turns[end - 1]], abs(x[turns[end]] - x[turns[end - 1]])
+            if abs(gap - half) > LIKE * half + 1.5 * trace.period or abs(swing - size) > 0.1 * size:
+                break
+            end += 1
+        count = (end - 1 - k) // 2
+        if count >= PERIODS:
+            found = _pure(trace, int(turns[k]), int(turns[k + 2 * count]), count)
+            out += [] if found is None else [found]
+            k = end - 1
+            continue
+        k += 1
+    return out
+
+
+def _pure(trace: Trace, first: int, last: int, count: int) -> tuple[float, float, float, int] | None:
+    """The stretch if it is a sine, its period refined by least squares."""
+    from scipy.optimize import minimize_scalar
+
+    t, x = trace.time[first : last + 1] - trace.time[first], trace.q_cmd[first : last + 1]
+    guess = t[-1] / count
+
+    def left(period: float) -> tuple[float, np.ndarray]:
+        w = 2.0 * np.pi / period
+        design = np.column_stack([np.cos(w * t), np.sin(w * t), np.ones_like(t)])
+        c, *_ = np.linalg.lstsq(design, x, rcond=None)
+        return float(np.std(x - design @ c)), c
+
+    best = minimize_scalar(lambda p: left(p)[0], bounds=(0.97 * guess, 1.03 * guess), method="bounded")
+    rest, c = left(float(best.x))
+    amplitude = float(np.hypot(c[0], c[1]))
+    if rest > PURE * amplitude / np.sqrt(2.0):
+        return None
+    whole = int(np.floor((trace.time[last] - trace.time[first]) / best.x + 0.02))
+    return float(trace.time[first]), float(best.x), amplitude, max(whole, 1)
