@@ -83,18 +83,25 @@ def _sweep(trace: Trace) -> list[Point]:
 
 def bandwidth(found: list[Point]) -> tuple[float, float] | None:
     """(Hz, its standard uncertainty) at which the gain is 3 dB under that of the lowest frequency; None if never."""
-    used = sorted((p for p in found if p.used), key=lambda p: p.hz)
+    used: list[list[Point]] = []  # of one frequency each, within a fiftieth
+    for p in sorted((p for p in found if p.used), key=lambda p: p.hz):
+        if used and p.hz < 1.02 * used[-1][0].hz:
+            used[-1].append(p)
+        else:
+            used.append([p])
     if len(used) < 2:
         return None
-    gain = np.array([abs(p.response) for p in used]) / abs(used[0].response)
-    f, end = np.log([p.hz for p in used]), 1.0 / np.sqrt(2.0)
+    gain = np.array([np.mean([abs(p.response) for p in same]) for same in used])
+    spread = [max([p.u for p in same] + [float(np.ptp([abs(p.response) for p in same])) / 2]) for same in used]
+    gain = gain / gain[0]
+    f, end = np.log([same[0].hz for same in used]), 1.0 / np.sqrt(2.0)
     below = np.flatnonzero(gain < end)
     if not len(below) or below[0] == 0:
         return None
     k = int(below[0])
     slope = (gain[k] - gain[k - 1]) / (f[k] - f[k - 1])
     at = float(np.exp(f[k - 1] + (end - gain[k - 1]) / slope))
-    u = np.hypot(max(used[k].u, used[k - 1].u) * end, used[0].u * end)
+    u = end * np.hypot(max(spread[k], spread[k - 1]), spread[0])
     return at, float(at * u / max(abs(slope), 1e-9))
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vispeg.core.effect import EffectInstance, Value
+from vispeg.core.effect import EffectInstance, Value, effect
 from vispeg.core.errors import UserError
 from vispeg.measure import frequency, loops, steps
 from vispeg.measure.actuator import step_error
@@ -81,7 +81,7 @@ def measure(traces: Sequence[Trace], rng: np.random.Generator) -> Joint:
 
 
 def effects(joint: str, found: Joint) -> list[EffectInstance]:
-    """What the numbers become: friction and backlash of the joint, where they are above nothing."""
+    """What the numbers become: the joint's friction and backlash, where they are above nothing, and its own servo."""
     by_name = {q.quantity: q for q in found.results}
     out = []
     for quantity, name, key in (
@@ -92,6 +92,13 @@ def effects(joint: str, found: Joint) -> list[EffectInstance]:
         q = by_name.get(quantity)
         if q is not None and q.low > 0:
             out.append(placed(name, joint, {key: Value(q.value, q.low, q.high)}, q))
+    loop = [by_name[k] for k in ("natural_frequency", "damping_ratio", "gain") if k in by_name]
+    if any(t.servo for t in found.traces) and len(loop) == 3:
+        bounds = effect("servo").params
+        # the gain is the sag under load as much as the servo's own: left out where it is no gain that a servo has
+        inside = [q for q in loop if bounds[q.quantity].low <= q.value <= bounds[q.quantity].high]
+        if loop[0] in inside:
+            out.append(placed("servo", joint, {q.quantity: Value(q.value, q.low, q.high) for q in inside}, loop[0]))
     return out
 
 

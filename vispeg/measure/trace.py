@@ -28,7 +28,10 @@ PURE = 0.05  # of its RMS that a sine may leave; a triangle leaves 0.12
 
 @dataclass(frozen=True)
 class Trace:
-    """Arrays (n,): time s, q_cmd and q rad, the motor's tau N m, or None and `why`; `name` is the file's."""
+    """Arrays (n,): time s, q_cmd and q rad, the motor's tau N m, or None and `why`; `name` is the file's.
+
+    `servo`: the loop is the robot's own, so that the second-order answer is an effect of its drive.
+    """
 
     name: str
     time: np.ndarray
@@ -36,6 +39,7 @@ class Trace:
     q: np.ndarray
     tau: np.ndarray | None = None
     why: str = "no torque was recorded"
+    servo: bool = False
 
     @property
     def period(self) -> float:
@@ -66,11 +70,12 @@ def from_recording(path: Path, joint: str | None) -> tuple[list[Trace], str, str
     j = rec.joints.index(joint)
     episode = np.zeros(len(rec.time)) if rec.episode is None else rec.episode
     torque, why = motor_torque(rec, j)
+    own = rec.control.mode in ("servo", "unknown")
     out = []
     for one in np.unique(episode):
         rows = (episode == one) & np.isfinite(rec.q[:, j]) & np.isfinite(rec.q_cmd[:, j])
         tau = None if torque is None or not np.isfinite(torque[rows]).all() else torque[rows]
-        out.append(_checked(Trace(path.name, rec.time[rows], rec.q_cmd[rows, j], rec.q[rows, j], tau, why), path))
+        out.append(_checked(Trace(path.name, rec.time[rows], rec.q_cmd[rows, j], rec.q[rows, j], tau, why, own), path))
     return out, joint, rec.robot
 
 
@@ -119,7 +124,8 @@ def from_table(path: Path, columns: Mapping[str, str]) -> Trace:
             raise UserError(f"{name} is not named", file=path, key="--columns", expected=f"{name}=COLUMN")
     table = read_table(path, Reading(keep=lambda names: [n for n in names if n in columns.values()]))
     values = {name: table.number(column) for name, column in columns.items()}
-    return _checked(Trace(path.name, values["time"], values["q_cmd"], values["q"], values.get("tau")), path)
+    arrays = (values["time"], values["q_cmd"], values["q"], values.get("tau"))
+    return _checked(Trace(path.name, *arrays, servo=True), path)
 
 
 def _checked(trace: Trace, path: Path) -> Trace:

@@ -104,7 +104,8 @@ def propagate(
     k = coverage(dof)
     low, high, method = value - k * u, value + k * u, "gum"
     if u > 0 and _bent(function, inputs, rows):
-        drawn = np.asarray(function(*(i.draw(rng, draws) for i in inputs)), float)
+        with np.errstate(all="ignore"):  # the far tail of few degrees of freedom
+            drawn = np.asarray(function(*(i.draw(rng, draws) for i in inputs)), float)
         drawn = drawn[np.isfinite(drawn)]
         ends = np.quantile(drawn, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2]) if len(drawn) > draws / 2 else (low, high)
         if max(abs(ends[0] - low), abs(ends[1] - high)) > AGREE * u:
