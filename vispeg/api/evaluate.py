@@ -29,9 +29,10 @@ class EvaluationResult(Played):
         rows = self.record["success"]
         heads = ("policy", "success", "time", "peak force", "failures")
         out: list[Block] = [Sheet([Column(head) for head in heads], [_row(r) for r in rows])]
-        out += [Line(words.told(r)) for r in rows if r["needed"]]
+        out += [Line(words.told(r), path=True) for r in rows if r["needed"]]
         for c in self.record["comparisons"]:
-            out.append(Line(f"{c['first']} - {c['second']}: {words.lost(c['difference'])} points, {c['verdict']}"))
+            said = f"{c['first']} - {c['second']}: {words.lost(c['difference'])} points, {c['verdict']}"
+            out.append(Line(said, path=True))
         return out
 
 

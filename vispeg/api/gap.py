@@ -41,7 +41,7 @@ class GapResult(Played):
         rows = [[p["name"], *(cells.get((p["name"], w), "-") for w in order)] for p in values["policies"]]
         out: list[Block] = [Sheet([Column(head) for head in ("policy", *order)], rows)]
         for row in (*values["gaps"], *values["measures"]):
-            out.append(Line(f"{row['policy']} in {row['world']}: {row['words']}"))
+            out.append(Line(f"{row['policy']} in {row['world']}: {row['words']}", path=True))
         return out
 
 

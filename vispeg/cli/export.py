@@ -1,43 +1,77 @@
-"""Exports a policy to ONNX, for controllers without torch.
+"""Exports a policy to ONNX, for controllers without torch, or a model with its effects to MJCF, for plain MuJoCo.
+
+An MJCF holds the effects that MuJoCo has elements for: friction, damping, rotor inertia, springs, inertials, gravity,
+motor gain, bias and limit. The others are named, and listed in the file's first lines. Meshes are copied beside it.
 
 Example:
     vispeg export runs/peg-depth/20261121-0900_s0/checkpoints/best --out policy.onnx
+    vispeg export found/model.yaml --to mjcf --out arm.xml
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import tyro
 
 from vispeg.cli.output import Output, Told
+
+ENDS = {"onnx": ".onnx", "mjcf": ".xml"}
 
 
 @dataclass(frozen=True)
 class Args:
     """Arguments of `vispeg export`."""
 
-    policy: tyro.conf.Positional[Path]
-    """A policy's folder, or the name of one that comes with the package."""
+    source: tyro.conf.Positional[str]
+    """A policy's folder or name; with --to mjcf a model file, a robot's name, or a path to an MJCF or URDF."""
     out: Path
-    """The ONNX file."""
+    """The file to write: .onnx, or .xml."""
+    to: Literal["onnx", "mjcf"] = "onnx"
+    """The format."""
     overwrite: bool = False
     """Replace OUT if it is there."""
     output: Told = Output()
 
     def run(self) -> int:
-        """Writes the file and names its inputs."""
+        """Writes the file and says what is in it."""
         from vispeg.core.errors import UserError
+
+        if self.out.suffix.lower() != ENDS[self.to]:
+            expected = f"a name that ends in {ENDS[self.to]} (--to {self.to})"
+            raise UserError(f"not an {self.to.upper()} file", key="--out", expected=expected, got=str(self.out))
+        return self._policy() if self.to == "onnx" else self._model()
+
+    def _policy(self) -> int:
         from vispeg.learn.onnx import export
         from vispeg.learn.policy import load
 
-        if self.out.suffix.lower() != ".onnx":
-            raise UserError("not an ONNX file", key="--out", expected="a name that ends in .onnx", got=str(self.out))
-        policy = load(self.policy)
+        policy = load(self.source)
         export(policy, self.out, self.overwrite)
         shapes = ", ".join(f"{key} {list(shape)}" for key, shape in policy.actor.layout.shapes.items())
         inputs = {key: list(shape) for key, shape in policy.actor.layout.shapes.items()}
         record = {"onnx": str(self.out), "modality": policy.modality, "inputs": inputs}
         self.output.give(record, [f"{self.out}: {policy.modality}, inputs {shapes}"])
+        return 0
+
+    def _model(self) -> int:
+        from vispeg.api.inputs import read_model
+        from vispeg.core.files import write_bytes_atomic, write_text_atomic
+        from vispeg.core.marker import apart
+        from vispeg.sim.export import to_mjcf
+
+        world = read_model(self.source)
+        apart(self.out, (self.source, world.robot))
+        made = to_mjcf(world, f"{self.out.stem}-meshes")
+        write_text_atomic(self.out, made.xml, overwrite=self.overwrite)
+        for name, file in made.meshes.items():
+            write_bytes_atomic(self.out.parent / name, file.read_bytes(), overwrite=True)
+        native, rest = ([e.label for e in effects] for effects in (made.native, made.left_out))
+        lines = [f"{self.out}: {world.robot}, {len(made.meshes)} meshes beside it"]
+        lines += [f"in it: {label}" for label in native]
+        lines += [f"not in it, MuJoCo has no element for it: {label}" for label in rest]
+        record = {"mjcf": str(self.out), "meshes": [*made.meshes], "native": native, "left_out": rest}
+        self.output.give(record, lines)
         return 0

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Line:
-    """A sentence; `head` stands before it in bold, and a `path` in it is not broken over two lines."""
+    """A sentence; `head` stands before it in bold, and with `path` it is not broken over two lines."""
 
     text: str
     head: str = ""
