@@ -31,6 +31,17 @@ PENDULUM = """
       <site name="flange" pos="0 0 -0.6"/></body></body></worldbody></mujoco>
 """
 
+# a shoulder and an elbow, hanging
+ARM = """
+<mujoco><compiler angle="radian"/>
+  <worldbody><body name="base">
+    <body name="upper"><joint name="shoulder" axis="0 1 0"/>
+      <inertial pos="0 0 -0.2" mass="2" diaginertia="0.02 0.02 0.02"/>
+      <body name="lower" pos="0 0 -0.4"><joint name="elbow" axis="0 1 0"/>
+        <inertial pos="0 0 -0.15" mass="1" diaginertia="0.01 0.01 0.01"/>
+        <site name="flange" pos="0 0 -0.3"/></body></body></body></worldbody></mujoco>
+"""
+
 
 @lru_cache
 def pendulum(gravity: float = -GRAVITY) -> RobotModel:

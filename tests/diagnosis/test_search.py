@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from loops import drive, recorded
+from loops import ARM, drive, recorded
 
 import vispeg.diagnosis.search as searching
 from vispeg.core.effect import EffectInstance
@@ -10,16 +10,6 @@ from vispeg.core.seeds import stream
 from vispeg.diagnosis.run import diagnose
 from vispeg.robots.model import load
 from vispeg.worlds.world import World
-
-ARM = """
-<mujoco><compiler angle="radian"/>
-  <worldbody><body name="base">
-    <body name="upper"><joint name="shoulder" axis="0 1 0"/>
-      <inertial pos="0 0 -0.2" mass="2" diaginertia="0.02 0.02 0.02"/>
-      <body name="lower" pos="0 0 -0.4"><joint name="elbow" axis="0 1 0"/>
-        <inertial pos="0 0 -0.15" mass="1" diaginertia="0.01 0.01 0.01"/>
-        <site name="flange" pos="0 0 -0.3"/></body></body></body></worldbody></mujoco>
-"""
 
 
 @pytest.fixture(scope="module")

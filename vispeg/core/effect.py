@@ -43,6 +43,7 @@ class Effect(ABC):
             from whose fitted value its own fit should start.
         contains: simpler effects that this one turns into at some of its values; it rivals them only by being better.
         torqueless: True where no torque is missing at the joint, so that the effect is looked for at every joint.
+        common: what every arm has in every joint is tried there at once, with all effects of the same word here.
         shared: True where one value for all joints (`where: all`) is the natural first guess.
     """
 
@@ -54,6 +55,7 @@ class Effect(ABC):
     searchable: ClassVar[bool] = True
     smooth: ClassVar[bool] = True
     shared: ClassVar[bool] = False
+    common: ClassVar[str] = ""
     torqueless: ClassVar[bool] = False
     telling: ClassVar[tuple[str, ...]] = ()
     contains: ClassVar[tuple[str, ...]] = ()

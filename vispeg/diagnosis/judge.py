@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy import stats
@@ -25,29 +25,40 @@ class Gain:
         z: standard normal score of Wilcoxon's signed-rank test over blocks of time; its few heavy blocks (reversals)
             do not drown the rest, as they would in a mean over its standard error.
         relative: drop over what there was.
+        joints: (nj,) the same in the channels of each joint.
     """
 
     mean: float
     z: float
     relative: float
+    joints: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
 class Judge:
-    """Held-out evidence and the losses of worlds on it."""
+    """Held-out evidence and the losses of worlds on it: sums of squares (nblock, nj) over blocks of time and joints."""
 
     def __init__(self, evidence: Evidence):
         self.evidence = evidence
         self.blocks = evidence.blocks(0.25)
+        self.nj = evidence.items[0].nj
+        joint = [
+            np.broadcast_to(np.arange(i.measured.shape[1]) % i.nj, i.measured.shape).ravel() for i in evidence.items
+        ]
+        self.cells = self.blocks * self.nj + np.concatenate(joint)
         self.valid = np.concatenate([i.valid.ravel() for i in evidence.items])
-        self.size = np.bincount(self.blocks, weights=self.valid)
+        self.size = self._by_cell(self.valid)
 
     def losses(self, worlds: Sequence[World]) -> list[np.ndarray]:
-        """Per world, the summed squared whitened residual of each block (nblock,)."""
+        """Per world, the summed squared whitened residual of each block and joint (nblock, nj)."""
         return [self.loss(r) for r in self.evidence.residuals(worlds)]
 
     def loss(self, residual: np.ndarray) -> np.ndarray:
-        """Summed squared whitened residual of each block."""
-        return np.bincount(self.blocks, weights=np.minimum(residual**2, CAP) * self.valid)
+        """Summed squared whitened residual of each block and joint."""
+        return self._by_cell(np.minimum(residual**2, CAP) * self.valid)
+
+    def _by_cell(self, values: np.ndarray) -> np.ndarray:
+        size = (int(self.blocks.max()) + 1) * self.nj
+        return np.bincount(self.cells, weights=values, minlength=size).reshape(-1, self.nj)
 
     def mean(self, loss: np.ndarray) -> float:
         """Mean squared whitened residual: 1 at the noise floor."""
@@ -65,15 +76,24 @@ class Judge:
                         more += ((own / sigma) ** 2 - 1.0) * item.valid[:, j].sum()
         return float(1.0 + more / max(self.size.sum(), 1))
 
-    def gain(self, before: np.ndarray, after: np.ndarray) -> Gain:
-        """Improvement from one block-loss vector to another."""
-        diff = (before - after)[self.size > 0]
+    def gain(self, before: np.ndarray, after: np.ndarray, crossed: tuple[np.ndarray, np.ndarray] | None = None) -> Gain:
+        """Improvement from one loss to another; cross-fitted losses, where there are some, are tested with them."""
+        diff = (before - after)[self.size.sum(axis=1) > 0]
         mean = float(diff.sum() / self.size.sum())
-        z = 0.0
-        if np.any(diff):
-            p = stats.wilcoxon(diff, alternative="greater").pvalue
-            z = float(stats.norm.isf(np.clip(p, 1e-15, 1 - 1e-15)))
-        return Gain(mean, z, mean / max(self.mean(before), 1e-12))
+        tested = diff.sum(axis=1)
+        if crossed is not None:
+            more = (crossed[0] - crossed[1]).sum(axis=1)
+            tested = np.concatenate([tested, more[more != 0]])
+        joints = diff.sum(axis=0) / np.maximum(before.sum(axis=0), 1e-12)
+        return Gain(mean, _z(tested), mean / max(self.mean(before), 1e-12), joints)
+
+
+def _z(diff: np.ndarray) -> float:
+    """Standard normal score of Wilcoxon's signed-rank test that the differences are above 0."""
+    if not np.any(diff):
+        return 0.0
+    p = stats.wilcoxon(diff, alternative="greater").pvalue
+    return float(stats.norm.isf(np.clip(p, 1e-15, 1 - 1e-15)))
 
 
 def present(fit: Fit, index: int) -> bool:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from vispeg.core.effect import effect
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.diagnosis.accept import equal
 from vispeg.diagnosis.judge import present
 from vispeg.diagnosis.screen import candidates
 from vispeg.diagnosis.search import Search, shortlist
@@ -30,8 +31,7 @@ def find_rivals(search: Search, state: State, given: int, say: Callable[[str], N
     out = []
     for placed in chosen:
         say(f"looking for rivals of {placed.label}")
-        rest = state.world.without(placed.effect, placed.where)
-        reduced = _refitted(search, rest, given, state)
+        reduced = _without(search, state, placed, given)
         joints = search.evidence.items[0].robot.joints
         near = [placed.where] if placed.where in joints else list(joints)[:0]
         places = [c for c in candidates(search.evidence, reduced.world, near) if c != (placed.effect, placed.where)]
@@ -42,12 +42,18 @@ def find_rivals(search: Search, state: State, given: int, say: Callable[[str], N
     return out
 
 
-def _refitted(search: Search, world: World, given: int, state: State) -> State:
-    """The state of a world whose effects beyond the first `given`, if any are left, are fitted anew."""
-    fit = search.fits([world], given, iterations=5)[0] if len(world.effects) > given else None
+def _without(search: Search, state: State, placed: EffectInstance, given: int) -> State:
+    """The state without one effect, the others fitted anew with the derivatives that they had."""
+    world, fit = state.world.without(placed.effect, placed.where), None
+    if len(world.effects) > given and state.fit is not None:
+        gone = state.world.effects.index(placed)
+        columns = state.fit.jacobian[:, [a.index != gone for a in state.fit.space.axes]]
+        (fit,) = search.fits([world], given, iterations=5, columns=columns)
     residual = search.evidence.residuals([world])[0] if fit is None else fit.residual
     world = world if fit is None else fit.world
-    return State(world, search.judge.losses([world])[0], residual, fit, state.first, state.steps)
+    cross = search.cross.loss_of(fit, residual)
+    loss = search.judge.losses([world])[0]
+    return State(world, loss, residual, fit, state.first, state.steps, cross=cross)
 
 
 def _merely_richer(search: Search, trial: Trial, state: State, label: str) -> bool:
@@ -63,7 +69,7 @@ def _compare(search: Search, state: State, label: str, trials: list[Trial], with
     equals = [
         t
         for t in others
-        if search.equal(t.loss, state.loss, without)
+        if equal(search.judge, t.loss, state.loss, without)
         and present(t.fit, len(t.fit.world.effects) - 1)
         and t.gain.relative > 0
         and not _merely_richer(search, t, state, label)

@@ -182,7 +182,7 @@ def _ladder(evidence: Evidence, judged: Evidence, state: State, fit0, held0) -> 
         worlds.append(state.world)
     labels = []
     for best, _ in state.steps:
-        labels.append(f"+ {best.score.placed.label}")
+        labels.append(f"+ {best.score.label}")
     if len(worlds) > len(labels):
         labels.append("after backward deletion")
     if worlds:
@@ -200,7 +200,7 @@ def _candidates(state: State, rivals: Sequence[Rivals], given: int) -> list[dict
         for t in trials:
             if t is best:
                 continue
-            why = t.rejected or f"{best.score.placed.label} explains the held-out data as well or better"
+            why = t.rejected or f"{best.score.label} explains the held-out data as well or better"
             out.append(_candidate(t, why, given))
     out += [_candidate(t, t.rejected, given) for t in state.last]
     seen = {(c["effect"], c["where"]) for c in out}
@@ -218,7 +218,7 @@ def _candidates(state: State, rivals: Sequence[Rivals], given: int) -> list[dict
 
 
 def _candidate(t: Trial, why: str, given: int) -> dict[str, Any]:
-    beside = [e for e in t.fit.world.effects[given:] if (e.effect, e.where) != t.score.key]
+    beside = [e for e in t.fit.world.effects[given:] if not t.score.has(e)]
     return {
         "effect": t.score.key[0],
         "where": t.score.key[1],

@@ -8,11 +8,13 @@ import numpy as np
 from scipy import stats
 
 from vispeg.core.effect import EffectInstance, effect, searchable
-from vispeg.diagnosis.bic import bic_gain
-from vispeg.diagnosis.judge import Judge, parameters, present
+from vispeg.diagnosis.accept import DECISIVE, LEAST_SHARE, ranked
+from vispeg.diagnosis.cross import Cross
+from vispeg.diagnosis.judge import Judge, present
 from vispeg.diagnosis.localise import MissingTorque, joint_data, joint_z, missing_torque
 from vispeg.diagnosis.progress import Progress
-from vispeg.diagnosis.screen import Score, candidates, screen
+from vispeg.diagnosis.prune import prune
+from vispeg.diagnosis.screen import Score, candidates, groups, screen
 from vispeg.diagnosis.state import State, Trial
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit, Race, fit_job
@@ -22,14 +24,8 @@ from vispeg.worlds.world import World
 
 BEST = 7  # candidates fitted at each step
 AT_FLOOR = 1.25  # held-out noise variances at which there is nothing left to look for
-TIE = 0.03  # two fits this close in held-out squared error (above the floor) count as equals
-LEAST_SHARE = 0.001  # of what the effects so far typically removed that a later one must remove: no model is exact
-CLEAR = 0.8  # share of the held-out squared error that no mere refinement removes
-REFINEMENT = 0.03  # of what an effect of the same kind at the same place removed: no model of friction is exact
 PROMISE = 0.3  # of the gain that a step needs, which the score test must promise for a fit to be tried
-ALPHA = 0.01  # family-wise level of a step, over all places screened (Holm)
-# An effect that acts at times (a torque limit), or beside another that is missing too, gains in few blocks of time:
-DECISIVE = 0.5  # share of the held-out squared error that chance does not remove, so that blocks need pass at 5 % only
+SINGLE = 0.97  # of what a group promises that one effect must promise alone for the group not to be tried
 
 
 class Search:
@@ -43,13 +39,14 @@ class Search:
         progress: Progress | None = None,
     ):
         self.evidence, self.judge, self.say, self.progress = evidence, judge, say, progress or Progress()
+        self.cross = Cross(Judge(evidence))
         self.least_share = min(LEAST_SHARE, evidence.least_gain)
 
     def run(self, world: World) -> State:
         """Adds effects until none earns its place on the held-out recordings."""
         residual, loss = self.evidence.residuals([world])[0], self.judge.losses([world])[0]
         state = State(world, loss, residual, first=self.judge.mean(loss))
-        state.missing = self.missing(world)
+        state.missing, state.cross = self.missing(world), self.cross.loss(residual)
         given = len(world.effects)
         while len(state.world.effects) - given < self.evidence.most_effects and self._worth_it(state):
             self.say(f"{state.world.label}: held-out {self.judge.mean(state.loss):.3f} x noise variance; screening")
@@ -58,11 +55,14 @@ class Search:
             if not accepted:
                 state.last = trials
                 break
-            best = accepted[0]
+            best, before = accepted[0], state.world.label
             state.steps.append((best, trials))
-            self._take(state, best)
-            self._grow(state, best.score.placed, given)
-            self._delete(state, given)
+            self._take(state, best, given)
+            if not best.score.beside:
+                self._grow(state, best.score.placed, given)
+            prune(self, state, given)
+            if state.world.label == before:  # what came in went out again
+                break
         return state
 
     def _worth_it(self, state: State) -> bool:
@@ -84,26 +84,39 @@ class Search:
         missing, everywhere = self.missing(state.world), list(self.evidence.items[0].robot.joints)
         first = suspects(missing, everywhere) if self.evidence.unit == "rad" else everywhere
         near = candidates(self.evidence, state.world, first)
+        done = {effect(e.effect).common for best, _ in state.steps for e in best.score.beside}
+        together = groups(self.evidence, state.world, done) if len(first) > 1 else []
         rest = [p for p in candidates(self.evidence, state.world, everywhere) if p not in near]
         state.screening = []
-        trials = self.step_at(state, given, near, missing, len(near))
+        trials = self.step_at(state, given, near, missing, len(near), together)
         if rest and all(t.rejected for t in trials):
             trials = self.step_at(state, given, rest, missing, len(near) + len(rest)) + trials
         return trials
 
     def step_at(
-        self, state: State, given: int, places: Sequence[tuple[str, str]], missing: Sequence[MissingTorque], tested: int
+        self,
+        state: State,
+        given: int,
+        places: Sequence[tuple[str, str]],
+        missing: Sequence[MissingTorque],
+        tested: int,
+        together: Sequence[Sequence[tuple[str, str]]] = (),
     ) -> list[Trial]:
-        """The same at these places alone; `tested` places in all share the level of the test."""
+        """The same at these places, and for the groups `together`; `tested` places in all share the level of the test.
+
+        A group is tried only where no effect alone promises as much.
+        """
         jac = state.fit.jacobian if state.fit is not None else None
-        scores = self.screened(state.world, state.residual, jac, places, missing)
+        scores = self.screened(state.world, state.residual, jac, places, missing, together)
+        most = max((s.gain for s in scores if not s.beside), default=0.0)
+        scores = [s for s in scores if not s.beside or most < SINGLE * s.gain]
         state.screening += scores
         need = max(self.evidence.least_gain * self.judge.mean(state.loss), self.least_share * state.scale)
         if not scores or scores[0].gain / self.evidence.count < PROMISE * need:
             return []
         short = shortlist(scores, BEST)
         trials = self.try_all(state, short, given, tested)
-        seen = {s.key[1] for s in short}
+        seen = {e.where for s in short if not s.beside for e in s.members}
         elsewhere = [s for s in scores if s.key[1] not in seen and s.gain / self.evidence.count >= PROMISE * need]
         if elsewhere and all(t.rejected for t in trials):  # alike candidates at one place may have filled the list
             trials = trials + self.try_all(state, shortlist(elsewhere, BEST), given, tested)
@@ -112,14 +125,16 @@ class Search:
 
     def try_all(self, state: State, scores: Sequence[Score], given: int, tested: int) -> list[Trial]:
         """Fits each score's effect jointly with what was accepted, and judges all on the held-out recordings."""
-        worlds = [state.world.add(s.placed) for s in scores]
-        self.say(f"fitting {', '.join(s.placed.label for s in scores)}")
-        fits = self.fits(worlds, given, race=Race())
+        worlds = [state.world.add(*s.members) for s in scores]
+        self.say(f"fitting {', '.join(s.label for s in scores)}")
+        columns = None if state.fit is None else state.fit.jacobian
+        fits = self.fits(worlds, given, race=Race(), columns=columns)
         losses = self.judge.losses([f.world for f in fits])
         trials = []
         for s, f, loss in zip(scores, fits, losses, strict=True):
-            trials.append(Trial(s, f, loss, self.judge.gain(state.loss, loss)))
-        return self._ranked(state, trials, tested)
+            crossed = state.cross, self.cross.loss_of(f, f.residual)
+            trials.append(Trial(s, f, loss, self.judge.gain(state.loss, loss, crossed)))
+        return ranked(self, state, trials, tested)
 
     def screened(
         self,
@@ -128,78 +143,64 @@ class Search:
         jacobian: np.ndarray | None,
         places: Sequence[tuple[str, str]],
         missing: Sequence[MissingTorque],
+        together: Sequence[Sequence[tuple[str, str]]] = (),
     ) -> list[Score]:
         """`screen` for these missing torques, remembered."""
 
         def work_out() -> list:
             joints = joint_data(list(missing), self.evidence.items)
-            scores = screen(self.evidence, world, residual, jacobian, places, joints)
-            return [[*s.key, {k: v.value for k, v in s.placed.params.items()}, s.gain] for s in scores]
+            scores = screen(self.evidence, world, residual, jacobian, places, joints, together)
+            return [
+                [[[e.effect, e.where, {k: v.value for k, v in e.params.items()}] for e in s.members], s.gain]
+                for s in scores
+            ]
 
-        found = self.progress.recall(["screen", model_text(world), [list(p) for p in places]], work_out)
-        return [Score(EffectInstance.of(name, where, **values), gain) for name, where, values, gain in found]
+        asked = [[list(p) for p in group] for group in (places, *together)]
+        found = self.progress.recall(["screen", model_text(world), asked], work_out)
+        out = []
+        for members, gain in found:
+            first, *beside = (EffectInstance.of(name, where, **values) for name, where, values in members)
+            out.append(Score(first, gain, tuple(beside)))
+        return out
 
-    def fits(self, worlds: Sequence[World], given: int, *, race: Race | None = None, iterations: int = 8) -> list[Fit]:
-        """Fits everything after the first `given` effects of each world; where each ended is remembered."""
+    def fits(
+        self,
+        worlds: Sequence[World],
+        given: int,
+        *,
+        race: Race | None = None,
+        iterations: int = 8,
+        columns: np.ndarray | None = None,
+    ) -> list[Fit]:
+        """Fits everything after the first `given` effects of each world; where each ended is remembered.
+
+        With `columns`, derivatives to the first coordinates are taken as an earlier fit had them.
+        """
         fresh: list[Fit] = []
 
         def job(world: World, ended: tuple[Sequence[float], bool] | None = None) -> Callable[[Submit], Fit]:
             free = range(given, len(world.effects))
-            return fit_job(self.evidence, world, free, race=race, iterations=iterations, ended=ended)
+            options = {"race": race, "iterations": iterations, "ended": ended, "columns": columns}
+            return fit_job(self.evidence, world, free, **options)
 
         def work_out() -> list:
             fresh.extend(run_together([job(w) for w in worlds], self.evidence.residuals))
             return [[f.u.tolist(), f.converged] for f in fresh]
 
-        question = ["fits", [model_text(w) for w in worlds], given, race is not None, iterations]
+        quick = None if columns is None else columns.shape[1]
+        question = ["fits", [model_text(w) for w in worlds], given, race is not None, iterations, quick]
         known = self.progress.recall(question, work_out)
         again = [job(w, (u, bool(c))) for w, (u, c) in zip(worlds, known, strict=True)]
         return fresh or run_together(again, self.evidence.residuals)
 
-    def _ranked(self, state: State, trials: list[Trial], tested: int) -> list[Trial]:
-        """Refuses what fails a criterion, and puts the simplest of the equals first."""
-        level = float(stats.norm.isf(ALPHA / max(tested, 1)))  # Holm's first and strictest threshold
-        out = []
-        for t in trials:
-            why = ""
-            share = t.gain.mean / state.scale
-            alike = [e for e in state.world.effects if _alike(e, t.score.placed)]
-            beside = max(alike, key=state.removed_by, default=None)
-            refines = t.gain.mean / state.removed_by(beside) if beside is not None else 1.0
-            if beside is not None and refines < REFINEMENT and t.gain.relative < CLEAR:
-                why = f"only refines {beside.label} at the same place ({100 * refines:.2g} % of what that removed)"
-            elif share < self.least_share:
-                why = f"removes {100 * share:.2g} % of what an effect so far did, under {100 * self.least_share:.1g} %"
-            elif t.gain.relative < self.evidence.least_gain:
-                why = f"held-out gain {100 * t.gain.relative:.1f} % is under {100 * self.evidence.least_gain:.0f} %"
-            elif t.gain.z < (level if t.gain.relative < DECISIVE else stats.norm.isf(0.05)):
-                why = f"held-out gain is {t.gain.z:.1f} standard errors, under {level:.1f}"
-            elif not present(t.fit, len(t.fit.world.effects) - 1):
-                why = "its interval includes no effect"
-            elif bic_gain(self.evidence, state.world, state.residual, t.fit) <= 0:
-                why = "BIC with the effective sample size does not improve"
-            out.append(Trial(t.score, t.fit, t.loss, t.gain, why))
-        passed = sorted((t for t in out if not t.rejected), key=lambda t: float(t.loss.sum()))
-        if passed:
-            best = passed[0]
-            equal = [t for t in passed if self.equal(t.loss, best.loss, self.judge.mean(state.loss))]
-            first = min(equal, key=lambda t: (parameters(t.fit.world), float(t.loss.sum())))
-            passed.remove(first)
-            passed.insert(0, first)
-        refused = sorted((t for t in out if t.rejected), key=lambda t: float(t.loss.sum()))
-        return passed + refused
-
-    def equal(self, loss: np.ndarray, best: np.ndarray, without: float = 1.0) -> bool:
-        """Whether held-out data cannot tell a world from a better one: not significantly worse, or hardly worse.
-
-        Hardly is measured on what is left above the floor and on the excess `without` either: no model is exact.
-        """
-        gain = self.judge.gain(loss, best)
-        excess = max(self.judge.mean(best) - 1.0, 0.0)
-        return gain.mean <= max(TIE * (excess + 0.3), LEAST_SHARE * (without - 1.0)) or gain.z < 2.0
-
-    def _take(self, state: State, trial: Trial) -> None:
-        state.world, state.fit, state.loss, state.residual = trial.fit.world, trial.fit, trial.loss, trial.fit.residual
+    def _take(self, state: State, trial: Trial, given: int) -> None:
+        """The state of a trial, its derivatives all anew where those of earlier effects were taken as they were."""
+        fit, loss = trial.fit, trial.loss
+        if state.fit is not None:
+            (fit,) = self.fits([fit.world], given, iterations=3)
+            loss = self.judge.losses([fit.world])[0]
+        state.take(fit, loss)
+        state.cross = self.cross.loss_of(fit, fit.residual)
 
     def _grow(self, state: State, placed: EffectInstance, given: int) -> None:
         """Puts a richer effect in the place of the one just added, which may have been its shadow: play behind a rotor.
@@ -226,25 +227,8 @@ class Search:
             self.say(f"{starts[k].label} stands behind {simple.label}")
             trial = Trial(Score(starts[k], 0.0), fits[k], losses[k], gain)
             state.steps.append((trial, [trial]))
-            self._take(state, trial)
-
-    def _delete(self, state: State, given: int) -> None:
-        """Backward deletion: drops effects that the later ones made needless."""
-        while len(state.world.effects) - given > 1:
-            worlds = [state.world.without(e.effect, e.where) for e in state.world.effects[given:-1]]
-            fits = self.fits(worlds, given, iterations=5)
-            losses = self.judge.losses([f.world for f in fits])
-            gains = [self.judge.gain(loss, state.loss) for loss in losses]
-            k = int(np.argmin([g.mean for g in gains]))
-            if gains[k].relative >= self.evidence.least_gain and gains[k].z >= 2.0:
-                return
-            self.say(f"{state.world.effects[given + k].label} is no longer needed")
-            state.world, state.fit, state.loss, state.residual = fits[k].world, fits[k], losses[k], fits[k].residual
-
-
-def _alike(a: EffectInstance, b: EffectInstance) -> bool:
-    """Two effects of one kind at one joint."""
-    return a.where == b.where and effect(a.effect).family == effect(b.effect).family == "joint"
+            state.take(trial.fit, trial.loss)
+            state.cross = self.cross.loss_of(trial.fit, trial.fit.residual)
 
 
 def suspects(missing: list[MissingTorque], joints: list[str], share: float = 0.02, most: int = 4) -> list[str]:

@@ -39,6 +39,16 @@ class State:
     last: list[Trial] = field(default_factory=list)  # the candidates of a step that accepted none
     screening: list[Score] = field(default_factory=list)
     missing: list[MissingTorque] = field(default_factory=list)
+    cross: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))  # cross-fitted loss on the fitted recordings
+
+    def take(self, fit: Fit, loss: np.ndarray) -> None:
+        """The state of a fit, with its held-out loss."""
+        self.world, self.fit, self.loss, self.residual = fit.world, fit, loss, fit.residual
+
+    def grouped(self, placed: EffectInstance) -> bool:
+        """Whether an effect came in as one of a group, without a test of its own."""
+        came = [best.score for best, _ in self.steps if best.score.has(placed)]
+        return bool(came) and bool(came[-1].beside)
 
     @property
     def scale(self) -> float:
@@ -47,10 +57,10 @@ class State:
         What the form of an effect leaves behind is a share of what that effect removed. So in a plant with one dominant
         effect and many small ones the small ones are not measured by the dominant one alone.
         """
-        removed = [best.gain.mean for best, _ in self.steps if best.gain.mean > 0]
+        removed = [best.gain.mean / best.score.count for best, _ in self.steps if best.gain.mean > 0]
         return float(stats.gmean(removed)) if removed else max(self.first - 1.0, 1e-9)
 
     def removed_by(self, placed: EffectInstance) -> float:
         """Held-out excess that an effect removed when it was accepted; all of it for one of the user's model."""
-        gains = [b.gain.mean for b, _ in self.steps if b.score.key == (placed.effect, placed.where)]
+        gains = [b.gain.mean / b.score.count for b, _ in self.steps if b.score.has(placed)]
         return gains[-1] if gains else max(self.first - 1.0, 1e-9)

@@ -81,17 +81,20 @@ def fit_job(
     race: Race | None = None,
     trace: Trace | None = None,
     ended: tuple[Sequence[float], bool] | None = None,
+    columns: np.ndarray | None = None,
 ) -> Callable[[Submit], Fit]:
     """A job for `run_together` that fits the effects at `free` of `world`, from its values and from `starts`.
 
     `trace` is told of each step, and a fit goes on from where a given trace ends. `ended` says where an earlier run of
     the same job ended, in optimizer coordinates, and whether it had converged: then only that point is evaluated.
+    `columns` (m, k) are derivatives to the first k coordinates that an earlier fit had: they are taken as constant, so
+    that a candidate beside many effects costs rollouts for its own parameters alone. Residuals are always exact.
     """
 
     def job(submit: Submit) -> Fit:
         space = Space(world, free)
         if ended is not None:
-            return _summary(evidence, space, np.array(ended[0], float), ended[1], _Point(space, submit))
+            return _summary(evidence, space, np.array(ended[0], float), ended[1], _Point(space, submit, None, columns))
         low, high = space.bounds
         candidates = [space.start] + [Space(w, free).start for w in starts]
         candidates = [np.clip(u, low + 1e-9, high - 1e-9) for u in candidates]
@@ -106,7 +109,7 @@ def fit_job(
                     trace.chosen(costs)
             best = candidates[int(np.argmin(costs))]
         size = sum(item.measured.size for item in evidence.items)
-        point, u, converged = _least_squares(space, best, submit, iterations, race, trace, size)
+        point, u, converged = _least_squares(_Point(space, submit, trace, columns), best, iterations, race, trace, size)
         return _summary(evidence, space, u, converged, point)
 
     return job
@@ -117,10 +120,9 @@ def _cost(r: np.ndarray) -> float:
 
 
 def _least_squares(
-    space: Space, u0: np.ndarray, submit: Submit, iterations: int, race: Race | None, trace: Trace | None, size: int
+    point: _Point, u0: np.ndarray, iterations: int, race: Race | None, trace: Trace | None, size: int
 ) -> tuple[_Point, np.ndarray, bool]:
-    low, high = space.bounds
-    point = _Point(space, submit, trace)
+    low, high = point.space.bounds
 
     def lap(intermediate_result: optimize.OptimizeResult) -> None:
         cost = 2.0 * intermediate_result.cost / size
@@ -139,8 +141,8 @@ def _least_squares(
 class _Point:
     """Residual and finite-difference Jacobian of a point in one batch: a few more rows cost less than one more call."""
 
-    def __init__(self, space: Space, submit: Submit, trace: Trace | None = None):
-        self.space, self.submit, self.trace = space, submit, trace
+    def __init__(self, space: Space, submit: Submit, trace: Trace | None = None, columns: np.ndarray | None = None):
+        self.space, self.submit, self.trace, self.columns = space, submit, trace, columns
         self.known: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
         told = [] if trace is None else trace.points
         self.answers = {np.array(u, float).tobytes(): np.array(answer, float) for u, answer in told}
@@ -148,11 +150,12 @@ class _Point:
     def at(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         key = u.tobytes()
         if key not in self.known:
-            steps = self.space.steps(u)
-            points = [u] + [u + np.eye(len(u))[i] * s for i, s in enumerate(steps)]
+            steps, first = self.space.steps(u), 0 if self.columns is None else self.columns.shape[1]
+            points = [u] + [u + np.eye(len(u))[i] * steps[i] for i in range(first, len(u))]
             r, *moved = self.submit([self.space.at(p) for p in points])
-            jac = np.stack([(m - r) / s for m, s in zip(moved, steps, strict=True)], axis=1)
-            self.known[key] = (r, jac)
+            fresh = [(m - r) / s for m, s in zip(moved, steps[first:], strict=True)]
+            jac = np.stack(fresh, axis=1) if fresh else np.empty((len(r), 0))
+            self.known[key] = (r, jac if self.columns is None else np.column_stack([self.columns, jac]))
             while len(self.known) > 3:  # the solver looks back one point at most
                 del self.known[next(iter(self.known))]
         return self.known[key]

@@ -15,6 +15,7 @@ class CoulombFriction(Effect):
 
     name = "coulomb_friction"
     family = "joint"
+    common = "friction"
     params = {"torque": Param(0.0, 0.0, 30.0, "N m", start=0.5, doc="friction torque in motion and at rest")}
     writes = frozenset({"dof_frictionloss"})
 

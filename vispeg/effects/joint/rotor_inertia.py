@@ -15,6 +15,7 @@ class RotorInertia(Effect):
 
     name = "rotor_inertia"
     family = "joint"
+    common = "inertia"
     params = {"inertia": Param(0.0, 0.0, 5.0, "kg m2", start=0.1, doc="reflected to the link side")}
     writes = frozenset({"dof_armature"})
 

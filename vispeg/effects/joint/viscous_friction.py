@@ -15,6 +15,7 @@ class ViscousFriction(Effect):
 
     name = "viscous_friction"
     family = "joint"
+    common = "friction"
     params = {"damping": Param(0.0, 0.0, 50.0, "N m s/rad", start=1.0, doc="torque per joint velocity")}
     writes = frozenset({"dof_damping"})
 

@@ -1,0 +1,58 @@
+"""What every arm has is found at once in every joint, and what a joint has not is not named."""
+
+import numpy as np
+import pytest
+from loops import ARM, drive, recorded
+
+from vispeg.core.effect import EffectInstance
+from vispeg.core.seeds import stream
+from vispeg.core.world import World
+from vispeg.diagnosis.run import diagnose
+from vispeg.diagnosis.screen import groups
+from vispeg.identify.evidence import Evidence
+from vispeg.robots.model import load
+
+HIDDEN = (
+    EffectInstance.of("coulomb_friction", "shoulder", torque=0.5),
+    EffectInstance.of("coulomb_friction", "elbow", torque=0.4),
+    EffectInstance.of("viscous_friction", "shoulder", damping=0.6),
+    EffectInstance.of("viscous_friction", "elbow", damping=0.5),
+)
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory):
+    """Friction of both kinds in both joints, on three motions."""
+    path = tmp_path_factory.mktemp("arm") / "arm.xml"
+    path.write_text(ARM)
+    robot, out = load(path), []
+    for i in range(3):
+        t = np.arange(700) * 5e-3
+        swing = 1 - np.cos(2 * np.pi * np.outer(t, [0.7 + 0.2 * i, 1.1 - 0.2 * i]))
+        s = drive(robot, "position", 0.0, command=0.4 * swing, seconds=3.5, rate=200.0, kp=60.0, kd=4.0)
+        out.append(recorded(robot, robot.source, World().add(*HIDDEN), s, stream(5, i)))
+    return out
+
+
+def test_a_group_has_every_joint_once(recordings):
+    evidence = Evidence(recordings[:1])
+    found = groups(evidence, World())
+    friction = next(g for g in found if ("coulomb_friction", "elbow") in g)
+    assert sorted(friction) == sorted((e.effect, e.where) for e in HIDDEN)
+    assert all(len(g) == len(set(g)) for g in found)
+    left = groups(evidence, World().add(HIDDEN[0]))
+    assert ("coulomb_friction", "shoulder") not in [p for g in left for p in g]
+    assert not any(("coulomb_friction", "elbow") in g for g in groups(evidence, World(), {"friction"}))
+
+
+def test_friction_of_every_joint_is_named_with_its_size(recordings):
+    world = World(recordings[0].robot)
+    record = diagnose(world, recordings[:2], recordings[2:], nthread=1, plan_next=False).record
+    found = {(e["effect"], e["where"]): e["params"] for e in record["effects"]}
+    assert set(found) == {(e.effect, e.where) for e in HIDDEN}, record["reason"]
+    for e in HIDDEN:
+        for name, value in e.params.items():
+            p = found[e.effect, e.where][name]
+            assert p["value"] == pytest.approx(value.value, rel=0.1)
+            assert p["low"] > 0
+    assert record["ladder"][1]["model"] == "+ coulomb_friction + viscous_friction(each)"

@@ -1,0 +1,88 @@
+"""Which of the fitted candidates of a step pass, and which of those that pass is the simplest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import stats
+
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.diagnosis.bic import bic_gain
+from vispeg.diagnosis.judge import Judge, parameters, present
+from vispeg.diagnosis.state import State, Trial
+
+if TYPE_CHECKING:
+    from vispeg.diagnosis.search import Search
+
+TIE = 0.03  # two fits this close in held-out squared error (above the floor) count as equals
+LEAST_SHARE = 0.001  # of what the effects so far typically removed that a later one must remove: no model is exact
+CLEAR = 0.8  # share of the held-out squared error that no mere refinement removes
+REFINEMENT = 0.03  # of what an effect of the same kind at the same place removed: no model of friction is exact
+DISCOVERIES = 0.01  # rate of false discoveries over all places screened (Benjamini and Hochberg)
+# An effect that acts at times (a torque limit), or beside another that is missing too, gains in few blocks of time:
+DECISIVE = 0.5  # share of the held-out squared error that chance does not remove, so that blocks need pass at 5 % only
+HELD_OUT = 1.645  # sigma on the held-out recordings alone, whatever the cross-fitted ones say
+
+
+def ranked(search: Search, state: State, trials: list[Trial], tested: int) -> list[Trial]:
+    """Refuses what fails a criterion, and puts the simplest of the equals first."""
+    level, out = threshold([t.gain.z for t in trials], tested), []
+    for t in trials:
+        why = ""
+        share = t.gain.mean / state.scale
+        alike = [e for e in state.world.effects if _alike(e, t.score.placed)] if not t.score.beside else []
+        beside = max(alike, key=state.removed_by, default=None)
+        refines = t.gain.mean / state.removed_by(beside) if beside is not None else 1.0
+        if beside is not None and refines < REFINEMENT and t.gain.relative < CLEAR:
+            why = f"only refines {beside.label} at the same place ({100 * refines:.2g} % of what that removed)"
+        elif share < search.least_share:
+            why = f"removes {100 * share:.2g} % of what an effect so far did, under {100 * search.least_share:.1g} %"
+        elif t.gain.relative < search.evidence.least_gain:
+            why = f"held-out gain {100 * t.gain.relative:.1f} % is under {100 * search.evidence.least_gain:.0f} %"
+        elif t.gain.z < (level if t.gain.relative < DECISIVE else stats.norm.isf(0.05)):
+            why = f"held-out gain is {t.gain.z:.1f} standard errors, under {level:.1f}"
+        elif search.judge.gain(state.loss, t.loss).z < HELD_OUT:
+            why = "it does not show in the held-out recordings alone"
+        elif not any(present(t.fit, k) for k in range(-t.score.count, 0)):
+            why = "its interval includes no effect"
+        elif bic_gain(search.evidence, state.world, state.residual, t.fit) <= 0:
+            why = "BIC with the effective sample size does not improve"
+        out.append(Trial(t.score, t.fit, t.loss, t.gain, why))
+    passed = sorted((t for t in out if not t.rejected), key=lambda t: float(t.loss.sum()))
+    if passed:
+        best = passed[0]
+        alike = [t for t in passed if equal(search.judge, t.loss, best.loss, search.judge.mean(state.loss))]
+        first = min(alike, key=lambda t: (parameters(t.fit.world), float(t.loss.sum())))
+        passed.remove(first)
+        passed.insert(0, first)
+    refused = sorted((t for t in out if t.rejected), key=lambda t: float(t.loss.sum()))
+    return passed + refused
+
+
+def threshold(scores: Sequence[float], tested: int) -> float:
+    """The score from which on these of `tested` places pass at the rate `DISCOVERIES` of false discoveries.
+
+    Source: Benjamini and Hochberg, Journal of the Royal Statistical Society B 57(1), 1995; places that were not fitted
+    count as tested.
+    """
+    p = np.sort(stats.norm.sf(scores))
+    levels = DISCOVERIES * np.arange(1, len(p) + 1) / max(tested, len(p), 1)
+    passed = np.flatnonzero(p <= levels)
+    return float(stats.norm.isf(levels[passed[-1] if len(passed) else 0]))
+
+
+def equal(judge: Judge, loss: np.ndarray, best: np.ndarray, without: float = 1.0) -> bool:
+    """Whether held-out data cannot tell a world from a better one: not significantly worse, or hardly worse.
+
+    Hardly is measured on what is left above the floor and on the excess `without` either: no model is exact.
+    """
+    gain = judge.gain(loss, best)
+    excess = max(judge.mean(best) - 1.0, 0.0)
+    return gain.mean <= max(TIE * (excess + 0.3), LEAST_SHARE * (without - 1.0)) or gain.z < 2.0
+
+
+def _alike(a: EffectInstance, b: EffectInstance) -> bool:
+    """Two effects of one kind at one joint."""
+    return a.where == b.where and effect(a.effect).family == effect(b.effect).family == "joint"

@@ -1,0 +1,109 @@
+"""Backward deletion: effects that carry nothing once others stand beside them.
+
+What a fit would be without an effect follows from its derivatives, so each is asked for without a rollout on the fitted
+recordings (cross-fitted) and with one on the held-out ones; only what is dropped costs a fit.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vispeg.core.effect import effect
+from vispeg.diagnosis.cross import reduced
+from vispeg.diagnosis.judge import Gain
+from vispeg.diagnosis.state import State
+from vispeg.identify.fit import Fit
+
+if TYPE_CHECKING:
+    from vispeg.diagnosis.search import Search
+
+SURE = 2.0  # sigma by which a member of a group must lower the error to stay
+ABLE = 1.645  # the same for an effect that passed a test of its own
+LOCAL = 0.01  # of the squared residual in its own joint that a member of a group must remove
+
+
+def prune(search: Search, state: State, given: int) -> None:
+    """Drops from the state what is not needed, the least needed first, and fits the rest anew."""
+    while state.fit is not None and len(state.world.effects) - given > 1:
+        dropped = _spare(search, state, given) or _refused(search, state, given)
+        if not dropped:
+            return
+        world = state.world
+        for k in dropped:
+            world = world.without(state.world.effects[k].effect, state.world.effects[k].where)
+            search.say(f"{state.world.effects[k].label} is no longer needed")
+        columns = state.fit.jacobian[:, [a.index not in dropped for a in state.fit.space.axes]]
+        (fit,) = search.fits([world], given, iterations=4, columns=columns)
+        state.take(fit, search.judge.losses([fit.world])[0])
+        state.cross = search.cross.loss_of(fit, fit.residual)
+
+
+def _spare(search: Search, state: State, given: int) -> list[int]:
+    """Effects of groups that the fitted recordings alone show to be useless, one after the other."""
+    fit, gone = state.fit, []
+    assert fit is not None
+    null = _nulls(fit)
+    asked = [k for k in range(given, len(state.world.effects)) if state.grouped(state.world.effects[k])]
+    best = search.cross.loss(fit.residual, fit.jacobian)
+    while len(asked) > len(gone) and len(state.world.effects) - given - len(gone) > 1:
+        tried = []
+        for k in asked:
+            if k in gone:
+                continue
+            out = [i for i, a in enumerate(fit.space.axes) if a.index in {*gone, k}]
+            _, residual, rest = reduced(fit, out, null)
+            loss = search.cross.loss(residual, rest)
+            gain = search.cross.judge.gain(loss, best)
+            tried.append((gain.z, k, loss, gain))
+        z, k, loss, gain = min(tried, key=lambda t: t[0])
+        if z >= SURE and _matters(search, state, k, gain):
+            break
+        gone.append(k)
+        best = loss
+    return gone
+
+
+def _refused(search: Search, state: State, given: int) -> list[int]:
+    """The effect that the held-out recordings need least, if they do not need it."""
+    fit = state.fit
+    assert fit is not None
+    null, places = _nulls(fit), list(range(given, len(state.world.effects)))
+    worlds, crossed = [], []
+    for k in places:
+        out = [i for i, a in enumerate(fit.space.axes) if a.index == k]
+        u, residual, rest = reduced(fit, out, null)
+        placed = state.world.effects[k]
+        worlds.append(fit.space.at(u).without(placed.effect, placed.where))
+        crossed.append(search.cross.loss(residual, rest))
+    losses = search.judge.losses(worlds)
+    gains = [
+        search.judge.gain(loss, state.loss, (cross, state.cross)) for loss, cross in zip(losses, crossed, strict=True)
+    ]
+    weak = [i for i, k in enumerate(places) if not _needed(search, state, k, gains[i])]
+    if not weak:
+        return []
+    k = min(weak, key=lambda i: gains[i].mean)
+    return [places[k]]
+
+
+def _needed(search: Search, state: State, k: int, gain: Gain) -> bool:
+    sure = SURE if state.grouped(state.world.effects[k]) else ABLE
+    return gain.z >= sure and _matters(search, state, k, gain)
+
+
+def _matters(search: Search, state: State, k: int, gain: Gain) -> bool:
+    """Whether an effect removes a visible share: of all the error, or for one of a group of that in its own joint."""
+    placed, joints = state.world.effects[k], search.evidence.items[0].robot.joints
+    local = gain.joints[joints.index(placed.where)] if placed.where in joints and state.grouped(placed) else 0.0
+    return gain.relative >= search.evidence.least_gain or local >= LOCAL
+
+
+def _nulls(fit: Fit) -> np.ndarray:
+    """Coordinates at which each effect vanishes; shapes stay as they are."""
+    out = fit.u.copy()
+    for i, axis in enumerate(fit.space.axes):
+        if not axis.param.shape and axis.name in effect(fit.world.effects[axis.index].effect).magnitudes:
+            out[i] = fit.space.forward(axis.param.null, axis)
+    return out
