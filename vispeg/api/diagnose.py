@@ -9,11 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from vispeg.api.inputs import Model, Reading, Source, read_inputs, silent
+from vispeg.api.inputs import Inputs, Model, Reading, Source, read_inputs, silent
 from vispeg.api.result import Result
 from vispeg.core.effect import EffectInstance
+from vispeg.core.errors import UserError
 from vispeg.diagnosis import run
+from vispeg.diagnosis.change import diagnose_change
 from vispeg.diagnosis.progress import Progress
+from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import SECONDS
 from vispeg.report.summary import Block
 from vispeg.report.terminal import diagnosis_summary
@@ -27,9 +30,9 @@ class DiagnosisResult(Result):
 
     Attributes:
         record: what diagnosis.json holds, see docs/formats.md.
-        world: the model with the effects that were identified; `effects` are those.
+        world: the model with the effects that were accepted; `effects` are those.
         arrays: measured and predicted values behind the pictures, as in evidence.npz.
-        effects: with values and 95 % intervals; none where the verdict is `adequate` or `unexplained`.
+        effects: with values and 95 % intervals; `partial` where they leave a remainder.
         sources: what was read.
     """
 
@@ -73,6 +76,7 @@ def diagnose(
     recordings: Source | Sequence[Source],
     validate: Source | Sequence[Source],
     *,
+    baseline: Source | Sequence[Source] = (),
     seconds: float = SECONDS,
     seed: int = 0,
     threads: int = 2,
@@ -86,6 +90,8 @@ def diagnose(
         model: a world, a model file, a robot's name, or a path to an MJCF or URDF.
         recordings: folders, or recordings in memory, to fit.
         validate: those to judge on, which are never fitted.
+        baseline: of the same robot as it was before, two or more, the last of them judged on: what is named is then the
+            change since, and `record["baseline"]` what the robot had before.
         seconds: of a longer recording, the windows that show the most, this long in all; 0 uses all of it.
         seed: of whatever is drawn.
         threads: of the simulation.
@@ -98,12 +104,29 @@ def diagnose(
         UserError: a model or a recording that cannot be read or compared, or in which nothing moves.
     """
     given = read_inputs(model, recordings, validate, seconds=seconds, reading=reading)
+    before = _before(model, baseline, seconds, reading)
     stamp = given.provenance(seed)
-    key = [*given.key(), seconds, seed, stamp["versions"]]
+    key = [*given.key(), seconds, seed, stamp["versions"], *([] if before is None else before.key())]
     progress = None if part is None else Progress(Path(part) / "progress.json", key)
     say("going on" if progress is not None and progress.resumed else "simulating")
     options = {"seed": seed, "nthread": threads, "say": say, "progress": progress}
-    result = run.diagnose(given.world, given.fitted, given.held_out, **options)
+    if before is None:
+        result = run.diagnose(given.world, given.fitted, given.held_out, **options)
+    else:
+        was = (*before.fitted, *before.held_out)
+        result = diagnose_change(given.world, was, given.fitted, given.held_out, **options)
     record = finite({**result.record, "provenance": stamp})
-    effects = result.world.effects[len(given.world.effects) :]
-    return DiagnosisResult(record, result.world, result.arrays, effects, given.files, progress)
+    effects = result.world.effects[len(result.world.effects) - len(record["effects"]) :]
+    files = given.files if before is None else (*given.files, *before.files)
+    return DiagnosisResult(record, result.world, result.arrays, effects, files, progress)
+
+
+def _before(model: Model, baseline: Source | Sequence[Source], seconds: float, reading: Reading) -> Inputs | None:
+    """The baseline's recordings, the last one to judge on; None without any."""
+    sources = [baseline] if isinstance(baseline, Recording | str | Path) else [*baseline]
+    if not sources:
+        return None
+    if len(sources) < 2:
+        message = "one recording of the baseline is fitted, so another must judge"
+        raise UserError(message, key="--baseline", expected="two or more", got=len(sources))
+    return read_inputs(model, sources[:-1], sources[-1:], seconds=seconds, reading=reading)

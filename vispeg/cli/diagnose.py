@@ -4,8 +4,12 @@ Writes OUT/diagnosis.json, OUT/report.html and OUT/model.yaml (the model with wh
 record. Exits 0 with a verdict: adequate, identified, ambiguous or unexplained. A diagnosis that was killed goes on
 where it stood when the same command is given again: what it had worked out lies in OUT.part until it is done.
 
+With --baseline, what changed since those recordings is sought: a payload, what a repair did. What the baseline lacks is
+found first and stands in the model; `effects` is the difference.
+
 Example:
     vispeg diagnose iiwa14 --recording rig-a --recording rig-b --validate rig-c --out found
+    vispeg diagnose iiwa14 --baseline empty-a --baseline empty-b --recording loaded-a --validate loaded-b --out change
 """
 
 from __future__ import annotations
@@ -32,6 +36,8 @@ class Args:
     """A recording to fit; give the flag once for each."""
     validate: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
     """A recording to judge on, never fitted; give the flag once for each."""
+    baseline: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
+    """A recording of the same robot as it was before; two or more, the last one is judged on."""
     seconds: float = SECONDS
     """Of a longer recording, the windows that show the most, this long in all; 0 uses all of it."""
     seed: int = 0
@@ -52,11 +58,12 @@ class Args:
         from vispeg.core.files import reserved
         from vispeg.report.terminal import report_line
 
-        inputs = (*model_files(self.model), *self.recording, *self.validate)
+        inputs = (*model_files(self.model), *self.recording, *self.validate, *self.baseline)
         with reserved(self.out, self.overwrite, holds="diagnosis", inputs=inputs), stages(self.output.quiet) as say:
             options = {"seconds": self.seconds, "seed": self.seed, "threads": self.threads, "say": say}
             part, reading = self.out.with_name(self.out.name + ".part"), shown(self.output.quiet)
-            result = diagnose(self.model, self.recording, self.validate, part=part, reading=reading, **options)
+            sides = (self.recording, self.validate)
+            result = diagnose(self.model, *sides, baseline=self.baseline, part=part, reading=reading, **options)
             result.save(self.out, overwrite=self.overwrite)
         self.output.give(result.record, [*result.summary, report_line(self.out)])
         return 0

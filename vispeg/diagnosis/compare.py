@@ -74,7 +74,7 @@ def _joints(evidence: Evidence, predicted: list[np.ndarray]) -> list[dict[str, A
     """Per joint: RMS error and noise, their ratio, and RMS torque error where torque was measured."""
     out = []
     for j, joint in enumerate(evidence.items[0].robot.joints):
-        error, floor = _rms(evidence, predicted, j), _floor(evidence, j)
+        error, floor = _rms(evidence, predicted, j), float(evidence.floors[j])
         row: dict[str, Any] = {"joint": joint, "error": error, "floor": floor, "unit": f"{evidence.unit} RMS"}
         row["times_floor"] = error / floor if floor > 0 else None
         if all(i.beside == "torque" for i in evidence.items):
@@ -92,13 +92,6 @@ def _rms(evidence: Evidence, predicted: list[np.ndarray], channel: int) -> float
         total += float(np.sum((item.measured[valid, channel] - y[0][valid, channel]) ** 2))
         count += int(valid.sum())
     return float(np.sqrt(total / max(count, 1)))
-
-
-def _floor(evidence: Evidence, j: int) -> float:
-    count = [int(i.valid[:, j].sum()) for i in evidence.items]
-    return float(
-        np.sqrt(sum(n * i.sigma[j] ** 2 for n, i in zip(count, evidence.items, strict=True)) / max(sum(count), 1))
-    )
 
 
 def _arrays(evidence: Evidence, predicted: list[np.ndarray]) -> dict[str, np.ndarray]:

@@ -7,29 +7,37 @@ from dataclasses import replace
 import numpy as np
 
 from vispeg.core.effect import Value, effect
+from vispeg.core.params import Param
 from vispeg.worlds.world import World
 
 
 def widened(world: World, given: int, before: float, after: float) -> World:
     """Fitted intervals widened by what the model's form leaves: no fit is truer than the share of error it removes.
 
-    The amplitude of the held-out excess that remains over the one there was is taken as a relative standard error.
+    The amplitude of the held-out excess that remains over the one there was is taken as a relative standard error of
+    each value's distance from null. It acts on a logarithmic scale, so that an effect whose statistical interval leaves
+    out null is not said to be perhaps absent because something else is missing too.
     """
-    left = float(np.sqrt(max(after - 1.0, 0.0) / max(before - 1.0, 1e-9)))
+    left = 1.96 * float(np.sqrt(max(after - 1.0, 0.0) / max(before - 1.0, 1e-9)))
     effects = list(world.effects)
     for i, e in enumerate(effects[given:], given):
-        params = {}
-        for name, v in e.params.items():
-            p = effect(e.effect).params[name]
-            if v.low is None or v.high is None:
-                params[name] = v
-            elif p.scale == "log":
-                half = np.hypot(np.log(v.high / v.low) / 2, 1.96 * left)
-                bounds = np.clip(v.value * np.exp([-half, half]), p.low, p.high)
-                params[name] = Value(v.value, float(bounds[0]), float(bounds[1]))
-            else:
-                more = 1.96 * left * abs(v.value - (0.0 if p.shape else p.null))
-                low, high = v.value - np.hypot(v.value - v.low, more), v.value + np.hypot(v.high - v.value, more)
-                params[name] = Value(v.value, float(max(low, p.low)), float(min(high, p.high)))
-        effects[i] = replace(e, params=params)
+        known = effect(e.effect).params
+        effects[i] = replace(e, params={name: _wider(v, known[name], left) for name, v in e.params.items()})
     return replace(world, effects=tuple(effects))
+
+
+def _wider(v: Value, p: Param, left: float) -> Value:
+    if v.low is None or v.high is None:
+        return v
+    null = 0.0 if p.shape else p.null
+    if p.scale == "log":
+        half = np.hypot(np.log(v.high / v.low) / 2, left)
+        ends = v.value * np.exp([-half, half])
+    elif v.low <= null <= v.high:
+        more = left * abs(v.value - null)
+        ends = np.array([v.value - np.hypot(v.value - v.low, more), v.value + np.hypot(v.high - v.value, more)])
+    else:
+        ratio = np.log((np.array([v.low, v.high]) - null) / (v.value - null))
+        ends = null + (v.value - null) * np.exp(np.sign(ratio) * np.hypot(ratio, left))
+    low, high = np.clip(np.sort(ends), p.low, p.high)
+    return Value(v.value, float(min(low, v.value)), float(max(high, v.value)))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable
+from copy import copy
 from pathlib import Path
 from typing import Any
 
@@ -30,17 +31,24 @@ class Progress:
 
     def __init__(self, file: Path | None = None, key: Any = None):
         self.file, self.key, self.answers = file, _hash(key), {}
+        self.of: str | None = None
         if file is not None and file.is_file():
             self.answers = _read(file, self.key)
         self.resumed = len(self.answers)
 
     def recall(self, question: Any, work_out: Callable[[], Any]) -> Any:
         """The answer (plain JSON data) to a question (JSON data): known, or worked out and kept."""
-        at = _hash(question)
+        at = _hash(question if self.of is None else [self.of, question])
         if at not in self.answers:
             self.answers[at] = work_out()
             self._write()
         return self.answers[at]
+
+    def part(self, of: str) -> Progress:
+        """The same progress for another diagnosis in the same run: its questions are not mistaken for these."""
+        other = copy(self)
+        other.of = of
+        return other
 
     def _write(self) -> None:
         if self.file is not None:

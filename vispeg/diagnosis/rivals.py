@@ -11,7 +11,6 @@ from vispeg.diagnosis.judge import present
 from vispeg.diagnosis.screen import candidates
 from vispeg.diagnosis.search import Search, shortlist
 from vispeg.diagnosis.state import State, Trial
-from vispeg.worlds.world import World
 
 
 @dataclass(frozen=True)

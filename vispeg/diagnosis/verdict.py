@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from vispeg.diagnosis.remainder import CONVINCING, Dependence
 from vispeg.diagnosis.rivals import Rivals
 
@@ -12,6 +14,7 @@ FLOOR = 1.6  # held-out mean squared residual, in noise variances, up to which a
 EXPLAINED = 0.97  # share of the held-out excess over noise that an identified model must explain
 # However bad the nominal model was, an identified one leaves no more than this, in noise variances:
 FARTHEST = 100.0
+MARK = 1.25  # of what least squares of base parameters leaves, up to which an identified model may leave too
 
 
 @dataclass(frozen=True)
@@ -25,7 +28,13 @@ class Verdict:
 
 
 def decide(
-    before: float, after: float, found: int, rivals: Sequence[Rivals], depends: Sequence[Dependence], floor: float = 1.0
+    before: float,
+    after: float,
+    found: int,
+    rivals: Sequence[Rivals],
+    depends: Sequence[Dependence],
+    floor: float = 1.0,
+    mark: float | None = None,
 ) -> Verdict:
     """The verdict.
 
@@ -35,15 +44,19 @@ def decide(
         rivals: of the added effects.
         depends: what the final residual depends on.
         floor: of the final model, in noise variances; above 1 where encoders are coarse or the loop feeds noise back.
+        mark: what least squares of all base parameters, friction and bias leaves on the same recordings; None: unknown.
     """
     excess_before, excess_after = max(before - 1.0, 1e-9), max(after - floor, 0.0)
     explained = 1.0 - excess_after / excess_before
     at_floor = after <= FLOOR * floor
     top = depends[0] if depends else None
-    if not at_floor and (explained < EXPLAINED or after > FARTHEST * floor or not found):
+    most = min(FARTHEST * floor, np.inf if mark is None else MARK * mark)
+    if not at_floor and (explained < EXPLAINED or after > most or not found):
         on = [{"input": d.input, "joint": d.joint, "share": d.share} for d in depends if d.share >= CONVINCING]
         what = f"it depends on {on[0]['input']} at {on[0]['joint']}" if on else "no single input predicts it"
         text = f"a residual {after:.1f} times the noise variance remains that no known effect explains; {what}"
+        if mark is not None:
+            text += f"; least squares of all masses, friction and bias leaves {mark:.1f}"
         rest = {"depends_on": on, "text": text, "explained_share": round(explained, 4)}
         return Verdict("unexplained", text, rest, partial=True)
     if not found:

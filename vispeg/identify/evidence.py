@@ -149,6 +149,13 @@ class Evidence:
         return float(np.sqrt(total / max(n, 1)))
 
     @property
+    def floors(self) -> np.ndarray:
+        """(nch,) RMS noise of each channel, in its unit: the error of a perfect model there."""
+        count = np.stack([i.valid.sum(axis=0) for i in self.items])
+        square = np.stack([i.sigma**2 for i in self.items])
+        return np.sqrt(np.sum(count * square, axis=0) / np.maximum(count.sum(axis=0), 1))
+
+    @property
     def floor(self) -> float:
         """RMS angle noise in rad: the error of a perfect model."""
         n = sum(i.valid[:, : i.nj].sum() for i in self.items)

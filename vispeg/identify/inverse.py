@@ -49,7 +49,7 @@ class TorqueEvidence(Evidence):
         self._recent = []
         noise, self.floor_from = _noise(self.recordings)
         # one weight for all joints: what the rigid model lacks exceeds sensor noise by far, newton metres count alike
-        sigma = np.full_like(noise, np.sqrt(np.mean(noise**2)))
+        sigma, self._floors = np.full_like(noise, np.sqrt(np.mean(noise**2))), noise
         self.notes += [rec.chosen.said(rec.name) for rec in recordings if rec.chosen]
         self.items = [item for rec in recordings for item in _items(rec, sigma)]
         self._ddq = [i.segment.known["ddq"] for i in self.items]
@@ -57,6 +57,11 @@ class TorqueEvidence(Evidence):
 
     least_gain = 0.002
     most_effects = 24  # inverse dynamics is cheap, and friction sits in every joint
+
+    @property
+    def floors(self) -> np.ndarray:
+        """(nj,) noise of each joint's torque, N m, whatever weight it has in the comparison."""
+        return self._floors
 
     def _simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
         """Per item, the torques (nworld, m, nj) that the worlds say the sensor would read."""

@@ -37,6 +37,8 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
     out: list[Block] = []
     if verdict := diagnosis.get("verdict"):
         out.append(Line(words.verdict(diagnosis), head=str(verdict)))
+    if before := words.baseline(diagnosis):
+        out.append(Line(before))
     out += [Line(words.fall(diagnosis)), ladder_table(diagnosis)]
     if diagnosis.get("effects"):
         out.append(effects_table(diagnosis))

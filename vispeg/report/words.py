@@ -100,6 +100,16 @@ def verdict(values: Mapping[str, Any]) -> str:
     return f"The record gives no known verdict ({kind})." if kind else ""
 
 
+def baseline(values: Mapping[str, Any]) -> str:
+    """What the robot had before, where two of its states were compared; empty where not."""
+    before = values.get("baseline")
+    if not isinstance(before, dict):
+        return ""
+    names = [sized(effect) for effect in rows(before, "effects")]
+    had = named(names) if names else "no effect"
+    return f"Before and after: {had} ({before.get('verdict')}). Changed since: what is listed as found."
+
+
 def rivals(values: Mapping[str, Any]) -> list[list[str]]:
     """The classes of effects that the recordings cannot tell apart, in words, each with the chosen one first."""
     found = []

@@ -1,0 +1,88 @@
+"""What linear least squares leaves: all inertial parameters of all links, with friction and bias in every joint.
+
+Torque along a measured motion is linear in a link's mass, mass times centre, and inertia about the link's frame, so the
+best rigid arm with Coulomb and viscous friction is one linear fit. Its error on recordings that were not fitted is a
+mark for a diagnosis: a remainder no greater is none that a rigid arm with plain friction could mend. Its parameters are
+no model: most are not determined one by one, and nothing keeps masses positive. Source: Gautier and Khalil, IEEE
+Transactions on Robotics and Automation 6(3), 1990, on base parameters.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from mujoco import batch as mjb
+
+from vispeg.identify.channels import Item
+from vispeg.identify.inverse import STICK, TorqueEvidence
+from vispeg.sim.compiled import compiled
+from vispeg.sim.nominal import dense
+from vispeg.sim.state import Fields
+from vispeg.worlds.world import World
+
+RANK = 1e-4  # of the greatest singular value of the scaled columns: below, a direction is not determined
+QUARTER = np.array([[np.cos(np.pi / 8), *(np.sin(np.pi / 8) * e)] for e in np.eye(3)])  # 45 degrees about x, y, z
+
+
+def base_parameters(fitted: TorqueEvidence, held_out: TorqueEvidence, world: World) -> list[np.ndarray]:
+    """Residuals (m, nj) in N m of each held-out item, invalid rows 0, where all was fitted beside `world`."""
+    x, y = _system(fitted, world)
+    scale = np.maximum(np.linalg.norm(x, axis=0), 1e-12)
+    solution = np.linalg.lstsq(x / scale, y, rcond=RANK)[0] / scale
+    out = []
+    for item, residual in zip(held_out.items, _residuals(held_out, world), strict=True):
+        left = residual - (columns(item) @ solution).reshape(residual.shape)
+        out.append(np.where(item.valid, left, 0.0))
+    return out
+
+
+def _system(evidence: TorqueEvidence, world: World) -> tuple[np.ndarray, np.ndarray]:
+    parts = [
+        (columns(item)[item.valid.ravel()], residual[item.valid])
+        for item, residual in zip(evidence.items, _residuals(evidence, world), strict=True)
+    ]
+    return np.concatenate([x for x, _ in parts]), np.concatenate([y for _, y in parts])
+
+
+def _residuals(evidence: TorqueEvidence, world: World) -> list[np.ndarray]:
+    pairs = zip(evidence.items, evidence.simulated([world]), strict=True)
+    return [np.nan_to_num(item.measured) - y[0] for item, y in pairs]
+
+
+def columns(item: Item) -> np.ndarray:
+    """Derivatives (m nj, 10 nlink + 4 nj) of the joint torques along an item's motion."""
+    seg, nj = item.segment, item.nj
+    ddq = seg.known["ddq"]
+    rigid = _rigid(item, ddq)  # (m, nj, 10 nlink)
+    each = np.stack([np.tanh(seg.dq / STICK), seg.dq, ddq, np.ones_like(seg.dq)], axis=2)  # (m, nj, 4)
+    own = np.einsum("njk,ji->njik", each, np.eye(nj)).reshape(len(ddq), nj, -1)
+    return np.concatenate([rigid, own], axis=2).reshape(len(ddq) * nj, -1)
+
+
+def _rigid(item: Item, ddq: np.ndarray) -> np.ndarray:
+    """(m, nj, 10 nlink): each link alone in ten states of mass that span its inertial parameters."""
+    model, seg = compiled(item.robot), item.segment
+    rows, out = len(seg.time), []
+    batch = mjb.Batch(model, rows, nthread=1)
+    fields = Fields(batch, item.robot)
+    mass, com = fields["body_mass"], fields["body_ipos"]
+    inertia, turn, rotor = fields["body_inertia"], fields["body_iquat"], fields["dof_armature"]
+    batch.bind("qpos")[:, fields.qposes], batch.bind("qvel")[:, fields.dofs] = seg.q, seg.dq
+    bias, matrix = batch.bind("qfrc_bias"), batch.bind("M")
+    mass[:], inertia[:], rotor[:] = 0.0, 0.0, 1.0  # a rotor of 1 keeps the inertia matrix regular
+
+    def torque() -> np.ndarray:
+        batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
+        v = fields.dofs
+        return np.einsum("nij,nj->ni", dense(model, matrix)[:, v][:, :, v], ddq) + bias[:, v]
+
+    nothing = torque()
+    for body in fields.links:
+        for k in range(10):
+            mass[:, body] = float(k < 4)
+            com[:, body] = np.eye(3)[k - 1] if 1 <= k < 4 else 0.0
+            inertia[:, body] = np.eye(3)[(k - 4) % 3] if k >= 4 else 0.0
+            turn[:, body] = QUARTER[(k - 6) % 3] if k >= 7 else (1.0, 0.0, 0.0, 0.0)
+            out.append(torque() - nothing)
+        mass[:, body], inertia[:, body] = 0.0, 0.0
+    return np.stack(out, axis=2)

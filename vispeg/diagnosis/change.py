@@ -1,0 +1,55 @@
+"""What changed between two states of one robot: empty and loaded, before and after a repair.
+
+What explains both states is the arm: it is sought in the baseline's recordings alone, and stays as it is. What explains
+the difference is the change: it is sought in the other recordings, beside the arm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from vispeg.core.errors import UserError
+from vispeg.diagnosis.progress import Progress
+from vispeg.diagnosis.run import Diagnosis, diagnose
+from vispeg.recordings.recording import Recording
+from vispeg.worlds.world import World
+
+TOLD = ("verdict", "reason", "effects", "ladder", "noise_floor", "recordings")  # of the baseline's record
+
+
+def diagnose_change(
+    world: World,
+    baseline: Sequence[Recording],
+    fitted: Sequence[Recording],
+    held_out: Sequence[Recording],
+    *,
+    seed: int = 0,
+    nthread: int = 2,
+    say: Callable[[str], None] = lambda _: None,
+    plan_next: bool = True,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Finds what `world` lacks in the baseline, then what the other recordings need beyond it.
+
+    The record's `effects` are the change, `baseline` holds what was found in the baseline; the world has both.
+
+    Args:
+        world: the user's model.
+        baseline: of the robot as it was, two or more: the last one is judged on, never fitted.
+        fitted, held_out: of the robot as it is.
+        seed, nthread, say, plan_next, progress: as in `diagnose`.
+
+    Raises:
+        UserError: fewer than two recordings of the baseline; as `diagnose`.
+    """
+    if len(baseline) < 2:
+        message = "one recording of the baseline is fitted, so another must judge"
+        raise UserError(message, key="--baseline", expected="two or more", got=len(baseline))
+    both = progress or Progress()
+    options = {"seed": seed, "nthread": nthread, "say": say}
+    say("the baseline")
+    arm = diagnose(world, baseline[:-1], baseline[-1:], plan_next=False, progress=both.part("baseline"), **options)
+    say("what changed")
+    found = diagnose(arm.world, fitted, held_out, plan_next=plan_next, progress=both, **options)
+    return replace(found, record=found.record | {"baseline": {key: arm.record[key] for key in TOLD}})

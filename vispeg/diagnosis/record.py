@@ -1,0 +1,211 @@
+"""The parts of a diagnosis record: effects, ladder, candidates, channels, and the arrays behind the pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.diagnosis.rivals import Rivals
+from vispeg.diagnosis.screen import Score
+from vispeg.diagnosis.state import State, Trial
+from vispeg.identify.channels import UNITS
+from vispeg.identify.evidence import Evidence
+from vispeg.recordings.quality import quantization
+from vispeg.recordings.recording import Recording
+from vispeg.worlds.model_file import placed_dict
+from vispeg.worlds.world import World
+
+
+def screening(state: State) -> list[Score]:
+    """The ranking of the first step's candidates and of the last screening."""
+    first = state.steps[0][1] if state.steps else []
+    return [t.score for t in first] + state.screening[:20]
+
+
+def with_origin(
+    world: World,
+    given: int,
+    fitted: Sequence[Recording],
+    held_out: Sequence[Recording],
+    before: float,
+    after: float,
+    partial: bool,
+) -> World:
+    """The world whose effects after the first `given` say what they were fitted and judged on."""
+    origin = {
+        "fitted_on": [r.name for r in fitted],
+        "validated_on": [r.name for r in held_out],
+        "heldout_error_before": float(before),
+        "heldout_error_after": float(after),
+    }
+    found = (replace(e, origin=origin, partial=partial) for e in world.effects[given:])
+    effects = world.effects[:given] + tuple(found)
+    return replace(world, effects=effects)
+
+
+def effects(world: World, given: int, rivals: Sequence[Rivals], fitted: World) -> list[dict[str, Any]]:
+    """What was found, each with what these recordings cannot tell it from.
+
+    `fitted` has the intervals that statistics alone give; those of `world` count the error of the model's form too.
+    """
+    by_label = {r.label: r for r in rivals}
+    out = []
+    for e in world.effects[given:]:
+        entry = {k: v for k, v in placed_dict(e).items() if k != "origin"}
+        for name, v in next(f for f in fitted.effects if f.label == e.label).params.items():
+            if v.low is not None and v.high is not None:
+                entry["params"][name]["statistical"] = [float(v.low), float(v.high)]
+        equals = by_label[e.label].equals if e.label in by_label else ()
+        entry["indistinguishable_from"] = [{"effect": t.score.key[0], "where": t.score.key[1]} for t in equals]
+        out.append(entry)
+    return out
+
+
+def ladder(
+    evidence: Evidence, judged: Evidence, state: State, fit0: np.ndarray, held0: np.ndarray
+) -> list[dict[str, Any]]:
+    """Error of each model on the way, fitted and held out; `fit0`, `held0` are the residuals of the first."""
+    unit = f"{judged.unit} RMS"
+    rungs = [
+        {
+            "model": "nominal",
+            "fit_error": evidence.angle_rms(fit0),
+            "heldout_error": judged.angle_rms(held0),
+            "unit": unit,
+        }
+    ]
+    worlds = [best.fit.world for best, _ in state.steps]
+    if state.steps and state.world.label != worlds[-1].label:
+        worlds.append(state.world)
+    labels = []
+    for best, _ in state.steps:
+        labels.append(f"+ {best.score.label}")
+    if len(worlds) > len(labels):
+        labels.append("after backward deletion")
+    if worlds:
+        fits, helds = evidence.residuals(worlds), judged.residuals(worlds)
+        for label, f, h in zip(labels, fits, helds, strict=True):
+            rungs.append(
+                {"model": label, "fit_error": evidence.angle_rms(f), "heldout_error": judged.angle_rms(h), "unit": unit}
+            )
+    return rungs
+
+
+def candidates(state: State, rivals: Sequence[Rivals], given: int) -> list[dict[str, Any]]:
+    """What else was tried, and why it was refused."""
+    out = []
+    for best, trials in state.steps:
+        for t in trials:
+            if t is best:
+                continue
+            why = t.rejected or f"{best.score.label} explains the held-out data as well or better"
+            out.append(_candidate(t, why, given))
+    out += [_candidate(t, t.rejected, given) for t in state.last]
+    seen = {(c["effect"], c["where"]) for c in out}
+    for r in rivals:
+        out += [
+            _candidate(
+                t,
+                t.rejected or ("indistinguishable from" if t in r.equals else "explains less than") + f" {r.label}",
+                given,
+            )
+            for t in r.tried
+            if t.score.key not in seen
+        ]
+    return out
+
+
+def _candidate(t: Trial, why: str, given: int) -> dict[str, Any]:
+    beside = [e for e in t.fit.world.effects[given:] if not t.score.has(e)]
+    return {
+        "effect": t.score.key[0],
+        "where": t.score.key[1],
+        "tried_beside": [{"effect": e.effect, "where": e.where} for e in beside],
+        "heldout_gain": round(t.gain.relative, 5),
+        "gain_standard_errors": round(t.gain.z, 2),
+        "rejected_because": why,
+    }
+
+
+def coarse_encoders(rec: Recording, judged: Evidence) -> list[str]:
+    """Joints read in steps wider than the noise: squared errors do not show steps of up to some ten times the noise."""
+    steps = {joint: quantization(rec.q[:, j]) for j, joint in enumerate(rec.joints)}
+    sigma = judged.items[0].recording.noise.get("q", 0.0)
+    return [f"{joint} is read in steps of {step:.2g} rad" for joint, step in steps.items() if step and step > 2 * sigma]
+
+
+def correlations(state: State) -> dict[str, Any] | None:
+    """How the estimates of the final fit depend on each other."""
+    if state.fit is None:
+        return None
+    labels = [f"{state.world.effects[a.index].label}.{a.name}" for a in state.fit.space.axes]
+    return {"labels": labels, "matrix": np.round(state.fit.correlation, 3).tolist()}
+
+
+def moved(state: State) -> list[dict[str, Any]]:
+    """Parameters of earlier effects that changed by over a tenth of a typical size when a later one was added."""
+    out = []
+    worlds = [best.fit.world for best, _ in state.steps]
+    for before, after in zip(worlds, worlds[1:], strict=False):
+        now: dict[tuple[str, str], EffectInstance] = {(e.effect, e.where): e for e in after.effects}
+        for e in before.effects:
+            later = now.get((e.effect, e.where))
+            if later is None:
+                continue
+            for name, v in e.params.items():
+                p = effect(e.effect).params[name]
+                if not p.shape and abs(later.params[name].value - v.value) > 0.1 * abs(p.start - p.null):
+                    out.append(
+                        {"effect": e.effect, "where": e.where, "param": name, "before": v.value,
+                         "after": later.params[name].value}
+                    )  # fmt: skip
+    return out
+
+
+def arrays(evidence: Evidence, predicted: list[np.ndarray]) -> dict[str, np.ndarray]:
+    """Measured signals beside what the first and the last model predict."""
+    out: dict[str, np.ndarray] = {
+        "joints": np.array(evidence.items[0].robot.joints),
+        "unit": np.array(evidence.unit),
+    }
+    for r, (item, y) in enumerate(zip(evidence.items, predicted, strict=True)):
+        nj = item.nj
+        out |= {
+            f"{r}/time": item.segment.time,
+            f"{r}/name": np.array(item.name),
+            f"{r}/measured": item.measured[:, :nj],
+            f"{r}/before": y[0][:, :nj],
+            f"{r}/after": y[1][:, :nj],
+        }
+        if item.beside == "torque":
+            out |= {
+                f"{r}/measured_tau": item.measured[:, nj:],
+                f"{r}/before_tau": y[0][:, nj:],
+                f"{r}/after_tau": y[1][:, nj:],
+            }
+    return out
+
+
+def channels(evidence: Evidence, predicted: list[np.ndarray], least: list[np.ndarray] | None) -> list[dict[str, Any]]:
+    """Floor and held-out error before and after of each channel; of torques also what `least` (residuals) leaves."""
+    out, names = [], evidence.items[0].robot.joints
+    for j, kind in enumerate(c.kind for c in evidence.items[0].channels for _ in names):
+        column = [(i.measured[:, j], y[:, :, j], i.valid[:, j]) for i, y in zip(evidence.items, predicted, strict=True)]
+        size = max(sum(int(v.sum()) for *_, v in column), 1)
+        error = [np.sqrt(sum(np.sum((m - y[w])[v] ** 2) for m, y, v in column) / size) for w in (0, 1)]
+        row = {
+            "channel": kind,
+            "joint": names[j % len(names)],
+            "floor": float(evidence.floors[j]),
+            "before": float(error[0]),
+            "after": float(error[1]),
+            "unit": f"{UNITS[kind]} RMS",
+        }
+        if least is not None:
+            row["least_squares"] = float(np.sqrt(sum(np.sum(r[:, j] ** 2) for r in least) / size))
+        out.append(row)
+    return out
