@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from vispeg.effects.words import parse
 
 from vispeg.api.inputs import read_inputs
 from vispeg.core.effect import EffectInstance
@@ -27,6 +26,7 @@ from vispeg.identify.calibrate import calibrate
 from vispeg.identify.evidence import Evidence, robot_of
 from vispeg.identify.inverse import TorqueEvidence, evidence_for
 from vispeg.worlds.model_file import model_text
+from vispeg.worlds.words import parse
 from vispeg.worlds.world import World
 
 
