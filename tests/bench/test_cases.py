@@ -52,3 +52,15 @@ def test_recordings_do_not_give_the_secret_away(tmp_path, monkeypatch):
         assert head["format"] == "vispeg-recording/1" and head["torque_sensor"] == "joint"
         table = np.array([[float(x) for x in line.split(",")] for line in first[1:]])
         assert table.shape == (750, len(first[0].split(","))) and (np.diff(table[:, 0]) > 0.0).all()
+
+
+def test_cases_of_many_effects_hide_six_to_twenty_places_once_each():
+    from cases import FEWEST, MANY_COUNT, MOST, UNKNOWN, many
+
+    found = many()
+    assert len(found) == MANY_COUNT and found == many() and found != many(dev=True)
+    assert sum(c.kind == "strange" for c in found) == 5
+    for case in found:
+        library = [(h.effect, h.where) for h in case.hidden if h.effect not in UNKNOWN]
+        assert FEWEST <= len(library) <= MOST and len(set(library)) == len(library)
+        assert (len(case.hidden) > len(library)) == (case.kind == "strange")

@@ -73,3 +73,14 @@ def test_report_counts_false_alarms_and_failures():
     text = report([record([TRUTH], [named("coulomb_friction", "joint4")]), *none, broken])
     assert "| no effect: false alarms (an effect named) | 50 % [9, 91] of 2 |" in text
     assert "1 runs failed" in text and "| one effect: exact name and place | 100 %" in text
+
+
+def test_many_effects_are_matched_one_to_one_and_partial_ones_count():
+    places = [(e, f"joint{j}") for e in ("coulomb_friction", "viscous_friction") for j in range(1, 6)]
+    truth = [{"effect": e, "where": w, "params": {}} for e, w in places]
+    found = [named(e, w) | {"partial": True} for e, w in places[1:]] + [named("payload", "flange")]
+    r = record(truth, found, "unexplained", "many")
+    j = judge(r)
+    assert (j["hits"], j["extras"]) == (9, 1)
+    text = report([r])
+    assert "90 % [60, 98] of 10" in text and "| names of what was not hidden, a case | 1.00 |" in text

@@ -3,6 +3,7 @@
     python scripts/bench/hidden_effects --make DIR --only "coulomb_friction/joint4/*" --dev
     python scripts/bench/hidden_effects --make DIR --run --limit 20 --out report.md
     python scripts/bench/hidden_effects --make DIR --run --reference --baseline --out report.md
+    python scripts/bench/hidden_effects --make DIR --many --run --limit 8
 
 Cases are deterministic by seed. `--dev` uses seeds that are never scored: tune only on those.
 """
@@ -26,6 +27,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--make", type=Path, required=True, metavar="DIR", help="where recordings and results lie")
     parser.add_argument("--only", nargs="*", default=[], metavar="PATTERN", help="case names or patterns of them")
+    parser.add_argument("--many", action="store_true", help="cases of 6 to 20 effects at once")
     parser.add_argument("--limit", type=int, default=None, help="at most so many cases, spread evenly over the list")
     parser.add_argument("--dev", action="store_true", help="development seeds, not the scored ones")
     parser.add_argument("--list", action="store_true", help="print the chosen cases and stop")
@@ -47,7 +49,7 @@ def main() -> int:
     try:
         if args.workers < 1:
             raise UserError("--workers must be at least 1", got=args.workers)
-        chosen = choose(tuple(args.only), args.dev, args.limit)
+        chosen = choose(tuple(args.only), args.dev, args.limit, args.many)
         if args.list:
             print("\n".join(f"{c.name}  [{c.mode}]" for c in chosen))
             return 0

@@ -70,6 +70,14 @@ PAIRS = (
     ("actuator_lag:joint2", "joint_bias:joint4"),
 )  # fmt: skip
 NONE_COUNT = 40
+MANY_COUNT, FEWEST, MOST, STRANGE = 40, 6, 20, 8  # cases with many effects; every eighth hides an unknown one too
+# what real arms have, with its weight: friction nearly everywhere, the rest here and there
+ARM: dict[str, tuple[tuple[str, ...], float]] = {
+    "coulomb_friction": (ALL, 4.0), "viscous_friction": (ALL, 4.0), "rotor_inertia": (ALL, 1.5),
+    "joint_bias": (ALL, 1.5),
+    "cogging": (ALL, 0.5), "cable_spring": (ALL, 0.3), "torque_gain": (JOINTS[:6], 0.5), "payload": (("flange",), 3.0),
+    "link_mass": (("link3", "link4", "link5"), 0.7), "gravity_tilt": (("base",), 1.5), "command_delay": (("all",), 1.5),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -154,11 +162,33 @@ def cases(dev: bool = False, grid: bool = False) -> list[Case]:
     return out + [_case(f"none/{i:02d}", "none", [], seed) for i in range(NONE_COUNT)]
 
 
-def choose(only: tuple[str, ...], dev: bool, limit: int | None = None) -> list[Case]:
-    """The standard list, or what of the full grid matches a pattern (`backlash/*/large`), thinned to `limit`."""
-    found = cases(dev)
+def many(dev: bool = False) -> list[Case]:
+    """Cases of 6 to 20 effects at once, at 0.6 to 1.8 of a medium size."""
+    seed = SEEDS["dev" if dev else "scored"]
+    places = [(effect, where, weight) for effect, (targets, weight) in ARM.items() for where in targets]
+    weights = np.array([weight for *_, weight in places])
+    out = []
+    for i in range(MANY_COUNT):
+        rng = stream(seed, "many", i)
+        count = int(rng.integers(FEWEST, MOST + 1))
+        chosen = rng.choice(len(places), size=count, replace=False, p=weights / weights.sum())
+        hidden = [(*places[k][:2], float(rng.uniform(0.6, 1.8))) for k in sorted(chosen)]
+        strange = i % STRANGE == STRANGE - 1
+        if strange:
+            name = str(rng.choice(sorted(UNKNOWN)))
+            hidden.append((name, str(rng.choice(UNKNOWN[name][1])), 1.0))
+        out.append(_case(f"many/{i:02d}-{count}", "strange" if strange else "many", hidden, seed))
+    return out
+
+
+def choose(only: tuple[str, ...], dev: bool, limit: int | None = None, crowded: bool = False) -> list[Case]:
+    """The standard list, or what of the full grid matches a pattern (`backlash/*/large`), thinned to `limit`.
+
+    With `crowded`, of the cases with many effects.
+    """
+    found = many(dev) if crowded else cases(dev)
     if only:
-        pool = cases(dev, grid=True)
+        pool = found if crowded else cases(dev, grid=True)
         found = [c for c in pool if any(fnmatch.fnmatch(c.name, pattern) for pattern in only)]
         if not found:
             raise UserError("no case matches", got=" ".join(only), choices=sorted({c.name.split("/")[0] for c in pool}))

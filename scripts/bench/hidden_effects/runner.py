@@ -63,7 +63,7 @@ def _lacks(case: Case, record: dict | None, reference: bool, baseline: bool) -> 
         return True
     if record["verdict"] == "failed" or "reference_failed" in record:
         return False
-    asked = reference and case.kind in ("single", "pair") and "oracle" not in record
+    asked = reference and case.kind in ("single", "pair", "many") and "oracle" not in record
     return asked or (reference and baseline and case.kind == "single" and "baseline" not in record)
 
 

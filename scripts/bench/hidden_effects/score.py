@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from itertools import permutations
 from math import sqrt
 from typing import Any
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 Record = dict[str, Any]
 
@@ -58,11 +60,8 @@ def _matched(truth: Sequence[Record], named: Sequence[Record]) -> int:
     """Greatest number of truths that can each be given a named effect of its own class."""
     if not truth or not named:
         return 0
-    short, long, flip = (truth, named, False) if len(truth) <= len(named) else (named, truth, True)
-    return max(
-        sum(same_class(b, a) if flip else same_class(a, b) for a, b in zip(short, order, strict=True))
-        for order in permutations(long[:6], len(short[:6]))
-    )
+    fits = np.array([[same_class(t, n) for n in named] for t in truth])
+    return int(fits[linear_sum_assignment(fits, maximize=True)].sum())
 
 
 def judge(r: Record) -> Record:
@@ -72,7 +71,8 @@ def judge(r: Record) -> Record:
     confident (the verdict claims to know), error_fall, to_oracle, shows.
     """
     truth = r["hidden"] if r["kind"] != "unknown" else []
-    named = r["effects"] if r["verdict"] != "unexplained" else []  # what is partial is not claimed to be all
+    crowded = r["kind"] in ("many", "strange")  # where what is partial counts; elsewhere it is not claimed to be all
+    named = r["effects"] if crowded or r["verdict"] != "unexplained" else []
     hits = _matched(truth, named)
     key = lambda e: (e["effect"], e["where"])  # noqa: E731
     ladder, floor = r["ladder"], r["floor"]
@@ -83,6 +83,7 @@ def judge(r: Record) -> Record:
         "right_class": hits == len(truth) == len(named),
         "right_place": {e["where"] for e in truth} == {e["where"] for e in named},
         "found": hits == len(truth),
+        "hits": hits,
         "extras": len(named) - hits,
         "confident": r["verdict"] == "identified",
         "error_fall": before / after if after > 0.0 else float("inf"),
@@ -121,6 +122,9 @@ def report(records: Sequence[Record]) -> str:
     known, pairs = [r for r in done if r["kind"] == "single"], [r for r in done if r["kind"] == "pair"]
     none, unknown = [r for r in done if r["kind"] == "none"], [r for r in done if r["kind"] == "unknown"]
     seen = [r for r in known if r["shows"]]
+    crowd, strange = ([r for r in done if r["kind"] == kind] for kind in ("many", "strange"))
+    if crowd or strange:
+        return _many(crowd, strange, failed)
     rivals = sum(len(e.get("indistinguishable_from", [])) for r in known for e in r["effects"])
     head = f"{len(done)} diagnoses, {len(failed)} runs failed; [..]: 95 % Wilson interval."
     lines = ["# Hidden effects", "", head, ""]
@@ -174,6 +178,31 @@ def report(records: Sequence[Record]) -> str:
             names = ", ".join(f"{e['effect']}({e['where']})" for e in r["effects"]) or "nothing"
             lines.append(_row(r["case"], r["verdict"], names, " to ".join(ratio)))
     lines += [_row(r["case"], "failed", str(r.get("message", ""))[-120:].replace("\n", " "), "") for r in failed]
+    return "\n".join(lines) + "\n"
+
+
+def _many(crowd: Sequence[Record], strange: Sequence[Record], failed: Sequence[Record]) -> str:
+    """The score of cases with many effects."""
+    truths = [i < r["hits"] for r in crowd for i in range(len(r["hidden"]))]
+    extras = sum(r["extras"] for r in crowd) / max(len(crowd), 1)
+    lines = ["# Many effects at once", "", f"{len(crowd) + len(strange)} diagnoses, {len(failed)} runs failed.", ""]
+    lines += [_row("measure", "result"), _row("---", "---")]
+    lines += [
+        _row("effects whose class and place are named", share(truths)),
+        _row("names of what was not hidden, a case", f"{extras:.2f}"),
+        _row("95 % intervals that hold the truth", share(coverage(crowd))),
+        _row("held-out error over the oracle's, median", _median(r["to_oracle"] for r in crowd)),
+        _row("library only: verdicts", _verdicts(crowd)),
+        _row("something unknown beside them: verdicts", _verdicts(strange)),
+        _row("median seconds a diagnosis", _median(r["seconds"] for r in (*crowd, *strange))),
+        "",
+        _row("case", "hidden", "named", "right", "verdict", "error / floor, before and after", "s"),
+        _row(*["---"] * 7),
+    ]
+    for r in (*crowd, *strange):
+        ratio = [f"{step['heldout_error'] / r['floor']:.3g}" for step in (r["ladder"][0], r["ladder"][-1])]
+        cells = (len(r["hidden"]), len(r["effects"]), r["hits"], r["verdict"], " to ".join(ratio), r["seconds"])
+        lines.append(_row(r["case"], *cells))
     return "\n".join(lines) + "\n"
 
 
