@@ -23,6 +23,7 @@ REFINEMENT = 0.03  # of what an effect of the same kind at the same place remove
 DISCOVERIES = 0.01  # rate of false discoveries over all places screened (Benjamini and Hochberg)
 # An effect that acts at times (a torque limit), or beside another that is missing too, gains in few blocks of time:
 DECISIVE = 0.5  # share of the held-out squared error that chance does not remove, so that blocks need pass at 5 % only
+CORRELATED = 0.9  # of two effects' estimates, from which on a candidate that explains as much is preferred
 HELD_OUT = 1.645  # sigma on the held-out recordings alone, whatever the cross-fitted ones say
 
 
@@ -54,11 +55,21 @@ def ranked(search: Search, state: State, trials: list[Trial], tested: int) -> li
     if passed:
         best = passed[0]
         alike = [t for t in passed if equal(search.judge, t.loss, best.loss, search.judge.mean(state.loss))]
-        first = min(alike, key=lambda t: (parameters(t.fit.world), float(t.loss.sum())))
+        first = min(alike, key=lambda t: (doubtful(t), parameters(t.fit.world), float(t.loss.sum())))
         passed.remove(first)
         passed.insert(0, first)
     refused = sorted((t for t in out if t.rejected), key=lambda t: float(t.loss.sum()))
     return passed + refused
+
+
+def doubtful(t: Trial) -> bool:
+    """Whether a value of a candidate ended at its bound, or is hardly told from one of another effect."""
+    count = len(t.fit.world.effects)
+    new = [i for i, a in enumerate(t.fit.space.axes) if a.index >= count - t.score.count]
+    old = [i for i in range(len(t.fit.space.axes)) if i not in new]
+    labels = {e.label for e in t.score.members}
+    at_bound = any(label.rpartition(".")[0] in labels for label in t.fit.at_bound)
+    return at_bound or bool(np.any(np.abs(t.fit.correlation[np.ix_(new, old)]) > CORRELATED))
 
 
 def threshold(scores: Sequence[float], tested: int) -> float:

@@ -10,7 +10,7 @@ from vispeg.report import words
 from vispeg.report.ladder import ladder_rows
 from vispeg.report.quantities import fold, quantity
 from vispeg.report.record import Record, rows
-from vispeg.report.sections.found import effect_rows
+from vispeg.report.sections.found import correlations, effect_rows
 from vispeg.report.summary import Block, Line, print_summary
 from vispeg.report.tables import Column, Sheet
 
@@ -46,6 +46,8 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
             out.append(Line(words.PARTIAL))
         for chosen, *others in words.rivals(diagnosis):
             out.append(Line(f"{chosen} cannot be told from {words.join(others, 'or')}"))
+    for a, b, r in correlations(_record(diagnosis))["strong"][:3]:
+        out.append(Line(f"note: {a} and {b} are correlated by {r}: trust their combination more than either"))
     out += [Line(f"note: {row['said']}") for row in diagnosis.get("windows") or ()]
     if diagnosis.get("verdict"):
         out.append(Line(f"next: {words.onward(diagnosis)}"))
