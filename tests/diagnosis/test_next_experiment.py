@@ -1,5 +1,7 @@
 """What to record next: something that would settle a question, or nothing."""
 
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,6 +11,7 @@ from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.next_experiment import DECISIVE, MENU, next_experiment
 from vispeg.diagnosis.rivals import Rivals
 from vispeg.identify.record import controller
+from vispeg.recordings.recording import Control, Recording
 from vispeg.robots.model import load
 from vispeg.worlds.world import World
 
@@ -29,6 +32,17 @@ def search(unit="rad", sigma=2e-5):
     segment = SimpleNamespace(control=control, q=np.zeros((1, 7)))
     item = SimpleNamespace(robot=robot, segment=segment, sigma=np.full(7, sigma), nj=7)
     return SimpleNamespace(evidence=SimpleNamespace(unit=unit, items=[item], h_max=1e-3, nthread=1))
+
+
+def torques(sigma=0.5):
+    """The same where torques were measured and no controller is known."""
+    robot, q = load("iiwa14"), np.zeros((1000, 7))
+    control = Control("unknown", 100.0)
+    rec = Recording(Path("torques"), "iiwa14", robot.joints, 100.0, control, np.arange(1000) / 100.0, q, tau=q)
+    rec = replace(rec, torque_sensor="motor", noise={"tau": sigma})
+    segment = SimpleNamespace(control=control, q=q)
+    item = SimpleNamespace(robot=robot, recording=rec, segment=segment, sigma=np.full(7, sigma), nj=7)
+    return SimpleNamespace(evidence=SimpleNamespace(unit="N m", items=[item], h_max=1e-3, nthread=1))
 
 
 STATE = SimpleNamespace(world=World("iiwa14").add(CHOSEN))
@@ -62,5 +76,17 @@ def test_what_no_motion_separates_is_said_and_no_motion_is_drawn():
 def test_what_nothing_explains_is_shown_apart_by_a_motion_that_can_be_played():
     found, arrays = next_experiment(search(), STATE, REFUSED, "unexplained", 0)
     assert found["motion"] == "triangle" and found["file"] and arrays["next/q_cmd"].shape[1] == 7
-    found, arrays = next_experiment(search("N m"), STATE, REFUSED, "unexplained", 0)
-    assert "position mode" in found["why"] and not arrays
+
+
+def test_torques_of_rivals_are_separated_too():
+    """Coulomb and viscous friction of joint 4 along a motion: the distance is that of the two friction torques."""
+    found, arrays = next_experiment(torques(), STATE, EQUAL, "ambiguous", 0)
+    assert found["motion"] in MENU and found["expected_separation_sigma"] > DECISIVE and found["file"]
+    gap = (arrays["next/A"] - arrays["next/B"])[::2, 3]  # compared at 50 Hz
+    assert arrays["next/A"].shape == arrays["next/q_cmd"].shape
+    assert np.abs(np.delete(arrays["next/A"] - arrays["next/B"], 3, axis=1)).max() < 1e-9
+    assert np.sqrt(np.sum((gap / 0.5) ** 2)) == pytest.approx(
+        found["expected_separation_sigma"], rel=0.2
+    )  # less the ends
+    found, arrays = next_experiment(torques(), STATE, REFUSED, "unexplained", 0)
+    assert found["motion"] == "triangle" and "gains stated" in found["why"] and arrays["next/q_cmd"].shape[1] == 7

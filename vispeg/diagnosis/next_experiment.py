@@ -11,6 +11,7 @@ asks for nothing.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from vispeg.diagnosis.rivals import Rivals
 from vispeg.diagnosis.search import Search
 from vispeg.diagnosis.state import State
 from vispeg.identify.excitation import motion
+from vispeg.identify.inverse import TorqueEvidence
 from vispeg.identify.record import controller
 from vispeg.sim.rollout import simulate
 from vispeg.sim.segment import Segment
@@ -36,12 +38,9 @@ def next_experiment(
     pair = _explanations(state, rivals)
     if pair is None and verdict != "unexplained":
         return None, {}
-    if search.evidence.unit != "rad":
-        why = "a known controller (position mode, gains stated) lets rollouts decide what inverse dynamics cannot"
-        return {"motion": "triangle", "why": why, "expected_separation_sigma": 0.0}, {}
-    stage = _Stage(search, seed)
+    stage = _Stage(search, seed) if search.evidence.unit == "rad" else _TorqueStage(search, seed)
     if pair is None:
-        why = "shows speed, reversal and load regimes apart, each joint alone"
+        why = f"shows speed, reversal and load regimes apart, each joint alone{stage.beside}"
         return stage.record("triangle", why, 0.0), stage.arrays("triangle")
     first, second, names = pair
     apart = stage.apart(first, second)
@@ -56,6 +55,8 @@ def next_experiment(
 
 class _Stage:
     """The menu of motions for the recorded robot, under its controller or a position controller like it."""
+
+    beside = ""
 
     def __init__(self, search: Search, seed: int):
         self.evidence, self.seed = search.evidence, seed
@@ -102,6 +103,28 @@ class _Stage:
         """The motion that the robot is to be commanded."""
         m = self.menu[name]
         return {"next/time": m.time, "next/q_cmd": m.q_cmd, "next/dq_cmd": m.dq_cmd}
+
+
+class _TorqueStage(_Stage):
+    """The same where torques are compared: what each motion needs, taken as made, whatever controller makes it."""
+
+    beside = "; with the controller's mode and gains stated, rollouts can show delays, gear play and encoders too"
+
+    def apart(self, a: World, b: World) -> dict[str, tuple[float, np.ndarray, np.ndarray]]:
+        """For each motion the distance of the two predicted torques in sigma, and both, (n, nj) in N m."""
+        out, like = {}, self.item.recording
+        for name, m in self.menu.items():
+            rec = replace(
+                like, rate_hz=self.control.rate_hz, time=m.time, q=m.q_cmd, dq=None, tau=np.zeros_like(m.q_cmd),
+                episode=None, chosen=None,
+            )  # fmt: skip
+            evidence = TorqueEvidence([rec])
+            (y,) = evidence.simulated([a, b])
+            gap = ((y[0] - y[1]) / self.item.sigma[: self.item.nj])[evidence.items[0].valid.any(axis=1)]
+            at = evidence.items[0].segment.time
+            first, second = (np.stack([np.interp(m.time, at, c) for c in torque.T], axis=1) for torque in y)
+            out[name] = float(np.sqrt(np.sum(gap**2))), first, second
+        return out
 
 
 def _explanations(state: State, rivals: Sequence[Rivals]) -> tuple[World, World, tuple[str, str]] | None:
