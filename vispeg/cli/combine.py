@@ -1,4 +1,4 @@
-"""Combines a coarse policy that sees with a fine one for contact, which takes over near the hole.
+"""Combines a coarse policy that sees with a fine one for contact, which takes over near the goal.
 
 Example:
     vispeg combine depth-S state-0.5mm --within-mm 6 --out depth-then-contact
@@ -26,7 +26,7 @@ class Args:
     out: Path
     """Folder of the two as one policy."""
     within_mm: float = 6.0
-    """Distance of the tip from the hole's axis, as the coarse policy sees it, at which the fine one takes over, mm."""
+    """Distance of the tip from the goal's axis, as the coarse policy sees it, at which the fine one takes over, mm."""
     overwrite: bool = False
     """Replace OUT if it is there."""
     output: Told = Output()

@@ -1,4 +1,4 @@
-"""Renders a dataset of the peg task: an expert plays, and its moments are drawn in several looks through the cameras.
+"""Renders a dataset of a world's task: its expert plays, and its moments are drawn in several looks by the cameras.
 
 The folder is laid out as LeRobotDataset v3.0 (or for BOP, or as plain files). A rendering that was stopped goes on when
 the same command is given again, and ends with the same bytes; until then it lives in OUT.unfinished. The bytes depend

@@ -15,8 +15,8 @@ FRAME = "│╭╮╰╯ " + RULE
 POINTERS = ("For full helptext", "Argument helptext")
 UNKNOWN = "Unrecognized options: "
 ELSEWHERE = {  # what is looked for as an option and stands elsewhere
-    "--modality": "what a policy sees is in the name of its task, as in peg-depth, and in its folder",
-    "--obs-mode": "what a policy sees is in the name of its task, as in peg-depth, and in its folder",
+    "--modality": "what a policy sees is in the name of its task, as in TASK-depth, and in its folder",
+    "--obs-mode": "what a policy sees is in the name of its task, as in TASK-depth, and in its folder",
 }
 
 

@@ -17,7 +17,7 @@ from vispeg.core.errors import UserError
 from vispeg.datasets.plan import look_seed
 
 if TYPE_CHECKING:
-    from vispeg.task.vector import PegInHoleVec
+    from vispeg.task.vector import TaskVec
 
 
 def check(env: Any, looks: int) -> None:
@@ -28,7 +28,7 @@ def check(env: Any, looks: int) -> None:
 
 
 @contextmanager
-def looking(env: PegInHoleVec, looks: int) -> Iterator[None]:
+def looking(env: TaskVec, looks: int) -> Iterator[None]:
     """Inside, the observations of an environment hold its images in this many looks; it has to be reset at first.
 
     The images of the k-th further look are called `KEY@k`.

@@ -53,7 +53,7 @@ def read_csv(
 
     Args:
         path: the CSV, first row its heads, one row a trial. `outcome` is success or failure (also 1/0, true/false,
-            yes/no); `seed` is the trial's number, or the simulated episode's seed where the same start and hole were
+            yes/no); `seed` is the trial's number, or the simulated episode's seed where the same start and goal were
             set up. A failure's `category` is one of `vispeg.evaluation.records.CATEGORIES` or a word of one's own.
         world: the name under which these records stand in tables.
         policies: the names that are known, with their training seeds; none: any. Where the file does not tell the

@@ -30,12 +30,12 @@ class Episode:
         train_seed: seed of its training.
         world: the world's name.
         world_hash: SHA-256 of the world's content; "" for a measured target.
-        seed: of the episode; the same seed is the same start, hole and draw in every world and for every policy.
+        seed: of the episode; the same seed is the same start, goal and draw in every world and for every policy.
         success, category: the outcome; one of CATEGORIES, or a user's own word for a failure on a real robot.
         time: s, duration of the episode.
         peak_force: N, largest contact force.
-        lateral_error: m, distance of peg and hole axes at the end.
-        depth: m, insertion depth at the end.
+        lateral_error: m, distance of the tip from the goal's axis at the end.
+        depth: m, depth of the tip below the goal's plane at the end.
         control: "" or the control it was run under (see `vispeg.evaluation.controls`).
         configuration: "" or the named configuration of a suite, a sweep's value, a hard position.
         force_profile: N, contact force at the policy's rate, or None.
@@ -139,7 +139,7 @@ def check_worlds(episodes: Iterable[Episode]) -> dict[str, str]:
     """World (and configuration, and control) -> hash. Raises UserError where one name stands for two worlds."""
     hashes: dict[str, str] = {}
     for e in episodes:
-        name = " / ".join(filter(None, (e.world, e.configuration, e.control)))  # a control may fix the hole
+        name = " / ".join(filter(None, (e.world, e.configuration, e.control)))  # a control may fix the goal
         if hashes.setdefault(name, e.world_hash) != e.world_hash:
             raise UserError("two different worlds under one name", key=name, expected=hashes[name], got=e.world_hash)
     return hashes
@@ -154,7 +154,7 @@ def measure(key: str, value: Any, where: Mapping[str, Any]) -> float:
     """A measured number of an episode. Raises UserError for what is none, not finite, or negative where that cannot be.
 
     Args:
-        key: what it is; all but `depth` (which is negative above the hole's mouth) are 0 or more.
+        key: what it is; all but `depth` (which is negative above the goal's plane) are 0 or more.
         value: as it was read.
         where: `file` and `key` for the error.
     """

@@ -44,7 +44,7 @@ def from_folder(
 
     Args:
         folder: of a LeRobotDataset v3.0.
-        modality: of the policy that learns from it; not one that is told the hole.
+        modality: of the policy that learns from it; not one that is told the goal.
         layout: what the policy sees; images must have its sizes.
         seed: of later draws from the replay.
         device: where batches go: the learning network's.
@@ -56,7 +56,7 @@ def from_folder(
             shape, or a policy that would see something else than the folder holds.
     """
     if modality_of(modality).obs_mode in GOAL_TOLD:
-        expected = "a policy that is not told where the hole is"
+        expected = "a policy that is not told where the goal is"
         raise UserError("a dataset shows what such a policy does not see", file=folder, expected=expected, got=modality)
     known = Dataset(folder)
     wanted = layout.shapes if beside is None else {key: box.shape or () for key, box in beside.spaces.items()}

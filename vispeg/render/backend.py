@@ -44,7 +44,7 @@ class Shot:
         pose: (4, 4) the camera's OpenCV axes in the base frame, m.
         segmentation: (H, W) int32, 0 for nothing, else 1 + the part's place among the renderer's parts; or None.
         normal_of: makes `normals` when they are asked for: they cost as much as a picture; or None.
-        poses: (4, 4) poses in camera axes, m: `peg`, `peg_tip`, `fixture`, `hole` (see `labels.poses`); or None.
+        poses: (4, 4) poses in camera axes, m: of bodies and sites of the cell (see `labels.poses`); or None.
     """
 
     rgb: np.ndarray

@@ -19,7 +19,7 @@ from vispeg.render.view import View, planar
 
 SHADOW_MAP = 512  # px
 LARGEST_CASTER = 0.5  # m: tables, walls and floors catch shadows, and would cost most as casters
-SLICES = 40  # of a drawn cylinder or sphere: its facets then lie within 0.025 mm of an 8 mm peg's surface
+SLICES = 40  # of a drawn cylinder or sphere: its facets then lie within 0.025 mm of an 8 mm part's surface
 ZERO_FAR = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR.value
 OFFSCREEN = mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value
 R, V = mujoco.mjtRndFlag, mujoco.mjtVisFlag

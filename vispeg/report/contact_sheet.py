@@ -1,4 +1,4 @@
-"""A contact sheet of a world, with no dataset left behind: moments of the peg task, each in a look of its own."""
+"""A contact sheet of a world, with no dataset left behind: moments of its task, each in a look of its own."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def moments(plan: Plan, layout: Layout, wanted: Shard) -> Iterator[Episode]:
         for look in range(wanted.frames):
             seed, states, _, physics = played[look % ROWS]
             share = (look * 0.618034) % 1.0  # the golden ratio: evenly spread, however many there are
-            at = int(len(states) * share**2)  # early ones more often: there the hole is in sight
+            at = int(len(states) * share**2)  # early ones more often: there the goal is in sight
             yield stage.draw(look_seed(seed, look), 0, [states[at]], None, physics)
     finally:
         stage.close()

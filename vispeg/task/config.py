@@ -19,7 +19,7 @@ class TaskConfig:
     """SI units unless the name says otherwise. A task adds fields of its own in a subclass.
 
     Attributes:
-        name: of the task (`peg`, or a user's own, see vispeg.task.registry).
+        name: of the task, see vispeg.task.registry.
         control_period: of the controller, s.
         substeps: physics steps a control period (docs/task.md holds the convergence study).
         policy_period: of the policy, s; a whole number of control periods.

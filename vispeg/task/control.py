@@ -18,7 +18,7 @@ class PoseControl:
     """Khatib's law on the nominal arm, for all rows at once.
 
     Args:
-        robot: what the controller knows: arm, tool, peg.
+        robot: what the controller knows: arm, tool, what the tool holds.
         nsim: rows.
         stiffness: (translation, rotation), 1/s^2 per unit mass; damping is critical.
         force_limit: greatest commanded force, N.

@@ -138,7 +138,7 @@ class TaskSimulation:
         self.flange, self.turn, self.twist = self.control.pose(q, dq)
 
     def lever(self, rot: np.ndarray) -> np.ndarray:
-        """From the flange to the point that actions move and turn about, (nsim, 3) m: the tip of a peg held straight
+        """From the flange to the point that actions move and turn about, (nsim, 3) m: the tip of a tool held straight
         where the policy turns it, else the flange itself. A turn about the flange would throw the tip aside."""
         return rotated(rot, np.array([0.0, 0.0, self.scene.tip])) if self.config.turns else np.zeros((self.nsim, 3))
 
@@ -291,5 +291,3 @@ class TaskSimulation:
 
 
 __all__ = ["DOWN", "HOME", "TaskSimulation"]
-
-PegSimulation = TaskSimulation

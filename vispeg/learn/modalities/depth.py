@@ -14,7 +14,7 @@ NEAR_M, FAR_M = 0.0, 0.4  # what a wrist camera looks at; what lies beyond is ba
 class DepthEncoder(ConvEncoder):
     """Metres in, where 0 and NaN mean no reading; scaled to -1 to 1 over the range of interest, no rounding.
 
-    A second channel says where there was a reading, so that a hole in the image is not a near surface.
+    A second channel says where there was a reading, so that a gap in the image is not a near surface.
     """
 
     def __init__(self, shape: tuple[int, int, int], features: int = 64):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-REACH = 1.5  # periods of the other signal: a wider hole in it is a gap, not to be bridged
+REACH = 1.5  # periods of the other signal: where it is silent for longer it has a gap, not to be bridged
 
 
 def linear(clock: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:

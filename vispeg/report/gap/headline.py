@@ -9,7 +9,7 @@ from vispeg.report.gap import success, words, worlds
 from vispeg.report.gap.colours import of_policies
 
 TITLE = "The gap"
-RANK = list(words.ROLES.values())  # a policy that is told where the hole is, or sees nothing, wins nothing
+RANK = list(words.ROLES.values())  # a policy that is told where the goal is, or sees nothing, wins nothing
 MOST = 5  # figures side by side
 
 

@@ -12,7 +12,7 @@ CONTROLS = {
     "frozen": "first image for ever",
     "hole_fixed": "hole at its nominal place",
 }
-ROLES = {  # of modalities that do not look for the hole, and of the policy that was never trained
+ROLES = {  # of modalities that do not look for the goal, and of the policy that was never trained
     "": "",
     "scripted": "scripted, told the hole",
     "state": "teacher, told the hole",

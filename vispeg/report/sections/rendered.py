@@ -1,4 +1,4 @@
-"""Frames of the peg task as its cameras deliver them, where the run drew some (`vispeg demo` does)."""
+"""Frames of a task as its cameras deliver them, where the run drew some (`vispeg demo` does)."""
 
 from __future__ import annotations
 

@@ -1,0 +1,88 @@
+"""The package speaks of its first task in that task's rooms: elsewhere the words are on a list that only shrinks."""
+
+import re
+from pathlib import Path
+
+PACKAGE = Path(__file__).resolve().parents[2] / "vispeg"
+WORD = re.compile(r"(?<![a-z])(peg|hole|clearance)s?(?![a-z])|Peg[A-Z]", re.IGNORECASE)
+ROOMS = ("task/peg/", "effects/task/", "robots/")  # the task, effects of its family, its cell
+ELSEWHERE = {
+    "__init__.py",
+    "api/environments.py",
+    "api/evaluate.py",
+    "api/gap.py",
+    "cli/add.py",
+    "cli/combine.py",
+    "cli/demo.py",
+    "cli/evaluate.py",
+    "cli/evaluation.py",
+    "cli/exploit.py",
+    "cli/export.py",
+    "cli/finetune.py",
+    "cli/gap.py",
+    "cli/measure.py",
+    "cli/measure_nominal.py",
+    "cli/measure_object.py",
+    "cli/perturb.py",
+    "cli/play.py",
+    "cli/record.py",
+    "cli/suite.py",
+    "cli/train.py",
+    "datasets/bop.py",
+    "datasets/example.py",
+    "effects/appearance/distractors.py",
+    "effects/body/object_mass.py",
+    "effects/camera/depth_dropout.py",
+    "effects/camera/grazing_holes.py",
+    "effects/common/parts.py",
+    "effects/contact/gripper_slip.py",
+    "evaluation/controls.py",
+    "evaluation/entrants.py",
+    "evaluation/exploit.py",
+    "evaluation/jobs.py",
+    "evaluation/perturb.py",
+    "evaluation/sensitivity.py",
+    "learn/config.py",
+    "learn/curriculum.py",
+    "learn/meta.py",
+    "render/contrast.py",
+    "render/labels.py",
+    "render/standard.py",
+    "report/catalogue.py",
+    "report/gap/words.py",
+    "report/robot_picture.py",
+    "task/__init__.py",
+    "task/registry.py",
+    "task/vector.py",
+    "task/world_file.py",
+    "worlds/measurement_file.py",
+}
+
+
+def speaking():
+    """Files outside the rooms that say one of the words."""
+    files = {p.relative_to(PACKAGE).as_posix(): p for p in PACKAGE.rglob("*.py")}
+    return {name for name, p in files.items() if not name.startswith(ROOMS) and WORD.search(p.read_text())}
+
+
+def test_no_other_file_says_peg_hole_or_clearance():
+    assert speaking() <= ELSEWHERE, "a file of any task names this one's parts: ask the contract or the scene"
+
+
+def test_the_list_has_no_file_that_is_clean():
+    assert not ELSEWHERE - speaking(), "take these off the list"
+
+
+def test_the_contract_and_what_learns_by_it_name_no_part_of_a_task():
+    clean = ["task/contract.py", "task/terms.py", "task/rewards.py", "task/track.py", "task/standard_terms.py"]
+    clean += ["task/standard_rewards.py", "task/simulation.py", "task/cell.py", "task/eyes.py", "task/env.py"]
+    clean += ["learn/teacher.py", "learn/sac.py", "learn/train.py", "learn/layout.py", "learn/actor.py"]
+    clean += [
+        "learn/clone.py",
+        "learn/coarse_to_fine.py",
+        "learn/play.py",
+        "learn/replay.py",
+        "demonstrations/stage.py",
+    ]
+    clean += ["demonstrations/plan.py", "evaluation/arena.py", "evaluation/players.py", "evaluation/film.py"]
+    assert not speaking() & set(clean)
