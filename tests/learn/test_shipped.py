@@ -44,3 +44,21 @@ def test_the_state_policy_inserts():
     """Nine of ten at least, where it was said to manage all."""
     found = episodes(assets() / "policies" / "state-3mm", "searching", 16)
     assert found.count("success") >= 14, found
+
+
+def test_a_policy_sees_does_and_is_paid_in_an_episode_what_it_was_before_tasks_had_terms():
+    """The figures are of the code that put an observation together by hand; another processor rounds."""
+    policy = load("state-3mm")
+    env = PegInHoleVec(2, "randomized", "state", autoreset_mode="Disabled", stack=2)
+    obs, _ = env.reset(seed=[7, 8])
+    policy.reset(2)
+    np.testing.assert_allclose(obs["policy"][0, :3], [0.15921, 0.12660, 0.71853], atol=2e-4)
+    truth = [0.16382, 0.11590, 0.69883, -0.55728, -0.22494, 0, 0.04615, -0.10697, -0.19702]
+    truth += [0] * 9 + [0.87843, 1.06840, 0.78994, 1]
+    np.testing.assert_allclose(obs["privileged"][0], truth, atol=2e-4)
+    first = policy.act(obs)
+    np.testing.assert_allclose(first, [[-0.82372, -0.08027, -0.98395], [0.98581, 0.97797, -0.82086]], atol=2e-3)
+    obs, reward, *_ = env.step(first)
+    np.testing.assert_allclose(reward, [-0.587891, -0.685550], atol=1e-3)
+    second = [[0.01424, -0.46888, -0.86673], [0.93570, 0.95825, -0.82668]]
+    np.testing.assert_allclose(policy.act(obs), second, atol=2e-2)

@@ -1,5 +1,7 @@
 """Both rewards against their formulas, and what an episode of each is told."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from vispeg.core.errors import UserError
 from vispeg.task.peg.config import PegConfig
 from vispeg.task.peg.expert import Expert
 from vispeg.task.peg.rewards import REWARDS
+from vispeg.task.peg.terms import TERMS
 from vispeg.task.rewards import Moment
 from vispeg.task.vector import PegInHoleVec
 from vispeg.task.world_file import load_world
@@ -77,3 +80,42 @@ def test_a_world_may_name_it_and_only_then_has_another_hash(tmp_path):
     assert PegInHoleVec(1, tmp_path / "paper.yaml").config.reward == "paper"
     with pytest.raises(UserError, match="reward: unknown reward.*got 'papr'.*did you mean 'paper'"):
         PegConfig(reward="papr")
+
+
+def test_a_world_may_weigh_the_terms_itself(tmp_path):
+    """Its reward is that sum, and it is another world; pairs, as JSON keeps them, state the same."""
+    own = "{distance: -2, force: -1, success: 7}"
+    (tmp_path / "own.yaml").write_text(f"format: vispeg-world/1\nbase: goal\ntask: {{reward: {own}}}\n")
+    file = load_world(tmp_path / "own.yaml")
+    assert file.hash != load_world("goal").hash
+    env = PegInHoleVec(1, file.path)
+    m = moment([[0.003, 0.0, 0.01]], force=20.0)
+    expected = -2 * np.linalg.norm(m.tip - GOAL) / 0.05 - (20 / 40) ** 2
+    assert env.sim.reward.dense(m)[0] == pytest.approx(expected) and env.sim.reward.success == 7
+    assert PegConfig.of({"reward": [["distance", -2], ["force", -1], ["success", 7]]}) == env.config
+
+
+@pytest.mark.parametrize(
+    ("reward", "message"),
+    [
+        ({"lateral": 1}, "unknown reward term.*'lateral'.*distance"),
+        ({"distance": "much"}, "task.reward: wrong reward"),
+        ({}, "task.reward: wrong reward"),
+        (3, "task.reward: wrong reward"),
+        ({"distance": float("inf")}, "reward.distance: not finite"),
+    ],
+)
+def test_weights_that_are_none_are_refused(reward, message):
+    with pytest.raises(UserError, match=message):
+        PegConfig.of({"reward": reward}, "w.yaml")
+
+
+def test_the_guide_lists_the_terms_and_weights():
+    """docs/task.md: every observation term with its unit and scale, every reward term with its weights."""
+    guide = (Path(__file__).resolve().parents[2] / "docs" / "task.md").read_text(encoding="utf-8")
+    for t in TERMS:
+        assert f"| {t.unit} | {t.scale:g} | {t.to} | {t.about} |" in guide, t.name
+    for term in (*(t.name for t in REWARDS.terms), "success", "abort"):
+        weights = [f"{REWARDS.named[name][term]:g}" if term in REWARDS.named[name] else "" for name in REWARDS.named]
+        (line,) = [line for line in guide.splitlines() if line.startswith(f"| `{term}` |") and line.count("|") == 5]
+        assert [cell.strip() for cell in line.split("|")[3:5]] == weights, term

@@ -64,6 +64,7 @@ class Args:
         from vispeg.evaluation.players import ready
         from vispeg.report.gap import words
         from vispeg.report.gap.perturb_page import render
+        from vispeg.task.registry import config_of, task_of
         from vispeg.task.world_file import load_world
 
         check_numbers(self.episodes, self.workers)
@@ -71,7 +72,7 @@ class Args:
             raise UserError("not a push", key="--force", expected="low <= high, a duration above 0", got=self.force)
         who, world = ready(self.policies), load_world(self.world)
         task = at_clearance(who, world, self.clearance)
-        listed = perturb.positions(self.positions)
+        listed = perturb.positions(self.positions, task_of(config_of(world.task)))
         read = [world.path, self.positions, *(e.path for e in who)]
         out = open_folder(self.out, "perturb.json", self.overwrite, read)
         settings = perturb.settings(self.world, world.name, listed, Pushes(self.force, self.duration))

@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from vispeg.core.errors import UserError
-from vispeg.evaluation.records import CATEGORIES, LAST_SEED, Episode, measure
+from vispeg.evaluation.records import LAST_SEED, Episode, measure
 from vispeg.formats.format import enrol
 from vispeg.formats.guard import MB, read_text
+from vispeg.task.registry import FIRST, task
 
 LARGEST = 64 * MB
 REQUIRED = ("policy", "seed", "outcome")
@@ -54,7 +55,7 @@ def read_csv(
     Args:
         path: the CSV, first row its heads, one row a trial. `outcome` is success or failure (also 1/0, true/false,
             yes/no); `seed` is the trial's number, or the simulated episode's seed where the same start and goal were
-            set up. A failure's `category` is one of `vispeg.evaluation.records.CATEGORIES` or a word of one's own.
+            set up. A failure's `category` is one of the task's categories or a word of one's own.
         world: the name under which these records stand in tables.
         policies: the names that are known, with their training seeds; none: any. Where the file does not tell the
             training seed, it is the policy's only one; of several the lowest is taken, and a note says so.
@@ -122,7 +123,8 @@ def _episode(
         raise UserError("unknown outcome", **where, got=cell["outcome"], choices=OUTCOMES)
     success = OUTCOMES[outcome]
     category = cell.get("category") or ("success" if success else "failure")
-    category = category.lower() if category.lower() in CATEGORIES else category  # a user's own word stays as it is
+    if category.lower() in task(FIRST).categories:  # a user's own word stays as it is
+        category = category.lower()
     if (category == "success") != success:
         raise UserError("outcome and category contradict each other", **where, got=f"{outcome}, {category}")
     default = str(known[policy][0]) if known.get(policy) else "0"

@@ -19,9 +19,11 @@ from vispeg.evaluation.decide import decide
 from vispeg.evaluation.jobs import Pushes, Setting
 from vispeg.evaluation.overlay import Change
 from vispeg.evaluation.records import Episode
-from vispeg.evaluation.stress import HERE, read_list
+from vispeg.evaluation.stress import read_list
 from vispeg.evaluation.table import Cell, Table
 from vispeg.formats.format import Format, copy, enrol
+from vispeg.task.contract import Task
+from vispeg.task.registry import FIRST, task
 
 FORMAT = "vispeg-perturb/1"
 LIST = Format("vispeg-positions/1", "a list of positions", keys=("name", "about", "positions"))
@@ -29,10 +31,20 @@ KEYS = ("name", "x", "y", "height", "roll", "pitch", "yaw")
 FREE = "anywhere"
 
 
-@enrol(LIST.name, lambda folder: copy(HERE / "hard_positions.yaml", folder))
-def positions(path: Path | None = None) -> list[dict[str, Any]]:
-    """The frozen list, or one of the user's own. Raises UserError as `read_list`, and for what is no number."""
-    file = path or HERE / "hard_positions.yaml"
+def _listed(task: Task) -> Path:
+    if task.hard_positions is None:
+        raise UserError("the task has no list of hard positions", key="--positions", expected="a file", got=task.label)
+    return task.hard_positions
+
+
+@enrol(LIST.name, lambda folder: copy(_listed(task(FIRST)), folder))
+def positions(path: Path | None = None, of: Task | None = None) -> list[dict[str, Any]]:
+    """The frozen list of a task, or one of the user's own.
+
+    Raises:
+        UserError: as `read_list`; what is no number; a task without a list.
+    """
+    file = path or _listed(of or task(FIRST))
     listed = read_list(file, LIST, "positions", KEYS)
     for i, entry in enumerate(listed):
         for key in KEYS[1:]:

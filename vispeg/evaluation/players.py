@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from vispeg.evaluation.entrants import EXPERT, Entrant, entrants
-from vispeg.task.registry import task_of
+from vispeg.task.scripted import Scripted
 
 
 def player(who: Entrant, config: Any) -> Any:
     """The policy of an entrant (see `vispeg.learn.policy.Policy`) for an environment of TaskConfig `config`."""
     if str(who.path) == EXPERT:
-        return ScriptedPolicy(config)
+        return Scripted(config)
     from vispeg.learn.coarse_to_fine import open_policy
 
     return open_policy(who.path)
@@ -33,25 +31,3 @@ def ready(texts: Sequence[str]) -> list[Entrant]:
 
             open_policy(e.path)
     return who
-
-
-class ScriptedPolicy:
-    """The scripted expert as a policy: what success the task allows to one that acts on the same observation."""
-
-    modality = "state"
-    meta: Mapping[str, Any] = {}
-    estimate: np.ndarray | None = None
-
-    def __init__(self, config: Any):
-        self.config = config
-
-    def reset(self, n: int, rows: np.ndarray | None = None) -> None:
-        """All rows, or those of the mask (n,), begin a new episode."""
-        if rows is None:
-            self.expert = task_of(self.config).expert(self.config, n)
-        else:
-            self.expert.reset(rows)
-
-    def act(self, obs: dict[str, np.ndarray]) -> np.ndarray:
-        """Actions (n, 3) float32."""
-        return self.expert.act(obs).astype(np.float32)

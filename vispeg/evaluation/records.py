@@ -17,7 +17,6 @@ from vispeg.formats.json_data import parse_json
 
 LARGEST = 2_000_000_000  # bytes of a file of episodes
 LAST_SEED = 2**62
-CATEGORIES = ("success", "approach", "search", "jam", "wedge", "slip", "force limit", "timeout", "diverged")
 
 
 @dataclass(frozen=True)
@@ -31,7 +30,7 @@ class Episode:
         world: the world's name.
         world_hash: SHA-256 of the world's content; "" for a measured target.
         seed: of the episode; the same seed is the same start, goal and draw in every world and for every policy.
-        success, category: the outcome; one of CATEGORIES, or a user's own word for a failure on a real robot.
+        success, category: the outcome; one of the task's categories, or a user's own word for a real robot's failure.
         time: s, duration of the episode.
         peak_force: N, largest contact force.
         lateral_error: m, distance of the tip from the goal's axis at the end.

@@ -14,6 +14,7 @@ from vispeg.learn.modalities import modality
 from vispeg.learn.policy import load
 from vispeg.render.image_kinds import GOAL_TOLD
 from vispeg.task.registry import task_of
+from vispeg.task.scripted import Scripted
 from vispeg.task.terms import Observation
 
 
@@ -107,28 +108,6 @@ class StateTeacher:
         stack = shown[VECTOR].reshape(len(shown[VECTOR]), -1, self.observed.policy_size)
         tared = self.tare(stack, obs[PRIVILEGED][:, self.observed["contact"]])
         return self.policy.act(shown | {VECTOR: tared.reshape(shown[VECTOR].shape)})
-
-
-class Scripted:
-    """The task's scripted expert with a policy's interface."""
-
-    modality = "state"
-
-    def __init__(self, config: Any):
-        self.config, self.expert, self.meta = config, None, {"name": "expert"}
-
-    def reset(self, n: int, rows: np.ndarray | None = None) -> None:
-        """See Teacher."""
-        if self.expert is None or rows is None:
-            self.expert = task_of(self.config).expert(self.config, n)
-        else:
-            self.expert.reset(np.flatnonzero(rows))
-
-    def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
-        """See Teacher."""
-        if self.expert is None:
-            self.reset(len(obs[VECTOR]))
-        return self.expert.act(dict(obs))  # type: ignore[union-attr]
 
 
 def teacher_of(source: str | Path, config: Any) -> StateTeacher:

@@ -26,6 +26,7 @@ class PegTask(Task):
     Config = PegConfig
     terms = TERMS
     categories = CATEGORIES
+    hard_positions = Path(__file__).parent / "hard_positions.yaml"
 
     def cell(self, config: PegConfig, cameras: tuple[str, ...] | None = None) -> Scene:
         """See Task."""
