@@ -86,8 +86,9 @@ def test_a_world_may_weigh_the_terms_itself(tmp_path):
     """Its reward is that sum, and it is another world; pairs, as JSON keeps them, state the same."""
     own = "{distance: -2, force: -1, success: 7}"
     (tmp_path / "own.yaml").write_text(f"format: vispeg-world/1\nbase: goal\ntask: {{reward: {own}}}\n")
+    (tmp_path / "plain.yaml").write_text("format: vispeg-world/1\nbase: goal\n")
     file = load_world(tmp_path / "own.yaml")
-    assert file.hash != load_world("goal").hash
+    assert file.hash != load_world(tmp_path / "plain.yaml").hash
     env = PegInHoleVec(1, file.path)
     m = moment([[0.003, 0.0, 0.01]], force=20.0)
     expected = -2 * np.linalg.norm(m.tip - GOAL) / 0.05 - (20 / 40) ** 2

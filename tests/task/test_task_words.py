@@ -8,6 +8,7 @@ WORD = re.compile(r"(?<![a-z])(peg|hole|clearance)s?(?![a-z])|Peg[A-Z]", re.IGNO
 ROOMS = ("task/peg/", "effects/task/", "robots/")  # the task, effects of its family, its cell
 ELSEWHERE = {
     "__init__.py",
+    "api/catalogue.py",
     "api/environments.py",
     "api/evaluate.py",
     "api/gap.py",
@@ -56,6 +57,8 @@ ELSEWHERE = {
     "task/vector.py",
     "task/world_file.py",
     "worlds/measurement_file.py",
+    "worlds/places.py",
+    "worlds/randomized.py",
 }
 
 
