@@ -11,11 +11,12 @@ import numpy as np
 
 from vispeg.api.inputs import Model, Reading, Source, read_inputs, silent
 from vispeg.api.result import Result
-from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.effect import EffectInstance, Value, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.identify import paper
 from vispeg.identify.checkpoint import Checkpoint, Trace
+from vispeg.identify.paper_intervals import determine
 from vispeg.report.quantities import quantity
 from vispeg.report.signature import signature_panels
 from vispeg.report.summary import Block, Line
@@ -54,8 +55,11 @@ class PaperFit(Result):
             cost = f"cost {row['cost_before']:.4g} -> {row['cost_after']:.4g} m"
             out.append(Line(f"{row['recording']} ({role}): {cost}; flange {fall}"))
         for e in self.effects:
-            values = ", ".join(f"{k} {v.value:.3g} {effect(e.effect).params[k].unit}" for k, v in e.params.items())
+            values = ", ".join(_stated(k, v, effect(e.effect).params[k].unit) for k, v in e.params.items())
             out.append(Line(f"  {e.label}: {values}"))
+        if self.record["undetermined"]:
+            names = ", ".join(self.record["undetermined"])
+            out.append(Line(f"not determined by this recording (interval holds null and more): {names}"))
         return out
 
     def save(self, out: str | Path, *, overwrite: bool = False) -> Path:
@@ -115,7 +119,9 @@ def fit_paper(
         checkpoint = Checkpoint(Path(part) / "checkpoint.json", key, 1, resume, watch)
     trace = checkpoint.traces[0] if checkpoint is not None else None
     rng = stream(seed, "fit", "paper")
-    final = paper.fit_paper(world, pieces[fitted], rng=rng, generations=iterations, nthread=threads, trace=trace)
+    near = paper.fit_paper(world, pieces[fitted], rng=rng, generations=iterations, nthread=threads, trace=trace)
+    determined = determine(paper.Coordinates(world, pieces[fitted]), pieces[fitted], near, threads)
+    final = determined.world
     rows, lines = [], {}
     for name, piece in pieces.items():
         before, after = paper.paths(piece, [world, final], threads)
@@ -128,12 +134,19 @@ def fit_paper(
     record = {
         "format": "vispeg-fit/1",
         "protocol": "paper",
-        "method": "cma",
+        "method": "cma, then Gauss-Newton",
         "effects": [placed_dict(e) for e in effects],
+        "undetermined": list(determined.undetermined),
         "recordings": rows,
         "provenance": stamp,
     }
     return PaperFit(finite(record), final, effects, lines, given.files, checkpoint)
+
+
+def _stated(name: str, value: Value, unit: str) -> str:
+    """`mass 0.213 [0.198, 0.266] kg`."""
+    ends = "" if value.low is None or value.high is None else f" [{value.low:.3g}, {value.high:.3g}]"
+    return f"{name} {value.value:.3g}{ends} {unit}"
 
 
 def _distance(measured: np.ndarray, path: np.ndarray) -> np.ndarray:

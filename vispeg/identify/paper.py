@@ -2,8 +2,8 @@
 
 A recording under operational space control is cut into short pieces. Each is simulated from its own measured start, so
 that an error does not grow along the whole motion. The cost is the sum over the pieces of the 2-norm of measured less
-simulated flange positions. This is how insertion policies have been transferred to this arm; it gives no intervals and
-sees only the flange, which is why `vispeg fit --effects` exists beside it.
+simulated flange positions. This is how insertion policies have been transferred to this arm; it sees only the flange,
+which is why `vispeg fit --effects` exists beside it. How well a path determines the values: `paper_intervals`.
 """
 
 from __future__ import annotations
