@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -287,3 +288,30 @@ def test_yaml_that_is_none_and_a_range_as_a_distribution(tmp_path, world):
         load_world(bad)
     (r,) = load_world(world(effects=[FRICTION])).world.ranges
     assert r.params == {"scale": Uniform(0.5, 1.5)}
+
+
+def test_a_model_is_widened_by_what_the_file_states(world, tmp_path):
+    """sd^2 = (2 x the fit's)^2 + (0.3 x distance from null)^2, in draws too; without an interval the share is left."""
+    friction = {"torque": {"value": 1.2, "low": 1.0, "high": 1.4}}
+    delay = {"delay": {"value": 0.01}}
+    entries = [
+        {"effect": "coulomb_friction", "where": "joint4", "params": friction},
+        {"effect": "command_delay", "where": "all", "params": delay},
+    ]
+    model = {"format": "vispeg-model/1", "robot": "iiwa14", "tool": "none", "effects": entries}
+    (tmp_path / "model.yaml").write_text(yaml.safe_dump(model), encoding="utf-8")
+    wide = load_world(world("wide", model={"file": "model.yaml", "widen": 0.3, "sd": 2})).world
+    sds = {r.label: [p.sd for p in r.params.values() if not isinstance(p, float)] for r in wide.ranges}
+    assert sds["coulomb_friction(joint4)"] == [pytest.approx(np.hypot(2 * 0.4 / 3.92, 0.3 * 1.2))]
+    assert sds["command_delay(all)"] == [pytest.approx(0.003)]
+    drawn = [wide.sample(s, SCENE).values["command_delay(all)"]["delay"] for s in range(800)]
+    assert np.mean(drawn) == pytest.approx(0.01, abs=4e-4) and np.std(drawn) == pytest.approx(0.003, rel=0.1)
+    with pytest.warns(UserWarning, match=r"command_delay\(all\) has no interval for delay"):
+        load_world(world("plain", model="model.yaml"))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        meant = load_world(world("meant", model={"file": "model.yaml", "widen": 0}))
+    assert meant.hash == load_world(world("again", model={"file": "model.yaml", "widen": 0.0})).hash
+    for stated, words in (({"widen": 1}, "model"), ({"file": "model.yaml", "wide": 1}, "widen")):
+        with pytest.raises(UserError, match=words):
+            load_world(world("wrong", model=stated))

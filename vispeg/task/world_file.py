@@ -22,8 +22,9 @@ from vispeg.formats.guard import is_file, read_bytes
 from vispeg.task.config import TaskConfig
 from vispeg.task.registry import config_of, digest_of, task_of
 from vispeg.worlds.entry import entry_dict, ranged
-from vispeg.worlds.identified import ranges_of
+from vispeg.worlds.identified import Identified, ranges_of
 from vispeg.worlds.model_file import placed_dict
+from vispeg.worlds.places import MANY
 from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
 from vispeg.worlds.world import World
 
@@ -96,13 +97,11 @@ def load_world(source: str | Path) -> WorldFile:
         UserError: naming the file, the key, what came and what there is to choose from.
     """
     path = _path(source, None)
-    parts, name = _Parts(), WORLD.read(path).get("name", path.stem)
-    if not isinstance(name, str):
-        raise UserError("wrong name", file=path, key="name", expected="a text", got=name)
-    _collect(path, parts, ())
+    parts = _Parts()
+    name = _collect(path, parts, ())
     # the later wins: a range for one place over one for many
-    broad = [r for r in parts.ranges.values() if r.where in ("all", "each")]
-    narrow = [r for r in parts.ranges.values() if r.where not in ("all", "each")]
+    broad = [r for r in parts.ranges.values() if r.where in MANY]
+    narrow = [r for r in parts.ranges.values() if r.where not in MANY]
     world = RandomizedWorld(ranges=(*broad, *narrow))
     config = config_of(parts.task, str(path))
     ranges = [(r, *parts.said[place]) for place, r in parts.ranges.items()]
@@ -143,14 +142,15 @@ def _fixed(e: EffectInstance) -> dict[str, Any]:
     return {"effect": e.effect, "where": e.where, "params": {k: v.value for k, v in e.params.items()}}
 
 
-def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> None:
-    """Adds what a file says to `parts`: its bases first, then what its model identified, then its own words."""
+def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> str:
+    """Adds what a file says to `parts`: its bases first, then its model, then its own words. Gives its name."""
     if path in above:
         raise UserError("a world that is based on itself", file=path, key="base", got=path.stem)
     parts.files += 1
     if parts.files > FILES:
         raise UserError("a world of too many files", file=path, key="base", expected=f"at most {FILES}")
     data = WORLD.read(path)
+    name = _typed(data.get("name", path.stem), str, path, "name")
     bases = _given(data, "base", [])
     for base in [bases] if isinstance(bases, str) else _typed(bases, list, path, "base"):
         _collect(_path(base, path), parts, (*above, path))
@@ -160,7 +160,7 @@ def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> None:
     parts.cameras |= _cameras(_given(data, "cameras", {}), path)
     parts.renderer |= _renderer(_given(data, "renderer", {}), path)
     if data.get("model") is not None:
-        for r in ranges_of(_beside(_typed(data["model"], str, path, "model"), path), World().robot):
+        for r in ranges_of(Identified.of(data["model"], path), World().robot):
             _replace(parts, r, path, "model")
     config = config_of(parts.task, str(path))
     scene = task_of(config).cell(config)
@@ -171,6 +171,7 @@ def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> None:
             raise UserError(f"{r.label} is given twice", file=path, key=f"effects[{i}]")
         seen.add((r.effect, r.where))
         _replace(parts, r, path, f"effects[{i}]")
+    return name
 
 
 def _replace(parts: _Parts, r: RandomizedEffect, path: Path, key: str) -> None:
@@ -258,7 +259,12 @@ def parts(source: str | Path) -> dict[str, str]:
         bases = _given(data, "base", [])
         todo += [_path(base, path) for base in ([bases] if isinstance(bases, str) else bases)]
         effects = [{k: v for k, v in entry.items() if k != "source"} for entry in _given(data, "effects", [])]
-        model = None if data.get("model") is None else _digest(str(_beside(data["model"], path)))
+        model: Any = None
+        if data.get("model") is not None:
+            stated = Identified.of(data["model"], path)
+            model = _digest(str(stated.file))
+            if isinstance(data["model"], Mapping):
+                model = [model, stated.widen, stated.sd]
         if effects or model:
             own = json.dumps([effects, model], sort_keys=True)
             found[hashlib.sha256(own.encode()).hexdigest()] = str(data.get("name", path.stem))
