@@ -4,8 +4,8 @@ Effects are EFFECT:WHERE; WHERE `all` fits one value for all places, `each` one 
 the model file are fitted. Writes OUT/fit.json and OUT/model.yaml. A fit that was stopped goes on with --resume.
 
 `--protocol paper` fits link masses, joint damping and the direction of gravity by CMA-ES to the flange's path in short
-sub-trajectories of one recording under operational space control (`vispeg record --motion osc`), with intervals; what the
-path does not determine is named.
+sub-trajectories of one recording under operational space control (`vispeg record --motion osc`), with
+intervals; what the path does not determine is named.
 
 Example:
     vispeg fit iiwa14 --recording rig-a --recording rig-b --validate rig-c \\
