@@ -23,8 +23,10 @@ def unsigned(rec: Recording) -> bool:
 
 
 def load_noise(load: np.ndarray) -> np.ndarray:
-    """1-sigma (nj,) of a load (n, nj), in its unit; never 0."""
-    return np.maximum(np.maximum(highpass_sigma(load), TRUST * np.nanstd(load, axis=0)), 1e-9)
+    """1-sigma (nj,) of a load (n, nj), in its unit; never 0: a joint that rests is trusted as the mean joint is."""
+    spread = np.nanstd(load, axis=0)
+    least = max(TRUST * float(np.sqrt(np.mean(spread**2))), 1e-9)
+    return np.maximum(np.maximum(highpass_sigma(load), TRUST * spread), least)
 
 
 def with_gains(items: Sequence[Item], predicted: list[np.ndarray]) -> list[np.ndarray]:

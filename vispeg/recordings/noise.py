@@ -32,8 +32,15 @@ def noise_of(rec: Recording) -> dict[str, np.ndarray]:
         if name in rec.noise:
             out[name] = np.full(values.shape[1], float(rec.noise[name]))
         else:
-            out[name] = np.maximum(np.maximum(highpass_sigma(values), _rounding(values)), least)
+            out[name] = _pooled(np.maximum(highpass_sigma(values), _rounding(values)), least)
     return out
+
+
+def _pooled(sigma: np.ndarray, least: float) -> np.ndarray:
+    """A joint that shows no noise (it stands on one step of its encoder) is taken to be as noisy as the others are."""
+    noisy = sigma > least
+    usual = float(np.median(sigma[noisy])) if noisy.any() else least
+    return np.where(noisy, sigma, usual)
 
 
 def _rounding(values: np.ndarray) -> np.ndarray:

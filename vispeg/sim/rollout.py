@@ -17,7 +17,7 @@ from vispeg.sim.plant import Plant
 from vispeg.sim.quiet import quiet
 from vispeg.sim.rows import Rows
 from vispeg.sim.segment import Segment
-from vispeg.sim.servo import Servos
+from vispeg.sim.servo import Servos, stable_step
 from vispeg.worlds.world import World
 
 
@@ -99,9 +99,10 @@ class _Run:
         along: bool,
     ):
         self.robot, self.rows, self.tick = robot, Rows(segments, len(worlds)), segments[0].tick
+        servo = segments[0].control.mode == "servo"
+        h_max = min(h_max, stable_step(robot)) if servo else h_max
         self.nsub = max(1, math.ceil(self.tick / h_max - 1e-9))
         nthread = max(1, min(nthread, self.rows.nsim))
-        servo = segments[0].control.mode == "servo"
         self.plant = Plant(robot, list(worlds) * len(segments), self.tick / self.nsub, self.tick, nthread, servo)
         self.servos = Servos(self.plant) if servo else None
         self.nominal = nominal_of(robot, self.rows.nsim, nthread)

@@ -79,7 +79,7 @@ def _segment(rec: Recording, rows: np.ndarray) -> Segment:
     raw = on_grid(rec.q)
     closed = rec.control.mode in ("position", "osc", "servo")
     q, dq, _ = smooth(grid, raw, START_HZ if closed else HELD_HZ)
-    if rec.control.mode == "osc":  # a redundant arm's null space forgets its start slowly
+    if rec.control.mode in ("osc", "servo"):  # a redundant arm's null space, a soft servo forget their start slowly
         q[0], dq[0] = start_state(grid, raw, noise_of(rec)["q"])
     return Segment(rec.control, tick, command, q, dq, raw, time, rows)
 

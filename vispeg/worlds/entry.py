@@ -37,6 +37,9 @@ def ranged(entry: Any, model: Any, file: Path, key: str) -> RandomizedEffect:
         if name not in KEYS:
             raise UserError("unknown key", file=file, key=f"{key}.{name}", got=name, choices=KEYS)
     kind = effect(entry.get("effect"), file=file, key=f"{key}.effect")
+    if kind.channels() == {"servo", "load"}:
+        expected = "an effect of an arm that is sent torques; a servo's loop takes angles"
+        raise UserError(f"{kind.name} would change nothing", file=file, key=f"{key}.effect", expected=expected)
     given = entry.get("params") or {}
     if not isinstance(given, Mapping):
         raise UserError("wrong params", file=file, key=f"{key}.params", expected="a mapping", got=given)

@@ -1,9 +1,10 @@
 """The loop inside a position servo: second order from goal to angle, its gains the servo maker's own.
 
 `tau = J (w^2 (K goal - q) - 2 zeta w dq)`: on a joint of inertia J without load that is the standard second-order
-system with natural frequency w, damping ratio zeta and static gain K. J is the nominal arm's apparent inertia in one
-reference posture, so that the loop keeps its stiffness J w^2 in N m/rad where the arm's inertia varies or is another
-one. Source: Franklin, Powell and Emami-Naeini, Feedback Control of Dynamic Systems, 7th ed., sec. 3.3, eq. (3.55).
+system with natural frequency w, damping ratio zeta and static gain K. J is the nominal arm's apparent inertia at
+the joint, the mean over its postures, so that the loop keeps its stiffness J w^2 in N m/rad where the inertia varies or
+is another one. Source: Franklin, Powell and Emami-Naeini, Feedback Control of Dynamic Systems, 7th ed., sec.
+3.3, eq. (3.55).
 
 A servo of which nothing is known is taken as a fast one, critically damped, that follows its goal within 15 ms.
 """

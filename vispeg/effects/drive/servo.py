@@ -1,6 +1,6 @@
 """Servo: the bandwidth, damping and static gain of a position servo whose loop is its maker's own.
 
-`tau = J (w^2 (K goal - q) - 2 zeta w dq)`, J the nominal arm's apparent inertia in the middle of the joints' ranges.
+`tau = J (w^2 (K goal - q) - 2 zeta w dq)`, J the nominal arm's apparent inertia there, the mean over its postures.
 Null is a servo that follows its goal at once (w = 150 rad/s, zeta 1, K 1). MuJoCo's own mechanism is a `position`
 actuator with gains fixed when the model is compiled; here they are numbers of each simulation. Source: Franklin, Powell
 and Emami-Naeini, Feedback Control of Dynamic Systems, 7th ed., sec. 3.3, eq. (3.55).
@@ -20,7 +20,7 @@ class Servo(Effect):
 
     name = "servo"
     family = "drive"
-    shared = True
+    common = "servo"
     telling = ("natural_frequency",)
     params = {
         "natural_frequency": Param(
