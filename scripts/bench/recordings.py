@@ -71,7 +71,9 @@ def main() -> int:
             "convert", f"{long('csv')}/samples.csv", *iiwa, "--table", "parquet", *out("c3"),
         ],
         "convert --guess": lambda: ["convert", f"{long('csv')}/samples.csv", *iiwa, "--guess"],
-        f"diagnose, {told}": lambda: ["diagnose", "iiwa14", "--recording", long("parquet"), *out("c4")],
+        f"diagnose, {told}": lambda: [
+            "diagnose", "iiwa14", "--recording", long("parquet"), "--validate", *many(1), *out("c4"),
+        ],
     }  # fmt: skip
     jobs |= {f"check, {n} recordings of 1 min": lambda n=n: ["check", *many(n)] for n in (1, 10, 50)}
     jobs |= {f"check, 1 min of {n} joints": lambda n=n: ["check", wide(n)] for n in (10, 30)}
