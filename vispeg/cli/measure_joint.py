@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING
 
 import tyro
 
+from vispeg.cli.measure_stop import Asked, Stop
+from vispeg.cli.output import Output, Told
+
 if TYPE_CHECKING:
     from vispeg.measure.trace import Trace
 
@@ -38,6 +41,7 @@ class Plan:
     """Seed of the order."""
     overwrite: bool = False
     """Replace OUT if it is there."""
+    output: Told = Output()
 
     def run(self) -> int:
         """Writes the folder and prints the order."""
@@ -72,9 +76,10 @@ class Plan:
             for name, part in zip(names, parts, strict=True):
                 (folder / name).write_text(table(part, robot.joints, posture, self.joint), encoding="utf-8")
             (folder / "ORDER.md").write_text(self._order(lines, names), encoding="utf-8")
-        for line in lines:
-            print(line)
-        print(f"{self.out}: {len(parts)} motions, {sum(p.time[-1] for p in parts) / 60:.0f} minutes; see ORDER.md")
+        rows = [{"file": n, "shows": p.shows, "seconds": p.time[-1]} for n, p in zip(names, parts, strict=True)]
+        minutes = sum(p.time[-1] for p in parts) / 60
+        last = f"{self.out}: {len(parts)} motions, {minutes:.0f} minutes; see ORDER.md"
+        self.output.give({"out": str(self.out), "joint": self.joint, "motions": rows}, [*lines, last])
         return 0
 
     def _order(self, lines: list[str], names: list[str]) -> str:
@@ -123,10 +128,13 @@ class Joint:
     """Seed of the Monte Carlo propagation."""
     overwrite: bool = False
     """Replace OUT if it is there."""
+    stop: Asked = Stop()
+    output: Told = Output()
 
     def run(self) -> int:
         """Measures, writes the folder, prints the numbers."""
-        from vispeg.cli.measure_write import complete, conditions, show
+        from vispeg.api.playing import check_numbers
+        from vispeg.cli.measure_write import complete, conditions, tell
         from vispeg.core.errors import UserError
         from vispeg.core.files import new_folder
         from vispeg.core.seeds import stream
@@ -138,6 +146,7 @@ class Joint:
         if self.inertia is not None and not 0 < self.inertia < float("inf"):
             raise UserError("not an inertia", key="--inertia", expected="above 0 kg m2", got=self.inertia)
         stated = conditions(self.conditions)
+        check_numbers(self.stop.episodes, self.stop.workers)
         with new_folder(self.out, self.overwrite, holds="measurement", inputs=self.recordings) as folder:
             traces, name, robot = self._traces()
             found = joints.measure(traces, stream(self.seed, "measure", "joint"))
@@ -154,8 +163,8 @@ class Joint:
             full = Measurement("joint", name, tuple(found.results), effects, known, stated, {}, tuple(notes), details)
             full = complete(full, self.recordings, self.seed)
             (folder / "measurement.yaml").write_text(measurement_text(full), encoding="utf-8")
-        show(full, budget=False)
-        print(f"{self.out}: measurement.yaml, joint.png" + (", actuator.xml" if found.servo else ""))
+        said = f"{self.out}: measurement.yaml, joint.png" + (", actuator.xml" if found.servo else "")
+        tell(full, self.out / "measurement.yaml", self.stop, self.output, said, budget=False)
         return 0
 
     def _traces(self) -> tuple[list[Trace], str, str | None]:

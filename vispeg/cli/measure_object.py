@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import tyro
 
+from vispeg.cli.measure_stop import Asked, Stop
 from vispeg.cli.output import Output, Told
 
 if TYPE_CHECKING:
@@ -34,28 +35,23 @@ class _Common:
     """What else counts, such as surface=steel temperature=21; kept in the file."""
     seed: int = 0
     """Seed of the Monte Carlo propagation."""
-    policy: tuple[str, ...] = ()
-    """Policies (folders or names): says whether the interval is narrow enough for them."""
-    world: str = "nominal"
-    """The world that nominal values are read from, and in which the policies are played."""
-    episodes: int = 300
-    """Episodes at each end of the interval."""
-    workers: int = 1
-    """Processes that play."""
     overwrite: bool = False
     """Replace OUT if it is there."""
+    stop: Asked = Stop()
     output: Told = Output()
 
     protocol: ClassVar[str]
 
     def run(self) -> int:
         """Measures, writes OUT, prints the number and what it becomes."""
-        from vispeg.cli.measure_write import check_out, conditions, write_and_show
+        from vispeg.api.playing import check_numbers
+        from vispeg.cli.measure_write import check_out, conditions, tell, write
         from vispeg.core.errors import UserError
         from vispeg.core.seeds import stream
         from vispeg.worlds.measurement_file import Measurement
 
         check_out(self.out, self.overwrite)
+        check_numbers(self.stop.episodes, self.stop.workers)
         stated = conditions(self.conditions)
         outcome = self._measure(stream(self.seed, "measure", self.protocol))
         notes = list(outcome.notes)
@@ -72,11 +68,8 @@ class _Common:
             notes=tuple(notes),
             details=outcome.details,
         )
-        write_and_show(found, self.out, self._inputs(), self.seed, self.overwrite, self.output)
-        if self.policy:
-            from vispeg.cli.measure_stop import enough
-
-            enough(found, self.policy, self.world, self.episodes, self.workers, self.seed, self.out, self.overwrite)
+        full = write(found, self.out, self._inputs(), self.seed, self.overwrite)
+        tell(full, self.out, self.stop, self.output, str(self.out))
         return 0
 
     def _of(self) -> str:
@@ -135,7 +128,7 @@ class Mass(_FromTable):
 
         if self.where == "flange":
             return [payload(results, None)]
-        nominal = self.nominal or cell_value("mass", self.where, self.world)
+        nominal = self.nominal or cell_value("mass", self.where, self.stop.world)
         return [scaled(results[0], self.where, nominal)]
 
 
@@ -222,7 +215,7 @@ class Friction(_Common):
         from vispeg.cli.measure_nominal import cell_value
         from vispeg.measure.becomes import scaled
 
-        nominal = self.nominal or cell_value("friction", self.where, self.world)
+        nominal = self.nominal or cell_value("friction", self.where, self.stop.world)
         return [scaled(results[0], self.where, nominal)]
 
 

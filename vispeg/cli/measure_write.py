@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from vispeg.cli.measure_stop import Stop
 from vispeg.cli.output import Output
 from vispeg.core.errors import UserError
 
@@ -47,22 +48,41 @@ def complete(measurement: Measurement, inputs: Sequence[Path], seed: int) -> Mea
     return replace(measurement, raw=raw, provenance=origin)
 
 
-def write_and_show(
-    measurement: Measurement, out: Path, inputs: Sequence[Path], seed: int, overwrite: bool, output: Output
-) -> None:
-    """Writes OUT and prints the numbers, their budget and the effects."""
-    import yaml
-
+def write(measurement: Measurement, out: Path, inputs: Sequence[Path], seed: int, overwrite: bool) -> Measurement:
+    """Writes OUT; gives what was written."""
     from vispeg.core.files import write_text_atomic
     from vispeg.worlds.measurement_file import measurement_text
 
     full = complete(measurement, inputs, seed)
     write_text_atomic(out, measurement_text(full), overwrite=overwrite)
+    return full
+
+
+def tell(full: Measurement, file: Path, stop: Stop, output: Output, said: str, budget: bool = True) -> None:
+    """Prints what was measured; then, where policies are named, plays them and says whether that is enough.
+
+    Args:
+        full: as it stands in `file`.
+        stop: the policies, and how they are played.
+        output: as JSON, once all is known, or as text as it comes.
+        said: the last line on the measurement: what was written.
+        budget: whether the sources of the first number's uncertainty are shown.
+    """
+    import yaml
+
+    from vispeg.worlds.measurement_file import measurement_text
+
+    if not output.json:
+        show(full, budget)
+        print(said)
+    if stop.policy:
+        from vispeg.cli.measure_stop import enough
+
+        full, lines = enough(full, file, stop, output.quiet)
+        for line in lines:
+            output.line(line)
     if output.json:
         output.give(yaml.safe_load(measurement_text(full)), [])
-    else:
-        show(full)
-        print(out)
 
 
 def show(measurement: Measurement, budget: bool = True) -> None:
