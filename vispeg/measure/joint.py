@@ -142,6 +142,9 @@ def _servo(
     if fit is None:
         return None
     servo, u, dof = fit
+    if u[1] > servo.natural_frequency or u[2] > servo.damping_ratio:
+        notes.append("no steps, and the frequency response does not tell natural frequency and damping ratio")
+        return None
     notes.append("no steps: the servo is fitted to the frequency response")
     for (name, unit), one in zip(steps.NAMES.items(), u, strict=True):
         inputs = [Input("fit to the frequency response", getattr(servo, name), float(one), "A", float(dof), "t")]
