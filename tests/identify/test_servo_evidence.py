@@ -12,6 +12,7 @@ from loops import iiwa_segment, pendulum, recorded
 
 from vispeg.cli.main import main
 from vispeg.core.effect import EffectInstance
+from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.run import diagnose
 from vispeg.identify.evidence import Evidence
@@ -21,6 +22,7 @@ from vispeg.recordings.load import load as load_recording
 from vispeg.recordings.noise import noise_of
 from vispeg.robots.model import load
 from vispeg.sim.segment import segments
+from vispeg.worlds.entry import ranged
 from vispeg.worlds.world import World
 
 ROBOT, EXAMPLE = load("iiwa14"), Path(__file__).parents[2] / "docs" / "examples" / "so101"
@@ -78,6 +80,12 @@ def test_a_coarse_encoder_is_as_noisy_as_its_step():
     q = np.round(0.1 * np.sin(np.arange(400) / 200.0) / 1.5e-3)[:, None] * 1.5e-3
     rec = replace(made(0.02), time=np.arange(400) / 50.0, q=np.hstack([q, 0 * q]), load=None, noise={})
     assert noise_of(rec)["q"] == pytest.approx(1.5e-3 / np.sqrt(12), rel=0.5)  # the joint at rest, too
+
+
+def test_a_task_that_sends_torques_refuses_a_servo():
+    entry = {"effect": "servo", "where": "all", "params": {"natural_frequency": 20.0}}
+    with pytest.raises(UserError, match="servo would change nothing"):
+        ranged(entry, ROBOT, Path("world.yaml"), "effects.0")
 
 
 def made(noise: float, seed: int = 0, *effects: EffectInstance):
