@@ -9,6 +9,7 @@ import sys
 import pytest
 
 from vispeg.core.effect import REGISTRY
+from vispeg.report.catalogue import GROUPS
 from vispeg.report.ladder import ladder_rows
 from vispeg.report.sections.found import effect_rows
 from vispeg.report.terminal import _record, joints_table
@@ -41,9 +42,7 @@ def whole(text, parts):
 def test_the_list_of_effects(columns):
     text = run("effects", columns=columns)
     assert not within(text, columns)
-    assert not whole(text, REGISTRY) and re.findall(r"^# (\w+)", text, re.M) == [
-        "joint", "drive", "body", "contact", "camera", "appearance",
-    ]  # fmt: skip
+    assert not whole(text, REGISTRY) and re.findall(r"^# (\w+)", text, re.M) == list(GROUPS)
     ends = [f"{p.low:g} to {p.high:g}" for kind in REGISTRY.values() for p in kind.params.values()]
     assert not [e for e in ends if not any(e in line for line in text.splitlines())]
 
