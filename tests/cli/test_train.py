@@ -7,6 +7,7 @@ import pytest
 pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
 
+from vispeg.cli.play import Film  # noqa: E402
 from vispeg.learn.config import Stage, TrainConfig, read_config  # noqa: E402
 from vispeg.task.vector import spaces, world_of  # noqa: E402
 
@@ -16,7 +17,7 @@ def asked(vispeg, monkeypatch, tmp_path):
     """Runs the command; gives the configuration it would train by."""
     found = []
 
-    def train(config, folder):
+    def train(config, folder, show=True):
         found.append(config)
         return folder / "checkpoints" / "best"
 
@@ -38,9 +39,9 @@ def begun(vispeg, monkeypatch, tmp_path):
     def films(policy, world, settings, seeds, out, overwrite):
         filmed.append((policy, world, settings, len(seeds)))
         out.mkdir()
-        yield "a film"
+        yield Film(7, "success", 5.0, "film.mp4")
 
-    monkeypatch.setattr("vispeg.learn.train.resume", lambda folder, steps: folder / "checkpoints" / "best")
+    monkeypatch.setattr("vispeg.learn.train.resume", lambda folder, steps, show: folder / "checkpoints" / "best")
     monkeypatch.setattr("vispeg.cli.play.films", films)
     (tmp_path / "run").mkdir()
     TrainConfig("peg-state", world="searching", settings={"clearance_mm": 0.5}).write(tmp_path / "run" / "config.yaml")
@@ -104,7 +105,7 @@ def test_mistakes(refused, args, words):
 def test_a_resumed_run_is_filmed_once(vispeg, begun):
     assert vispeg("train", "--resume", "run", "--films", "0")[0] == 0 and not begun
     code, out, _ = vispeg("train", "--resume", "run", "--steps", "200", "--films", "3")
-    assert code == 0 and out.splitlines() == ["best policy: run/checkpoints/best", "a film"]
+    assert code == 0 and out.splitlines() == ["best policy: run/checkpoints/best", "seed 7: success, peak force 5 N, film.mp4"]
     assert begun == [(Path("run/checkpoints/best"), "searching", {"clearance_mm": 0.5}, 3)]
     assert vispeg("train", "--resume", "run")[0] == 0 and len(begun) == 1
 
