@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.robots.declare import RobotConfig
 
 HINGE, SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
 LARGEST = 1e6  # kg, m, kg m^2, rad: what is larger is a mistake
 REFUSALS = (ValueError, TypeError, RuntimeError, MemoryError, mujoco.FatalError)  # MuJoCo's ways to say no
 FLANGE_WORDS = ("flange", "tool0", "attachment", "ee")  # best first
 Limits = Mapping[str, tuple[float, float]]  # joint -> (N m, rad/s)
+FREE = (np.inf, np.inf)
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ class Arm:
                 raise UserError("this joint turns no mass", file=label, key=joint, expected="a link with an inertia")
 
 
-def prepare(spec: mujoco.MjSpec, limits: Limits, label: str) -> Arm:
+def prepare(spec: mujoco.MjSpec, limits: Limits, label: str, declared: RobotConfig) -> Arm:
     """Edits `spec` in place into a torque-driven arm and says what it found.
 
     Sliding joints (grippers) are fixed where they stand, with the tendons and couplings that a description hangs on
@@ -57,10 +59,12 @@ def prepare(spec: mujoco.MjSpec, limits: Limits, label: str) -> Arm:
         spec: the description, without actuators.
         limits: what is known of joint torque and velocity limits.
         label: file or name, for errors.
+        declared: flange, limits and damping in place of what the description states.
 
     Raises:
-        UserError: not a fixed-base arm with hinges.
+        UserError: not a fixed-base arm with hinges; a declared frame that is not beyond its last joint.
     """
+    _take_off(spec, declared.without, label)
     _hinges_only(spec, label)
     for i, joint in enumerate(spec.joints, start=1):
         joint.name = joint.name or f"joint{i}"
@@ -76,9 +80,12 @@ def prepare(spec: mujoco.MjSpec, limits: Limits, label: str) -> Arm:
     model = compiled(spec, label)
     joints = tuple(model.joint(i).name for i in range(model.njnt))
     moved = [int(b) for b in model.jnt_bodyid]
-    flange = _flange(spec, model, moved[-1])
+    declared.check(len(joints), label)
+    flange = _declared(spec, model, moved[-1], declared, label) if declared.flange else _flange(spec, model, moved[-1])
     for name in joints:
         _motor(spec, name)
+    for name, damping in zip(joints, declared.damping, strict=False):
+        spec.joint(name).damping = [damping, 0.0, 0.0]
     free = np.array([[-np.inf, np.inf]])
     return Arm(
         joints=joints,
@@ -86,8 +93,8 @@ def prepare(spec: mujoco.MjSpec, limits: Limits, label: str) -> Arm:
         base=model.body(int(model.body_parentid[moved[0]])).name,
         flange=flange,
         range=_frozen(np.where(model.jnt_limited[:, None], model.jnt_range, free)),
-        torque=_frozen(np.array([limits.get(j, (np.inf, np.inf))[0] for j in joints], float)),
-        speed=_frozen(np.array([limits.get(j, (np.inf, np.inf))[1] for j in joints], float)),
+        torque=_frozen(np.array(declared.torque_limit or [limits.get(j, FREE)[0] for j in joints], float)),
+        speed=_frozen(np.array(declared.velocity_limit or [limits.get(j, FREE)[1] for j in joints], float)),
     )
 
 
@@ -117,6 +124,16 @@ def _sound(model: mujoco.MjModel, label: str) -> None:
                 got = np.ravel(values[bad[0]]).tolist()
                 expected = f"finite numbers, at most {LARGEST:g}"
                 raise UserError(f"an impossible {key}", file=label, key=name or kind, expected=expected, got=got)
+
+
+def _take_off(spec: mujoco.MjSpec, names: Sequence[str], label: str) -> None:
+    """Deletes these bodies, what they carry, and what speaks of it."""
+    for name in names:
+        body = spec.body(name)
+        if body is None or name == "world":
+            choices = [b.name for b in spec.bodies if b.name not in ("", "world")]
+            raise UserError("no such body", file=label, key="robot.without", got=name, choices=choices)
+        spec.delete(body)
 
 
 def _hinges_only(spec: mujoco.MjSpec, label: str) -> None:
@@ -162,6 +179,31 @@ def _flange(spec: mujoco.MjSpec, model: mujoco.MjModel, last: int) -> str:
                     return _add(spec, body, model.site_pos[index], model.site_quat[index])
                 return _add(spec, name)
     return _add(spec, model.body(last).name)
+
+
+def _declared(spec: mujoco.MjSpec, model: mujoco.MjModel, last: int, declared: RobotConfig, label: str) -> str:
+    """Name of the flange site at the declared frame, which must not move against the last joint's body."""
+    rigid = [b for b in range(model.nbody) if model.body_weldid[b] == model.body_weldid[last]]
+    sites = {model.site(s).name: s for s in range(model.nsite) if model.site_bodyid[s] in rigid}
+    bodies = [model.body(b).name for b in rigid]
+    name = declared.flange
+    pos, quat = np.zeros(3), np.empty(4)
+    still, turn = np.array([1.0, 0.0, 0.0, 0.0]), np.array(declared.flange_quat) / np.linalg.norm(declared.flange_quat)
+    if name in sites:
+        site = sites[name]
+        body, frame = model.body(int(model.site_bodyid[site])).name, model.site_quat[site]
+        mujoco.mju_rotVecQuat(pos, np.array(declared.flange_pos), frame)
+        pos += model.site_pos[site]
+    elif name in bodies:
+        body, frame, pos = name, still, np.array(declared.flange_pos)
+    else:
+        choices = [c for c in (*sites, *bodies) if c]
+        what = "no such site or body beyond the last joint"
+        raise UserError(what, file=label, key="robot.flange", got=name, choices=choices)
+    mujoco.mju_mulQuat(quat, frame, turn)
+    for site in [s for s in spec.sites if s.name == "flange"]:
+        site.name = "flange of the file"
+    return _add(spec, body, pos, quat)
 
 
 def _add(spec: mujoco.MjSpec, body: str, pos=(0.0, 0.0, 0.0), quat=(1.0, 0.0, 0.0, 0.0)) -> str:

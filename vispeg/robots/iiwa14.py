@@ -54,6 +54,7 @@ LINKS = (
     Link("link7", (0, 0.081, 0), FLIP, 1.2, (0, 0, 0.02), (0.001, 0.001, 0.001), 3.05433, 40, 2.3562),
 )
 FLANGE = (0.0, 0.0, 0.045)  # m, in link7
+HOME = (0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0)  # rad: the flange in front, looking down
 
 GREY, ORANGE = (0.86, 0.87, 0.88, 1.0), (1.0, 0.42, 0.05, 1.0)
 PARTS = (("", GREY), ("_ring", ORANGE))  # mesh file suffix and colour

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -16,8 +15,9 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.formats.format import enrol
 from vispeg.formats.guard import is_file
-from vispeg.robots import iiwa14, tools
+from vispeg.robots import iiwa14, menagerie, tools
 from vispeg.robots.arm import Limits, prepare
+from vispeg.robots.declare import RobotConfig
 from vispeg.robots.examples import write_mjcf, write_urdf
 from vispeg.robots.mjcf import read_mjcf
 from vispeg.robots.urdf import read_urdf
@@ -41,6 +41,7 @@ class RobotModel:
         flange: name of the flange site.
         links: the bodies that the joints turn, (nj,), in the order of `joints`.
         base: the body that carries the first joint.
+        home: (nj,) rad, a posture to work from; empty where nobody declared one.
     """
 
     name: str
@@ -53,6 +54,7 @@ class RobotModel:
     links: tuple[str, ...]
     base: str
     build: Callable[[], mujoco.MjSpec] = field(repr=False)
+    home: tuple[float, ...] = ()
 
     def spec(self) -> mujoco.MjSpec:
         """A spec of the caller's own, with one motor a joint (named as the joint; N m in, no limits)."""
@@ -65,15 +67,22 @@ class RobotModel:
 
 @enrol("URDF", write_urdf)
 @enrol("MJCF", write_mjcf)
-def load(robot: str | Path, tool: Tool = None, base_tilt: tuple[float, float] = (0.0, 0.0)) -> RobotModel:
+def load(
+    robot: str | Path,
+    tool: Tool = None,
+    base_tilt: tuple[float, float] = (0.0, 0.0),
+    declared: RobotConfig | None = None,
+) -> RobotModel:
     """A robot by name or by file; the same arguments give the same object.
 
     Args:
-        robot: `iiwa14`, a path to an MJCF or URDF, or, where the environment variable MENAGERIE_ROOT names a MuJoCo
-            Menagerie checkout, a folder of it.
+        robot: `iiwa14`, a path to an MJCF or URDF, or a robot of MuJoCo Menagerie: `panda`, `fr3`, `ur5e`, a folder,
+            or FOLDER/ENTRY, see `vispeg.robots.menagerie`.
         tool: what is at the flange, see `vispeg.robots.tools.attach`.
         base_tilt: (roll, pitch) of the mounting, rad: the base is turned by Rx(roll) Ry(pitch), so gravity in the base
             is (Rx(roll) Ry(pitch))' (0, 0, -9.81).
+        declared: flange, limits, damping and home posture in place of what the file states; its model and tool are
+            not looked at.
 
     Raises:
         UserError: an unknown robot or tool, or a file that cannot be used.
@@ -84,16 +93,20 @@ def load(robot: str | Path, tool: Tool = None, base_tilt: tuple[float, float] = 
         raise UserError("not a base tilt", expected="roll and pitch in rad", got=base_tilt)
     path = _file(str(robot))
     stamp = path.stat().st_mtime_ns if path else 0  # an edited file is read again
-    return _load(str(robot), str(path) if path else "", stamp, key, (float(tilt[0]), float(tilt[1])))
+    turn = float(tilt[0]), float(tilt[1])
+    return _load(str(robot), str(path) if path else "", stamp, key, turn, declared or RobotConfig())
 
 
 def known() -> list[str]:
     """Names that `load` takes here."""
-    return ["iiwa14", *sorted(_menagerie())]
+    return ["iiwa14", *menagerie.known()]
 
 
 @lru_cache(maxsize=64)
-def _load(robot: str, file: str, stamp: int, tool: str | None, tilt: tuple[float, float]) -> RobotModel:
+def _load(
+    robot: str, file: str, stamp: int, tool: str | None, tilt: tuple[float, float], declared: RobotConfig
+) -> RobotModel:
+    home: tuple[float, ...] = ()
     if file:
         path = Path(file)
         spec, limits = read_urdf(path) if path.suffix.lower() == ".urdf" else read_mjcf(path)
@@ -103,7 +116,8 @@ def _load(robot: str, file: str, stamp: int, tool: str | None, tilt: tuple[float
         limits = {x.name.replace("link", "joint"): (x.torque, x.speed) for x in iiwa14.LINKS if x.limit is not None}
         spec.body("link7").add_site(name="flange", pos=iiwa14.FLANGE, group=4)
         spec.option.gravity = (0.0, 0.0, -GRAVITY)
-    arm = prepare(spec, limits, file or name)
+        home = iiwa14.HOME
+    arm = prepare(spec, limits, file or name, declared)
     tools.attach(spec, arm.flange, json.loads(tool) if tool and tool.startswith("{") else tool)
     spec.option.gravity = tilted(np.array(spec.option.gravity), *tilt)
     arm.check(spec, file or name)
@@ -118,6 +132,7 @@ def _load(robot: str, file: str, stamp: int, tool: str | None, tilt: tuple[float
         links=arm.links,
         base=arm.base,
         build=spec.copy,
+        home=declared.home or home,
     )
 
 
@@ -143,21 +158,11 @@ def _file(robot: str) -> Path | None:
         if not is_file(robot):
             raise UserError("no such robot file", file=robot)
         return Path(robot).expanduser().resolve()
-    folders = _menagerie()
-    if robot not in folders:
+    path = menagerie.find(robot)
+    if path is None:
         hint = "a name, or a path to an .xml (MJCF) or .urdf"
         raise UserError("unknown robot", expected=hint, got=robot, choices=known())
-    files = sorted(p for p in folders[robot].glob("*.xml") if not p.stem.startswith("scene"))
-    plain = robot.replace("_", "")
-    best = [p for p in files if plain.endswith(p.stem.replace("_", ""))]  # kuka_iiwa_14/iiwa14.xml
-    return (best or files)[0]
-
-
-def _menagerie() -> dict[str, Path]:
-    root = os.environ.get("MENAGERIE_ROOT")
-    if not root or not Path(root).is_dir():
-        return {}
-    return {p.name: p for p in Path(root).iterdir() if p.is_dir() and any(p.glob("*.xml"))}
+    return path
 
 
 __all__ = ["GRAVITY", "Limits", "RobotModel", "known", "load", "tilted"]

@@ -6,123 +6,21 @@ is what randomized looks write into; shapes for contact are in group 3 and are n
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
 
 import mujoco
 
 from vispeg.core.errors import UserError
-from vispeg.robots import hole, tools, user_cell
-from vispeg.robots.model import RobotModel, load
+from vispeg.robots import furniture, hole, tools, user_cell
+from vispeg.robots.furniture import COLOURS, LIGHTS
+from vispeg.robots.model import RobotModel
+from vispeg.robots.scene_config import SceneConfig
 from vispeg.robots.user_shapes import UserShape
 
 G = mujoco.mjtGeom
-CONTACT = {"contype": 1, "conaffinity": 0}
-TEXTURE = 128  # px, every part's texture
 GRIP = 120.0  # N, friction that holds the peg between the fingers (a Schunk MEG 50 closes with up to 100 N a finger)
 CAMERAS = ("wrist_wide", "wrist_crop", "external")
-SHAPES = (G.mjGEOM_BOX, G.mjGEOM_CYLINDER, G.mjGEOM_SPHERE, G.mjGEOM_CAPSULE, G.mjGEOM_ELLIPSOID)
-COLOURS = {
-    "peg": (0.62, 0.64, 0.67),
-    "fixture": (0.30, 0.38, 0.50),
-    "table": (0.72, 0.66, 0.58),
-    "floor": (0.45, 0.45, 0.47),
-    "wall": (0.80, 0.81, 0.80),
-    "gripper": (0.30, 0.31, 0.33),
-    "distractors": (0.7, 0.5, 0.3),
-}
-# position, direction of each light in m; the first two are on
-LIGHTS = {
-    "key": ((0.2, -0.8, 1.6), (0.3, 0.6, -1.0)),
-    "fill": ((0.4, 0.9, 1.5), (0.1, -0.6, -1.0)),
-    "side": ((1.2, 0.2, 1.2), (-0.6, 0.0, -1.0)),
-    "back": ((-0.5, 0.0, 1.8), (0.8, 0.0, -1.0)),
-}
-
-
-@dataclass(frozen=True)
-class SceneConfig:
-    """What the cell is built from; lengths in m unless named otherwise.
-
-    Attributes:
-        clearance_mm: diameter of the hole less diameter of the peg (for a square: width less width), mm.
-        shape: `round` or `square`.
-        diameter: of the peg (its width, if square).
-        depth: of the hole.
-        chamfer: of the hole's mouth, at 45 deg.
-        friction: sliding friction of the peg in the hole.
-        fixture: position of the centre of the hole's mouth, base frame.
-        block: half the width of the fixture.
-        solref: time constant (s) and damping ratio of the peg's contacts.
-        peg_mesh, hole_mesh: mesh files instead of the built-in shapes, see `vispeg.robots.user_shapes`; a fixture
-            from a file stands on the table at its `fixture`'s x and y.
-        mesh_scale: m per unit of these files.
-        mesh_concavity: how finely meshes that are not convex are taken apart (CoACD's threshold; smaller is finer).
-        hole_origin: centre of the hole's mouth in its file's units; if empty, the middle of its top.
-        peg_density: of a peg from a file, kg/m^3.
-    """
-
-    clearance_mm: float = 3.0
-    shape: str = "round"
-    diameter: float = 0.016
-    depth: float = 0.025
-    chamfer: float = 0.001
-    friction: float = 0.3
-    fixture: tuple[float, float, float] = (0.6, 0.0, 0.05)
-    block: float = 0.05
-    solref: tuple[float, float] = (0.003, 1.0)
-    peg_mesh: str = ""
-    hole_mesh: str = ""
-    mesh_scale: float = 1.0
-    mesh_concavity: float = 0.02
-    hole_origin: tuple[float, ...] = ()
-    peg_density: float = tools.STEEL
-
-    def __post_init__(self) -> None:
-        if self.shape not in ("round", "square"):
-            raise UserError("unknown peg shape", key="shape", got=self.shape, choices=("round", "square"))
-        rules = {
-            "clearance_mm": (0.0, 20.0),
-            "diameter": (0.005, 0.04),
-            "depth": (0.005, 0.04),
-            "chamfer": (-1e-9, 0.01),
-            "friction": (-1e-9, 3.0),
-            "block": (0.0, 0.2),
-            "mesh_scale": (0.0, 1000.0),
-            "mesh_concavity": (0.0099, 1.0),
-            "peg_density": (10.0, 25000.0),
-        }
-        for key, (low, high) in rules.items():
-            value = getattr(self, key)
-            if not low < value <= high:
-                raise UserError("impossible geometry", key=key, expected=f"{max(low, 0):g} to {high:g}", got=value)
-        if not round(self.diameter * 1e3, 6).is_integer():
-            raise UserError("a peg's diameter is whole millimetres", key="diameter", got=self.diameter)
-        if self.apothem + self.chamfer >= self.block:
-            raise UserError(
-                "the hole is wider than its fixture", key="block", expected=f"> {self.apothem:g}", got=self.block
-            )
-        if len(self.solref) != 2 or not min(self.solref) > 0:
-            expected = "a time constant (s) and a damping ratio, both above 0"
-            raise UserError("impossible contact", key="solref", expected=expected, got=self.solref)
-        for key, lengths in (("fixture", (3,)), ("hole_origin", (0, 3))):
-            if len(getattr(self, key)) not in lengths:
-                raise UserError("not a point", key=key, expected="x, y, z", got=getattr(self, key))
-        x, y, z = self.fixture
-        below = self.depth if self.hole_mesh else self.depth + hole.FLOOR
-        if not (0.35 <= math.hypot(x, y) <= 0.75 and below - 1e-9 <= z <= 0.4):
-            raise UserError(
-                "the hole is out of reach",
-                key="fixture",
-                expected=f"0.35 to 0.75 m from the base's axis, {below:g} to 0.4 m high",
-                got=self.fixture,
-            )
-
-    @property
-    def apothem(self) -> float:
-        """Distance of the hole's walls from its axis, m."""
-        return self.diameter / 2 + self.clearance_mm / 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,21 +70,22 @@ def build(config: SceneConfig | None = None, cameras: tuple[str, ...] = CAMERAS)
 @lru_cache(maxsize=32)
 def _build(config: SceneConfig, cameras: tuple[str, ...], peg: UserShape | None, block: UserShape | None) -> Scene:
     config = user_cell.placed(config, block)
-    arm = load("iiwa14", f"meg50+peg{round(config.diameter * 1000)}")
+    arm = user_cell.arm_with(config, f"peg{round(config.diameter * 1000)}")
     tip = tools.GRASP + tools.PEG_LENGTH
     if peg is not None:
-        arm, tip = user_cell.hold(peg, config.peg_density)
+        arm, tip = user_cell.hold(config, peg)
     spec = arm.spec()
-    _options(spec)
+    furniture.options(spec)
+    _alone(spec, config.robot.model)
     for part, colour in COLOURS.items():
-        _material(spec, part, colour)
-    parts = {"arm": tuple(g.name for g in spec.geoms if g.type == G.mjGEOM_MESH and not g.name.startswith("peg"))}
+        furniture.material(spec, part, colour)
+    parts = {"arm": _visible(spec)}
     parts |= _hand(spec, config)
     parts |= _fixture(spec, config, block)
     if peg is not None or block is not None:
         user_cell.check(spec, config, tip, peg, block)
-    parts |= _room(spec)
-    _lights(spec)
+    parts |= furniture.room(spec)
+    furniture.lights(spec)
     _sensors(spec)
     base = {f.name: getattr(arm, f.name) for f in fields(RobotModel)}
     # a square peg is declared with its round sister's mass and inertia
@@ -194,30 +93,31 @@ def _build(config: SceneConfig, cameras: tuple[str, ...], peg: UserShape | None,
     return Scene(**{**base, "build": spec.copy}, **own)
 
 
-def _options(spec: mujoco.MjSpec) -> None:
-    option = spec.option
-    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    option.impratio = 10.0
-    spec.visual.headlight.ambient = (0.35, 0.35, 0.35)
-    spec.visual.headlight.diffuse = (0.25, 0.25, 0.25)
-    spec.visual.headlight.specular = (0.0, 0.0, 0.0)
-    spec.visual.map.znear, spec.visual.map.zfar = 0.01, 20.0
-    spec.visual.quality.offsamples = 0
-    spec.visual.quality.shadowsize = 512
-    spec.stat.extent = 1.0
-    spec.stat.center = (0.5, 0.0, 0.2)
+def _alone(spec: mujoco.MjSpec, robot: str) -> None:
+    """Takes away what a robot's file has of a scene of its own, and names of ours that it uses.
+
+    Raises:
+        UserError: the robot has a part with a name that the cell gives to one of its own.
+    """
+    for group in (spec.lights, spec.cameras):
+        for element in list(group):
+            spec.delete(element)
+    ours = {*COLOURS, "hole", "fixture", "wrench", "peg_slip"}
+    hand = {"peg", "gripper"}  # on the arm already
+    for kind in ("bodies", "geoms", "sites", "joints", "materials", "textures", "meshes"):
+        for element in getattr(spec, kind):
+            if element.name in (ours if kind in ("materials", "textures", "meshes") else ours - hand):
+                what = f"the robot has a part named '{element.name}', as the cell has"
+                raise UserError(what, file=robot, key=kind, expected="another name in the robot's file")
 
 
-def _material(spec: mujoco.MjSpec, part: str, colour: tuple[float, float, float]) -> None:
-    texture = spec.add_texture(
-        name=part, type=mujoco.mjtTexture.mjTEXTURE_2D, width=TEXTURE, height=TEXTURE, nchannel=3
-    )
-    texture.builtin = mujoco.mjtBuiltin.mjBUILTIN_FLAT
-    texture.rgb1 = texture.rgb2 = (1, 1, 1)
-    material = spec.add_material(name=part, rgba=(*colour, 1.0), specular=0.2, shininess=0.3, texrepeat=(4, 4))
-    material.texuniform = True
-    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = part
+def _visible(spec: mujoco.MjSpec) -> tuple[str, ...]:
+    """Names of the arm's geoms that are seen; those without a name get one."""
+    held = {g.name for body in (spec.body("tool"), *spec.body("tool").bodies) for g in body.geoms}
+    seen = [g for g in spec.geoms if g.group < 3 and g.parent.name != "world" and g.name not in held - {""}]
+    for i, geom in enumerate(seen):
+        geom.name = geom.name or f"arm{i}"
+    return tuple(g.name for g in seen)
 
 
 def _hand(spec: mujoco.MjSpec, config: SceneConfig) -> dict[str, tuple[str, ...]]:
@@ -262,28 +162,6 @@ def _fixture(spec: mujoco.MjSpec, config: SceneConfig, block: UserShape | None) 
     return {"fixture": ("fixture",)}
 
 
-def _room(spec: mujoco.MjSpec) -> dict[str, tuple[str, ...]]:
-    world = spec.worldbody
-    world.add_geom(
-        name="table", type=G.mjGEOM_BOX, size=(0.6, 0.7, 0.02), pos=(0.45, 0, -0.02), material="table", **CONTACT
-    )
-    flat = {"contype": 0, "conaffinity": 0}
-    world.add_geom(name="floor", type=G.mjGEOM_PLANE, size=(4, 4, 0.1), pos=(0, 0, -0.75), material="floor", **flat)
-    world.add_geom(name="wall", type=G.mjGEOM_BOX, size=(0.02, 3, 2), pos=(1.6, 0, 1.0), material="wall", **flat)
-    for i, shape in enumerate(SHAPES):
-        world.add_geom(
-            name=f"distractor{i}",
-            type=shape,
-            size=(0.001, 0.001, 0.001),
-            pos=(0.9, 0.1 * i - 0.2, 0.0),
-            rgba=(0.5, 0.5, 0.5, 0.0),
-            material="distractors",
-            **flat,
-        )
-    names = tuple(f"distractor{i}" for i in range(len(SHAPES)))
-    return {"table": ("table",), "floor": ("floor",), "wall": ("wall",), "distractors": names}
-
-
 def _sensors(spec: mujoco.MjSpec) -> None:
     """Wrench between flange and tool in the flange frame (N, N m), and the net contact force of the tool, peg included,
     on what it touches (world, N).
@@ -301,12 +179,6 @@ def _sensors(spec: mujoco.MjSpec) -> None:
     )
 
 
-def _lights(spec: mujoco.MjSpec) -> None:
-    for i, (name, (pos, direction)) in enumerate(LIGHTS.items()):
-        light = spec.worldbody.add_light(name=name, pos=pos, dir=direction)
-        light.castshadow = False
-        light.active = i < 2
-        light.diffuse, light.ambient, light.specular = (0.5, 0.5, 0.5), (0, 0, 0), (0.2, 0.2, 0.2)
-    sky = spec.add_texture(name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, width=64, height=384, nchannel=3)
-    sky.builtin = mujoco.mjtBuiltin.mjBUILTIN_GRADIENT
-    sky.rgb1, sky.rgb2 = (0.75, 0.82, 0.9), (0.35, 0.38, 0.42)
+
+
+__all__ = ["CAMERAS", "LIGHTS", "Scene", "SceneConfig", "build"]

@@ -38,13 +38,18 @@ def placed(config: SceneConfig, block: UserShape | None) -> SceneConfig:
     return replace(config, fixture=(*config.fixture[:2], below))
 
 
-def hold(peg: UserShape, density: float) -> tuple[RobotModel, float]:
+def arm_with(config: SceneConfig, peg: str) -> RobotModel:
+    """The cell's arm with its gripper holding a built-in peg, as its controller knows it."""
+    return load(config.robot.model, f"{config.robot.tool}+{peg}", declared=config.robot)
+
+
+def hold(config: SceneConfig, peg: UserShape) -> tuple[RobotModel, float]:
     """The arm with this peg in its gripper, as its controller knows it, and the tip's distance from the flange, m."""
     width, length = float(peg.extent[0]), float(peg.extent[2])
     if not (0.005 <= width <= 0.08 and length >= tools.FINGER_SIZE[2] + 0.02):
         expected = f"5 to 80 mm across, {1e3 * tools.FINGER_SIZE[2] + 20:g} mm long or more"
         raise UserError("no peg for this gripper", key="peg_mesh", expected=expected, got=peg.extent.round(6))
-    arm = load("iiwa14", f"meg50+peg{round(1000 * width)}")
+    arm, density = arm_with(config, f"peg{round(1000 * width)}"), config.peg_density
     tip, flip = tools.GRASP + length, np.array([1.0, -1.0, -1.0])  # the flange looks down on a file drawn z up
     spec = arm.spec()
     body = spec.body("peg")

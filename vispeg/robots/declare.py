@@ -1,0 +1,69 @@
+"""What a user declares of the robot in a cell: the model, where its flange is, what it holds, how it stands."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+from vispeg.core.errors import UserError
+
+BANDS = {"iiwa14": (0.35, 0.75)}  # m from the base's axis, where a hole may stand
+ANYWHERE = (0.1, 2.0)  # m; inverse kinematics says what this arm reaches of it
+
+
+@dataclass(frozen=True)
+class RobotConfig:
+    """A robot in a cell. SI units, radians; what is left empty is taken from the robot's own file.
+
+    Attributes:
+        model: a robot's name, or a path to an MJCF or URDF, see `vispeg.robots.model.load`.
+        tool: the gripper at the flange, see `vispeg.robots.tools`.
+        without: bodies of the file that are taken off with all they carry, such as a hand.
+        flange: a site or body of the file that the flange is fixed to; the best-named one if empty.
+        flange_pos, flange_quat: the flange in that frame: m, and w x y z. Its z axis points away from the arm.
+        home: (nj,) the posture from which inverse kinematics starts; solved for the cell if empty.
+        torque_limit, velocity_limit: (nj,) N m and rad/s, in place of what the file states.
+        damping: (nj,) N m s/rad in place of what the file states: some files state the damping of a position servo,
+            which a torque-driven arm does not have.
+    """
+
+    model: str = "iiwa14"
+    tool: str = "meg50"
+    without: tuple[str, ...] = ()
+    flange: str = ""
+    flange_pos: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    flange_quat: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+    home: tuple[float, ...] = ()
+    torque_limit: tuple[float, ...] = ()
+    velocity_limit: tuple[float, ...] = ()
+    damping: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        rules: dict[str, tuple[Callable[[float], bool], str]] = {
+            "flange_pos": (math.isfinite, "finite numbers, m"),
+            "flange_quat": (math.isfinite, "finite numbers, w x y z"),
+            "home": (math.isfinite, "finite numbers, rad"),
+            "torque_limit": (lambda x: x > 0, "above 0 N m"),
+            "velocity_limit": (lambda x: x > 0, "above 0 rad/s"),
+            "damping": (lambda x: 0 <= x < math.inf, "0 or more N m s/rad"),
+        }
+        for key, (right, expected) in rules.items():
+            if not all(right(x) for x in getattr(self, key)):
+                raise UserError("impossible robot", key=f"robot.{key}", expected=expected, got=getattr(self, key))
+        if math.hypot(*self.flange_quat) < 1e-6:
+            raise UserError("not a rotation", key="robot.flange_quat", expected="w x y z", got=self.flange_quat)
+        if not self.flange and (any(self.flange_pos) or self.flange_quat != RobotConfig.flange_quat):
+            raise UserError("a pose without a frame", key="robot.flange", expected="the site or body that it is in")
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """Least and greatest distance of a hole from the base's axis, m."""
+        return BANDS.get(self.model, ANYWHERE)
+
+    def check(self, nj: int, label: str) -> None:
+        """Raises UserError for a list that is not of one number a joint."""
+        for f in fields(self):
+            value = getattr(self, f.name)
+            if f.type == "tuple[float, ...]" and value and len(value) != nj:
+                raise UserError("not one number a joint", file=label, key=f"robot.{f.name}", expected=nj, got=value)

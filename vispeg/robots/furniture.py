@@ -1,0 +1,88 @@
+"""What stands around the arm: table, floor, wall, distractors, lights; their materials; the solver's options.
+
+Parts share a material and a texture of their own, which is what randomized looks write into.
+"""
+
+from __future__ import annotations
+
+import mujoco
+
+G = mujoco.mjtGeom
+CONTACT = {"contype": 1, "conaffinity": 0}
+TEXTURE = 128  # px, every part's texture
+SHAPES = (G.mjGEOM_BOX, G.mjGEOM_CYLINDER, G.mjGEOM_SPHERE, G.mjGEOM_CAPSULE, G.mjGEOM_ELLIPSOID)
+COLOURS = {
+    "peg": (0.62, 0.64, 0.67),
+    "fixture": (0.30, 0.38, 0.50),
+    "table": (0.72, 0.66, 0.58),
+    "floor": (0.45, 0.45, 0.47),
+    "wall": (0.80, 0.81, 0.80),
+    "gripper": (0.30, 0.31, 0.33),
+    "distractors": (0.7, 0.5, 0.3),
+}
+# position, direction of each light in m; the first two are on
+LIGHTS = {
+    "key": ((0.2, -0.8, 1.6), (0.3, 0.6, -1.0)),
+    "fill": ((0.4, 0.9, 1.5), (0.1, -0.6, -1.0)),
+    "side": ((1.2, 0.2, 1.2), (-0.6, 0.0, -1.0)),
+    "back": ((-0.5, 0.0, 1.8), (0.8, 0.0, -1.0)),
+}
+
+
+def options(spec: mujoco.MjSpec) -> None:
+    option = spec.option
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    option.impratio = 10.0
+    spec.visual.headlight.ambient = (0.35, 0.35, 0.35)
+    spec.visual.headlight.diffuse = (0.25, 0.25, 0.25)
+    spec.visual.headlight.specular = (0.0, 0.0, 0.0)
+    spec.visual.map.znear, spec.visual.map.zfar = 0.01, 20.0
+    spec.visual.quality.offsamples = 0
+    spec.visual.quality.shadowsize = 512
+    spec.stat.extent = 1.0
+    spec.stat.center = (0.5, 0.0, 0.2)
+
+
+def material(spec: mujoco.MjSpec, part: str, colour: tuple[float, float, float]) -> None:
+    texture = spec.add_texture(
+        name=part, type=mujoco.mjtTexture.mjTEXTURE_2D, width=TEXTURE, height=TEXTURE, nchannel=3
+    )
+    texture.builtin = mujoco.mjtBuiltin.mjBUILTIN_FLAT
+    texture.rgb1 = texture.rgb2 = (1, 1, 1)
+    material = spec.add_material(name=part, rgba=(*colour, 1.0), specular=0.2, shininess=0.3, texrepeat=(4, 4))
+    material.texuniform = True
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = part
+
+
+def room(spec: mujoco.MjSpec) -> dict[str, tuple[str, ...]]:
+    world = spec.worldbody
+    world.add_geom(
+        name="table", type=G.mjGEOM_BOX, size=(0.6, 0.7, 0.02), pos=(0.45, 0, -0.02), material="table", **CONTACT
+    )
+    flat = {"contype": 0, "conaffinity": 0}
+    world.add_geom(name="floor", type=G.mjGEOM_PLANE, size=(4, 4, 0.1), pos=(0, 0, -0.75), material="floor", **flat)
+    world.add_geom(name="wall", type=G.mjGEOM_BOX, size=(0.02, 3, 2), pos=(1.6, 0, 1.0), material="wall", **flat)
+    for i, shape in enumerate(SHAPES):
+        world.add_geom(
+            name=f"distractor{i}",
+            type=shape,
+            size=(0.001, 0.001, 0.001),
+            pos=(0.9, 0.1 * i - 0.2, 0.0),
+            rgba=(0.5, 0.5, 0.5, 0.0),
+            material="distractors",
+            **flat,
+        )
+    names = tuple(f"distractor{i}" for i in range(len(SHAPES)))
+    return {"table": ("table",), "floor": ("floor",), "wall": ("wall",), "distractors": names}
+
+
+def lights(spec: mujoco.MjSpec) -> None:
+    for i, (name, (pos, direction)) in enumerate(LIGHTS.items()):
+        light = spec.worldbody.add_light(name=name, pos=pos, dir=direction)
+        light.castshadow = False
+        light.active = i < 2
+        light.diffuse, light.ambient, light.specular = (0.5, 0.5, 0.5), (0, 0, 0), (0.2, 0.2, 0.2)
+    sky = spec.add_texture(name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, width=64, height=384, nchannel=3)
+    sky.builtin = mujoco.mjtBuiltin.mjBUILTIN_GRADIENT
+    sky.rgb1, sky.rgb2 = (0.75, 0.82, 0.9), (0.35, 0.38, 0.42)

@@ -1,0 +1,85 @@
+"""Robots by name from MuJoCo Menagerie: a checkout that MENAGERIE_ROOT names, or the package `mujoco-menagerie`.
+
+The package downloads a robot when it is first asked for, and keeps it. Short names mean the entries of the peg cell's
+arms, without a hand where there is a choice.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from vispeg.core.errors import UserError
+
+SHORT = {
+    "panda": "franka_emika_panda/panda_nohand",
+    "fr3": "franka_fr3/fr3",
+    "ur5e": "universal_robots_ur5e/ur5e",
+}
+HOW = (
+    "a robot that is here: set MENAGERIE_ROOT to a checkout of MuJoCo Menagerie, or `pip install mujoco-menagerie`, "
+    "or name a path to an .xml (MJCF) or .urdf"
+)
+
+
+def folders() -> dict[str, Path]:
+    """Robots of the checkout that MENAGERIE_ROOT names, by folder; empty where it names none."""
+    root = os.environ.get("MENAGERIE_ROOT")
+    if not root or not Path(root).is_dir():
+        return {}
+    return {p.name: p for p in Path(root).iterdir() if p.is_dir() and any(p.glob("*.xml"))}
+
+
+def known() -> list[str]:
+    """Names that `find` takes here without a download, short ones first."""
+    there = folders()
+    return [*(s for s, full in SHORT.items() if full.partition("/")[0] in there), *sorted(there)]
+
+
+def find(robot: str) -> Path | None:
+    """The file of a robot's name: a short one, a folder, or FOLDER/ENTRY; None where nobody here knows it.
+
+    Raises:
+        UserError: a name that Menagerie has, but not here; a folder without that entry.
+    """
+    folder, _, entry = SHORT.get(robot, robot).partition("/")
+    there = folders()
+    if folder in there:
+        return _entry(there[folder], entry)
+    path = _downloaded(folder)
+    if path is not None:
+        return _entry(path, entry)
+    if robot in SHORT or folder in (full.partition("/")[0] for full in SHORT.values()):
+        raise UserError(f"the robot '{robot}' is not installed", expected=HOW)
+    return None
+
+
+def _entry(folder: Path, entry: str) -> Path:
+    files = sorted(p for p in folder.glob("*.xml") if not p.stem.startswith("scene"))
+    if entry:
+        named = [p for p in files if p.stem == entry]
+        if not named:
+            raise UserError("no such entry of this robot", file=folder, got=entry, choices=[p.stem for p in files])
+        return named[0]
+    plain = folder.name.replace("_", "")
+    best = [p for p in files if plain.endswith(p.stem.replace("_", ""))]  # kuka_iiwa_14/iiwa14.xml
+    return (best or files)[0]
+
+
+def _downloaded(folder: str) -> Path | None:
+    """The folder that the package `mujoco-menagerie` has, or None without the package or for a name it has not.
+
+    Raises:
+        UserError: the download failed.
+    """
+    try:
+        import mujoco_menagerie as package  # type: ignore[import-not-found]
+    except ImportError:
+        return None
+    if folder not in package.names():
+        return None
+    try:
+        return Path(package.get(folder).path())
+    except (package.MenagerieError, OSError) as error:
+        what = f"mujoco-menagerie cannot get the robot '{folder}': {error}"
+        raise UserError(what, expected="a connection, or MENAGERIE_ROOT set to a checkout") from error

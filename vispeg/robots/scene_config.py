@@ -1,0 +1,97 @@
+"""What a cell is built from: the robot, the peg, the hole, their contact."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from vispeg.core.errors import UserError
+from vispeg.robots import hole, tools
+from vispeg.robots.declare import RobotConfig
+
+
+@dataclass(frozen=True)
+class SceneConfig:
+    """What the cell is built from; lengths in m unless named otherwise.
+
+    Attributes:
+        robot: the arm, its flange, its tool.
+        clearance_mm: diameter of the hole less diameter of the peg (for a square: width less width), mm.
+        shape: `round` or `square`.
+        diameter: of the peg (its width, if square).
+        depth: of the hole.
+        chamfer: of the hole's mouth, at 45 deg.
+        friction: sliding friction of the peg in the hole.
+        fixture: position of the centre of the hole's mouth, base frame.
+        block: half the width of the fixture.
+        solref: time constant (s) and damping ratio of the peg's contacts.
+        peg_mesh, hole_mesh: mesh files instead of the built-in shapes, see `vispeg.robots.user_shapes`; a fixture
+            from a file stands on the table at its `fixture`'s x and y.
+        mesh_scale: m per unit of these files.
+        mesh_concavity: how finely meshes that are not convex are taken apart (CoACD's threshold; smaller is finer).
+        hole_origin: centre of the hole's mouth in its file's units; if empty, the middle of its top.
+        peg_density: of a peg from a file, kg/m^3.
+    """
+
+    robot: RobotConfig = RobotConfig()
+    clearance_mm: float = 3.0
+    shape: str = "round"
+    diameter: float = 0.016
+    depth: float = 0.025
+    chamfer: float = 0.001
+    friction: float = 0.3
+    fixture: tuple[float, float, float] = (0.6, 0.0, 0.05)
+    block: float = 0.05
+    solref: tuple[float, float] = (0.003, 1.0)
+    peg_mesh: str = ""
+    hole_mesh: str = ""
+    mesh_scale: float = 1.0
+    mesh_concavity: float = 0.02
+    hole_origin: tuple[float, ...] = ()
+    peg_density: float = tools.STEEL
+
+    def __post_init__(self) -> None:
+        if self.shape not in ("round", "square"):
+            raise UserError("unknown peg shape", key="shape", got=self.shape, choices=("round", "square"))
+        rules = {
+            "clearance_mm": (0.0, 20.0),
+            "diameter": (0.005, 0.04),
+            "depth": (0.005, 0.04),
+            "chamfer": (-1e-9, 0.01),
+            "friction": (-1e-9, 3.0),
+            "block": (0.0, 0.2),
+            "mesh_scale": (0.0, 1000.0),
+            "mesh_concavity": (0.0099, 1.0),
+            "peg_density": (10.0, 25000.0),
+        }
+        for key, (low, high) in rules.items():
+            value = getattr(self, key)
+            if not low < value <= high:
+                raise UserError("impossible geometry", key=key, expected=f"{max(low, 0):g} to {high:g}", got=value)
+        if not round(self.diameter * 1e3, 6).is_integer():
+            raise UserError("a peg's diameter is whole millimetres", key="diameter", got=self.diameter)
+        if self.apothem + self.chamfer >= self.block:
+            raise UserError(
+                "the hole is wider than its fixture", key="block", expected=f"> {self.apothem:g}", got=self.block
+            )
+        if len(self.solref) != 2 or not min(self.solref) > 0:
+            expected = "a time constant (s) and a damping ratio, both above 0"
+            raise UserError("impossible contact", key="solref", expected=expected, got=self.solref)
+        for key, lengths in (("fixture", (3,)), ("hole_origin", (0, 3))):
+            if len(getattr(self, key)) not in lengths:
+                raise UserError("not a point", key=key, expected="x, y, z", got=getattr(self, key))
+        x, y, z = self.fixture
+        below = self.depth if self.hole_mesh else self.depth + hole.FLOOR
+        near, far = self.robot.band
+        if not (near <= math.hypot(x, y) <= far and below - 1e-9 <= z <= 0.4):
+            raise UserError(
+                "the hole is out of reach",
+                key="fixture",
+                expected=f"{near:g} to {far:g} m from the base's axis, {below:g} to 0.4 m high",
+                got=self.fixture,
+            )
+
+    @property
+    def apothem(self) -> float:
+        """Distance of the hole's walls from its axis, m."""
+        return self.diameter / 2 + self.clearance_mm / 2000

@@ -1,0 +1,90 @@
+"""A posture to start from: the arm holds its flange at a pose, away from its limits, from the table, from singularities."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import mujoco
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.robots.model import RobotModel
+from vispeg.sim.compiled import compiled, nominal_of
+from vispeg.sim.reach import reach
+
+TRIES, ITERATIONS, EXACT = 200, 60, 1e-6  # starts, steps from each; m and rad together
+TURN = np.pi  # rad: a joint of more than one turn either way is looked at within one
+CLEAR = 0.10  # m: joints are at least so high over the table's top, z = 0
+ENOUGH, ROOM = 0.15, 0.2  # smallest singular value, share of a half range: more of either is no better
+ASIDE = 0.05  # m
+ROUND = 1e-3  # rad
+
+
+def home_of(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) -> np.ndarray:
+    """The declared home posture (nj,) rad, or one that is solved for the flange at `pos` (3,) m, `quat` (4,) wxyz.
+
+    Raises:
+        UserError: no posture within the joint limits holds the flange there.
+    """
+    return np.array(robot.home or _solved(robot, pos, quat))
+
+
+@lru_cache(maxsize=64)  # robots compare by identity
+def _solved(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) -> tuple[float, ...]:
+    """Of the answers from many starts, the best by `_worth`; always the same for the same arm and pose."""
+    low, high = bounds(robot)
+    starts = low + (high - low) * np.random.default_rng(0).random((TRIES, len(low)))
+    nominal = nominal_of(robot, TRIES)
+    q, error = reach(nominal, np.tile(pos, (TRIES, 1)), np.tile(quat, (TRIES, 1)), starts, ITERATIONS)
+    free = ~np.isfinite(robot.range[:, 0])
+    wide = free | (robot.range[:, 1] - robot.range[:, 0] > 2 * TURN)
+    q[:, wide] = np.mod(q[:, wide] + TURN, 2 * TURN) - TURN
+    worth = np.where(error < EXACT, _worth(robot, q, nominal.operational(q)[1], np.array(pos)), 0.0)
+    best = int(worth.argmax())
+    if worth[best] <= 0.0:
+        what = "the arm cannot hold its peg there within its joint limits"
+        raise UserError(what, file=robot.name, expected="a pose in its reach, or robot.home", got=np.round(pos, 4).tolist())
+    return tuple((np.round(q[best] / ROUND) * ROUND).tolist())
+
+
+def bounds(robot: RobotModel) -> tuple[np.ndarray, np.ndarray]:
+    """Least and greatest angle (nj,) rad of each joint, one turn where its file states none or more."""
+    low, high = robot.range.T
+    mid = np.where(np.isfinite(low), 0.5 * (low + high), 0.0)
+    half = np.minimum(np.where(np.isfinite(low), 0.5 * (high - low), TURN), TURN)
+    return mid - half, mid + half
+
+
+def _worth(robot: RobotModel, q: np.ndarray, jac: np.ndarray, pos: np.ndarray) -> np.ndarray:
+    """How good postures (n, nj) are, (n,), 0 for one that is not to be had.
+
+    The product of: the smallest singular value of the Jacobian (n, 6, nj) up to `ENOUGH`; the smallest share of its half
+    range that is left to a joint, up to `ROOM`; how high the links stand, m; how close they stay to the upright plane
+    through the base's axis and the flange at `pos` (3,): an elbow to the side may meet what stands there.
+    """
+    low, high = bounds(robot)
+    left = np.minimum(q - low, high - q) / (0.5 * (high - low))
+    free = np.minimum(singular(jac), ENOUGH) * np.clip(left.min(axis=1), 0.0, ROOM)
+    links = _links(robot, q)
+    aside = np.abs(links[:, :, 0] * pos[1] - links[:, :, 1] * pos[0]).mean(axis=1) / np.hypot(*pos[:2])
+    height = np.where(links[:, :, 2].min(axis=1) > CLEAR, links[:, :, 2].mean(axis=1), 0.0)
+    return free * height * np.exp(-aside / ASIDE)
+
+
+def singular(jac: np.ndarray) -> np.ndarray:
+    """Smallest singular value (n,) of Jacobians (n, 6, nj), rows in m/rad and rad/rad: 0 at a singularity."""
+    return np.linalg.svd(jac, compute_uv=False)[:, -1]
+
+
+def _links(robot: RobotModel, q: np.ndarray) -> np.ndarray:
+    """Origins (n, nj, 3) m of the links that the joints turn."""
+    model = compiled(robot)
+    data = mujoco.MjData(model)
+    places = [model.joint(j).qposadr[0] for j in robot.joints]
+    bodies = [model.body(b).id for b in robot.links]
+    out = np.empty((len(q), len(bodies), 3))
+    for i, row in enumerate(q):
+        data.qpos[places] = row
+        mujoco.mj_kinematics(model, data)
+        out[i] = data.xpos[bodies]
+    return out
