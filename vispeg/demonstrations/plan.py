@@ -20,8 +20,7 @@ from vispeg.task.world_file import WorldFile, load_world
 from vispeg.worlds.split import optical
 
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
-STATE = (
-    *(f"joint{i}" for i in range(1, 8)),
+TASK_STATE = (
     *("tip_x", "tip_y", "tip_z", "velocity_x", "velocity_y", "velocity_z"),
     *("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z"),
 )
@@ -84,7 +83,7 @@ def layout_of(file: WorldFile, task: TaskConfig, cameras: tuple[Camera, ...], la
     """What every frame of a rendering holds."""
     observed, scene = Observation(registry.task_of(task).terms, task), scene_of(task)
     features: dict[str, Any] = {
-        "observation.state": numbers(STATE),
+        "observation.state": numbers((*scene.joints, *TASK_STATE)),
         "observation.policy": numbers([f"policy{i}" for i in range(task.stack * observed.policy_size)]),
         truth_of(()): numbers([f"truth{i}" for i in range(observed.truth_size)]),
         "action": numbers(task.dof),
@@ -109,6 +108,6 @@ def layout_of(file: WorldFile, task: TaskConfig, cameras: tuple[Camera, ...], la
         tuple(scene.parts),
         1 / task.policy_period,
         registry.task_of(task).title,
-        file.world.base.robot,
+        scene.name,
         models,
     )

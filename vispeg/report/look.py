@@ -17,7 +17,7 @@ from vispeg.render.look import dress
 from vispeg.render.pipeline import Pipeline
 from vispeg.render.standard import standard_cameras
 from vispeg.task.eyes import resized
-from vispeg.task.simulation import HOME
+from vispeg.task.peg.start import home
 from vispeg.worlds.words import place
 from vispeg.worlds.world import World
 
@@ -40,7 +40,8 @@ def draw(kind: Effect, where: str | None, scene: Any, path: Path, *, overwrite: 
     cameras = [resized(c, SIZE) for c in (external, wide)]
     rows = []
     with Renderer(scene, cameras, shadows=kind.name == "shadows") as renderer:
-        qpos = np.concatenate([HOME, np.zeros(renderer.model.nq - len(HOME))])
+        posture = home(scene)
+        qpos = np.concatenate([posture, np.zeros(renderer.model.nq - len(posture))])
         for world in (World(), World(effects=(placed,))):
             dress(renderer, scene, world)
             shots = renderer.render(qpos)

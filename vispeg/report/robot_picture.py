@@ -10,7 +10,7 @@ from vispeg.render.backend import BackendName, Renderer
 from vispeg.render.camera import Camera, looking_at
 from vispeg.render.standard import focal_of
 from vispeg.robots.scene import build
-from vispeg.task.simulation import HOME
+from vispeg.task.peg.start import home
 
 WIDTH, HEIGHT, FOV = 720, 540, 34.0  # px; degrees over the height
 EYE, TARGET = (1.35, -1.5, 0.95), (0.3, 0.0, 0.4)  # m, base frame: before the wall, beside the table
@@ -41,7 +41,8 @@ def draw(backend: BackendName = "auto") -> tuple[np.ndarray, dict[str, list[floa
         model, data = renderer.model, renderer.data
         for name, colour in COLOURS.items():
             model.geom(name).rgba[:3] = colour
-        shot = renderer.render(np.concatenate([HOME, np.zeros(model.nq - len(HOME))]))["cell"]
+        posture = home(scene)
+        shot = renderer.render(np.concatenate([posture, np.zeros(model.nq - len(posture))]))["cell"]
         points = {name: data.joint(name).xanchor for name in scene.joints}
         points |= {name: data.body(name).xipos for name in scene.links}
         points["flange"] = data.site("flange").xpos

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
+from typing import Any
 
 from vispeg.core.errors import UserError
+from vispeg.core.typed import checked
 
 BANDS = {"iiwa14": (0.35, 0.75)}  # m from the base's axis, where a hole may stand
 ANYWHERE = (0.1, 2.0)  # m; inverse kinematics says what this arm reaches of it
@@ -55,6 +57,23 @@ class RobotConfig:
             raise UserError("not a rotation", key="robot.flange_quat", expected="w x y z", got=self.flange_quat)
         if not self.flange and (any(self.flange_pos) or self.flange_quat != RobotConfig.flange_quat):
             raise UserError("a pose without a frame", key="robot.flange", expected="the site or body that it is in")
+
+    @classmethod
+    def of(cls, given: Any, file: str | None = None) -> RobotConfig:
+        """From a world file's `robot`: a name or path alone, or a mapping of these fields.
+
+        Raises:
+            UserError: neither; an unknown key, a wrong type, a value that cannot be.
+        """
+        if isinstance(given, str):
+            given = {"model": given}
+        if not isinstance(given, Mapping):
+            raise UserError("wrong robot", file=file, key="robot", expected="a name, a path or a mapping", got=given)
+        values = checked(cls, given, file, "robot.")
+        try:
+            return cls(**values)
+        except UserError as error:
+            raise UserError(str(error), file=file) from error
 
     @property
     def band(self) -> tuple[float, float]:

@@ -179,6 +179,4 @@ def _sensors(spec: mujoco.MjSpec) -> None:
     )
 
 
-
-
 __all__ = ["CAMERAS", "LIGHTS", "Scene", "SceneConfig", "build"]

@@ -1,4 +1,4 @@
-"""A posture to start from: the arm holds its flange at a pose, away from its limits, from the table, from singularities."""
+"""A posture to start from: the flange at a pose, the joints away from limits, table and singularities."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from functools import lru_cache
 import mujoco
 import numpy as np
 
+from vispeg.control.singularity import singular
 from vispeg.core.errors import UserError
 from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import compiled, nominal_of
@@ -43,7 +44,9 @@ def _solved(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) 
     best = int(worth.argmax())
     if worth[best] <= 0.0:
         what = "the arm cannot hold its peg there within its joint limits"
-        raise UserError(what, file=robot.name, expected="a pose in its reach, or robot.home", got=np.round(pos, 4).tolist())
+        raise UserError(
+            what, file=robot.name, expected="a pose in its reach, or robot.home", got=np.round(pos, 4).tolist()
+        )
     return tuple((np.round(q[best] / ROUND) * ROUND).tolist())
 
 
@@ -58,9 +61,9 @@ def bounds(robot: RobotModel) -> tuple[np.ndarray, np.ndarray]:
 def _worth(robot: RobotModel, q: np.ndarray, jac: np.ndarray, pos: np.ndarray) -> np.ndarray:
     """How good postures (n, nj) are, (n,), 0 for one that is not to be had.
 
-    The product of: the smallest singular value of the Jacobian (n, 6, nj) up to `ENOUGH`; the smallest share of its half
-    range that is left to a joint, up to `ROOM`; how high the links stand, m; how close they stay to the upright plane
-    through the base's axis and the flange at `pos` (3,): an elbow to the side may meet what stands there.
+    The product of: the smallest singular value of the Jacobian (n, 6, nj) up to `ENOUGH`; the smallest share of its
+    half range that is left to a joint, up to `ROOM`; how high the links stand, m; how close they stay to the upright
+    plane through the base's axis and the flange at `pos` (3,): an elbow to the side may meet what stands there.
     """
     low, high = bounds(robot)
     left = np.minimum(q - low, high - q) / (0.5 * (high - low))
@@ -69,11 +72,6 @@ def _worth(robot: RobotModel, q: np.ndarray, jac: np.ndarray, pos: np.ndarray) -
     aside = np.abs(links[:, :, 0] * pos[1] - links[:, :, 1] * pos[0]).mean(axis=1) / np.hypot(*pos[:2])
     height = np.where(links[:, :, 2].min(axis=1) > CLEAR, links[:, :, 2].mean(axis=1), 0.0)
     return free * height * np.exp(-aside / ASIDE)
-
-
-def singular(jac: np.ndarray) -> np.ndarray:
-    """Smallest singular value (n,) of Jacobians (n, 6, nj), rows in m/rad and rad/rad: 0 at a singularity."""
-    return np.linalg.svd(jac, compute_uv=False)[:, -1]
 
 
 def _links(robot: RobotModel, q: np.ndarray) -> np.ndarray:

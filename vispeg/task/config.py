@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar, get_args, get_type_hints
+from typing import Any, ClassVar
 
 from vispeg.core.errors import UserError
+from vispeg.core.typed import checked
+from vispeg.robots.declare import RobotConfig
 from vispeg.task.rewards import Rewards
 
 DOF = ("x", "y", "z", "rx", "ry", "rz")
@@ -20,6 +22,7 @@ class TaskConfig:
 
     Attributes:
         name: of the task, see vispeg.task.registry.
+        robot: the arm, its flange and tool, see `vispeg.robots.declare.RobotConfig`; a world file's `robot`.
         control_period: of the controller, s.
         substeps: physics steps a control period (docs/task.md holds the convergence study).
         policy_period: of the policy, s; a whole number of control periods.
@@ -29,6 +32,10 @@ class TaskConfig:
         stiffness: of the controlled point along each translation and about each rotation, 1/s^2 per unit mass.
         force_limit: greatest force that the controller asks for, N.
         force_abort: contact force that ends the episode, N.
+        avoid_limits: pull away from joint limits in the null space, 1/s^2 per unit inertia; 0 for none.
+        guard_velocity: share of a joint's velocity limit that ends the episode; 0 for no guard.
+        guard_limit: distance of a joint to its limit that ends the episode, rad; 0 for no guard.
+        guard_singularity: smallest singular value of the Jacobian that ends the episode; 0 for no guard.
         start_height, start_radius: of the tip above the nominal goal, m: range of heights, lateral range (+-).
         stack: observations and actions that the policy sees, the present one included.
         reward: one of the task's rewards by name, or a weight for each of its reward terms (vispeg.task.rewards).
@@ -40,6 +47,7 @@ class TaskConfig:
     rewards: ClassVar[Rewards]
 
     name: str = ""
+    robot: RobotConfig = RobotConfig()
     control_period: float = 0.005
     substeps: int = 3
     policy_period: float = 0.160
@@ -50,6 +58,10 @@ class TaskConfig:
     stiffness: tuple[float, float] = (300.0, 400.0)
     force_limit: float = 25.0
     force_abort: float = 200.0
+    avoid_limits: float = 0.0
+    guard_velocity: float = 0.0
+    guard_limit: float = 0.0
+    guard_singularity: float = 0.0
     start_height: tuple[float, float] = (0.02, 0.04)
     start_radius: float = 0.02
     stack: int = 2
@@ -70,6 +82,9 @@ class TaskConfig:
             value = getattr(self, key)
             if not all(x > 0 for x in _each(value)):
                 raise UserError("too small", key=key, expected="above 0", got=value)
+        for key, most in OFF_AT_0.items():
+            if not 0 <= getattr(self, key) <= most:
+                raise UserError("out of bounds", key=key, expected=f"0 to {most:g}", got=getattr(self, key))
         ticks = self.policy_period / self.control_period
         if abs(ticks - round(ticks)) > 1e-9 or ticks < 1:
             expected = f"a multiple of control_period, {self.control_period:g} s"
@@ -104,17 +119,12 @@ class TaskConfig:
     @classmethod
     def of(cls, given: Mapping[str, Any], file: str | None = None) -> TaskConfig:
         """From a mapping (a world file's `task:`), with an error for unknown keys and wrong types."""
-        hints, values, at = get_type_hints(cls), {}, "task." if file else ""
-        del hints["rewards"]
-        for key, value in given.items():
-            if key not in hints:
-                raise UserError("unknown key", file=file, key=f"{at}{key}", got=key, choices=hints)
-            if key == "reward":
-                values[key] = cls.rewards.read(value, file, f"{at}{key}")
-                continue
-            values[key] = tuple(value) if isinstance(value, list) else value
-            if not _fits(values[key], hints[key]):
-                raise UserError("wrong type", file=file, key=f"{at}{key}", expected=_said(hints[key]), got=value)
+        at = "task." if file else ""
+        values = checked(cls, given, file, at)
+        if "reward" in values:
+            values["reward"] = cls.rewards.read(given["reward"], file, f"{at}reward")
+        if not isinstance(values.get("robot", cls.robot), RobotConfig):
+            values["robot"] = RobotConfig.of(values["robot"], file)
         try:
             return cls(**values)
         except UserError as error:
@@ -125,23 +135,7 @@ def _each(value: Any) -> tuple[Any, ...]:
     return value if isinstance(value, tuple) else (value,)
 
 
-def _fits(value: Any, hint: Any) -> bool:
-    """Whether a value is what a field's annotation says; an int will do for a float, a bool for nothing."""
-    if parts := get_args(hint):
-        length = isinstance(value, tuple) and (... in parts or len(value) == len(parts))
-        return length and all(_fits(x, parts[0]) for x in value)
-    return isinstance(value, (int, float) if hint is float else hint) and not isinstance(value, bool)
-
-
-def _said(hint: Any) -> str:
-    """An annotation in words."""
-    kind, *others = get_args(hint) or (hint,)
-    one = {int: "whole number", float: "number", str: "text"}[kind]
-    if not others:
-        return f"a {one}"
-    return f"a list of {one}s" if ... in others else f"a list of {1 + len(others)} {one}s"
-
-
+OFF_AT_0 = {"avoid_limits": 5000.0, "guard_velocity": 10.0, "guard_limit": 1.0, "guard_singularity": 1.0}
 ABOVE_0 = (
     "control_period",
     "policy_period",

@@ -44,7 +44,8 @@ class Task(ABC):
         Config: its settings, whose `rewards` are its reward terms.
         terms: what is observed; the first of the ground truth is the tip in the goal's frame (m), which policies that
             see learn to estimate.
-        categories: how an episode may end; `success`, `force limit` and `diverged` are among them.
+        categories: how an episode may end; `success`, `force limit` and `diverged` are among them, and those of the
+            arm's guards (vispeg.task.guards).
         hard_positions: a `vispeg-positions/1` file of places that are tried one by one, or None.
     """
 

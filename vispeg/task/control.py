@@ -6,9 +6,11 @@ import math
 
 import numpy as np
 
+from vispeg.control.avoidance import away
 from vispeg.control.laws import osc, rotation_vector
 from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import nominal_of
+from vispeg.task.config import TaskConfig
 
 POSTURE = 20.0  # 1/s^2 per unit inertia, pull towards the home posture in the null space
 DAMPING = 2 * math.sqrt(POSTURE)  # 1/s
@@ -20,8 +22,7 @@ class PoseControl:
     Args:
         robot: what the controller knows: arm, tool, what the tool holds.
         nsim: rows.
-        stiffness: (translation, rotation), 1/s^2 per unit mass; damping is critical.
-        force_limit: greatest commanded force, N.
+        config: `stiffness` (damping is critical), `force_limit`, `avoid_limits`.
         home: (nj,) posture for the null space, rad.
         nthread: threads.
     """
@@ -30,21 +31,21 @@ class PoseControl:
         self,
         robot: RobotModel,
         nsim: int,
-        stiffness: tuple[float, float],
-        force_limit: float,
+        config: TaskConfig,
         home: np.ndarray,
         nthread: int,
     ):
         self.nominal = nominal_of(robot, nsim, nthread)
-        self.kp = np.repeat(np.repeat(stiffness, 3)[None], nsim, axis=0)
+        self.kp = np.repeat(np.repeat(config.stiffness, 3)[None], nsim, axis=0)
         self.kd = 2 * np.sqrt(self.kp)
-        self.force_limit, self.home, self.limit = force_limit, home, robot.torque_limit
+        self.force_limit, self.home, self.limit = config.force_limit, home, robot.torque_limit
+        self.avoid, self.range = config.avoid_limits, robot.range
         self.least = -self.limit
 
-    def pose(self, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Flange position (n, 3), quaternion (n, 4) and twist (n, 6) that the controller believes at q, dq."""
+    def pose(self, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Flange position (n, 3), quaternion (n, 4), twist (n, 6) and Jacobian (n, 6, nj), as believed at q, dq."""
         _, jac, pos, rot, _ = self.nominal.operational(q)
-        return pos, rot, np.matmul(jac, dq[:, :, None])[:, :, 0]
+        return pos, rot, np.matmul(jac, dq[:, :, None])[:, :, 0], jac
 
     def torque(self, q: np.ndarray, dq: np.ndarray, pos: np.ndarray, rot: np.ndarray) -> np.ndarray:
         """Joint torque (nsim, nj) N m towards the flange pose pos (nsim, 3), rot (nsim, 4)."""
@@ -52,6 +53,8 @@ class PoseControl:
         error = np.concatenate([pos - now, rotation_vector(turned, rot)], axis=1)
         twist = np.matmul(jac, dq[:, :, None])[:, :, 0]
         pull = POSTURE * (self.home - q) - DAMPING * dq
+        if self.avoid:
+            pull += away(q, self.range, self.avoid)
         posture = np.matmul(mass, pull[:, :, None])[:, :, 0]
         tau = osc(error, twist, mass, jac, self.kp, self.kd, posture, force_limit=self.force_limit)
         tau += weight

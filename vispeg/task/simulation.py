@@ -18,15 +18,14 @@ from vispeg.sim.reach import reach
 from vispeg.task.cell import Cell
 from vispeg.task.config import DOF, TaskConfig
 from vispeg.task.control import PoseControl
+from vispeg.task.guards import Guards
 from vispeg.task.registry import task_of
 from vispeg.task.rewards import Moment
+from vispeg.task.start import ABOVE, DOWN, home
 from vispeg.task.terms import LIMIT, POLICY, PRIVILEGED, Observation, Stack
 from vispeg.worlds.randomized import RandomizedWorld
 from vispeg.worlds.split import physical
 from vispeg.worlds.world import World
-
-DOWN = np.array([0.0, 1.0, 0.0, 0.0])  # flange z straight down, wxyz
-HOME = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])  # rad, from where inverse kinematics starts
 
 
 class TaskSimulation:
@@ -56,14 +55,16 @@ class TaskSimulation:
         names = {e.effect for e in self.world.entries}
         self.drawn = [self.world.sample(0, self.scene)] * nsim  # of each row's present episode
         self.cell = Cell(self.scene, self.drawn, h, config.control_period, nthread, sorted(names))
-        self.control = PoseControl(self.scene.nominal, nsim, config.stiffness, config.force_limit, HOME, nthread)
+        posture = home(self.scene)
+        self.control = PoseControl(self.scene.nominal, nsim, config, posture, nthread)
+        self.guards = Guards(config, self.scene, nsim)
         self.solo = nominal_of(self.scene.nominal, 1)
         self.move = np.array([d in config.dof for d in DOF])
         self.places = [DOF.index(d) for d in config.dof]  # of an action's entries among all directions
         self.nominal_goal = np.array(self.scene.target)
-        tip = self.nominal_goal + [0, 0, 0.03 + self.scene.tip]
+        tip = self.nominal_goal + [0, 0, ABOVE + self.scene.tip]
         rest = np.tile(tip, (nsim, 1)), np.tile(DOWN, (nsim, 1))
-        self.home = reach(self.control.nominal, *rest, np.tile(HOME, (nsim, 1)))[0]
+        self.home = reach(self.control.nominal, *rest, np.tile(posture, (nsim, 1)))[0]
         self.control.home = self.home[0]
         weight = self.control.nominal.gravity(self.home).copy()
         mass = self.control.nominal.operational(self.home)[0]
@@ -102,6 +103,7 @@ class TaskSimulation:
             worlds.append(self.world.sample(int(seed), self.scene, self.levels))
             self.drawn[row], self.seeds[row] = worlds[-1], seed
             self.tracks[row], self.push[row], self.acted[row] = self.task.track(), None, []
+        self.guards.reset(rows)
         pos[:, 2] += self.scene.tip
         q, weight = self._start(rows, pos)
         self.cell.begin(rows, worlds, q, weight)
@@ -135,7 +137,7 @@ class TaskSimulation:
     def see(self, q: np.ndarray, dq: np.ndarray) -> None:
         """The measured motion, and the flange's pose and twist that follow from it."""
         self.measured = q, dq
-        self.flange, self.turn, self.twist = self.control.pose(q, dq)
+        self.flange, self.turn, self.twist, self.jac = self.control.pose(q, dq)
 
     def lever(self, rot: np.ndarray) -> np.ndarray:
         """From the flange to the point that actions move and turn about, (nsim, 3) m: the tip of a tool held straight
@@ -187,6 +189,8 @@ class TaskSimulation:
         with quiet(), np.errstate(all="ignore"):
             for k in range(c.ticks):
                 cell.read()
+                if self.guards.on:
+                    self.guards.tick(cell.x.q, cell.x.dq)
                 q, dq = cell.measure()
                 if pushed:
                     self._pushes(k)
@@ -196,6 +200,7 @@ class TaskSimulation:
             forces = np.linalg.norm(force, axis=2)
             cell.read()
             self.see(*cell.measure())
+            self.guards.pose(self.jac)
             return self._settle(forces, wrenches)
 
     def _pushes(self, k: int) -> None:
@@ -224,7 +229,7 @@ class TaskSimulation:
         records: list[dict[str, Any] | None] = [None] * self.nsim
         for i, track in enumerate(self.tracks):
             track.add(c, forces[:, i], tip[i], **{name: float(value[i]) for name, value in observed.items()})
-            category = "diverged" if self.diverged[i] else track.verdict(c)
+            category = "diverged" if self.diverged[i] else self.guards.stopped[i] or track.verdict(c)
             terminated[i] = category is not None
             if category is not None:
                 gain[i] += self.reward.success if category == "success" else self.reward.abort
@@ -290,4 +295,4 @@ class TaskSimulation:
         return out
 
 
-__all__ = ["DOWN", "HOME", "TaskSimulation"]
+__all__ = ["DOWN", "TaskSimulation"]

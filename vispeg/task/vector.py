@@ -55,7 +55,8 @@ def world_of(
         UserError: as `load_world`; of what is `given`, without the file, in which it does not stand.
     """
     if isinstance(world, World | RandomizedWorld):
-        file, told, world = None, given, RandomizedWorld.of(world)
+        file, world = None, RandomizedWorld.of(world)
+        told = {"robot": world.base.robot, **given}
     else:
         file = load_world(world if world is not None else "nominal")
         world, told = file.world, {**file.task, **given}

@@ -21,6 +21,7 @@ from vispeg.formats.format import Format, enrol
 from vispeg.formats.guard import is_file, read_bytes
 from vispeg.task.config import TaskConfig
 from vispeg.task.registry import config_of, digest_of, task_of
+from vispeg.task.world_robot import declared, identity
 from vispeg.worlds.entry import entry_dict, ranged
 from vispeg.worlds.identified import Identified, ranges_of
 from vispeg.worlds.model_file import placed_dict
@@ -30,11 +31,14 @@ from vispeg.worlds.world import World
 
 FORMAT = "vispeg-world/1"
 BUILT_IN = Path(worlds.__file__).parent / "library"
-WORLD = Format(FORMAT, "a world", keys=("name", "about", "base", "model", "task", "cameras", "renderer", "effects"))
+WORLD = Format(
+    FORMAT, "a world", keys=("name", "about", "base", "robot", "model", "task", "cameras", "renderer", "effects")
+)
 FILES = 100  # that a world may be put together from: bases that name bases can be many times that
 # fields of TaskConfig that policies and results of before do not know: at its default, such a field is not in the hash,
 # so that theirs stays what it was; whoever adds a field adds it here
-LATER = ("name", "fixture", "block", "success_lateral", "success_force", "reward")
+LATER = ("name", "fixture", "block", "success_lateral", "success_force", "reward", "robot", "avoid_limits")
+LATER += ("guard_velocity", "guard_limit", "guard_singularity")
 RENDERER = {"backend": ("auto", "classic", "raycast", "filament"), "shadows": (False, True)}
 
 
@@ -102,8 +106,8 @@ def load_world(source: str | Path) -> WorldFile:
     # the later wins: a range for one place over one for many
     broad = [r for r in parts.ranges.values() if r.where in MANY]
     narrow = [r for r in parts.ranges.values() if r.where not in MANY]
-    world = RandomizedWorld(ranges=(*broad, *narrow))
     config = config_of(parts.task, str(path))
+    world = RandomizedWorld((*broad, *narrow), World(config.robot.model))
     ranges = [(r, *parts.said[place]) for place, r in parts.ranges.items()]
     task_of(config).check(task_of(config).cell(config), ranges, path)  # here, not entry by entry: a file may move what
     # its base speaks of
@@ -123,10 +127,13 @@ def world_hash(
     entries = [{k: v for k, v in entry_dict(r).items() if k != "source"} for r in ranges]
     fixed = [{k: v for k, v in placed_dict(e).items() if k != "origin"} for e in base.effects]
     seen = {n: _digest(c) if isinstance(c, str) else c for n, c in (cameras or {}).items()}
-    told = {k: v for k, v in asdict(config).items() if k not in LATER or v != getattr(type(config), k)}
+    told = {k: v for k, v in asdict(config).items() if k not in LATER or getattr(config, k) != getattr(type(config), k)}
+    robot = identity(config.robot.model)
+    if "robot" in told:
+        told["robot"]["model"] = robot
     if (code := digest_of(config.name)) is not None:
         told["name"] = [config.name, code]
-    content = [base.robot, base.tool, fixed, entries, told, seen, dict(renderer or {})]
+    content = [robot, base.tool, fixed, entries, told, seen, dict(renderer or {})]
     return hashlib.sha256(json.dumps(content, sort_keys=True, default=list).encode()).hexdigest()
 
 
@@ -134,7 +141,10 @@ def world_text(file: WorldFile) -> str:
     """The file that gives this world back, whatever it was put together from."""
     entries = [entry_dict(r) for r in file.world.ranges]
     entries += [_fixed(e) for e in file.world.base.effects]
-    data = {"format": FORMAT, "name": file.name, "task": file.task, "cameras": file.cameras, "renderer": file.renderer}
+    task = {k: v for k, v in file.task.items() if k != "robot"}
+    robot = {"robot": file.task["robot"]} if "robot" in file.task else {}
+    data = {"format": FORMAT, "name": file.name, **robot, "task": task}
+    data |= {"cameras": file.cameras, "renderer": file.renderer}
     return yaml.safe_dump(data | {"effects": entries}, sort_keys=False, allow_unicode=True)
 
 
@@ -155,14 +165,18 @@ def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> str:
     for base in [bases] if isinstance(bases, str) else _typed(bases, list, path, "base"):
         _collect(_path(base, path), parts, (*above, path))
     task = _typed(_given(data, "task", {}), Mapping, path, "task")
+    if "robot" in task:
+        raise UserError("not a key of the task", file=path, key="task.robot", expected="`robot` beside `task`")
+    if data.get("robot") is not None:
+        task = {**task, "robot": declared(data["robot"], path)}
     config_of({**{k: v for k, v in parts.task.items() if k == "name"}, **task}, str(path))
     parts.task |= task
     parts.cameras |= _cameras(_given(data, "cameras", {}), path)
     parts.renderer |= _renderer(_given(data, "renderer", {}), path)
-    if data.get("model") is not None:
-        for r in ranges_of(Identified.of(data["model"], path), World().robot):
-            _replace(parts, r, path, "model")
     config = config_of(parts.task, str(path))
+    if data.get("model") is not None:
+        for r in ranges_of(Identified.of(data["model"], path), config.robot.model):
+            _replace(parts, r, path, "model")
     scene = task_of(config).cell(config)
     seen: set[tuple[str, str]] = set()
     for i, entry in enumerate(_typed(_given(data, "effects", []), list, path, "effects")):

@@ -15,9 +15,11 @@ import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.robots.declare import RobotConfig
 from vispeg.robots.scene import CAMERAS, Scene, SceneConfig, build
 from vispeg.task.config import DOF, TaskConfig
 from vispeg.task.contract import Task
+from vispeg.task.guards import CATEGORIES as GUARDED
 from vispeg.task.rewards import Rewards, RewardTerm
 from vispeg.task.simulation import TaskSimulation
 from vispeg.task.standard_rewards import STANDARD
@@ -65,9 +67,12 @@ class SnapConfig(TaskConfig):
 
 
 @lru_cache(maxsize=8)
-def cell(clearance_mm: float, spring: float, fixture: tuple[float, ...], cameras: tuple[str, ...]) -> Scene:
+def cell(
+    robot: RobotConfig, clearance_mm: float, spring: float, fixture: tuple[float, ...], cameras: tuple[str, ...]
+) -> Scene:
     """The package's cell with a square plug, a latch in it, and a lip in the socket's wall on the latch's side."""
-    shape = SceneConfig(shape="square", clearance_mm=clearance_mm, diameter=WIDTH, depth=DEPTH, fixture=fixture)
+    size = {"clearance_mm": clearance_mm, "diameter": WIDTH, "depth": DEPTH}
+    shape = SceneConfig(robot=robot, shape="square", fixture=fixture, **size)
     scene = build(shape, cameras)
     spec = scene.spec()
     plug, tip = spec.body("peg"), spec.site("peg_tip")
@@ -140,10 +145,11 @@ class SnapFit(Task):
 
     label, title, Config = "snap_fit", "Push the plug into the socket until it snaps in.", SnapConfig
     terms = (*MEASURED, TIP_IN_GOAL, GOAL_AWAY, MISTAKE, TRUE_VELOCITY, CONTACT, AGE, LATCH)
-    categories = ("success", "approach", "search", "not latched", "force limit", "diverged")
+    categories = ("success", "approach", "search", "not latched", "force limit", "diverged", *GUARDED)
 
     def cell(self, config: SnapConfig, cameras: tuple[str, ...] | None = None) -> Scene:
-        return cell(config.clearance_mm, config.spring, config.fixture, CAMERAS if cameras is None else cameras)
+        named = CAMERAS if cameras is None else cameras
+        return cell(config.robot, config.clearance_mm, config.spring, config.fixture, named)
 
     def goal(self, config: SnapConfig) -> np.ndarray:
         return np.array([0.0, 0.0, -(HEIGHT + LIP + NOSE)])

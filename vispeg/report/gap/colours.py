@@ -24,6 +24,9 @@ BY_CATEGORY = {
     "force limit": day("wine"),
     "timeout": day("slate"),
     "diverged": day("ink"),
+    "joint velocity": day("lagoon"),
+    "joint limit": day("olive"),
+    "singularity": day("violet"),
     "failure": day("before"),
 }
 

@@ -6,10 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vispeg.task import guards
 from vispeg.task.peg.config import PegConfig
 from vispeg.task.track import Track
 
-CATEGORIES = ("success", "approach", "search", "jam", "wedge", "slip", "force limit", "timeout", "diverged")
+ENDS = ("success", "approach", "search", "jam", "wedge", "slip", "force limit", "timeout", "diverged")
+CATEGORIES = (*ENDS, *guards.CATEGORIES)
 ENTERED = 0.002  # m, depth from which the tip counts as in the hole
 SLIPPED = 0.003  # m, slip along the peg that counts as lost
 MOVING = 0.0005  # m a policy step, progress that counts as still going in

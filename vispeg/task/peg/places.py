@@ -12,11 +12,10 @@ from vispeg.core.errors import UserError
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import nominal_of
 from vispeg.sim.reach import reach
-from vispeg.task.simulation import DOWN, HOME
+from vispeg.task.start import ABOVE, DOWN, home
 from vispeg.worlds.distribution import Choice, Distribution, LogUniform, Normal, Uniform
 from vispeg.worlds.randomized import RandomizedEffect
 
-ABOVE = 0.03  # m over the hole, where episodes begin
 RARE = 1e-3  # share of a Gaussian's draws that may lie further out than what is looked at, on either side
 
 
@@ -60,8 +59,8 @@ def out_of_reach(scene: Scene, holes: np.ndarray) -> np.ndarray:
     flange = np.concatenate([holes + above, holes + bottom])
     n = len(flange)
     nominal, down = nominal_of(scene.nominal, n), np.tile(DOWN, (n, 1))
-    home, _ = reach(nominal, np.tile(scene.config.fixture + above, (n, 1)), down, np.tile(HOME, (n, 1)))
-    q, error = reach(nominal, flange, down, home)
+    start, _ = reach(nominal, np.tile(scene.config.fixture + above, (n, 1)), down, np.tile(home(scene), (n, 1)))
+    q, error = reach(nominal, flange, down, start)
     low, high = scene.range.T
     far = (error > 1e-4) | (q < low).any(axis=1) | (q > high).any(axis=1)
     return far.reshape(2, -1).any(axis=0)

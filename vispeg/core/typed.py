@@ -1,0 +1,54 @@
+"""Values from YAML or JSON against the annotations of a dataclass: numbers, texts, and lists of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar, get_args, get_origin, get_type_hints
+
+from vispeg.core.errors import UserError
+
+
+def checked(kind: type, values: Mapping[str, Any], file: str | None, at: str) -> dict[str, Any]:
+    """`values` as keyword arguments of the dataclass `kind`, lists as tuples.
+
+    Fields of other kinds (a dataclass, a union) pass as they are, for the caller to read.
+
+    Args:
+        kind: whose fields are annotated.
+        values: by field.
+        file, at: where they stand, for errors: `at` comes before a key.
+
+    Raises:
+        UserError: an unknown key, a wrong type.
+    """
+    hints, out = {k: h for k, h in get_type_hints(kind).items() if get_origin(h) is not ClassVar}, {}
+    for key, value in values.items():
+        if key not in hints:
+            raise UserError("unknown key", file=file, key=f"{at}{key}", got=key, choices=hints)
+        out[key] = tuple(value) if isinstance(value, list) else value
+        if not _fits(out[key], hints[key]):
+            raise UserError("wrong type", file=file, key=f"{at}{key}", expected=_said(hints[key]), got=value)
+    return out
+
+
+def _fits(value: Any, hint: Any) -> bool:
+    """Whether a value is what a field's annotation says; an int will do for a float, a bool for nothing."""
+    if get_origin(hint) is tuple:
+        parts = get_args(hint)
+        length = isinstance(value, tuple) and (... in parts or len(value) == len(parts))
+        return length and all(_fits(x, parts[0]) for x in value)
+    if hint not in WORDS:
+        return True
+    return isinstance(value, (int, float) if hint is float else hint) and not isinstance(value, bool)
+
+
+def _said(hint: Any) -> str:
+    """An annotation in words."""
+    kind, *others = get_args(hint) or (hint,)
+    one = WORDS[kind]
+    if not others:
+        return f"a {one}"
+    return f"a list of {one}s" if ... in others else f"a list of {1 + len(others)} {one}s"
+
+
+WORDS = {int: "whole number", float: "number", str: "text"}

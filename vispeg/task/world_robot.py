@@ -1,0 +1,36 @@
+"""The robot that a world file declares, and what of it decides an episode."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from vispeg.formats.guard import read_bytes
+from vispeg.robots.declare import RobotConfig
+from vispeg.robots.model import SUFFIXES
+
+
+def declared(given: Any, file: Path) -> dict[str, Any]:
+    """What a world file's `robot` says, as a task's setting; a path is seen from the world file's folder.
+
+    Raises:
+        UserError: as `RobotConfig.of`.
+    """
+    robot = RobotConfig.of(given, str(file))
+    if is_path(robot.model):
+        path = Path(robot.model).expanduser()
+        robot = replace(robot, model=str(path if path.is_absolute() else file.parent / path))
+    usual = asdict(RobotConfig())
+    return {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(robot).items() if v != usual[k]}
+
+
+def identity(model: str) -> str:
+    """A robot's name, or the SHA-256 (hex) of its file: the same arm in another folder makes the same world."""
+    return hashlib.sha256(read_bytes(model)).hexdigest() if is_path(model) else model
+
+
+def is_path(model: str) -> bool:
+    """Whether a robot is meant by its file."""
+    return Path(model).suffix.lower() in SUFFIXES
