@@ -161,10 +161,8 @@ class Stage:
 
     def _moment(self, row: int, seen: dict[str, np.ndarray], meant: np.ndarray, shaken: np.ndarray) -> Moment:
         sim = self.sim
-        q, dq = sim.measured
-        pos, _, twist = sim.control.pose(q, dq)
-        tip = pos[row] - [0, 0, sim.scene.tip]
-        state = np.concatenate([q[row], tip, twist[row, :3], sim.wrench[row]])
+        tip, twist = sim.flange[row] - [0, 0, sim.scene.tip], sim.twist[row]
+        state = np.concatenate([sim.measured[0][row], tip, twist[:3], sim.wrench[row]])
         known = sim.stack.values[:, row].copy()
         unit = sim.observed.term("tip").scale
         known[:, sim.observed["tip"]] += (sim.believed[row] - sim.nominal_goal) / unit  # as one who must look for it

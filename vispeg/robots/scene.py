@@ -13,13 +13,15 @@ import mujoco
 
 from vispeg.core.errors import UserError
 from vispeg.robots import furniture, hole, tools, user_cell
+from vispeg.robots.declare import RobotConfig
 from vispeg.robots.furniture import COLOURS, LIGHTS
-from vispeg.robots.model import RobotModel
+from vispeg.robots.model import RobotModel, load
 from vispeg.robots.scene_config import SceneConfig
 from vispeg.robots.user_shapes import UserShape
 
 G = mujoco.mjtGeom
 GRIP = 120.0  # N, friction that holds the peg between the fingers (a Schunk MEG 50 closes with up to 100 N a finger)
+OURS = {*COLOURS, "finger_left", "finger_right", "peg_tip", "peg_slip", "hole", "wrench"}  # names in the cell
 CAMERAS = ("wrist_wide", "wrist_crop", "external")
 
 
@@ -69,6 +71,7 @@ def build(config: SceneConfig | None = None, cameras: tuple[str, ...] = CAMERAS)
 
 @lru_cache(maxsize=32)
 def _build(config: SceneConfig, cameras: tuple[str, ...], peg: UserShape | None, block: UserShape | None) -> Scene:
+    _check_names(config.robot)
     config = user_cell.placed(config, block)
     arm = user_cell.arm_with(config, f"peg{round(config.diameter * 1000)}")
     tip = tools.GRASP + tools.PEG_LENGTH
@@ -76,7 +79,9 @@ def _build(config: SceneConfig, cameras: tuple[str, ...], peg: UserShape | None,
         arm, tip = user_cell.hold(config, peg)
     spec = arm.spec()
     furniture.options(spec)
-    _alone(spec, config.robot.model)
+    for group in (spec.lights, spec.cameras):  # of the robot's file: the cell has its own
+        for element in list(group):
+            spec.delete(element)
     for part, colour in COLOURS.items():
         furniture.material(spec, part, colour)
     parts = {"arm": _visible(spec)}
@@ -93,22 +98,14 @@ def _build(config: SceneConfig, cameras: tuple[str, ...], peg: UserShape | None,
     return Scene(**{**base, "build": spec.copy}, **own)
 
 
-def _alone(spec: mujoco.MjSpec, robot: str) -> None:
-    """Takes away what a robot's file has of a scene of its own, and names of ours that it uses.
-
-    Raises:
-        UserError: the robot has a part with a name that the cell gives to one of its own.
-    """
-    for group in (spec.lights, spec.cameras):
-        for element in list(group):
-            spec.delete(element)
-    ours = {*COLOURS, "hole", "fixture", "wrench", "peg_slip"}
-    hand = {"peg", "gripper"}  # on the arm already
+def _check_names(robot: RobotConfig) -> None:
+    """Raises UserError for a robot with a part of a name that the cell gives to one of its own."""
+    spec = load(robot.model, declared=robot).spec()
     for kind in ("bodies", "geoms", "sites", "joints", "materials", "textures", "meshes"):
         for element in getattr(spec, kind):
-            if element.name in (ours if kind in ("materials", "textures", "meshes") else ours - hand):
+            if element.name in OURS:
                 what = f"the robot has a part named '{element.name}', as the cell has"
-                raise UserError(what, file=robot, key=kind, expected="another name in the robot's file")
+                raise UserError(what, file=robot.model, key=kind, expected="another name in the robot's file")
 
 
 def _visible(spec: mujoco.MjSpec) -> tuple[str, ...]:
