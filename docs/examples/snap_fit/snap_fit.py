@@ -71,8 +71,9 @@ def cell(
     robot: RobotConfig, clearance_mm: float, spring: float, fixture: tuple[float, ...], cameras: tuple[str, ...]
 ) -> Scene:
     """The package's cell with a square plug, a latch in it, and a lip in the socket's wall on the latch's side."""
-    size = {"clearance_mm": clearance_mm, "diameter": WIDTH, "depth": DEPTH}
-    shape = SceneConfig(robot=robot, shape="square", fixture=fixture, **size)
+    shape = SceneConfig(
+        robot=robot, shape="square", clearance_mm=clearance_mm, diameter=WIDTH, depth=DEPTH, fixture=fixture
+    )
     scene = build(shape, cameras)
     spec = scene.spec()
     plug, tip = spec.body("peg"), spec.site("peg_tip")
