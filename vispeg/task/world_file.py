@@ -202,6 +202,7 @@ def _path(source: str | Path, beside: Path | None) -> Path:
         raise UserError("not a world", file=beside, key="base", expected="a name or a path", got=source)
     if Path(text).suffix.lower() not in (".yaml", ".yml"):
         named = {name: BUILT_IN / f"{name}.yaml" for name in built_in()}
+        named |= {arm.stem: arm for arm in sorted((BUILT_IN / "arms").glob("*.yaml"))}  # where that arm is installed
         if beside is not None:  # a part is something to build on, no world by itself
             named |= {part.stem: part for part in sorted((BUILT_IN / "parts").glob("*.yaml"))}
         if text in named:
