@@ -1,0 +1,140 @@
+"""The peg task on other arms: seven joints and six, each by one world file; what guards them; what their null space does."""
+
+import numpy as np
+import pytest
+import yaml
+from robots.arms import PANDA, SPEED, UR5E, write
+
+from vispeg.control.avoidance import away, potential
+from vispeg.control.laws import osc, task_inertia
+from vispeg.control.singularity import singular
+from vispeg.core.errors import UserError
+from vispeg.robots.declare import RobotConfig
+from vispeg.robots.model import load
+from vispeg.sim.compiled import nominal_of
+from vispeg.sim.home import home_of
+from vispeg.task.guards import CATEGORIES, Guards
+from vispeg.task.peg.config import PegConfig
+from vispeg.task.peg.env import PegInHoleVec
+from vispeg.task.peg.expert import Expert
+from vispeg.task.world_file import load_world, world_text
+
+CHAINS = {"panda": PANDA, "ur5e": UR5E}
+GUARDED = {"avoid_limits": 200.0, "guard_velocity": 1.0, "guard_limit": 0.02, "guard_singularity": 0.03}
+
+
+@pytest.fixture(scope="module", params=("iiwa14", *CHAINS))
+def world(request, tmp_path_factory):
+    """A world file of each arm."""
+    folder, name = tmp_path_factory.mktemp(request.param), request.param
+    robot = {"model": name}
+    if name in CHAINS:
+        write(folder, name, CHAINS[name])
+        robot = {"model": f"{name}.xml", "velocity_limit": list(SPEED[name])}
+    told = {"format": "vispeg-world/1", "name": name, "base": ["goal", "physics"], "robot": robot, "task": GUARDED}
+    (folder / "world.yaml").write_text(yaml.safe_dump(told))
+    return folder / "world.yaml"
+
+
+def test_the_expert_inserts_on_every_arm_with_its_guards_on(world):
+    env = PegInHoleVec(12, world, "state", autoreset_mode="Disabled")
+    expert, ends = Expert(env.config, 12), {}
+    seen, _ = env.reset(seed=0)
+    for _ in range(env.config.steps):
+        seen, _, ended, late, infos = env.step(expert.act(seen))
+        for i in np.flatnonzero(ended | late):
+            ends.setdefault(int(i), infos["record"][i]["category"])
+    assert sum(end == "success" for end in ends.values()) >= 9 and not set(ends.values()) & set(CATEGORIES), ends
+
+
+def test_a_world_says_its_robot_and_reads_back(world, tmp_path):
+    file = load_world(world)
+    again = tmp_path / "again.yaml"
+    again.write_text(world_text(file))
+    assert load_world(again).hash == file.hash and file.hash != load_world("nominal").hash
+
+
+def arm(tmp_path, name):
+    return load(write(tmp_path, name, CHAINS[name]), "meg50+peg16")
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_a_solved_home_holds_the_pose_within_limits_and_away_from_singularities(tmp_path, name):
+    robot, pos, down = arm(tmp_path, name), (0.6, 0.0, 0.265), (0.0, 1.0, 0.0, 0.0)
+    home = home_of(robot, pos, down)
+    _, jac, flange, quat, _ = nominal_of(robot, 1).operational(home[None])
+    np.testing.assert_allclose(flange[0], pos, atol=3e-3)  # angles are rounded to a milliradian
+    assert abs(quat[0] @ down) > 1 - 1e-5 and singular(jac)[0] > 0.1
+    assert (home > robot.range[:, 0]).all() and (home < robot.range[:, 1]).all()
+    np.testing.assert_array_equal(home, home_of(robot, pos, down))
+    with pytest.raises(UserError, match="cannot hold"):
+        home_of(robot, (1.8, 0.0, 0.2), down)
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_null_space_torque_does_not_accelerate_the_flange_and_six_joints_have_none(tmp_path, name):
+    robot = arm(tmp_path, name)
+    rng, still = np.random.default_rng(1), np.zeros((1, 6))
+    q = home_of(robot, (0.6, 0.0, 0.265), (0.0, 1.0, 0.0, 0.0))[None]
+    mass, jac, *_ = nominal_of(robot, 1).operational(q)
+    posture = rng.standard_normal(q.shape)
+    tau = osc(still, still, mass, jac, still, still, posture)
+    acceleration = (jac @ np.linalg.solve(mass, tau[..., None]))[0, :, 0]  # J M^-1 N' tau_0 = 0
+    np.testing.assert_allclose(acceleration, 0.0, atol=1e-9)
+    lam, minv_jt = task_inertia(mass, jac)
+    project = np.eye(q.shape[1]) - jac[0].T @ lam[0] @ minv_jt[0].T
+    np.testing.assert_allclose(project @ project, project, atol=1e-9)
+    assert round(float(np.trace(project)), 6) == q.shape[1] - 6  # its rank
+    assert (np.abs(tau).max() < 1e-8) == (q.shape[1] == 6)
+
+
+def test_the_pull_away_from_limits_is_the_gradient_of_its_potential():
+    limits = np.array([[-1.0, 2.0], [-np.inf, np.inf], [0.0, 1.0]])
+    q, step = np.random.default_rng(0).uniform(-1.2, 2.2, (200, 3)), 1e-6
+    for j in range(3):
+        by = np.eye(3)[j] * step
+        slope = (potential(q + by, limits, 50.0) - potential(q - by, limits, 50.0)) / (2 * step)
+        np.testing.assert_allclose(away(q, limits, 50.0)[:, j], -slope, atol=1e-6)
+    inside = np.array([[0.5, 9.0, 0.5]])
+    assert not away(inside, limits, 50.0).any()
+
+
+def test_each_guard_ends_an_episode_with_its_own_category(tmp_path):
+    robot = load("iiwa14")
+    config = PegConfig(guard_velocity=0.5, guard_limit=0.1, guard_singularity=0.05)
+    q = np.tile([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0], (4, 1))
+    dq = np.zeros_like(q)
+    guards = Guards(config, robot, 4)
+    guards.tick(q, dq)
+    assert guards.stopped == [None] * 4
+    dq[1, 0], q[2, 3] = 0.51 * robot.velocity_limit[0], robot.range[3, 0] + 0.09
+    guards.tick(q, dq)
+    jac = nominal_of(robot, 4).operational(np.where(np.arange(4)[:, None] == 3, 0.0, q))[1]  # stretched: singular
+    guards.pose(jac)
+    assert guards.stopped == [None, *CATEGORIES]
+    guards.reset(np.array([1, 3]))
+    assert guards.stopped == [None, None, CATEGORIES[1], None]
+    assert not Guards(PegConfig(), robot, 4).on
+    with pytest.raises(UserError, match="a guard without limits"):
+        Guards(config, load(write(tmp_path, "panda", PANDA)), 1)
+
+
+def test_an_arm_that_is_not_installed_is_refused_in_one_line(monkeypatch):
+    monkeypatch.delenv("MENAGERIE_ROOT", raising=False)
+    monkeypatch.setattr("vispeg.robots.menagerie._downloaded", lambda folder: None)
+    with pytest.raises(UserError, match="'ur5e' is not installed.*MENAGERIE_ROOT.*mujoco-menagerie"):
+        load_world("ur5e")
+
+
+def test_a_declared_flange_limits_and_bodies_without(tmp_path):
+    path = write(tmp_path, "ur5e", UR5E)
+    told = RobotConfig(path, flange="part5", flange_pos=(0, 0, 0.05), velocity_limit=(1.0,) * 6, damping=(3.0,) * 6)
+    robot = load(path, declared=told)
+    model = robot.compile()
+    np.testing.assert_allclose(model.site("flange").pos, [0, 0, 0.05])
+    np.testing.assert_array_equal(model.dof_damping, 3.0)
+    np.testing.assert_array_equal(robot.velocity_limit, 1.0)
+    assert load(path, declared=RobotConfig(path, without=("part5",))).joints == robot.joints[:5]
+    for wrong in ({"flange": "elsewhere"}, {"home": (0.0,) * 7}, {"without": ("hand",)}):
+        with pytest.raises(UserError):
+            load(path, declared=RobotConfig(path, **wrong))
