@@ -1,4 +1,4 @@
-"""The peg task on other arms: seven joints and six, each by one world file; what guards them; what their null space does."""
+"""The peg task on arms of seven joints and six, each by one world file; their guards; their null space."""
 
 import numpy as np
 import pytest
