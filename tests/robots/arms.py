@@ -1,7 +1,7 @@
 """Small arms in the proportions of known ones, as files of a user's own: hinges in a chain, links as rods.
 
 Lengths and joint ranges: Franka Robotics, "Robot and interface specifications" (the Panda's DH parameters); Universal
-Robots, "DH parameters for calculations of kinematics and dynamics" (UR5e), which has its masses too; the others' are round.
+Robots, "DH parameters for calculations of kinematics and dynamics" (UR5e), with its masses; the others' are round.
 """
 
 from pathlib import Path
