@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import torch
 from arguments import told
-from vispeg.task.observe import policy_size
 
 from vispeg.core.errors import UserError
 from vispeg.learn.layout import PRIVILEGED
