@@ -251,6 +251,12 @@ def test_the_commands_defaults_are_the_settings(monkeypatch, tmp_path):
     from vispeg.cli.main import main
 
     found = []
-    monkeypatch.setattr("vispeg.learn.finetune.finetune_in_worlds", lambda *args, **_: found.append(args[5]))
+
+    def tuned(*args, **_):
+        found.append(args[5])
+        (tmp_path / "finetune.json").write_text("{}")
+        return tmp_path
+
+    monkeypatch.setattr("vispeg.learn.finetune.finetune_in_worlds", tuned)
     assert main(["finetune", "depth-S", "--world", "dev", "--out", str(tmp_path / "x")]) == 0
     assert found == [FinetuneSettings()]
