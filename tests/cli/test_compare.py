@@ -48,7 +48,10 @@ def test_the_right_model_is_at_the_floor(vispeg, rigs, tmp_path):
         ("robot: gone.urdf", ["m.yaml: robot:", "no such robot file"]),
         ("robot: iiwa14\ntool: hammer", ["m.yaml: tool:", "unknown tool", "meg50"]),
         ("effects: [{effect: payload, where: joint4}]", ["m.yaml: effects[0].where:", "'joint4'", "flange"]),
-        ("effects: [{effect: hole_offset, where: hole}]", ["m.yaml: effects[0].where:", "not on an arm alone"]),
+        (
+            "effects: [{effect: hole_offset, where: hole}]",
+            ["m.yaml: effects[0].where:", "hole_offset has no place here"],
+        ),
         ("effects: [{effect: frictions}]", ["m.yaml: effects[0].effect:", "`vispeg effects` lists all"]),
     ],
 )

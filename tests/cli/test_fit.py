@@ -102,7 +102,7 @@ def test_killed_fit_leaves_what_was_there_and_goes_on(rigs, tmp_path):
     assert one["effects"] == two["effects"] and one["chi2"] == two["chi2"]  # as if nothing had happened
     assert not checkpoint.exists()
     assert one["method"] == "cma"  # backlash is not smooth
-    assert one["effects"][0]["params"]["gap"]["value"] < 1e-3
+    assert one["effects"][0]["params"]["gap"]["value"] < 5e-3  # near none, in one round, of a range up to 0.1 rad
 
 
 def test_a_fit_killed_anywhere_ends_as_if_it_had_not_been(vispeg, rigs, tmp_path, monkeypatch):

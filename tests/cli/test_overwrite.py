@@ -39,8 +39,11 @@ READS = {
     "exploit": "exploit data/policy --episodes 1",
     "perturb": "perturb data/policy --episodes 1",
     "demo": "demo",
+    "measure joint": "measure joint data/rig --joint joint4",
+    "measure plan": "measure plan joint4",
 }
-FILES = {"add", "export"}  # these write one file, see below
+MEASURED = {f"measure {quantity}" for quantity in ("mass", "com", "friction", "restitution", "stiffness")}
+FILES = {"add", "export", *MEASURED}  # these write one file, see below
 OTHERS = {"effects", "report"}  # these write one file of a name of their own into a folder
 WHY = (
     "is read by this command|holds .* which this command reads|has no .vispeg.json|not a folder of such results|a file"
@@ -91,6 +94,7 @@ def original(tmp_path_factory) -> Path:
     (data / "suite" / "suite.json").write_text(
         json.dumps(summarise(played, "here", "there", "1", worlds) | {"notes": []})
     )
+    (data / "mass.csv").write_text("mass_g\n101\n102\n101\n")
     (data / "notes.txt").write_text("mine")
     return root
 
@@ -129,6 +133,7 @@ def test_single_files_are_replaced_only_by_their_like(data, capsys):
         "add iiwa14 payload flange --out data/w.yaml",
         "export data/policy --out data/policy/policy.safetensors",
         "export data/policy --out data/notes.txt",
+        *(f"{command} data/mass.csv --out data/model.yaml" for command in sorted(MEASURED)),
     ):
         assert main([*command.split(), "--overwrite"]) == 2, command
         assert tree(data) == before

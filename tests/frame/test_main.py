@@ -99,7 +99,7 @@ def test_nearest_command_is_suggested(capsys):
     [
         (("evaluate", "expert", "--wolrd", "S"), "--wolrd, S (did you mean --world?)"),
         (("gap", "expert", "--world", "S", "--out", "g"), "or --worlds?)"),
-        (("train", "peg-depth", "--modality", "depth"), "in the name of its task, as in peg-depth"),
+        (("train", "peg-depth", "--modality", "depth"), "in the name of its task, as in TASK-depth"),
     ],
 )
 def test_nearest_option_is_suggested_without_its_help(argv, said, capsys):

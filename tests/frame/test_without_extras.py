@@ -24,6 +24,11 @@ record iiwa14 --motion fourier --duration 0.5 --seed 1 --out rig-a
 check rig-a
 add iiwa14 payload flange --set mass=0.5 --out model.yaml
 effects
+worlds
+policies
+motions
+completion bash
+measure plan joint4 --out plan
 camera show --help
 render --world nominal --frames 2 --workers 0 --size 32 --out frames
 dataset check frames

@@ -25,10 +25,16 @@ def test_export_and_combine_write_them(tmp_path):
     assert [one["modality"] for one in own] == ["depth", "state"]
 
 
-def test_play_finetune_and_teachers_take_them(monkeypatch):
+def test_play_finetune_and_teachers_take_them(monkeypatch, tmp_path):
     asked = []
     monkeypatch.setattr("vispeg.cli.play.films", lambda folder, world, *_: [asked.append((folder.name, world))] * 0)
-    monkeypatch.setattr("vispeg.learn.finetune.finetune", lambda source, *_, **__: asked.append(source.name))
+
+    def tuned(source, *_, **__):
+        asked.append(source.name)
+        (tmp_path / "finetune.json").write_text("{}")
+        return tmp_path
+
+    monkeypatch.setattr("vispeg.learn.finetune.finetune", tuned)
     assert main(["play", "depth-S", "--episodes", "1"]) == 0
     assert main(["finetune", "depth-S", "--world", "dev", "--out", "tuned"]) == 0
     assert asked == [("depth-S", "S"), "depth-S"]

@@ -10,6 +10,7 @@ import pytest
 from made import recording
 
 from vispeg.cli.check import Args
+from vispeg.cli.output import Output
 from vispeg.core.errors import UserError
 from vispeg.recordings.check import check
 from vispeg.recordings.excitation import PARAMETERS, excitation, regressor
@@ -236,7 +237,7 @@ def test_reversals_are_counted_through_noise():
 def test_the_command_writes_what_it_prints(tmp_path, capsys):
     robot = tmp_path / "rig"
     write(moving(time=np.concatenate([np.arange(2500), np.arange(2505, 5005)]) / RATE), robot)
-    assert Args((robot,), out=tmp_path / "out", json=True).run() == 0
+    assert Args((robot,), out=tmp_path / "out", output=Output(json=True)).run() == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed == json.loads((tmp_path / "out" / "check.json").read_text())
     assert printed["recordings"][0]["timing"]["gaps"][0]["samples"] == 5

@@ -47,7 +47,7 @@ class Plan:
         """Writes the folder and prints the order."""
         import numpy as np
 
-        from vispeg.cli.inputs import read_model
+        from vispeg.api.inputs import read_model
         from vispeg.core.errors import UserError
         from vispeg.core.files import new_folder
         from vispeg.core.seeds import stream

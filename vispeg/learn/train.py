@@ -37,7 +37,7 @@ from vispeg.learn.run_folder import begin, begun_by, is_distilled, same_run
 from vispeg.learn.sac import AsymmetricSAC
 from vispeg.learn.sb3_env import Sb3Env
 from vispeg.learn.shown import from_folder, made_in
-from vispeg.worlds.world import World
+from vispeg.worlds.randomized import RandomizedWorld
 
 DIVERGED = "diverged"  # folder of a run's episodes that stopped being finite, to be played again
 EVALUATION_ROWS = 25  # environments an evaluation steps together, at most
@@ -69,7 +69,7 @@ class SacRun:
         self.opening: Opening | None = None
         if config.ranges != "full":
             drawn = getattr(self.env.env, "sim", self.env.env)  # whose world is without what no camera sees
-            world = getattr(drawn, "world", World())
+            world = getattr(drawn, "world", RandomizedWorld())
             self.opening = Opening(config.ranges, world, config.steps, config.sac.warmup)
         device = device_of(config.device)
         self.model = AsymmetricSAC(self.env, self.modality, config.sac, seed=config.seed, device=device)

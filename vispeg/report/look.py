@@ -17,7 +17,7 @@ from vispeg.render.look import dress
 from vispeg.render.pipeline import Pipeline
 from vispeg.render.standard import standard_cameras
 from vispeg.task.eyes import resized
-from vispeg.task.peg.start import home
+from vispeg.task.start import home
 from vispeg.worlds.words import place
 from vispeg.worlds.world import World
 

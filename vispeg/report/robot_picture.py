@@ -10,7 +10,7 @@ from vispeg.render.backend import BackendName, Renderer
 from vispeg.render.camera import Camera, looking_at
 from vispeg.render.standard import focal_of
 from vispeg.robots.scene import build
-from vispeg.task.peg.start import home
+from vispeg.task.start import home
 
 WIDTH, HEIGHT, FOV = 720, 540, 34.0  # px; degrees over the height
 EYE, TARGET = (1.35, -1.5, 0.95), (0.3, 0.0, 0.4)  # m, base frame: before the wall, beside the table

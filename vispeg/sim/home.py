@@ -43,7 +43,7 @@ def _solved(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) 
     worth = np.where(error < EXACT, _worth(robot, q, nominal.operational(q)[1], np.array(pos)), 0.0)
     best = int(worth.argmax())
     if worth[best] <= 0.0:
-        what = "the arm cannot hold its peg there within its joint limits"
+        what = "the arm cannot hold its tool there within its joint limits"
         raise UserError(
             what, file=robot.name, expected="a pose in its reach, or robot.home", got=np.round(pos, 4).tolist()
         )

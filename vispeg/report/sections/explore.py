@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import json
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +18,7 @@ STYLES = ("vendored/uPlot.css",)
 SHARE = 0.05  # of the greatest residual: joints below it are folded away at first
 
 
-def context(record: Record) -> dict[str, Any] | None:
+def context(record: Record) -> dict[str, object] | None:
     """Buttons for the effects and the rivals, a bar for the error, and what the script draws."""
     choices = record.evidence.choices
     if choices is None or not len(choices.error) or not choices.residuals:
@@ -69,7 +68,7 @@ def _rival_words(name: str) -> str:
     return " in place of ".join(word(label) for label in name.split(" in place of "))
 
 
-def _row(choices: Choices, i: int, unit: str, floor: float | None) -> dict[str, Any]:
+def _row(choices: Choices, i: int, unit: str, floor: float | None) -> dict[str, object]:
     error, first = float(choices.error[i]), float(choices.error[0])
     return {
         "error": quantity(error, unit),
@@ -108,7 +107,7 @@ def _joints(names: tuple[str, ...], choices: Choices) -> list[tuple[str, bool]]:
     return [(name, bool(first[j] >= SHARE * first.max(initial=0.0))) for j, name in enumerate(names)]
 
 
-def _traces(choices: Choices, unit: str) -> dict[str, Any]:
+def _traces(choices: Choices, unit: str) -> dict[str, object]:
     """Residuals as 16-bit numbers, each joint of each choice on a scale of its own, so that small ones stay exact."""
     recordings = []
     for name, time, values in choices.residuals:
