@@ -36,8 +36,8 @@ evaluate expert --world nominal --episodes 1 --videos 1 --out judged
 gap expert --worlds nominal searching --episodes 1 --videos 0 --controls --out gap
 """
 LONGER = """
-record iiwa14 --motion fourier --duration 0.5 --seed 1 --out rig-a
-record iiwa14 --motion fourier --duration 0.5 --seed 2 --out rig-b
+record iiwa14 --motion fourier --duration 2 --seed 1 --out rig-a
+record iiwa14 --motion fourier --duration 2 --seed 2 --out rig-b
 compare iiwa14 --recording rig-b --out compared
 report compared --overwrite
 fit iiwa14 --recording rig-a --validate rig-b --effects viscous_friction:joint4 --out fitted
