@@ -56,12 +56,17 @@ def subsets(
         "effect": np.array([e.effect for e in added], dtype=str),
         "where": np.array([e.where for e in added], dtype=str),
         "rival": np.array(labels, dtype=str),
-        "error": np.array([judged.angle_rms(r) for r in judged.residuals(worlds)]),
+        "error": np.array([judged.angle_rms(_residual(judged, predicted, i)) for i in range(len(worlds))]),
         "joints": _joint_errors(judged, predicted),
     }
     for r, (item, y) in enumerate(zip(judged.items, predicted, strict=True)):
         out[f"{r}/time"], out[f"{r}/residual"] = _drawn(item, y)
     return {f"choice/{key}": value for key, value in out.items()}
+
+
+def _residual(judged: Evidence, predicted: Sequence[np.ndarray], i: int) -> np.ndarray:
+    """The whitened residual of world i, as `Evidence.residuals` has it, without a second rollout."""
+    return np.concatenate([judged.whiten(item, y[i]).ravel() for item, y in zip(judged.items, predicted, strict=True)])
 
 
 def _chosen(effects: Sequence, row: np.ndarray) -> list:
