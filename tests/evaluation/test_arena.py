@@ -19,7 +19,7 @@ from vispeg.learn.actor import Actor
 from vispeg.learn.layout import OFFSET_M, Layout
 from vispeg.learn.modalities import Modality, enrol, modality
 from vispeg.learn.policy import save
-from vispeg.task.vector import PegInHoleVec
+from vispeg.task.peg.env import PegInHoleVec
 
 TASK = {"stack": 3, "cameras": ["wrist_crop"], "image_size": 16}
 

@@ -9,7 +9,7 @@ from vispeg.learn.distill import DistillSettings, collect
 from vispeg.learn.rounds import keep_ring, kept_ring
 from vispeg.learn.sb3_env import Sb3Env
 from vispeg.learn.teacher import teacher_of
-from vispeg.task.vector import PegInHoleVec
+from vispeg.task.peg.env import PegInHoleVec
 
 ROWS, LOOKS = 2, 2
 IMAGES = ("depth_wrist_wide", "rgb_wrist_wide")

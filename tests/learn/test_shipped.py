@@ -8,7 +8,7 @@ import pytest
 from vispeg.core.assets import assets
 from vispeg.learn.policy import load
 from vispeg.task.peg.config import PegConfig
-from vispeg.task.vector import PegInHoleVec
+from vispeg.task.peg.env import PegInHoleVec
 
 FOLDERS = sorted(p.parent for p in (assets() / "policies").glob("*/policy.json"))
 

@@ -9,7 +9,8 @@ from gymnasium.utils.env_checker import check_env
 
 from vispeg.core.errors import UserError
 from vispeg.task.divergence import replay
-from vispeg.task.vector import PegInHoleVec, episode_seed
+from vispeg.task.peg.env import PegInHoleVec
+from vispeg.task.vector import episode_seed
 from vispeg.worlds.distribution import Uniform
 from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
 from vispeg.worlds.world import World

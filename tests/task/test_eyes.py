@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vispeg.core.errors import UserError
-from vispeg.task.vector import PegInHoleVec
+from vispeg.task.peg.env import PegInHoleVec
 from vispeg.worlds.distribution import Uniform
 from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
 

@@ -10,7 +10,7 @@ pytest.importorskip("coacd")
 from vispeg.core.errors import UserError  # noqa: E402
 from vispeg.robots import user_shapes  # noqa: E402
 from vispeg.robots.scene import SceneConfig, build  # noqa: E402
-from vispeg.task.vector import PegInHoleVec  # noqa: E402
+from vispeg.task.peg.env import PegInHoleVec  # noqa: E402
 
 APOTHEM, LENGTH, DEPTH, HALF = 8.0, 80.0, 25.0, 30.0  # mm: peg, hole, half the block's width
 CLEARANCE, CONCAVITY = 2.0, 0.02  # mm, CoACD's threshold

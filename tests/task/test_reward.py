@@ -7,11 +7,11 @@ import pytest
 
 from vispeg.core.errors import UserError
 from vispeg.task.peg.config import PegConfig
+from vispeg.task.peg.env import PegInHoleVec
 from vispeg.task.peg.expert import Expert
 from vispeg.task.peg.rewards import REWARDS
 from vispeg.task.peg.terms import TERMS
 from vispeg.task.rewards import Moment
-from vispeg.task.vector import PegInHoleVec
 from vispeg.task.world_file import load_world
 
 shaped, paper = (REWARDS.of(name).dense for name in ("shaped", "paper"))

@@ -5,11 +5,11 @@ import pytest
 
 from vispeg.control.laws import rotation_vector
 from vispeg.task.peg.config import PegConfig
+from vispeg.task.peg.env import PegInHoleVec
 from vispeg.task.peg.expert import Expert
 from vispeg.task.peg.terms import TERMS
 from vispeg.task.simulation import TaskSimulation
 from vispeg.task.terms import Observation
-from vispeg.task.vector import PegInHoleVec
 from vispeg.worlds.world import World
 
 ALL = ("x", "y", "z", "rx", "ry", "rz")

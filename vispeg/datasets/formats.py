@@ -14,7 +14,6 @@ from vispeg.datasets.rendering import Export
 from vispeg.formats.format import Example, enrol
 
 EXPORTS: Mapping[str, Export] = {"bop": write_bop, "folder": write_plain}
-FORMATS = ("lerobot", *EXPORTS)
 
 
 def _as(layout: str) -> Example:

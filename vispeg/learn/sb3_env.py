@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -78,6 +78,3 @@ class Sb3Env(VecEnv):
 
     def _rows(self, indices: None | int | Iterable[int]) -> Iterable[int]:
         return range(self.num_envs) if indices is None else [indices] if isinstance(indices, int) else indices
-
-
-Maker = Callable[[int], VectorEnv]  # number of rows -> environment

@@ -278,6 +278,3 @@ def episode_seed(base: int, episode: int) -> int:
     if episode == 0:
         return int(base)
     return int(stream(int(base), "episode", int(episode)).integers(2**31))
-
-
-PegInHoleVec = TaskVec
