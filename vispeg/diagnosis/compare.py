@@ -42,7 +42,7 @@ def compare(world: World, recordings: Sequence[Recording], *, nthread: int = 1, 
     residual = evidence.residuals([world])[0]
     missing = [missing_torque(item, y[0]) for item, y in zip(evidence.items, predicted, strict=True)]
     joints = evidence.items[0].robot.joints
-    drawn = maps(evidence, missing)
+    drawn = maps(missing)
     unit = f"{evidence.unit} RMS"
     stated = all(("q" if evidence.unit == "rad" else "tau") in r.noise for r in recordings)
     record = {

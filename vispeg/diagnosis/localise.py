@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from vispeg.diagnosis.phase import phase
 from vispeg.identify.channels import Item
-from vispeg.identify.evidence import Evidence
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.recording import Control
 from vispeg.sim.compiled import compiled
@@ -125,7 +125,7 @@ def _filled(values: np.ndarray) -> np.ndarray:
     return np.nan_to_num(values)
 
 
-def joint_data(missing: list[MissingTorque], items: list[Item]) -> list[JointData]:
+def joint_data(missing: Sequence[MissingTorque], items: list[Item]) -> list[JointData]:
     """One JointData a joint over all items."""
     nj = missing[0].q.shape[1]
 
@@ -146,7 +146,7 @@ def joint_data(missing: list[MissingTorque], items: list[Item]) -> list[JointDat
     ]
 
 
-def joint_z(missing: list[MissingTorque]) -> np.ndarray:
+def joint_z(missing: Sequence[MissingTorque]) -> np.ndarray:
     """(nj,) RMS missing torque over its noise."""
     return np.sqrt(np.mean([np.mean((k.excess / k.sigma) ** 2, axis=0) for k in missing], axis=0))
 
@@ -164,7 +164,7 @@ def regimes(k: MissingTorque) -> dict[str, np.ndarray]:
     }
 
 
-def where_it_fails(missing: list[MissingTorque], joints: tuple[str, ...], most: int = 6) -> list[dict]:
+def where_it_fails(missing: Sequence[MissingTorque], joints: tuple[str, ...], most: int = 6) -> list[dict]:
     """Shares of the excess over noise by joint and regime, largest first; shares sum to 1 over all cells."""
     cells: dict[tuple[str, str], float] = {}
     for k in missing:
@@ -177,8 +177,19 @@ def where_it_fails(missing: list[MissingTorque], joints: tuple[str, ...], most: 
     return [{"joint": j, "regime": r, "share": round(v / total, 4)} for (j, r), v in ranked if v / total > 0.01]
 
 
-def maps(evidence: Evidence, missing: list[MissingTorque], bins: int = 12) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Axis -> (edges (k+1,), whitened RMS missing torque (nj, k)) over speed, load, position, phase and time."""
+@dataclass(frozen=True)
+class Cells:
+    """Where every sample of some missing torques lies in one of the `maps`: edges (k+1,), number (n, nj), -1 in none.
+
+    Samples of all items are end to end.
+    """
+
+    edges: np.ndarray
+    number: np.ndarray
+
+
+def cells(missing: Sequence[MissingTorque], bins: int = 12) -> dict[str, Cells]:
+    """Axis -> cells over speed and load (each as a share of the joint's peak), position, phase and time."""
     out = {}
     for axis, get in (
         ("speed", lambda k: k.dq / np.maximum(np.abs(k.dq).max(axis=0), 1e-9)),
@@ -188,18 +199,40 @@ def maps(evidence: Evidence, missing: list[MissingTorque], bins: int = 12) -> di
         ("time", lambda k: np.repeat(k.time[:, None], k.q.shape[1], axis=1)),
     ):
         x = np.concatenate([get(k) for k in missing])
-        z = np.concatenate([(k.excess / k.sigma) ** 2 for k in missing])
-        known = np.isfinite(x)  # a phase is known between turning points only
         low, high = (0.0, 1.0) if axis == "phase" else (x.min(), x.max() + 1e-9)
         edges = np.linspace(low, high, bins + 1)
-        cell = np.clip(np.digitize(x, edges) - 1, 0, bins - 1)
-        grid = np.full((x.shape[1], bins), np.nan)
-        for j in range(x.shape[1]):
-            rows = known[:, j]
-            count = np.bincount(cell[rows, j], minlength=bins)
-            total = np.bincount(cell[rows, j], weights=z[rows, j], minlength=bins)
+        number = np.clip(np.digitize(x, edges) - 1, 0, bins - 1)
+        number[~np.isfinite(x)] = -1  # a phase is known between turning points only
+        out[axis] = Cells(edges, number)
+    return out
+
+
+def maps(missing: Sequence[MissingTorque], bins: int = 12) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Axis -> (edges (k+1,), whitened RMS missing torque (nj, k), NaN where there is none) over the `cells`."""
+    z = np.concatenate([(k.excess / k.sigma) ** 2 for k in missing])
+    out = {}
+    for axis, cell in cells(missing, bins).items():
+        grid = np.full((z.shape[1], bins), np.nan)
+        for j, number in enumerate(cell.number.T):
+            inside = number >= 0
+            count = np.bincount(number[inside], minlength=bins)
+            total = np.bincount(number[inside], weights=z[inside, j], minlength=bins)
             grid[j] = np.where(count > 0, np.sqrt(total / np.maximum(count, 1)), np.nan)
-        out[axis] = (edges, grid)
+        out[axis] = (cell.edges, grid)
+    return out
+
+
+def worst(missing: Sequence[MissingTorque], bins: int = 12) -> dict[str, np.ndarray]:
+    """Axis -> (nj, k) number of the sample that misses most in each cell of the `maps`, -1 where there is none."""
+    z = np.abs(np.concatenate([k.excess / k.sigma for k in missing]))
+    out = {}
+    for axis, cell in cells(missing, bins).items():
+        at = np.full((z.shape[1], bins), -1)
+        for j, number in enumerate(cell.number.T):
+            for i in range(bins):
+                rows = np.flatnonzero(number == i)
+                at[j, i] = rows[np.argmax(z[rows, j])] if rows.size else -1
+        out[axis] = at
     return out
 
 

@@ -105,7 +105,7 @@ def diagnose(
     )
     equals = [(f"{t.score.label} in place of {r.label}", t.fit.world) for r in rivals for t in r.equals]
     drawing = arrays(judged, predicted) | subsets(judged, state.world, given, equals)
-    drawn, left = maps(judged, held[0]), maps(judged, held[1])
+    drawn, left = maps(held[0]), maps(held[1])
     for axis, (edges, grid) in drawn.items():
         drawing[f"map/{axis}/edges"], drawing[f"map/{axis}/before"] = edges, grid
         drawing[f"map/{axis}/after"] = left[axis][1]

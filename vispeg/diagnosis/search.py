@@ -44,31 +44,39 @@ class Search:
 
     def run(self, world: World) -> State:
         """Adds effects until none earns its place on the held-out recordings."""
+        state, given = self.start(world), len(world.effects)
+        while self.worth_it(state, given) and self.advance(state, given):
+            pass
+        return state
+
+    def start(self, world: World) -> State:
+        """Where a search for what `world` lacks begins."""
         residual, loss = self.evidence.residuals([world])[0], self.judge.losses([world])[0]
         state = State(world, loss, residual, first=self.judge.mean(loss))
         state.missing, state.cross = self.missing(world), self.cross.loss(residual)
-        given = len(world.effects)
-        while len(state.world.effects) - given < self.evidence.most_effects and self._worth_it(state):
-            self.say(f"{state.world.label}: held-out {self.judge.mean(state.loss):.3f} x noise variance; screening")
-            trials = self.step(state, given)
-            accepted = [t for t in trials if not t.rejected]
-            if not accepted:
-                state.last = trials
-                break
-            best, before = accepted[0], state.world.label
-            state.steps.append((best, trials))
-            self._take(state, best, given)
-            if not best.score.beside:
-                self._grow(state, best.score.placed, given)
-            prune(self, state, given)
-            if state.world.label == before:  # what came in went out again
-                break
         return state
 
-    def _worth_it(self, state: State) -> bool:
-        """Whether enough is left above the floor for a step to be able to pass."""
+    def advance(self, state: State, given: int) -> bool:
+        """Adds the effect that earns its place best; False where none does, or where it did not stay."""
+        before = state.world.label
+        self.say(f"{before}: held-out {self.judge.mean(state.loss):.3f} x noise variance; screening")
+        trials = self.step(state, given)
+        accepted = [t for t in trials if not t.rejected]
+        if not accepted:
+            state.last = trials
+            return False
+        best = accepted[0]
+        self.take(state, best, trials, given)
+        if not best.score.beside:
+            self._grow(state, best.score.placed, given)
+        prune(self, state, given)
+        return state.world.label != before  # what came in may have gone out again
+
+    def worth_it(self, state: State, given: int) -> bool:
+        """Whether a step may be taken, and enough is left above the floor for one to be able to pass."""
         left = self.judge.mean(state.loss) - self.judge.floor(state.world)
-        return left > AT_FLOOR - 1.0 and (state.fit is None or left > self.least_share * state.scale)
+        enough = left > AT_FLOOR - 1.0 and (state.fit is None or left > self.least_share * state.scale)
+        return enough and len(state.world.effects) - given < self.evidence.most_effects
 
     def missing(self, world: World) -> list[MissingTorque]:
         """Missing torque of every fitted segment under a world."""
@@ -81,17 +89,25 @@ class Search:
         The joints that miss most come first, and with them everything that is no joint; the other joints, whose missing
         torque they may hide, only where nothing passes there; then the first places count as tested too.
         """
-        missing, everywhere = self.missing(state.world), list(self.evidence.items[0].robot.joints)
-        first = suspects(missing, everywhere) if self.evidence.unit == "rad" else everywhere
-        near = candidates(self.evidence, state.world, first)
-        done = {effect(e.effect).common for best, _ in state.steps for e in best.score.beside}
-        together = groups(self.evidence, state.world, done) if len(first) > 1 else []
-        rest = [p for p in candidates(self.evidence, state.world, everywhere) if p not in near]
+        missing = self.missing(state.world)
+        near, rest, together = self.places(state, missing)
         state.screening = []
         trials = self.step_at(state, given, near, missing, len(near), together)
         if rest and all(t.rejected for t in trials):
             trials = self.step_at(state, given, rest, missing, len(near) + len(rest)) + trials
         return trials
+
+    def places(
+        self, state: State, missing: Sequence[MissingTorque]
+    ) -> tuple[list[tuple[str, str]], list[tuple[str, str]], list[list[tuple[str, str]]]]:
+        """(effect, place) of the candidates to screen first, of the others, and the groups to screen with the first."""
+        everywhere = list(self.evidence.items[0].robot.joints)
+        first = suspects(missing, everywhere) if self.evidence.unit == "rad" else everywhere
+        near = candidates(self.evidence, state.world, first)
+        done = {effect(e.effect).common for best, _ in state.steps for e in best.score.beside}
+        together = groups(self.evidence, state.world, done) if len(first) > 1 else []
+        rest = [p for p in candidates(self.evidence, state.world, everywhere) if p not in near]
+        return near, rest, together
 
     def step_at(
         self,
@@ -193,8 +209,9 @@ class Search:
         again = [job(w, (u, bool(c))) for w, (u, c) in zip(worlds, known, strict=True)]
         return fresh or run_together(again, self.evidence.residuals)
 
-    def _take(self, state: State, trial: Trial, given: int) -> None:
-        """The state of a trial, its derivatives all anew where those of earlier effects were taken as they were."""
+    def take(self, state: State, trial: Trial, trials: list[Trial], given: int) -> None:
+        """Adds what a trial tried, one of `trials`; derivatives that earlier effects had are taken anew."""
+        state.steps.append((trial, trials))
         fit, loss = trial.fit, trial.loss
         if state.fit is not None:
             (fit,) = self.fits([fit.world], given, iterations=3)
@@ -231,7 +248,7 @@ class Search:
             state.cross = self.cross.loss_of(trial.fit, trial.fit.residual)
 
 
-def suspects(missing: list[MissingTorque], joints: list[str], share: float = 0.02, most: int = 4) -> list[str]:
+def suspects(missing: Sequence[MissingTorque], joints: list[str], share: float = 0.02, most: int = 4) -> list[str]:
     """Joints with a visible share of the missing torque: an effect in one joint leaves torque missing there."""
     z = joint_z(missing) ** 2
     order = np.argsort(-z)
