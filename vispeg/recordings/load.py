@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Collection
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,9 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.formats.format import enrol
 from vispeg.recordings.columns import JOINT_SIGNALS, NEEDED, SIGNALS, SPATIAL_SIGNALS, columns_of
+from vispeg.recordings.frames.camera import RecordedCamera
+from vispeg.recordings.frames.frames import Frames, RecordedFrame
+from vispeg.recordings.frames.read import read_frames
 from vispeg.recordings.recording import Control, Nullspace, Recording
 from vispeg.recordings.schema import ControlSection, Header, plain, read_header
 from vispeg.recordings.table import Reading, Table, read_table
@@ -28,6 +32,10 @@ def _example(folder: Path) -> Path:
     ee = np.tile([0.5, 0.0, 0.4, 1.0, 0.0, 0.0, 0.0], (20, 1))
     rest = {"tool": {"mass_kg": 0.3}, "noise": {"q": 1e-4}, "torque_sensor": "joint", "episode": np.repeat([0, 1], 10)}
     control = Control("position", 100.0, "model", np.full(2, 100.0), np.full(2, 10.0))
+    eye = RecordedCamera("eye", 8, 6, 9.0, 9.0, 3.5, 2.5, mount="flange", pose=np.eye(4))
+    picture = np.arange(48, dtype=np.uint8).reshape(6, 8)
+    frame = RecordedFrame(0.05, eye, np.stack([picture] * 3, -1), picture / np.float32(100))
+    rest["frames"] = Frames({"eye": eye}, (frame,))
     rec = Recording(folder / "rig", "iiwa14", ("a", "b"), 100.0, control, time, q, tau=q, q_cmd=q, ee=ee, **rest)
     return write(rec, folder / "rig")
 
@@ -38,7 +46,7 @@ def load(
     signals: Callable[[Header], Collection[str]] | None = None,
     told: Callable[[float], None] = lambda share: None,
 ) -> Recording:
-    """The recording in a folder with recording.yaml and samples.csv or samples.parquet.
+    """The recording in a folder with recording.yaml, samples.csv or samples.parquet, and maybe frames/.
 
     Values are taken as they are: no resampling, no normalisation, NaN for empty cells. Unknown keys and columns are
     ignored with one warning each that names them.
@@ -63,8 +71,9 @@ def load(
     keep = None if signals is None else signals(header)
     table = read_table(samples_file, _reading(header.joints, keep, told))
     rec = assemble(header, table, folder, header_file, keep)
+    frames = read_frames(folder, rec.time, rec.episode)
     _warn_unknown(table, header)  # last, so that an error stands alone
-    return rec
+    return rec if frames is None else replace(rec, frames=frames)
 
 
 def needed(header: Header) -> tuple[str, ...]:

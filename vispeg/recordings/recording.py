@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from vispeg.recordings.frames.frames import Frames
 from vispeg.recordings.windows import Chosen
 
 Mode = Literal["torque", "position", "osc", "servo", "passive", "unknown"]
@@ -58,6 +59,7 @@ class Recording:
         torque_sensor: what `tau` measures.
         noise: 1-sigma per channel (`q`, `dq`, `tau`, `ee`), only what is known.
         motion, notes: free text.
+        frames: pictures beside the samples, or None where there are none.
         chosen: which windows of a longer recording this is (`recordings.windows`), or None where it is whole.
     """
 
@@ -84,6 +86,7 @@ class Recording:
     noise: Mapping[str, float] = field(default_factory=dict)
     motion: str = ""
     notes: str = ""
+    frames: Frames | None = None
     chosen: Chosen | None = None
 
     @property

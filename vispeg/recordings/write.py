@@ -13,6 +13,7 @@ import yaml
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.recordings.columns import SIGNALS, columns_of
+from vispeg.recordings.frames.write import write_frames
 from vispeg.recordings.recording import Control, Recording
 from vispeg.recordings.schema import FORMAT
 
@@ -26,7 +27,7 @@ def write(
     table: Literal["csv", "parquet"] = "csv",
     inputs: Iterable[str | Path | None] = (),
 ) -> Path:
-    """Writes recording.yaml and samples.csv or samples.parquet; the folder appears whole or not at all.
+    """Writes recording.yaml, the samples and the frames; the folder appears whole or not at all.
 
     Args:
         recording: what to write; numbers are written so that reading gives the same bits, NaN as an empty cell.
@@ -50,6 +51,8 @@ def write(
             _write_csv(part / "samples.csv", samples)
         else:
             _write_parquet(part / "samples.parquet", samples)
+        if recording.frames is not None and len(recording.frames):
+            write_frames(recording.frames, part, episodes=recording.episode is not None)
     return target
 
 

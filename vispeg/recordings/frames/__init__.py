@@ -1,0 +1,1 @@
+"""Pictures beside joint readings: `frames/` of a recording, in memory and on disk."""

@@ -1,0 +1,117 @@
+"""A camera as its user calibrated it: what `frames/cameras.yaml` says of one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from vispeg.core.errors import UserError
+from vispeg.formats.guard import is_file
+from vispeg.formats.typed import typed
+from vispeg.formats.yaml_data import read_yaml
+from vispeg.recordings.schema import Finite, Positive
+
+Mount = Literal["base", "flange"]
+Side = Annotated[int, Field(ge=1, le=8192)]
+Row = Annotated[list[Finite], Field(min_length=4, max_length=4)]
+DEPTH_UNIT = 1e-3  # m: what most depth cameras deliver
+ROTATION = 1e-3  # how far a pose's axes may be from orthonormal: numbers written with four digits pass
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedCamera:
+    """A calibrated camera of a recording.
+
+    Attributes:
+        name: what index.csv calls it.
+        width, height: px.
+        fx, fy, cx, cy: px; the centre of the top left pixel is (0, 0).
+        distortion: (k1, k2, p1, p2, k3) of Brown's model, as OpenCV has it.
+        depth_unit: m, a step of its 16-bit depth pictures.
+        mount: what carries it; None where that is not stated.
+        pose: (4, 4) camera axes (OpenCV: x right, y down, z forward) in the mount's frame, m; None where not stated.
+    """
+
+    name: str
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    depth_unit: float = DEPTH_UNIT
+    mount: Mount | None = None
+    pose: np.ndarray | None = None
+
+    @property
+    def K(self) -> np.ndarray:
+        """(3, 3) intrinsics, px."""
+        return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    width: Side
+    height: Side
+    fx: Positive
+    fy: Positive
+    cx: Finite
+    cy: Finite
+    distortion: Annotated[list[Finite], Field(min_length=5, max_length=5)] = [0.0] * 5
+    depth_unit_m: Annotated[float, Field(gt=0, le=1.0, allow_inf_nan=False)] = DEPTH_UNIT
+    base_T_camera: Annotated[list[Row], Field(min_length=4, max_length=4)] | None = None
+    flange_T_camera: Annotated[list[Row], Field(min_length=4, max_length=4)] | None = None
+
+    @model_validator(mode="after")
+    def _one_pose(self) -> _Section:
+        given = [p for p in (self.base_T_camera, self.flange_T_camera) if p is not None]
+        if len(given) > 1:
+            raise ValueError("has both base_T_camera and flange_T_camera")
+        for pose in given:
+            matrix = np.array(pose, float)
+            turn = matrix[:3, :3]
+            square = np.abs(turn @ turn.T - np.eye(3)).max() < ROTATION and np.linalg.det(turn) > 0
+            if not square or np.abs(matrix[3] - (0, 0, 0, 1)).max() > ROTATION:
+                raise ValueError("has a pose that is no rigid motion (4 x 4, rows of a rotation, then 0 0 0 1)")
+        return self
+
+
+def read_cameras(file: Path) -> tuple[dict[str, RecordedCamera], list[str]]:
+    """The cameras of `cameras.yaml` by name, and the keys in it that this version does not know.
+
+    Raises:
+        UserError: no such file, or a camera that cannot be; names the key.
+    """
+    if not is_file(file):
+        raise UserError("no such file", file=file, expected="the calibration of the cameras in index.csv")
+    data = read_yaml(file)
+    if not isinstance(data, Mapping) or not data:
+        raise UserError("is not a mapping", file=file, expected="the name of a camera and what is known of it")
+    cameras, unknown = {}, []
+    for name, entry in data.items():
+        section = typed(_Section, entry, file, str(name))
+        mount = "base" if section.base_T_camera else "flange" if section.flange_T_camera else None
+        pose = section.base_T_camera or section.flange_T_camera
+        lens = tuple(section.distortion)
+        numbers = section.width, section.height, section.fx, section.fy, section.cx, section.cy, lens
+        matrix = None if pose is None else np.array(pose, float)
+        cameras[str(name)] = RecordedCamera(str(name), *numbers, section.depth_unit_m, mount, matrix)  # type: ignore[arg-type]
+        unknown += [f"{name}.{key}" for key in section.model_extra or {}]
+    return cameras, unknown
+
+
+def camera_entry(camera: RecordedCamera) -> dict[str, Any]:
+    """What `cameras.yaml` says of a camera, plain values."""
+    out: dict[str, Any] = {key: getattr(camera, key) for key in ("width", "height", "fx", "fy", "cx", "cy")}
+    out = {key: int(value) if key in ("width", "height") else float(value) for key, value in out.items()}
+    out |= {"distortion": [float(k) for k in camera.distortion], "depth_unit_m": float(camera.depth_unit)}
+    if camera.mount is not None and camera.pose is not None:
+        out[f"{camera.mount}_T_camera"] = np.asarray(camera.pose, float).tolist()
+    return out

@@ -1,0 +1,95 @@
+"""Pictures of a recording: when each was taken, by which camera, and its pixels, which are read when asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from vispeg.recordings.frames.camera import RecordedCamera
+from vispeg.recordings.frames.png import read_colour, read_steps
+
+Source = Path | np.ndarray | None
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedFrame:
+    """One row of `index.csv`: a moment of one camera.
+
+    Attributes:
+        time: s, on the clock of the samples (of the episode where there are several).
+        camera: as calibrated.
+        rgb_source: PNG file, or (H, W, 3) uint8 sRGB, or None.
+        depth_source: 16-bit PNG file, or (H, W) float32 m, or None.
+        episode: the samples' episode that it belongs to.
+    """
+
+    time: float
+    camera: RecordedCamera
+    rgb_source: Source = None
+    depth_source: Source = None
+    episode: int = 0
+
+    @property
+    def rgb(self) -> np.ndarray | None:
+        """(H, W, 3) uint8, sRGB, read anew at each call; None where there is none. Raises UserError: a damaged file."""
+        source = self.rgb_source
+        return read_colour(source) if isinstance(source, Path) else source
+
+    @property
+    def depth(self) -> np.ndarray | None:
+        """(H, W) float32, planar distance in m, 0 = no reading; None where there is none. Raises as `rgb`."""
+        source = self.depth_source
+        if not isinstance(source, Path):
+            return source
+        return (read_steps(source) * self.camera.depth_unit).astype(np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """The frames of a recording, by episode and time.
+
+    Attributes:
+        cameras: as calibrated, by name.
+        frames: in order of episode (as the samples have them) and time.
+        ignored: frames that index.csv has and that lie outside the samples' times.
+    """
+
+    cameras: Mapping[str, RecordedCamera]
+    frames: tuple[RecordedFrame, ...]
+    ignored: int = 0
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def __iter__(self) -> Iterator[RecordedFrame]:
+        return iter(self.frames)
+
+    def __getitem__(self, row: int) -> RecordedFrame:
+        return self.frames[row]
+
+    def some(self, rows: np.ndarray) -> Frames:
+        """Those at these indices, or where (n,) bool holds."""
+        return Frames(self.cameras, tuple(self.frames[i] for i in np.arange(len(self))[rows]))
+
+    def of(self, camera: str) -> Frames:
+        """Those of one camera."""
+        return self.some(np.array([frame.camera.name == camera for frame in self], bool))
+
+    @property
+    def times(self) -> np.ndarray:
+        """(n,) s."""
+        return np.array([frame.time for frame in self], float)
+
+    @property
+    def episodes(self) -> np.ndarray:
+        """(n,) int."""
+        return np.array([frame.episode for frame in self], np.int64)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the cameras that have a frame, in the order of `cameras`."""
+        there = {frame.camera.name for frame in self}
+        return [name for name in self.cameras if name in there]

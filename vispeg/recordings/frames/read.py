@@ -1,0 +1,166 @@
+"""Reads `frames/` of a recording: the index, the cameras, and the heads of the pictures; their pixels come later."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.formats.guard import is_file, read_text
+from vispeg.recordings.frames.camera import RecordedCamera, read_cameras
+from vispeg.recordings.frames.frames import Frames, RecordedFrame
+from vispeg.recordings.frames.png import head
+
+FOLDER, INDEX, CAMERAS = "frames", "index.csv", "cameras.yaml"
+COLUMNS = ("time", "camera", "rgb", "depth")
+EPISODE = "episode"
+KINDS = {"rgb": (8, "an 8-bit picture in colour or grey"), "depth": (16, "a 16-bit picture of one channel")}
+LARGEST = 64_000_000  # bytes of an index: half a million frames
+
+
+def read_frames(folder: Path, time: np.ndarray, episode: np.ndarray | None) -> Frames | None:
+    """The frames of a recording's folder, or None where it has no `frames/`.
+
+    A frame before the first or after the last sample (of its episode) is left out, with one warning for all: a camera
+    that runs longer than the robot's log is no error, one on another clock is.
+
+    Args:
+        folder: of the recording.
+        time, episode: (n,) of the samples.
+
+    Raises:
+        UserError: a file that is missing, a row or a camera that cannot be, a picture of another size or kind than
+            its camera's, an index of which no frame lies within the samples' times.
+    """
+    place = folder / FOLDER
+    try:
+        if not place.is_dir():
+            return None
+    except (OSError, ValueError):
+        return None
+    cameras, unknown = read_cameras(place / CAMERAS)
+    rows = _rows(place / INDEX)
+    frames = [_frame(place, cameras, line, row) for line, row in rows]
+    frames = _within(place / INDEX, frames, time, episode)
+    _check_order(place / INDEX, frames)
+    spare = [name for name in cameras if name not in {frame.camera.name for frame in frames}]
+    if spare:
+        warnings.warn(f"{place / INDEX}: no frame of the cameras {', '.join(spare)}", stacklevel=4)
+    if unknown:
+        warnings.warn(f"{place / CAMERAS}: unknown keys are ignored: {', '.join(unknown[:8])}", stacklevel=4)
+    return Frames(cameras, tuple(frames), len(rows) - len(frames))
+
+
+def _rows(file: Path) -> list[tuple[int, dict[str, str]]]:
+    """Line number and cells of each row."""
+    if not is_file(file):
+        raise UserError("no such file", file=file, expected=f"a table with the columns {', '.join(COLUMNS)}")
+    reader = csv.reader(io.StringIO(read_text(file, LARGEST), newline=""), strict=True)
+    try:
+        names = [name.strip() for name in next(reader, [])]
+        for column in COLUMNS[:2]:
+            if names.count(column) != 1:
+                raise UserError("column is missing, or there twice", file=file, key=column, got=", ".join(names))
+        if not set(names) & set(COLUMNS[2:]):
+            raise UserError("has no pictures", file=file, expected="a column rgb or depth", got=", ".join(names))
+        extra = [name for name in names if name not in (*COLUMNS, EPISODE)]
+        if extra:
+            warnings.warn(f"{file}: unknown columns are ignored: {', '.join(extra[:8])}", stacklevel=5)
+        out = []
+        for cells in reader:
+            if not cells:
+                continue
+            if len(cells) != len(names):
+                key = f"line {reader.line_num}"
+                raise UserError("wrong number of cells", file=file, key=key, expected=len(names), got=len(cells))
+            out.append((reader.line_num, dict(zip(names, cells, strict=True))))
+    except csv.Error as error:
+        raise UserError(f"is no table ({error})", file=file, key=f"line {reader.line_num}") from None
+    if not out:
+        raise UserError("holds no frames", file=file)
+    return out
+
+
+def _frame(place: Path, cameras: dict[str, RecordedCamera], line: int, row: dict[str, str]) -> RecordedFrame:
+    file = place / INDEX
+    name = row["camera"].strip()
+    if name not in cameras:
+        raise UserError("no such camera in cameras.yaml", file=file, key=f"line {line}", got=name, choices=cameras)
+    camera, number = cameras[name], _number(file, line, row["time"], "time")
+    episode = _number(file, line, row[EPISODE], EPISODE) if EPISODE in row else 0.0
+    if episode != math.floor(episode) or abs(episode) >= 2**53:
+        raise UserError("is not a whole number", file=file, key=f"line {line}, column {EPISODE}", got=row[EPISODE])
+    sources: dict[str, Path] = {}
+    for kind in KINDS:
+        said = row.get(kind, "").strip()
+        if said:
+            sources[kind] = _picture(place, said, camera, kind, line)
+    if not sources:
+        raise UserError("has no picture", file=file, key=f"line {line}", expected="a file under rgb or depth")
+    return RecordedFrame(number, camera, sources.get("rgb"), sources.get("depth"), int(episode))
+
+
+def _number(file: Path, line: int, text: str, column: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise UserError("is not a finite number", file=file, key=f"line {line}, column {column}", got=text)
+    return value
+
+
+def _picture(place: Path, said: str, camera: RecordedCamera, kind: str, line: int) -> Path:
+    """A picture's file, once its head agrees with its camera."""
+    path = place / said
+    if Path(said).is_absolute() or ".." in Path(said).parts:
+        expected = "a name below frames/"
+        raise UserError("leads out of frames/", file=place / INDEX, key=f"line {line}", expected=expected, got=said)
+    if not is_file(path):
+        raise UserError("no such picture", file=place / INDEX, key=f"line {line}, column {kind}", got=said)
+    about, (bits, expected) = head(path), KINDS[kind]
+    if about.bits != bits or (kind == "depth" and about.colours != 1):
+        raise UserError("is of another kind", file=path, expected=expected, got=f"{about.bits} bits a channel")
+    if (about.width, about.height) != (camera.width, camera.height):
+        expected = f"{camera.width} x {camera.height} px, as camera '{camera.name}' in {CAMERAS}"
+        raise UserError("has another size", file=path, expected=expected, got=f"{about.width} x {about.height}")
+    return path
+
+
+def _within(
+    file: Path, frames: Sequence[RecordedFrame], time: np.ndarray, episode: np.ndarray | None
+) -> list[RecordedFrame]:
+    """Those within the samples' times, by episode and time; where the samples have no episodes, all are of one."""
+    kept: list[RecordedFrame] = []
+    numbers = [0] if episode is None else list(dict.fromkeys(episode.tolist()))
+    if len(numbers) == 1:
+        frames = [replace(frame, episode=numbers[0]) for frame in frames]
+    for number in numbers:
+        clock = time if episode is None else time[episode == number]
+        mine = [f for f in frames if f.episode == number and clock[0] <= f.time <= clock[-1]]
+        kept += sorted(mine, key=lambda f: f.time)
+    left = len(frames) - len(kept)
+    if left:
+        said = f"{left} of {len(frames)} frames lie outside the times of the samples"
+        if not kept:
+            raise UserError(said, file=file, expected=f"times from {float(time.min()):g} to {float(time.max()):g} s")
+        warnings.warn(f"{file}: {said} and are left out", stacklevel=5)
+    return kept
+
+
+def _check_order(file: Path, frames: Sequence[RecordedFrame]) -> None:
+    """A camera takes one picture at a time."""
+    there: set[tuple[int, str, float]] = set()
+    for frame in frames:
+        key = frame.episode, frame.camera.name, frame.time
+        if key in there:
+            said = f"camera {frame.camera.name}, time {frame.time!r}"
+            raise UserError("two frames of one camera at one time", file=file, got=said)
+        there.add(key)
