@@ -41,9 +41,10 @@ def pose(x: float, y: float, z: float) -> np.ndarray:
 
 def written(worlds: list[World], scene=SCENE) -> tuple[mjb.Batch, Fields]:
     """A batch with the worlds' effects in its fields, as a plant writes them."""
-    batch = mjb.Batch(compiled(scene), len(worlds), nthread=1)
+    active = activate(scene, worlds)
+    batch = mjb.Batch(compiled(scene, (a.effect.name for a in active)), len(worlds), nthread=1)
     fields = Fields(batch, scene)
-    for a in activate(scene, worlds):
+    for a in active:
         a.effect.write(fields, a.p)
     if fields.touched:
         batch.set_const()

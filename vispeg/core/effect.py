@@ -77,6 +77,12 @@ class Effect(ABC):
         return list(model.joints)
 
     # How --------------------------------------------------------------------------------------------------------
+    def build(self, spec: Any) -> None:
+        """Adds to an MjSpec of a scene what `write` needs and the nominal one lacks, so that nothing moves otherwise.
+
+        Joints come last in their body, and only models in which some world has the effect get them.
+        """
+
     def write(self, fields: Any, p: Values) -> None:
         """Sets model fields, `fields[name]` of shape (nsim, ...), already holding the nominal values."""
 

@@ -2,19 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import lru_cache
 
 import mujoco
 import numpy as np
 
+from vispeg.core.effect import effect
 from vispeg.robots.model import RobotModel
 from vispeg.sim.nominal import Nominal, columns
 
 
+def compiled(robot: RobotModel, parts: Iterable[str] = ()) -> mujoco.MjModel:
+    """The robot's compiled model with the solver settings of rollouts; kept for the robots used last.
+
+    `parts` names effects: those that build something are built in.
+    """
+    return _compiled(robot, tuple(sorted({name for name in parts if effect(name).overrides("build")})))
+
+
 @lru_cache(maxsize=64)  # robots compare by identity
-def compiled(robot: RobotModel) -> mujoco.MjModel:
-    """The robot's compiled model with the solver settings of rollouts; kept for the robots used last."""
-    model = robot.spec().compile()
+def _compiled(robot: RobotModel, built: tuple[str, ...]) -> mujoco.MjModel:
+    spec = robot.spec()
+    for name in built:
+        effect(name).build(spec)
+    model = spec.compile()
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE

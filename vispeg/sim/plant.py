@@ -43,12 +43,13 @@ class Plant:
         self, robot: RobotModel, worlds: Sequence[World], h: float, tick: float, nthread: int, servo: bool = False
     ):
         self.robot, self.h, self.tick, self.nsim = robot, h, tick, len(worlds)
-        self.model = compiled(robot)
+        active = self._active(worlds)
+        self.model = compiled(robot, (a.effect.name for a in active))
         self.batch = mjb.Batch(self.model, self.nsim, nthread=nthread)
         self.qadr = columns([self.model.joint(j).qposadr[0] for j in robot.joints])
         self.vadr = columns([self.model.joint(j).dofadr[0] for j in robot.joints])
         self.u = columns([self.model.actuator(j).id for j in robot.joints])
-        self.loop = EffectLoop(self._active(worlds), servo)
+        self.loop = EffectLoop(active, servo)
         self.active = self.loop.active
         self.batch.expand("opt.timestep")[:] = h
         self._write()

@@ -12,7 +12,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.render.image_kinds import GOAL_TOLD, MODES
 from vispeg.render.snapshot import Snapshot
-from vispeg.sim.compiled import nominal_of
+from vispeg.sim.compiled import compiled, nominal_of
 from vispeg.sim.quiet import quiet
 from vispeg.sim.reach import reach
 from vispeg.task.cell import Cell
@@ -280,7 +280,8 @@ class TaskSimulation:
 
     def snapshot(self, row: int) -> Snapshot:
         """How this row stands now, for whoever draws it."""
-        qpos, flange = self.cell.qpos[row].copy(), self.cell.site_position("flange")[row].copy()
+        qpos = self.cell.qpos[row, : compiled(self.scene).nq].copy()  # springs that effects built in come last
+        flange = self.cell.site_position("flange")[row].copy()
         return Snapshot(qpos, self.bodies(row), self.twist[row].copy(), flange, int(self.count[row]))
 
     def bodies(self, row: int) -> dict[str, np.ndarray]:

@@ -1,0 +1,31 @@
+"""Tool centre of mass: what hangs behind the wrist's force sensor, the held part aside, balances (x, y, z) elsewhere.
+
+Axes are the flange's. Native mechanism: `body_ipos` of the body `tool`; the inertia about the centre of mass is kept.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.effect import Effect
+from vispeg.core.params import Param
+from vispeg.effects.common.parts import in_scene
+
+
+class ToolCom(Effect):
+    """A gripper whose balance is off."""
+
+    name = "tool_com"
+    family = "body"
+    searchable = False
+    params = {
+        axis: Param(0.0, -0.1, 0.1, "m", start=0.01, doc=f"shift along the flange's {axis} axis") for axis in "xyz"
+    }
+    writes = frozenset({"body_ipos"})
+
+    def targets(self, model):
+        return in_scene(model, "gripper")
+
+    def write(self, fields, p):
+        shift = np.stack([p[axis][:, 0] for axis in "xyz"], axis=1)
+        fields["body_ipos"][:, fields.model.body("tool").id] += shift

@@ -1,0 +1,34 @@
+"""Tool mass: what hangs behind the wrist's force sensor, the held part aside, weighs `mass` more than declared.
+
+A payload sits at the flange, before the sensor, and is not in its reading; this one is. Native mechanism: `body_mass`
+and `body_inertia` of the body `tool`, both in proportion (the shape and the centre of mass stay).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.effect import Effect
+from vispeg.core.params import Param
+from vispeg.effects.common.parts import in_scene
+
+LEAST = 0.05  # of the declared mass that is left
+
+
+class ToolMass(Effect):
+    """A heavier or lighter gripper."""
+
+    name = "tool_mass"
+    family = "body"
+    searchable = False
+    params = {"mass": Param(0.0, -0.5, 5.0, "kg", start=0.1, doc="added to the gripper's")}
+    writes = frozenset({"body_mass", "body_inertia"})
+
+    def targets(self, model):
+        return in_scene(model, "gripper")
+
+    def write(self, fields, p):
+        tool, mass = fields.model.body("tool").id, fields["body_mass"]
+        share = np.maximum(1.0 + p["mass"][:, 0] / fields.model.body_mass[tool], LEAST)
+        mass[:, tool] *= share
+        fields["body_inertia"][:, tool] *= share[:, None]

@@ -1,0 +1,73 @@
+"""Springs that hold a part of the cell: joints that are in a model only where an effect asks for them.
+
+A spring of compliance c (m/N or rad/(N m)) has stiffness 1/c, the inertia of `EFFECTIVE` beside the part's own, and
+damping ratio `RATIO`. Neither is what a compliance is measured by; both keep it from ringing. Very stiff springs get
+more inertia, so that omega h <= 1 at a step of `STEP` s: the semi-implicit Euler rule needs < 2 (MuJoCo 4.0 manual,
+Computation, Numerical integration). An absent spring is one of compliance `LOCKED`, no stiffer: the solver's tolerance
+is relative to the mean inertia.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from vispeg.core.effect import Values
+from vispeg.core.params import Param
+
+SLIDE, HINGE = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
+AXES = {  # parameter -> joint type and axis
+    "x": (SLIDE, (1, 0, 0)),
+    "y": (SLIDE, (0, 1, 0)),
+    "z": (SLIDE, (0, 0, 1)),
+    "roll": (HINGE, (1, 0, 0)),
+    "pitch": (HINGE, (0, 1, 0)),
+}
+LOCKED = {SLIDE: 1e-7, HINGE: 1e-5}  # m/N, rad/(N m): 1 um at 10 N
+EFFECTIVE = {SLIDE: 1.0, HINGE: 2e-3}  # kg, kg m^2
+RATIO, STEP = 0.7, 2e-3
+TOLERANCE = 1e-10  # of the solver
+WRITES = frozenset({"jnt_stiffness", "dof_armature", "dof_damping"})
+
+
+def numbers(kind: Any, compliance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Stiffness, inertia and damping of springs of a joint type with this compliance (> 0)."""
+    stiffness = 1.0 / compliance
+    inertia = np.maximum(EFFECTIVE[kind], stiffness * STEP**2)
+    return stiffness, inertia, 2 * RATIO * np.sqrt(stiffness * inertia)
+
+
+def add(spec: mujoco.MjSpec, body: str, prefix: str, axes: tuple[str, ...], pos: tuple[float, float, float]) -> None:
+    """Hangs a body of a spec on locked springs `PREFIX_AXIS`, their hinges through `pos` in m, body frame."""
+    part = spec.body(body)
+    spec.option.tolerance = TOLERANCE
+    for axis in axes:
+        kind, direction = AXES[axis]
+        stiffness, inertia, damping = (float(v) for v in numbers(kind, np.array(LOCKED[kind])))
+        joint = part.add_joint(name=f"{prefix}_{axis}", type=kind, axis=direction, pos=pos, armature=inertia)
+        joint.stiffness, joint.damping = [stiffness, 0.0, 0.0], [damping, 0.0, 0.0]
+
+
+def write(fields: Any, prefix: str, p: Values) -> None:
+    """Sets the springs `PREFIX_AXIS` to compliances p[axis] (nsim, 1); rows at 0 stay locked."""
+    stiffness, armature, damping = (fields[name] for name in ("jnt_stiffness", "dof_armature", "dof_damping"))
+    for axis, value in p.items():
+        rows = np.flatnonzero(value[:, 0] > 0)
+        joint = fields.model.joint(f"{prefix}_{axis}")
+        kind, dof = AXES[axis][0], int(joint.dofadr[0])
+        soft = np.maximum(value[rows, 0], LOCKED[kind])
+        k, inertia, d = numbers(kind, soft)
+        stiffness[rows, joint.id], armature[rows, dof], damping[rows, dof] = k, inertia, d
+
+
+def compliances(texts: Mapping[str, str]) -> dict[str, Param]:
+    """Parameters of springs by axis, with these words for each."""
+    out = {}
+    for axis, text in texts.items():
+        turn = AXES[axis][0] == HINGE
+        high, start, unit = (2e-2, 5e-4, "rad/(N m)") if turn else (1e-3, 3e-5, "m/N")
+        out[axis] = Param(0.0, 0.0, high, unit, start=start, doc=text)
+    return out

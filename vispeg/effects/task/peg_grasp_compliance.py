@@ -1,0 +1,38 @@
+"""Peg grasp compliance: the peg gives way between the fingers by (x, y) m/N, and tilts by (roll, pitch) rad/(N m).
+
+Axes are the flange's; it tilts about the middle of the fingers' grip. Along its axis a peg does not give way but slips,
+see gripper_slip. Native mechanism: slides and hinges with springs under the body `peg`, `jnt_stiffness` = 1 /
+compliance, see `springs`. Source: grasp stiffness as a matrix in the object's frame, Cutkosky and Kao 1989, Computing
+and controlling the compliance of a robotic hand, IEEE Trans. Robotics and Automation 5(2).
+"""
+
+from __future__ import annotations
+
+from vispeg.core.effect import Effect
+from vispeg.effects.common import springs
+from vispeg.effects.common.parts import in_scene
+
+GRIP = 0.125  # m above the flange: the middle of the fingers' overlap with the peg
+
+
+class PegGraspCompliance(Effect):
+    """Soft fingertips."""
+
+    name = "peg_grasp_compliance"
+    family = "task"
+    params = springs.compliances(
+        {
+            **{axis: f"way per force along the flange's {axis}" for axis in "xy"},
+            **{turn: f"turn per torque about the flange's {axis}" for turn, axis in (("roll", "x"), ("pitch", "y"))},
+        }
+    )
+    writes = springs.WRITES
+
+    def targets(self, model):
+        return in_scene(model, "peg")
+
+    def build(self, spec):
+        springs.add(spec, "peg", "peg_grasp", tuple(self.params), (0.0, 0.0, GRIP))
+
+    def write(self, fields, p):
+        springs.write(fields, "peg_grasp", p)
