@@ -52,19 +52,37 @@ def cast(model: mujoco.MjModel, data: mujoco.MjData, view: View) -> tuple[np.nda
         world frame, 0 there.
     """
     rays = view.camera.rays()
-    shape, n = rays.shape[:2], rays.shape[0] * rays.shape[1]
-    length = np.linalg.norm(rays, axis=-1)
-    directions = ((rays / length[..., None]) @ view.rot.T).reshape(-1, 1)
+    shape, length = rays.shape[:2], np.linalg.norm(rays, axis=-1)
+    directions = ((rays / length[..., None]) @ view.rot.T).reshape(-1, 3)
+    depth, found, normals = cast_rays(model, data, view.pos, directions, length.ravel())
+    return depth.reshape(shape), found.reshape(shape), normals.reshape(*shape, 3)
+
+
+def cast_rays(
+    model: mujoco.MjModel, data: mujoco.MjData, pos: np.ndarray, directions: np.ndarray, length: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What rays from one point meet first of what is for the eye.
+
+    Args:
+        model, data: with kinematics done.
+        pos: (3,) where the rays begin, world frame, m.
+        directions: (n, 3) of unit length, world frame.
+        length: (n,) what divides a distance to give planar depth: the length of the ray that has z = 1.
+
+    Returns:
+        Depth (n,) in m, 0 where nothing is; geom ids (n,) int32, -1 there; outward normals (n, 3), world frame.
+    """
+    n = len(directions)
     ids, distance, normals = np.empty((n, 1), np.int32), np.empty((n, 1)), np.zeros((3 * n, 1))
+    start, unit = np.array(pos, float).reshape(3, 1), np.ascontiguousarray(directions).reshape(-1, 1)
     groups = model.geom_group.copy()
     model.geom_group[~shown(model)] = HIDDEN
     try:
-        pos = np.array(view.pos, float).reshape(3, 1)
-        mujoco.mj_multiRay(model, data, pos, directions, SEEN[:, None], True, -1, ids, distance, normals, n, 20 * REACH)
+        mujoco.mj_multiRay(model, data, start, unit, SEEN[:, None], True, -1, ids, distance, normals, n, 20 * REACH)
     finally:
         model.geom_group[:] = groups
-    depth = distance.reshape(shape) / length
-    none = (distance.reshape(shape) < 0) | (depth < NEAR) | (depth > REACH)
-    found, normals = ids.reshape(shape), normals.reshape(*shape, 3)
+    depth = distance[:, 0] / length
+    none = (distance[:, 0] < 0) | (depth < NEAR) | (depth > REACH)
+    found, normals = ids[:, 0], normals.reshape(n, 3)
     depth[none], found[none], normals[none] = 0, -1, 0
     return depth, found, normals

@@ -1,0 +1,1 @@
+"""Pictures as measurements: what a model says that a camera sees, and how far the picture is from it."""

@@ -1,0 +1,116 @@
+"""A camera as a world makes it: calibrated pose and intrinsics, with the world's errors of them put on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vispeg.core.effect import EffectInstance
+from vispeg.core.errors import UserError
+from vispeg.core.lens import distort, undistort
+from vispeg.recordings.frames.camera import RecordedCamera
+from vispeg.render.camera import PINHOLE, Camera, quaternion
+from vispeg.worlds.places import acts_on
+from vispeg.worlds.world import World
+
+
+@dataclass(frozen=True, eq=False)
+class Eye:
+    """A camera under the effects of a world.
+
+    Attributes:
+        camera: what projects: effects on its pose and its intrinsics are in it.
+        believed: as calibrated. The effect `lens_distortion` bends the picture about its principal point.
+        lens: (k1, k2, p1, p2, k3) of that effect.
+        delay: s, how old a picture is when it is stamped.
+    """
+
+    camera: Camera
+    believed: Camera
+    lens: tuple[float, ...] = PINHOLE
+    delay: float = 0.0
+
+    def project(self, points: np.ndarray) -> np.ndarray:
+        """Pixels (..., 2) of points (..., 3) in camera axes, m; NaN behind the camera."""
+        pixels = self.camera.project(points)
+        if not any(self.lens):
+            return pixels
+        centre, focal = self._belief()
+        return distort((pixels - centre) / focal, self.lens) * focal + centre
+
+    def ideal(self, pixels: np.ndarray) -> np.ndarray:
+        """(..., 2) X/Z and Y/Z of what pixels (..., 2) show; NaN where the lens shows nothing."""
+        if any(self.lens):
+            centre, focal = self._belief()
+            pixels = undistort((pixels - centre) / focal, self.lens) * focal + centre
+        return self.camera.ideal(pixels)
+
+    def rays(self) -> np.ndarray:
+        """(H, W, 3) where the centre of each pixel looks, in camera axes, scaled to z = 1."""
+        if not any(self.lens):
+            return self.camera.rays()
+        size = self.camera.width, self.camera.height
+        pixels = np.stack(np.meshgrid(*(np.arange(n, dtype=float) for n in size)), -1)
+        return np.concatenate([self.ideal(pixels), np.ones((*pixels.shape[:2], 1))], -1)
+
+    def _belief(self) -> tuple[np.ndarray, np.ndarray]:
+        b = self.believed
+        return np.array([b.cx, b.cy]), np.array([b.fx, b.fy])
+
+
+def camera_of(recorded: RecordedCamera) -> Camera:
+    """A recorded camera as a renderer takes it. Raises UserError for one whose pose is not stated."""
+    if recorded.mount is None or recorded.pose is None:
+        said = f"camera '{recorded.name}' has no pose"
+        raise UserError(said, key="frames/cameras.yaml", expected="base_T_camera or flange_T_camera (4 x 4, m)")
+    return Camera(
+        recorded.name,
+        recorded.width,
+        recorded.height,
+        recorded.fx,
+        recorded.fy,
+        recorded.cx,
+        recorded.cy,
+        recorded.distortion,
+        recorded.mount,
+        tuple(recorded.pose[:3, 3].tolist()),
+        quaternion(_orthonormal(recorded.pose[:3, :3])),
+    )
+
+
+def recorded_of(camera: Camera, depth_unit: float = 1e-4) -> RecordedCamera:
+    """A camera at the base or the flange as a recording states it; the other way round from `camera_of`."""
+    if camera.parent not in ("base", "flange"):
+        raise UserError(f"camera '{camera.name}' sits elsewhere", expected="base or flange", got=camera.parent)
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = camera.rotation, camera.pos
+    numbers = camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, camera.distortion
+    return RecordedCamera(camera.name, *numbers, depth_unit, camera.parent, pose)  # type: ignore[arg-type]
+
+
+def values_of(world: World, effect: str, camera: str) -> dict[str, float]:
+    """Parameters of an effect at a camera; empty where the world is without it. The later of several wins."""
+    placed = [e for e in world.effects if e.effect == effect and acts_on(e.where, [camera])]
+    return _numbers(placed[-1]) if placed else {}
+
+
+def lens_of(world: World, camera: str) -> tuple[float, ...]:
+    """(k1, k2, p1, p2, k3) of the effect `lens_distortion` at a camera."""
+    p = values_of(world, "lens_distortion", camera)
+    return tuple(p.get(k, 0.0) for k in ("k1", "k2", "p1", "p2", "k3"))
+
+
+def delay_of(world: World, camera: str) -> float:
+    """How late a camera's pictures are, s (the effect `camera_delay`)."""
+    return values_of(world, "camera_delay", camera).get("delay", 0.0)
+
+
+def _numbers(placed: EffectInstance) -> dict[str, float]:
+    return {name: float(value.value) for name, value in placed.params.items()}
+
+
+def _orthonormal(matrix: np.ndarray) -> np.ndarray:
+    """The rotation next to a matrix (3, 3) that was written with few digits."""
+    u, _, v = np.linalg.svd(matrix)
+    return u @ v

@@ -1,0 +1,157 @@
+"""What a model says that a camera sees at measured joint angles: colour, depth, and which part each pixel shows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.effect import effect
+from vispeg.core.frame import Frame
+from vispeg.core.seeds import stream
+from vispeg.render.backend import BackendName, Renderer
+from vispeg.render.camera import Camera
+from vispeg.render.look import dress
+from vispeg.render.pipeline import Pipeline
+from vispeg.robots.scene import Scene
+from vispeg.vision.eye import Eye
+from vispeg.vision.geometry import Geometry
+from vispeg.worlds.split import optical
+from vispeg.worlds.world import World
+
+TIMED = ("camera_delay", "dropped_frames")  # what a picture of one moment cannot show
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """One predicted picture.
+
+    Attributes:
+        eye: the camera as its world makes it.
+        q: (nj,) rad, the measured angles that it is predicted at.
+        rgb: (H, W, 3) uint8 sRGB, in the predictor's look.
+        depth: (H, W) float32, planar, m, 0 where nothing is.
+        parts: (H, W) int32, 0 for nothing, else 1 + the part's place among the scene's parts.
+        pose: (4, 4) camera axes (OpenCV) in the base frame, m.
+    """
+
+    eye: Eye
+    q: np.ndarray
+    rgb: np.ndarray
+    depth: np.ndarray
+    parts: np.ndarray
+    pose: np.ndarray
+
+
+class Predictor:
+    """Draws a cell as its cameras see it in a world that may change from one call to the next. Close it after use.
+
+    Args:
+        scene: the nominal cell.
+        cameras: as calibrated, at the base or the flange.
+        backend, shadows: of the renderer.
+
+    Attributes:
+        geometry: where everything stands; `draw` moves it.
+        world: the one it is in.
+    """
+
+    def __init__(self, scene: Scene, cameras: Sequence[Camera], backend: BackendName = "auto", shadows: bool = False):
+        self.scene, self.cameras = scene, {c.name: c for c in cameras}
+        self.geometry = Geometry(scene, cameras)
+        self._renderer = Renderer(scene, list(cameras)[:1], backend, labels=True, shadows=shadows)
+        self.world = World()
+        self._looks: World | None = None
+
+    @property
+    def backend(self) -> str:
+        """Name of the renderer at work."""
+        return self._renderer.backend
+
+    def see(self, world: World) -> None:
+        """Predicts for this world from now on: its looks, cameras, lenses, and where fixture and held part stand."""
+        self.geometry.place(world)
+        looks = world.only(lambda e: effect(e.effect).family == "appearance")
+        if looks != self._looks:
+            dress(self._renderer, self.scene, looks)
+            self._looks = looks
+        self.world = world
+
+    def draw(self, camera: str, q: np.ndarray) -> Seen:
+        """What a camera sees at measured joint angles q (nj,) rad, before its sensor makes anything of it."""
+        geometry, eye = self.geometry, self.geometry.eyes[camera]
+        geometry.at(np.asarray(q, float))
+        if self._renderer.cameras != (eye.camera,):
+            self._renderer.aim([eye.camera])
+        shot = self._renderer.render(geometry.data.qpos[: self._renderer.model.nq], geometry.bodies)[camera]
+        rgb, depth, parts = shot.rgb, shot.depth, shot.segmentation
+        assert parts is not None  # it was made with labels
+        if any(eye.lens):
+            rgb, depth, parts = _bent(eye, rgb, depth, parts)
+        return Seen(eye, np.array(q, float), rgb, depth, parts, shot.pose)
+
+    def sensed(self, seen: Seen, seed: int, velocity: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """The picture as the world's sensor delivers it: rgb (H, W, 3) uint8 and depth (H, W) float32 m, 0 = none.
+
+        Args:
+            seen: of this predictor, in its present world.
+            seed: of what the sensor draws.
+            velocity: (6,) m/s, rad/s of the camera in its own axes, for motion blur; at rest if not given.
+        """
+        return through_sensor(self.world, seen, seed, velocity, bend=False)
+
+    def close(self) -> None:
+        """Frees the renderer."""
+        self._renderer.close()
+
+    def __enter__(self) -> Predictor:
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.close()
+
+
+def through_sensor(
+    world: World, seen: Seen, seed: int, velocity: np.ndarray | None = None, bend: bool = True
+) -> tuple[np.ndarray, np.ndarray]:
+    """A rendered picture after the image effects of a world; those of time (delay, dropped frames) are left out.
+
+    Args:
+        world: without ranges.
+        seen: what was drawn.
+        seed: of what the sensor draws.
+        velocity: (6,) m/s and rad/s of the camera in its own axes.
+        bend: whether the lens's distortion is among the effects, or in the picture already.
+    """
+    name = seen.eye.believed.name
+    left = TIMED if bend else (*TIMED, "lens_distortion")
+    sensor = optical(world, [name]).only(lambda e: effect(e.effect).family == "camera" and e.effect not in left)
+    frame = Frame(
+        rgb=seen.rgb[None].astype(np.float32) / 255,
+        depth=seen.depth[None].copy(),
+        K=seen.eye.believed.K[None],
+        truth=seen.depth[None],
+        velocity=np.zeros((1, 6)) if velocity is None else np.asarray(velocity, float)[None],
+        time=np.zeros(1),
+    )
+    out = Pipeline([sensor], name).run(frame, [stream(seed, "frames", name)])
+    if out.rgb is None or out.depth is None:
+        raise ValueError("an effect took a picture away")
+    rgb = np.round(255 * np.clip(out.rgb[0], 0, 1)).astype(np.uint8)
+    return rgb, np.nan_to_num(out.depth[0]).astype(np.float32)
+
+
+def _bent(eye: Eye, rgb: np.ndarray, depth: np.ndarray, parts: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Pictures as the lens of `eye` shows them: colour interpolated, depth and parts from the nearest pixel."""
+    import cv2
+
+    c = eye.camera
+    where = eye.rays()[..., :2]
+    at = c.project(np.concatenate([where, np.ones((*where.shape[:2], 1))], -1))
+    u, v = (np.nan_to_num(at[..., i], nan=-1e4).astype(np.float32) for i in (0, 1))
+    colour = cv2.remap(rgb, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    near = (cv2.remap(x, u, v, cv2.INTER_NEAREST, borderValue=0) for x in (depth, parts.astype(np.float32)))
+    there, labels = near
+    return colour, there, np.rint(labels).astype(np.int32)
