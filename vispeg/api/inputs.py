@@ -19,6 +19,8 @@ from vispeg.recordings.recording import Recording
 from vispeg.recordings.schema import Header
 from vispeg.recordings.windows import SECONDS, choose
 from vispeg.robots.model import load as load_robot
+from vispeg.task.belief import believed, cell_of, of_world
+from vispeg.task.world_file import is_world
 from vispeg.worlds.model_file import load_model, model_text
 from vispeg.worlds.words import place
 from vispeg.worlds.world import World
@@ -164,9 +166,13 @@ def _read(
 def read_model(source: str) -> World:
     """The world of a model file, a robot's name or a path; its robot, its tool and its effects' places are there.
 
+    `peg-cell` is the cell that each recording states; the name or file of a world is the cell in it.
+
     Raises:
         UserError: as `load_model`, and for a robot, tool or place that does not exist, with the file and key at fault.
     """
+    if is_world(source):
+        return of_world(source)
     world = load_model(source)
     if Path(source).suffix.lower() not in (".yaml", ".yml"):
         return world
@@ -174,6 +180,8 @@ def read_model(source: str) -> World:
         robot = load_robot(world.robot)
     with _said_of(source, "tool"):
         robot = load_robot(world.robot, tool=world.tool)
+    if world.cell is not None:
+        robot = believed(world.cell, source).scene
     for i, placed in enumerate(world.effects):
         with _said_of(source, f"effects[{i}].where"):
             place(effect(placed.effect), placed.where, robot)
@@ -217,4 +225,5 @@ def _of_robot(rec: Recording, world: World, path: Path) -> Recording:
             expected=world.robot,
             got=rec.robot,
         )
-    return replace(rec, robot=world.robot)
+    cell = rec.cell if world.cell is None else cell_of(world, rec)
+    return replace(rec, robot=world.robot, cell=cell)

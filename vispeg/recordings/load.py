@@ -16,6 +16,7 @@ from vispeg.recordings.columns import JOINT_SIGNALS, NEEDED, SIGNALS, SPATIAL_SI
 from vispeg.recordings.frames.camera import RecordedCamera
 from vispeg.recordings.frames.frames import Frames, RecordedFrame
 from vispeg.recordings.frames.read import read_frames
+from vispeg.recordings.load_cell import cell, outcomes, wrench
 from vispeg.recordings.recording import Control, Nullspace, Recording
 from vispeg.recordings.schema import ControlSection, Header, plain, read_header
 from vispeg.recordings.table import Reading, Table, read_table
@@ -139,6 +140,9 @@ def assemble(
         base_tilt=(header.base.tilt_rad[0], header.base.tilt_rad[1]),
         torque_sensor=header.torque_sensor,
         noise=plain(header.noise),
+        cell=cell(header.cell, folder, header_file),
+        wrench=wrench(header.wrench),
+        outcomes=outcomes(header.outcome, episode, header_file),
         motion=header.motion,
         notes=header.notes,
     )
@@ -199,8 +203,15 @@ def _control(section: ControlSection, rate_hz: float, nj: int, file: Path) -> Co
         gravity_compensation=section.gravity_compensation,
         nullspace=None if null is None else Nullspace(null.kp, null.kd, np.array(null.q, float)),
         force_limit=section.force_limit_n,
+        torque_limit=_torque_limit(section.torque_limit_nm, nj, file),
         **gains,
     )
+
+
+def _torque_limit(limit: list[float] | None, nj: int, file: Path) -> np.ndarray | None:
+    if limit is not None and len(limit) != nj:
+        raise UserError("has the wrong length", file=file, key="control.torque_limit_nm", expected=nj, got=len(limit))
+    return None if limit is None else np.array(limit, float)
 
 
 def _signal(table: Table, name: str, joints: list[str], keep: bool) -> np.ndarray | None:

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from vispeg.recordings.cell import CellBelief, Outcome, WrenchSensor
 from vispeg.recordings.frames.frames import Frames
 from vispeg.recordings.windows import Chosen
 
@@ -35,6 +36,7 @@ class Control:
     kd: np.ndarray | None = None
     nullspace: Nullspace | None = None
     force_limit: float | None = None  # N, osc: the greatest commanded force
+    torque_limit: np.ndarray | None = None  # (nj,) N m, osc: what the commanded torque is cut to
 
 
 @dataclass(frozen=True)
@@ -52,12 +54,15 @@ class Recording:
         dq, tau, tau_cmd, q_cmd, dq_cmd: (n, nj) or None.
         load: (n, nj) or None; the robot's own estimate of its motors' torque, in any unit, with or without a sign.
         ee, ee_cmd: (n, 7) x y z qw qx qy qz of the flange in the base, or None.
-        ft: (n, 6) or None.
+        ft: (n, 6) N, N m, or None; `wrench` says how it is to be read.
         episode: (n,) int; rows of one episode belong together.
         tool: None, or {mass_kg, com_m, inertia_kgm2, name}.
         base_tilt: (2,) rad, roll and pitch that the user believes.
         torque_sensor: what `tau` measures.
-        noise: 1-sigma per channel (`q`, `dq`, `tau`, `ee`), only what is known.
+        noise: 1-sigma per channel (`q`, `dq`, `tau`, `ee`, `ft` in N, `ft_torque` in N m), only what is known.
+        cell: what stands in the cell as the user believes it; None where nothing is said.
+        wrench: the wrist's force sensor; None where nothing is said of it.
+        outcomes: how trials ended, of those episodes that say so.
         motion, notes: free text.
         frames: pictures beside the samples, or None where there are none.
         chosen: which windows of a longer recording this is (`recordings.windows`), or None where it is whole.
@@ -84,6 +89,9 @@ class Recording:
     base_tilt: tuple[float, float] = (0.0, 0.0)
     torque_sensor: Literal["joint", "motor", "none"] = "none"
     noise: Mapping[str, float] = field(default_factory=dict)
+    cell: CellBelief | None = None
+    wrench: WrenchSensor | None = None
+    outcomes: tuple[Outcome, ...] = ()
     motion: str = ""
     notes: str = ""
     frames: Frames | None = None

@@ -21,6 +21,13 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Gain = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Vec3 = Annotated[list[Finite], Field(min_length=3, max_length=3)]
 NoneWord = BeforeValidator(lambda value: None if value == "none" else value)
+CellWord = BeforeValidator(lambda value: _named_cell(value) if isinstance(value, str) else value)
+OneOutcome = BeforeValidator(lambda value: [value] if isinstance(value, dict) else value)
+
+
+def _named_cell(word: str) -> dict[str, Any] | None:
+    """A world's name or path in place of a mapping; `none` for no cell."""
+    return None if word == "none" else {"world": word}
 
 
 class _Section(BaseModel):
@@ -45,6 +52,7 @@ class ControlSection(_Section):
     kd: list[Gain] | None = None
     nullspace: NullspaceSection | None = None
     force_limit_n: Positive | None = None
+    torque_limit_nm: list[Positive] | None = None
 
 
 class ToolSection(_Section):
@@ -66,15 +74,60 @@ class BaseSection(_Section):
 
 
 class NoiseSection(_Section):
-    """1-sigma noise, only what is known: rad, rad/s, N m, m."""
+    """1-sigma noise, only what is known: rad, rad/s, N m, m, N, N m."""
 
     q: Positive | None = None
     dq: Positive | None = None
     tau: Positive | None = None
     ee: Positive | None = None
+    ft: Positive | None = None
+    ft_torque: Positive | None = None
 
 
-class Header(_Section):
+class CellSection(_Section):
+    """What stands in the cell as the user believes it, in the words of a world file."""
+
+    world: str = ""
+    task: dict[str, Any] = {}
+    robot: dict[str, Any] | str | None = None
+    effects: list[dict[str, Any]] = []
+
+
+class CellOf(_Section):
+    """The key `cell` of any file that has one."""
+
+    cell: Annotated[CellSection | None, CellWord] = None
+
+
+class WrenchSection(_Section):
+    """How `ft` is to be read."""
+
+    frame: Literal["flange", "base"] = "flange"
+    acts_on: Literal["tool", "flange"] = "tool"
+    tared: Literal[False, True, "weight"] = False
+    pos_m: Vec3 = [0.0, 0.0, 0.0]
+    quat: Annotated[list[Finite], Field(min_length=4, max_length=4)] = [1.0, 0.0, 0.0, 0.0]
+
+    @field_validator("quat")
+    @classmethod
+    def _unit(cls, quat: list[float]) -> list[float]:
+        norm = math.hypot(*quat)
+        if abs(norm - 1) > 0.01:
+            raise ValueError("quaternion w x y z is not of unit length")
+        return quat
+
+
+class OutcomeSection(_Section):
+    """How a trial ended."""
+
+    success: Annotated[bool, Field(strict=True)]
+    episode: int = 0
+    category: str = ""
+    peak_force_n: Gain | None = None
+    depth_m: Finite | None = None
+
+
+class Header(CellOf):
     """recording.yaml as a whole."""
 
     format: Literal["vispeg-recording/1"]
@@ -86,6 +139,8 @@ class Header(_Section):
     base: BaseSection = BaseSection()
     torque_sensor: Literal["joint", "motor", "none"] = "none"
     noise: NoiseSection = NoiseSection()
+    wrench: WrenchSection | None = None
+    outcome: Annotated[list[OutcomeSection], OneOutcome] = []
     motion: str = ""
     notes: str = ""
 
@@ -126,6 +181,7 @@ def _unknown(section: BaseModel, prefix: str = "") -> list[str]:
     found = [f"{prefix}{key}" for key in section.model_extra or {}]
     for name in type(section).model_fields:
         value = getattr(section, name)
-        if isinstance(value, BaseModel):
-            found += _unknown(value, f"{prefix}{name}.")
+        for part in value if isinstance(value, list) else [value]:
+            if isinstance(part, BaseModel):
+                found += _unknown(part, f"{prefix}{name}.")
     return found

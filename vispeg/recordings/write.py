@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,6 +13,7 @@ import yaml
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
+from vispeg.recordings.cell import Outcome
 from vispeg.recordings.columns import SIGNALS, columns_of
 from vispeg.recordings.frames.write import write_frames
 from vispeg.recordings.recording import Control, Recording
@@ -104,7 +106,21 @@ def _header(rec: Recording, folder: Path) -> dict[str, Any]:
     }
     if rec.noise:
         head["noise"] = _plain(rec.noise)
+    if rec.cell is not None:
+        head["cell"] = _plain(replace(rec.cell, world=_robot(rec.cell.world, folder)).plain())
+    if rec.wrench is not None:
+        sensor = {key: _plain(value) for key, value in asdict(rec.wrench).items()}
+        head["wrench"] = {"pos_m" if key == "pos" else key: value for key, value in sensor.items()}
+    if rec.outcomes:
+        head["outcome"] = [_outcome(one) for one in rec.outcomes]
     return head | {"motion": rec.motion, "notes": rec.notes}
+
+
+def _outcome(one: Outcome) -> dict[str, Any]:
+    head: dict[str, Any] = {"episode": int(one.episode), "success": bool(one.success)}
+    head |= {"category": one.category} if one.category else {}
+    numbers = {"peak_force_n": one.peak_force, "depth_m": one.depth}
+    return head | {key: float(value) for key, value in numbers.items() if value is not None}
 
 
 def _robot(robot: str, folder: Path) -> str:
@@ -123,6 +139,8 @@ def _control(control: Control) -> dict[str, Any]:
         out["nullspace"] = {"kp": float(null.kp), "kd": float(null.kd), "q": _plain(null.q)}
     if control.force_limit is not None:
         out["force_limit_n"] = float(control.force_limit)
+    if control.torque_limit is not None:
+        out["torque_limit_nm"] = _plain(control.torque_limit)
     return out
 
 

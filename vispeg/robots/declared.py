@@ -20,7 +20,11 @@ def declared(robot: str, tool: Tool) -> dict[str, Any] | None:
         return None
     if not isinstance(tool, str):
         return dict(tool)
-    model = load(robot, tool=tool).compile()
+    return {**carried(load(robot, tool=tool).compile()), "name": tool}
+
+
+def carried(model: mujoco.MjModel) -> dict[str, Any]:
+    """What hangs at the flange of a compiled arm with a body `tool`, in the same form without a name."""
     root = model.body("tool").id
     parts = []
     for b in range(model.nbody):
@@ -37,4 +41,4 @@ def declared(robot: str, tool: Tool) -> dict[str, Any] | None:
     for m, at, own in parts:
         d = at - com
         inertia += own + m * (d @ d * np.eye(3) - np.outer(d, d))
-    return {"mass_kg": mass, "com_m": com.tolist(), "inertia_kgm2": np.diag(inertia).tolist(), "name": tool}
+    return {"mass_kg": mass, "com_m": com.tolist(), "inertia_kgm2": np.diag(inertia).tolist()}

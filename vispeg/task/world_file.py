@@ -19,6 +19,7 @@ from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.guard import is_file, read_bytes
+from vispeg.formats.yaml_data import read_yaml
 from vispeg.task.config import TaskConfig
 from vispeg.task.registry import config_of, digest_of, task_of
 from vispeg.task.world_robot import declared, identity
@@ -80,6 +81,15 @@ class _Parts:
 def built_in() -> list[str]:
     """Names of the worlds that come with the package."""
     return sorted(p.stem for p in BUILT_IN.glob("*.yaml"))
+
+
+def is_world(source: str | Path) -> bool:
+    """Whether a text names a built-in world, or a file that says it is one. Raises UserError: it is no YAML."""
+    path = Path(source)
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        return str(source) in built_in()
+    data = read_yaml(path)
+    return isinstance(data, dict) and data.get("format") == FORMAT
 
 
 def _example(folder: Path) -> Path:

@@ -13,10 +13,15 @@ from vispeg.core.effect import EffectInstance, Value, effect
 from vispeg.core.errors import UserError
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.guard import is_file
+from vispeg.formats.typed import typed
+from vispeg.recordings.cell import PEG_CELL, CellBelief
+from vispeg.recordings.load_cell import cell
+from vispeg.recordings.schema import CellOf
 from vispeg.worlds.world import World
 
 FORMAT = "vispeg-model/1"
-MODEL = Format(FORMAT, "a model", keys=("robot", "tool", "effects"))
+PEG_TOOL = "meg50+peg16"  # what the arm of the default cell holds
+MODEL = Format(FORMAT, "a model", keys=("robot", "tool", "cell", "effects"))
 ENTRY = ("effect", "where", "params", "partial", "origin")  # keys of one effect
 
 
@@ -37,9 +42,13 @@ def _example(folder: Path) -> Path:
 
 @enrol(FORMAT, _example)
 def load_model(source: str | Path) -> World:
-    """A World from a model file; a robot's name or a path to an MJCF or URDF gives that robot with no effects."""
+    """A World from a model file; a robot's name or a path to an MJCF or URDF gives that robot with no effects, and
+    `peg-cell` the cell that recordings state.
+    """
     text = str(source)
     path = Path(text)
+    if text == PEG_CELL:
+        return World("iiwa14", PEG_TOOL, cell=CellBelief(PEG_CELL))
     if path.suffix.lower() not in (".yaml", ".yml"):
         return World(robot=text)
     data = MODEL.read(path)
@@ -61,7 +70,9 @@ def load_model(source: str | Path) -> World:
         if (e.effect, e.where) in seen:
             raise UserError(f"{e.label} is given twice", file=path, key=f"effects[{i}]")
         seen.add((e.effect, e.where))
-    return World(robot, None if tool in (None, "none") else tool, effects)
+    stated = data.get("cell")
+    section = None if stated is None else typed(CellOf, {"cell": stated}, path).cell
+    return World(robot, None if tool in (None, "none") else tool, effects, cell(section, path.parent, path))
 
 
 def read_placed(entry: Any, file: Path, key: str) -> EffectInstance:
@@ -137,6 +148,7 @@ def model_text(world: World) -> str:
         "format": FORMAT,
         "robot": world.robot,
         "tool": "none" if tool is None else tool,
+        **({} if world.cell is None else {"cell": world.cell.plain() or {}}),
         "effects": [placed_dict(e) for e in world.effects],
     }
     return yaml.dump(data, Dumper=Plain, sort_keys=False, allow_unicode=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from vispeg.core.effect import EffectInstance
+from vispeg.recordings.cell import CellBelief
 
 
 @dataclass(frozen=True)
@@ -17,11 +18,13 @@ class World:
         robot: a robot's name (`iiwa14`) or a path to an MJCF or URDF.
         tool: None, a tool's name, or a mapping with `mass_kg`, `com_m`, `inertia_kgm2` at the flange.
         effects: what is added to nominal, in any order.
+        cell: what stands around the robot, where a cell is meant and not an arm alone.
     """
 
     robot: str = "iiwa14"
     tool: Mapping[str, Any] | str | None = None
     effects: tuple[EffectInstance, ...] = ()
+    cell: CellBelief | None = None
 
     def add(self, *effects: EffectInstance) -> World:
         """This world with effects added; one at the same place replaces its predecessor."""

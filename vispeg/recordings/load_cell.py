@@ -1,0 +1,59 @@
+"""The sections of recording.yaml that speak of contact, as what they become in memory."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.recordings.cell import CellBelief, Outcome, WrenchSensor
+from vispeg.recordings.schema import CellSection, OutcomeSection, WrenchSection
+
+
+def cell(section: CellSection | None, folder: Path, file: Path) -> CellBelief | None:
+    """The belief, a world file's path made absolute; what it says is checked by whoever builds the cell.
+
+    Args:
+        section: what recording.yaml says.
+        folder: what a relative path starts from.
+        file: what a message names.
+
+    Raises:
+        UserError: no such world file.
+    """
+    if section is None:
+        return None
+    world = section.world
+    if world.lower().endswith((".yaml", ".yml")):
+        try:
+            path = (folder / Path(world).expanduser()).resolve()
+            exists = path.is_file()
+        except (OSError, ValueError, RuntimeError) as error:
+            raise UserError("is not a usable path", file=file, key="cell.world", got=world) from error
+        if not exists:
+            raise UserError("no such file", file=file, key="cell.world", expected="a world file", got=world)
+        world = str(path)
+    return CellBelief(world, section.task, section.robot, tuple(section.effects))
+
+
+def wrench(section: WrenchSection | None) -> WrenchSensor | None:
+    """How the wrench is to be read; None where nothing is said."""
+    if section is None:
+        return None
+    (x, y, z), (qw, qx, qy, qz) = section.pos_m, section.quat
+    return WrenchSensor(section.frame, section.acts_on, section.tared, (x, y, z), (qw, qx, qy, qz))
+
+
+def outcomes(sections: list[OutcomeSection], episode: np.ndarray | None, file: Path) -> tuple[Outcome, ...]:
+    """How trials ended. Raises UserError for an outcome of an episode that is not there, or that is given twice."""
+    there = {0} if episode is None else {int(number) for number in np.unique(episode)}
+    for i, one in enumerate(sections):
+        if one.episode not in there:
+            got = one.episode
+            raise UserError(
+                "no such episode", file=file, key=f"outcome[{i}].episode", expected=sorted(there)[:9], got=got
+            )
+        if one.episode in {other.episode for other in sections[:i]}:
+            raise UserError("is given twice", file=file, key=f"outcome[{i}].episode", got=one.episode)
+    return tuple(Outcome(o.success, o.episode, o.category, o.peak_force_n, o.depth_m) for o in sections)
