@@ -52,13 +52,14 @@ def test_effects_are_partial_where_a_remainder_is_left():
     assert not decide(1.05, 1.05, 0, [], []).partial, "adequate"
 
 
-def test_the_mark_in_a_model_file_is_true_or_false(tmp_path):
+@pytest.mark.parametrize("mark", ["partial", "tentative"])
+def test_a_mark_in_a_model_file_is_true_or_false(tmp_path, mark):
     friction = EffectInstance.of("coulomb_friction", "joint4", torque=1.2)
     file = tmp_path / "model.yaml"
-    file.write_text(model_text(World(effects=(replace(friction, partial=True),))))
-    assert load_model(file).effects[0].partial
-    file.write_text(file.read_text().replace("partial: true", "partial: maybe"))
+    file.write_text(model_text(World(effects=(replace(friction, **{mark: True}),))))
+    assert getattr(load_model(file).effects[0], mark)
+    file.write_text(file.read_text().replace(f"{mark}: true", f"{mark}: maybe"))
     with pytest.raises(UserError, match="true or false"):
         load_model(file)
     file.write_text(model_text(World(effects=(friction,))))
-    assert "partial" not in file.read_text() and not load_model(file).effects[0].partial
+    assert mark not in file.read_text() and not getattr(load_model(file).effects[0], mark)

@@ -96,6 +96,15 @@ def test_what_helped_without_sufficing_is_called_partial(run, diagnosis, old):
     assert "σ" not in text
 
 
+def test_a_tentative_effect_stands_apart_from_those_that_are_named(run, diagnosis):
+    record = diagnosis("unexplained")
+    record["effects"] = [e | {"partial": True} for e in record["effects"]]
+    record["effects"][0]["tentative"] = True
+    text = _page(run(record)).text
+    assert "Tentative. These too lower the error" in text
+    assert text.index("Coulomb friction in joint 4 coulomb_friction(joint4)") < text.index("Tentative. These too")
+
+
 def test_gains_are_shares_of_the_squared_residual(run, diagnosis):
     text = _page(run(diagnosis())).text
     assert "31 %8.2explains less" in text and "−2.0 %–no held-out gain" in text

@@ -107,3 +107,20 @@ def test_a_verdict_names_few_effects_and_counts_many(count):
         assert (f"{count} effects" in said) == (count > words.MOST_NAMED) and len(said) < 300
     if count > words.MOST_NAMED:
         assert "1 of them from others" in said
+
+
+def test_what_is_tentative_is_counted_and_a_class_is_named_as_one_of():
+    friction = {"effect": "coulomb_friction", "where": "joint4", "partial": True}
+    mass = {"effect": "link_mass", "where": "link7", "partial": True}
+    alone = words.verdict({"verdict": "unexplained", "effects": [friction]})
+    assert alone.startswith("Coulomb friction in joint 4 helps, but a structured residual")
+    mass["indistinguishable_from"] = [{"effect": "payload", "where": "flange"}]
+    unsure = {"effect": "joint_bias", "where": "joint1", "partial": True, "tentative": True}
+    text = words.verdict({"verdict": "unexplained", "effects": [friction, mass, unsure]})
+    assert "and one of Link mass of link 7 or Payload at the flange and 1 tentative effect help, but a" in text
+    assert "bias" not in text.lower(), "a tentative effect is not named in the verdict"
+    assert words.one_of(mass) == "One of: Link mass of link 7, Payload at the flange"
+    assert words.tentative({"effects": [friction, unsure]}).endswith("Joint bias in joint 1")
+    assert words.tentative({"effects": [friction]}) == ""
+    only = words.verdict({"verdict": "unexplained", "effects": [unsure]})
+    assert only.startswith("1 tentative effect helps, but a structured residual")

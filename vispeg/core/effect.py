@@ -222,13 +222,19 @@ class Value:
 
 @dataclass(frozen=True)
 class EffectInstance:
-    """An effect at a place, with values; `partial` where it was accepted while something else was left unexplained."""
+    """An effect at a place, with values.
+
+    Attributes:
+        partial: it was accepted while something else was left unexplained.
+        tentative: it lowers the error, but its name is not certain: it may stand in for another.
+    """
 
     effect: str
     where: str
     params: Mapping[str, Value]
     origin: Mapping[str, Any] = field(default_factory=dict)
     partial: bool = False
+    tentative: bool = False
 
     @classmethod
     def of(cls, name: str, where: str, **values: float) -> EffectInstance:

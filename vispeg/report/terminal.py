@@ -44,6 +44,8 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
         out.append(effects_table(diagnosis))
         if any(effect.get("partial") for effect in rows(diagnosis, "effects")):
             out.append(Line(words.PARTIAL))
+        if unsure := words.tentative(diagnosis):
+            out.append(Line(unsure))
         for chosen, *others in words.rivals(diagnosis):
             out.append(Line(f"{chosen} cannot be told from {words.join(others, 'or')}"))
     for a, b, r in correlations(_record(diagnosis))["strong"][:3]:

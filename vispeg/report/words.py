@@ -13,6 +13,8 @@ from vispeg.report.record import rows
 NEAR_FLOOR = 1.2  # a held-out error up to this many floors is called "at the noise floor"
 MOST_NAMED = 5  # beyond it a sentence gives the number of effects; the tables name them
 PARTIAL = "partial: each effect lowers the held-out error, a remainder is left; model.yaml has them, to go on from"
+TENTATIVE = "tentative: they lower the error, but each may stand in for another effect"
+MOST_RIVALS = 3  # that a sentence lists
 SAME = 0.05  # a relative change below this is called none
 
 
@@ -82,7 +84,7 @@ def fall(values: Mapping[str, Any]) -> str:
 def verdict(values: Mapping[str, Any]) -> str:
     """The verdict in one or two plain sentences."""
     kind = values.get("verdict")
-    names = [sized(effect) for effect in rows(values, "effects") or rows(values, "partial")]
+    names = _names(values)
     last, floor = ladder_ends(values)[1], _floor(values)
     down = last is not None and floor is not None and last <= NEAR_FLOOR * floor
     if kind == "adequate":
@@ -95,9 +97,26 @@ def verdict(values: Mapping[str, Any]) -> str:
     if kind == "ambiguous":
         return _ambiguous(values, "down to the noise floor" if down else "best of what is known")
     if kind == "unexplained":
-        rest = f"{named(names)} {'help' if len(names) > 1 else 'helps'}, but a" if names else "A"
+        count = len(_tentative(values))
+        parts = [named(names)] if names else []
+        parts += [f"{count} tentative effect{'s' if count > 1 else ''}"] if count else []
+        rest = f"{join(parts)} {'help' if len(names) + count > 1 else 'helps'}, but a" if parts else "A"
+        rest = rest[0].upper() + rest[1:]
         return f"{rest} structured residual remains that no known effect explains.{_depends(values)}"
     return f"The record gives no known verdict ({kind})." if kind else ""
+
+
+def tentative(values: Mapping[str, Any]) -> str:
+    """That some names are not certain; empty where all are."""
+    labels = [named_effect(effect) for effect in _tentative(values)]
+    return f"{TENTATIVE}: {join(labels)}" if labels else ""
+
+
+def one_of(effect: Mapping[str, Any]) -> str:
+    """`One of: a payload at the flange, a tilt at the base` where a partial effect has rivals; else its name."""
+    others = [named_effect(other) for other in rows(effect, "indistinguishable_from")]
+    alone = not others or not effect.get("partial") or effect.get("tentative")
+    return named_effect(effect) if alone else f"One of: {', '.join([named_effect(effect), *others])}"
 
 
 def baseline(values: Mapping[str, Any]) -> str:
@@ -115,7 +134,7 @@ def rivals(values: Mapping[str, Any]) -> list[list[str]]:
     found = []
     for effect in rows(values, "effects"):
         others = [named_effect(other) for other in rows(effect, "indistinguishable_from")]
-        if others:
+        if others and not effect.get("tentative"):
             found.append([sized(effect), *others])
     return found
 
@@ -137,6 +156,23 @@ def onward(values: Mapping[str, Any]) -> str:
     sigma = number(following.get("expected_separation_sigma"))
     expected = f", by an expected {sigma:.2g} sigma" if sigma and motion else ""  # zero: not predicted
     return f"Record {motion}: it {why}{expected}." if motion and why else f"{motion or why[0].upper() + why[1:]}."
+
+
+def _names(values: Mapping[str, Any]) -> list[str]:
+    """What is named, with its size; of partial effects with rivals, the class. Nothing that is tentative."""
+    listed = rows(values, "effects") or rows(values, "partial")
+    sure = [effect for effect in listed if not effect.get("tentative")]
+    return [sized(e) if one_of(e) == named_effect(e) else f"one of {_among(e)}" for e in sure]
+
+
+def _among(effect: Mapping[str, Any]) -> str:
+    others = [named_effect(other) for other in rows(effect, "indistinguishable_from")]
+    shown = [named_effect(effect), *others]
+    return join(shown, "or") if len(shown) <= MOST_RIVALS else f"{join(shown[:2], ', ')} and {len(shown) - 2} more"
+
+
+def _tentative(values: Mapping[str, Any]) -> list[dict[str, Any]]:
+    return [effect for effect in rows(values, "effects") if effect.get("tentative")]
 
 
 def _ambiguous(values: Mapping[str, Any], reach: str) -> str:

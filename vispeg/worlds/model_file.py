@@ -22,7 +22,8 @@ from vispeg.worlds.world import World
 FORMAT = "vispeg-model/1"
 PEG_TOOL = "meg50+peg16"  # what the arm of the default cell holds
 MODEL = Format(FORMAT, "a model", keys=("robot", "tool", "cell", "effects"))
-ENTRY = ("effect", "where", "params", "partial", "origin")  # keys of one effect
+ENTRY = ("effect", "where", "params", "partial", "tentative", "origin")  # keys of one effect
+MARKS = ("partial", "tentative")
 
 
 class Plain(yaml.SafeDumper):
@@ -94,10 +95,11 @@ def read_placed(entry: Any, file: Path, key: str) -> EffectInstance:
         at = f"{key}.params.{parameter}"
         params[parameter] = _value(value, one.param(parameter, file=file, key=at), file, at)
     origin = entry.get("origin") or {}
-    partial = entry.get("partial", False)
-    if not isinstance(partial, bool):
-        raise UserError("wrong mark", file=file, key=f"{key}.partial", expected="true or false", got=partial)
-    return EffectInstance(one.name, where, params, dict(origin) if isinstance(origin, Mapping) else {}, partial)
+    marks = {mark: entry.get(mark, False) for mark in MARKS}
+    for mark, value in marks.items():
+        if not isinstance(value, bool):
+            raise UserError("wrong mark", file=file, key=f"{key}.{mark}", expected="true or false", got=value)
+    return EffectInstance(one.name, where, params, dict(origin) if isinstance(origin, Mapping) else {}, **marks)
 
 
 def _value(value: Any, param: Any, file: Path, key: str) -> Value:
@@ -137,7 +139,7 @@ def placed_dict(placed: EffectInstance) -> dict[str, Any]:
             entry |= {"low": float(v.low), "high": float(v.high)}
         params[name] = {**entry, "unit": effect(placed.effect).params[name].unit}
     out: dict[str, Any] = {"effect": placed.effect, "where": placed.where, "params": params}
-    out |= {"partial": True} if placed.partial else {}
+    out |= {mark: True for mark in MARKS if getattr(placed, mark)}
     return {**out, "origin": dict(placed.origin)} if placed.origin else out
 
 

@@ -21,9 +21,11 @@ AT_BOUND = "at a bound: the true value may lie beyond"
 
 def context(record: Record) -> dict[str, Any]:
     """The effects with a row a parameter, earlier values that moved, and how the estimates are correlated."""
+    listed = [e for e in [*record.rows("effects"), *record.rows("partial")] if in_part(record, e)]
     return {
         "effects": [_effect(e) for e in record.rows("effects") if not e.get("partial")],
-        "partial": [_effect(e) for e in [*record.rows("effects"), *record.rows("partial")] if in_part(record, e)],
+        "partial": [_effect(e) for e in listed if not e.get("tentative")],
+        "tentative": [_effect(e) for e in listed if e.get("tentative")],
         "moved": [_moved(row) for row in record.rows("parameters_moved")],
         "correlations": correlations(record),
     }
@@ -47,7 +49,7 @@ def _effect(effect: Mapping[str, Any]) -> dict[str, Any]:
     others = [effect_words.named(other) for other in rows(effect, "indistinguishable_from")]
     params = [_row(name, param, p) for param, p in params_of(effect).items()]
     return {
-        "words": effect_words.named(effect),
+        "words": words.one_of(effect),
         "label": label(effect),
         "what": effect_words.what(name),
         "rivals": words.join(others, "or"),

@@ -47,6 +47,8 @@ def _marks(record: Record) -> list[dict[str, str]]:
     if not isinstance(places, dict):
         return []
     for effect in record.rows("effects"):
+        if effect.get("tentative"):
+            continue
         x, y = places.get(str(effect.get("where"))) or (None, None)
         if x is not None and y is not None:
             while (x, y) in taken:  # two effects of one joint stand side by side
