@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from vispeg.identify.excitation import MOTIONS, osc_targets
+from vispeg.identify.look_motion import ABOUT
 from vispeg.learn.record import PAIR, read_record
 from vispeg.learn.shipped import names, policy_folder
 from vispeg.task.world_file import BUILT_IN, WORLD, built_in
@@ -58,7 +59,8 @@ def policies() -> list[Entry]:
 def motions() -> list[Entry]:
     """What `vispeg record --motion` takes; the family is the space that the motion is stated in."""
     found = [Entry(name, "joint", _sentence(inspect.getdoc(f) or ""), {}) for name, f in MOTIONS.items()]
-    return [*found, Entry("osc", "cartesian", _sentence(inspect.getdoc(osc_targets) or ""), {})]
+    looks = [Entry(name, "cell", about, {}) for name, about in ABOUT.items()]
+    return [*found, Entry("osc", "cartesian", _sentence(inspect.getdoc(osc_targets) or ""), {}), *looks]
 
 
 def search(entries: list[Entry], text: str = "", family: str | None = None) -> list[Entry]:

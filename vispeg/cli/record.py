@@ -2,9 +2,12 @@
 
 MOTION is fourier, chirp, triangle, steps, sweep, mix, osc, or a CSV with time, q_cmd.* and (optional) dq_cmd.*, such as
 the next_experiment/samples.csv that `vispeg diagnose` writes. `--effects` hides more than the model file says.
+In a cell MOTION may also be look, look-tilt, look-roll, look-approach, look-sideways or look-and-insert: cameras then
+take pictures on the way.
 
 Example:
     vispeg record iiwa14 --motion fourier --effects coulomb_friction:joint4:torque=1.2 --seed 1 --out rig-a
+    vispeg record peg-cell --motion look --cameras wrist_wide --effects camera_offset:wrist_wide:x=0.004 --out look-a
     vispeg record model.yaml --motion found/next_experiment/samples.csv --out rig-d
 """
 
@@ -30,7 +33,7 @@ class Args:
     out: Path
     """Folder of the recording."""
     duration: float | None = None
-    """Seconds; 5, or 9 for osc, where not given. A CSV file has its own."""
+    """Seconds; 5 (osc: 9, look: 16, look-and-insert: 24) where not given. A CSV file has its own."""
     rate: float = 500.0
     """Control ticks and samples a second."""
     control: Literal["position", "torque", "osc", "servo"] | None = None
@@ -51,6 +54,16 @@ class Args:
     """Runs of the same motion; more than one become episodes of the recording."""
     table: Literal["csv", "parquet"] = "csv"
     """Format of the samples."""
+    cameras: tuple[str, ...] = ()
+    """look: cameras of the cell (wrist_wide, wrist_crop, external), or camera files; wrist_wide where not given."""
+    size: str = "320x240"
+    """look: width and height of the cell's cameras, px."""
+    fps: float = 3.0
+    """look: pictures a second of each camera."""
+    look: str | None = None
+    """look: how the cell looks, WORLD/SEED as in S/3: what that world draws; the plain cell where not given."""
+    renderer: Literal["auto", "classic", "raycast", "filament"] = "auto"
+    """look: what draws the pictures."""
     seed: int = 0
     """Seed of the motion and of the noise."""
     overwrite: bool = False
@@ -71,6 +84,10 @@ class Args:
             raise UserError("nothing to record", key="--repeat", expected="1 or more", got=self.repeat)
         if self.out.exists() and not self.overwrite and (not self.out.is_dir() or any(self.out.iterdir())):
             raise UserError("exists already; name another or pass --overwrite", file=self.out)
+        if self.motion.startswith("look") and not Path(self.motion).suffix:
+            from vispeg.cli.record_look import run
+
+            return run(self)
         world = load_model(self.model)
         world = world if self.tool is None else replace(world, tool=None if self.tool == "none" else self.tool)
         robot = load(world.robot, tool=world.tool)
@@ -81,7 +98,7 @@ class Args:
         control = controller(robot, mode, self.rate, centre_of(robot), *gains)  # type: ignore[arg-type]
         rng = stream(self.seed, "record", "noise")
         sensor, name = self.torque_sensor, self.out.name
-        rec = record(world, motion, control, self._noise(), rng, torque_sensor=sensor, repeat=self.repeat, name=name)
+        rec = record(world, motion, control, self.sigmas(), rng, torque_sensor=sensor, repeat=self.repeat, name=name)
         inputs = (self.model, world.robot, self.motion)
         write(rec, self.out, overwrite=self.overwrite, table=self.table, inputs=inputs)
         runs = f"{self.repeat} runs of " if self.repeat > 1 else ""
@@ -103,7 +120,8 @@ class Args:
         options = {"model": compiled(robot)} if self.motion == "osc" else {}
         return motion(self.motion, robot, self.rate, seconds, stream(self.seed, "record", self.motion), **options)
 
-    def _noise(self) -> dict[str, float]:
+    def sigmas(self) -> dict[str, float]:
+        """Sensor noise by signal. Raises UserError: an unknown signal, or no level."""
         from vispeg.core.errors import UserError
         from vispeg.identify.record import NOISE
 

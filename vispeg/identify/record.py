@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
@@ -88,6 +88,7 @@ def record(
     repeat: int = 1,
     name: str = "simulated",
     nthread: int = 1,
+    watch: Callable[[np.ndarray], None] = lambda true: None,
 ) -> Recording:
     """Drives a world through a motion and reads its sensors; of servos only angles and loads.
 
@@ -101,6 +102,7 @@ def record(
         repeat: how often the same motion is run; more than one run become episodes.
         name: what the recording is called.
         nthread: threads of the simulation.
+        watch: is shown the true joint angles (n, nj) rad of a run, which only a bystander (a camera) can see.
 
     Raises:
         UserError: the arm does not follow (the controller is unstable with this plant).
@@ -111,6 +113,8 @@ def record(
     response = simulate(robot, [world], [segment], h_max=PLANT_STEP, nthread=nthread, want_ee=True)[0]
     if response.diverged[0]:
         raise UserError("the arm does not follow: the loop is unstable", expected="lower gains or a higher rate")
+    if response.true is not None:
+        watch(response.true[0])
     q, dq, tau = response.q[0], response.dq[0], response.tau_motor[0]
     signals = {"q": q, "dq": dq, "ee": response.ee[0] if response.ee is not None else flange_pose(robot, q)}
     if torque_sensor != "none":

@@ -28,6 +28,7 @@ class Response:
     Attributes:
         q, dq, tau_joint, tau_motor: (nworld, m, nj); rad, rad/s, N m behind the gear, N m before it.
         ee: (nworld, m, 7) flange pose from the measured angles' true values, or None where not asked for.
+        true: (nworld, m, nj) rad, those true values, or None with `ee`.
         diverged: (nworld,) bool; the rows of a diverged world are NaN.
     """
 
@@ -37,6 +38,7 @@ class Response:
     tau_motor: np.ndarray
     ee: np.ndarray | None
     diverged: np.ndarray
+    true: np.ndarray | None = None
 
 
 @dataclass
@@ -150,8 +152,9 @@ class _Run:
         )
         for values in (q, dq, joint, motor):
             values[bad] = np.nan
-        ee = None if true_q is None else flange_pose(self.robot, self._sampled(s, true_q[:, rows]))
-        return Response(q, dq, joint, motor, ee, bad)
+        true = None if true_q is None else self._sampled(s, true_q[:, rows])
+        ee = None if true is None else flange_pose(self.robot, true)
+        return Response(q, dq, joint, motor, ee, bad, true)
 
     def _sampled(self, s: Segment, values: np.ndarray) -> np.ndarray:
         """(ticks, nworld, nj) at the segment's sample times: (nworld, m, nj)."""

@@ -54,9 +54,26 @@ class Eye:
         pixels = np.stack(np.meshgrid(*(np.arange(n, dtype=float) for n in size)), -1)
         return np.concatenate([self.ideal(pixels), np.ones((*pixels.shape[:2], 1))], -1)
 
+    def finer(self, times: int) -> Eye:
+        """The same camera with `times` x `times` pixels in place of each."""
+        return Eye(_finer(self.camera, times), _finer(self.believed, times), self.lens, self.delay)
+
     def _belief(self) -> tuple[np.ndarray, np.ndarray]:
         b = self.believed
         return np.array([b.cx, b.cy]), np.array([b.fx, b.fy])
+
+
+def _finer(c: Camera, times: int) -> Camera:
+    """Pixel u becomes pixels times u ... times u + times - 1, whose middle is where its centre was."""
+    shift = (times - 1) / 2
+    return c.moved(
+        width=times * c.width,
+        height=times * c.height,
+        fx=times * c.fx,
+        fy=times * c.fy,
+        cx=times * c.cx + shift,
+        cy=times * c.cy + shift,
+    )
 
 
 def camera_of(recorded: RecordedCamera) -> Camera:

@@ -11,6 +11,7 @@ import numpy as np
 from vispeg.core.effect import effect
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
+from vispeg.effects.common.light import to_linear, to_srgb
 from vispeg.render.backend import BackendName, Renderer
 from vispeg.render.camera import Camera
 from vispeg.render.look import dress
@@ -21,6 +22,7 @@ from vispeg.vision.geometry import Geometry
 from vispeg.worlds.split import optical
 from vispeg.worlds.world import World
 
+TO_LINEAR = to_linear(np.arange(256, dtype=np.float32) / 255)  # linear light of each 8-bit sRGB value
 TIMED = ("camera_delay", "dropped_frames")  # what a picture of one moment cannot show
 
 
@@ -52,13 +54,25 @@ class Predictor:
         scene: the nominal cell.
         cameras: as calibrated, at the base or the flange.
         backend, shadows: of the renderer.
+        finer: rays a pixel in each direction, an odd number: colour is the mean of their light, depth and part are
+            those of the ray through the centre.
 
     Attributes:
         geometry: where everything stands; `draw` moves it.
         world: the one it is in.
     """
 
-    def __init__(self, scene: Scene, cameras: Sequence[Camera], backend: BackendName = "auto", shadows: bool = False):
+    def __init__(
+        self,
+        scene: Scene,
+        cameras: Sequence[Camera],
+        backend: BackendName = "auto",
+        shadows: bool = False,
+        finer: int = 1,
+    ):
+        if finer < 1 or finer % 2 == 0:
+            raise ValueError(f"an odd number of rays, not {finer}")
+        self.finer = finer
         self.scene, self.cameras = scene, {c.name: c for c in cameras}
         self.geometry = Geometry(scene, cameras)
         self._renderer = Renderer(scene, list(cameras)[:1], backend, labels=True, shadows=shadows)
@@ -83,13 +97,16 @@ class Predictor:
         """What a camera sees at measured joint angles q (nj,) rad, before its sensor makes anything of it."""
         geometry, eye = self.geometry, self.geometry.eyes[camera]
         geometry.at(np.asarray(q, float))
-        if self._renderer.cameras != (eye.camera,):
-            self._renderer.aim([eye.camera])
-        shot = self._renderer.render(geometry.data.qpos[: self._renderer.model.nq], geometry.bodies)[camera]
+        drawn = eye if self.finer == 1 else eye.finer(self.finer)
+        if self._renderer.cameras != (drawn.camera,):
+            self._renderer.aim([drawn.camera])
+        shot = self._renderer.render(geometry.data.qpos, geometry.bodies)[camera]
         rgb, depth, parts = shot.rgb, shot.depth, shot.segmentation
         assert parts is not None  # it was made with labels
         if any(eye.lens):
-            rgb, depth, parts = _bent(eye, rgb, depth, parts)
+            rgb, depth, parts = _bent(drawn, rgb, depth, parts)
+        if self.finer > 1:
+            rgb, depth, parts = _coarser(rgb, depth, parts, self.finer)
         return Seen(eye, np.array(q, float), rgb, depth, parts, shot.pose)
 
     def sensed(self, seen: Seen, seed: int, velocity: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -141,6 +158,19 @@ def through_sensor(
         raise ValueError("an effect took a picture away")
     rgb = np.round(255 * np.clip(out.rgb[0], 0, 1)).astype(np.uint8)
     return rgb, np.nan_to_num(out.depth[0]).astype(np.float32)
+
+
+def _coarser(rgb: np.ndarray, depth: np.ndarray, parts: np.ndarray, times: int) -> tuple[np.ndarray, ...]:
+    """Pixels of `times` x `times` rays: the mean of their light; depth and part of the middle one."""
+    height, width = depth.shape[0] // times, depth.shape[1] // times
+    light = TO_LINEAR[rgb].reshape(height, times, width, times, 3).mean(axis=(1, 3))
+    middle = slice(times // 2, None, times)
+    return encoded(light), depth[middle, middle].copy(), parts[middle, middle].copy()
+
+
+def encoded(light: np.ndarray) -> np.ndarray:
+    """uint8 sRGB of linear light in [0, 1]."""
+    return np.round(255 * to_srgb(light)).astype(np.uint8)
 
 
 def _bent(eye: Eye, rgb: np.ndarray, depth: np.ndarray, parts: np.ndarray) -> tuple[np.ndarray, ...]:

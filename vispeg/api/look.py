@@ -1,0 +1,142 @@
+"""Recordings with pictures, of a simulated arm that looks at its cell."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from vispeg.core.effect import ARM, EffectInstance, effect
+from vispeg.core.errors import UserError
+from vispeg.core.seeds import stream
+from vispeg.formats.guard import is_file
+from vispeg.identify.look_motion import INSERTING, LOOKS, look_motion
+from vispeg.identify.record import NOISE, centre_of, controller, record
+from vispeg.recordings.cell import CellBelief
+from vispeg.recordings.recording import Recording
+from vispeg.render.backend import BackendName
+from vispeg.render.camera import Camera
+from vispeg.render.camera_files import load_cameras
+from vispeg.render.standard import SIZE, standard_cameras
+from vispeg.robots.scene import Scene
+from vispeg.task.belief import DEFAULT, believed
+from vispeg.task.world_file import load_world
+from vispeg.vision.photograph import photograph
+from vispeg.worlds.world import World
+
+DURATION, INSERT_DURATION = 16.0, 24.0  # s
+MOST = 5000  # frames
+
+
+def scene_of(world: World, cameras: Sequence[Camera] = ()) -> Scene:
+    """The cell of a model, with these cameras for effects to act on. Raises UserError for an arm without a cell."""
+    if world.cell is None:
+        expected = "peg-cell, a world's name or file, or a model file with `cell:`"
+        raise UserError("an arm alone has nothing to look at", key="model", expected=expected, got=world.robot)
+    scene = believed(world.cell).scene
+    return replace(scene, cameras=tuple(c.name for c in cameras)) if cameras else scene
+
+
+def cameras_of(names: Sequence[str], scene: Scene, size: tuple[int, int]) -> tuple[Camera, ...]:
+    """Cameras by the names of the cell's own, at this width and height in px, or from camera files.
+
+    The cell's cameras keep their horizontal field of view; those of a file are as the file says.
+
+    Raises:
+        UserError: no such camera, or two of one name.
+    """
+    own = {c.name: c for c in standard_cameras(scene.tip, scene.target)}
+    out: list[Camera] = []
+    for name in names:
+        if name not in own and (Path(name).suffix or is_file(name)):
+            out += load_cameras(name)
+        elif name in own:
+            out.append(_sized(own[name], *size))
+        else:
+            raise UserError(
+                "unknown camera", key="--cameras", got=name, choices=own, expected="a name or a camera file"
+            )
+    if len({c.name for c in out}) < len(out) or not out:
+        raise UserError("cameras of different names", key="--cameras", got=[c.name for c in out])
+    return tuple(out)
+
+
+def _sized(camera: Camera, width: int, height: int) -> Camera:
+    scale = width / SIZE
+    middle = {"cx": (width - 1) / 2, "cy": (height - 1) / 2}
+    return camera.moved(width=width, height=height, fx=camera.fx * scale, fy=camera.fy * scale, **middle)
+
+
+def look_of(text: str, scene: Scene) -> tuple[EffectInstance, ...]:
+    """What `WORLD/SEED` looks like: the appearance that a world draws for the episode of a seed.
+
+    Raises:
+        UserError: no such world, or no seed.
+    """
+    name, slash, seed = text.rpartition("/")
+    if not slash or not seed.isdigit():
+        raise UserError("no look", key="--look", expected="a world and a seed, such as S/3", got=text)
+    drawn = load_world(name).world.sample(int(seed), scene)
+    return tuple(e for e in drawn.effects if effect(e.effect).family == "appearance")
+
+
+def record_look(
+    world: World,
+    motion: str = "look",
+    cameras: Sequence[Camera] = (),
+    *,
+    fps: float = 3.0,
+    duration: float | None = None,
+    rate_hz: float = 500.0,
+    noise: Mapping[str, float] = NOISE,
+    seed: int = 0,
+    backend: BackendName = "auto",
+    shadows: bool = False,
+    name: str = "look",
+    told: Callable[[float], None] = lambda share: None,
+) -> Recording:
+    """An arm in its cell looks about; its joints are recorded, and what its cameras see.
+
+    Args:
+        world: of a cell. Effects of the arm act on the motion, those of cameras, looks, fixture and grip on the
+            pictures; none of them is told in the recording.
+        motion: one of `vispeg.identify.look_motion.LOOKS`.
+        cameras: as their user believes them; `wrist_wide` of the cell at 320 x 240 px if none is given.
+        fps: pictures a second of each camera.
+        duration: s.
+        rate_hz: samples a second.
+        noise: 1-sigma of the joint sensors.
+        seed: of the noise and of what the cameras' sensors draw.
+        backend, shadows: of the renderer.
+        name: what the recording is called.
+        told: is told which share of the pictures is taken.
+
+    Raises:
+        UserError: no cell, no such motion, or one that the arm cannot make; too many pictures.
+    """
+    cameras = cameras or cameras_of(["wrist_wide"], scene_of(world), (320, 240))
+    scene = scene_of(world, cameras)
+    duration = duration or (INSERT_DURATION if motion == INSERTING else DURATION)
+    if not 0 < fps <= rate_hz or fps * duration * len(cameras) > MOST:
+        expected = f"above 0, and at most {MOST} pictures in all"
+        raise UserError("no such rate of pictures", key="--fps", expected=expected, got=fps)
+    path = look_motion(motion, scene, rate_hz, duration)
+    arm = World(world.robot, world.tool, tuple(e for e in world.effects if effect(e.effect).family in ARM))
+    truth: list[np.ndarray] = []
+    control = controller(scene.nominal, "position", rate_hz, centre_of(scene.nominal))
+    rng = stream(seed, "record", "noise")
+    rec = record(arm, path, control, noise, rng, torque_sensor="joint", name=name, watch=truth.append)
+    curve = CubicSpline(rec.time, truth[0])
+    latest = 0.5  # s at either end without pictures: what a late camera shows lies within the motion
+    times = np.arange(latest, rec.time[-1] - latest, 1 / fps)
+    # a camera's clock is not the controller's: stamps lie anywhere between two samples
+    times = times + rng.uniform(0, 0.5 / rate_hz, len(times))
+    frames = photograph(scene, cameras, world, curve, times, seed, backend=backend, shadows=shadows, told=told)
+    cell = CellBelief(DEFAULT) if world.cell is None or world.cell.open else world.cell
+    return replace(rec, frames=frames, cell=cell, motion=motion)
+
+
+__all__ = ["LOOKS", "cameras_of", "look_of", "record_look", "scene_of"]

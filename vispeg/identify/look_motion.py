@@ -1,0 +1,155 @@
+"""Motions that show a camera what it needs to be told from: tilt, roll, approach, and sideways past the fixture.
+
+The hand circles about the middle of the hole's mouth, so that a camera on it keeps the fixture in sight and one beside
+the cell sees the hand. Every part goes both ways at changing speed: a delay is confused with anything constant where a
+motion goes one way at one speed, a focal length with the distance where nothing tilts, a principal point with a
+rotation where nothing rolls, the scale of depth with its bias at one distance (`vispeg/vision` has the sensitivities).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
+
+from vispeg.core.errors import UserError
+from vispeg.identify.excitation import Motion, smoothstep
+from vispeg.robots.scene import Scene
+from vispeg.sim.compiled import flange_pose, nominal_of
+from vispeg.sim.home import home_of
+from vispeg.sim.reach import reach
+
+FREEDOMS = ("tip", "lean", "roll", "rise", "along", "across")
+KNOTS = 40.0  # a second, at which postures are solved for
+HEIGHT = 0.06  # m of the tip over the hole's mouth in the middle of the motion
+EASE = 1.0  # s in which the motion sets in and dies away
+GROWTH = 8  # steps in which the motion grows to its size while postures are solved for
+EXACT = 1e-4  # m and rad together that inverse kinematics may leave
+FAST = 0.8  # share of the joints' speed limits that may be used
+DOWN = Rotation.from_quat([1.0, 0.0, 0.0, 0.0])  # flange z straight down
+
+
+@dataclass(frozen=True)
+class Part:
+    """A sine of one of the hand's freedoms: `size` (rad or m) at `cycles` whole periods a motion, `phase` of a turn.
+
+    Freedoms: `tip` and `lean` turn the hand about the hole's mouth (about the base's y and x), `roll` about its own
+    axis, `rise` lifts it (0 to 2 `size`), `along` and `across` move it sideways.
+    """
+
+    freedom: str
+    size: float
+    cycles: int
+    phase: float = 0.0
+
+
+TILT = (Part("tip", 0.3, 2), Part("lean", 0.35, 3, 0.13))
+ROLL = (Part("roll", 0.7, 2, 0.4),)
+APPROACH = (Part("rise", 0.09, 2, 0.0),)
+SIDEWAYS = (Part("along", 0.04, 4), Part("across", 0.05, 5, 0.2))
+LOOKS: dict[str, tuple[Part, ...]] = {
+    "look": (*TILT, *ROLL, *APPROACH, *SIDEWAYS),
+    "look-tilt": TILT,
+    "look-roll": ROLL,
+    "look-approach": APPROACH,
+    "look-sideways": SIDEWAYS,
+    "look-and-insert": (*TILT, *ROLL, *APPROACH, *SIDEWAYS),
+}
+INSERTING = "look-and-insert"
+INSERT_SHARE, DEEP = 0.3, 0.012  # of the duration; m below the mouth that the tip goes
+ABOUT = {
+    "look": "tilt, roll, approach and sideways at once, about the hole's mouth: what a camera is calibrated from",
+    "look-tilt": "the hand tilts about the hole's mouth",
+    "look-roll": "the hand turns about its own axis",
+    "look-approach": "the hand comes near and goes away",
+    "look-sideways": "the hand moves sideways past the fixture and back",
+    "look-and-insert": "look, then the peg into the hole and out again",
+}
+
+
+def look_motion(name: str, scene: Scene, rate_hz: float, duration: float) -> Motion:
+    """A commanded motion of the arm in a cell, at rest at both ends.
+
+    Args:
+        name: one of `LOOKS`.
+        scene: the nominal cell.
+        rate_hz, duration: samples a second, seconds.
+
+    Raises:
+        UserError: no such motion; too short for the joints' speeds; a pose out of reach, or one that touches something.
+    """
+    if name not in LOOKS:
+        raise UserError("unknown motion", key="--motion", got=name, choices=LOOKS)
+    if not 4 * EASE <= duration <= 120 or not 20 <= rate_hz <= 4000:
+        expected = f"{4 * EASE:g} to 120 s at 20 to 4000 Hz"
+        raise UserError("no such motion", key="--duration", expected=expected, got=f"{duration:g} s at {rate_hz:g} Hz")
+    knots = np.linspace(0.0, duration, round(duration * KNOTS) + 1)
+    nominal = nominal_of(scene.nominal, len(knots))
+    x, y, z = scene.target
+    home = home_of(scene.nominal, (x, y, z + HEIGHT + scene.tip), (0.0, 1.0, 0.0, 0.0))
+    down = _down(scene, home)
+    q = np.tile(home, (len(knots), 1))
+    error = np.zeros(len(knots))
+    for grown in np.linspace(0.0, 1.0, GROWTH):  # the motion grows from rest, so that no knot finds another branch
+        turns, places = _poses(name, scene, knots, float(grown), down)
+        q, error = reach(nominal, places, turns.as_quat()[:, [3, 0, 1, 2]], q)
+    low, high = scene.range.T
+    bad = (error > EXACT) | (q < low).any(axis=1) | (q > high).any(axis=1)
+    if bad.any():
+        said = f"{name}: the arm cannot look from everywhere, first at {knots[bad.argmax()]:.1f} s"
+        raise UserError(said, expected="a fixture nearer to the middle of its reach", got=list(scene.target))
+    spline = CubicSpline(knots, q, bc_type="clamped")
+    time = np.arange(round(duration * rate_hz)) / rate_hz
+    motion = Motion(name, time, spline(time), spline(time, 1))
+    _check(motion, scene, name != INSERTING, duration)
+    return motion
+
+
+def _down(scene: Scene, home: np.ndarray) -> Rotation:
+    """The flange straight down, turned about its axis as it is at home: the last joint is then amid its range."""
+    at_home = Rotation.from_quat(flange_pose(scene.nominal, home)[[4, 5, 6, 3]])
+    axis = (at_home * DOWN.inv()).as_matrix()[:, 0]
+    return Rotation.from_euler("z", float(np.arctan2(axis[1], axis[0]))) * DOWN
+
+
+def _poses(name: str, scene: Scene, time: np.ndarray, grown: float, down: Rotation) -> tuple[Rotation, np.ndarray]:
+    """Orientation and place (n, 3) m of the flange in the base, of a motion of `grown` times its size."""
+    total = float(time[-1])
+    looking = total * (1 - INSERT_SHARE) if name == INSERTING else total
+    at = {freedom: np.zeros(len(time)) for freedom in FREEDOMS}
+    eased = np.clip(np.minimum(time, looking - time) / EASE, 0.0, 1.0)
+    weight = smoothstep(eased)[1]
+    for part in LOOKS[name]:
+        angle = 2 * np.pi * (part.cycles * np.clip(time / looking, 0.0, 1.0) + part.phase)
+        wave = 1 - np.cos(angle) if part.freedom == "rise" else np.sin(angle)
+        at[part.freedom] = at[part.freedom] + grown * part.size * weight * wave
+    height = np.full(len(time), HEIGHT)
+    if name == INSERTING:
+        share = (time - looking) / (total - looking)  # down in the first half, up in the second
+        height += grown * (-DEEP - HEIGHT) * smoothstep(np.clip(np.minimum(share, 1 - share) / 0.45, 0.0, 1.0))[1]
+    about = Rotation.from_euler("xy", np.stack([at["lean"], at["tip"]], 1))
+    mouth = np.array(scene.target)
+    above = np.stack([at["along"], at["across"], height + at["rise"] + scene.tip], 1)
+    return about * down * Rotation.from_euler("z", at["roll"][:, None]), mouth + about.apply(above)
+
+
+def _check(motion: Motion, scene: Scene, free: bool, duration: float) -> None:
+    """Raises UserError where the motion is too fast for the joints, or touches what stands in the cell."""
+    share = np.abs(motion.dq_cmd).max(axis=0) / (FAST * np.asarray(scene.velocity_limit))
+    if share.max() > 1:
+        expected = f"{duration * share.max():.1f} s or more"
+        raise UserError(f"{motion.name} is too fast for {scene.joints[int(share.argmax())]}", expected=expected)
+    model = scene.compile()
+    data, places = mujoco.MjData(model), [model.joint(j).qposadr[0] for j in scene.joints]
+    every = max(1, round(0.05 / (motion.time[1] - motion.time[0])))
+    for row in range(0, len(motion.time) if free else 0, every):
+        data.qpos[places] = motion.q_cmd[row]
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_collision(model, data)
+        if data.ncon:
+            pair = [model.geom(g).name or model.body(model.geom_bodyid[g]).name for g in data.contact[0].geom]
+            said = f"{motion.name}: {pair[0]} touches {pair[1]} at {motion.time[row]:.1f} s"
+            raise UserError(said, expected="a cell with room about the hole")
