@@ -36,20 +36,25 @@ class Fields:
 
     Attributes:
         model: the nominal MjModel.
+        robot: the RobotModel, Scene or ObjectModel that it was made from.
         touched: names of the fields asked for.
         joints, dofs, qposes: ids of the robot's joints, in its order.
         links: ids of its moving bodies.
-        flange: id of the body that carries the flange, and the flange's position (3,) and rotation (3, 3) in it.
+        flange: id of the body that carries the flange, and the flange's position (3,) and rotation (3, 3) in it; of a
+            free object its world.
     """
 
     def __init__(self, batch: Any, robot: Any):
-        self._batch = batch
+        self._batch, self.robot = batch, robot
         model = self.model = batch.model
         self.touched: set[str] = set()
         self.joints = np.array([model.joint(j).id for j in robot.joints])
         self.dofs = np.array([model.joint(j).dofadr[0] for j in robot.joints])
         self.qposes = np.array([model.joint(j).qposadr[0] for j in robot.joints])
         self.links = [int(model.body(b).id) for b in robot.links]
+        self.flange = 0, np.zeros(3), np.eye(3)
+        if not robot.flange:
+            return
         site = model.site(robot.flange)
         mat = np.empty(9)
         mujoco.mju_quat2Mat(mat, site.quat)

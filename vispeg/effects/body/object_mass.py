@@ -1,6 +1,6 @@
-"""Object mass: the peg weighs `scale` times nominal, its shape unchanged.
+"""Object mass: the peg, or a free object, weighs `scale` times nominal, its shape unchanged.
 
-Native mechanism: `body_mass` and `body_inertia` of the body `peg`, both in proportion (uniform density).
+Native mechanism: `body_mass` and `body_inertia` of the body, both in proportion (uniform density).
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from vispeg.effects.common.parts import in_scene
 
 
 class ObjectMass(Effect):
-    """A heavier or lighter peg."""
+    """A heavier or lighter peg or object."""
 
     name = "object_mass"
     family = "body"
@@ -20,9 +20,10 @@ class ObjectMass(Effect):
     writes = frozenset({"body_mass", "body_inertia"})
 
     def targets(self, model):
-        return in_scene(model, "peg")
+        return [*in_scene(model, "peg"), *getattr(model, "free", ())]
 
     def write(self, fields, p):
-        peg = fields.model.body("peg").id
-        fields["body_mass"][:, peg] *= p["scale"][:, 0]
-        fields["body_inertia"][:, peg] *= p["scale"]
+        for column, name in enumerate(self.targets(fields.robot)):
+            body, scale = fields.model.body(name).id, p["scale"][:, column]
+            fields["body_mass"][:, body] *= scale
+            fields["body_inertia"][:, body] *= scale[:, None]

@@ -18,8 +18,8 @@ TOUCHING = ("peg", "fixture", "gripper", "table")
 
 
 def touching(model: Any) -> list[str]:
-    """Parts of a Scene that have collision shapes; [] for an arm alone."""
-    return [part for part in TOUCHING if part in getattr(model, "parts", ())]
+    """Parts of a Scene that have collision shapes, a free object by its name; [] for an arm alone."""
+    return [*(part for part in TOUCHING if part in getattr(model, "parts", ())), *getattr(model, "free", ())]
 
 
 def in_scene(model: Any, *places: str) -> list[str]:
@@ -28,19 +28,19 @@ def in_scene(model: Any, *places: str) -> list[str]:
 
 
 def shapes(model: mujoco.MjModel, part: str) -> np.ndarray:
-    """Ids (n,) of a part's geoms that can touch something."""
+    """Ids (n,) of a part's geoms that can touch something; the table is a shape of the world itself."""
     collides = (model.geom_contype | model.geom_conaffinity) != 0
-    if part in BODIES:
-        return np.flatnonzero(collides & (model.geom_bodyid == model.body(BODIES[part]).id))
-    geom = model.geom(part).id
-    return np.array([geom]) if collides[geom] else np.empty(0, int)
+    if part == "table":
+        geom = model.geom(part).id
+        return np.array([geom]) if collides[geom] else np.empty(0, int)
+    return np.flatnonzero(collides & (model.geom_bodyid == model.body(BODIES.get(part, part)).id))
 
 
 def changed(fields: Any, p: np.ndarray, null: float) -> list[tuple[tuple[np.ndarray, ...], np.ndarray]]:
     """Index of (rows, geoms) and value (rows, 1) for each touching part whose `p` (nsim, npart) differs from null."""
-    out = []
-    for column in range(p.shape[1]):
+    out, parts = [], touching(fields.robot)
+    for column, part in enumerate(parts):
         rows = np.flatnonzero(p[:, column] != null)
         if len(rows):
-            out.append((np.ix_(rows, shapes(fields.model, TOUCHING[column])), p[rows, column][:, None]))
+            out.append((np.ix_(rows, shapes(fields.model, part)), p[rows, column][:, None]))
     return out

@@ -1,0 +1,72 @@
+"""What windows of one length can tell of a parameter: its profile, with an interval from tosses drawn anew."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.params import Param
+from vispeg.identify.restarts import Restarts
+from vispeg.identify.surface import DRAWS, cost, lowest
+from vispeg.worlds.world import World
+
+SPAN, POINTS = 6.0, 13  # factor that a profile reaches to either side, and its points
+WIDE = 4.0  # ratio of an interval's ends from which a parameter counts as not told
+FLAT = 0.02  # share by which the error must vary over the profile
+
+
+@dataclass(frozen=True)
+class Profile:
+    """The error of windows over one parameter, the others held.
+
+    Attributes:
+        label: `contact_friction(cube).scale`.
+        values: (POINTS,) of the parameter.
+        error: (POINTS,) mean squared whitened residual.
+        best, low, high: the least error's value with its 95 % interval.
+        told: whether these windows determine it.
+    """
+
+    label: str
+    values: np.ndarray
+    error: np.ndarray
+    best: float
+    low: float
+    high: float
+    told: bool
+
+
+def sizes(param: Param) -> list[float]:
+    """Values of a parameter over its range, its null left out: both ways on a log scale where it is a scale."""
+    if param.null > 0:
+        values = param.null * np.geomspace(1 / 12, 12, 7)
+    else:
+        values = param.null + (param.start - param.null) * np.array([-2.0, -1.0, -0.5, 0.25, 0.5, 1.0, 1.5])
+    inside = (values >= max(param.low, 1e-9 if param.null > 0 else -np.inf)) & (values <= param.high)
+    return [float(v) for v in values[inside] if abs(v - param.null) > 1e-9]
+
+
+def profile(evidence: Restarts, world: World, placed: EffectInstance, name: str, rng: np.random.Generator) -> Profile:
+    """The profile of one parameter of an effect that is in `world`, about its value there."""
+    param = effect(placed.effect).params[name]
+    centre = placed.params[name].value
+    if param.null > 0:
+        values = np.clip(centre * np.geomspace(1 / SPAN, SPAN, POINTS), max(param.low, 1e-6), param.high)
+    else:
+        values = np.linspace(param.low, param.high, POINTS)
+    values = np.unique(values)
+    total = cost(evidence, [world.add(placed.with_values(**{name: float(v)})) for v in values])  # (values, tosses)
+    size = np.bincount(evidence.blocks())
+    axis = np.log(values) if param.null > 0 else values
+    error = total.sum(axis=1) / size.sum()
+    drawn = rng.multinomial(total.shape[1], np.full(total.shape[1], 1 / total.shape[1]), size=DRAWS)  # (draws, tosses)
+    bests = np.array([lowest(axis, total @ d / (size @ d)) for d in drawn])
+    back = np.exp if param.null > 0 else (lambda x: x)
+    ends = np.quantile(bests, [0.025, 0.975])
+    low, best, high = (float(back(v)) for v in (ends[0], lowest(axis, error), ends[1]))
+    inside = low > values[0] * (1 + 1e-9) and high < values[-1] * (1 - 1e-9)
+    narrow = param.null <= 0 or high / max(low, 1e-12) < WIDE
+    told = bool(inside and narrow and error.max() > (1 + FLAT) * error.min())
+    return Profile(f"{placed.label}.{name}", values, error, best, low, high, told)

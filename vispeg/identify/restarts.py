@@ -1,0 +1,272 @@
+"""Tosses of a free object as evidence: rollouts begun anew from measured states, window by window.
+
+A whole toss is a long chain of bounces: a small error in one becomes a large one after the next, so the end says little
+of how stiff a contact is. A window that begins anew just before a contact shows that contact alone (Bianchini, Halm and
+Posa 2023, arXiv 2310.12054, on why long predictions are a poor loss for contact).
+
+The residual is the pose at a window's end, measured less predicted, over the error of windows in free flight: a whole
+window is one reading of six values. Large residuals count linearly (Huber), since rollouts over an edge part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import mujoco
+import numpy as np
+
+from vispeg.core.effect import Effect
+from vispeg.core.errors import UserError
+from vispeg.recordings.objects import ObjectRecording, turn_between
+from vispeg.robots.objects import ObjectModel
+from vispeg.sim.physics import derive
+from vispeg.sim.placement import activate
+from vispeg.sim.quiet import quiet
+from vispeg.sim.state import Fields
+from vispeg.worlds.world import World
+
+SUBSTEPS = 4  # physics steps a sample, more where samples are over 8 ms apart
+LONGEST_STEP = 2e-3  # s
+ROWS = 8192  # rollouts at a time
+LEAST_FLIGHT = 20  # windows in free flight from which a floor can be taken
+NEAR = 3e-3  # m: an object whose lowest point comes this near to the table may touch it
+HUBER = 8.0  # floors from which a residual counts linearly
+LOST = 1e3  # whitened residual of a rollout that diverged
+MOST = 1500  # windows of one evidence: evenly spread over the tosses where there are more
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Windows of one toss.
+
+    Attributes:
+        toss: its number in the recording.
+        first, last: (n,) rows of the recording where each begins and ends.
+        measured: (n, 6) position at the end, m, and zeros: turns are counted from the measured orientation.
+        sigma: (6,) error in free flight, m and rad.
+        contact: whether they touch anything.
+    """
+
+    recording: ObjectRecording
+    toss: int
+    first: np.ndarray
+    last: np.ndarray
+    sigma: np.ndarray
+    contact: bool = True
+
+    nj = 6
+
+    @cached_property
+    def measured(self) -> np.ndarray:
+        """(n, 6), see above."""
+        end = self.recording.pose[self.last, :3]
+        return np.column_stack([end, np.zeros_like(end)])
+
+    @cached_property
+    def valid(self) -> np.ndarray:
+        """(n, 6) bool: every window counts."""
+        return np.ones(self.measured.shape, bool)
+
+
+class Restarts:
+    """Windows of recordings against an object's model; the surface of `identify.evidence.Evidence`.
+
+    Args:
+        recordings: of one object.
+        model: the object.
+        seconds: length of a window; None for whole tosses.
+        sigma: (6,) floor to whiten by; None takes it from the windows in free flight.
+        nthread: threads.
+    """
+
+    least_gain = 0.02
+    unit = "m"
+    most_effects = 4
+
+    def __init__(
+        self,
+        recordings: Sequence[ObjectRecording],
+        model: ObjectModel,
+        seconds: float | None,
+        *,
+        sigma: np.ndarray | None = None,
+        nthread: int = 1,
+    ):
+        for rec in recordings:
+            if rec.name_of != model.name:
+                key = "object"
+                raise UserError("another object than the model's", file=rec.path / "recording.yaml", key=key,
+                                expected=model.name, got=rec.name_of)  # fmt: skip
+        self.recordings, self.model, self.seconds, self.nthread = list(recordings), model, seconds, nthread
+        self.rate = recordings[0].rate_hz
+        if any(abs(rec.rate_hz / self.rate - 1) > 1e-6 for rec in recordings):
+            raise UserError("recorded at another rate", file=recordings[-1].path, key="rate_hz", expected=self.rate)
+        self.substeps = max(SUBSTEPS, int(np.ceil(1 / (self.rate * LONGEST_STEP))))
+        self.compiled = model.compile(1 / (self.rate * self.substeps))
+        every = [w for rec in recordings for w in self._windows(rec)]
+        touch = [self._touches(w) for w in every]
+        flight = [_some(w, ~t, False) for w, t in zip(every, touch, strict=True) if (~t).any()]
+        hits = [_some(w, t, True) for w, t in zip(every, touch, strict=True) if t.any()]
+        if not hits:
+            raise UserError("the object never comes near the table", file=recordings[0].path)
+        self.flight = self._spread(flight)
+        self.floor_from = "windows in free flight"
+        if sigma is None:
+            sigma = self._floor()
+        self.sigma = sigma
+        self.items = [replace(w, sigma=sigma) for w in self._spread(hits)]
+        self.notes: list[str] = []
+        self.rollouts = 0.0
+
+    def _windows(self, rec: ObjectRecording) -> list[Windows]:
+        """The windows of each toss, end to end."""
+        out = []
+        for toss, rows in enumerate(rec.tosses):
+            length = rows.stop - rows.start - 1
+            size = length if self.seconds is None else max(2, round(self.seconds * rec.rate_hz))
+            if 2 <= size <= length:
+                first = np.arange(rows.start, rows.stop - size, size)
+                out.append(Windows(rec, toss, first, first + size, np.ones(6)))
+        if not out:
+            raise UserError("every toss is shorter than a window", file=rec.path, expected=f"{self.seconds} s")
+        return out
+
+    def _touches(self, windows: Windows) -> np.ndarray:
+        """(n,) whether the object may touch something between the ends of a window, by its measured poses."""
+        model, data = self.compiled, mujoco.MjData(self.compiled)
+        lowest = _clearances(model, data, windows.recording.pose[windows.first[0] : windows.last[-1] + 1])
+        start = windows.first[0]
+        return np.array(
+            [lowest[a - start : b - start + 1].min() < NEAR for a, b in zip(windows.first, windows.last, strict=True)]
+        )
+
+    def _spread(self, windows: list[Windows]) -> list[Windows]:
+        """At most MOST windows, by leaving out whole tosses evenly."""
+        total = sum(len(w.first) for w in windows)
+        keep = np.linspace(0, len(windows) - 1, max(1, int(len(windows) * min(1.0, MOST / max(total, 1))))).astype(int)
+        return [windows[i] for i in np.unique(keep)] if windows else []
+
+    def _floor(self) -> np.ndarray:
+        """(6,) robust standard deviation of windows in free flight: position and turn, each the same along all axes."""
+        count = sum(len(w.first) for w in self.flight)
+        if count < LEAST_FLIGHT:
+            raise UserError(
+                f"only {count} windows in free flight",
+                file=self.recordings[0].path,
+                expected=f"{LEAST_FLIGHT} or more, to tell the measurement's own error",
+            )
+        error = np.concatenate(
+            [w.measured - y[0] for w, y in zip(self.flight, self._predicted([World()], self.flight), strict=True)]
+        )
+        return np.repeat([1.4826 * np.median(np.abs(error[:, :3])), 1.4826 * np.median(np.abs(error[:, 3:]))], 3)
+
+    def sees(self, kind: Effect) -> bool:
+        """Whether an effect can act on the object."""
+        return kind.targets(self.model) == list(self.model.free)
+
+    def simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
+        """Per toss, poses at the windows' ends (nworld, n, 6) that the worlds predict; see Windows.measured."""
+        self.rollouts += len(worlds) * sum(float(np.sum(w.last - w.first)) for w in self.items) / self.rate
+        return self._predicted(worlds, self.items)
+
+    def residuals(self, worlds: Sequence[World]) -> list[np.ndarray]:
+        """Per world, the whitened residual of all windows, flat."""
+        per_toss = self.simulated(worlds)
+        return [
+            np.concatenate([self.whiten(w, y[k]).ravel() for w, y in zip(self.items, per_toss, strict=True)])
+            for k in range(len(worlds))
+        ]
+
+    @staticmethod
+    def whiten(item: Windows, predicted: np.ndarray) -> np.ndarray:
+        """Whitened residual (n, 6), its square Huber's loss: linear beyond HUBER floors."""
+        r = (item.measured - predicted) / item.sigma
+        r = np.where(np.isfinite(r), np.clip(r, -LOST, LOST), LOST)
+        size = np.abs(r)
+        return np.where(size <= HUBER, r, np.sign(r) * np.sqrt(np.maximum(2 * HUBER * size - HUBER**2, 0.0)))
+
+    @property
+    def count(self) -> int:
+        """Number of values compared."""
+        return sum(w.measured.size for w in self.items)
+
+    def blocks(self, seconds: float = 0.0) -> np.ndarray:
+        """Block number of every residual entry: a toss is a block, since only tosses are independent."""
+        return np.concatenate([np.full(w.measured.size, i) for i, w in enumerate(self.items)])
+
+    def errors(self, world: World) -> tuple[np.ndarray, np.ndarray]:
+        """Distance (n,) in m and turn (n,) in rad between measured and predicted pose at every window's end."""
+        error = np.concatenate([w.measured - y[0] for w, y in zip(self.items, self.simulated([world]), strict=True)])
+        return np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1)
+
+    @property
+    def floor(self) -> float:
+        """RMS distance error in free flight, m, without its outliers."""
+        return float(np.sqrt(3.0) * self.sigma[0])
+
+    def _predicted(self, worlds: Sequence[World], windows: Sequence[Windows]) -> list[np.ndarray]:
+        first = np.concatenate([w.first for w in windows])
+        length = np.concatenate([w.last - w.first for w in windows])
+        pose = np.concatenate([w.recording.pose[w.first] for w in windows])
+        rate = np.concatenate([w.recording.rate[w.first] for w in windows])
+        end = np.concatenate([w.recording.pose[w.last] for w in windows])
+        n = len(first)
+        out = np.empty((len(worlds), n, 6))
+        each = max(1, ROWS // n)
+        for start in range(0, len(worlds), each):
+            some = worlds[start : start + each]
+            got = self._rolled_out(some, pose, rate, length)  # (k, n, 7)
+            out[start : start + each, :, :3] = got[..., :3]
+            out[start : start + each, :, 3:] = turn_between(
+                np.broadcast_to(end[:, 3:], got[..., 3:].shape), got[..., 3:]
+            )
+        cuts = np.cumsum([len(w.first) for w in windows])[:-1]
+        return np.split(out, cuts, axis=1)
+
+    def _rolled_out(
+        self, worlds: Sequence[World], pose: np.ndarray, rate: np.ndarray, length: np.ndarray
+    ) -> np.ndarray:
+        """Poses (nworld, n, 7) after `length` (n,) samples from states `pose` (n, 7), `rate` (n, 6)."""
+        from mujoco.batch import Batch
+
+        k, n = len(worlds), len(pose)
+        batch = Batch(self.compiled, k * n, self.nthread)
+        fields = Fields(batch, self.model)
+        for a in activate(self.model, worlds):  # type: ignore[arg-type]
+            a.effect.write(fields, {name: np.repeat(v, n, axis=0) for name, v in a.p.items()})
+        derive(batch, fields)
+        q, v = batch.bind("qpos"), batch.bind("qvel")
+        q[:], v[:] = np.tile(pose, (k, 1)), np.tile(rate, (k, 1))
+        out, span = np.empty((k * n, 7)), np.tile(length, k)
+        alive, done = np.arange(k * n), 0
+        with quiet():
+            for stop in np.unique(span):
+                batch.step(ids=alive, nstep=int(stop - done) * self.substeps)
+                done, ended = stop, alive[span[alive] == stop]
+                out[ended] = q[ended]
+                alive = alive[span[alive] > stop]
+        return out.reshape(k, n, 7)
+
+
+def _some(w: Windows, mask: np.ndarray, contact: bool) -> Windows:
+    return replace(w, first=w.first[mask], last=w.last[mask], contact=contact)
+
+
+def _clearances(model: mujoco.MjModel, data: mujoco.MjData, pose: np.ndarray) -> np.ndarray:
+    """Distance (n,) in m of the free body's shapes to the others, for each pose; at most 10 times NEAR."""
+    free = int(model.jnt_bodyid[0])
+    mine = np.flatnonzero((model.geom_bodyid == free) & ((model.geom_contype | model.geom_conaffinity) != 0))
+    others = np.flatnonzero((model.geom_bodyid != free) & ((model.geom_contype | model.geom_conaffinity) != 0))
+    out = np.full(len(pose), 10 * NEAR)
+    for i, p in enumerate(pose):
+        data.qpos[:] = p
+        mujoco.mj_kinematics(model, data)
+        for a in mine:
+            for b in others:
+                out[i] = min(out[i], mujoco.mj_geomDistance(model, data, int(a), int(b), 10 * NEAR, None))
+    return out
+
+
+__all__ = ["Restarts", "Windows"]

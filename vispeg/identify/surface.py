@@ -1,0 +1,103 @@
+"""Fitting to rough evidence: line searches along each parameter, then a quadratic surface with drawn-anew intervals.
+
+Rollouts over contacts part at edges, so derivatives by small differences are noise; the error over finite sizes is
+smooth. Source: response surfaces, Box and Wilson, J. Royal Statistical Society B 13(1), 1951; intervals by drawing
+whole blocks anew, Efron, Annals of Statistics 7(1), 1979.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vispeg.core.effect import EffectInstance, Value
+from vispeg.identify.restarts import Restarts
+from vispeg.identify.space import Space
+from vispeg.worlds.world import World
+
+LINE = np.linspace(-1.0, 1.0, 7)
+SPANS = (0.7, 0.3)  # optimizer units that line searches reach to either side, one round after the other
+BOX = 0.35  # half width of the surface, optimizer units
+DRAWS = 400
+
+
+def cost(evidence: Restarts, worlds: Sequence[World]) -> np.ndarray:
+    """Summed squared residual (nworld, nblock) of each block."""
+    blocks = evidence.blocks()
+    return np.stack([np.bincount(blocks, r * r) for r in evidence.residuals(worlds)])
+
+
+def coordinates(space: Space) -> np.ndarray:
+    """Optimizer units per coordinate: a scale of null 1 moves by shares of itself, whatever its axis is."""
+    u = space.start
+    return np.array(
+        [1.0 if a.param.scale == "log" or a.param.null == 0 else abs(x) for a, x in zip(space.axes, u, strict=True)]
+    )
+
+
+def line_searches(evidence: Restarts, world: World, free: Sequence[int], spans: Sequence[float] = SPANS) -> World:
+    """The world after searches along one parameter at a time, the last effect's first."""
+    for span in spans:
+        for axis in reversed(range(len(Space(world, free).axes))):
+            space = Space(world, free)
+            u, unit = space.start, coordinates(space)[axis]
+            low, high = space.bounds
+            x = np.unique(np.clip(u[axis] + span * unit * LINE, low[axis], high[axis]))
+            points = np.repeat(u[None], len(x), axis=0)
+            points[:, axis] = x
+            u[axis] = lowest(x, cost(evidence, [space.at(p) for p in points]).sum(axis=1))
+            world = space.at(u)
+    return world
+
+
+def with_intervals(evidence: Restarts, world: World, free: Sequence[int], rng: np.random.Generator) -> World:
+    """The world at the lowest point of a quadratic surface about its values, with 95 % intervals over blocks drawn anew."""
+    space = Space(world, free)
+    u, k = space.start, len(space.axes)
+    if not k:
+        return world
+    low, high = space.bounds
+    unit = coordinates(space)
+    design = np.vstack([np.zeros(k), np.eye(k), -np.eye(k), rng.uniform(-1, 1, (8 * k, k))])
+    points = np.clip(u + BOX * unit * design, low, high)
+    design = (points - u) / (BOX * unit)
+    each = cost(evidence, [space.at(p) for p in points])
+    terms = _terms(design)
+    draws = rng.multinomial(each.shape[1], np.full(each.shape[1], 1 / each.shape[1]), size=DRAWS)
+    fits = np.linalg.lstsq(terms, each @ np.vstack([np.ones(each.shape[1]), draws]).T, rcond=None)[0]
+    at = np.array([_bottom(f, k) for f in fits.T])  # (1 + DRAWS, k)
+    best, spread = at[0], np.quantile(at[1:], [0.025, 0.975], axis=0)
+    effects: list[EffectInstance] = list(world.effects)
+    for j, axis in enumerate(space.axes):
+        back = [space.backward(float(np.clip(u[j] + BOX * unit[j] * x, low[j], high[j])), axis)
+                for x in (best[j], spread[0, j], spread[1, j])]  # fmt: skip
+        placed = effects[axis.index]
+        params = {**placed.params, axis.name: Value(back[0], min(back), max(back))}
+        effects[axis.index] = EffectInstance(placed.effect, placed.where, params, placed.origin)
+    return World(world.robot, world.tool, tuple(effects))
+
+
+def _terms(x: np.ndarray) -> np.ndarray:
+    """Columns 1, x_i, x_i x_j of a quadratic in (n, k)."""
+    i, j = np.triu_indices(x.shape[1])
+    return np.column_stack([np.ones(len(x)), x, x[:, i] * x[:, j]])
+
+
+def _bottom(f: np.ndarray, k: int) -> np.ndarray:
+    """Lowest point (k,) of a quadratic inside the box (-1, 1), by its own slopes where it has no lowest one."""
+    slope, curve = f[1 : 1 + k], np.zeros((k, k))
+    curve[np.triu_indices(k)] = f[1 + k :]
+    curve = curve + curve.T
+    value, vector = np.linalg.eigh(curve)
+    value = np.maximum(value, 1e-6 * max(abs(value).max(), 1e-12))
+    return np.clip(-(vector / value) @ (vector.T @ slope), -1.5, 1.5)
+
+
+def lowest(x: np.ndarray, y: np.ndarray) -> float:
+    """Where the parabola through the least of `y` (n,) and its neighbours is lowest; `x` (n,) rises."""
+    i = int(np.argmin(y))
+    if i in (0, len(x) - 1):
+        return float(x[i])
+    a, b, _ = np.polyfit(x[i - 1 : i + 2] - x[i], y[i - 1 : i + 2], 2)
+    return float(x[i] + np.clip(-b / (2 * a), x[i - 1] - x[i], x[i + 1] - x[i])) if a > 0 else float(x[i])
