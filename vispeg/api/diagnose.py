@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from vispeg.api.inputs import Inputs, Model, Reading, Source, read_inputs, silent
+from vispeg.api.objects import diagnose_tosses, object_world
 from vispeg.api.result import Result
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
@@ -87,7 +88,8 @@ def diagnose(
     """Names the physical effects that a model lacks and adds them.
 
     Args:
-        model: a world, a model file, a robot's name, or a path to an MJCF or URDF.
+        model: a world, a model file, a robot's name, or a path to an MJCF or URDF; an MJCF of one free body is an
+            object, whose recordings are tosses (docs/formats.md).
         recordings: folders, or recordings in memory, to fit.
         validate: those to judge on, which are never fitted.
         baseline: of the same robot as it was before, two or more, the last of them judged on: what is named is then the
@@ -103,6 +105,14 @@ def diagnose(
     Raises:
         UserError: a model or a recording that cannot be read or compared, or in which nothing moves.
     """
+    thing = object_world(model)
+    if thing is not None:
+        if not isinstance(baseline, Sequence) or len(baseline):
+            raise UserError("an object has no baseline", key="--baseline", expected="two diagnoses, one of each state")
+        tosses = diagnose_tosses(thing, recordings, validate, seed, threads, say)
+        record = finite({**tosses.result.record, "provenance": tosses.provenance})
+        found = tosses.result.world.effects[len(thing.effects) :]
+        return DiagnosisResult(record, tosses.result.world, {}, found, tosses.files, None)
     given = read_inputs(model, recordings, validate, seconds=seconds, reading=reading)
     before = _before(model, baseline, seconds, reading)
     stamp = given.provenance(seed)

@@ -4,6 +4,7 @@ Example:
     vispeg convert log.csv --robot iiwa14 --guess --save-map map.yaml
     vispeg convert log.csv --robot iiwa14 --map map.yaml --out rig-a
     vispeg convert run.mcap --robot arm.urdf --topic /joint_states --torque-sensor joint --out rig-b
+    vispeg convert tosses.npz --robot cube.xml --rate-hz 148 --episodes 0:285 --out toss-a
 
 A map names columns and units, one a line: `time: {column: t, unit: ms}`, `q.joint1: {column: pos_1, unit: deg}`;
 `joints: {joint1: lbr_A1}` renames a bag's joints, `recording: {control: {mode: torque}}` adds to recording.yaml,
@@ -52,6 +53,10 @@ class Args:
     """With --guess: take what is proposed."""
     save_map: Path | None = None
     """With --guess: write what is proposed into this file, to be looked at and passed as --map."""
+    rate_hz: float | None = None
+    """Of an object's archive without `time`: samples a second."""
+    episodes: str | None = None
+    """Of an object's archive: the tosses taken, FIRST:LAST, LAST not included, so that others are left to judge on."""
     insist: bool = False
     """Take the stated units even where they cannot be true."""
     topic: str | None = None
@@ -73,10 +78,16 @@ class Args:
     def run(self) -> int:
         """Writes the recording and says what is in it."""
         from vispeg.robots.model import load as load_robot
+        from vispeg.robots.objects import is_object
 
         if not self.source.exists():
             raise UserError("does not exist", file=self.source)
         robot = str(Path(self.robot).expanduser().resolve()) if Path(self.robot).suffix else self.robot
+        if is_object(robot):
+            return self._object(robot)
+        for flag in ("rate_hz", "episodes"):
+            if getattr(self, flag) is not None:
+                raise UserError(f"--{flag.replace('_', '-')} is for a free object's tosses", file=self.source)
         model = load_robot(robot)
         limits = Limits(model.range, model.velocity_limit, model.torque_limit)
         mapping = self._guessed(model.joints, limits) if self.guess else read_map(self.map, model.joints)
@@ -93,6 +104,37 @@ class Args:
         line = f"{self.out}: {len(rec.time)} samples of {len(rec.joints)} joints at {rec.rate_hz:g} Hz: {found}"
         self.output.give(record, [line])
         return 0
+
+    def _object(self, source: str) -> int:
+        """The same of a free object's tosses."""
+        from vispeg.recordings.importers.objects import import_object
+        from vispeg.recordings.objects import write_object
+        from vispeg.robots.objects import load_object
+
+        if self.out is None:
+            raise UserError("no folder to write to", key="--out", expected="--out FOLDER")
+        if self.source.suffix.lower() != ".npz":
+            expected = "an .npz archive with `state` and `start`; a table is a recording already, see docs/formats.md"
+            raise UserError("is nothing that can be converted", file=self.source, expected=expected)
+        if self.rate_hz is not None and not 1 <= self.rate_hz <= 100_000:
+            raise UserError("is no rate", key="--rate-hz", expected="1 to 100000 samples a second", got=self.rate_hz)
+        name = load_object(source).name
+        rec = import_object(self.source, name, self.rate_hz, *self._span())
+        write_object(rec, self.out, self.overwrite, inputs=(self.source, source))
+        count = len(rec.tosses)
+        record = {"recording": str(self.out), "object": name, "samples": len(rec.time), "episodes": count}
+        self.output.give(
+            record, [f"{self.out}: {count} tosses of {name}, {len(rec.time)} samples at {rec.rate_hz:g} Hz"]
+        )
+        return 0
+
+    def _span(self) -> tuple[int, int | None]:
+        if self.episodes is None:
+            return 0, None
+        first, colon, last = self.episodes.partition(":")
+        if not (colon and (first or "0").isdigit() and (last or "0").isdigit()) or len(self.episodes) > 20:
+            raise UserError("is no range", key="--episodes", expected="FIRST:LAST, such as 0:285", got=self.episodes)
+        return int(first or 0), int(last) if last else None
 
     def _guessed(self, joints: tuple[str, ...], limits: Limits) -> ColumnMap | None:
         """The proposed map if it is to be used now: shown, saved or asked about as the arguments say."""

@@ -162,7 +162,7 @@ def diagnose_object(
     if verdict.verdict == "identified" and named:
         verdict = type(verdict)("ambiguous", f"these tosses cannot tell {', '.join(named)} from other effects")
     say("what each length of window can tell")
-    rows, arrays = windows(fitted, held_out, world, final, model, evidence.sigma, seed, nthread)
+    rows = windows(fitted, held_out, world, final, model, evidence.sigma, seed, nthread)
     distance = [judged.errors(w)[0] for w in (world, final)]
     rms = [float(np.sqrt(np.mean(d**2))) for d in distance]
     found = with_origin(final, given, fitted, held_out, *rms, verdict.partial)  # type: ignore[arg-type]
@@ -182,7 +182,7 @@ def diagnose_object(
         "contact": contact_numbers(model, found),
         "notes": [f"{n}({model.name}) cannot be told: {why}" for n, why in search.silent.items()],
     }  # fmt: skip
-    return Diagnosis(record, found, arrays)
+    return Diagnosis(record, found, {})
 
 
 def contact_numbers(model: ObjectModel, world: World) -> dict[str, float]:
@@ -213,9 +213,9 @@ def windows(
     sigma: np.ndarray,
     seed: int,
     nthread: int,
-) -> tuple[list[dict[str, Any]], dict[str, np.ndarray]]:
+) -> list[dict[str, Any]]:
     """What each length of window says: errors of both models on the held-out tosses, and each parameter's profile."""
-    rows, arrays = [], {}
+    rows = []
     rng = np.random.default_rng([seed, 41])
     for label, seconds in WINDOWS.items():
         judged = Restarts(held_out, model, seconds, sigma=sigma, nthread=nthread)
@@ -229,12 +229,12 @@ def windows(
         for e in after.effects[len(before.effects) :]:
             for name in effect(e.effect).magnitudes:
                 got: Profile = profile(evidence, after, e, name, rng)
-                row["parameters"].append({"parameter": got.label, "best": got.best, "low": got.low, "high": got.high,
-                                          "told": got.told})  # fmt: skip
-                key = f"profile/{label}/{got.label}"
-                arrays |= {f"{key}/value": got.values, f"{key}/error": got.error}
+                row["parameters"].append({
+                    "parameter": got.label, "best": got.best, "low": got.low, "high": got.high, "told": got.told,
+                    "profile": {"value": got.values.tolist(), "error": got.error.tolist()},
+                })  # fmt: skip
         rows.append(row)
-    return rows, arrays
+    return rows
 
 
 def _effect(e: EffectInstance, others: Sequence[EffectInstance]) -> dict[str, Any]:

@@ -27,8 +27,8 @@ from vispeg.sim.quiet import quiet
 from vispeg.sim.state import Fields
 from vispeg.worlds.world import World
 
-SUBSTEPS = 4  # physics steps a sample, more where samples are over 8 ms apart
-LONGEST_STEP = 2e-3  # s
+SUBSTEPS = 6  # physics steps a sample, more where samples are over 7 ms apart
+LONGEST_STEP = 1.2e-3  # s
 ROWS = 8192  # rollouts at a time
 LEAST_FLIGHT = 20  # windows in free flight from which a floor can be taken
 NEAR = 3e-3  # m: an object whose lowest point comes this near to the table may touch it

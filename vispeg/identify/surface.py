@@ -8,6 +8,7 @@ whole blocks anew, Efron, Annals of Statistics 7(1), 1979.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,7 +19,11 @@ from vispeg.worlds.world import World
 
 LINE = np.linspace(-1.0, 1.0, 7)
 SPANS = (0.7, 0.3)  # optimizer units that line searches reach to either side, one round after the other
-BOX = 0.35  # half width of the surface, optimizer units
+BOX, NARROW, MOVES = (
+    0.35,
+    0.4,
+    2,
+)  # half width of the first surface, optimizer units; least share of it that a next one has
 DRAWS = 400
 
 
@@ -52,30 +57,46 @@ def line_searches(evidence: Restarts, world: World, free: Sequence[int], spans: 
 
 
 def with_intervals(evidence: Restarts, world: World, free: Sequence[int], rng: np.random.Generator) -> World:
-    """The world at the lowest point of a quadratic surface about its values, with 95 % intervals over blocks drawn anew."""
-    space = Space(world, free)
-    u, k = space.start, len(space.axes)
-    if not k:
+    """The world at the lowest point of a quadratic surface, with 95 % intervals over blocks drawn anew.
+
+    A next surface stands about the last one's lowest point, as wide as its intervals, until that point lies inside.
+    """
+    box = BOX * coordinates(Space(world, free))
+    if not len(box):
         return world
-    low, high = space.bounds
-    unit = coordinates(space)
-    design = np.vstack([np.zeros(k), np.eye(k), -np.eye(k), rng.uniform(-1, 1, (8 * k, k))])
-    points = np.clip(u + BOX * unit * design, low, high)
-    design = (points - u) / (BOX * unit)
-    each = cost(evidence, [space.at(p) for p in points])
-    terms = _terms(design)
-    draws = rng.multinomial(each.shape[1], np.full(each.shape[1], 1 / each.shape[1]), size=DRAWS)
-    fits = np.linalg.lstsq(terms, each @ np.vstack([np.ones(each.shape[1]), draws]).T, rcond=None)[0]
-    at = np.array([_bottom(f, k) for f in fits.T])  # (1 + DRAWS, k)
-    best, spread = at[0], np.quantile(at[1:], [0.025, 0.975], axis=0)
+    for last in (False, *(False,) * MOVES, True):
+        space = Space(world, free)
+        u, (low, high) = space.start, space.bounds
+        best, ends = _surface(evidence, space, box, rng)
+        at, ends = (np.clip(u + box * x, low, high) for x in (best, ends))
+        inside = bool(np.all(np.abs(best) < 1.0))
+        if last or (inside and np.all(box < BOX * coordinates(space))):
+            break
+        world = space.at(at)
+        if inside:
+            box = np.clip(ends[1] - ends[0], NARROW * box, 0.99 * BOX * coordinates(space))
     effects: list[EffectInstance] = list(world.effects)
     for j, axis in enumerate(space.axes):
-        back = [space.backward(float(np.clip(u[j] + BOX * unit[j] * x, low[j], high[j])), axis)
-                for x in (best[j], spread[0, j], spread[1, j])]  # fmt: skip
+        value, *span = (space.backward(float(x), axis) for x in (at[j], ends[0, j], ends[1, j]))
         placed = effects[axis.index]
-        params = {**placed.params, axis.name: Value(back[0], min(back), max(back))}
+        params = {**placed.params, axis.name: Value(value, min(*span, value), max(*span, value))}
         effects[axis.index] = EffectInstance(placed.effect, placed.where, params, placed.origin)
-    return World(world.robot, world.tool, tuple(effects))
+    return replace(world, effects=tuple(effects))
+
+
+def _surface(
+    evidence: Restarts, space: Space, box: np.ndarray, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest point (k,) of a quadratic about the space's start and its 95 % interval (2, k), in half widths `box`."""
+    u, (low, high), k = space.start, space.bounds, len(space.axes)
+    design = np.vstack([np.zeros(k), np.eye(k), -np.eye(k), rng.uniform(-1, 1, (8 * k, k))])
+    points = np.clip(u + box * design, low, high)
+    each = cost(evidence, [space.at(p) for p in points])
+    draws = rng.multinomial(each.shape[1], np.full(each.shape[1], 1 / each.shape[1]), size=DRAWS)
+    sums = each @ np.vstack([np.ones(each.shape[1]), draws]).T  # (points, 1 + DRAWS)
+    fits = np.linalg.lstsq(_terms((points - u) / box), sums, rcond=None)[0]
+    at = np.array([_bottom(f, k) for f in fits.T])
+    return at[0], np.quantile(at[1:], [0.025, 0.975], axis=0)
 
 
 def _terms(x: np.ndarray) -> np.ndarray:

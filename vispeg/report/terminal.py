@@ -8,7 +8,7 @@ from typing import Any
 
 from vispeg.report import words
 from vispeg.report.ladder import ladder_rows
-from vispeg.report.quantities import fold, quantity
+from vispeg.report.quantities import fold, interval, quantity
 from vispeg.report.record import Record, rows
 from vispeg.report.sections.found import correlations, effect_rows
 from vispeg.report.summary import Block, Line, print_summary
@@ -32,6 +32,23 @@ def effects_table(diagnosis: Mapping[str, Any]) -> Sheet:
     return Sheet(columns, [c + ([row["bound"]] if bound else []) for c, row in zip(cells, found, strict=True)], keys=2)
 
 
+def restarts_table(diagnosis: Mapping[str, Any]) -> Sheet:
+    """Of a free object: what windows of each length say of every parameter."""
+    columns = [
+        Column("Window"),
+        Column("Parameter"),
+        Column("Best", right=True),
+        Column("95 % interval"),
+        Column("Told"),
+    ]
+    cells = []
+    for row in rows(diagnosis, "restarts"):
+        for p in rows(row, "parameters"):
+            value, span = interval(p.get("best"), p.get("low"), p.get("high"))
+            cells.append([str(row["window"]), str(p["parameter"]), value, span, "yes" if p.get("told") else "no"])
+    return Sheet(columns, cells, keys=2)
+
+
 def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
     """The verdict in words, both tables, what cannot be told apart, and what to do next."""
     out: list[Block] = []
@@ -48,6 +65,8 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
             out.append(Line(unsure))
         for chosen, *others in words.rivals(diagnosis):
             out.append(Line(f"{chosen} cannot be told from {words.join(others, 'or')}"))
+    if diagnosis.get("restarts"):
+        out.append(restarts_table(diagnosis))
     for a, b, r in correlations(_record(diagnosis))["strong"][:3]:
         out.append(Line(f"note: {a} and {b} are correlated by {r}: trust their combination more than either"))
     out += [Line(f"note: {row['said']}") for row in diagnosis.get("windows") or ()]

@@ -8,6 +8,7 @@ DIAGNOSIS = (
     "headline",
     "explore",
     "found",
+    "restarts",
     "where_it_fails",
     "measured_vs_model",
     "maps",

@@ -1,0 +1,136 @@
+"""A free object's contact is named from its tosses: known truth from noise, and what no toss can tell."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from vispeg.core.effect import EffectInstance
+from vispeg.core.errors import UserError
+from vispeg.diagnosis.objects import contact_numbers, diagnose_object
+from vispeg.identify.restarts import Restarts
+from vispeg.identify.surface import line_searches, with_intervals
+from vispeg.recordings.importers.objects import import_object
+from vispeg.recordings.objects import ObjectRecording, load_object_recording, rates, turn_between, write_object
+from vispeg.robots.objects import CUBE, is_object, load_object
+from vispeg.worlds.world import World
+
+RATE, SAMPLES = 150.0, 70
+NOISE = 2e-4, 1e-3  # m, rad
+
+
+@pytest.fixture(scope="module")
+def cube(tmp_path_factory):
+    path = tmp_path_factory.mktemp("cube") / "cube.xml"
+    path.write_text(CUBE)
+    return path
+
+
+def tossed(seed, count=20, friction=0.5, solref=(0.02, 1.0)):
+    """Tosses by plain `mj_step` at a step four times finer than the model's, read with noise."""
+    spec = mujoco.MjSpec.from_string(CUBE)
+    spec.option.timestep = 1 / (RATE * 16)
+    shape = spec.body("cube").geoms[0]
+    shape.friction[0], shape.solref, shape.priority = friction, solref, 1
+    model, rng = spec.compile(), np.random.default_rng(seed)
+    data, pose, rate = mujoco.MjData(model), [], []
+    for _ in range(count):
+        mujoco.mj_resetData(model, data)
+        turn = rng.normal(size=4)
+        data.qpos[:] = [*rng.uniform(-0.1, 0.1, 2), rng.uniform(0.15, 0.25), *(turn / np.linalg.norm(turn))]
+        data.qvel[:] = [*rng.uniform(-1.2, 1.2, 2), -0.3, *rng.normal(scale=3.0, size=3)]
+        for _ in range(SAMPLES):
+            pose.append(data.qpos.copy())
+            rate.append(data.qvel.copy())
+            mujoco.mj_step(model, data, 16)
+    pose, rate = np.array(pose), np.array(rate)
+    pose[:, :3] += rng.normal(scale=NOISE[0], size=(len(pose), 3))
+    for p in pose:
+        mujoco.mju_quatIntegrate(p[3:], rng.normal(scale=NOISE[1], size=3), 1.0)
+    time = np.tile(np.arange(SAMPLES) / RATE, count)
+    return ObjectRecording(Path(f"toss-{seed}"), "cube", RATE, time, pose, rate, np.repeat(np.arange(count), SAMPLES))
+
+
+def test_a_rotation_between_two_orientations_turns_one_into_the_other():
+    rng = np.random.default_rng(0)
+    a = rng.normal(size=(50, 4))
+    a /= np.linalg.norm(a, axis=1, keepdims=True)
+    turn = rng.normal(size=(50, 3))
+    turn *= (rng.uniform(0, 3.1, 50) / np.linalg.norm(turn, axis=1))[:, None]
+    b = a.copy()
+    for q, t in zip(b, turn, strict=True):
+        mujoco.mju_quatIntegrate(q, t, 1.0)  # in the body's own frame
+    assert np.allclose(turn_between(a, b), turn, atol=1e-9)
+    assert np.allclose(turn_between(a, -b), turn, atol=1e-9)
+
+
+def test_velocities_from_poses_are_those_of_free_flight():
+    rec = tossed(1, 1)
+    flight = slice(1, 12)
+    found = rates(rec.pose, rec.time, rec.episode)[flight]
+    assert np.abs(found - rec.rate[flight])[:, :3].max() < 4 * NOISE[0] * RATE
+    assert np.abs(found - rec.rate[flight])[:, 3:].max() < 4 * NOISE[1] * RATE
+
+
+def test_the_right_model_predicts_windows_to_their_floor_and_the_wrong_one_does_not(cube):
+    truth = Restarts([tossed(2, 25)], load_object(cube), 0.04)
+    right, wrong = truth.residuals([World(), World().add(EffectInstance.of("contact_friction", "cube", scale=0.4))])
+    assert np.mean(right**2) < 3.0  # noise grows over a bounce, and the truth's steps are finer
+    assert np.mean(wrong**2) > 2 * np.mean(right**2)
+    assert truth.sigma[0] < 3 * NOISE[0] and truth.sigma[3] < 3 * NOISE[1]
+
+
+def test_mass_changes_no_toss(cube):
+    """In free flight and against a fixed table only forces over mass act."""
+    evidence = Restarts([tossed(3, 8)], load_object(cube), 0.04)
+    light, heavy = (World().add(EffectInstance.of("object_mass", "cube", scale=s)) for s in (1.0, 3.0))
+    a, b = (evidence.simulated([w]) for w in (light, heavy))
+    assert max(np.abs(x - y).max() for x, y in zip(a, b, strict=True)) < 1e-6
+
+
+@pytest.mark.parametrize("friction", [0.18, 0.8])
+def test_friction_is_recovered_inside_its_interval(cube, friction):
+    evidence = Restarts([tossed(4, 30, friction=friction)], load_object(cube), 0.04)
+    start = World().add(EffectInstance.of("contact_friction", "cube", scale=1.0))
+    fit = with_intervals(evidence, line_searches(evidence, start, [0], (0.9, 0.4)), [0], np.random.default_rng(0))
+    v = fit.effects[0].params["scale"]
+    assert 0.97 * v.low <= friction / 0.5 <= 1.03 * v.high  # the truth's steps are finer
+    assert v.high - v.low < 0.25 * v.value
+
+
+def test_the_hidden_effect_is_named_and_what_tosses_cannot_tell_is_said(cube):
+    model = load_object(cube)
+    fit, judge = tossed(5, friction=0.18), tossed(6, friction=0.18)
+    got = diagnose_object(World(robot=str(cube)), model, [fit], [judge])
+    assert [e["effect"] for e in got.record["effects"]] == ["contact_friction"]
+    assert abs(contact_numbers(model, got.world)["friction"] - 0.18) < 0.02
+    assert any("object_mass" in note for note in got.record["notes"])
+    rows = got.record["restarts"]
+    assert rows[0]["after"]["rms_m"] < 0.7 * rows[0]["before"]["rms_m"]
+
+
+def test_a_recording_is_read_back_and_an_archive_gives_the_same(tmp_path):
+    rec = tossed(7, 3)
+    write_object(rec, tmp_path / "toss")
+    back = load_object_recording(tmp_path / "toss")
+    assert np.abs(back.pose - rec.pose).max() < 1e-12 and np.array_equal(back.rate, rec.rate)
+    state = np.hstack([rec.pose, rec.rate])
+    np.savez(tmp_path / "all.npz", state=state, start=np.arange(0, 4 * SAMPLES, SAMPLES))
+    some = import_object(tmp_path / "all.npz", "cube", RATE, 1, 3)
+    assert np.array_equal(some.rate, rec.rate[SAMPLES:]) and len(some.tosses) == 2
+    for first, last in ((0, 4), (2, 2)):
+        with pytest.raises(UserError, match="--episodes"):
+            import_object(tmp_path / "all.npz", "cube", RATE, first, last)
+
+
+def test_what_is_no_object_is_refused(cube, tmp_path):
+    (tmp_path / "two.xml").write_text(
+        CUBE.replace("</worldbody>", "<body><joint/><geom size='.1'/></body></worldbody>")
+    )
+    assert is_object(cube) and not is_object(tmp_path / "two.xml")
+    with pytest.raises(UserError, match="no free object"):
+        load_object(tmp_path / "two.xml")
+    with pytest.raises(UserError, match="another object"):
+        Restarts([replace(tossed(8, 1), name_of="ball")], load_object(cube), 0.04)

@@ -1,0 +1,80 @@
+"""`vispeg.diagnose` of a free object: its model, its tosses, and what its contact lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.core.provenance import digest, here
+from vispeg.diagnosis.objects import diagnose_object
+from vispeg.diagnosis.run import Diagnosis
+from vispeg.recordings.objects import ObjectRecording, load_object_recording
+from vispeg.robots.objects import is_object, load_object
+from vispeg.sim.placement import activate
+from vispeg.worlds.model_file import load_model
+from vispeg.worlds.world import World
+
+Toss = ObjectRecording | str | Path
+
+
+def object_world(model: World | str | Path) -> World | None:
+    """The world of a model whose robot is a free object; None where it is something else."""
+    if isinstance(model, World):
+        return model if is_object(model.robot) else None
+    if Path(model).suffix.lower() in (".yaml", ".yml") and Path(model).is_file():
+        world = load_model(model)
+        return world if is_object(world.robot) else None
+    return World(robot=str(model)) if is_object(model) else None
+
+
+@dataclass(frozen=True)
+class Tosses:
+    """What a diagnosis of an object was made from."""
+
+    result: Diagnosis
+    files: tuple[str | Path, ...]
+    provenance: dict[str, object]
+
+
+def diagnose_tosses(
+    world: World,
+    recordings: object,
+    validate: object,
+    seed: int,
+    threads: int,
+    say: Callable[[str], None],
+) -> Tosses:
+    """Names what an object's contact lacks; arguments as for `vispeg.diagnose`.
+
+    Raises:
+        UserError: no recordings, one on both sides, of another object, or effects that have no place on it.
+    """
+    fit, judge = (_several(sources) for sources in (recordings, validate))
+    for key, sources in (("--recording", fit), ("--validate", judge)):
+        if not sources:
+            raise UserError("no recording given", key=key, expected="at least one folder of an object's tosses")
+    model = load_object(world.robot)
+    activate(model, [world])  # type: ignore[arg-type]  # raises for an effect that has no place here
+    fitted, held_out = ([_read(s) for s in sources] for sources in (fit, judge))
+    for held in held_out:
+        for rec in fitted:
+            if np.array_equal(held.pose, rec.pose):
+                raise UserError(f"a copy of {rec.path}, which is fitted", file=held.path, expected="other tosses")
+    result = diagnose_object(world, model, fitted, held_out, seed=seed, nthread=threads, say=say)
+    paths = [r.path for r in (*fitted, *held_out)]
+    stamp = here(seed, {str(p): f"sha256:{digest(p)}" for p in paths if p.exists()})
+    return Tosses(result, (world.robot, *(p for p in paths if p.exists())), stamp)
+
+
+def _several(sources: object) -> list[Toss]:
+    if isinstance(sources, ObjectRecording | str | Path):
+        return [sources]
+    return [*sources] if isinstance(sources, Sequence) else []  # type: ignore[list-item]
+
+
+def _read(source: Toss) -> ObjectRecording:
+    return source if isinstance(source, ObjectRecording) else load_object_recording(source)
