@@ -8,7 +8,6 @@ DIAGNOSIS = (
     "headline",
     "explore",
     "found",
-    "restarts",
     "where_it_fails",
     "measured_vs_model",
     "maps",
@@ -19,3 +18,4 @@ DIAGNOSIS = (
     "provenance",
 )
 COMPARE = ("headline", "explore", "where_it_fails", "measured_vs_model", "maps", "provenance")
+OBJECT = ("headline", "found", "restarts", "candidates", "confusions", "next_experiment", "provenance")
