@@ -1,0 +1,200 @@
+"""A model's pictures against a recording's, frame by frame: borders in px, depth in mm, light in grey levels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.recordings.frames.frames import RecordedFrame
+from vispeg.recordings.frames.joints import joints_at
+from vispeg.recordings.recording import Recording
+from vispeg.render.backend import BackendName
+from vispeg.robots.scene import Scene
+from vispeg.vision.borders import Borders, borders_of
+from vispeg.vision.depth import DepthQuality, DepthResidual, depth_quality, depth_residual
+from vispeg.vision.eye import camera_of, delay_of
+from vispeg.vision.photometry import LightResidual, light_residual
+from vispeg.vision.predict import Predictor, Seen
+from vispeg.vision.search import Displacements, search
+from vispeg.worlds.world import World
+
+WINDOW = 8.0  # px
+FLAT = "table"
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """One frame, measured and predicted; what a camera does not deliver is None.
+
+    Attributes:
+        recording: name.
+        frame: as measured.
+        seen: as predicted.
+        borders, found: predicted, and where the picture has them.
+        depth, quality: residual and figures of depth.
+        light: residual of colour.
+    """
+
+    recording: str
+    frame: RecordedFrame
+    seen: Seen
+    borders: Borders
+    found: Displacements | None
+    depth: DepthResidual | None
+    quality: DepthQuality | None
+    light: LightResidual | None
+
+    @property
+    def border_rms(self) -> float | None:
+        """RMS displacement of the borders, px."""
+        return _rms(None if self.found is None else self.found.along)
+
+    @property
+    def depth_error(self) -> np.ndarray:
+        """(n,) mm, of the interior pixels that have a reading."""
+        if self.depth is None:
+            return np.zeros(0)
+        error = self.depth.error[self.depth.interior]
+        return 1e3 * error[np.isfinite(error)]
+
+    @property
+    def depth_rms(self) -> float | None:
+        """RMS error of depth on the interior, mm."""
+        return _rms(self.depth_error)
+
+    @property
+    def light_rms(self) -> float | None:
+        """RMS error of colour after gain and offset, grey levels."""
+        return _rms(None if self.light is None else self.light.error)
+
+    def row(self) -> dict[str, Any]:
+        """For a record."""
+        quality = self.quality
+        return {
+            "recording": self.recording,
+            "camera": self.frame.camera.name,
+            "time": self.frame.time,
+            "episode": self.frame.episode,
+            "border_px": self.border_rms,
+            "borders": 0 if self.found is None else int(np.isfinite(self.found.along).sum()),
+            "depth_mm": self.depth_rms,
+            "grey": self.light_rms,
+            "fill_rate": None if quality is None else quality.fill_rate,
+            "z_accuracy": None if quality is None else quality.z_accuracy,
+            "plane_fit_rms_mm": None if quality is None else quality.plane_fit_rms_mm,
+            "distance": None if quality is None else quality.distance,
+        }
+
+
+def _rms(values: np.ndarray | None) -> float | None:
+    if values is None or not np.isfinite(values).any():
+        return None
+    return float(np.sqrt(np.nanmean(np.square(values, dtype=np.float64))))
+
+
+def compare_frames(
+    rec: Recording,
+    scene: Scene,
+    world: World,
+    *,
+    backend: BackendName = "auto",
+    told: Callable[[float], None] = lambda share: None,
+) -> list[Compared]:
+    """Predicts each frame of a recording at its measured joint angles.
+
+    Frames at whose time the joints are not known (a gap in the log, a window that was not chosen) are left out.
+
+    Args:
+        rec: with frames; its cameras state where they sit.
+        scene: the cell as its user believes it, whose cameras are the recording's.
+        world: the effects that the model has.
+        backend: of the renderer.
+        told: is told which share is done.
+
+    Raises:
+        UserError: a camera without a pose, or no frame whose joint angles are known.
+    """
+    if rec.frames is None or not len(rec.frames):
+        raise UserError("has no frames", file=rec.path)
+    frames = rec.frames
+    cameras = [camera_of(frames.cameras[name]) for name in frames.names]
+    delays = np.array([delay_of(world, frame.camera.name) for frame in frames])
+    angles = joints_at(rec, frames.times - delays, frames.episodes)
+    done: list[Compared] = []
+    with Predictor(scene, cameras, backend) as predictor:
+        predictor.see(world)
+        for i, (frame, q) in enumerate(zip(frames, angles, strict=True)):
+            if np.isfinite(q).all():
+                done.append(compare_one(rec.name, frame, predictor, q))
+            told((i + 1) / len(frames))
+    if not done:
+        raise UserError("no frame lies where the joint angles are known", file=rec.path)
+    return done
+
+
+def compare_one(recording: str, frame: RecordedFrame, predictor: Predictor, q: np.ndarray) -> Compared:
+    """One frame against what a predictor draws at measured joint angles q (nj,) rad, in its present world."""
+    seen = predictor.draw(frame.camera.name, q)
+    borders = borders_of(seen, predictor.geometry)
+    rgb, depth = frame.rgb, frame.depth
+    residual = None if depth is None else depth_residual(depth, seen)
+    flat = 1 + list(predictor.scene.parts).index(FLAT) if FLAT in predictor.scene.parts else None
+    return Compared(
+        recording,
+        frame,
+        seen,
+        borders,
+        None if rgb is None else search(rgb, borders, WINDOW),
+        residual,
+        None if depth is None or residual is None else depth_quality(depth, seen, residual, flat),
+        None if rgb is None else light_residual(rgb, seen),
+    )
+
+
+def summary(compared: Sequence[Compared]) -> list[dict[str, Any]]:
+    """Figures of each camera over all its frames; None where there is nothing to tell them from."""
+    out = []
+    for name in dict.fromkeys(c.frame.camera.name for c in compared):
+        mine = [c for c in compared if c.frame.camera.name == name]
+        along = [c.found.along for c in mine if c.found is not None]
+        depth = [c.depth_error for c in mine if c.depth is not None]
+        quality = [c.quality for c in mine if c.quality is not None]
+        light = [c.light for c in mine if c.light is not None]
+        out.append(
+            {
+                "camera": name,
+                "frames": len(mine),
+                "border_px": _pooled(along),
+                "border_median_px": _median(along, size=True),
+                "border_found": float(np.mean(np.isfinite(np.concatenate(along)))) if along else None,
+                "depth_mm": _pooled(depth),
+                "depth_median_mm": _median(depth, size=True),
+                "depth_bias_mm": _median(depth),
+                "grey": _pooled([x.error.ravel() for x in light]),
+                "gain": np.median([x.gain for x in light], axis=0).tolist() if light else None,
+                **{key: _middle([getattr(q, key) for q in quality]) for key in QUALITY},
+            }
+        )
+    return out
+
+
+QUALITY = ("fill_rate", "z_accuracy", "plane_fit_rms", "plane_fit_rms_mm", "subpixel_rms")
+
+
+def _pooled(parts: Sequence[np.ndarray]) -> float | None:
+    return _rms(np.concatenate(parts)) if parts else None
+
+
+def _median(parts: Sequence[np.ndarray], size: bool = False) -> float | None:
+    values = np.concatenate(parts) if parts else np.zeros(0)
+    values = values[np.isfinite(values)]
+    return float(np.median(np.abs(values) if size else values)) if len(values) else None
+
+
+def _middle(values: Sequence[float | None]) -> float | None:
+    known = [v for v in values if v is not None]
+    return float(np.median(known)) if known else None

@@ -1,0 +1,123 @@
+"""The depth channel: measured less predicted distance, and the figures by which depth cameras are judged.
+
+Interior pixels (away from every border) tell scale, bias and noise; the band along the borders tells fattened edges,
+shadows and holes. The names of the figures are those of Intel's depth quality tool (librealsense,
+tools/depth-quality, "Subpixel Linearity from an Affine Depth Pattern" and "Depth Quality Testing Methodology").
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vispeg.vision.predict import Seen
+
+CLEAR = 5  # px from a border at which a pixel is interior
+BAND = 3  # px to either side of a border
+JUMP = 0.02  # share of the depth by which neighbours differ where there is an edge within a part
+PLANE = 200  # interior pixels of a flat part that a plane needs
+OUTLIERS = 0.005  # share of a plane's pixels at either end that are left out, as librealsense does
+BASELINE = 0.05  # m, of the stereo pair that sub-pixel errors are stated for (RealSense D415: 55 mm, D435: 50 mm)
+
+
+@dataclass(frozen=True, eq=False)
+class DepthResidual:
+    """One depth picture against its prediction, (H, W) each.
+
+    Attributes:
+        error: m, measured minus predicted; NaN where either has no reading.
+        interior: bool, away from borders, with a prediction.
+        band: bool, along a border.
+        hole: bool, no reading where there should be one.
+    """
+
+    error: np.ndarray
+    interior: np.ndarray
+    band: np.ndarray
+    hole: np.ndarray
+
+
+def depth_residual(measured: np.ndarray, seen: Seen, clear: int = CLEAR, band: int = BAND) -> DepthResidual:
+    """Measured minus predicted depth.
+
+    Args:
+        measured: (H, W) m, 0 = no reading.
+        seen: the prediction.
+        clear, band: px from a border at which a pixel is interior, or belongs to the band.
+    """
+    import cv2
+
+    predicted, there = seen.depth, seen.depth > 0
+    edge = np.zeros(there.shape, bool)
+    for axis in (0, 1):
+        a, b = (np.moveaxis(x, axis, 0) for x in (seen.parts, predicted))
+        step = (a[1:] != a[:-1]) | (np.abs(b[1:] - b[:-1]) > JUMP * np.maximum(np.minimum(b[1:], b[:-1]), 1e-3))
+        mark = np.moveaxis(edge, axis, 0)
+        mark[1:] |= step
+        mark[:-1] |= step
+    off = cv2.distanceTransform((~edge).astype(np.uint8), cv2.DIST_L2, 5)
+    error = np.where(there & (measured > 0), measured - predicted, np.nan).astype(np.float32)
+    return DepthResidual(error, there & (off >= clear), there & (off < band), there & ~(measured > 0))
+
+
+@dataclass(frozen=True)
+class DepthQuality:
+    """Figures of depth pictures, in librealsense's words; None where there is too little to tell.
+
+    Attributes:
+        fill_rate: % of the interior pixels that have a reading.
+        z_accuracy: % of the distance, median of the signed error on the interior.
+        plane_fit_rms: % of the distance, RMS off a plane fitted to the measured points of a flat part.
+        plane_fit_rms_mm: the same in mm.
+        subpixel_rms: px of disparity, the same for a stereo pair with a baseline of `BASELINE` and this focal length.
+        distance: m, median.
+    """
+
+    fill_rate: float
+    z_accuracy: float | None
+    plane_fit_rms: float | None
+    plane_fit_rms_mm: float | None
+    subpixel_rms: float | None
+    distance: float | None
+
+
+def depth_quality(measured: np.ndarray, seen: Seen, residual: DepthResidual, flat: int | None) -> DepthQuality:
+    """The figures of one picture.
+
+    Args:
+        measured: (H, W) m, 0 = no reading.
+        seen: the prediction.
+        residual: of the two.
+        flat: the part whose surface is a plane (a table), counted as `Seen.parts`; None where there is none.
+    """
+    inside, read = residual.interior, measured > 0
+    both = inside & read
+    fill = 100.0 * float(both.sum()) / max(int(inside.sum()), 1)
+    if not both.any():
+        return DepthQuality(fill, None, None, None, None, None)
+    accuracy = 100.0 * float(np.median(residual.error[both] / seen.depth[both]))
+    plane = both & (seen.parts == flat) if flat is not None else np.zeros_like(both)
+    rest: tuple[float | None, ...] = (None, None, None)
+    if plane.sum() >= PLANE:
+        rest = _plane(measured[plane].astype(float), seen.eye.rays()[plane], seen.eye.believed.fx)
+    return DepthQuality(fill, accuracy, *rest, float(np.median(seen.depth[both])))
+
+
+def _plane(z: np.ndarray, rays: np.ndarray, focal: float) -> tuple[float, float, float]:
+    """RMS off the plane through points z * rays: % of the distance, mm, and px of disparity.
+
+    On a plane 1 / z is linear in the ray's X / Z and Y / Z, so that it is fitted where noise is even (disparity); the
+    distance from the plane is taken along its normal.
+    """
+    design = np.concatenate([rays[:, :2], np.ones((len(z), 1))], 1)
+    keep = np.ones(len(z), bool)
+    for _ in range(2):
+        solution = np.linalg.lstsq(design[keep], 1 / z[keep], rcond=None)[0]
+        off = 1 / z - design @ solution
+        low, high = np.quantile(off, [OUTLIERS, 1 - OUTLIERS])
+        keep = (off >= low) & (off <= high)
+    length = np.linalg.norm(solution)
+    apart = (z[:, None] * rays) @ solution - 1  # times the distance of the plane from the camera
+    rms = float(np.sqrt(np.mean(apart[keep] ** 2)) / length)
+    return 100.0 * rms / float(np.median(z)), 1e3 * rms, float(np.sqrt(np.mean(off[keep] ** 2)) * focal * BASELINE)

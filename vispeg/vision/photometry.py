@@ -1,0 +1,67 @@
+"""The light channel: what is left of a picture's light once a gain and an offset a colour are taken out.
+
+A look is not known, so each part of the picture may have a colour of its own; exposure and white balance are a gain a
+colour, stray light an offset. What a sensor does beyond that stays: vignetting, blur, noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vispeg.vision.predict import TO_LINEAR, Seen, encoded
+
+SATURATED = (2, 253)  # grey levels between which a pixel still says how much light there was
+ROUNDS, CUT = 4, 3.0  # of a robust fit: what is off by more than CUT sigma is left out
+
+
+@dataclass(frozen=True, eq=False)
+class LightResidual:
+    """One colour picture against its prediction.
+
+    Attributes:
+        error: (H, W, 3) grey levels, measured minus predicted after gain and offset; NaN where the picture is
+            saturated.
+        gain: (3,) measured over predicted linear light, red, green, blue.
+        offset: (3,) linear light.
+        matched: (H, W, 3) uint8, the prediction with gain and offset.
+        inlier: share of the pixels that the fit explains.
+    """
+
+    error: np.ndarray
+    gain: np.ndarray
+    offset: np.ndarray
+    matched: np.ndarray
+    inlier: float
+
+
+def light_residual(measured: np.ndarray, seen: Seen) -> LightResidual:
+    """Measured (H, W, 3) uint8 less predicted colour, after the affine map of linear light that fits best."""
+    light, predicted = TO_LINEAR[measured], TO_LINEAR[seen.rgb]
+    good = (measured > SATURATED[0]) & (measured < SATURATED[1]) & (seen.parts > 0)[..., None]
+    gain, offset, kept = np.ones(3), np.zeros(3), 0
+    for c in range(3):
+        y, x = light[..., c][good[..., c]].astype(float), predicted[..., c][good[..., c]].astype(float)
+        gain[c], offset[c], n = _affine(x, y)
+        kept += n
+    matched = encoded(predicted * gain.astype(np.float32) + offset.astype(np.float32))
+    error = np.where(good, measured.astype(np.float32) - matched, np.nan)
+    return LightResidual(error, gain, offset, matched, kept / max(int(good.sum()), 1))
+
+
+def _affine(x: np.ndarray, y: np.ndarray) -> tuple[float, float, int]:
+    """Gain and offset of y = gain x + offset with outliers left out, and how many pixels stayed."""
+    keep, gain, offset = np.ones(len(x), bool), 1.0, 0.0
+    for _ in range(ROUNDS):
+        if keep.sum() < 10:
+            return gain, offset, int(keep.sum())
+        mean_x, mean_y = x[keep].mean(), y[keep].mean()
+        spread = np.mean((x[keep] - mean_x) ** 2)
+        if spread < 1e-8:  # a picture of one colour: nothing tells gain from offset
+            return float(mean_y / max(mean_x, 1e-6)), 0.0, int(keep.sum())
+        gain = float(np.mean((x[keep] - mean_x) * (y[keep] - mean_y)) / spread)
+        offset = float(mean_y - gain * mean_x)
+        off = np.abs(y - gain * x - offset)
+        keep = off <= CUT * max(1.4826 * float(np.median(off)), 1e-3)
+    return gain, offset, int(keep.sum())
