@@ -64,6 +64,7 @@ perturb depth-S --out pushed-2
 """,
     "logs": "convert log.mcap --robot iiwa14 --out converted",
     "cluster": "render --world nominal --frames 2 --engine ray --out cluster",
+    "view": "view",
     "meshes": "evaluate expert --world own.yaml --episodes 1 --videos 0 --out meshes",
 }
 

@@ -116,8 +116,7 @@ def diagnose(
     given = read_inputs(model, recordings, validate, seconds=seconds, reading=reading)
     before = _before(model, baseline, seconds, reading)
     stamp = given.provenance(seed)
-    key = [*given.key(), seconds, seed, stamp["versions"], *([] if before is None else before.key())]
-    progress = None if part is None else Progress(Path(part) / "progress.json", key)
+    progress = None if part is None else progress_of(given, seconds, seed, Path(part), before)
     say("going on" if progress is not None and progress.resumed else "simulating")
     options = {"seed": seed, "nthread": threads, "say": say, "progress": progress}
     if before is None:
@@ -129,6 +128,13 @@ def diagnose(
     effects = result.world.effects[len(result.world.effects) - len(record["effects"]) :]
     files = given.files if before is None else (*given.files, *before.files)
     return DiagnosisResult(record, result.world, result.arrays, effects, files, progress)
+
+
+def progress_of(given: Inputs, seconds: float, seed: int, part: Path, before: Inputs | None = None) -> Progress:
+    """What a diagnosis with these arguments has worked out and kept in the folder `part`."""
+    stamp = given.provenance(seed)
+    key = [*given.key(), seconds, seed, stamp["versions"], *([] if before is None else before.key())]
+    return Progress(part / "progress.json", key)
 
 
 def _before(model: Model, baseline: Source | Sequence[Source], seconds: float, reading: Reading) -> Inputs | None:

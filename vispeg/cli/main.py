@@ -35,6 +35,7 @@ COMMANDS: dict[str, str] = {
     "measure": "vispeg.cli.measure",
     "camera": "vispeg.cli.camera",
     "report": "vispeg.cli.report",
+    "view": "vispeg.cli.view",
     "render": "vispeg.cli.render",
     "dataset": "vispeg.cli.dataset",
     "worlds": "vispeg.cli.worlds",

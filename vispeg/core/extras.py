@@ -13,6 +13,7 @@ EXTRAS = {
     "meshes": ("coacd",),
     "logs": ("rosbags",),
     "cluster": ("ray",),
+    "view": ("viser", "websockets"),
 }
 
 

@@ -52,12 +52,13 @@ class _Pool(ProcessPoolExecutor):
 
 
 def _begin(initializer: Callable[..., None] | None, initargs: tuple[Any, ...]) -> None:
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=end_with_parent, daemon=True).start()
     if initializer is not None:
         initializer(*initargs)
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
+    """Waits for the parent's end, then ends this process."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()  # a killed parent cannot say that there is nothing more to do

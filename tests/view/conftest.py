@@ -1,0 +1,65 @@
+"""A two-joint arm with a hidden effect, whose elbow has markup for a name, and a browser that looks at its page."""
+
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from loops import drive, recorded
+
+from vispeg.core.effect import EffectInstance
+from vispeg.core.seeds import stream
+from vispeg.recordings.write import write
+from vispeg.robots.model import load
+from vispeg.worlds.world import World
+
+ELBOW = "el<b>bow</b>"
+ARM = """
+<mujoco><compiler angle="radian"/>
+  <worldbody><body name="base"><geom type="cylinder" size="0.06 0.05" pos="0 0 0.05"/>
+    <body name="upper"><joint name="shoulder" axis="0 1 0"/>
+      <inertial pos="0 0 -0.2" mass="2" diaginertia="0.02 0.02 0.02"/>
+      <geom type="capsule" fromto="0 0 0 0 0 -0.4" size="0.03"/>
+      <body name="lower" pos="0 0 -0.4"><joint name="el&lt;b&gt;bow&lt;/b&gt;" axis="0 1 0"/>
+        <inertial pos="0 0 -0.15" mass="1" diaginertia="0.01 0.01 0.01"/>
+        <geom type="box" pos="0 0 -0.15" size="0.02 0.02 0.15"/>
+        <site name="flange" pos="0 0 -0.3"/></body></body></body></worldbody></mujoco>
+"""
+
+
+@pytest.fixture(scope="session")
+def elbow() -> str:
+    """The name of its second joint."""
+    return ELBOW
+
+
+@pytest.fixture(scope="session")
+def rigs(tmp_path_factory) -> Path:
+    """A folder with arm.xml and three recordings of it with 0.8 N m of dry friction in the shoulder."""
+    folder = tmp_path_factory.mktemp("rigs")
+    (folder / "arm.xml").write_text(ARM)
+    robot = load(folder / "arm.xml")
+    world = World().add(EffectInstance.of("coulomb_friction", "shoulder", torque=0.8))
+    for i, name in enumerate(("rig-a", "rig-b", "rig-c")):
+        t = np.arange(600) * 5e-3
+        swing = 1 - np.cos(2 * np.pi * np.outer(t, [0.7 + 0.2 * i, 1.1 - 0.2 * i]))
+        s = drive(robot, "position", 0.0, command=0.4 * swing, seconds=3.0, rate=200.0, kp=60.0, kd=4.0)
+        write(recorded(robot, robot.source, world, s, stream(5, i)), folder / name)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def chromium():
+    """A headless browser that draws by software."""
+    library = pytest.importorskip(
+        "playwright.sync_api", reason="the browser's driver is not installed: pip install playwright"
+    )
+    path = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
+    if path is None:
+        pytest.skip("no Chromium: apt-get install chromium")
+    with library.sync_playwright() as driver:
+        options = ["--no-sandbox", "--use-gl=swiftshader", "--enable-unsafe-swiftshader"]
+        browser = driver.chromium.launch(executable_path=path, args=options)
+        yield browser
+        browser.close()

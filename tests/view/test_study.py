@@ -1,0 +1,108 @@
+"""A diagnosis by hand does what the command does, and a killed one goes on where it stood."""
+
+import json
+
+import numpy as np
+import pytest
+
+from vispeg.api.diagnose import diagnose
+from vispeg.core.errors import UserError
+from vispeg.view.standing import Standing
+from vispeg.view.study import STEPS, Study
+
+
+class Heard(list):
+    def __call__(self, name, value):
+        self.append((name, value))
+
+    def last(self, name):
+        return [value for at, value in self if at == name][-1]
+
+
+def study(rigs, out, *, heard=None, model=None):
+    sides = (rigs / "rig-a", rigs / "rig-b"), (rigs / "rig-c",)
+    return Study(heard if heard is not None else Heard(), str(model or rigs / "arm.xml"), *sides, out, 1)
+
+
+@pytest.fixture(scope="module")
+def by_hand(rigs, tmp_path_factory):
+    """(study, heard) after the best candidate was pressed."""
+    heard, out = Heard(), tmp_path_factory.mktemp("view")
+    made = study(rigs, out, heard=heard)
+    made.show()
+    made.screen()
+    made.fit(heard.last("candidates")[0].key)
+    return made, heard
+
+
+def test_the_first_candidate_is_the_hidden_effect_and_the_error_falls_to_the_noise(by_hand):
+    made, heard = by_hand
+    assert heard.last("candidates")[0].key == "coulomb_friction:shoulder"
+    assert heard.last("candidates")[0].share > 0.9
+    now: Standing = heard.last("standing")
+    assert [e.key for e in now.effects] == ["coulomb_friction:shoulder"] and now.effects[0].size.startswith("0.80")
+    assert now.ladder[0].error > 100 * now.floor and now.ladder[-1].error < 3 * now.floor and now.enough
+
+
+def test_the_moment_of_a_cell_is_the_sample_that_misses_most_there(by_hand):
+    made, heard = by_hand
+    first: Standing = [v for at, v in heard if at == "standing"][0]
+    field = first.maps["time"]
+    j = first.joints.index("shoulder")
+    for i, (track, time) in enumerate(field.moment[j]):
+        assert field.edges[i] - 1e-6 <= time <= field.edges[i + 1] + 1e-6 and track == 0
+    assert np.nanmax(field.first[j]) > 3 * np.nanmax(field.first[1 - j])
+
+
+def test_the_search_by_itself_ends_with_the_model_of_the_command(rigs, tmp_path):
+    made = study(rigs, tmp_path)
+    made.run()
+    command = diagnose(str(rigs / "arm.xml"), [rigs / "rig-a", rigs / "rig-b"], rigs / "rig-c", threads=1)
+    assert made.state.world.label == command.world.label
+    assert made.state.world.values == command.world.values
+
+
+def test_a_step_is_taken_back_whole(rigs, by_hand, tmp_path):
+    heard = Heard()
+    made = study(rigs, tmp_path, heard=heard)
+    error, world = made.rungs[0].error, made.state.world
+    made.fit("coulomb_friction:shoulder")
+    made.undo()
+    assert made.state.world == world and [r.error for r in made.rungs] == [error]
+    assert json.loads((made.part / STEPS).read_text())["steps"] == []
+    with pytest.raises(UserError, match="nothing to take back"):
+        made.undo()
+
+
+def test_a_killed_one_goes_on_where_it_stood(rigs, by_hand):
+    made, _ = by_hand
+    heard = Heard()
+    again = study(rigs, made.part.parent, heard=heard)
+    assert again.part == made.part and again.state.world == made.state.world and again.rungs == made.rungs
+
+
+def test_another_search_in_the_same_folder_keeps_to_a_folder_of_its_own(rigs, by_hand, tmp_path):
+    made, _ = by_hand
+    other = tmp_path / "model.yaml"
+    made.save(other, False)
+    again = study(rigs, made.part.parent, model=other)
+    assert again.part.name == "found-2.part" and not again.done
+
+
+def test_what_is_refused_is_not_added_unless_the_user_wants_it(rigs, tmp_path, elbow):
+    heard = Heard()
+    made = study(rigs, tmp_path, heard=heard)
+    made.fit("coulomb_friction:shoulder")
+    made.fit(f"viscous_friction:{elbow}")
+    assert heard.last("tried").refused and len(made.state.world.effects) == 1
+    made.fit(f"viscous_friction:{elbow}", anyway=True)
+    assert len(made.state.world.effects) == 2 and len(made.rungs) == 3
+
+
+def test_without_a_recording_to_judge_on_the_model_is_compared_and_nothing_is_added(rigs, tmp_path):
+    heard = Heard()
+    made = Study(heard, str(rigs / "arm.xml"), (rigs / "rig-a",), (), tmp_path, 1)
+    made.show()
+    assert not heard.last("standing").judged and heard.last("standing").ladder[0].error > 0
+    with pytest.raises(UserError, match="to judge on"):
+        made.screen()

@@ -1,0 +1,75 @@
+"""Work in a process of its own: it answers in order, errors are told, and it can be stopped at any moment."""
+
+import threading
+import time
+
+import pytest
+
+from vispeg.core.errors import UserError
+from vispeg.view.worker import Worker
+
+
+class Counter:
+    def __init__(self, tell, start):
+        self.tell, self.count = tell, start
+
+    def add(self, number):
+        self.tell("adding", number)
+        self.count += number
+        return self.count
+
+    def refuse(self):
+        raise UserError("no", key="--number")
+
+    def fail(self):
+        return 1 / 0
+
+    def sleep(self):
+        self.tell("asleep", None)
+        time.sleep(60)
+
+
+class Ears:
+    def __init__(self):
+        self.heard, self.more = [], threading.Condition()
+
+    def __call__(self, *what):
+        with self.more:
+            self.heard.append(what)
+            self.more.notify_all()
+
+    def until(self, *what, seconds=60):
+        with self.more:
+            assert self.more.wait_for(lambda: what in [h[: len(what)] for h in self.heard], seconds), self.heard
+
+
+@pytest.fixture
+def ears():
+    return Ears()
+
+
+@pytest.fixture
+def worker(ears):
+    made = Worker(Counter, (3,), ears)
+    yield made
+    made.stop()
+
+
+def test_it_answers_in_order_and_outlives_errors(worker, ears):
+    for method, *args in (("add", 2), ("refuse",), ("fail",), ("add", 1)):
+        worker.ask(method, *args)
+    assert worker.busy
+    ears.until("done", "add", 6)
+    kinds = [kind for kind, *_ in ears.heard]
+    assert kinds == ["told", "done", "refused", "failed", "told", "done"]
+    assert ears.heard[2][2] == "--number: no" and "ZeroDivisionError" in ears.heard[3][2]
+    assert not worker.busy and worker.alive
+
+
+def test_it_is_stopped_in_the_middle(worker, ears):
+    worker.ask("sleep")
+    ears.until("told", "asleep")
+    start = time.monotonic()
+    worker.stop()
+    ears.until("stopped", "sleep")
+    assert time.monotonic() - start < 10 and not worker.alive and not worker.busy

@@ -1,0 +1,67 @@
+"""Opens a page in the browser: see where a model fails, add an effect by a click, watch the error fall.
+
+The page is served on this machine alone. Every step on it is also shown as the command that does the same. What it
+works out is kept in OUT, so that a page that was stopped goes on where it stood.
+
+Example:
+    vispeg view rig-a rig-b rig-c
+    vispeg view assets/recordings --model arm.urdf
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+from vispeg.cli.output import Output, Told
+
+
+@dataclass(frozen=True)
+class Args:
+    """Arguments of `vispeg view`."""
+
+    sources: tyro.conf.Positional[tuple[str, ...]] = ()
+    """Recordings, folders of recordings, logs, or a model file."""
+    model: str | None = None
+    """A model file, a robot's name, or a path to an MJCF or URDF; iiwa14 where none is named."""
+    out: Path = Path("vispeg-view")
+    """Folder for what the page writes."""
+    port: int = 8080
+    """Port to listen at; the next free one where it is taken."""
+    browser: bool = True
+    """Open the browser."""
+    dark: bool = False
+    """Light on dark."""
+    threads: int = 2
+    """Threads of the simulation."""
+    output: Told = Output()
+
+    def run(self) -> int:
+        """Serves the page until it is interrupted."""
+        import sys
+        import threading
+        import webbrowser
+        from dataclasses import replace
+
+        from vispeg.core.extras import require
+        from vispeg.view.opened import opened
+
+        what = opened(self.sources)
+        what = what if self.model is None else replace(what, model=self.model)
+        require("viser", "vispeg view")
+        from vispeg.view.app import App
+
+        app = App(what, self.out, port=self.port, threads=self.threads, dark=self.dark)
+        self.output.give({"url": app.url, "out": str(self.out)}, [f"{app.url} (Ctrl-C ends it)"])
+        sys.stdout.flush()  # a program that started this one reads the address now
+        if self.browser and not self.output.json:
+            webbrowser.open(app.url)
+        try:
+            threading.Event().wait()
+        except KeyboardInterrupt:
+            return 0
+        finally:
+            app.close()
+        return 0

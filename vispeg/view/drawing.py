@@ -1,0 +1,125 @@
+"""A MuJoCo model in the page's 3D view: a frame a body, its shapes in it; a posture moves the frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import mujoco
+import numpy as np
+
+if TYPE_CHECKING:
+    import viser
+
+G = mujoco.mjtGeom
+HIDDEN = 3  # geom groups from here on are for contact and marks
+
+
+@dataclass(frozen=True)
+class Look:
+    """Of all shapes at once, in place of their own colour (0 to 255): a ghost of a model beside the measured one."""
+
+    colour: tuple[int, int, int] | None = None
+    opacity: float | None = None
+
+
+class Drawing:
+    """A model under `root` of the scene.
+
+    Args:
+        scene: of the page.
+        root: name of the frame that holds it, such as `/arm`.
+        model: compiled.
+        look: of its shapes.
+        colours: geom name -> colour (3,) 0 to 1, in place of the model's.
+    """
+
+    def __init__(
+        self,
+        scene: viser.SceneApi,
+        root: str,
+        model: mujoco.MjModel,
+        look: Look = Look(),
+        colours: dict[str, tuple[float, float, float]] | None = None,
+    ):
+        self.model, self.data = model, mujoco.MjData(model)
+        self.root = scene.add_frame(root, show_axes=False)
+        self.frames: dict[int, Any] = {}
+        for g in range(model.ngeom):
+            body, name = int(model.geom_bodyid[g]), model.geom(g).name
+            if model.geom_group[g] >= HIDDEN or model.geom_rgba[g, 3] == 0 and model.geom_matid[g] < 0:
+                continue
+            shape = _shape(model, g)
+            if shape is None:
+                continue
+            if body not in self.frames:
+                self.frames[body] = scene.add_frame(f"{root}/body{body}", show_axes=False)
+            own = (colours or {}).get(name)
+            colour = look.colour or np.round(255 * np.asarray(own or _colour(model, g))).astype(int)
+            scene.add_mesh_simple(
+                f"{root}/body{body}/geom{g}",
+                *shape,
+                color=colour,
+                opacity=look.opacity,
+                flat_shading=model.geom_type[g] in (G.mjGEOM_BOX, G.mjGEOM_MESH) and len(shape[1]) < 200,
+                side="double",
+                position=model.geom_pos[g],
+                wxyz=model.geom_quat[g],
+            )
+        self.pose(model.qpos0)
+
+    def pose(self, qpos: np.ndarray) -> None:
+        """Moves it to the configuration (nq,)."""
+        self.data.qpos[:] = np.nan_to_num(qpos)
+        mujoco.mj_kinematics(self.model, self.data)
+        self.place(self.data.xpos, self.data.xquat)
+
+    def place(self, xpos: np.ndarray, xquat: np.ndarray) -> None:
+        """Moves its bodies to the positions (nbody, 3) and orientations (nbody, 4)."""
+        for body, frame in self.frames.items():
+            frame.position, frame.wxyz = xpos[body].copy(), xquat[body].copy()
+
+    def show(self, visible: bool) -> None:
+        """Whether it can be seen."""
+        self.root.visible = visible
+
+    def remove(self) -> None:
+        """Takes it away."""
+        self.root.remove()
+
+
+def _colour(model: mujoco.MjModel, g: int) -> tuple[float, ...]:
+    material = int(model.geom_matid[g])
+    rgba = model.geom_rgba[g]
+    if material >= 0 and np.allclose(rgba, (0.5, 0.5, 0.5, 1.0)):
+        rgba = model.mat_rgba[material]
+    return tuple(float(c) for c in rgba[:3])
+
+
+def _shape(model: mujoco.MjModel, g: int) -> tuple[np.ndarray, np.ndarray] | None:
+    """Vertices (V, 3) and faces (F, 3) of a geom in its own axes; None for what is not drawn."""
+    from trimesh import creation
+
+    kind, size = G(int(model.geom_type[g])), model.geom_size[g]
+    if kind == G.mjGEOM_MESH:
+        m = int(model.geom_dataid[g])
+        v, f = int(model.mesh_vertadr[m]), int(model.mesh_faceadr[m])
+        vertices = model.mesh_vert[v : v + int(model.mesh_vertnum[m])]
+        return vertices.copy(), model.mesh_face[f : f + int(model.mesh_facenum[m])].astype(np.uint32)
+    if kind == G.mjGEOM_BOX:
+        made = creation.box(extents=2 * size)
+    elif kind == G.mjGEOM_SPHERE:
+        made = creation.icosphere(subdivisions=2, radius=size[0])
+    elif kind == G.mjGEOM_ELLIPSOID:
+        made = creation.icosphere(subdivisions=2)
+        made.apply_scale(size)
+    elif kind == G.mjGEOM_CYLINDER:
+        made = creation.cylinder(radius=size[0], height=2 * size[1], sections=32)
+    elif kind == G.mjGEOM_CAPSULE:
+        made = creation.capsule(height=2 * size[1], radius=size[0], count=(16, 16))
+    elif kind == G.mjGEOM_PLANE:
+        extent = [2 * s if s > 0 else 4.0 for s in size[:2]]
+        made = creation.box(extents=(*extent, 1e-3))
+    else:
+        return None
+    return np.asarray(made.vertices, np.float32), np.asarray(made.faces, np.uint32)

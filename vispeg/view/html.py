@@ -1,0 +1,114 @@
+"""Pieces of the page that the toolkit has no element for: text from files never becomes markup."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vispeg.report import words
+from vispeg.report.quantities import plain, prefix, quantity
+from vispeg.report.sections.maps import LABELS, SHADES
+from vispeg.view.standing import Field, Standing, Tried
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+
+@cache
+def _templates() -> Environment:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    loader = PackageLoader("vispeg.view", "templates")
+    return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+
+
+def _page(template: str, **values: object) -> str:
+    return _templates().get_template(f"{template}.html.j2").render(values)
+
+
+def style() -> str:
+    """The style of the pieces; once a page."""
+    return _page("style")
+
+
+def note(text: str) -> str:
+    """A paragraph."""
+    return _page("note", text=text)
+
+
+def error(text: str) -> str:
+    """What went wrong, in the words of the command line."""
+    return _page("error", text=text)
+
+
+def commands(lines: list[str]) -> str:
+    """Commands, each with a button that copies it."""
+    return _page("commands", lines=lines)
+
+
+def ladder(standing: Standing) -> str:
+    """The error now, and how it fell model by model."""
+    errors = [rung.error for rung in standing.ladder]
+    high, low = max(errors), min([*errors, standing.floor or min(errors)]) / 1.6
+    low = min(low, high / 10) or 1e-12
+
+    def at(value: float) -> float:
+        return round(100 * float(np.clip(np.log(value / low) / np.log(high / low), 0, 1)), 1) if value > 0 else 0.0
+
+    rows = []
+    for i, rung in enumerate(standing.ladder):
+        change = words.change(errors[i - 1], rung.error) if i else ""
+        rows.append((rung.words, quantity(rung.error, f"{standing.unit}"), change, at(rung.error)))
+    against = words.against_floor(errors[-1], standing.floor)
+    now = quantity(errors[-1], f"{standing.unit} RMS")
+    floor = at(standing.floor) if standing.floor else None
+    held_out = "held-out error" if standing.judged else "error"
+    return _page("ladder", now=now, against=against, rows=rows, floor=floor, name=held_out, effects=standing.effects)
+
+
+def heat(standing: Standing, axis: str, chosen: str, target: str) -> str:
+    """The map of one axis as buttons; a press types `JOINT TRACK TIME` into the field whose label is for `target`."""
+    field = standing.maps[axis]
+    top = max(float(np.nanmax(field.first, initial=3.0)), 3.0)
+    rows = []
+    for j, joint in enumerate(standing.joints):
+        cells = [_cell(standing, field, j, i, top, joint) for i in range(field.now.shape[1])]
+        rows.append((joint, cells))
+    edges = [plain(0.0 if abs(e) < 1e-9 else e, 2) for e in field.edges]
+    ends = edges[0], edges[len(edges) // 2], edges[-1]
+    return _page("heat", rows=rows, ends=ends, label=LABELS[axis], chosen=chosen, target=target)
+
+
+def _cell(standing: Standing, field: Field, j: int, i: int, top: float, joint: str) -> dict[str, str] | None:
+    value = float(field.now[j, i])
+    if not np.isfinite(value) or not np.isfinite(field.moment[j, i]).all():
+        return None
+    track, time = int(field.moment[j, i, 0]), float(field.moment[j, i, 1])
+    low, high = plain(field.edges[i], 2), plain(field.edges[i + 1], 2)
+    share = float(np.clip(np.log(max(value, 1.0)) / np.log(top), 0, 1))
+    colour, dark = _shade(share)
+    title = f"{joint}, {low} to {high}: {plain(value, 2)} times the noise; {standing.tracks[track].name}, {time:.2f} s"
+    go = f"{joint} {track + 1} {time:.3f}"
+    text = f"{value:.0f}" if value < 999.5 else f"{value / 1000:.0f}k"
+    return {"go": go, "title": title, "colour": colour, "ink": "#fff" if dark else "#16181d", "text": text}
+
+
+def _shade(share: float) -> tuple[str, bool]:
+    """A colour of the reports' scale, and whether it is dark."""
+    parts = np.array([[int(c[k : k + 2], 16) for k in (1, 3, 5)] for c in SHADES], float)
+    x = share * (len(parts) - 1)
+    k = min(int(x), len(parts) - 2)
+    rgb = parts[k] + (x - k) * (parts[k + 1] - parts[k])
+    return "#" + "".join(f"{round(v):02x}" for v in rgb), float(rgb @ (0.299, 0.587, 0.114)) < 125
+
+
+def tried(trials: list[Tried], said: list[str], unit: str) -> str:
+    """What was tried and refused, and why; the newest first."""
+    rows = []
+    for t in reversed(trials):
+        factor, name = prefix(max(t.before, t.after), unit)
+        text = f"{plain(factor * t.before)} to {plain(factor * t.after)} {name}"
+        rows.append((t.words, t.size, text, t.refused))
+    return _page("tried", rows=rows, said=said)

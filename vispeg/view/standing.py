@@ -1,0 +1,107 @@
+"""What the worker tells of a search: plain data that the page draws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Named:
+    """An effect in words (`Coulomb friction in joint 4`), its size (`1.20 N m`), and its name `EFFECT:WHERE`."""
+
+    words: str
+    size: str
+    key: str
+
+
+@dataclass(frozen=True)
+class Rung:
+    """A model of the ladder: what was added to the one before, and its held-out RMS error."""
+
+    words: str
+    error: float
+
+
+@dataclass(frozen=True)
+class Track:
+    """One held-out stretch.
+
+    Attributes:
+        name: the recording's.
+        time: (n,) s.
+        posture: (n, nj) rad, measured.
+        measured, first, now: (n, nj) in the principal unit; of the model as it was given, and as it is.
+    """
+
+    name: str
+    time: np.ndarray
+    posture: np.ndarray
+    measured: np.ndarray
+    first: np.ndarray
+    now: np.ndarray
+
+
+@dataclass(frozen=True)
+class Field:
+    """A map of the missing torque over one axis: edges (k+1,), RMS over its noise first and now (nj, k).
+
+    `moment` (nj, k, 2) is the track and the time, s, at which most is missing in a cell; NaN in an empty one.
+    """
+
+    edges: np.ndarray
+    first: np.ndarray
+    now: np.ndarray
+    moment: np.ndarray
+
+
+@dataclass(frozen=True)
+class Standing:
+    """Where a search stands.
+
+    Attributes:
+        robot: as its model names it; `tool` likewise.
+        joints: names.
+        unit: of errors and tracks.
+        floor: RMS of the sensor noise.
+        ladder: models, the given one first.
+        effects: that were added, as they are now fitted; `given` those of the user's model.
+        tracks, maps: what was measured and predicted; maps by axis, none where torque says nothing.
+        judged: whether there is a recording to judge on; only then effects can be added.
+        enough: whether the error is so near the noise that nothing more could be named.
+    """
+
+    robot: str
+    tool: object
+    joints: tuple[str, ...]
+    unit: str
+    floor: float
+    ladder: tuple[Rung, ...]
+    effects: tuple[Named, ...]
+    given: tuple[Named, ...]
+    tracks: tuple[Track, ...]
+    maps: Mapping[str, Field]
+    judged: bool
+    enough: bool
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A candidate: its members as `EFFECT:WHERE` joined by `+`, in words, and the share of the error it promises."""
+
+    key: str
+    words: str
+    share: float
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A candidate that was fitted: held-out error before and after, RMS; `refused` says why it does not pass."""
+
+    words: str
+    size: str
+    before: float
+    after: float
+    refused: str

@@ -1,0 +1,93 @@
+"""A process of its own for long work: it does one thing after the other, tells how far it is, and can be stopped.
+
+What it does is told in plain data, so that the page stays alive while it works and outlives it where it fails.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+import threading
+import traceback
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from typing import Any, Literal
+
+from vispeg.core.errors import UserError
+from vispeg.core.workers import end_with_parent, one_thread
+
+Kind = Literal["told", "done", "refused", "failed", "stopped"]
+Tell = Callable[[str, Any], None]
+Heard = Callable[[Kind, str, Any], None]
+
+
+class Worker:
+    """One process that owns one object, and calls its methods by name.
+
+    Args:
+        make: `make(tell, *args)` makes the object in the process; `tell(name, value)` of it reaches `heard`.
+        args: of `make`; data that can be pickled, between these two processes alone.
+        heard: is told from a thread of this process: ("told", name, value), ("done", method, result), ("refused" or
+            "failed", method, text), ("stopped", method, None).
+    """
+
+    def __init__(self, make: Callable[..., object], args: tuple[Any, ...], heard: Heard):
+        self.heard, self._asked = heard, list[str]()
+        context = multiprocessing.get_context("spawn")
+        self._pipe, theirs = context.Pipe()
+        self._process = context.Process(target=_work, args=(theirs, make, args), daemon=True)
+        with one_thread():
+            self._process.start()
+        theirs.close()
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def ask(self, method: str, *args: Any) -> None:
+        """Has a method called once everything asked for before is done."""
+        self._asked.append(method)
+        self._pipe.send((method, args))
+
+    @property
+    def busy(self) -> bool:
+        """Whether something that was asked for is not done."""
+        return bool(self._asked)
+
+    @property
+    def alive(self) -> bool:
+        """Whether the process runs."""
+        return self._process.is_alive()
+
+    def stop(self) -> None:
+        """Ends the process at once; what it was at is lost, what it wrote before stays."""
+        self._process.kill()
+        self._process.join()
+
+    def _listen(self) -> None:
+        while True:
+            try:
+                kind, name, value = self._pipe.recv()
+            except (EOFError, OSError):
+                at, self._asked = self._asked[0] if self._asked else "", []
+                self.heard("stopped", at, None)
+                return
+            if kind != "told" and self._asked:
+                self._asked.pop(0)
+            self.heard(kind, name, value)
+
+
+def _work(pipe: Connection, make: Callable[..., Any], args: tuple[Any, ...]) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the page's process ends this one
+    threading.Thread(target=end_with_parent, daemon=True).start()
+    made: Any = None
+    while True:
+        try:
+            method, given = pipe.recv()
+        except EOFError:
+            return
+        try:
+            if made is None:
+                made = make(lambda name, value: pipe.send(("told", name, value)), *args)
+            pipe.send(("done", method, getattr(made, method)(*given)))
+        except UserError as error:
+            pipe.send(("refused", method, str(error)))
+        except Exception:
+            pipe.send(("failed", method, traceback.format_exc()))
