@@ -42,6 +42,7 @@ class Effect(ABC):
         grows_from: simpler effects that it may be mistaken for, each with {own parameter: the simpler one's parameter}
             from whose fitted value its own fit should start.
         contains: simpler effects that this one turns into at some of its values; it rivals them only by being better.
+        moments: shapes in which, times the magnitude, the effect is linear: a mass at x is a moment of mass times x.
         torqueless: True where no torque is missing at the joint, so that the effect is looked for at every joint.
         common: what every arm has in every joint is tried there at once, with all effects of the same word here.
         shared: True where one value for all joints (`where: all`) is the natural first guess.
@@ -56,6 +57,7 @@ class Effect(ABC):
     smooth: ClassVar[bool] = True
     shared: ClassVar[bool] = False
     common: ClassVar[str] = ""
+    moments: ClassVar[tuple[str, ...]] = ()
     torqueless: ClassVar[bool] = False
     telling: ClassVar[tuple[str, ...]] = ()
     contains: ClassVar[tuple[str, ...]] = ()
@@ -189,6 +191,12 @@ class Effect(ABC):
     def magnitudes(self) -> list[str]:
         """The parameters whose null makes the effect vanish (all but the shape parameters)."""
         return [name for name, param in self.params.items() if not param.shape]
+
+    @property
+    def straight(self) -> bool:
+        """Whether what it does grows in proportion to its magnitudes, so that linear algebra can propose it."""
+        bent = any(p.scale == "log" or p.shape and not self.moments for p in self.params.values())
+        return self.smooth and not self.torqueless and not bent
 
 
 ALL_NAMES = "`vispeg effects` lists all"

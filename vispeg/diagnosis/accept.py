@@ -11,7 +11,7 @@ from scipy import stats
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.bic import bic_gain
 from vispeg.diagnosis.judge import Judge, parameters, present
-from vispeg.diagnosis.state import State, Trial
+from vispeg.diagnosis.state import State, Trial, without
 
 if TYPE_CHECKING:
     from vispeg.diagnosis.search import Search
@@ -33,7 +33,8 @@ def ranked(search: Search, state: State, trials: list[Trial], tested: int) -> li
     for t in trials:
         why = ""
         share = t.gain.mean / state.scale
-        alike = [e for e in state.world.effects if _alike(e, t.score.placed)] if not t.score.beside else []
+        stays = without(state.world, t.score.out).effects if not t.score.beside else ()
+        alike = [e for e in stays if _alike(e, t.score.placed)]
         beside = max(alike, key=state.removed_by, default=None)
         refines = t.gain.mean / state.removed_by(beside) if beside is not None else 1.0
         if beside is not None and refines < REFINEMENT and t.gain.relative < CLEAR:

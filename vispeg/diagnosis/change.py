@@ -51,5 +51,14 @@ def diagnose_change(
     say("the baseline")
     arm = diagnose(world, baseline[:-1], baseline[-1:], plan_next=False, progress=both.part("baseline"), **options)
     say("what changed")
-    found = diagnose(arm.world, fitted, held_out, plan_next=plan_next, progress=both, **options)
-    return replace(found, record=found.record | {"baseline": {key: arm.record[key] for key in TOLD}})
+    marked = {e.label: e for e in arm.world.effects}
+    held = replace(arm.world, effects=tuple(replace(e, partial=False) for e in arm.world.effects))
+    found = diagnose(held, fitted, held_out, plan_next=plan_next, progress=both, **options)
+    effects = tuple(
+        replace(e, partial=marked[e.label].partial) if e.label in marked else e for e in found.world.effects
+    )
+    return replace(
+        found,
+        world=replace(found.world, effects=effects),
+        record=found.record | {"baseline": {key: arm.record[key] for key in TOLD}},
+    )

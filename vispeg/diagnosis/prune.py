@@ -8,13 +8,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from vispeg.core.effect import effect
 from vispeg.diagnosis.cross import reduced
+from vispeg.diagnosis.dictionary import null_of
 from vispeg.diagnosis.judge import Gain
-from vispeg.diagnosis.state import State
-from vispeg.identify.fit import Fit
+from vispeg.diagnosis.state import State, without
 
 if TYPE_CHECKING:
     from vispeg.diagnosis.search import Search
@@ -30,12 +27,10 @@ def prune(search: Search, state: State, given: int) -> None:
         dropped = _spare(search, state, given) or _refused(search, state, given)
         if not dropped:
             return
-        world = state.world
-        for k in dropped:
-            world = world.without(state.world.effects[k].effect, state.world.effects[k].where)
-            search.say(f"{state.world.effects[k].label} is no longer needed")
-        columns = state.fit.jacobian[:, [a.index not in dropped for a in state.fit.space.axes]]
-        (fit,) = search.fits([world], given, iterations=4, columns=columns)
+        gone = [state.world.effects[k] for k in dropped]
+        world, columns = without(state.world, gone), state.derivatives(gone)
+        search.say(f"no longer needed: {', '.join(e.label for e in gone)}")
+        (fit,) = search.fits([world], given, iterations=4, columns=[columns])
         state.take(fit, search.judge.losses([fit.world])[0])
         state.cross = search.cross.loss_of(fit, fit.residual)
 
@@ -44,7 +39,7 @@ def _spare(search: Search, state: State, given: int) -> list[int]:
     """Effects of groups that the fitted recordings alone show to be useless, one after the other."""
     fit, gone = state.fit, []
     assert fit is not None
-    null = _nulls(fit)
+    null = null_of(fit)
     asked = [k for k in range(given, len(state.world.effects)) if state.grouped(state.world.effects[k])]
     best = search.cross.loss(fit.residual, fit.jacobian)
     while len(asked) > len(gone) and len(state.world.effects) - given - len(gone) > 1:
@@ -69,7 +64,7 @@ def _refused(search: Search, state: State, given: int) -> list[int]:
     """The effect that the held-out recordings need least, if they do not need it."""
     fit = state.fit
     assert fit is not None
-    null, places = _nulls(fit), list(range(given, len(state.world.effects)))
+    null, places = null_of(fit), list(range(given, len(state.world.effects)))
     worlds, crossed = [], []
     for k in places:
         out = [i for i, a in enumerate(fit.space.axes) if a.index == k]
@@ -97,13 +92,4 @@ def _matters(search: Search, state: State, k: int, gain: Gain) -> bool:
     """Whether an effect removes a visible share: of all the error, or for one of a group of that in its own joint."""
     placed, joints = state.world.effects[k], search.evidence.items[0].robot.joints
     local = gain.joints[joints.index(placed.where)] if placed.where in joints and state.grouped(placed) else 0.0
-    return gain.relative >= search.evidence.least_gain or local >= LOCAL
-
-
-def _nulls(fit: Fit) -> np.ndarray:
-    """Coordinates at which each effect vanishes; shapes stay as they are."""
-    out = fit.u.copy()
-    for i, axis in enumerate(fit.space.axes):
-        if not axis.param.shape and axis.name in effect(fit.world.effects[axis.index].effect).magnitudes:
-            out[i] = fit.space.forward(axis.param.null, axis)
-    return out
+    return bool(gain.relative >= search.evidence.least_gain or local >= LOCAL)

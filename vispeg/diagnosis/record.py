@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -34,15 +34,19 @@ def with_origin(
     before: float,
     after: float,
     partial: bool,
+    unsure: Collection[str] = (),
 ) -> World:
-    """The world whose effects after the first `given` say what they were fitted and judged on."""
+    """The world whose effects after the first `given` say what they were fitted and judged on.
+
+    `unsure` has the labels of those whose names are not certain.
+    """
     origin = {
         "fitted_on": [r.name for r in fitted],
         "validated_on": [r.name for r in held_out],
         "heldout_error_before": float(before),
         "heldout_error_after": float(after),
     }
-    found = (replace(e, origin=origin, partial=partial) for e in world.effects[given:])
+    found = (replace(e, origin=origin, partial=partial, tentative=e.label in unsure) for e in world.effects[given:])
     effects = world.effects[:given] + tuple(found)
     return replace(world, effects=effects)
 
@@ -78,10 +82,11 @@ def ladder(
             "unit": unit,
         }
     ]
-    worlds = [best.fit.world for best, _ in state.steps]
-    if state.steps and state.world.label != worlds[-1].label:
+    opened = [] if state.opened is None else [state.opened]
+    worlds = opened + [best.fit.world for best, _ in state.steps]
+    if worlds and state.world.label != worlds[-1].label:
         worlds.append(state.world)
-    labels = []
+    labels = ["partial effects fitted anew"] * len(opened)
     for best, _ in state.steps:
         labels.append(f"+ {best.score.label}")
     if len(worlds) > len(labels):

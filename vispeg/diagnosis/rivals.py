@@ -8,9 +8,12 @@ from dataclasses import dataclass
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.accept import equal
 from vispeg.diagnosis.judge import present
-from vispeg.diagnosis.screen import candidates
+from vispeg.diagnosis.screen import Score, candidates
 from vispeg.diagnosis.search import Search, shortlist
 from vispeg.diagnosis.state import State, Trial
+
+FEW = 3  # effects up to which the whole library is screened in the place of each
+MOST = 3  # rivals of one of many effects that are fitted
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,8 @@ def find_rivals(search: Search, state: State, given: int, say: Callable[[str], N
     chosen = state.world.effects[given:]
     if len(chosen) == 1 and len(state.steps) == 1:
         return [_compare(search, state, chosen[0].label, list(state.steps[0][1]), state.first)]
+    if len(chosen) > FEW:
+        return [_proposed(search, state, placed, given, say) for placed in chosen]
     out = []
     for placed in chosen:
         say(f"looking for rivals of {placed.label}")
@@ -34,20 +39,28 @@ def find_rivals(search: Search, state: State, given: int, say: Callable[[str], N
         joints = search.evidence.items[0].robot.joints
         near = [placed.where] if placed.where in joints else list(joints)[:0]
         places = [c for c in candidates(search.evidence, reduced.world, near) if c != (placed.effect, placed.where)]
-        jacobian = None if reduced.fit is None else reduced.fit.jacobian
-        scores = search.screened(reduced.world, reduced.residual, jacobian, places, search.missing(reduced.world))
+        scores = search.screened(reduced.world, reduced.residual, reduced.fit, places, search.missing(reduced.world))
         trials = search.try_all(reduced, shortlist(scores, 5), given, len(places)) if scores else []
         out.append(_compare(search, state, placed.label, trials, search.judge.mean(reduced.loss)))
     return out
+
+
+def _proposed(search: Search, state: State, placed: EffectInstance, given: int, say: Callable[[str], None]) -> Rivals:
+    """Rivals that linear algebra proposes in the place of one of many effects, each fitted and judged."""
+    (exchange,) = [e for e in search.exchanges(state) if e.label == placed.label]
+    if not exchange.rivals:
+        return Rivals(placed.label, (), ())
+    say(f"looking for rivals of {placed.label}")
+    reduced = _without(search, state, placed, given)
+    trials = search.try_all(reduced, [Score(r, 0.0) for r in exchange.rivals[:MOST]], given, len(exchange.rivals))
+    return _compare(search, state, placed.label, trials, search.judge.mean(reduced.loss))
 
 
 def _without(search: Search, state: State, placed: EffectInstance, given: int) -> State:
     """The state without one effect, the others fitted anew with the derivatives that they had."""
     world, fit = state.world.without(placed.effect, placed.where), None
     if len(world.effects) > given and state.fit is not None:
-        gone = state.world.effects.index(placed)
-        columns = state.fit.jacobian[:, [a.index != gone for a in state.fit.space.axes]]
-        (fit,) = search.fits([world], given, iterations=5, columns=columns)
+        (fit,) = search.fits([world], given, iterations=5, columns=[state.derivatives([placed])])
     residual = search.evidence.residuals([world])[0] if fit is None else fit.residual
     world = world if fit is None else fit.world
     cross = search.cross.loss_of(fit, residual)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from vispeg.diagnosis.intervals import widened
 from vispeg.diagnosis.judge import Judge
 from vispeg.diagnosis.localise import maps, missing_torque, peaks, where_it_fails
 from vispeg.diagnosis.motionless import refuse_motionless
+from vispeg.diagnosis.names import tentative
 from vispeg.diagnosis.next_experiment import next_experiment
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.record import (
@@ -73,10 +74,10 @@ def diagnose(
     judge = Judge(judged)
     say = Share(say, ahead=3)  # of one effect: its fit, its rivals, the next experiment
     search = Search(evidence, judge, say, progress)
-    given = len(world.effects)
+    world, given = _opened(world)
     before_fit = evidence.residuals([world])[0]
     before_held = judged.residuals([world])[0]
-    state = search.run(world)
+    state = search.run(world, given)
     say.ahead = 1
     rivals = find_rivals(search, state, given, say) if len(state.world.effects) > given else []
     after_held = judged.residuals([state.world])[0]
@@ -94,6 +95,10 @@ def diagnose(
         least = base_parameters(evidence, judged, world)
     mark = None if least is None else _mean_square(judged, least)
     verdict = decide(before, after, len(state.world.effects) - given, rivals, depends, floor, mark)
+    unsure = frozenset[str]()
+    if verdict.partial and state.fit is not None:
+        say("asking which names are certain")
+        unsure = tentative(state, given, search.exchanges(state), rivals)
     final = with_origin(
         widened(state.world, given, before, after - floor + 1.0),
         given,
@@ -102,6 +107,7 @@ def diagnose(
         judged.angle_rms(before_held),
         judged.angle_rms(after_held),
         verdict.partial,
+        unsure,
     )
     equals = [(f"{t.score.label} in place of {r.label}", t.fit.world) for r in rivals for t in r.equals]
     drawing = arrays(judged, predicted) | subsets(judged, state.world, given, equals)
@@ -145,6 +151,12 @@ def diagnose(
         ],
     }
     return Diagnosis(record, final, drawing | more)
+
+
+def _opened(world: World) -> tuple[World, int]:
+    """The world with its partial effects last, and how many stay as they are: what was partial is fitted anew."""
+    firm = [e for e in world.effects if not e.partial]
+    return replace(world, effects=(*firm, *(e for e in world.effects if e.partial))), len(firm)
 
 
 def _mean_square(judged: Evidence, residuals: list[np.ndarray]) -> float:

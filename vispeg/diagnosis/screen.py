@@ -9,8 +9,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from vispeg.core.effect import EffectInstance, effect, searchable
-from vispeg.diagnosis.localise import JointData
-from vispeg.identify.channels import Item
+from vispeg.diagnosis.signatures import Signature
 from vispeg.identify.evidence import Evidence
 from vispeg.worlds.world import World
 
@@ -23,11 +22,13 @@ class Score:
         placed: the effect with the values at which a fit should start.
         gain: drop of the squared whitened residual that its signature explains to first order.
         beside: the other members where a group is tried at once.
+        out: effects accepted before in whose place they are tried.
     """
 
     placed: EffectInstance
     gain: float
     beside: tuple[EffectInstance, ...] = ()
+    out: tuple[EffectInstance, ...] = ()
 
     @property
     def members(self) -> tuple[EffectInstance, ...]:
@@ -41,10 +42,12 @@ class Score:
 
     @property
     def key(self) -> tuple[str, str]:
-        """(effect, where); of a group its effects, and `each`."""
+        """(effect, where); of a group its effects, and `each`, or `several` where the data chose the places."""
         if not self.beside:
             return self.placed.effect, self.placed.where
-        return " + ".join(dict.fromkeys(e.effect for e in self.members)), "each"
+        names = dict.fromkeys(e.effect for e in self.members)
+        common = {effect(name).common for name in names}
+        return " + ".join(names), "each" if len(common) == 1 and "" not in common and not self.out else "several"
 
     @property
     def label(self) -> str:
@@ -85,84 +88,41 @@ def groups(evidence: Evidence, world: World, done: Collection[str] = ()) -> list
 
 
 def screen(
-    evidence: Evidence,
-    world: World,
+    taken: Sequence[Signature],
     residual: np.ndarray,
     jacobian: np.ndarray | None,
     places: Sequence[tuple[str, str]],
-    joint_data: Sequence[JointData],
     together: Sequence[Sequence[tuple[str, str]]] = (),
 ) -> list[Score]:
-    """Scores of all places and of the groups `together`, best first.
+    """Scores of all places and of the groups `together`, best first, by the signatures `taken`.
 
-    `residual` and `jacobian` belong to `world` on the same evidence.
+    `residual` and `jacobian` belong to the world beside which they were taken, on the same evidence.
     """
     single = set(places)
-    places = list(dict.fromkeys([*places, *(p for group in together for p in group)]))
-    probes: list[tuple[EffectInstance, list[str]]] = []  # a probe and the magnitudes that it varies
-    rows: list[World] = []
-    for name, where in places:
-        for probe in _probes(name, where, evidence.items[0], joint_data):
-            kind = effect(name)
-            names = [m for m in kind.magnitudes if probe.params[m].value != kind.params[m].null]
-            probes.append((probe, names))
-            for m in names:
-                others = {o: kind.params[o].null for o in names if o != m}
-                rows.append(world.add(probe.with_values(**others)))
     basis = _orthonormal(jacobian, len(residual))
     base = residual - basis @ (basis.T @ residual)
     best: dict[tuple[str, str], Score] = {}
-    at = 0
-    chunk = 96
-    columns: list[np.ndarray] = []
-    for start in range(0, len(rows), chunk):
-        for r in evidence.residuals(rows[start : start + chunk]):
-            s = (residual - r).astype(np.float32)
-            s[np.abs(r) > 5e3] = 0.0
-            columns.append(s)
-    seen: dict[tuple[str, str], tuple[EffectInstance, np.ndarray]] = {}
-    for probe, names in probes:
-        key, s = (probe.effect, probe.where), np.stack(columns[at : at + len(names)], axis=1).astype(float)
-        at += len(names)
-        seen[key] = probe, s
-        score = _score(probe, names, s, base, basis) if key in single else None
+    last: dict[tuple[str, str], Signature] = {}
+    for signature in taken:
+        last[signature.key] = signature
+        score = _score(signature, base, basis) if signature.key in single else None
         if score is not None and (score.key not in best or score.gain > best[score.key].gain):
             best[score.key] = score
-    tried = [_group_score([seen[p] for p in group if p in seen], base, basis) for group in together]
+    tried = [_group_score([last[p] for p in group if p in last], base, basis) for group in together]
     return sorted([*best.values(), *(g for g in tried if g is not None)], key=lambda s: -s.gain)
 
 
-def _group_score(members: list[tuple[EffectInstance, np.ndarray]], base: np.ndarray, basis: np.ndarray) -> Score | None:
+def _group_score(members: list[Signature], base: np.ndarray, basis: np.ndarray) -> Score | None:
     """The score of effects of one magnitude each that are tried at once."""
-    members = [(probe, s) for probe, s in members if s.shape[1] == 1 and np.linalg.norm(s) > 1e-6]
+    members = [m for m in members if m.columns.shape[1] == 1 and np.linalg.norm(m.columns) > 1e-6]
     if len(members) < 2:
         return None
-    names = [effect(probe.effect).magnitudes for probe, _ in members]
-    bounds = [_reach(probe, name[0]) for (probe, _), name in zip(members, names, strict=True)]
-    s = np.concatenate([s for _, s in members], axis=1)
+    s = np.concatenate([m.columns for m in members], axis=1).astype(float)
     s = s - basis @ (basis.T @ s)
-    fit = lsq_linear(*_projected(s, base), bounds=tuple(zip(*bounds, strict=True)))
+    fit = lsq_linear(*_projected(s, base), bounds=np.concatenate([m.bounds for m in members], axis=1))
     gain = float(base @ base - np.sum((base - s @ fit.x) ** 2))
-    values = [
-        probe.with_values(**_started(probe, name[:1], [c]))
-        for (probe, _), name, c in zip(members, names, fit.x, strict=True)
-    ]
+    values = [m.placed([c]) for m, c in zip(members, fit.x, strict=True)]
     return Score(values[0], gain, tuple(values[1:])) if gain > 0 else None
-
-
-def _probes(name: str, where: str, item: Item, joint_data: Sequence[JointData]) -> list[EffectInstance]:
-    kind, joints = effect(name), item.robot.joints
-    data = joint_data[joints.index(where)] if where in joints else None
-    guesses = kind.guesses(data) if data is not None else [{}]
-    out = []
-    # No torque is missing that is greater than what is missing: half a newton metre of friction would stop a wrist.
-    most = np.inf if data is None else max(float(np.quantile(np.abs(data.excess), 0.9)), 1e-3)
-    for guess in guesses:
-        values = {m: kind.params[m].start for m in kind.magnitudes}
-        torques = [m for m in values if kind.params[m].unit == "N m" and kind.params[m].null == 0]
-        values |= {m: min(values[m], most) for m in torques}
-        out.append(EffectInstance.of(name, where, **{**values, **guess}))
-    return out
 
 
 def _orthonormal(jacobian: np.ndarray | None, n: int) -> np.ndarray:
@@ -171,45 +131,28 @@ def _orthonormal(jacobian: np.ndarray | None, n: int) -> np.ndarray:
     return np.linalg.qr(jacobian)[0]
 
 
-def _score(probe: EffectInstance, names: list[str], s: np.ndarray, base: np.ndarray, basis: np.ndarray) -> Score | None:
-    if not names:
-        return None
+def _score(signature: Signature, base: np.ndarray, basis: np.ndarray) -> Score | None:
+    count = len(signature.names)
+    s = signature.columns[:, :count].astype(float)
     if basis.shape[1]:
         s = s - basis @ (basis.T @ s)
     norm = np.linalg.norm(s, axis=0)
     if np.all(norm < 1e-6):
         return None
-    low, high = zip(*(_reach(probe, m) for m in names), strict=True)
-    fit = lsq_linear(*_projected(s, base), bounds=(low, high))
+    fit = lsq_linear(*_projected(s, base), bounds=signature.bounds[:, :count])
     explained = s @ fit.x
     gain = float(base @ base - np.sum((base - explained) ** 2))
     if gain <= 0 or not np.any(explained):
         return None
-    return Score(probe.with_values(**_started(probe, names, fit.x)), gain)
+    return Score(signature.probe.with_values(**_magnitudes(signature, fit.x)), gain)
+
+
+def _magnitudes(signature: Signature, coefficients: np.ndarray) -> dict[str, float]:
+    placed = signature.placed([*coefficients, *[0.0] * len(signature.moments)])
+    return {name: placed.params[name].value for name in signature.names}
 
 
 def _projected(s: np.ndarray, base: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The same least-squares problem with as few rows as columns."""
     q, r = np.linalg.qr(s)
     return r, q.T @ base
-
-
-def _reach(probe: EffectInstance, name: str) -> tuple[float, float]:
-    """Bounds of the coefficient that scales a magnitude's distance from null."""
-    p = effect(probe.effect).params[name]
-    reach = probe.params[name].value - p.null
-    low, high = sorted(((p.low - p.null) / reach, (p.high - p.null) / reach))
-    return low - 1e-9, high + 1e-9
-
-
-def _started(probe: EffectInstance, names: Sequence[str], coefficients: Sequence[float]) -> dict[str, float]:
-    """Values at which a fit should start."""
-    kind, values = effect(probe.effect), {}
-    for m, c in zip(names, coefficients, strict=True):
-        p, reach = kind.params[m], probe.params[m].value - kind.params[m].null
-        if p.scale == "log" or kind.torqueless:  # no line leads from null to such a value: the guess stands
-            values[m] = probe.params[m].value
-            continue
-        c = c if abs(c) > 0.02 else 0.02
-        values[m] = float(np.clip(p.null + c * reach, p.low, p.high))
-    return values

@@ -11,14 +11,15 @@ from vispeg.core.effect import EffectInstance, effect, searchable
 from vispeg.diagnosis.accept import DECISIVE, LEAST_SHARE, ranked
 from vispeg.diagnosis.cross import Cross
 from vispeg.diagnosis.judge import Judge, present
-from vispeg.diagnosis.localise import MissingTorque, joint_data, joint_z, missing_torque
+from vispeg.diagnosis.localise import MissingTorque, joint_data, joint_z
 from vispeg.diagnosis.progress import Progress
+from vispeg.diagnosis.proposals import Proposals
 from vispeg.diagnosis.prune import prune
-from vispeg.diagnosis.screen import Score, candidates, groups, screen
-from vispeg.diagnosis.state import State, Trial
+from vispeg.diagnosis.screen import Score, candidates, groups
+from vispeg.diagnosis.state import State, Trial, without
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit, Race, fit_job
-from vispeg.identify.pool import Submit, run_together
+from vispeg.identify.pool import run_together
 from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World
 
@@ -28,7 +29,7 @@ PROMISE = 0.3  # of the gain that a step needs, which the score test must promis
 SINGLE = 0.97  # of what a group promises that one effect must promise alone for the group not to be tried
 
 
-class Search:
+class Search(Proposals):
     """The discovery loop over fitted evidence and a held-out judge."""
 
     def __init__(
@@ -38,21 +39,32 @@ class Search:
         say: Callable[[str], None] = lambda _: None,
         progress: Progress | None = None,
     ):
-        self.evidence, self.judge, self.say, self.progress = evidence, judge, say, progress or Progress()
+        super().__init__(evidence, judge, progress or Progress())
+        self.say = say
         self.cross = Cross(Judge(evidence))
         self.least_share = min(LEAST_SHARE, evidence.least_gain)
 
-    def run(self, world: World) -> State:
-        """Adds effects until none earns its place on the held-out recordings."""
-        state, given = self.start(world), len(world.effects)
+    def run(self, world: World, given: int | None = None) -> State:
+        """Adds effects until none earns its place on the held-out recordings; those after the first `given` may move.
+
+        By default all of `world` stays as it is.
+        """
+        given = len(world.effects) if given is None else given
+        state = self.start(world, given)
         while self.worth_it(state, given) and self.advance(state, given):
             pass
         return state
 
-    def start(self, world: World) -> State:
-        """Where a search for what `world` lacks begins."""
+    def start(self, world: World, given: int | None = None) -> State:
+        """Where a search for what `world` lacks begins: what is open in it, after the first `given`, is fitted anew."""
         residual, loss = self.evidence.residuals([world])[0], self.judge.losses([world])[0]
         state = State(world, loss, residual, first=self.judge.mean(loss))
+        if given is not None and given < len(world.effects):
+            self.say(f"fitting {len(world.effects) - given} partial effects of the model anew")
+            (fit,) = self.fits([world], given)
+            state.take(fit, self.judge.losses([fit.world])[0])
+            state.opened, state.cross = fit.world, self.cross.loss_of(fit, fit.residual)
+            return state
         state.missing, state.cross = self.missing(world), self.cross.loss(residual)
         return state
 
@@ -78,11 +90,6 @@ class Search:
         enough = left > AT_FLOOR - 1.0 and (state.fit is None or left > self.least_share * state.scale)
         return enough and len(state.world.effects) - given < self.evidence.most_effects
 
-    def missing(self, world: World) -> list[MissingTorque]:
-        """Missing torque of every fitted segment under a world."""
-        predicted = self.evidence.simulated([world])
-        return [missing_torque(item, y[0]) for item, y in zip(self.evidence.items, predicted, strict=True)]
-
     def step(self, state: State, given: int) -> list[Trial]:
         """Screens the library against the state, fits the best, judges them; the ones that pass come first.
 
@@ -90,9 +97,10 @@ class Search:
         torque they may hide, only where nothing passes there; then the first places count as tested too.
         """
         missing = self.missing(state.world)
-        near, rest, together = self.places(state, missing)
+        near, rest, common = self.places(state, missing)
         state.screening = []
-        trials = self.step_at(state, given, near, missing, len(near), together)
+        several = bool(common) or state.fit is not None
+        trials = self.step_at(state, given, near, missing, len(near), common, several)
         if rest and all(t.rejected for t in trials):
             trials = self.step_at(state, given, rest, missing, len(near) + len(rest)) + trials
         return trials
@@ -105,9 +113,9 @@ class Search:
         first = suspects(missing, everywhere) if self.evidence.unit == "rad" else everywhere
         near = candidates(self.evidence, state.world, first)
         done = {effect(e.effect).common for best, _ in state.steps for e in best.score.beside}
-        together = groups(self.evidence, state.world, done) if len(first) > 1 else []
+        common = groups(self.evidence, state.world, done) if len(first) > 1 else []
         rest = [p for p in candidates(self.evidence, state.world, everywhere) if p not in near]
-        return near, rest, together
+        return near, rest, common
 
     def step_at(
         self,
@@ -116,14 +124,14 @@ class Search:
         places: Sequence[tuple[str, str]],
         missing: Sequence[MissingTorque],
         tested: int,
-        together: Sequence[Sequence[tuple[str, str]]] = (),
+        groups: Sequence[Sequence[tuple[str, str]]] = (),
+        several: bool = False,
     ) -> list[Trial]:
-        """The same at these places, and for the groups `together`; `tested` places in all share the level of the test.
+        """The same at these places, for the `groups`, and with `several` for what `together` proposes.
 
-        A group is tried only where no effect alone promises as much.
+        `tested` places in all share the level of the test. Groups are tried where no effect alone promises as much.
         """
-        jac = state.fit.jacobian if state.fit is not None else None
-        scores = self.screened(state.world, state.residual, jac, places, missing, together)
+        scores = self.screened(state.world, state.residual, state.fit, places, missing, groups, several)
         most = max((s.gain for s in scores if not s.beside), default=0.0)
         scores = [s for s in scores if not s.beside or most < SINGLE * s.gain]
         state.screening += scores
@@ -141,9 +149,9 @@ class Search:
 
     def try_all(self, state: State, scores: Sequence[Score], given: int, tested: int) -> list[Trial]:
         """Fits each score's effect jointly with what was accepted, and judges all on the held-out recordings."""
-        worlds = [state.world.add(*s.members) for s in scores]
+        worlds = [without(state.world, s.out).add(*s.members) for s in scores]
         self.say(f"fitting {', '.join(s.label for s in scores)}")
-        columns = None if state.fit is None else state.fit.jacobian
+        columns = [state.derivatives(s.out) for s in scores]
         fits = self.fits(worlds, given, race=Race(), columns=columns)
         losses = self.judge.losses([f.world for f in fits])
         trials = []
@@ -152,33 +160,6 @@ class Search:
             trials.append(Trial(s, f, loss, self.judge.gain(state.loss, loss, crossed)))
         return ranked(self, state, trials, tested)
 
-    def screened(
-        self,
-        world: World,
-        residual: np.ndarray,
-        jacobian: np.ndarray | None,
-        places: Sequence[tuple[str, str]],
-        missing: Sequence[MissingTorque],
-        together: Sequence[Sequence[tuple[str, str]]] = (),
-    ) -> list[Score]:
-        """`screen` for these missing torques, remembered."""
-
-        def work_out() -> list:
-            joints = joint_data(list(missing), self.evidence.items)
-            scores = screen(self.evidence, world, residual, jacobian, places, joints, together)
-            return [
-                [[[e.effect, e.where, {k: v.value for k, v in e.params.items()}] for e in s.members], s.gain]
-                for s in scores
-            ]
-
-        asked = [[list(p) for p in group] for group in (places, *together)]
-        found = self.progress.recall(["screen", model_text(world), asked], work_out)
-        out = []
-        for members, gain in found:
-            first, *beside = (EffectInstance.of(name, where, **values) for name, where, values in members)
-            out.append(Score(first, gain, tuple(beside)))
-        return out
-
     def fits(
         self,
         worlds: Sequence[World],
@@ -186,27 +167,28 @@ class Search:
         *,
         race: Race | None = None,
         iterations: int = 8,
-        columns: np.ndarray | None = None,
+        columns: Sequence[np.ndarray | None] | None = None,
     ) -> list[Fit]:
         """Fits everything after the first `given` effects of each world; where each ended is remembered.
 
-        With `columns`, derivatives to the first coordinates are taken as an earlier fit had them.
+        With `columns`, one for each world, derivatives to the first coordinates are taken as an earlier fit had them.
         """
         fresh: list[Fit] = []
+        held = [None] * len(worlds) if columns is None else list(columns)
 
-        def job(world: World, ended: tuple[Sequence[float], bool] | None = None) -> Callable[[Submit], Fit]:
+        def job(world: World, own: np.ndarray | None, ended: tuple[Sequence[float], bool] | None = None):
             free = range(given, len(world.effects))
-            options = {"race": race, "iterations": iterations, "ended": ended, "columns": columns}
+            options = {"race": race, "iterations": iterations, "ended": ended, "columns": own}
             return fit_job(self.evidence, world, free, **options)
 
         def work_out() -> list:
-            fresh.extend(run_together([job(w) for w in worlds], self.evidence.residuals))
+            fresh.extend(run_together([job(w, c) for w, c in zip(worlds, held, strict=True)], self.evidence.residuals))
             return [[f.u.tolist(), f.converged] for f in fresh]
 
-        quick = None if columns is None else columns.shape[1]
+        quick = [None if c is None else c.shape[1] for c in held]
         question = ["fits", [model_text(w) for w in worlds], given, race is not None, iterations, quick]
         known = self.progress.recall(question, work_out)
-        again = [job(w, (u, bool(c))) for w, (u, c) in zip(worlds, known, strict=True)]
+        again = [job(w, h, (u, bool(c))) for w, h, (u, c) in zip(worlds, held, known, strict=True)]
         return fresh or run_together(again, self.evidence.residuals)
 
     def take(self, state: State, trial: Trial, trials: list[Trial], given: int) -> None:

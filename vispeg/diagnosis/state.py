@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -39,11 +40,20 @@ class State:
     last: list[Trial] = field(default_factory=list)  # the candidates of a step that accepted none
     screening: list[Score] = field(default_factory=list)
     missing: list[MissingTorque] = field(default_factory=list)
+    opened: World | None = None  # the user's model with its partial effects fitted anew
     cross: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))  # cross-fitted loss on the fitted recordings
 
     def take(self, fit: Fit, loss: np.ndarray) -> None:
         """The state of a fit, with its held-out loss."""
         self.world, self.fit, self.loss, self.residual = fit.world, fit, loss, fit.residual
+
+    def derivatives(self, out: Sequence[EffectInstance] = ()) -> np.ndarray | None:
+        """Derivatives (n, k) of the fit to its coordinates, without those of the effects `out`."""
+        if self.fit is None:
+            return None
+        gone = {e.label for e in out}
+        stay = [self.world.effects[a.index].label not in gone for a in self.fit.space.axes]
+        return self.fit.jacobian[:, stay]
 
     def grouped(self, placed: EffectInstance) -> bool:
         """Whether an effect came in as one of a group, without a test of its own."""
@@ -64,3 +74,10 @@ class State:
         """Held-out excess that an effect removed when it was accepted; all of it for one of the user's model."""
         gains = [b.gain.mean / b.score.count for b, _ in self.steps if b.score.has(placed)]
         return gains[-1] if gains else max(self.first - 1.0, 1e-9)
+
+
+def without(world: World, effects: Sequence[EffectInstance]) -> World:
+    """The world without some of its effects."""
+    for e in effects:
+        world = world.without(e.effect, e.where)
+    return world

@@ -56,7 +56,7 @@ class Evidence:
         self.rollouts = 0.0  # simulated seconds, for the record
 
     least_gain = 0.02  # share of the held-out squared error that a step must remove
-    most_effects = 16  # that a search may add: an arm shows friction in every joint, and more beside it
+    most_effects = 32  # that a search may add: an arm shows friction in every joint, and more beside it
 
     def sees(self, kind: Effect) -> bool:
         """Whether an effect leaves a trace in some channel of this evidence."""

@@ -56,7 +56,7 @@ class TorqueEvidence(Evidence):
         self._rigid: dict[tuple[int, str], tuple[np.ndarray, np.ndarray]] = {}
 
     least_gain = 0.002
-    most_effects = 24  # inverse dynamics is cheap, and friction sits in every joint
+    most_effects = 32  # friction sits in every joint
 
     @property
     def floors(self) -> np.ndarray:

@@ -48,6 +48,8 @@ def site(where: Any) -> str:
     text = str(where or "")
     if text in ("all", "each"):
         return "everywhere"
+    if text == "several":
+        return "in several places"
     if text in ("flange", "base"):
         return f"at the {text}"
     if numbered := NUMBERED.fullmatch(text):

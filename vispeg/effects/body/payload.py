@@ -17,6 +17,7 @@ class Payload(Effect):
 
     name = "payload"
     family = "body"
+    moments = ("x", "y", "z")
     params = {
         "mass": Param(0.0, 0.0, 15.0, "kg", start=0.5, doc="added at the flange"),
         "x": Param(0.0, -0.2, 0.2, "m", start=0.0, shape=True, doc="centre of mass in the flange frame"),

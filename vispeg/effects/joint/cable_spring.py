@@ -17,6 +17,7 @@ class CableSpring(Effect):
 
     name = "cable_spring"
     family = "joint"
+    moments = ("reference",)
     params = {
         "stiffness": Param(0.0, 0.0, 60.0, "N m/rad", start=1.0, doc="of the cable"),
         "reference": Param(0.0, -3.2, 3.2, "rad", start=0.0, shape=True, doc="angle at which it is slack"),

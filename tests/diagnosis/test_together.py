@@ -1,0 +1,147 @@
+"""Choices among effects by linear algebra are what least squares gives; exchange undoes a wrong guess."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from vispeg.core.effect import EffectInstance, searchable
+from vispeg.core.seeds import stream
+from vispeg.diagnosis.dictionary import Dictionary
+from vispeg.diagnosis.names import SURE, exchanges, tentative
+from vispeg.diagnosis.screen import Score
+from vispeg.diagnosis.signatures import Signature
+from vispeg.diagnosis.state import State
+from vispeg.diagnosis.together import together
+from vispeg.identify.space import Space
+from vispeg.worlds.world import World
+
+N = 400
+
+
+def signature(effect: str, where: str, name: str, column: np.ndarray, value: float = 1.0) -> Signature:
+    return Signature(EffectInstance.of(effect, where, **{name: value}), (name,), column[:, None])
+
+
+def fitted(residual: np.ndarray, signatures: list[Signature], values: list[float]):
+    """A fit of these effects at these values, whose derivatives are minus the columns."""
+    effects = [s.probe.with_values(**{s.names[0]: v}) for s, v in zip(signatures, values, strict=True)]
+    space = Space(World().add(*effects), range(len(effects)))
+    jacobian = -np.concatenate([s.columns for s in signatures], axis=1) * [a.unit for a in space.axes]
+    u = space.start
+    return SimpleNamespace(u=u, residual=residual, jacobian=jacobian, space=space, world=space.world, at_bound=())
+
+
+@pytest.fixture(scope="module")
+def toy():
+    """Four effects with columns of their own, of which a tilt looks like two biases and a bit."""
+    rng = stream(2, "together")
+    a, b, c, d = rng.standard_normal((4, N))
+    tilt = 0.6 * a + 0.6 * b + 0.35 * c
+    return {
+        "a": signature("joint_bias", "joint1", "torque", a),
+        "b": signature("joint_bias", "joint2", "torque", b),
+        "friction": signature("coulomb_friction", "joint3", "torque", d),
+        "tilt": signature("gravity_tilt", "base", "roll", tilt, value=0.01),
+        "noise": 0.05 * rng.standard_normal(N),
+    }
+
+
+def test_losses_and_gains_are_those_of_least_squares(toy):
+    y = 2.0 * toy["a"].columns[:, 0] - toy["friction"].columns[:, 0] + toy["noise"]
+    fit = fitted(y - 1.5 * toy["a"].columns[:, 0], [toy["a"]], [1.5])
+    dictionary = Dictionary(fit.residual, [toy["b"], toy["friction"], toy["tilt"]], fit)
+    assert [e.key[0] for e in dictionary.entries] == ["joint_bias", "joint_bias", "coulomb_friction", "gravity_tilt"]
+    columns = np.column_stack([toy[k].columns for k in ("a", "b", "friction", "tilt")])
+    assert dictionary.total == pytest.approx(y @ y), "with nothing chosen, the residual is that of the bare model"
+    for chosen in ([0], [0, 1], [0, 3], [1, 3]):
+        left = y - columns[:, chosen] @ np.linalg.lstsq(columns[:, chosen], y, rcond=None)[0]
+        assert dictionary.loss(chosen)[0] == pytest.approx(left @ left, rel=1e-6)
+        gains = dictionary.gains(chosen)
+        for k in {0, 1, 3} - set(chosen):
+            more = dictionary.loss([*chosen, k])[0]
+            assert gains[k] == pytest.approx(dictionary.loss(chosen)[0] - more, rel=1e-5, abs=1e-6)
+    assert dictionary.placed([0, 1])[0].params["torque"].value == pytest.approx(0.02, abs=0.05), "of candidates alone"
+
+
+def test_bounds_hold_friction_cannot_push(toy):
+    y = -toy["friction"].columns[:, 0] + 0.5 * toy["a"].columns[:, 0]
+    dictionary = Dictionary(y, [toy["friction"], toy["a"]], None)
+    columns = np.column_stack([toy["friction"].columns, toy["a"].columns])
+    oracle = lsq_linear(columns, y, bounds=([0.0, -np.inf], [np.inf, np.inf]))
+    loss, coefficients = dictionary.loss([0, 1])
+    assert loss == pytest.approx(2 * oracle.cost, rel=1e-6)
+    np.testing.assert_allclose(coefficients, oracle.x, atol=1e-6)
+
+
+def test_an_early_wrong_guess_goes_out_when_what_it_stood_in_for_comes_in(toy):
+    """Two biases were accepted for what is a tilt: it comes in for both."""
+    y = 3.0 * toy["tilt"].columns[:, 0] + 2.0 * toy["friction"].columns[:, 0] + toy["noise"]
+    biases = np.column_stack([toy["a"].columns, toy["b"].columns])
+    x = np.linalg.lstsq(biases, y, rcond=None)[0]
+    fit = fitted(y - biases @ x, [toy["a"], toy["b"]], x.tolist())
+    proposal = together(Dictionary(fit.residual, [toy["friction"], toy["tilt"]], fit), most=8)
+    assert isinstance(proposal, Score)
+    assert {(e.effect, e.where) for e in proposal.members} == {("gravity_tilt", "base"), ("coulomb_friction", "joint3")}
+    assert {e.where for e in proposal.out} == {"joint1", "joint2"}
+    roll = next(e for e in proposal.members if e.effect == "gravity_tilt").params["roll"].value
+    assert roll == pytest.approx(0.03, rel=0.1)
+
+
+def test_several_that_hardly_overlap_come_in_at_once_and_nothing_else(toy):
+    y = 1.0 * toy["a"].columns[:, 0] + 0.7 * toy["friction"].columns[:, 0] + toy["noise"]
+    candidates = [toy["a"], toy["b"], toy["friction"]]
+    proposal = together(Dictionary(y, candidates, None), most=8)
+    assert proposal is not None and not proposal.out and proposal.key[1] == "several"
+    assert [e.label for e in proposal.members] == ["joint_bias(joint1)", "coulomb_friction(joint3)"]
+    for e, value in zip(proposal.members, (1.0, 0.7), strict=True):
+        assert e.params["torque"].value == pytest.approx(value, rel=0.05)
+    only = toy["a"].columns[:, 0] + toy["noise"]
+    assert together(Dictionary(only, candidates, None), most=8) is None, "one effect is a candidate already"
+
+
+def test_stand_ins_are_not_named_and_what_is_certain_is(toy):
+    """Biases stand in for a tilt, friction is there: by exchange the tilt takes what a bias removes."""
+    y = 3.0 * toy["tilt"].columns[:, 0] + 2.0 * toy["friction"].columns[:, 0] + toy["noise"]
+    model = [toy["a"], toy["b"], toy["friction"]]
+    columns = np.concatenate([s.columns for s in model], axis=1)
+    x = np.linalg.lstsq(columns, y, rcond=None)[0]
+    fit = fitted(y - columns @ x, model, x.tolist())
+    found = exchanges(Dictionary(fit.residual, [toy["tilt"]], fit), noise=float(toy["noise"] @ toy["noise"]))
+    said = {e.label: e for e in found}
+    assert said["joint_bias(joint1)"].costs > SURE, "without the tilt beside it, it looks needed"
+    assert said["joint_bias(joint1)"].shaken == said["joint_bias(joint2)"].shaken == ("gravity_tilt(base)",)
+    assert said["coulomb_friction(joint3)"].shaken == ()
+    state = State(fit.world, np.zeros((1, 1)), fit.residual)
+    assert tentative(state, 0, found, []) == {"joint_bias(joint1)", "joint_bias(joint2)"}
+
+
+def test_proven_rivals_make_a_class_of_what_they_shake(toy):
+    """Of two columns that are nearly one, the effect is named with the other: one of."""
+    near = toy["a"].columns[:, 0] + 1e-3 * toy["b"].columns[:, 0]
+    y = toy["a"].columns[:, 0] + toy["noise"]
+    fit = fitted(y - toy["a"].columns[:, 0], [toy["a"]], [1.0])
+    other = signature("encoder_offset", "joint1", "offset", near, value=0.01)
+    (own,) = exchanges(Dictionary(fit.residual, [other], fit), noise=float(toy["noise"] @ toy["noise"]))
+    assert own.shaken == ("encoder_offset(joint1)",) and [r.label for r in own.rivals] == ["encoder_offset(joint1)"]
+    state = State(fit.world, np.zeros((1, 1)), fit.residual)
+    rival = SimpleNamespace(score=Score(other.probe, 0.0))
+    proven = SimpleNamespace(label="joint_bias(joint1)", equals=(rival,))
+    assert tentative(state, 0, [own], []) == {"joint_bias(joint1)"}, "a rival that was not tried may be the truth"
+    assert not tentative(state, 0, [own], [proven]), "named, with its rival"
+
+
+def test_only_effects_that_grow_in_proportion_are_proposed():
+    straight = {name for name, kind in searchable().items() if kind.straight}
+    assert {
+        "coulomb_friction",
+        "viscous_friction",
+        "rotor_inertia",
+        "joint_bias",
+        "payload",
+        "gravity_tilt",
+    } <= straight
+    assert not {"backlash", "hysteresis", "stribeck_friction", "cogging", "torque_limit", "servo"} & straight
+    for name, kind in searchable().items():
+        assert set(kind.moments) <= {m for m, p in kind.params.items() if p.shape}, name

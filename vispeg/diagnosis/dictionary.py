@@ -1,0 +1,140 @@
+"""The linear model of a fit and of every candidate beside it: what a choice of effects would leave, without a rollout.
+
+All that it needs is one matrix of inner products, of the derivatives to the fitted parameters, the signatures of the
+candidates and the residual. Exact where torques are compared and an effect is straight; elsewhere it proposes, and
+rollouts decide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.optimize import lsq_linear
+
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.diagnosis.signatures import Signature
+from vispeg.identify.fit import Fit
+
+ROWS = 20_000  # of the residual that are multiplied at once
+RIDGE = 1e-9  # of each column's own norm: directions that the evidence cannot determine stay
+NOTHING = 1e-3  # of a unit column, that must be left beside the chosen ones
+
+
+class Entry:
+    """One effect at one place: its columns of the matrix, their bounds, and what it is.
+
+    Args:
+        placed: the effect; of a candidate its probe.
+        columns: indices into the matrix.
+        bounds: (2, k) of the coefficients.
+        signature: of a candidate; None for an effect of the fit, whose coefficients count from null.
+        index: of an effect of the fit in its world.
+    """
+
+    def __init__(
+        self,
+        placed: EffectInstance,
+        columns: np.ndarray,
+        bounds: np.ndarray,
+        signature: Signature | None = None,
+        index: int | None = None,
+    ):
+        self.placed, self.columns, self.bounds = placed, columns, bounds
+        self.signature, self.index = signature, index
+        self.key, self.size = (placed.effect, placed.where), len(placed.params)
+        self.straight = effect(placed.effect).straight
+
+
+class Dictionary:
+    """Entries of a fit's effects and of the candidates, and the losses of choices among them.
+
+    Args:
+        residual: (n,) whitened, of the world beside which the signatures were taken.
+        signatures: of the candidates.
+        fit: of that world; None where nothing is fitted.
+    """
+
+    def __init__(self, residual: np.ndarray, signatures: Sequence[Signature], fit: Fit | None):
+        self.entries: list[Entry] = []
+        blocks, base, at = [], residual.astype(float), 0
+        if fit is not None and fit.jacobian.shape[1]:
+            away = fit.u - null_of(fit)
+            low, high = fit.space.bounds
+            base = base - fit.jacobian @ away
+            blocks.append(-fit.jacobian)
+            for index in sorted({a.index for a in fit.space.axes}):
+                own = np.array([i for i, a in enumerate(fit.space.axes) if a.index == index])
+                bounds = np.array([low[own], high[own]]) - (fit.u - away)[own]
+                self.entries.append(Entry(fit.world.effects[index], own, bounds, index=index))
+            at = fit.jacobian.shape[1]
+        for s in signatures:
+            own = np.arange(at, at + s.columns.shape[1])
+            self.entries.append(Entry(s.probe, own, s.bounds, s))
+            blocks.append(s.columns)
+            at += len(own)
+        self.fitted = [k for k, e in enumerate(self.entries) if e.signature is None]
+        gram = _gram([*blocks, base[:, None]])
+        self.scale = np.sqrt(np.maximum(np.diag(gram)[:-1], 1e-18))
+        self.gram = gram[:-1, :-1] / np.outer(self.scale, self.scale)
+        self.slope, self.total = gram[:-1, -1] / self.scale, float(gram[-1, -1])
+
+    def loss(self, chosen: Sequence[int]) -> tuple[float, np.ndarray]:
+        """Squared residual of the best coefficients, inside their bounds, of the entries `chosen`; those in order."""
+        if not len(chosen):
+            return self.total, np.zeros(0)
+        i = np.concatenate([self.entries[k].columns for k in chosen])
+        bounds = np.concatenate([self.entries[k].bounds for k in chosen], axis=1) * self.scale[i]
+        root = np.linalg.cholesky(self.gram[np.ix_(i, i)] + RIDGE * np.eye(len(i))).T
+        along = solve_triangular(root, self.slope[i], trans=1)
+        x = solve_triangular(root, along)
+        if np.any(x < bounds[0]) or np.any(x > bounds[1]):
+            x = lsq_linear(root, along, bounds=bounds + np.array([[-1e-9], [1e-9]])).x
+        left = self.total - along @ along + np.sum((along - root @ x) ** 2)
+        return float(left), x / self.scale[i]
+
+    def gains(self, chosen: Sequence[int]) -> np.ndarray:
+        """Drop of the squared residual that each other entry promises beside the chosen ones, bounds left aside."""
+        gram, slope = self.gram, self.slope
+        taken = {self.entries[k].key for k in chosen}
+        if len(chosen):
+            i = np.concatenate([self.entries[k].columns for k in chosen])
+            both = np.column_stack([gram[i], slope[i]])
+            answer = np.linalg.solve(gram[np.ix_(i, i)] + RIDGE * np.eye(len(i)), both)
+            gram, slope = gram - gram[:, i] @ answer[:, :-1], slope - gram[:, i] @ answer[:, -1]
+        out = np.zeros(len(self.entries))
+        for k, entry in enumerate(self.entries):
+            j = entry.columns
+            if entry.key in taken or np.all(np.diag(gram)[j] < NOTHING**2):
+                continue
+            out[k] = slope[j] @ np.linalg.lstsq(gram[np.ix_(j, j)], slope[j], rcond=1e-6)[0]
+        return out
+
+    def placed(self, chosen: Sequence[int]) -> list[EffectInstance]:
+        """The chosen candidates with the values at which a fit should start."""
+        coefficients, out, at = self.loss(chosen)[1], [], 0
+        for k in chosen:
+            entry = self.entries[k]
+            own = coefficients[at : at + len(entry.columns)]
+            at += len(own)
+            if entry.signature is not None:
+                out.append(entry.signature.placed(own.tolist()))
+        return out
+
+
+def null_of(fit: Fit) -> np.ndarray:
+    """Coordinates at which each effect of a fit vanishes; shapes stay as they are."""
+    out = fit.u.copy()
+    for i, axis in enumerate(fit.space.axes):
+        if not axis.param.shape and axis.name in effect(fit.world.effects[axis.index].effect).magnitudes:
+            out[i] = fit.space.forward(axis.param.null, axis)
+    return out
+
+
+def _gram(blocks: Sequence[np.ndarray]) -> np.ndarray:
+    out = 0.0
+    for start in range(0, len(blocks[-1]), ROWS):
+        part = np.concatenate([b[start : start + ROWS] for b in blocks], axis=1, dtype=float)
+        out = out + part.T @ part
+    return np.asarray(out)

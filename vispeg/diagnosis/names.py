@@ -1,0 +1,97 @@
+"""Which effects of a partial list may be named, and what may stand in their place, by exchange in the linear model.
+
+Where a remainder is left, an effect that lowers the error may stand in for part of it, or several together for one that
+the search did not take. An effect is certain only if taking it away costs a visible share of what remains unexplained,
+whichever other candidate comes in: one out, one in. What is not certain stays in the model, marked tentative.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.diagnosis.dictionary import Dictionary
+from vispeg.diagnosis.judge import present
+from vispeg.diagnosis.state import State
+
+if TYPE_CHECKING:
+    from vispeg.diagnosis.rivals import Rivals
+
+SURE = 0.3  # of the error left, that taking a named effect away must cost beside any other candidate
+SLACK = 0.2  # of the error left and of what an effect removed, by which a rival that is worth a fit may be worse
+ASKED = 6  # candidates whose bounds are looked at
+CLASS = 3  # proven rivals beyond which a class of effects says nothing
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """What the linear model says of an accepted effect.
+
+    Attributes:
+        label: of the effect.
+        costs: rise of the squared residual without it, over the excess that is left.
+        shaken: labels of the candidates beside which it costs less than SURE.
+        rivals: candidates, with start values, that hardly do worse in its place; the best first.
+    """
+
+    label: str
+    costs: float
+    shaken: tuple[str, ...]
+    rivals: tuple[EffectInstance, ...]
+
+
+def exchanges(dictionary: Dictionary, noise: float) -> list[Exchange]:
+    """One for each effect of the fit; `noise` is the squared residual of a model that is right."""
+    model = list(dictionary.fitted)
+    left = dictionary.loss(model)[0]
+    beside = dictionary.gains(model)
+    excess = max(left - noise, 0.01 * noise)
+    return [_exchange(dictionary, model, k, left, beside, excess) for k in model]
+
+
+def _exchange(
+    dictionary: Dictionary, model: list[int], k: int, left: float, beside: np.ndarray, excess: float
+) -> Exchange:
+    entries, rest = dictionary.entries, [m for m in model if m != k]
+    without = dictionary.loss(rest)[0]
+    instead = dictionary.gains(rest)
+    asked = [c for c in range(len(entries)) if c not in model and not _richer(entries[c].placed, entries[k].placed)]
+    costs = {c: (without - instead[c]) - (left - beside[c]) for c in asked if instead[c] > 0}
+    shaken = []
+    for c in (c for c in asked if costs.get(c, np.inf) < SURE * excess):  # bounds aside, so far
+        if dictionary.loss([*rest, c])[0] - dictionary.loss([*model, c])[0] < SURE * excess:
+            shaken.append(entries[c].placed.label)
+    near = left + SLACK * min(excess, without - left)
+    promising = sorted((c for c in asked if without - instead[c] < near), key=lambda c: -instead[c])[:ASKED]
+    rivals = [c for c in promising if dictionary.loss([*rest, c])[0] < near]
+    placed = tuple(dictionary.placed([*rest, c])[-1] for c in rivals)
+    label = entries[k].placed.label
+    return Exchange(label, float((without - left) / excess), tuple(dict.fromkeys(shaken)), placed)
+
+
+def tentative(state: State, given: int, exchanged: Sequence[Exchange], rivals: Sequence[Rivals]) -> frozenset[str]:
+    """Labels of the effects after the first `given` that must not be named.
+
+    An effect is named where nothing shakes it; where only few proven rivals do, it is named with them.
+    """
+    proven = {r.label: {t.score.label for t in r.equals} for r in rivals}
+    found = {e.label: e for e in exchanged}
+    out = set()
+    for index, placed in enumerate(state.world.effects[given:], given):
+        label, own = placed.label, found.get(placed.label)
+        equals = proven.get(label, set())
+        at_bound = state.fit is not None and any(b.rpartition(".")[0] == label for b in state.fit.at_bound)
+        unsure = own is not None and (own.costs < SURE or bool(set(own.shaken) - equals))
+        absent = state.fit is not None and not present(state.fit, index)
+        if at_bound or unsure or absent or len(equals) > CLASS:
+            out.add(label)
+    return frozenset(out)
+
+
+def _richer(candidate: EffectInstance, placed: EffectInstance) -> bool:
+    """Whether a candidate contains the effect as a special case: it does not stand beside it."""
+    return placed.effect in effect(candidate.effect).contains and candidate.where == placed.where

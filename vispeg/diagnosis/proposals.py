@@ -1,0 +1,99 @@
+"""What signatures propose beside or in the place of what a search has found; every answer is remembered."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.diagnosis.dictionary import Dictionary
+from vispeg.diagnosis.judge import Judge
+from vispeg.diagnosis.localise import MissingTorque, joint_data, missing_torque
+from vispeg.diagnosis.names import Exchange, exchanges
+from vispeg.diagnosis.progress import Progress
+from vispeg.diagnosis.screen import Score, candidates, screen
+from vispeg.diagnosis.signatures import Signature, signatures
+from vispeg.diagnosis.state import State
+from vispeg.diagnosis.together import together
+from vispeg.identify.evidence import Evidence
+from vispeg.identify.fit import Fit
+from vispeg.worlds.model_file import model_text
+from vispeg.worlds.world import World
+
+
+class Proposals:
+    """Candidates by linear algebra over the fitted evidence."""
+
+    def __init__(self, evidence: Evidence, judge: Judge, progress: Progress):
+        self.evidence, self.judge, self.progress = evidence, judge, progress
+
+    def missing(self, world: World) -> list[MissingTorque]:
+        """Missing torque of every fitted segment under a world."""
+        predicted = self.evidence.simulated([world])
+        return [missing_torque(item, y[0]) for item, y in zip(self.evidence.items, predicted, strict=True)]
+
+    def screened(
+        self,
+        world: World,
+        residual: np.ndarray,
+        fit: Fit | None,
+        places: Sequence[tuple[str, str]],
+        missing: Sequence[MissingTorque],
+        groups: Sequence[Sequence[tuple[str, str]]] = (),
+        several: bool = False,
+    ) -> list[Score]:
+        """`screen` for these missing torques, and with `several` what `together` proposes, remembered."""
+
+        def work_out() -> list:
+            asked = [p for group in groups for p in group] + (self._straight(world) if several else [])
+            taken = self.signatures(world, residual, [*places, *asked], missing)
+            scores = screen(taken, residual, None if fit is None else fit.jacobian, places, groups)
+            if several:
+                straight = [s for s in taken if effect(s.probe.effect).straight]
+                proposal = together(Dictionary(residual, straight, fit), self.evidence.most_effects)
+                scores += [] if proposal is None else [proposal]
+            scores.sort(key=lambda s: -s.gain)
+            return [[[_plain(e) for e in s.members], s.gain, [_plain(e) for e in s.out]] for s in scores]
+
+        asked = [[list(p) for p in group] for group in (places, *groups)]
+        found = self.progress.recall(["screen", model_text(world), asked, several], work_out)
+        out = []
+        for members, gain, gone in found:
+            first, *beside = (EffectInstance.of(name, where, **values) for name, where, values in members)
+            placed = tuple(EffectInstance.of(name, where, **values) for name, where, values in gone)
+            out.append(Score(first, gain, tuple(beside), placed))
+        return out
+
+    def exchanges(self, state: State) -> list[Exchange]:
+        """What each effect of the fit costs beside every other candidate, and what may stand in its place."""
+
+        def work_out() -> list:
+            joints = list(self.evidence.items[0].robot.joints)
+            places = candidates(self.evidence, state.world, joints)
+            taken = self.signatures(state.world, state.residual, places, self.missing(state.world))
+            noise = self.evidence.count * self.judge.floor(state.world)
+            found = exchanges(Dictionary(state.residual, taken, state.fit), noise)
+            return [[e.label, e.costs, list(e.shaken), [_plain(r) for r in e.rivals]] for e in found]
+
+        found = self.progress.recall(["exchanges", model_text(state.world)], work_out)
+        return [Exchange(a, b, tuple(c), tuple(EffectInstance.of(n, w, **v) for n, w, v in d)) for a, b, c, d in found]
+
+    def signatures(
+        self,
+        world: World,
+        residual: np.ndarray,
+        places: Sequence[tuple[str, str]],
+        missing: Sequence[MissingTorque],
+    ) -> list[Signature]:
+        """Signatures at these places, each once, beside a world with this residual."""
+        joints = joint_data(list(missing), self.evidence.items)
+        return signatures(self.evidence, world, residual, list(dict.fromkeys(places)), joints)
+
+    def _straight(self, world: World) -> list[tuple[str, str]]:
+        everywhere = candidates(self.evidence, world, list(self.evidence.items[0].robot.joints))
+        return [(name, where) for name, where in everywhere if effect(name).straight]
+
+
+def _plain(placed: EffectInstance) -> list:
+    return [placed.effect, placed.where, {k: v.value for k, v in placed.params.items()}]

@@ -1,0 +1,86 @@
+"""Several effects at a time: orthogonal least squares over signatures proposes, with exchanges; a fit decides.
+
+Forward: the effect that lowers the linear model's error most comes in, of those within TIE the one with the fewest
+parameters. After each, every effect is asked whether another one would do better in its place, those that were accepted
+before included, so that an early wrong guess does not stay. Then what carries nothing goes out.
+
+Source of the forward step: Chen, Billings and Luo, International Journal of Control 50(5), 1989.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.diagnosis.dictionary import Dictionary
+from vispeg.diagnosis.screen import Score
+
+LEAST = 0.02  # share of the error left that one more effect must promise to remove
+TIE = 0.03  # of the best gain: candidates this close are equals
+BETTER = 0.995  # of the error left, that an exchange must leave at most
+LOOKED = 8  # candidates whose bounds are looked at, at each step
+ROUNDS = 3  # of exchanges after one addition
+
+
+def together(dictionary: Dictionary, most: int) -> Score | None:
+    """Up to `most` straight effects in all that are worth a joint fit, and which fitted ones they replace.
+
+    None where it is a matter of one effect: that is a candidate already.
+    """
+    fixed = [k for k in dictionary.fitted if not dictionary.entries[k].straight]
+    before = [k for k in dictionary.fitted if k not in fixed]
+    chosen = list(before)
+    first = left = dictionary.loss([*fixed, *chosen])[0]
+    while len(fixed) + len(chosen) < most:
+        found = _best(dictionary, fixed, chosen, left)
+        if found is None or found[0] < LEAST * left:
+            break
+        chosen.append(found[1])
+        left = _exchanged(dictionary, fixed, chosen, left - found[0])
+        left = _lighter(dictionary, fixed, chosen, left)
+    new, gone = [k for k in chosen if k not in before], [k for k in before if k not in chosen]
+    if not new or len(new) + len(gone) < 2:
+        return None
+    members = dictionary.placed([*fixed, *chosen])
+    out = tuple(dictionary.entries[k].placed for k in gone)
+    return Score(members[0], first - left, tuple(members[1:]), out)
+
+
+def _best(dictionary: Dictionary, fixed: list[int], chosen: list[int], left: float) -> tuple[float, int] | None:
+    """(gain, entry) of the best straight effect beside the chosen ones."""
+    gains = dictionary.gains([*fixed, *chosen])
+    gains[[k for k, e in enumerate(dictionary.entries) if not e.straight]] = 0.0
+    asked = [int(k) for k in np.argsort(-gains)[:LOOKED] if gains[k] > 0]
+    found = [(left - dictionary.loss([*fixed, *chosen, k])[0], k) for k in asked]
+    if not found:
+        return None
+    top = max(found)[0]
+    equal = [f for f in found if f[0] >= (1 - TIE) * top]
+    return min(equal, key=lambda f: (dictionary.entries[f[1]].size, -f[0]))
+
+
+def _exchanged(dictionary: Dictionary, fixed: list[int], chosen: list[int], left: float) -> float:
+    """Puts better effects in the place of chosen ones, in `chosen` itself; the error that is left then."""
+    for _ in range(ROUNDS):
+        moved = False
+        for k in list(chosen):
+            rest = [c for c in chosen if c != k]
+            without = dictionary.loss([*fixed, *rest])[0]
+            found = _best(dictionary, fixed, rest, without)
+            if found is None or dictionary.entries[found[1]].key == dictionary.entries[k].key:
+                continue
+            if without - found[0] < BETTER * left:
+                chosen[chosen.index(k)], left, moved = found[1], without - found[0], True
+        if not moved:
+            break
+    return left
+
+
+def _lighter(dictionary: Dictionary, fixed: list[int], chosen: list[int], left: float) -> float:
+    """Takes out of `chosen` what carries less than half of what one more must; the error that is left then."""
+    for k in list(chosen):
+        rest = [c for c in chosen if c != k]
+        without = dictionary.loss([*fixed, *rest])[0]
+        if rest and without < (1 + LEAST / 2) * left:
+            chosen.remove(k)
+            left = without
+    return left
