@@ -94,8 +94,7 @@ class Study:
         self.tell("say", f"scoring candidates beside {state.world.label}")
         missing = search.missing(state.world)
         near, rest, together = search.places(state, missing)
-        jacobian = state.fit.jacobian if state.fit is not None else None
-        scores = search.screened(state.world, state.residual, jacobian, near, missing, together)
+        scores = search.screened(state.world, state.residual, state.fit, near, missing, together)
         self.scores = {_key(s): s for s in scores}
         self.tested = len(near) + len(rest)
         total = float(state.residual @ state.residual)
