@@ -83,4 +83,16 @@ def test_many_effects_are_matched_one_to_one_and_partial_ones_count():
     j = judge(r)
     assert (j["hits"], j["extras"]) == (9, 1)
     text = report([r])
-    assert "90 % [60, 98] of 10" in text and "| names of what was not hidden, a case | 1.00 |" in text
+    assert "90 % [60, 98] of 10" in text and "| names beyond those hidden, a case | 1.00 |" in text
+    assert "| names (`one of` is one) of what was not hidden | 10 % [2, 40] of 10 |" in text
+
+
+def test_what_is_tentative_is_no_name_and_a_class_is_right_where_it_holds_the_truth():
+    truth = [{"effect": "gravity_tilt", "where": "base", "params": {}}, TRUTH]
+    mass = named("link_mass", "link7") | {"partial": True}
+    bias = named("joint_bias", "joint1") | {"partial": True}
+    wrong = judge(record(truth, [mass, bias | {"tentative": True}], "unexplained", "many"))
+    assert (wrong["sure"], wrong["sure_hits"], wrong["false_names"]) == (1, 0, 1)
+    mass["indistinguishable_from"] = [{"effect": "gravity_tilt", "where": "base"}]
+    right = judge(record(truth, [mass, bias | {"tentative": True}], "unexplained", "many"))
+    assert (right["sure"], right["classes"], right["sure_hits"], right["false_names"]) == (1, 1, 1, 0)

@@ -6,8 +6,8 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 import threading
-import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
@@ -20,29 +20,34 @@ TIMEOUT = 1800.0  # s a process
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
-def _call(arguments: list[str]) -> tuple[int, str]:
-    """Exit status, and stdout or (where it failed) stderr."""
+def _call(arguments: list[str]) -> tuple[int, str, float]:
+    """Exit status, stdout or (where it failed) stderr, and processor seconds."""
     environment = os.environ | ONE_THREAD | {"PYTHONPATH": str(HERE.parents[2])}
-    try:
-        done = subprocess.run(
-            [sys.executable, *arguments], capture_output=True, text=True, timeout=TIMEOUT, env=environment, check=False
-        )
-    except subprocess.TimeoutExpired:
-        return 124, f"no answer within {TIMEOUT:.0f} s"
-    return done.returncode, done.stdout if done.returncode == 0 else done.stderr
+    with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
+        child = subprocess.Popen([sys.executable, *arguments], stdout=out, stderr=err, env=environment)
+        guard = threading.Timer(TIMEOUT, child.kill)
+        guard.start()
+        _, status, used = os.wait4(child.pid, 0)
+        child.returncode = os.waitstatus_to_exitcode(status)
+        seconds = used.ru_utime + used.ru_stime
+        if not guard.is_alive():
+            return 124, f"no answer within {TIMEOUT:.0f} s", seconds
+        guard.cancel()
+        text = out if child.returncode == 0 else err
+        text.seek(0)
+        return child.returncode, text.read(), seconds
 
 
 def diagnose(root: Path, case: Case) -> dict:
     """The record of one case, which `score.report` reads."""
     first, second, last = folders(root, case)
     out = root / "diagnosis" / case.key
-    begin = time.monotonic()
-    status, text = _call([
+    status, text, seconds = _call([
         "-m", "vispeg", "diagnose", "iiwa14", "--recording", str(first), "--recording", str(second),
         "--validate", str(last), "--out", str(out), "--overwrite", "--quiet", "--threads", "1",
     ])  # fmt: skip
     record: dict = {"case": case.name, "kind": case.kind, "mode": case.mode, "hidden": [asdict(h) for h in case.hidden]}
-    record["seconds"] = round(time.monotonic() - begin, 1)
+    record["seconds"] = round(seconds, 1)
     if status != 0:
         return record | {"verdict": "failed", "effects": [], "message": text[-2000:]}
     found = json.loads((out / "diagnosis.json").read_text())
@@ -54,7 +59,7 @@ def references(root: Path, case: Case, record: dict, baseline: bool) -> dict:
     """What a fit of the truth, and of a fixed parameter set where asked for, reaches in the same case."""
     extra = ["--baseline"] if baseline and case.kind == "single" else []
     folder = folders(root, case)[0].parent
-    status, text = _call([str(HERE / "reference.py"), str(folder), json.dumps(record["hidden"]), *extra])
+    status, text, _ = _call([str(HERE / "reference.py"), str(folder), json.dumps(record["hidden"]), *extra])
     return json.loads(text.splitlines()[-1]) if status == 0 else {"reference_failed": text[-500:]}
 
 

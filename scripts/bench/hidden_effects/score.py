@@ -74,6 +74,9 @@ def judge(r: Record) -> Record:
     crowded = r["kind"] in ("many", "strange")  # where what is partial counts; elsewhere it is not claimed to be all
     named = r["effects"] if crowded or r["verdict"] != "unexplained" else []
     hits = _matched(truth, named)
+    sure = [e for e in named if not e.get("tentative")]
+    classes = [e for e in sure if e.get("indistinguishable_from")]
+    rights = sum(any(same_class(t, e) for t in truth) for e in sure)
     key = lambda e: (e["effect"], e["where"])  # noqa: E731
     ladder, floor = r["ladder"], r["floor"]
     before, after = ladder[0]["heldout_error"], ladder[-1]["heldout_error"]
@@ -84,6 +87,10 @@ def judge(r: Record) -> Record:
         "right_place": {e["where"] for e in truth} == {e["where"] for e in named},
         "found": hits == len(truth),
         "hits": hits,
+        "sure": len(sure),
+        "classes": len(classes),
+        "sure_hits": _matched(truth, sure),
+        "false_names": len(sure) - rights,
         "extras": len(named) - hits,
         "confident": r["verdict"] == "identified",
         "error_fall": before / after if after > 0.0 else float("inf"),
@@ -152,7 +159,7 @@ def report(records: Sequence[Record]) -> str:
         _row("fixed parameter set: held-out error within 10 % of the oracle's",
              share(r["baseline"]["heldout_error"] <= 1.1 * r["oracle"]["heldout_error"]
                    for r in known if r.get("baseline") and r.get("oracle"))),
-        _row("median seconds a diagnosis", _median(r["seconds"] for r in done)),
+        _row("median processor seconds a diagnosis", _median(r["seconds"] for r in done)),
     ]  # fmt: skip
     columns = ("hidden", "exact (unknown: no name)", "class", "extras", "fall", "to oracle", "verdicts")
     lines += ["", "## By effect", "", _row(*columns)]
@@ -184,24 +191,30 @@ def report(records: Sequence[Record]) -> str:
 def _many(crowd: Sequence[Record], strange: Sequence[Record], failed: Sequence[Record]) -> str:
     """The score of cases with many effects."""
     truths = [i < r["hits"] for r in crowd for i in range(len(r["hidden"]))]
-    extras = sum(r["extras"] for r in crowd) / max(len(crowd), 1)
+    certain = [i < r["sure_hits"] for r in crowd for i in range(len(r["hidden"]))]
+    names = [i < r["false_names"] for r in (*crowd, *strange) for i in range(r["sure"])]
+    extras = sum(r["sure"] - r["sure_hits"] for r in crowd) / max(len(crowd), 1)
     lines = ["# Many effects at once", "", f"{len(crowd) + len(strange)} diagnoses, {len(failed)} runs failed.", ""]
     lines += [_row("measure", "result"), _row("---", "---")]
     lines += [
-        _row("effects whose class and place are named", share(truths)),
-        _row("names of what was not hidden, a case", f"{extras:.2f}"),
+        _row("effects whose class and place are named", share(certain)),
+        _row("... or in the model, tentatively", share(truths)),
+        _row("names (`one of` is one) of what was not hidden", share(names)),
+        _row("names beyond those hidden, a case", f"{extras:.2f}"),
         _row("95 % intervals that hold the truth", share(coverage(crowd))),
         _row("held-out error over the oracle's, median", _median(r["to_oracle"] for r in crowd)),
         _row("library only: verdicts", _verdicts(crowd)),
         _row("something unknown beside them: verdicts", _verdicts(strange)),
-        _row("median seconds a diagnosis", _median(r["seconds"] for r in (*crowd, *strange))),
+        _row("median processor seconds a diagnosis", _median(r["seconds"] for r in (*crowd, *strange))),
         "",
-        _row("case", "hidden", "named", "right", "verdict", "error / floor, before and after", "s"),
-        _row(*["---"] * 7),
+        _row("case", "hidden", "named", "of them `one of`", "false", "tentative", "verdict", "error / floor", "s"),
+        _row(*["---"] * 9),
     ]
     for r in (*crowd, *strange):
         ratio = [f"{step['heldout_error'] / r['floor']:.3g}" for step in (r["ladder"][0], r["ladder"][-1])]
-        cells = (len(r["hidden"]), len(r["effects"]), r["hits"], r["verdict"], " to ".join(ratio), r["seconds"])
+        unsure = len(r["effects"]) - r["sure"]
+        counts = (len(r["hidden"]), r["sure"], r["classes"], r["false_names"], unsure)
+        cells = (*counts, r["verdict"], " to ".join(ratio), r["seconds"])
         lines.append(_row(r["case"], *cells))
     return "\n".join(lines) + "\n"
 
