@@ -75,6 +75,33 @@ def _inverse(core: np.ndarray, damping: float) -> np.ndarray:
     return out
 
 
+def hold_pose(
+    state: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    dq: np.ndarray,
+    pos: np.ndarray,
+    rot: np.ndarray,
+    kp: np.ndarray,
+    kd: np.ndarray,
+    pull: np.ndarray | None,
+    force_limit: float | np.ndarray | None,
+) -> np.ndarray:
+    """Torque (n, nv) N m towards a flange pose, without gravity; see `osc`. Policies and recordings share it.
+
+    Args:
+        state: the nominal arm's inertia, Jacobian, flange position and quaternion, and gravity there.
+        dq: (n, nv) rad/s.
+        pos, rot: (n, 3) m, (n, 4) w x y z: the commanded pose.
+        kp, kd: (n, 6), 1/s^2 and 1/s.
+        pull: (n, nv) rad/s^2, acceleration of the posture task in the null space.
+        force_limit: N, see `osc`.
+    """
+    mass, jac, now, turned, _ = state
+    error = np.concatenate([pos - now, rotation_vector(turned, rot)], axis=1)
+    twist = np.matmul(jac, dq[:, :, None])[:, :, 0]
+    posture = None if pull is None else np.matmul(mass, pull[:, :, None])[:, :, 0]
+    return osc(error, twist, mass, jac, kp, kd, posture, force_limit=force_limit)
+
+
 def osc(
     error: np.ndarray,
     twist: np.ndarray,

@@ -11,6 +11,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.identify.excitation import Motion, room_of
+from vispeg.recordings.noise import noisy
 from vispeg.recordings.recording import Control, Nullspace, Recording
 from vispeg.robots.declared import declared
 from vispeg.robots.model import RobotModel, load
@@ -130,7 +131,7 @@ def record(
         signals, torque_sensor = {"q": q, "load": tau}, "none"
     if control.mode == "torque":
         fixed = {"tau_cmd": control.kp * (motion.q_cmd - q) + control.kd * (motion.dq_cmd - dq)}
-    runs = [{key: _noisy(key, v, noise, rng) for key, v in signals.items()} for _ in range(repeat)]
+    runs = [{key: noisy(key, v, noise, rng) for key, v in signals.items()} for _ in range(repeat)]
     columns: dict[str, Any] = {key: np.concatenate([r[key] for r in runs]) for key in signals}
     columns |= {key: np.tile(v, (repeat, 1)) for key, v in fixed.items()}
     if repeat > 1:
@@ -167,10 +168,3 @@ def _segment(robot: RobotModel, motion: Motion, control: Control) -> Segment:
     rows = np.arange(len(motion.time))
     tick = 1.0 / control.rate_hz
     return Segment(control, tick, command, motion.q_cmd, motion.dq_cmd, motion.q_cmd, motion.time, rows)
-
-
-def _noisy(key: str, values: np.ndarray, noise: Mapping[str, float], rng: np.random.Generator) -> np.ndarray:
-    draw = float(noise.get("tau" if key == "load" else key, 0.0)) * rng.standard_normal(values.shape)
-    if key == "ee":  # the tracker's orientation is taken as exact, so that quaternions stay of unit length
-        draw[:, 3:] = 0.0
-    return values + draw

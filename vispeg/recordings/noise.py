@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.recordings.cell import LEVER
 from vispeg.recordings.quality import quantization
 from vispeg.recordings.recording import Recording
 
@@ -77,6 +78,20 @@ def noise_from_repeats(recs: Sequence[Recording], signal: str = "q") -> np.ndarr
             raise UserError("has no such signal", file=rec.path, key=signal)
         values.append(value[:rows])
     return np.sqrt(np.nanmean(np.var(np.stack(values), axis=0, ddof=1), axis=0))
+
+
+def noisy(key: str, values: np.ndarray, noise: Mapping[str, float], rng: np.random.Generator) -> np.ndarray:
+    """Readings (n, k) with white noise of the 1-sigma that `noise` states for this signal; none where it states none.
+
+    A load has the torques' noise; the orientation of `ee` is taken as exact, so that quaternions stay of unit length;
+    the torques of `ft` have their own, `ft_torque`.
+    """
+    draw = float(noise.get("tau" if key == "load" else key, 0.0)) * rng.standard_normal(values.shape)
+    if key == "ee":
+        draw[:, 3:] = 0.0
+    if key == "ft" and noise.get("ft", 0.0) > 0:
+        draw[:, 3:] *= float(noise.get("ft_torque", LEVER * noise["ft"])) / float(noise["ft"])
+    return values + draw
 
 
 def same_motion(a: Recording, b: Recording) -> bool:

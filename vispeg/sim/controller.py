@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vispeg.control.laws import osc, position, rotation_vector
+from vispeg.control.laws import hold_pose, position
 from vispeg.robots.model import RobotModel
 from vispeg.sim.along import gravity, gravity_slope, measured_gravity, once
 from vispeg.sim.nominal import Nominal
@@ -42,8 +42,10 @@ class Controller:
             limits = [s.control.force_limit for s in rows.segments]
             self.force_limit = None
             if any(limit is not None for limit in limits):
-                bound = rows.constant(lambda s: np.inf if s.control.force_limit is None else s.control.force_limit, 1)
-                self.force_limit = bound[:, 0]
+                self.force_limit = rows.constant(lambda s: _or_inf(s.control.force_limit), 1)[:, 0]
+            self.torque_limit = None
+            if any(s.control.torque_limit is not None for s in rows.segments):
+                self.torque_limit = rows.constant(lambda s: _or_inf(s.control.torque_limit), nj)
             self.ee_cmd = rows.by_tick(lambda s: s.command["ee_cmd"])
         elif self.mode == "torque":
             self.tau_cmd = rows.by_tick(lambda s: s.command["tau_cmd"] + once(s, robot, measured_gravity))
@@ -70,12 +72,12 @@ class Controller:
         return self.gravity0[k] + np.einsum("nij,nj->ni", self.gravity1[k], q - self.reference[k])
 
     def _osc(self, k: int, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-        mass, jac, pos, rot, weight = self.nominal.operational(q)
-        goal = self.ee_cmd[k]
-        error = np.concatenate([goal[:, :3] - pos, rotation_vector(rot, goal[:, 3:])], axis=1)
-        twist = np.einsum("nij,nj->ni", jac, dq)
-        posture = None
-        if self.null is not None:
-            posture = np.einsum("nij,nj->ni", mass, self.null.kp * (self.null.q - q) - self.null.kd * dq)
-        tau = osc(error, twist, mass, jac, self.kp, self.kd, posture, force_limit=self.force_limit)
-        return tau + self.compensation * weight
+        state, goal = self.nominal.operational(q), self.ee_cmd[k]
+        pull = None if self.null is None else self.null.kp * (self.null.q - q) - self.null.kd * dq
+        tau = hold_pose(state, dq, goal[:, :3], goal[:, 3:], self.kp, self.kd, pull, self.force_limit)
+        tau = tau + self.compensation * state[4]
+        return tau if self.torque_limit is None else np.minimum(np.maximum(tau, -self.torque_limit), self.torque_limit)
+
+
+def _or_inf(limit: np.ndarray | float | None) -> np.ndarray | float:
+    return np.inf if limit is None else limit

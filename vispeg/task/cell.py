@@ -117,6 +117,10 @@ class Cell(Plant):
         """
         return self.loop.feel(-self.sensors[:, :6], self.x)
 
+    def gear_torque(self) -> np.ndarray:
+        """Torque (nsim, nj) N m that the gears handed to the links in the last step."""
+        return self.x.tau if self.loop.acts else self._geared(None)
+
     def advance(self, command: np.ndarray, nsub: int) -> None:
         """`nsub` physics steps under the held command (nsim, nj) N m."""
         self.outer[:, self.hand, :3] = self.external

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from vispeg.control.avoidance import away
-from vispeg.control.laws import osc, rotation_vector
+from vispeg.control.laws import hold_pose
 from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import nominal_of
 from vispeg.task.config import TaskConfig
@@ -49,13 +49,10 @@ class PoseControl:
 
     def torque(self, q: np.ndarray, dq: np.ndarray, pos: np.ndarray, rot: np.ndarray) -> np.ndarray:
         """Joint torque (nsim, nj) N m towards the flange pose pos (nsim, 3), rot (nsim, 4)."""
-        mass, jac, now, turned, weight = self.nominal.operational(q)
-        error = np.concatenate([pos - now, rotation_vector(turned, rot)], axis=1)
-        twist = np.matmul(jac, dq[:, :, None])[:, :, 0]
+        state = self.nominal.operational(q)
         pull = POSTURE * (self.home - q) - DAMPING * dq
         if self.avoid:
             pull += away(q, self.range, self.avoid)
-        posture = np.matmul(mass, pull[:, :, None])[:, :, 0]
-        tau = osc(error, twist, mass, jac, self.kp, self.kd, posture, force_limit=self.force_limit)
-        tau += weight
+        tau = hold_pose(state, dq, pos, rot, self.kp, self.kd, pull, self.force_limit)
+        tau += state[4]
         return np.minimum(np.maximum(tau, self.least), self.limit)

@@ -1,0 +1,150 @@
+"""Recordings of a cell: what each motion makes the tool do, and that a recording replays bit for bit."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vispeg.core.effect import EffectInstance
+from vispeg.recordings.load import load
+from vispeg.recordings.regimes import HOLE, IMPACT, PRESS, REGIMES, SLIDE, Thresholds, regimes, touching
+from vispeg.recordings.write import write
+from vispeg.sim.touch import touch
+from vispeg.task.belief import believed
+from vispeg.task.rig.motions import AIR, PATHS, motion
+from vispeg.task.rig.record import NOISE, record_cell
+from vispeg.task.rig.replay import replay
+from vispeg.worlds.model_file import load_model
+
+CELL = load_model("peg-cell")
+SCENE = believed(CELL.cell)
+COARSE = 2e-3  # s: what tests of shapes and signs can do with
+
+
+def recorded(name, effects=(), noise=(), rate=250.0, **options):
+    made = motion(name, SCENE.scene, SCENE.config, rate, np.random.default_rng(0))
+    plant = CELL.add(*effects)
+    options = {"h_max": COARSE, "rate_hz": rate} | options
+    return record_cell(plant, made, dict(noise), np.random.default_rng(1), **options)
+
+
+@pytest.fixture(scope="module")
+def touches():
+    """Each motion, recorded once with noise: the recording and what its tool touched."""
+    out = {}
+    for name in PATHS:
+        rec = recorded(name, noise=NOISE)
+        out[name] = rec, touch(rec, SCENE.scene)
+    return out
+
+
+@pytest.mark.parametrize("name", PATHS)
+def test_every_motion_begins_with_a_second_in_free_air(touches, name):
+    rec, seen = touches[name]
+    assert not seen.touching[rec.time <= min(AIR, 1.0)].any()
+    assert np.abs(np.diff(rec.ee_cmd[:, :3], axis=0)).max() * rec.rate_hz < 0.5, "m/s"
+
+
+def test_each_motion_excites_what_it_is_for(touches):
+    share = {name: np.bincount(t.regime, minlength=len(REGIMES)) / len(t.regime) for name, (_, t) in touches.items()}
+    assert share["free"][0] == 1.0
+    for name, regime, least in (
+        ("press", PRESS, 0.3),
+        ("slide", SLIDE, 0.1),
+        ("insert", HOLE, 0.3),
+        ("insert-turned", HOLE, 0.3),
+        ("rock", HOLE, 0.1),
+        ("hard-press", PRESS, 0.4),
+        ("tap", IMPACT, 0.01),
+        ("touch-datum", PRESS, 0.2),
+    ):
+        assert share[name][regime] > least, name
+    assert all(share["mix"][r] > 0.002 for r in (PRESS, SLIDE, HOLE, IMPACT))
+    forces = {name: t.force for name, (_, t) in touches.items()}
+    steady = {name: np.quantile(f, 0.99) for name, f in forces.items()}
+    assert 22 < steady["press"] < 30 and 105 < steady["hard-press"] < 120
+    assert touches["hard-press"][0].control.force_limit > 115
+
+
+def test_the_flange_of_insert_turned_is_turned_by_a_quarter(touches):
+    straight, turned = (touches[name][0].ee_cmd[:, 3:] for name in ("insert", "insert-turned"))
+    cosine = np.abs(np.sum(straight[len(straight) // 2] * turned[len(turned) // 2]))
+    assert np.isclose(2 * np.arccos(min(1.0, cosine)), np.pi / 2, atol=0.05)
+
+
+def test_a_datum_is_the_table(touches):
+    rec, seen = touches["touch-datum"]
+    lowest = seen.tip[seen.touching, 2].min()
+    assert np.isclose(lowest, -SCENE.scene.target[2], atol=3e-4)
+
+
+def test_a_press_reads_the_force_that_the_contact_carries():
+    """Newton's third law through the wrist: the contact force by wrench, weight and inertia is the simulator's own."""
+    rec = recorded("press")
+    seen = touch(rec, SCENE.scene)
+    again = replay(rec, [CELL], h_max=COARSE)[0]
+    still = (seen.regime == PRESS) & (np.abs(seen.velocity).max(axis=1) < 1e-4)
+    assert still.sum() > 100
+    assert np.abs(seen.force - again.touch[0])[still].max() < 0.1, "N"
+    assert (seen.contact[still, 2] > 0).all(), "the fixture pushes up"
+    ratio = again.touch[0][still].max() / again.touch[0][still].min()
+    assert ratio > 3, "several forces"
+
+
+def test_weight_is_what_a_hanging_tool_reads():
+    rec = recorded("free")
+    weight = rec.tool["mass_kg"] * 9.81
+    assert np.allclose(rec.ft[rec.time < 0.4].mean(axis=0)[:3], [0, 0, -weight], atol=0.02)
+
+
+@pytest.mark.parametrize("name", ["insert", "press"])
+def test_a_recording_without_noise_replays_bit_for_bit(tmp_path, name):
+    rough = EffectInstance.of("contact_friction", "peg", scale=1.7)
+    effects = (rough, EffectInstance.of("hole_offset", "fixture", x=5e-4))
+    rec = recorded(name, effects)
+    if name == "insert":
+        assert rec.outcomes[0].success and rec.outcomes[0].depth > 0.02
+    back = load(write(rec, tmp_path / "r"))
+    nominal, same = (replay(back, [world], h_max=COARSE)[0] for world in (CELL, CELL.add(*effects)))
+    assert np.array_equal(same.q[0], rec.q) and np.array_equal(same.ft[0], rec.ft)
+    assert np.abs(nominal.q[0] - rec.q).max() > 1e-4, "without the effects it is another motion"
+
+
+def test_repeats_are_episodes_with_noise_of_their_own():
+    rec = recorded("tap", noise=NOISE, repeat=2)
+    half = len(rec.time) // 2
+    assert np.array_equal(np.unique(rec.episode), [0, 1])
+    gap = rec.ft[:half] - rec.ft[half:]
+    assert np.allclose(gap.std(axis=0), np.sqrt(2) * np.repeat([NOISE["ft"], NOISE["ft_torque"]], 3), rtol=0.1)
+
+
+def test_two_seeds_are_two_motions():
+    a, b = (motion("press", SCENE.scene, SCENE.config, 250.0, np.random.default_rng(s)).ee_cmd for s in (0, 1))
+    assert np.abs(a[: len(b)] - b[: len(a)]).max() > 1e-3
+
+
+def test_a_touch_ends_at_half_of_what_began_it():
+    force = np.array([0.0, 1.5, 2.5, 1.5, 0.5, 1.5, np.nan, 3.0])
+    assert touching(force, 2.0).tolist() == [False, False, True, True, False, False, False, True]
+
+
+def test_regimes_by_force_speed_and_depth():
+    time = np.arange(8) * 0.01
+    force = np.array([0.0, 0, 5, 5, 5, 5, 5, 0])
+    speed = np.array([0.0, 0, 0, 0, 0.02, 0.02, 0, 0])
+    depth = np.array([-1.0, -1, -1, -1, -1, 0.01, 0.01, 0.01])
+    slow = np.zeros(8)
+    assert regimes(time, force, speed, slow, depth).tolist() == [0, 0, PRESS, PRESS, SLIDE, HOLE, HOLE, 0]
+    fast = np.where(np.arange(8) == 1, 0.05, 0.0)
+    hit = regimes(time, force, speed, fast, depth, Thresholds(impact=0.015))
+    assert hit.tolist() == [0, 0, IMPACT, IMPACT, SLIDE, HOLE, HOLE, 0]
+
+
+def test_a_world_that_believes_in_a_tilt_says_so(tmp_path):
+    cell = replace(CELL.cell, effects=({"effect": "hole_tilt", "where": "fixture", "params": {"roll": 0.03}},))
+    plant = replace(CELL, cell=cell)
+    found = believed(cell)
+    made = motion("tap", found.scene, found.config, 250.0, np.random.default_rng(0))
+    rec = record_cell(plant, made, {}, np.random.default_rng(1), h_max=COARSE, rate_hz=250.0)
+    assert rec.cell == cell
+    assert np.array_equal(replay(rec, [CELL], h_max=COARSE)[0].q[0], rec.q)

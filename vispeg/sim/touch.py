@@ -1,0 +1,157 @@
+"""When a recorded tool touched something, how hard, and how its tip moved: from the wrist's wrench and the joints.
+
+The wrench between flange and tool carries the tool's weight and inertia too. Newton's and Euler's laws for the declared
+tool along the measured motion give what is left for the contact: `F_c = m (a - g) - F`, `T_c = I alpha + w x I w + r x m
+(a - g) - T`, about the flange's origin, with F, T what the flange exerts on the tool, r its centre of mass.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vispeg.control.laws import rotated
+from vispeg.recordings.cell import WrenchSensor, canonical, wrench_noise
+from vispeg.recordings.differentiate import episodes, smooth
+from vispeg.recordings.recording import Recording
+from vispeg.recordings.regimes import FREE, Thresholds, regimes
+from vispeg.robots.declared import carried
+from vispeg.robots.model import RobotModel
+from vispeg.robots.scene import Scene
+from vispeg.sim.compiled import compiled, nominal_of
+
+MOTION_HZ = 30.0  # bandwidth of the motion whose acceleration is believed
+STILL = 0.5  # s at the start of an episode in which nothing is touched: the sensor's zero is read there
+NOISES = 6.0  # of a force component: no touch is told from less
+ROWS = 4096  # samples whose kinematics are worked out at a time
+
+
+@dataclass(frozen=True)
+class Touch:
+    """Contact along a recording; base axes unless named otherwise.
+
+    Attributes:
+        wrench: (n, 6) N, N m: what the flange exerts on the tool, flange axes and origin; as read, zero not taken off.
+        contact: (n, 6) N, N m: what the surroundings exert on the tool, torque about the flange's origin.
+        flange: (n, 7) m and w x y z.
+        tip: (n, 3) m, the tip in the believed hole's frame (z out of it); in the base frame where there is no hole.
+        velocity: (n, 3) m/s of the tip, in the same axes.
+        regime: (n,) numbers of `vispeg.recordings.regimes.REGIMES`.
+        threshold: contact force that counts as a touch, N.
+    """
+
+    wrench: np.ndarray
+    contact: np.ndarray
+    flange: np.ndarray
+    tip: np.ndarray
+    velocity: np.ndarray
+    regime: np.ndarray
+    threshold: float
+
+    @property
+    def touching(self) -> np.ndarray:
+        """(n,) bool."""
+        return self.regime != FREE
+
+    @property
+    def force(self) -> np.ndarray:
+        """(n,) N, length of the contact force."""
+        return np.linalg.norm(self.contact[:, :3], axis=1)
+
+
+def touch(rec: Recording, robot: RobotModel, thresholds: Thresholds | None = None) -> Touch | None:
+    """What the recorded tool touched; None where no wrench was recorded.
+
+    The sensor's zero, in its own axes, is what it reads beyond the tool's weight in the first half second of each
+    episode, in which nothing may be touched.
+
+    Args:
+        rec: with `ft`.
+        robot: the believed cell (a Scene), or the arm with its declared tool, which has no hole and ends at the flange.
+        thresholds: of the regimes; the force is raised to what the noise allows.
+    """
+    if rec.ft is None:
+        return None
+    scene = robot if isinstance(robot, Scene) else None
+    arm = robot.nominal if isinstance(robot, Scene) else robot
+    q, dq, ddq = smooth(rec.time, rec.q, MOTION_HZ)
+    pos, quat, twist, rate = _flange(arm, *(np.nan_to_num(v) for v in (q, dq, ddq)))
+    axes = np.stack([rotated(quat, np.tile(e, (len(quat), 1))) for e in np.eye(3)], axis=2)  # (n, 3, 3) to the base
+    wrench = canonical(rec.ft, rec.wrench or WrenchSensor(), axes)
+    weight = compiled(arm).opt.gravity
+    weighed = rec.wrench is not None and rec.wrench.tared == "weight"
+    needed = _needed(_tool(arm), axes, twist[:, 3:], rate, np.zeros(3) if weighed else weight)
+    left = needed - np.concatenate([rotated(quat, wrench[:, :3]), rotated(quat, wrench[:, 3:])], axis=1)
+    contact = _zeroed(rec, left, axes)
+    lever = np.array([0.0, 0.0, scene.tip]) if scene else np.zeros(3)
+    tip = pos + axes @ lever
+    velocity = twist[:, :3] + np.cross(twist[:, 3:], axes @ lever)
+    inside = None
+    if scene is not None:
+        tip, velocity = tip - scene.target, velocity.copy()
+        inside = np.where(np.hypot(tip[:, 0], tip[:, 1]) < scene.config.apothem, -tip[:, 2], -1.0)
+    noise = wrench_noise(rec.noise)
+    th = thresholds or Thresholds()
+    least = max(th.touch, NOISES * float(noise[0]) if noise is not None else 0.0)
+    th = Thresholds(least, th.slide, th.inside, th.hit, th.impact)
+    force, regime = np.linalg.norm(contact[:, :3], axis=1), np.zeros(len(tip), int)
+    unit = _surface(contact[:, :3])
+    along = velocity - np.sum(velocity * unit, axis=1, keepdims=True) * unit
+    for rows in episodes(rec.time):
+        deep = None if inside is None else inside[rows]
+        speeds = np.linalg.norm(along[rows], axis=1), np.linalg.norm(velocity[rows], axis=1)
+        regime[rows] = regimes(rec.time[rows], force[rows], *speeds, deep, th)
+    return Touch(wrench, contact, np.concatenate([pos, quat], axis=1), tip, velocity, regime, least)
+
+
+def _surface(force: np.ndarray) -> np.ndarray:
+    """The axis (n, 3) of the base that the contact force is nearest to: friction tilts the force, not the surface."""
+    out = np.zeros_like(force)
+    out[np.arange(len(force)), np.nan_to_num(np.abs(force)).argmax(axis=1)] = 1.0
+    return out
+
+
+def _flange(arm: RobotModel, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Position, quaternion, twist (n, 6) and its rate (n, 6) of the flange; Jdot by a central difference along dq."""
+    parts = []
+    for start in range(0, len(q), ROWS):
+        some = slice(start, start + ROWS)
+        nominal, h = nominal_of(arm, len(q[some])), 1e-5
+        before = nominal.operational(q[some] - h * dq[some])[1].copy()
+        after = nominal.operational(q[some] + h * dq[some])[1].copy()
+        _, jac, pos, quat, _ = nominal.operational(q[some])
+        rate = np.einsum("nij,nj->ni", jac, ddq[some]) + np.einsum("nij,nj->ni", (after - before) / (2 * h), dq[some])
+        parts.append((pos, quat.copy(), np.einsum("nij,nj->ni", jac, dq[some]), rate))
+    return tuple(np.concatenate(p) for p in zip(*parts, strict=True))
+
+
+def _tool(arm: RobotModel) -> tuple[float, np.ndarray, np.ndarray]:
+    """Mass, centre (3,) in the flange frame, inertia (3,) about it; nothing where nothing is carried."""
+    model = compiled(arm)
+    if not any(model.body(b).name == "tool" for b in range(model.nbody)):
+        return 0.0, np.zeros(3), np.zeros(3)
+    tool = carried(model)
+    return tool["mass_kg"], np.array(tool["com_m"]), np.array(tool["inertia_kgm2"])
+
+
+def _needed(tool: tuple, axes: np.ndarray, omega: np.ndarray, rate: np.ndarray, gravity: np.ndarray) -> np.ndarray:
+    """Wrench (n, 6) on the tool about the flange's origin, base axes, that its motion and weight take."""
+    mass, com, inertia = tool
+    r = axes @ com
+    alpha = rate[:, 3:]
+    acc = rate[:, :3] + np.cross(alpha, r) + np.cross(omega, np.cross(omega, r))
+    force = mass * (acc - gravity)
+    turn = axes @ (inertia[:, None] * np.swapaxes(axes, 1, 2))
+    spin = np.einsum("nij,nj->ni", turn, alpha) + np.cross(omega, np.einsum("nij,nj->ni", turn, omega))
+    return np.concatenate([force, spin + np.cross(r, force)], axis=1)
+
+
+def _zeroed(rec: Recording, left: np.ndarray, axes: np.ndarray) -> np.ndarray:
+    """`left` (n, 6), base axes, less the sensor's zero, which is constant in the flange's axes."""
+    halves = [np.einsum("nji,nj->ni", axes, v) for v in (left[:, :3], left[:, 3:])]
+    inner = np.concatenate(halves, axis=1)
+    for rows in episodes(rec.time):
+        start = rows[rec.time[rows] <= rec.time[rows[0]] + STILL]
+        inner[rows] -= np.nanmedian(inner[start], axis=0)
+    return np.concatenate([np.einsum("nij,nj->ni", axes, v) for v in (inner[:, :3], inner[:, 3:])], axis=1)

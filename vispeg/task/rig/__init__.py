@@ -1,0 +1,1 @@
+"""Recordings of a robot in its cell: motions that touch, the run that records them, and its replay."""

@@ -1,0 +1,264 @@
+"""Motions that make a cell show what its model lacks of contact; each begins with a second in free air.
+
+What each is for (1-sigma that a press, a slide, .. leaves to each effect differ by factors of ten to a hundred): free air
+shows the tool's mass and centre and the sensor's zero; presses stiffness, compliance and heights; slides friction;
+insertions clearance and the hole's place; a hard press what slips; taps damping; a datum what is grip and what is hole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.robots.scene import Scene
+from vispeg.task.config import TaskConfig
+from vispeg.task.rig.path import Frame, Path, commands, quarter
+
+OVER = 0.03  # m: the tip over the fixture in free air
+NEAR = 0.0015  # m over a surface, from where it is approached slowly
+AIR = 1.1  # s in free air that every motion begins with
+
+
+@dataclass(frozen=True)
+class CellMotion:
+    """A commanded motion of the flange in a cell.
+
+    Attributes:
+        name: of the motion.
+        time: (n,) s.
+        ee_cmd: (n, 7) flange pose in the base, m and w x y z.
+        force_limit: N, greatest force that the controller may ask for in it; None for the task's own.
+    """
+
+    name: str
+    time: np.ndarray
+    ee_cmd: np.ndarray
+    force_limit: float | None = None
+
+
+@dataclass(frozen=True)
+class Place:
+    """What a motion may use: the believed cell, its numbers, and chance.
+
+    Attributes:
+        scene: the believed cell.
+        rng: shifts places, forces and speeds a little, so that two seeds give two recordings.
+    """
+
+    scene: Scene
+    rng: np.random.Generator
+
+    @property
+    def clearance(self) -> float:
+        """Diameter of the hole less that of the peg, m."""
+        return 1e-3 * self.scene.config.clearance_mm
+
+    @property
+    def depth(self) -> float:
+        """Of the hole, m."""
+        return self.scene.config.depth
+
+    @property
+    def aside(self) -> float:
+        """Distance from the hole's axis, m, at which the peg stands on the middle of the fixture's rim."""
+        config = self.scene.config
+        return 0.5 * (config.apothem + config.chamfer + config.block)
+
+    def vary(self, value: float, share: float = 0.12) -> float:
+        """The value, somewhat more or less."""
+        return float(value * (1 + share * self.rng.uniform(-1.0, 1.0)))
+
+    def begin(self, over: float = OVER) -> Path:
+        """In free air over the hole: a nod on either side shows the sensor's zero."""
+        start = Frame((0.0, 0.0, over))
+        nod = self.vary(0.05)
+        return Path(start).to(0.5).to(0.3, turn=(nod, 0.0, 0.0)).to(AIR - 0.8, turn=(0.0, 0.0, 0.0))
+
+
+def free(place: Place) -> Path:
+    """Tilts by more than 30 deg about both axes, and shakes: the tool's mass and centre, the sensor's zero."""
+    path, tilt = place.begin(0.12), place.vary(0.56, 0.05)
+    path.to(1.2, yaw=quarter(place.scene))
+    for turn in ((tilt, 0, 0), (-tilt, 0, 0), (0, tilt, 0), (0, -tilt, 0), (0, 0, 0)):
+        path.to(0.9, turn=turn).to(0.25)
+    x = place.vary(0.03)
+    for tip in ((x, 0, 0.12), (-x, 0, 0.12), (0, x, 0.15), (0, -x, 0.09), (0, 0, 0.12)):
+        path.to(0.35, tip=tip)
+    return path.to(0.3)
+
+
+def press(place: Place, count: int = 4) -> Path:
+    """Presses straight down with 5 to 25 N at `count` places about the hole."""
+    path, first = place.begin(), place.rng.uniform(0, np.pi / 2)
+    for k in range(count):
+        angle = first + 2 * np.pi * k / count
+        x, y = place.aside * np.cos(angle), place.aside * np.sin(angle)
+        _down(path, x, y, 5.0)
+        path.to(0.8, force=(0, 0, -place.vary(25.0, 0.05))).to(0.2).to(0.6, force=(0, 0, -5.0)).to(0.15)
+        _up(path)
+    return path.to(0.2)
+
+
+def slide(place: Place) -> Path:
+    """Slides a cross beside the hole, each line there and back, pressing with two forces; the tool leans sideways, so
+    that a peg's flat end meets the fixture at one place of its rim and not now here, now there.
+    """
+    path, reach, lean = place.begin(), 0.45 * place.aside, place.vary(0.07)
+    for force in (place.vary(8.0), place.vary(16.0)):
+        for along in (0, 1):
+            a, b = [place.aside, place.aside], [place.aside, place.aside]
+            a[along], b[along] = -reach, reach
+            turn = [0.0, 0.0, 0.0]
+            turn[along] = lean
+            path.to(0.3, turn=tuple(turn))
+            _down(path, a[0], a[1], force)
+            seconds, drag = 2 * reach / place.vary(0.015), place.scene.config.friction * force
+            for end, sign in ((b, 1.0), (a, -1.0)):
+                push = [0.0, 0.0, -force]
+                push[along] = sign * drag
+                path.to(0.15, force=tuple(push)).to(seconds, "even", tip=(end[0], end[1], 0.0)).to(0.15)
+            path.to(0.15, force=(0, 0, -force))
+            _up(path)
+    return path.to(0.2)
+
+
+def insert(place: Place, yaw: float = 0.0) -> Path:
+    """Goes in along the chamfer and presses against the wall all around, at two depths and with two forces."""
+    path = place.begin()
+    if yaw:
+        path.to(1.2, yaw=yaw)
+    angle = place.rng.uniform(0, 2 * np.pi)
+    x, y = 0.6 * place.clearance * np.cos(angle), 0.6 * place.clearance * np.sin(angle)
+    path.to(0.6, tip=(x, y, 0.004)).to(0.8, tip=(x, y, -0.004)).to(0.3, tip=(0, 0, -0.004))
+    for share, force in ((0.45, place.vary(5.0)), (0.85, place.vary(13.0))):
+        path.to(0.7, tip=(0, 0, -share * place.depth))
+        for k in range(7):
+            at = angle + 2 * np.pi * k / 6
+            path.to(0.35, force=(force * np.cos(at), force * np.sin(at), 0))
+        path.to(0.3, force=(0, 0, 0))
+    path.to(1.0, tip=(0, 0, -place.depth), force=(0, 0, -8.0)).to(0.3)
+    return path.to(0.8, tip=(0, 0, 0.01), force=(0, 0, 0)).to(0.2)
+
+
+def insert_turned(place: Place) -> Path:
+    """The same with the flange turned by 90 deg: tells the peg's grip from the hole's place."""
+    return insert(place, quarter(place.scene))
+
+
+def rock(place: Place) -> Path:
+    """Tilts the peg in the hole until it stands across, about both axes, both ways."""
+    inside = 0.8 * place.depth
+    path = place.begin().to(0.6, tip=(0, 0, 0.004)).to(1.0, tip=(0, 0, -inside))
+    tilt = place.vary(1.0, 0.05) * (place.clearance / inside + 0.03)
+    for axis in (0, 1):
+        for sign in (1.0, -1.0):
+            turn = [0.0, 0.0, 0.0]
+            turn[axis] = sign * tilt
+            path.to(0.9, turn=tuple(turn), pivot=0.5 * inside).to(0.2).to(0.7, turn=(0, 0, 0))
+    return path.to(0.8, tip=(0, 0, 0.01), pivot=0.0).to(0.2)
+
+
+def hard_press(place: Place) -> Path:
+    """Presses with 60 to 115 N at two places: what holds the peg slips or does not, springs give way."""
+    path, first = place.begin(), place.rng.uniform(0, np.pi)
+    for angle in (first, first + np.pi):
+        _down(path, place.aside * np.cos(angle), place.aside * np.sin(angle), 10.0)
+        for force in (60.0, 90.0, place.vary(113.0, 0.02), 60.0, 10.0):
+            path.to(0.6, force=(0, 0, -force)).to(0.2)
+        _up(path)
+    return path.to(0.2)
+
+
+def tap(place: Place) -> Path:
+    """Taps the fixture at two speeds: what a contact gives back."""
+    path, height, deep = place.begin(), 0.008, 0.004
+    for speed in (0.012, 0.035):
+        for k in range(4):
+            angle = 0.5 * np.pi * k + place.rng.uniform(0, 0.4)
+            x, y, v = place.aside * np.cos(angle), place.aside * np.sin(angle), place.vary(speed)
+            path.to(0.5, tip=(x, y, height))
+            path.to((height + deep) / v, "even", tip=(x, y, -deep)).to(0.12)
+            path.to(0.35, tip=(x, y, height))
+    return path.to(0.2)
+
+
+def touch_datum(place: Place) -> Path:
+    """Touches the table on two sides of the fixture, and the fixture: a height that is known, with the same grip."""
+    path, height = place.begin(0.05), -float(place.scene.target[2])
+    far = place.scene.config.block + 0.06
+    for x, y, z in ((-far, 0.0, height), (0.0, far, height), (0.0, place.aside, 0.0)):
+        path.to(0.8, tip=(x, y, 0.03))
+        path.to(0.6, tip=(x, y, z + NEAR)).to(0.7, tip=(x, y, z), force=(0, 0, -5.0))
+        path.to(0.5, force=(0, 0, -place.vary(12.0))).to(0.3)
+        path.to(0.6, tip=(x, y, 0.03), force=(0, 0, 0))
+    return path.to(0.2)
+
+
+def mix(place: Place) -> Path:
+    """A little of each: free air, a press, a slide, an insertion, a tap."""
+    path, r = place.begin(0.06), place.aside
+    for turn in ((0.4, 0, 0), (0, 0.4, 0), (0, 0, 0)):
+        path.to(0.7, turn=turn)
+    _down(path, r, 0.0, 5.0)
+    path.to(0.7, force=(0, 0, -place.vary(22.0))).to(0.2).to(0.4, force=(0, 0, -10.0))
+    path.to(0.15, force=(0, 3, -10)).to(0.9, "even", tip=(r, 0.014, 0)).to(0.2)
+    path.to(0.15, force=(0, -3, -10)).to(0.9, "even", tip=(r, 0, 0)).to(0.2)
+    _up(path)
+    path.to(0.6, tip=(0.0, 0.0, 0.004)).to(0.9, tip=(0, 0, -0.7 * place.depth))
+    for k in range(5):
+        at = 0.5 * np.pi * k
+        path.to(0.35, force=(10 * np.cos(at), 10 * np.sin(at), 0))
+    path.to(0.3, force=(0, 0, 0)).to(0.8, tip=(0, 0, 0.012))
+    path.to(0.6, tip=(-r, 0, 0.008)).to(0.4, "even", tip=(-r, 0, -0.004)).to(0.1).to(0.4, tip=(-r, 0, 0.012))
+    return path.to(0.2)
+
+
+def _down(path: Path, x: float, y: float, force: float) -> None:
+    """Goes over (x, y) and onto the fixture there, slowly, until it is pressed with `force`."""
+    path.to(0.6, tip=(x, y, 0.006)).to(0.3, tip=(x, y, NEAR))
+    path.to(0.6, tip=(x, y, 0.0), force=(0, 0, -2.0)).to(0.4, force=(0, 0, -force)).to(0.15)
+
+
+def _up(path: Path) -> None:
+    """Straight up and off."""
+    x, y, _ = path.last.tip
+    path.to(0.5, tip=(x, y, 0.006), force=(0, 0, 0))
+
+
+PATHS: dict[str, Callable[[Place], Path]] = {
+    "free": free,
+    "press": press,
+    "slide": slide,
+    "insert": insert,
+    "insert-turned": insert_turned,
+    "rock": rock,
+    "hard-press": hard_press,
+    "tap": tap,
+    "touch-datum": touch_datum,
+    "mix": mix,
+}
+ROOM = 1.25  # the controller's force limit over the greatest force that is asked for
+
+
+def motion(name: str, scene: Scene, config: TaskConfig, rate_hz: float, rng: np.random.Generator) -> CellMotion:
+    """A motion by name, for the believed cell.
+
+    Args:
+        name: of `PATHS`.
+        scene: the believed cell.
+        config: its task, whose controller will hold the flange.
+        rate_hz: ticks a second.
+        rng: chance.
+
+    Raises:
+        UserError: no such motion, or one that this arm cannot make.
+    """
+    if name not in PATHS:
+        raise UserError("unknown motion of a cell", key="--motion", got=name, choices=(*PATHS, "expert"))
+    time, frames = PATHS[name](Place(scene, rng)).frames(rate_hz)
+    most = ROOM * float(np.linalg.norm(frames[:, 6:9], axis=1).max())
+    ee_cmd = commands(frames, scene, config.stiffness)
+    return CellMotion(name, time, ee_cmd, most if most > config.force_limit else None)

@@ -1,0 +1,177 @@
+"""Recordings of a simulated robot in its cell, under the task's own controller."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.recordings.cell import LEVER, CellBelief, Outcome, WrenchSensor
+from vispeg.recordings.noise import noisy
+from vispeg.recordings.recording import Control, Nullspace, Recording
+from vispeg.robots.declared import carried
+from vispeg.robots.scene import Scene
+from vispeg.robots.scene_config import SceneConfig
+from vispeg.sim.compiled import flange_pose
+from vispeg.task.belief import Believed, believed
+from vispeg.task.config import TaskConfig
+from vispeg.task.control import DAMPING, POSTURE
+from vispeg.task.rig.motions import CellMotion
+from vispeg.task.rig.path import posture, start_angles
+from vispeg.task.rig.run import STEP, Ran, run
+from vispeg.worlds.world import World
+
+NOISE = {"q": 2e-5, "dq": 1e-3, "tau": 0.2, "ee": 1e-4, "ft": 0.1, "ft_torque": 0.005}
+
+
+def controller(scene: Scene, config: TaskConfig, rate_hz: float, force_limit: float | None = None) -> Control:
+    """The task's controller as a recording states it."""
+    kp = np.repeat(np.array(config.stiffness, float), 3)
+    null = Nullspace(POSTURE, DAMPING, posture(scene))
+    limit = scene.nominal.torque_limit
+    return Control(
+        "osc",
+        rate_hz,
+        "model",
+        kp,
+        2 * np.sqrt(kp),
+        null,
+        config.force_limit if force_limit is None else force_limit,
+        limit if np.isfinite(limit).all() else None,
+    )
+
+
+def record_cell(
+    world: World,
+    motion: CellMotion,
+    noise: Mapping[str, float],
+    rng: np.random.Generator,
+    *,
+    rate_hz: float = 500.0,
+    torque_sensor: Literal["joint", "none"] = "joint",
+    repeat: int = 1,
+    name: str = "simulated",
+    h_max: float = STEP,
+    nthread: int = 1,
+) -> Recording:
+    """Drives a world with a cell through a motion and reads its sensors.
+
+    Args:
+        world: the plant: a model with a cell, its effects included. The cell is the belief that the recording states,
+            the world's effects are hidden.
+        motion: the commanded flange poses, at `rate_hz`.
+        noise: 1-sigma of white noise on `q`, `dq`, `tau`, `ee`, `ft` and `ft_torque`, added after the loop.
+        rng: the only source of chance.
+        rate_hz: ticks of the controller and samples a second.
+        torque_sensor: what `tau` measures; `none` leaves it out.
+        repeat: how often the motion is run; more than one run become episodes.
+        name: what the recording is called.
+        h_max: greatest physics step, s.
+        nthread: threads of the simulation.
+
+    Raises:
+        UserError: the arm does not follow, or the world has no cell.
+    """
+    found = _believed(world)
+    control = controller(found.scene, found.config, rate_hz, motion.force_limit)
+    q = start_angles(found.scene, motion.ee_cmd[0])
+    plant = found.world.add(*world.effects)
+    ran = run(found.scene, [plant], control, motion.ee_cmd, q, np.zeros_like(q), h_max=h_max, nthread=nthread)
+    if ran.diverged[0]:
+        raise UserError("the arm does not follow: the loop is unstable", expected="smaller effects or a higher rate")
+    outcome = _outcome(found, ran) if motion.name.startswith(("insert", "mix")) else ()
+    rec = recording(found, world, control, ran, motion.ee_cmd, motion.time, name, motion.name, outcome)
+    return with_noise(rec, noise, rng, torque_sensor, repeat)
+
+
+def recording(
+    found: Believed,
+    world: World,
+    control: Control,
+    ran: Ran,
+    ee_cmd: np.ndarray,
+    time: np.ndarray,
+    name: str,
+    motion: str,
+    outcomes: tuple[Outcome, ...] = (),
+) -> Recording:
+    """What the sensors of one run read, without noise."""
+    scene = found.scene
+    return Recording(
+        path=Path(name),
+        robot=str(Path(world.robot).resolve()) if Path(world.robot).suffix else world.robot,
+        joints=scene.joints,
+        rate_hz=control.rate_hz,
+        control=control,
+        time=time,
+        q=ran.q[0],
+        dq=ran.dq[0],
+        tau=ran.tau[0],
+        ee=flange_pose(scene.nominal, ran.q[0]),
+        ee_cmd=ee_cmd,
+        ft=ran.ft[0],
+        tool=carried(scene.nominal.compile()) | {"name": f"{found.config.robot.tool}+{scene.held}"},
+        torque_sensor="joint",
+        cell=stated(world.cell, found),
+        wrench=WrenchSensor(),
+        outcomes=outcomes,
+        motion=motion,
+        notes="simulated",
+    )
+
+
+def stated(cell: CellBelief | None, found: Believed) -> CellBelief:
+    """The belief as a recording states it: a cell by name in full numbers, so that a reader sees what is believed."""
+    if cell is not None and not cell.open:
+        return cell
+    config = found.config
+    numbers = {f: getattr(config, f) for f in asdict(SceneConfig()) if f != "robot" and hasattr(config, f)}
+    plain = {k: list(v) if isinstance(v, tuple) else v for k, v in numbers.items() if v not in ("", ())}
+    return CellBelief("", plain)
+
+
+def with_noise(
+    rec: Recording,
+    noise: Mapping[str, float],
+    rng: np.random.Generator,
+    torque_sensor: Literal["joint", "none"] = "joint",
+    repeat: int = 1,
+) -> Recording:
+    """The recording as noisy sensors read it, `repeat` times over: episodes of the same motion."""
+    names = ["q", "dq", "ee", "ft"] + (["tau"] if torque_sensor != "none" else [])
+    level = dict(noise)
+    if "ft" in level:
+        level.setdefault("ft_torque", LEVER * level["ft"])
+    runs = [{key: noisy(key, getattr(rec, key), level, rng) for key in names} for _ in range(repeat)]
+    columns = {key: np.concatenate([r[key] for r in runs]) for key in names}
+    columns["ee_cmd"] = np.tile(rec.ee_cmd, (repeat, 1)) if rec.ee_cmd is not None else None
+    if repeat > 1:
+        columns["episode"] = np.repeat(np.arange(repeat), len(rec.time))
+    said = {key: float(level[key]) for key in (*names, "ft_torque") if level.get(key, 0.0) > 0}
+    outcomes = tuple(replace(o, episode=k) for k in range(repeat) for o in rec.outcomes)
+    tau = {} if torque_sensor != "none" else {"tau": None}
+    time = np.tile(rec.time, repeat)
+    return replace(rec, **columns, **tau, time=time, noise=said, torque_sensor=torque_sensor, outcomes=outcomes)
+
+
+def _believed(world: World) -> Believed:
+    if world.cell is None:
+        raise UserError(
+            "a motion of a cell needs one", key="model", expected="peg-cell, a world or a model with `cell`"
+        )
+    return believed(world.cell)
+
+
+def _outcome(found: Believed, ran: Ran) -> tuple[Outcome, ...]:
+    """Whether the tip got to the depth that the task asks for without more force than it allows."""
+    config, tip, peak = found.config, ran.tip[0], float(ran.touch[0].max())
+    over = np.hypot(tip[:, 0], tip[:, 1]) < 0.5 * getattr(config, "diameter", 0.0)
+    depth = float(np.max(-tip[over, 2], initial=0.0))
+    if peak > config.force_abort:
+        return (Outcome(False, 0, "force limit", peak, depth),)
+    deep = depth >= getattr(config, "success_depth", 0.8) * found.scene.config.depth
+    return (Outcome(deep, 0, "success" if deep else "search" if depth < 0.002 else "jam", peak, depth),)

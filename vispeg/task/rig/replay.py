@@ -1,0 +1,63 @@
+"""Recordings of a cell run again in closed loop: what worlds would have done under the controller that ran.
+
+The last judge of a contact model: paths part at the edge of a hole, so that it judges what is accepted and fits nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.recordings.noise import noise_of
+from vispeg.recordings.recording import Recording
+from vispeg.sim.start import start_state
+from vispeg.task.belief import believed
+from vispeg.task.rig.run import STEP, Ran, run
+from vispeg.worlds.world import World
+
+
+def replay(rec: Recording, worlds: Sequence[World], *, h_max: float = STEP, nthread: int = 1) -> list[Ran]:
+    """Runs each episode again in the recording's believed cell.
+
+    Args:
+        rec: under a controller of mode osc, on its clock.
+        worlds: their effects are placed beside those that the recording believes in.
+        h_max: greatest physics step, s; that of `record_cell` gives a recording without noise back bit for bit, where its
+            world runs alone: MuJoCo's solver stops a little earlier or later beside others.
+        nthread: threads of the simulation.
+
+    Returns:
+        What the sensors of the worlds read, an entry an episode.
+
+    Raises:
+        UserError: another controller, or samples that are not the controller's ticks.
+    """
+    header = rec.path / "recording.yaml"
+    if rec.control.mode != "osc" or rec.ee_cmd is None:
+        expected = "osc, with ee_cmd columns"
+        raise UserError("cannot be replayed", file=header, key="control.mode", expected=expected, got=rec.control.mode)
+    found = believed(rec.cell, header)
+    plants = [found.world.add(*world.effects) for world in worlds]
+    number = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
+    out = []
+    for n in np.unique(number):
+        rows = np.flatnonzero(number == n)
+        _on_clock(rec, rows)
+        q, dq = _start(rec, rows)
+        out.append(run(found.scene, plants, rec.control, rec.ee_cmd[rows], q, dq, h_max=h_max, nthread=nthread))
+    return out
+
+
+def _on_clock(rec: Recording, rows: np.ndarray) -> None:
+    step = np.diff(rec.time[rows]) * rec.control.rate_hz
+    if len(step) and np.abs(step - 1).max() > 0.05:
+        raise UserError("samples are not the controller's ticks", file=rec.path, expected=f"{rec.control.rate_hz:g} Hz")
+
+
+def _start(rec: Recording, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where an episode begins: as its first row says where angles have no noise, else as the first moments say."""
+    if "q" not in rec.noise:
+        return rec.q[rows[0]], np.zeros(len(rec.joints)) if rec.dq is None else rec.dq[rows[0]]
+    return start_state(rec.time[rows], rec.q[rows], noise_of(rec)["q"])
