@@ -11,6 +11,7 @@ from vispeg.recordings.regimes import HOLE, IMPACT, PRESS, REGIMES, SLIDE, Thres
 from vispeg.recordings.write import write
 from vispeg.sim.touch import touch
 from vispeg.task.belief import believed
+from vispeg.task.rig.expert import record_expert
 from vispeg.task.rig.motions import AIR, PATHS, motion
 from vispeg.task.rig.record import NOISE, record_cell
 from vispeg.task.rig.replay import replay
@@ -85,7 +86,7 @@ def test_a_press_reads_the_force_that_the_contact_carries():
     again = replay(rec, [CELL], h_max=COARSE)[0]
     still = (seen.regime == PRESS) & (np.abs(seen.velocity).max(axis=1) < 1e-4)
     assert still.sum() > 100
-    assert np.abs(seen.force - again.touch[0])[still].max() < 0.1, "N"
+    assert np.quantile(np.abs(seen.force - again.touch[0])[still], 0.99) < 0.05, "N"
     assert (seen.contact[still, 2] > 0).all(), "the fixture pushes up"
     ratio = again.touch[0][still].max() / again.touch[0][still].min()
     assert ratio > 3, "several forces"
@@ -148,3 +149,15 @@ def test_a_world_that_believes_in_a_tilt_says_so(tmp_path):
     rec = record_cell(plant, made, {}, np.random.default_rng(1), h_max=COARSE, rate_hz=250.0)
     assert rec.cell == cell
     assert np.array_equal(replay(rec, [CELL], h_max=COARSE)[0].q[0], rec.q)
+
+
+def test_an_insertion_of_the_task_s_own_policy_replays_bit_for_bit():
+    """The episode as TaskSimulation ran it, under PoseControl, is what the recorded controller makes of it."""
+    rough = EffectInstance.of("contact_friction", "peg", scale=1.5)
+    rec = record_expert(CELL.add(rough), 3, {}, np.random.default_rng(0), rate_hz=200.0, h_max=COARSE)
+    assert rec.outcomes[0].category == "success" and rec.outcomes[0].depth > 0.019
+    assert rec.control.force_limit == SCENE.config.force_limit and rec.time[-1] > 2.0
+    again = replay(rec, [CELL.add(rough)], h_max=COARSE)[0]
+    assert np.array_equal(again.q[0], rec.q) and np.array_equal(again.ft[0], rec.ft)
+    seen = touch(rec, SCENE.scene)
+    assert not seen.touching[rec.time < 1.0].any() and seen.touching.any()

@@ -10,6 +10,8 @@ from vispeg.identify.excitation import MOTIONS, osc_targets
 from vispeg.identify.look_motion import ABOUT
 from vispeg.learn.record import PAIR, read_record
 from vispeg.learn.shipped import names, policy_folder
+from vispeg.task.rig.expert import EXPERT
+from vispeg.task.rig.motions import PATHS
 from vispeg.task.world_file import BUILT_IN, WORLD, built_in
 
 
@@ -60,7 +62,9 @@ def motions() -> list[Entry]:
     """What `vispeg record --motion` takes; the family is the space that the motion is stated in."""
     found = [Entry(name, "joint", _sentence(inspect.getdoc(f) or ""), {}) for name, f in MOTIONS.items()]
     looks = [Entry(name, "cell", about, {}) for name, about in ABOUT.items()]
-    return [*found, Entry("osc", "cartesian", _sentence(inspect.getdoc(osc_targets) or ""), {}), *looks]
+    found.append(Entry("osc", "cartesian", _sentence(inspect.getdoc(osc_targets) or ""), {}))
+    found += [Entry(name, "contact", _sentence(inspect.getdoc(f) or ""), {}) for name, f in PATHS.items()]
+    return [*found, Entry(EXPERT, "contact", "A whole insertion by the task's scripted policy", {}), *looks]
 
 
 def search(entries: list[Entry], text: str = "", family: str | None = None) -> list[Entry]:

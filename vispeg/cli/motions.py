@@ -1,13 +1,19 @@
-"""Lists the motions that `vispeg record --motion` takes by name.
+"""Lists the motions that `vispeg record --motion` takes by name; with a name, writes that one as a CSV.
+
+A robot can replay it: `time`, and `q_cmd.*`, `dq_cmd.*` of the joints or, for motions that touch, `ee_cmd.*` of the flange.
 
 Example:
     vispeg motions
     vispeg motions --family joint
+    vispeg motions press --model peg-cell --out press.csv
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
 
 from vispeg.cli.output import Output, Told
 
@@ -16,15 +22,50 @@ from vispeg.cli.output import Output, Told
 class Args:
     """Arguments of `vispeg motions`."""
 
+    name: tyro.conf.Positional[str | None] = None
+    """The motion to write; all are listed where not given."""
+    model: str | None = None
+    """The robot that moves: peg-cell or a world for motions that touch, where not given; else iiwa14."""
+    out: Path | None = None
+    """The CSV to write."""
+    duration: float = 5.0
+    """Seconds, of joint motions; those that touch have their own length."""
+    rate: float = 500.0
+    """Commands a second."""
+    seed: int = 0
+    """Of the motion."""
+    overwrite: bool = False
+    """Replace OUT if it is there."""
     family: str | None = None
-    """List those in `joint`, or in `cartesian`, space alone."""
+    """List those in `joint`, `cartesian` or `contact` space alone."""
     search: str | None = None
     """List those that have this text in their name or words."""
     output: Told = Output()
 
     def run(self) -> int:
-        """Prints the list."""
+        """Prints the list, or writes one."""
         from vispeg.api.catalogue import motions
         from vispeg.cli.listing import show
+        from vispeg.core.errors import UserError
 
-        return show(motions(), "space", self.family, self.search, self.output)
+        if self.name is None:
+            if self.out is not None:
+                raise UserError("which motion?", key="--out", expected="vispeg motions NAME --out FILE.csv")
+            return show(motions(), "space", self.family, self.search, self.output)
+        return self._write(self.name)
+
+    def _write(self, name: str) -> int:
+        from vispeg.api.record_cell import commands, names
+        from vispeg.core.errors import UserError
+        from vispeg.core.files import write_text_atomic
+
+        if name not in names():
+            raise UserError("unknown motion", key="name", got=name, choices=names())
+        if self.out is None or self.out.suffix != ".csv":
+            raise UserError("where to?", key="--out", expected="a .csv file", got=self.out)
+        model = self.model or ("peg-cell" if name in names("contact") else "iiwa14")
+        text, seconds = commands(model, name, rate_hz=self.rate, seed=self.seed, duration=self.duration)
+        write_text_atomic(self.out, text, overwrite=self.overwrite)
+        values = {"motion": name, "model": model, "seconds": seconds, "rate_hz": self.rate, "out": str(self.out)}
+        self.output.give(values, [f"{self.out}: {name}, {seconds:.3g} s at {self.rate:g} Hz"])
+        return 0

@@ -2,11 +2,14 @@
 
 MOTION is fourier, chirp, triangle, steps, sweep, mix, osc, or a CSV with time, q_cmd.* and (optional) dq_cmd.*, such as
 the next_experiment/samples.csv that `vispeg diagnose` writes. `--effects` hides more than the model file says.
-In a cell MOTION may also be look, look-tilt, look-roll, look-approach, look-sideways or look-and-insert: cameras then
-take pictures on the way.
+In a cell (MODEL is peg-cell, a world, or a model with `cell`) MOTION may also be free, press, slide, insert, rock, tap,
+insert-turned, hard-press, touch-datum, mix, expert (a whole insertion by the scripted policy) or a CSV with time and
+ee_cmd.*: the tool touches, the wrench is recorded, the task's own controller runs. Or it is look, look-tilt, look-roll,
+look-approach, look-sideways or look-and-insert: cameras take pictures on the way.
 
 Example:
     vispeg record iiwa14 --motion fourier --effects coulomb_friction:joint4:torque=1.2 --seed 1 --out rig-a
+    vispeg record peg-cell --motion slide --effects contact_friction:peg:scale=1.7 --noise ft=0.1 --out slide-a
     vispeg record peg-cell --motion look --cameras wrist_wide --effects camera_offset:wrist_wide:x=0.004 --out look-a
     vispeg record model.yaml --motion found/next_experiment/samples.csv --out rig-d
 """
@@ -27,7 +30,7 @@ class Args:
     """Arguments of `vispeg record`."""
 
     model: tyro.conf.Positional[str]
-    """A model file, a robot's name, or a path to an MJCF or URDF: the robot that is recorded."""
+    """A model file, a robot's name, or a path to an MJCF or URDF: a world for a cell."""
     motion: str
     """Name of a motion, or a CSV file with the commands."""
     out: Path
@@ -47,7 +50,9 @@ class Args:
     tool: str | None = None
     """A tool at the flange that the recording declares (none, meg50, meg50+peg40); the model file's where not given."""
     noise: tuple[str, ...] = ()
-    """Sensor noise, such as q=2e-5 dq=1e-3 tau=0.2 ee=1e-4 (1 sigma; rad, rad/s, N m, m)."""
+    """Sensor noise, such as q=2e-5 dq=1e-3 tau=0.2 ee=1e-4 ft=0.1 ft_torque=0.005 (1 sigma, SI)."""
+    force_limit: float | None = None
+    """In a cell: greatest force that the controller asks for, N; the task's or the motion's where not given."""
     torque_sensor: Literal["joint", "motor", "none"] = "joint"
     """What `tau` measures: torque behind the gear, motor torque, nothing."""
     repeat: int = 1
@@ -72,11 +77,14 @@ class Args:
 
     def run(self) -> int:
         """Simulates, writes the folder, prints what is in it."""
+        from vispeg.api.record_cell import MOTIONS as CELL_MOTIONS
         from vispeg.core.errors import UserError
         from vispeg.core.seeds import stream
         from vispeg.identify.record import centre_of, controller, record
         from vispeg.recordings.write import write
         from vispeg.robots.model import load
+        from vispeg.task.belief import of_world
+        from vispeg.task.world_file import is_world
         from vispeg.worlds.model_file import load_model
         from vispeg.worlds.words import parse
 
@@ -88,7 +96,11 @@ class Args:
             from vispeg.cli.record_look import run
 
             return run(self)
-        world = load_model(self.model)
+        world = of_world(self.model) if is_world(self.model) else load_model(self.model)
+        if world.cell is not None and (self.motion in CELL_MOTIONS or not self._of_joints()):
+            from vispeg.cli.record_cell import run
+
+            return run(self, world)
         world = world if self.tool is None else replace(world, tool=None if self.tool == "none" else self.tool)
         robot = load(world.robot, tool=world.tool)
         world = world.add(*(placed for text in self.effects for placed in parse(text, robot)))
@@ -108,6 +120,17 @@ class Args:
         self.output.give(values, [f"{self.out}: {how}, {world.label}"])
         return 0
 
+    def _of_joints(self) -> bool:
+        """Whether MOTION moves an arm alone: by name, or a table without flange poses."""
+        from vispeg.identify.excitation import MOTIONS
+        from vispeg.recordings.columns import columns_of
+        from vispeg.recordings.table import read_table
+
+        path = Path(self.motion)
+        if not path.suffix:
+            return self.motion in MOTIONS or self.motion == "osc"
+        return path.is_file() and columns_of("ee_cmd", ())[0] not in read_table(path).names
+
     def _motion(self, robot):
         from vispeg.core.seeds import stream
         from vispeg.identify.excitation import motion
@@ -123,7 +146,7 @@ class Args:
     def sigmas(self) -> dict[str, float]:
         """Sensor noise by signal. Raises UserError: an unknown signal, or no level."""
         from vispeg.core.errors import UserError
-        from vispeg.identify.record import NOISE
+        from vispeg.task.rig.record import NOISE
 
         out = dict(NOISE)
         for text in self.noise:

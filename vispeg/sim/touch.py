@@ -1,8 +1,9 @@
 """When a recorded tool touched something, how hard, and how its tip moved: from the wrist's wrench and the joints.
 
 The wrench between flange and tool carries the tool's weight and inertia too. Newton's and Euler's laws for the declared
-tool along the measured motion give what is left for the contact: `F_c = m (a - g) - F`, `T_c = I alpha + w x I w + r x m
-(a - g) - T`, about the flange's origin, with F, T what the flange exerts on the tool, r its centre of mass.
+tool along the measured motion give what is left for the contact: `F_c = m (a - g) - F` and
+`T_c = I alpha + w x I w + r x m (a - g) - T`, about the flange's origin, with F, T what the flange exerts on the tool
+and r its centre of mass.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -83,6 +83,7 @@ class TaskSimulation:
         self.measured = self.home.copy(), np.zeros_like(self.home)
         self.push: list[Any] = [None] * n
         self.acted: list[list[np.ndarray]] = [[] for _ in range(n)]  # actions of the present episodes
+        self.heard: Callable[..., None] | None = None  # told of each control tick: q, dq, and the wrench after it
 
     def _tool_weight(self) -> np.ndarray:
         """Weight (3,) N in the world frame that the wrench sensor carries at rest, as the controller knows it."""
@@ -185,18 +186,18 @@ class TaskSimulation:
         self.held, self.rot = self.task.command(self, whole)
         self.goal = self.held - self.lever(self.rot)
         force, wrenches = np.empty((c.ticks, self.nsim, 3)), np.empty((c.ticks, self.nsim, 6))
-        pushed = any(p is not None for p in self.push)
         with quiet(), np.errstate(all="ignore"):
             for k in range(c.ticks):
                 cell.read()
                 if self.guards.on:
                     self.guards.tick(cell.x.q, cell.x.dq)
                 q, dq = cell.measure()
-                if pushed:
+                if any(p is not None for p in self.push):
                     self._pushes(k)
                 cell.advance(self.control.torque(q, dq, self.goal, self.rot), c.substeps)
-                wrenches[k] = cell.felt()
-                force[k] = cell.sensors[:, 7:10]
+                wrenches[k], force[k] = cell.felt(), cell.sensors[:, 7:10]
+                if self.heard is not None:
+                    self.heard(q, dq, wrenches[k])
             forces = np.linalg.norm(force, axis=2)
             cell.read()
             self.see(*cell.measure())

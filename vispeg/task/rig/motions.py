@@ -1,8 +1,8 @@
 """Motions that make a cell show what its model lacks of contact; each begins with a second in free air.
 
-What each is for (1-sigma that a press, a slide, .. leaves to each effect differ by factors of ten to a hundred): free air
-shows the tool's mass and centre and the sensor's zero; presses stiffness, compliance and heights; slides friction;
-insertions clearance and the hole's place; a hard press what slips; taps damping; a datum what is grip and what is hole.
+What each is for: free air shows the tool's mass and centre and the sensor's zero; presses stiffness, compliance and
+heights; slides friction; insertions clearance and the hole's place; a hard press what slips; taps damping; a datum what
+is grip and what is hole.
 """
 
 from __future__ import annotations

@@ -25,6 +25,7 @@ from vispeg.task.rig.path import posture, start_angles
 from vispeg.task.rig.run import STEP, Ran, run
 from vispeg.worlds.world import World
 
+OTHERS = ("robot", "mesh_scale", "mesh_concavity", "peg_density")  # of a cell: not numbers of the built-in shapes
 NOISE = {"q": 2e-5, "dq": 1e-3, "tau": 0.2, "ee": 1e-4, "ft": 0.1, "ft_torque": 0.005}
 
 
@@ -114,7 +115,7 @@ def recording(
         ee=flange_pose(scene.nominal, ran.q[0]),
         ee_cmd=ee_cmd,
         ft=ran.ft[0],
-        tool=carried(scene.nominal.compile()) | {"name": f"{found.config.robot.tool}+{scene.held}"},
+        tool=carried(scene.nominal.compile()) | {"name": f"{found.config.robot.tool} and {scene.held}"},
         torque_sensor="joint",
         cell=stated(world.cell, found),
         wrench=WrenchSensor(),
@@ -129,7 +130,7 @@ def stated(cell: CellBelief | None, found: Believed) -> CellBelief:
     if cell is not None and not cell.open:
         return cell
     config = found.config
-    numbers = {f: getattr(config, f) for f in asdict(SceneConfig()) if f != "robot" and hasattr(config, f)}
+    numbers = {f: getattr(config, f) for f in asdict(SceneConfig()) if f not in OTHERS and hasattr(config, f)}
     plain = {k: list(v) if isinstance(v, tuple) else v for k, v in numbers.items() if v not in ("", ())}
     return CellBelief("", plain)
 
@@ -148,7 +149,8 @@ def with_noise(
         level.setdefault("ft_torque", LEVER * level["ft"])
     runs = [{key: noisy(key, getattr(rec, key), level, rng) for key in names} for _ in range(repeat)]
     columns = {key: np.concatenate([r[key] for r in runs]) for key in names}
-    columns["ee_cmd"] = np.tile(rec.ee_cmd, (repeat, 1)) if rec.ee_cmd is not None else None
+    if rec.ee_cmd is not None:
+        columns["ee_cmd"] = np.tile(rec.ee_cmd, (repeat, 1))
     if repeat > 1:
         columns["episode"] = np.repeat(np.arange(repeat), len(rec.time))
     said = {key: float(level[key]) for key in (*names, "ft_torque") if level.get(key, 0.0) > 0}

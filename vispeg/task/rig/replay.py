@@ -1,6 +1,6 @@
 """Recordings of a cell run again in closed loop: what worlds would have done under the controller that ran.
 
-The last judge of a contact model: paths part at the edge of a hole, so that it judges what is accepted and fits nothing.
+The last judge of a contact model: paths part at the edge of a hole, so it judges what is accepted and fits nothing.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ def replay(rec: Recording, worlds: Sequence[World], *, h_max: float = STEP, nthr
     Args:
         rec: under a controller of mode osc, on its clock.
         worlds: their effects are placed beside those that the recording believes in.
-        h_max: greatest physics step, s; that of `record_cell` gives a recording without noise back bit for bit, where its
-            world runs alone: MuJoCo's solver stops a little earlier or later beside others.
+        h_max: greatest physics step, s; that of `record_cell` gives a recording without noise back bit for bit where
+            its world runs alone: beside others MuJoCo's solver stops a little earlier or later.
         nthread: threads of the simulation.
 
     Returns:

@@ -43,30 +43,29 @@ class Ran:
 
 
 class Reader:
-    """Reads the sensors of a cell tick by tick: a row holds what they said before the command that acts from it on."""
+    """Keeps what the sensors of a cell say tick by tick: a row holds the readings from which its command follows."""
 
     def __init__(self, ticks: int, nsim: int, nj: int):
         self.q, self.dq, self.tau = (np.zeros((ticks, nsim, nj)) for _ in range(3))
         self.ft, self.tip, self.touch = np.zeros((ticks, nsim, 6)), np.zeros((ticks, nsim, 3)), np.zeros((ticks, nsim))
 
-    def before(self, k: int, cell: Cell, q: np.ndarray, dq: np.ndarray) -> None:
-        """At tick k, with what the encoders say."""
+    def tick(self, k: int, cell: Cell, q: np.ndarray, dq: np.ndarray, felt: np.ndarray) -> None:
+        """After the steps of tick k, at whose begin the encoders said q, dq; the rest is what is read at the next."""
         self.q[k], self.dq[k] = q, dq
         offset = cell.site_position("tip") - cell.site_position("goal")
-        self.tip[k] = np.einsum("nji,nj->ni", cell.site_rotation("goal"), offset)
-
-    def after(self, k: int, cell: Cell) -> None:
-        """After the steps of tick k: what is read at the next one."""
-        rows = [k, k + 1] if k == 0 else [k + 1]  # nothing was measured before the first step
-        felt, tau, touch = cell.felt(), cell.gear_torque(), np.linalg.norm(cell.sensors[:, 7:10], axis=1)
+        tip = np.einsum("nji,nj->ni", cell.site_rotation("goal"), offset)
+        touch, tau = np.linalg.norm(cell.sensors[:, 7:10], axis=1), cell.gear_torque()
+        rows = [0, 1] if k == 0 else [k + 1]  # nothing was measured before the first step
         for row in rows:
             if row < len(self.ft):
-                self.ft[row], self.tau[row], self.touch[row] = -felt, tau, touch
+                self.ft[row], self.tau[row], self.touch[row], self.tip[row] = -felt, tau, touch, tip
 
     def ran(self, diverged: np.ndarray, ticks: int | None = None) -> Ran:
         """All of it, worlds first."""
-        parts = (self.q, self.dq, self.tau, self.ft, self.tip, self.touch)
-        return Ran(*(np.swapaxes(p[:ticks], 0, 1) for p in parts), diverged)
+        q, dq, tau, ft, tip, touch = (
+            np.swapaxes(p[:ticks], 0, 1) for p in (self.q, self.dq, self.tau, self.ft, self.tip, self.touch)
+        )
+        return Ran(q, dq, tau, ft, tip, touch, diverged)
 
 
 def run(
@@ -108,9 +107,8 @@ def run(
         for k in range(n):
             cell.read()
             now, rate = cell.measure()
-            reader.before(k, cell, now, rate)
             cell.advance(law.command(k, now, rate), nsub)
-            reader.after(k, cell)
+            reader.tick(k, cell, now, rate, cell.felt())
     bad |= cell.unstable() | ~np.isfinite(reader.q).all(axis=(0, 2))
     return reader.ran(bad)
 

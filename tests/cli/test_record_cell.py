@@ -1,0 +1,67 @@
+"""`vispeg record` and `vispeg motions` of a cell."""
+
+import numpy as np
+import pytest
+
+from vispeg.recordings.cell import WrenchSensor
+from vispeg.recordings.load import load
+from vispeg.task.belief import believed
+from vispeg.task.peg.config import PegConfig
+
+
+def test_a_motion_written_as_a_table_is_the_motion_by_name(vispeg, tmp_path):
+    assert vispeg("motions", "tap", "--out", "tap.csv", "--rate", "200")[0] == 0
+    options = ["--effects", "contact_friction:peg:scale=1.7", "--noise", "ft=0", "ft_torque=0", "q=0", "--rate", "200"]
+    for motion, out in (("tap", "a"), ("tap.csv", "b")):
+        code, said, _ = vispeg("record", "peg-cell", "--motion", motion, *options, "--out", out)
+        assert code == 0 and "contact_friction(peg)" in said
+    a, b = load(tmp_path / "a"), load(tmp_path / "b")
+    assert np.abs(a.ee_cmd - b.ee_cmd).max() < 1e-8 and np.abs(a.q - b.q).max() < 1e-3
+    assert a.control.mode == "osc" and a.control.force_limit == PegConfig().force_limit
+    assert a.wrench == WrenchSensor() and "ft" not in a.noise and "q" not in a.noise
+    assert believed(a.cell).config == PegConfig(), "what is hidden is not believed"
+    assert believed(a.cell).world.effects == ()
+
+
+def test_whole_insertions_state_their_outcome(vispeg, tmp_path):
+    code, said, _ = vispeg(
+        "record", "nominal", "--motion", "expert", "--rate", "200", "--table", "parquet", "--out", "e"
+    )
+    assert code == 0 and "success" in said
+    rec = load(tmp_path / "e")
+    assert rec.outcomes[0].success and rec.cell is not None and rec.cell.world == "nominal"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--motion", "foo"], "touch-datum"),
+        (["--motion", "tap", "--kp", "3"], "--kp"),
+        (["--motion", "tap", "--torque-sensor", "motor"], "--torque-sensor"),
+        (["--motion", "tap", "--effects", "contact_friction:joint3"], "joint3"),
+        (["--motion", "nowhere.csv"], "no such motion file"),
+        (["--motion", "bad.csv"], "bad.csv"),
+        (["--motion", "far.csv"], "reach"),
+        (["--motion", "tap", "--noise", "fz=1"], "ft_torque"),
+    ],
+)
+def test_mistakes_end_in_one_line(vispeg, tmp_path, options, message):
+    head = "time,ee_cmd.x,ee_cmd.y,ee_cmd.z,ee_cmd.qw,ee_cmd.qx,ee_cmd.qy,ee_cmd.qz\n"
+    (tmp_path / "bad.csv").write_text(head + "0,0.6,0,0.3,0,0.5,0,0\n" * 20)
+    (tmp_path / "far.csv").write_text(head + "".join(f"{k / 100},9,0,0.3,0,1,0,0\n" for k in range(20)))
+    code, _, error = vispeg("record", "peg-cell", *options, "--out", "x")
+    assert code == 2 and message in error and len(error.strip().splitlines()) == 1
+    assert not (tmp_path / "x").exists()
+
+
+def test_motions_lists_and_refuses(vispeg):
+    code, out, _ = vispeg("motions", "--family", "contact")
+    assert code == 0 and all(name in out for name in ("press", "insert-turned", "touch-datum", "expert"))
+    assert "fourier" not in out
+    for options, message in (
+        (["foo", "--out", "a.csv"], "unknown motion"),
+        (["tap"], "--out"),
+        (["--out", "a"], "which"),
+    ):
+        code, _, error = vispeg("motions", *options)
+        assert code == 2 and message in error

@@ -1,0 +1,95 @@
+"""Motions of a cell and their recordings, by name or from a table, in any belief."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from vispeg.api.inputs import read_model
+from vispeg.core.errors import UserError
+from vispeg.core.seeds import stream
+from vispeg.identify.excitation import MOTIONS as JOINT
+from vispeg.identify.excitation import motion as excitation
+from vispeg.recordings.columns import columns_of
+from vispeg.recordings.recording import Recording
+from vispeg.robots.model import load
+from vispeg.task.belief import believed
+from vispeg.task.rig import table
+from vispeg.task.rig.expert import EXPERT, record_expert
+from vispeg.task.rig.motions import PATHS, CellMotion, motion
+from vispeg.task.rig.record import record_cell
+from vispeg.worlds.world import World
+
+MOTIONS = (*PATHS, EXPERT)
+
+
+def cell_motion(
+    world: World, name: str, *, rate_hz: float = 500.0, seed: int = 0, force_limit: float | None = None
+) -> CellMotion:
+    """A commanded motion for the cell that a world believes in: one of the package's by name, or a table's.
+
+    Args:
+        world: with a cell.
+        name: of a motion, or a .csv or .parquet file with `time` and `ee_cmd` columns.
+        rate_hz: ticks a second.
+        seed: shifts places, forces and speeds a little.
+        force_limit: N, in place of the motion's own.
+
+    Raises:
+        UserError: no such motion or file; one that the arm cannot make.
+    """
+    if Path(name).suffix:
+        return table.read(Path(name), rate_hz, force_limit)
+    found = believed(world.cell)
+    if name not in PATHS:
+        raise UserError("not a motion of a cell", key="--motion", got=name, choices=MOTIONS)
+    made = motion(name, found.scene, found.config, rate_hz, stream(seed, "record", name))
+    return made if force_limit is None else CellMotion(made.name, made.time, made.ee_cmd, force_limit)
+
+
+def record_in_cell(
+    world: World,
+    name: str,
+    noise: Mapping[str, float],
+    *,
+    rate_hz: float = 500.0,
+    seed: int = 0,
+    force_limit: float | None = None,
+    torque_sensor: Literal["joint", "none"] = "joint",
+    repeat: int = 1,
+    label: str = "simulated",
+) -> Recording:
+    """A recording of a world with a cell; see `record_cell`. `expert` is a whole episode under the scripted policy."""
+    rng = stream(seed, "record", "noise")
+    options = {"rate_hz": rate_hz, "torque_sensor": torque_sensor, "repeat": repeat, "name": label}
+    if name == EXPERT:
+        return record_expert(world, seed, noise, rng, **options)
+    made = cell_motion(world, name, rate_hz=rate_hz, seed=seed, force_limit=force_limit)
+    return record_cell(world, made, noise, rng, **options)
+
+
+def names(space: str | None = None) -> list[str]:
+    """Names of motions that are commanded paths: all, or those in one space (`joint`, `contact`)."""
+    spaces = {"joint": [*JOINT], "contact": [*PATHS]}
+    return [name for key, some in spaces.items() if space in (None, key) for name in some]
+
+
+def commands(model: str, name: str, *, rate_hz: float, seed: int, duration: float) -> tuple[str, float]:
+    """A motion as the text of a CSV that a robot can replay, and how long it takes, s.
+
+    Raises:
+        UserError: no such motion or model, or one that the arm cannot make.
+    """
+    world = read_model(model)
+    if name in PATHS and (world.cell is not None or name not in JOINT):
+        made = cell_motion(world, name, rate_hz=rate_hz, seed=seed)
+        return table.text(made), float(made.time[-1])
+    robot = load(world.robot, tool=world.tool)
+    joint = excitation(name, robot, rate_hz, duration, stream(seed, "record", name))
+    head = ["time", *columns_of("q_cmd", robot.joints), *columns_of("dq_cmd", robot.joints)]
+    rows = np.column_stack([joint.time, joint.q_cmd, joint.dq_cmd])
+    lines = [",".join(head), *(",".join(f"{value:.9g}" for value in row) for row in rows)]
+    return "\n".join(lines) + "\n", float(joint.time[-1])

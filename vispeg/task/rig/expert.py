@@ -1,0 +1,81 @@
+"""A whole episode of the task under its scripted policy and its own controller, as a recording."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.recordings.cell import Outcome
+from vispeg.recordings.recording import Recording
+from vispeg.task.belief import believed
+from vispeg.task.registry import task_of
+from vispeg.task.rig.path import posture
+from vispeg.task.rig.record import controller, recording, with_noise
+from vispeg.task.rig.run import STEP, Reader
+from vispeg.task.simulation import TaskSimulation
+from vispeg.worlds.world import World
+
+EXPERT = "expert"
+AIR = 1.0  # s in free air before the policy begins
+
+
+def record_expert(
+    world: World,
+    seed: int,
+    noise: Mapping[str, float],
+    rng: np.random.Generator,
+    *,
+    rate_hz: float = 500.0,
+    torque_sensor: Literal["joint", "none"] = "joint",
+    repeat: int = 1,
+    name: str = "simulated",
+    h_max: float = STEP,
+) -> Recording:
+    """One episode: a second in free air, then the scripted policy until success, failure or time.
+
+    Args:
+        world: the plant: a model with a cell, its effects included.
+        seed: of the episode, which decides where it begins.
+        noise, rng, rate_hz, torque_sensor, repeat, name, h_max: as for `record_cell`.
+
+    Raises:
+        UserError: the world has no cell, or a control period that its policy's is no multiple of.
+    """
+    found = believed(world.cell)
+    nsub = max(1, math.ceil(1.0 / (rate_hz * h_max) - 1e-9))
+    wait = math.ceil(AIR / found.config.policy_period)
+    changes = {"control_period": 1.0 / rate_hz, "substeps": nsub, "avoid_limits": 0.0}
+    try:
+        config = replace(found.config, **changes, steps=found.config.steps + wait)
+    except UserError as error:
+        raise UserError(str(error), key="--rate", got=rate_hz) from error
+    sim = TaskSimulation(found.world.add(*world.effects), config, 1)
+    sim.reset(np.arange(1), [seed])
+    sim.control.home = posture(found.scene)
+    ticks = config.steps * config.ticks
+    reader, goals = Reader(ticks, 1, len(found.scene.joints)), list[np.ndarray]()
+
+    def heard(q: np.ndarray, dq: np.ndarray, felt: np.ndarray) -> None:
+        reader.tick(len(goals), sim.cell, q, dq, felt)
+        goals.append(np.concatenate([sim.goal[0], sim.rot[0]]))
+
+    sim.heard = heard
+    for _ in range(wait):
+        sim.step(np.zeros((1, len(config.dof))))
+    expert, ended = task_of(config).expert(config, 1), None
+    expert.reset(np.arange(1))
+    while ended is None:
+        ended = sim.step(expert.act(sim.observation()))[3][0]
+    n = len(goals)
+    ran = reader.ran(sim.diverged, n)
+    control = controller(found.scene, config, rate_hz)
+    depth = float(ended["depth"])
+    outcome = Outcome(bool(ended["success"]), 0, str(ended["category"]), float(ended["peak_force"]), depth)
+    time = np.arange(n) / rate_hz
+    rec = recording(found, world, control, ran, np.array(goals), time, name, EXPERT, (outcome,))
+    return with_noise(rec, noise, rng, torque_sensor, repeat)
