@@ -1,6 +1,6 @@
 """Lists the motions that `vispeg record --motion` takes by name; with a name, writes that one as a CSV.
 
-A robot can replay it: `time`, and `q_cmd.*`, `dq_cmd.*` of the joints or, for motions that touch, `ee_cmd.*` of the flange.
+A robot can replay it: `time`, and `q_cmd.*`, `dq_cmd.*` of the joints or, where it touches, `ee_cmd.*` of the flange.
 
 Example:
     vispeg motions
