@@ -41,6 +41,27 @@ def test_the_right_model_is_at_the_floor(vispeg, rigs, tmp_path):
     assert set(record["provenance"]["inputs"]) == {str(rigs["friction"]), str(rigs["friction2"])}
 
 
+def test_a_model_that_diverges_is_said_to_and_its_recording_left_out(vispeg, rigs, tmp_path):
+    stiff = ["--kp", "3000", "3000", "1000", "1500", "300", "200", "20"]
+    soft = ["--kp", "60", "60", "30", "30", "10", "5", "1", "--kd", "8", "8", "3", "3", "0.5", "0.3", "0.03"]
+    options = ["--motion", "steps", "--duration", "3", "--rate", "250"]
+    for name, gains in (("stiff", stiff), ("soft", soft)):
+        assert vispeg("record", "iiwa14", *options, "--out", name, *gains)[0] == 0
+    vispeg("add", "iiwa14", "sensor_delay", "all", "--set", "delay=0.012", "--out", "late.yaml")
+    code, out, _ = vispeg("compare", "late.yaml", "--recording", "stiff", "--recording", "soft", "--out", "c")
+    assert code == 0 and "nan" not in out and "The model diverged in stiff, 0." in out
+    record = json.loads((tmp_path / "c" / "compare.json").read_text())
+    (row,) = record["diverged"]
+    assert row["recording"] == "stiff" and 0.01 < row["time_s"] < 3.0
+    _, _, _ = vispeg("compare", "late.yaml", "--recording", "soft", "--out", "alone")
+    alone = json.loads((tmp_path / "alone" / "compare.json").read_text())
+    assert alone["diverged"] == []
+    assert record["ladder"][0]["heldout_error"] == pytest.approx(alone["ladder"][0]["heldout_error"], rel=1e-9)
+    assert "diverged in stiff" in (tmp_path / "c" / "report.html").read_text()
+    assert vispeg("compare", "late.yaml", "--recording", "stiff", "--out", "none")[0] == 0
+    assert json.loads((tmp_path / "none" / "compare.json").read_text())["ladder"][0]["heldout_error"] is None
+
+
 @pytest.mark.parametrize(
     ("body", "words"),
     [

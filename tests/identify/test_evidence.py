@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -110,3 +111,17 @@ def test_unusable_recordings_are_refused(recordings):
         Evidence([replace(recordings[0], joints=tuple(f"a{i}" for i in range(7)))])
     with pytest.raises(UserError, match="different robots"):
         evidence_for(World(), [recordings[0], replace(recordings[1], robot="other.xml")])
+
+
+def test_worlds_are_rolled_out_a_few_at_a_time_where_memory_is_short(evidence, monkeypatch):
+    worlds = [World().add(EffectInstance.of("viscous_friction", "joint4", damping=0.1 * k)) for k in range(1, 25)]
+    size = sum(4 * 8 * i.segment.time.size * i.nj for i in evidence.items)
+    answers, peaks = [], []
+    for limit in (100 * size, 2.5 * size):
+        monkeypatch.setattr("vispeg.identify.evidence.AT_ONCE", limit)
+        tracemalloc.start()
+        answers.append([float(r @ r) for r in evidence.each_residual(worlds)])
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    np.testing.assert_allclose(answers[1], answers[0], rtol=1e-9)
+    assert peaks[1] < 0.4 * peaks[0]  # two of 24 at a time, beside what does not depend on their number

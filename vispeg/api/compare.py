@@ -35,8 +35,9 @@ class ComparisonResult(Result):
 
     @property
     def error(self) -> float:
-        """RMS error over all joints, rad; N m where the recordings are compared by torque."""
-        return self.record["ladder"][-1]["heldout_error"]
+        """RMS error over all joints, rad; N m where the recordings are compared by torque; NaN where all diverged."""
+        error = self.record["ladder"][-1]["heldout_error"]
+        return float("nan") if error is None else error
 
     @property
     def noise_floor(self) -> float:

@@ -10,10 +10,12 @@ import numpy as np
 
 from vispeg.diagnosis.localise import maps, missing_torque, peaks, where_it_fails
 from vispeg.diagnosis.subsets import subsets
+from vispeg.identify.channels import Item
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import evidence_for
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import records
+from vispeg.sim.rollout import simulate
 from vispeg.worlds.world import World
 
 
@@ -40,9 +42,11 @@ def compare(world: World, recordings: Sequence[Recording], *, nthread: int = 1, 
     evidence = evidence_for(world, recordings, nthread, h_max=1e-3)
     predicted = evidence.simulated([world])
     residual = evidence.residuals([world])[0]
-    missing = [missing_torque(item, y[0]) for item, y in zip(evidence.items, predicted, strict=True)]
+    lost = diverged(evidence, world, predicted)
+    pairs = [(item, y) for item, y in zip(evidence.items, predicted, strict=True) if np.isfinite(y).all()]
+    missing = [missing_torque(item, y[0]) for item, y in pairs]
     joints = evidence.items[0].robot.joints
-    drawn = maps(missing)
+    drawn = maps(missing) if missing else {}
     unit = f"{evidence.unit} RMS"
     stated = all(("q" if evidence.unit == "rad" else "tau") in r.noise for r in recordings)
     record = {
@@ -51,14 +55,15 @@ def compare(world: World, recordings: Sequence[Recording], *, nthread: int = 1, 
             {
                 "model": label or world.label,
                 "fit_error": None,
-                "heldout_error": evidence.angle_rms(residual),
+                "heldout_error": _error(pairs) if lost else evidence.angle_rms(residual),
                 "unit": unit,
             }
         ],
         "noise_floor": {"value": evidence.floor, "unit": unit, "from": "stated noise" if stated else "estimated"},
         "chi2": float(np.sum(residual**2) / max(evidence.count, 1)),
-        "joints": _joints(evidence, predicted),
-        "where_it_fails": where_it_fails(missing, joints),
+        "joints": _joints(evidence, pairs),
+        "diverged": lost,
+        "where_it_fails": where_it_fails(missing, joints) if missing else [],
         "residual_peaks": peaks(drawn, joints),
         "recordings": {"fit": [], "validate": [r.name for r in recordings]},
         "windows": records(recordings),
@@ -70,24 +75,42 @@ def compare(world: World, recordings: Sequence[Recording], *, nthread: int = 1, 
     return Comparison(record, arrays)
 
 
-def _joints(evidence: Evidence, predicted: list[np.ndarray]) -> list[dict[str, Any]]:
+def diverged(evidence: Evidence, world: World, predicted: Sequence[np.ndarray]) -> list[dict[str, Any]]:
+    """Name of each item whose rollout left every bound, and the time at which it did, s from the item's start."""
+    out = []
+    for item, y in zip(evidence.items, predicted, strict=True):
+        if not np.isfinite(y).all():
+            response = simulate(item.robot, [world], [item.segment], h_max=evidence.h_max)[0]
+            out.append({"recording": item.name, "time_s": float(response.diverged_at[0])})
+    return out
+
+
+Pairs = Sequence[tuple[Item, np.ndarray]]  # what is predicted (1, m, nch) of each item that did not diverge
+
+
+def _error(pairs: Pairs) -> float | None:
+    """RMS error of all joints; None where every rollout diverged."""
+    joints = [_rms(pairs, j) for j in range(pairs[0][0].nj)] if pairs else []
+    return float(np.sqrt(np.mean(np.square(joints)))) if joints else None
+
+
+def _joints(evidence: Evidence, pairs: Pairs) -> list[dict[str, Any]]:
     """Per joint: RMS error and noise, their ratio, and RMS torque error where torque was measured."""
     out = []
     for j, joint in enumerate(evidence.items[0].robot.joints):
-        error, floor = _rms(evidence, predicted, j), float(evidence.floors[j])
+        error, floor = _rms(pairs, j) if pairs else None, float(evidence.floors[j])
         row: dict[str, Any] = {"joint": joint, "error": error, "floor": floor, "unit": f"{evidence.unit} RMS"}
-        row["times_floor"] = error / floor if floor > 0 else None
-        if all(i.beside == "torque" for i in evidence.items):
-            row["torque_error"] = _rms(evidence, predicted, j + evidence.items[0].nj)
-        if all(i.beside == "load" for i in evidence.items):
-            row["load_error"] = _rms(evidence, predicted, j + evidence.items[0].nj)
+        row["times_floor"] = error / floor if error is not None and floor > 0 else None
+        for kind in ("torque", "load"):
+            if all(i.beside == kind for i in evidence.items):
+                row[f"{kind}_error"] = _rms(pairs, j + evidence.items[0].nj) if pairs else None
         out.append(row)
     return out
 
 
-def _rms(evidence: Evidence, predicted: list[np.ndarray], channel: int) -> float:
+def _rms(pairs: Pairs, channel: int) -> float:
     total, count = 0.0, 0
-    for item, y in zip(evidence.items, predicted, strict=True):
+    for item, y in pairs:
         valid = item.valid[:, channel]
         total += float(np.sum((item.measured[valid, channel] - y[0][valid, channel]) ** 2))
         count += int(valid.sum())

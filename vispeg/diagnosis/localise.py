@@ -105,14 +105,15 @@ def _means(control: Control) -> tuple[float, float]:
 def _motor_torque(item: Item, q: np.ndarray, dq: np.ndarray, gravity: np.ndarray) -> np.ndarray:
     """Commanded joint torque (m, nj) from what was recorded; gravity alone where it cannot be known."""
     seg, c = item.segment, item.segment.control
-    if len(seg.q) != len(q):
+    at = np.clip(np.round(seg.time / seg.tick).astype(int), 0, seg.ticks - 1)
+    if np.any(np.abs(seg.time - at * seg.tick) > 0.05 * seg.tick):  # the commands are of other instants
         return gravity
+    command = {name: values[at] for name, values in seg.command.items()}
     comp = gravity if c.gravity_compensation == "model" else 0.0
     if c.mode == "torque":
-        return seg.command["tau_cmd"] + comp
+        return command["tau_cmd"] + comp
     if c.mode == "position":
-        dq_cmd = seg.command.get("dq_cmd", np.zeros_like(q))
-        return c.kp * (seg.command["q_cmd"] - q) + c.kd * (dq_cmd - dq) + comp
+        return c.kp * (command["q_cmd"] - q) + c.kd * (command.get("dq_cmd", np.zeros_like(q)) - dq) + comp
     return gravity
 
 

@@ -92,7 +92,7 @@ def ladder(
     if len(worlds) > len(labels):
         labels.append("after backward deletion")
     if worlds:
-        fits, helds = evidence.residuals(worlds), judged.residuals(worlds)
+        fits, helds = evidence.each_residual(worlds), judged.each_residual(worlds)
         for label, f, h in zip(labels, fits, helds, strict=True):
             rungs.append(
                 {"model": label, "fit_error": evidence.angle_rms(f), "heldout_error": judged.angle_rms(h), "unit": unit}

@@ -86,4 +86,4 @@ def _compare(search: Search, state: State, label: str, trials: list[Trial], with
         and t.gain.relative > 0
         and not _merely_richer(search, t, state, label)
     ]
-    return Rivals(label, tuple(equals), tuple(others))
+    return Rivals(label, tuple(t.bare for t in equals), tuple(t.bare for t in others))

@@ -13,6 +13,8 @@ from vispeg.diagnosis.signatures import Signature
 from vispeg.identify.evidence import Evidence
 from vispeg.worlds.world import World
 
+ROWS = 2**16  # of a least-squares problem at a time
+
 
 @dataclass(frozen=True)
 class Score:
@@ -117,8 +119,8 @@ def _group_score(members: list[Signature], base: np.ndarray, basis: np.ndarray) 
     members = [m for m in members if m.columns.shape[1] == 1 and np.linalg.norm(m.columns) > 1e-6]
     if len(members) < 2:
         return None
-    s = np.concatenate([m.columns for m in members], axis=1).astype(float)
-    s = s - basis @ (basis.T @ s)
+    s = np.concatenate([m.columns for m in members], axis=1, dtype=float)
+    s -= basis @ (basis.T @ s)
     fit = lsq_linear(*_projected(s, base), bounds=np.concatenate([m.bounds for m in members], axis=1))
     gain = float(base @ base - np.sum((base - s @ fit.x) ** 2))
     values = [m.placed([c]) for m, c in zip(members, fit.x, strict=True)]
@@ -153,6 +155,10 @@ def _magnitudes(signature: Signature, coefficients: np.ndarray) -> dict[str, flo
 
 
 def _projected(s: np.ndarray, base: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The same least-squares problem with as few rows as columns."""
-    q, r = np.linalg.qr(s)
-    return r, q.T @ base
+    """The same least-squares problem with as few rows as columns: [R Q'b] of s = QR, worked out some rows at a time."""
+    k = s.shape[1]
+    upper = np.zeros((0, k + 1))
+    for start in range(0, len(s), ROWS):
+        rows = slice(start, start + ROWS)
+        upper = np.linalg.qr(np.vstack([upper, np.column_stack([s[rows], base[rows]])]), mode="r")
+    return upper[:k, :k], upper[:k, k]

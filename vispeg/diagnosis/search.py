@@ -158,7 +158,7 @@ class Search(Proposals):
         for s, f, loss in zip(scores, fits, losses, strict=True):
             crossed = state.cross, self.cross.loss_of(f, f.residual)
             trials.append(Trial(s, f, loss, self.judge.gain(state.loss, loss, crossed)))
-        return ranked(self, state, trials, tested)
+        return [t.bare if t.rejected else t for t in ranked(self, state, trials, tested)]
 
     def fits(
         self,
@@ -193,7 +193,7 @@ class Search(Proposals):
 
     def take(self, state: State, trial: Trial, trials: list[Trial], given: int) -> None:
         """Adds what a trial tried, one of `trials`; derivatives that earlier effects had are taken anew."""
-        state.steps.append((trial, trials))
+        state.steps.append((trial.bare, [t.bare for t in trials]))
         fit, loss = trial.fit, trial.loss
         if state.fit is not None:
             (fit,) = self.fits([fit.world], given, iterations=3)
@@ -225,7 +225,7 @@ class Search(Proposals):
         if gain.relative > DECISIVE and gain.z > stats.norm.isf(0.05) and present(fits[k], -1):
             self.say(f"{starts[k].label} stands behind {simple.label}")
             trial = Trial(Score(starts[k], 0.0), fits[k], losses[k], gain)
-            state.steps.append((trial, [trial]))
+            state.steps.append((trial.bare, [trial.bare]))
             state.take(trial.fit, trial.loss)
             state.cross = self.cross.loss_of(trial.fit, trial.fit.residual)
 

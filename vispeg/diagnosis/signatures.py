@@ -13,7 +13,6 @@ from vispeg.identify.channels import Item
 from vispeg.identify.evidence import Evidence
 from vispeg.worlds.world import World
 
-CHUNK = 96  # worlds rolled out together
 WILD = 5e3  # whitened residual beyond which a rollout says nothing about its parameter
 STEP = 0.05  # of a moment's range, by which it is shifted
 
@@ -85,19 +84,18 @@ def signatures(
                 others = {o: kind.params[o].null for o in names if o != m}
                 rows.append(world.add(probe.with_values(**others)))
             rows += [world.add(_shifted(probe, m)) for m in moments]
-    drops: list[np.ndarray] = []
-    for start in range(0, len(rows), CHUNK):
-        for r in evidence.residuals(rows[start : start + CHUNK]):
-            s = (residual - r).astype(np.float32)
-            s[np.abs(r) > WILD] = 0.0
-            drops.append(s)
-    out, at = [], 0
+    after = evidence.each_residual(rows)
+    out = []
     for probe, names, moments in probes:
-        columns = drops[at : at + len(names) + len(moments)]
+        columns = [_drop(residual, next(after)) for _ in (*names, *moments)]
         columns = columns[: len(names)] + [c - columns[0] for c in columns[len(names) :]]
-        at += len(columns)
         out.append(Signature(probe, tuple(names), np.stack(columns, axis=1), moments))
     return out
+
+
+def _drop(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """What a parameter takes off a whitened residual; nothing where its rollout ran wild."""
+    return np.where(np.abs(after) > WILD, 0.0, before - after).astype(np.float32)
 
 
 def _shifted(probe: EffectInstance, moment: str) -> EffectInstance:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import stats
@@ -25,6 +25,11 @@ class Trial:
     loss: np.ndarray
     gain: Gain
     rejected: str = ""
+
+    @property
+    def bare(self) -> Trial:
+        """The same for the record: without the arrays of its fit."""
+        return replace(self, fit=self.fit.bare)
 
 
 @dataclass

@@ -6,7 +6,8 @@ what they measure.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,6 +29,8 @@ SOFT_STEP = 0.5  # of the physics step, for OSC: its null space is so soft that 
 SERVO_STEP = 2.5e-3  # s: a servo's loop is stepped by a stable rule, and it is no faster than 150 rad/s
 MODEL_SIGMA = 4e-6  # rad: what the integrator itself is sure of
 PENALTY = 1e4  # whitened residual of a rollout that diverged
+SAMPLES_HZ = 250.0  # of a long recording that are compared: more would only repeat what a robot can do in 4 ms
+AT_ONCE = 64e6  # bytes of rollouts in memory at once, a process, and of answers that are remembered
 
 
 class Evidence:
@@ -50,7 +53,7 @@ class Evidence:
             key = (id(item.robot), c.mode, c.rate_hz, c.nullspace is None or id(c.nullspace))
             groups.setdefault(key, []).append(i)
         self.groups = list(groups.values())
-        self.notes = [rec.chosen.said(rec.name) for rec in recordings if rec.chosen]
+        self.notes = [_windows(rec) for rec in recordings if rec.chosen]
         self.floor_from = "stated noise" if all("q" in r.noise for r in recordings) else "estimated"
         self._recent: list[tuple[tuple[World, ...], list[np.ndarray]]] = []
         self.rollouts = 0.0  # simulated seconds, for the record
@@ -75,7 +78,8 @@ class Evidence:
                 return answer
         answer = with_gains(self.items, self._simulated(worlds))
         if key is not None:
-            self._recent = [(key, answer), *self._recent[:7]]
+            size = max(1, sum(y.nbytes for y in answer))
+            self._recent = [(key, answer), *self._recent[: min(7, int(AT_ONCE / size))]]
         return answer
 
     def _simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
@@ -111,11 +115,17 @@ class Evidence:
 
     def residuals(self, worlds: Sequence[World]) -> list[np.ndarray]:
         """Per world, the whitened residual of all items, flat; unreadable samples count 0, divergence PENALTY."""
-        per_item = self.simulated(worlds)
-        return [
-            np.concatenate([self.whiten(item, y[w]).ravel() for item, y in zip(self.items, per_item, strict=True)])
-            for w in range(len(worlds))
-        ]
+        return [*self.each_residual(worlds)]
+
+    def each_residual(self, worlds: Sequence[World]) -> Iterator[np.ndarray]:
+        """The same one by one: who keeps none of them needs the memory of a few, however long the recordings are."""
+        size = sum(4 * 8 * item.segment.ticks * item.nj for item in self.items)  # four signals a rollout
+        some = max(1, int(AT_ONCE / size)) * self.nthread
+        for start in range(0, len(worlds), some):
+            per_item = self.simulated(worlds[start : start + some])
+            for w in range(len(per_item[0])):
+                parts = [self.whiten(item, y[w]).ravel() for item, y in zip(self.items, per_item, strict=True)]
+                yield np.concatenate(parts)
 
     @staticmethod
     def whiten(item: Item, predicted: np.ndarray) -> np.ndarray:
@@ -162,6 +172,12 @@ class Evidence:
         return float(np.sqrt(sum((i.valid * i.sigma**2)[:, : i.nj].sum() for i in self.items) / max(n, 1)))
 
 
+def _windows(rec: Recording) -> str:
+    """What is used of a long recording."""
+    said, every = rec.chosen.said(rec.name) if rec.chosen else "", _every(rec)
+    return said if every == 1 else f"{said}; one sample in {every} is compared"
+
+
 def _predicted(channel: Channel, item: Item, response: Response) -> np.ndarray:
     """What a rollout says of a channel, (nworld, m, nj)."""
     if channel.kind == "load":
@@ -194,6 +210,11 @@ def robot_of(rec: Recording) -> RobotModel:
     return robot
 
 
+def _every(rec: Recording) -> int:
+    """Of so many samples one is compared: of all where the recording is used whole."""
+    return max(1, round(rec.rate_hz / SAMPLES_HZ)) if rec.chosen else 1
+
+
 def _items(rec: Recording) -> list[Item]:
     robot, noise = robot_of(rec), noise_of(rec)
     out = []
@@ -201,6 +222,8 @@ def _items(rec: Recording) -> list[Item]:
     for segment in segments(rec):
         if segment.time[-1] <= 2 * settle:
             continue
+        thin = slice(None, None, _every(rec))
+        segment = replace(segment, time=segment.time[thin], rows=segment.rows[thin])
         late = (segment.time >= settle)[:, None]
         q, kind = rec.q[segment.rows], "servo" if rec.control.mode == "servo" else "angle"
         channels = [Channel(kind, q, np.hypot(noise["q"], MODEL_SIGMA), np.isfinite(q) & late)]

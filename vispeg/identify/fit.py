@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -49,6 +49,11 @@ class Fit:
     weak: tuple[str, ...] = ()
     converged: bool = True
     cost: float = field(default=0.0)
+
+    @property
+    def bare(self) -> Fit:
+        """The same without what is as long as the recordings are."""
+        return replace(self, residual=np.zeros(0), jacobian=np.zeros((0, len(self.u))))
 
 
 class Race:
@@ -143,11 +148,12 @@ class _Point:
 
     def __init__(self, space: Space, submit: Submit, trace: Trace | None = None, columns: np.ndarray | None = None):
         self.space, self.submit, self.trace, self.columns = space, submit, trace, columns
-        self.known: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+        self.known: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}  # residual, and derivatives that are not `columns`
         told = [] if trace is None else trace.points
         self.answers = {np.array(u, float).tobytes(): np.array(answer, float) for u, answer in told}
 
     def at(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residual (m,) and Jacobian (m, n) of a point."""
         key = u.tobytes()
         if key not in self.known:
             steps, first = self.space.steps(u), 0 if self.columns is None else self.columns.shape[1]
@@ -155,10 +161,12 @@ class _Point:
             r, *moved = self.submit([self.space.at(p) for p in points])
             fresh = [(m - r) / s for m, s in zip(moved, steps[first:], strict=True)]
             jac = np.stack(fresh, axis=1) if fresh else np.empty((len(r), 0))
-            self.known[key] = (r, jac if self.columns is None else np.column_stack([self.columns, jac]))
-            while len(self.known) > 3:  # the solver looks back one point at most
-                del self.known[next(iter(self.known))]
-        return self.known[key]
+            if self.known:  # the solver ends at this point or at the best one before
+                best = min(self.known, key=lambda k: float(np.sum(self.known[k][0] ** 2)))
+                self.known = {best: self.known[best]}
+            self.known[key] = (r, jac)
+        r, jac = self.known[key]
+        return r, jac if self.columns is None else np.column_stack([self.columns, jac])
 
     def answer(self, u: np.ndarray) -> np.ndarray:
         """All that least squares needs of a point, few enough numbers to be kept: [R Q'r; 0 |r - QQ'r|].

@@ -44,7 +44,7 @@ class TorqueEvidence(Evidence):
     """Recordings compared by inverse dynamics; the channels are joint torques in N m."""
 
     def __init__(self, recordings: Sequence[Recording]):
-        self.recordings = list(recordings)
+        self.recordings, self.nthread = list(recordings), 1
         self.notes, self.rollouts = list(CAVEATS), 0.0
         self._recent = []
         noise, self.floor_from = _noise(self.recordings)

@@ -101,7 +101,8 @@ def joints_table(comparison: Mapping[str, Any]) -> Sheet:
 
 def comparison_summary(comparison: Mapping[str, Any]) -> list[Block]:
     """The error in words, joint by joint, and where it arises."""
-    out: list[Block] = [Line(words.fall(comparison)), joints_table(comparison)]
+    out: list[Block] = [Line(said) for said in words.diverged(comparison)]
+    out += [Line(words.fall(comparison)), joints_table(comparison)]
     worst = [
         f"{r.get('joint')}, {r.get('regime')} ({100 * r['share']:.0f} %)" for r in rows(comparison, "where_it_fails")
     ]

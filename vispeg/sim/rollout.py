@@ -20,6 +20,8 @@ from vispeg.sim.segment import Segment
 from vispeg.sim.servo import Servos, stable_step
 from vispeg.worlds.world import World
 
+ANGLE, SPEED = 1e3, 1e3  # rad, rad/s: beyond them no rollout is one of a robot
+
 
 @dataclass(frozen=True)
 class Response:
@@ -30,6 +32,7 @@ class Response:
         ee: (nworld, m, 7) flange pose from the measured angles' true values, or None where not asked for.
         true: (nworld, m, nj) rad, those true values, or None with `ee`.
         diverged: (nworld,) bool; the rows of a diverged world are NaN.
+        diverged_at: (nworld,) s in the segment at which it left every bound, NaN where it did not.
     """
 
     q: np.ndarray
@@ -38,6 +41,7 @@ class Response:
     tau_motor: np.ndarray
     ee: np.ndarray | None
     diverged: np.ndarray
+    diverged_at: np.ndarray
     true: np.ndarray | None = None
 
 
@@ -147,14 +151,17 @@ class _Run:
         q, dq, joint, motor = (self._sampled(s, out[c][:, rows]) for c in range(4))
         bad = (
             ~np.all(np.isfinite(q), axis=(1, 2))
-            | (np.abs(q).max(axis=(1, 2)) > 1e3)
+            | (np.abs(q).max(axis=(1, 2)) > ANGLE)
             | self.plant.batch.warning[rows, :, 1].any(axis=1)
         )
+        far = ~np.all(np.isfinite(q) & (np.abs(q) < ANGLE) & (np.abs(dq) < SPEED), axis=2)
+        first = np.where(far.any(axis=1), far.argmax(axis=1), -1)
+        at = np.where(bad, s.time[first], np.nan)
         for values in (q, dq, joint, motor):
             values[bad] = np.nan
         true = None if true_q is None else self._sampled(s, true_q[:, rows])
         ee = None if true is None else flange_pose(self.robot, true)
-        return Response(q, dq, joint, motor, ee, bad, true)
+        return Response(q, dq, joint, motor, ee, bad, at, true)
 
     def _sampled(self, s: Segment, values: np.ndarray) -> np.ndarray:
         """(ticks, nworld, nj) at the segment's sample times: (nworld, m, nj)."""

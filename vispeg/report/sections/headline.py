@@ -26,7 +26,7 @@ def context(record: Record) -> dict[str, Any]:
         figures.append(("Noise floor", quantity(record.floor, str(floor.get("unit") or unit)), _source(floor)))
     return {
         "verdict": values.get("verdict") if record.kind == "diagnosis" else None,
-        "sentence": " ".join(filter(None, (words.verdict(values), words.baseline(values)))),
+        "sentence": " ".join(filter(None, (*words.diverged(values), words.verdict(values), words.baseline(values)))),
         "fall": words.fall(values),
         "figures": figures,
         "picture": chart(lambda shape: ladder_figure(record, shape), "ladder", words.fall(values)),
