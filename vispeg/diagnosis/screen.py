@@ -160,5 +160,5 @@ def _projected(s: np.ndarray, base: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     upper = np.zeros((0, k + 1))
     for start in range(0, len(s), ROWS):
         rows = slice(start, start + ROWS)
-        upper = np.linalg.qr(np.vstack([upper, np.column_stack([s[rows], base[rows]])]), mode="r")
+        upper = np.asarray(np.linalg.qr(np.vstack([upper, np.column_stack([s[rows], base[rows]])]), mode="r"))
     return upper[:k, :k], upper[:k, k]

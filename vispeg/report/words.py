@@ -84,8 +84,8 @@ def fall(values: Mapping[str, Any]) -> str:
 def diverged(values: Mapping[str, Any]) -> list[str]:
     """A sentence on each recording in which the model diverged."""
     return [
-        f"The model diverged in {row['recording']}, {row['time_s']:.3g} s after its start: its loop is unstable. No error "
-        "below counts that recording."
+        f"The model diverged in {row['recording']}, {row['time_s']:.3g} s after its start: its loop is unstable. No "
+        "error below counts that recording."
         for row in rows(values, "diverged")
     ]
 
