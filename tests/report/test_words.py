@@ -124,3 +124,10 @@ def test_what_is_tentative_is_counted_and_a_class_is_named_as_one_of():
     assert words.tentative({"effects": [friction]}) == ""
     only = words.verdict({"verdict": "unexplained", "effects": [unsure]})
     assert only.startswith("1 tentative effect helps, but a structured residual")
+
+
+def test_the_price_of_a_remainder_is_asked_of_the_joints_where_it_weighs_most():
+    left = [{"joint": f"joint{j}", "rms": r, "needed": n} for j, r, n in ((1, 0.0, 9.0), (2, 4.0, 80.0), (3, 0.2, 0.5))]
+    command = words.price({"remainder": left})
+    assert command.index("torque_noise@joint3.rms=0,0.2") < command.index("torque_noise@joint2.rms=0,4")
+    assert "joint1" not in command and words.price({}) == ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -58,6 +59,16 @@ INPUTS = {
     "time": lambda k, j: k.time,
     "time x direction": lambda k, j: np.sign(k.dq[:, j]) * k.time,
 }
+
+
+def sizes(held_out: list[MissingTorque], joints: tuple[str, ...]) -> list[dict[str, Any]]:
+    """Of each joint the RMS of the torque that is still missing, N m, noise taken off, and of the torque it needed."""
+    missing = np.mean([np.mean(k.excess**2, axis=0) - k.sigma**2 for k in held_out], axis=0)
+    needed = np.mean([np.mean(k.needed**2, axis=0) for k in held_out], axis=0)
+    rms = np.sqrt(np.maximum(missing, 0.0)), np.sqrt(needed)
+    return [
+        {"joint": j, "rms": float(m), "needed": float(n), "unit": "N m"} for j, m, n in zip(joints, *rms, strict=True)
+    ]
 
 
 def _tone(missing: list[MissingTorque]) -> tuple[float, float, int]:

@@ -28,7 +28,7 @@ from vispeg.diagnosis.record import (
     screening,
     with_origin,
 )
-from vispeg.diagnosis.remainder import dependences
+from vispeg.diagnosis.remainder import dependences, sizes
 from vispeg.diagnosis.rivals import find_rivals
 from vispeg.diagnosis.search import Search
 from vispeg.diagnosis.share import Share
@@ -134,6 +134,7 @@ def diagnose(
         "where_it_fails": where_it_fails(before_missing, joints),
         "residual_peaks": peaks(drawn, joints, left),
         "unexplained": verdict.unexplained,
+        "remainder": sizes(held[1], joints) if verdict.partial else [],
         "channels": channels(judged, predicted, least),
         "next_experiment": upcoming,
         "candidates": candidates(state, rivals, given),

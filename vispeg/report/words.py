@@ -14,6 +14,7 @@ NEAR_FLOOR = 1.2  # a held-out error up to this many floors is called "at the no
 MOST_NAMED = 5  # beyond it a sentence gives the number of effects; the tables name them
 PARTIAL = "partial: each effect lowers the held-out error, a remainder is left; model.yaml has them, to go on from"
 TENTATIVE = "tentative: they lower the error, but each may stand in for another effect"
+MOST_PRICED = 3  # joints whose remainder is played back
 MOST_RIVALS = 3  # that a sentence lists
 SAME = 0.05  # a relative change below this is called none
 
@@ -136,6 +137,19 @@ def baseline(values: Mapping[str, Any]) -> str:
     names = [sized(effect) for effect in rows(before, "effects")]
     had = named(names) if names else "no effect"
     return f"Before and after: {had} ({before.get('verdict')}). Changed since: what is listed as found."
+
+
+def price(values: Mapping[str, Any]) -> str:
+    """The command that says what the remainder costs a policy; empty where none is left.
+
+    It names the joints whose missing torque is the greatest share of the torque that they needed.
+    """
+    left = [
+        (number(r.get("rms")) or 0.0, number(r.get("needed")) or 0.0, r.get("joint")) for r in rows(values, "remainder")
+    ]
+    worst = sorted((r for r in left if r[0] > 0), key=lambda r: -r[0] / max(r[1], 1e-9))[:MOST_PRICED]
+    sweeps = " ".join(f'--sweep "torque_noise@{joint}.rms=0,{rms:.2g}"' for rms, _, joint in worst)
+    return f"vispeg sensitivity POLICY {sweeps} --out price" if sweeps else ""
 
 
 def rivals(values: Mapping[str, Any]) -> list[list[str]]:
