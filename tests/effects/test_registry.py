@@ -10,7 +10,7 @@ import pytest
 from loops import iiwa_segment, mode_of, one
 from mujoco import batch as mjb
 
-from vispeg.core.effect import EffectInstance, Value, searchable
+from vispeg.core.effect import REGISTRY, EffectInstance, Value, searchable
 from vispeg.core.seeds import stream
 from vispeg.robots.model import load
 from vispeg.sim.compiled import compiled
@@ -18,6 +18,7 @@ from vispeg.sim.placement import activate
 from vispeg.sim.rollout import simulate
 from vispeg.sim.state import Fields
 from vispeg.worlds.model_file import load_model, model_text
+from vispeg.worlds.words import completed
 from vispeg.worlds.world import World
 
 REGISTRY = searchable()  # what an arm alone can show
@@ -166,3 +167,15 @@ def test_parameters_are_stated_well(name):
     known = {*ROBOT.joints, *ROBOT.links, "flange", "base"}
     assert set(kind.targets(ROBOT)) <= known
     assert type(kind).__doc__
+
+
+def test_a_size_that_is_named_stands_alone():
+    """Naming one size of an effect leaves the others at null; naming none takes the typical ones, shapes always."""
+    for name, kind in sorted(REGISTRY.items()):
+        typical = {k: p.start for k, p in kind.params.items()}
+        assert completed(kind, {}) == typical
+        for magnitude in kind.magnitudes:
+            full = completed(kind, {magnitude: kind.params[magnitude].start})
+            for other, param in kind.params.items():
+                alone = param.start if param.shape or other == magnitude else param.null
+                assert full[other] == alone, f"{name}: {magnitude} given, {other}"

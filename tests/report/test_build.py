@@ -67,7 +67,7 @@ def _page(out) -> _Page:
 def test_every_verdict_has_every_section(run, diagnosis, evidence, verdict):
     out = run(diagnosis(verdict), evidence(n=600, recordings=1, nj=4))
     page = _page(out)
-    assert page.sections == [name for name in DIAGNOSIS if name not in ("rendered", "explore")]
+    assert page.sections == [name for name in DIAGNOSIS if name not in ("rendered", "explore", "pictures")]
     expected = {
         "adequate": "No effect is named.",
         "identified": "explain the held-out recordings down to the noise floor",
@@ -125,7 +125,7 @@ def test_comparison_with_torques_and_no_final_model(run, diagnosis, evidence):
     record = {"format": "vispeg-compare/1", "ladder": diagnosis()["ladder"][:1], "noise_floor": None}
     record["ladder"][0] |= {"unit": "N m RMS", "heldout_error": 0.25}
     page = _page(run(record, evidence(unit="N m", after=False, n=600, recordings=1), kind="compare"))
-    assert page.sections == [name for name in COMPARE if name != "explore"]
+    assert page.sections == [name for name in COMPARE if name not in ("explore", "pictures")]
     assert "Model error is 0.250 N m RMS." in page.text and "after" not in page.text
     assert "held-out" not in page.text.lower() and "held out" not in page.text.lower(), (
         "nothing is, as nothing is fitted"
@@ -136,7 +136,7 @@ def test_comparison_with_torques_and_no_final_model(run, diagnosis, evidence):
 @pytest.mark.parametrize("verdict", ["adequate", "identified", "ambiguous", "unexplained", None, "odd"])
 def test_a_record_with_nothing_but_a_verdict(run, verdict):
     assert _page(run({"verdict": verdict})).sections == [
-        name for name in DIAGNOSIS if name not in ("rendered", "explore")
+        name for name in DIAGNOSIS if name not in ("rendered", "explore", "pictures")
     ]
 
 

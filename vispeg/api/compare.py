@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +11,20 @@ import numpy as np
 
 from vispeg.api.inputs import Model, Reading, Source, read_inputs, silent
 from vispeg.api.result import Result
+from vispeg.core.effect import effect
+from vispeg.core.errors import UserError
 from vispeg.diagnosis import compare as rooms
+from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import SECONDS
 from vispeg.report.summary import Block
 from vispeg.report.terminal import comparison_summary
 from vispeg.report.write import finite, write_comparison
+from vispeg.task.belief import believed
+from vispeg.vision.compare import Compared, compare_frames
+from vispeg.vision.show import pictures
+from vispeg.worlds.split import of_arm
+from vispeg.worlds.words import place
+from vispeg.worlds.world import World
 
 
 @dataclass(frozen=True)
@@ -63,6 +72,9 @@ def compare(
 ) -> ComparisonResult:
     """Drives the model as the robot was driven and says how far it is off, at which joint, and when.
 
+    Where the model is of a cell (`peg-cell`) and a recording has frames, each is predicted at the measured angles: how
+    far borders, depth and colour are off is `record["pictures"]`.
+
     Args:
         model: a world, a model file, a robot's name, or a path to an MJCF or URDF.
         recordings: folders, or recordings in memory, of one robot.
@@ -74,6 +86,31 @@ def compare(
         UserError: a model or a recording that cannot be read, or that cannot be compared with each other.
     """
     given = read_inputs(model, recordings, (), need_validate=False, seconds=seconds, reading=reading)
-    result = rooms.compare(given.world, given.fitted, nthread=threads)
-    record = finite({**result.record, "provenance": given.provenance(None)})
-    return ComparisonResult(record, result.arrays, given.files)
+    arm = replace(of_arm(given.world), cell=None)
+    result = rooms.compare(arm, given.fitted, nthread=threads, label=given.world.label)
+    record, arrays = result.record | {"provenance": given.provenance(None)}, dict(result.arrays)
+    looked = [rec for rec in given.fitted if rec.frames is not None]
+    if looked and given.world.cell is None:
+        said = (
+            f"{', '.join(rec.name for rec in looked)}: frames are compared where the model is of a cell, as peg-cell is"
+        )
+        record["notes"] = [*record.get("notes", ()), said]
+    elif looked:
+        compared = [one for rec in looked for one in _pictures(rec, given.world, reading)]
+        record["pictures"], drawn = pictures(compared)
+        arrays |= drawn
+    return ComparisonResult(finite(record), arrays, given.files)
+
+
+def _pictures(rec: Recording, world: World, reading: Reading) -> list[Compared]:
+    """The frames of a recording against a model of its cell."""
+    found = believed(rec.cell, rec.path / "recording.yaml")
+    scene = replace(found.scene, cameras=tuple(rec.frames.names) if rec.frames is not None else ())
+    for placed in world.effects:
+        if effect(placed.effect).family == "camera":
+            try:
+                place(effect(placed.effect), placed.where, scene)
+            except UserError as error:
+                raise UserError(str(error), file=rec.path / "frames/cameras.yaml") from error
+    with reading(rec.path) as told:
+        return compare_frames(rec, scene, found.world.add(*world.effects), told=told)

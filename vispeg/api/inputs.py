@@ -183,6 +183,8 @@ def read_model(source: str) -> World:
     if world.cell is not None:
         robot = believed(world.cell, source).scene
     for i, placed in enumerate(world.effects):
+        if effect(placed.effect).family == "camera" and world.cell is not None:
+            continue  # the cameras are the recordings'
         with _said_of(source, f"effects[{i}].where"):
             place(effect(placed.effect), placed.where, robot)
     return world

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from vispeg.core.effect import ARM, EffectInstance, effect
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.formats.guard import is_file
@@ -25,6 +25,7 @@ from vispeg.robots.scene import Scene
 from vispeg.task.belief import DEFAULT, believed
 from vispeg.task.world_file import load_world
 from vispeg.vision.photograph import photograph
+from vispeg.worlds.split import of_arm
 from vispeg.worlds.world import World
 
 DURATION, INSERT_DURATION = 16.0, 24.0  # s
@@ -124,7 +125,7 @@ def record_look(
         expected = f"above 0, and at most {MOST} pictures in all"
         raise UserError("no such rate of pictures", key="--fps", expected=expected, got=fps)
     path = look_motion(motion, scene, rate_hz, duration)
-    arm = World(world.robot, world.tool, tuple(e for e in world.effects if effect(e.effect).family in ARM))
+    arm = replace(of_arm(world), cell=None)
     truth: list[np.ndarray] = []
     control = controller(scene.nominal, "position", rate_hz, centre_of(scene.nominal))
     rng = stream(seed, "record", "noise")

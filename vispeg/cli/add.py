@@ -1,7 +1,7 @@
 """Adds an effect to a model file, or sets the values of one that is there; or adds what a measurement became.
 
 MODEL is left as it is unless --out names it and --overwrite is given. Parameters that are not set keep the model's
-value, or take the effect's typical size where it is new.
+value; of a new effect, sizes that are not set are null if another is, typical if none is.
 
 Example:
     vispeg add iiwa14 coulomb_friction joint4 --set torque=1.2 --out model.yaml
@@ -79,15 +79,14 @@ class Args:
         """The effect that the arguments spell out."""
         from vispeg.core.effect import EffectInstance, effect
         from vispeg.core.errors import UserError
-        from vispeg.worlds.words import place, values
+        from vispeg.worlds.words import completed, place, values
 
         kind = effect(self.effect)
         if self.where is None:
             raise UserError(f"{kind.name} needs a place", expected="WHERE after it", choices=kind.targets(robot))
         where, given = place(kind, self.where, robot), values(kind, self.set)
-        typical = {name: param.start for name, param in kind.params.items()}
         here = [e for e in world.effects if (e.effect, e.where) == (self.effect, where)]
-        return (here[0] if here else EffectInstance.of(self.effect, where, **typical)).with_values(**given)
+        return here[0].with_values(**given) if here else EffectInstance.of(self.effect, where, **completed(kind, given))
 
     def _measured(self, world: World, robot: RobotModel) -> list[EffectInstance]:
         """The effects of a measurement file, intervals and all."""

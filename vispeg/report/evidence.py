@@ -83,7 +83,10 @@ class Choices:
 
 @dataclass(frozen=True)
 class Evidence:
-    """All arrays of a report; empty where there was no evidence file."""
+    """All arrays of a report; empty where there was no evidence file.
+
+    `pictures` has `picture/k/NAME` (H, W, 3) uint8 and `camera/c/NAME`, as `vispeg.vision.show` makes them.
+    """
 
     joints: tuple[str, ...] = ()
     unit: str = "rad"
@@ -92,6 +95,7 @@ class Evidence:
     maps: Mapping[str, ResidualMap] = field(default_factory=dict)
     next_motion: NextMotion | None = None
     choices: Choices | None = None
+    pictures: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 def _example(folder: Path) -> Path:
@@ -138,7 +142,11 @@ class _Reader:
             if f"{r}/measured_tau" in self.arrays and f"{r}/before_tau" in self.arrays:
                 torques.append(self.trace(r, "_tau", name, "N m", time))
         maps = {axis: self.map(axis) for axis in AXES if f"map/{axis}/before" in self.arrays}
-        return Evidence(self.joints, unit, tuple(traces), tuple(torques), maps, self.next(), self.choices())
+        seen = {k: v for k, v in self.arrays.items() if k.startswith(("picture/", "camera/"))}
+        for key, image in seen.items():
+            if key.startswith("picture/") and (image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8):
+                raise UserError("is no picture", file=self.path, key=key, expected="(H, W, 3) uint8", got=image.shape)
+        return Evidence(self.joints, unit, tuple(traces), tuple(torques), maps, self.next(), self.choices(), seen)
 
     def choices(self) -> Choices | None:
         if "choice/on" not in self.arrays:

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
 from vispeg.core.errors import UserError
 from vispeg.formats.json_data import read_json
 from vispeg.report.evidence import Evidence, load_evidence
@@ -70,6 +72,16 @@ def label(row: Mapping[str, Any]) -> str:
 def data_link(png: bytes) -> str:
     """A picture as a `data:` link, so that the page needs no file beside it."""
     return "data:image/png;base64," + base64.b64encode(png).decode()
+
+
+def still(image: np.ndarray) -> str:
+    """A picture (H, W, 3) uint8 as a `data:` link, as JPEG."""
+    import cv2
+
+    done, data = cv2.imencode(".jpg", np.ascontiguousarray(image[..., ::-1]), [cv2.IMWRITE_JPEG_QUALITY, 88])
+    if not done:
+        raise ValueError(f"not a picture: {image.shape} {image.dtype}")
+    return "data:image/jpeg;base64," + base64.b64encode(data.tobytes()).decode()
 
 
 def load_record(out: Path) -> Record:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from vispeg.report import words
+from vispeg.report import camera_words, words
 from vispeg.report.ladder import ladder_rows
 from vispeg.report.quantities import fold, interval, quantity
 from vispeg.report.record import Record, rows
@@ -109,9 +109,11 @@ def comparison_summary(comparison: Mapping[str, Any]) -> list[Block]:
         f"{r.get('joint')}, {r.get('regime')} ({100 * r['share']:.0f} %)" for r in rows(comparison, "where_it_fails")
     ]
     if comparison.get("chi2", 0.0) <= words.NEAR_FLOOR**2:
-        out.append(Line("the model is at the noise floor: nowhere does it fail"))
+        whose = "the model of the arm" if camera_words.cameras(comparison) else "the model"
+        out.append(Line(f"{whose} is at the noise floor: nowhere does it fail"))
     elif worst:
         out.append(Line(f"where it fails: {'; '.join(worst[:3])}"))
+    out += [Line(sentence) for sentence in camera_words.cameras(comparison)]
     return out + [Line(f"note: {note}") for note in comparison.get("notes") or ()]
 
 

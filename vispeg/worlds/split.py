@@ -8,12 +8,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TypeVar
 
-from vispeg.core.effect import OPTICAL, effect
+from vispeg.core.effect import ARM, OPTICAL, effect
 from vispeg.worlds.places import acts_on
 from vispeg.worlds.randomized import RandomizedWorld
 from vispeg.worlds.world import World
 
 AnyWorld = TypeVar("AnyWorld", World, RandomizedWorld)
+
+
+def of_arm(world: AnyWorld) -> AnyWorld:
+    """What of the world an arm alone can show."""
+    return world.only(lambda e: effect(e.effect).family in ARM)
 
 
 def physical(world: AnyWorld) -> AnyWorld:

@@ -41,8 +41,19 @@ def values(kind: Effect, pairs: Iterable[str]) -> dict[str, float]:
     return out
 
 
+def completed(kind: Effect, given: dict[str, float]) -> dict[str, float]:
+    """All parameters of an effect, of which some are given.
+
+    Who names no magnitude gets the typical ones; who names one means that one: a camera that is 4 mm off to the right
+    is not turned as well. What only shapes an effect is typical where it is not given.
+    """
+    named = any(name in given for name in kind.magnitudes)
+    rest = {k: p.null if named and k in kind.magnitudes else p.start for k, p in kind.params.items()}
+    return rest | given
+
+
 def parse(text: str, robot: Any) -> list[EffectInstance]:
-    """Effects from `NAME:WHERE[:param=number,...]`; what is not given takes its typical size.
+    """Effects from `NAME:WHERE[:param=number,...]`; what is not given is as `completed` says.
 
     WHERE is a place of the robot, `all` (one value shared by all places) or `each` (one effect for each place).
     """
@@ -53,6 +64,6 @@ def parse(text: str, robot: Any) -> list[EffectInstance]:
         choices = [*kind.targets(robot), *MANY]
         raise UserError(f"{name} needs a place", expected=f"{name}:WHERE", choices=choices)
     given = values(kind, [s for s in settings.split(",") if s])
-    typical = {k: p.start for k, p in kind.params.items()} | given
+    values_of_all = completed(kind, given)
     places = instances(kind, where, robot) if where == EACH else [place(kind, where, robot)]
-    return [EffectInstance.of(name, w, **typical) for w in places]
+    return [EffectInstance.of(name, w, **values_of_all) for w in places]

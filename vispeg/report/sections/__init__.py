@@ -11,11 +11,12 @@ DIAGNOSIS = (
     "where_it_fails",
     "measured_vs_model",
     "maps",
+    "pictures",
     "candidates",
     "confusions",
     "next_experiment",
     "rendered",
     "provenance",
 )
-COMPARE = ("headline", "explore", "where_it_fails", "measured_vs_model", "maps", "provenance")
+COMPARE = ("headline", "explore", "where_it_fails", "measured_vs_model", "maps", "pictures", "provenance")
 OBJECT = ("headline", "found", "restarts", "candidates", "confusions", "next_experiment", "provenance")

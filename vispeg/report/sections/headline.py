@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from vispeg.report import effect_words, words
+from vispeg.report import camera_words, effect_words, words
 from vispeg.report.figures import chart
 from vispeg.report.ladder import ladder_figure, ladder_rows
 from vispeg.report.quantities import number, quantity
@@ -28,6 +28,7 @@ def context(record: Record) -> dict[str, Any]:
         "verdict": values.get("verdict") if record.kind == "diagnosis" else None,
         "sentence": " ".join(filter(None, (*words.diverged(values), words.verdict(values), words.baseline(values)))),
         "fall": words.fall(values),
+        "cameras": camera_words.cameras(values),
         "figures": figures,
         "picture": chart(lambda shape: ladder_figure(record, shape), "ladder", words.fall(values)),
         "ladder": ladder_rows(record),

@@ -1,0 +1,155 @@
+"""What a report shows of compared frames: the worst of them side by side, and residuals over image, distance, time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from vispeg.render.image_kinds import depth_picture
+from vispeg.vision.compare import Compared, summary
+from vispeg.vision.photometry import LightResidual
+
+WORST = 3  # frames of a camera that are shown
+WIDEST = 480  # px of a picture on a page
+POINTS = 4000  # borders of a camera that are kept
+DEPTH_SPAN = 0.01  # m, error of depth at which the colours of a difference end
+PREDICTED, FOUND = (217, 84, 30), (10, 122, 117)  # of borders, as the page's colours of before and after
+DISTANCES = 12  # bins
+
+
+def pictures(compared: Sequence[Compared]) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """The record and the arrays of a comparison of pictures.
+
+    Returns:
+        `cameras` (their figures), `frames` (a row each, worst first), `shown` (which frame picture k is); and arrays
+        `picture/k/NAME` (H, W, 3) uint8 and `camera/c/NAME`.
+    """
+    rows = [c.row() for c in compared]
+    order = sorted(range(len(rows)), key=lambda i: -badness(rows[i]))
+    cameras = summary(compared)
+    arrays: dict[str, np.ndarray] = {}
+    shown: list[dict[str, Any]] = []
+    for number, camera in enumerate(cameras):
+        mine = [compared[i] for i in order if rows[i]["camera"] == camera["camera"]]
+        for one in mine[:WORST]:
+            arrays |= {f"picture/{len(shown)}/{name}": image for name, image in side_by_side(one).items()}
+            shown.append(one.row())
+        arrays |= {f"camera/{number}/{name}": values for name, values in _places(mine).items()}
+        arrays[f"camera/{number}/distance"] = _over_distance(mine)
+    return {"cameras": cameras, "frames": [rows[i] for i in order], "shown": shown}, arrays
+
+
+def badness(row: dict[str, Any]) -> float:
+    """How far a frame is off: its borders in px where there are any, else its depth in mm, else grey levels."""
+    return next((float(row[key]) for key in ("border_px", "depth_mm", "grey") if row[key] is not None), 0.0)
+
+
+def side_by_side(one: Compared) -> dict[str, np.ndarray]:
+    """Pictures (H, W, 3) uint8 of one frame: predicted, measured with its borders, difference; depth the same way."""
+    out: dict[str, np.ndarray] = {}
+    rgb, depth = one.frame.rgb, one.frame.depth
+    if rgb is not None and one.light is not None:
+        out = {"rendered": one.seen.rgb, "measured": _with_borders(rgb, one), "difference": _difference(one.light)}
+    if depth is not None and one.depth is not None:
+        span = _span(one.seen.depth)
+        out["depth_rendered"], out["depth_measured"] = (depth_picture(z, *span) for z in (one.seen.depth, depth))
+        out["depth_difference"] = _signed(one.depth.error, one.depth.hole)
+    return {name: _small(image) for name, image in out.items()}
+
+
+def _with_borders(rgb: np.ndarray, one: Compared) -> np.ndarray:
+    """The measured picture with predicted borders, and a line from each to where it was found."""
+    import cv2
+
+    image = np.ascontiguousarray(rgb).copy()
+    if one.found is None:
+        return image
+    there = np.isfinite(one.found.along)
+    ends = one.borders.pixel + np.nan_to_num(one.found.along)[:, None] * one.borders.normal
+    sub = 16  # OpenCV draws at fractions of a pixel
+    for start, end, good in zip(one.borders.pixel, ends, there, strict=True):
+        a, b = (tuple(np.rint(sub * p).astype(int).tolist()) for p in (start, end))
+        if good:
+            cv2.line(image, a, b, FOUND, 1, cv2.LINE_AA, 4)
+        cv2.circle(image, a, sub // 2, PREDICTED, -1, cv2.LINE_AA, 4)
+    return image
+
+
+def _difference(light: LightResidual) -> np.ndarray:
+    """Measured minus predicted around grey; white where the picture is saturated."""
+    off = np.clip(128 + np.nan_to_num(light.error), 0, 255).astype(np.uint8)
+    return np.where(np.isnan(light.error), 255, off).astype(np.uint8)
+
+
+def _signed(error: np.ndarray, hole: np.ndarray) -> np.ndarray:
+    """Errors of depth: orange where measured too near, teal where too far, white at none, black where no reading is."""
+    share = np.clip(np.nan_to_num(error) / DEPTH_SPAN, -1, 1)[..., None]
+    white, near, far = (np.array(c, float) for c in ((255, 255, 255), PREDICTED, FOUND))
+    image = white + np.where(share < 0, -share * (near - white), share * (far - white))
+    return np.where(hole[..., None], 0, np.where(np.isnan(error)[..., None], 230, image)).astype(np.uint8)
+
+
+def _span(depth: np.ndarray) -> tuple[float, float]:
+    there = depth[depth > 0]
+    low, high = np.quantile(there, [0.01, 0.95]) if there.size else (0.1, 1.0)
+    return float(low), float(max(high, low + 0.05))
+
+
+def _small(image: np.ndarray) -> np.ndarray:
+    import cv2
+
+    height, width = image.shape[:2]
+    if width <= WIDEST:
+        return np.ascontiguousarray(image)
+    return cv2.resize(image, (WIDEST, round(height * WIDEST / width)), interpolation=cv2.INTER_AREA)
+
+
+def _places(mine: Sequence[Compared]) -> dict[str, np.ndarray]:
+    """Borders of one camera that were found, thinned to `POINTS`: pixel, normal (n, 2), along px, depth m, time s."""
+    size = np.array([mine[0].frame.camera.width, mine[0].frame.camera.height])
+    parts: list[np.ndarray] = []
+    for one in mine:
+        if one.found is not None:
+            b, good = one.borders, np.isfinite(one.found.along)
+            time = np.full(len(b), one.frame.time)
+            table = np.column_stack([b.pixel, b.normal, one.found.along, b.depth, time])
+            parts.append(table[good])
+    table = np.concatenate(parts) if parts else np.zeros((0, 7))
+    table = table[:: max(1, -(-len(table) // POINTS))]
+    return {
+        "size": size,
+        "pixel": table[:, :2],
+        "normal": table[:, 2:4],
+        "along": table[:, 4],
+        "depth": table[:, 5],
+        "time": table[:, 6],
+    }
+
+
+def _over_distance(mine: Sequence[Compared]) -> np.ndarray:
+    """(k, 4) of depth on the interior: distance m, median error mm, spread mm, pixels; empty without depth.
+
+    The spread is 1.48 times the median size of what is off the median: a sigma to which things that the model lacks do
+    not add.
+    """
+    near, error = [], []
+    for one in mine:
+        if one.depth is not None:
+            good = one.depth.interior & np.isfinite(one.depth.error)
+            near.append(one.seen.depth[good][::7])
+            error.append(1e3 * one.depth.error[good][::7])
+    z, e = (np.concatenate(x) if x else np.zeros(0) for x in (near, error))
+    if len(z) < DISTANCES:
+        return np.zeros((0, 4))
+    edges = np.quantile(z, np.linspace(0, 1, DISTANCES + 1))
+    cell = np.clip(np.searchsorted(edges, z, side="right") - 1, 0, DISTANCES - 1)
+    rows = []
+    for k in range(DISTANCES):
+        mine_e = e[cell == k]
+        if len(mine_e):
+            middle = float(np.median(mine_e))
+            spread = 1.4826 * float(np.median(np.abs(mine_e - middle)))
+            rows.append((float(np.median(z[cell == k])), middle, spread, len(mine_e)))
+    return np.array(rows)
