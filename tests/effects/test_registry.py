@@ -10,7 +10,8 @@ import pytest
 from loops import iiwa_segment, mode_of, one
 from mujoco import batch as mjb
 
-from vispeg.core.effect import REGISTRY, EffectInstance, Value, searchable
+from vispeg.core.effect import REGISTRY as EVERY
+from vispeg.core.effect import EffectInstance, Value, searchable
 from vispeg.core.seeds import stream
 from vispeg.robots.model import load
 from vispeg.sim.compiled import compiled
@@ -171,7 +172,7 @@ def test_parameters_are_stated_well(name):
 
 def test_a_size_that_is_named_stands_alone():
     """Naming one size of an effect leaves the others at null; naming none takes the typical ones, shapes always."""
-    for name, kind in sorted(REGISTRY.items()):
+    for name, kind in sorted(EVERY.items()):
         typical = {k: p.start for k, p in kind.params.items()}
         assert completed(kind, {}) == typical
         for magnitude in kind.magnitudes:

@@ -1,5 +1,7 @@
 """Checks recordings before anybody fits to them: clock, bad readings, limits, tracking, noise, excitation.
 
+Of frames it says what clock, light, depth and views are like, and which errors of a camera they would tell.
+
 Exits 0 when the recordings can be used, whatever it warns about; 2 with one line when one cannot.
 
 Example:
@@ -18,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import tyro
 
+from vispeg.cli import check_frames
 from vispeg.cli.output import Output, Told
 from vispeg.cli.reading import size_of, told
 from vispeg.core.errors import UserError
@@ -62,7 +65,7 @@ class Args:
 
     def _examine(self, folder: Path | None) -> dict[str, Any]:
         """Checks, shows and draws one recording after the other, so that only one is in memory."""
-        reports, heads = [], []
+        reports, heads, looked = [], [], []
         for number, path in enumerate(self.recordings, start=1):
             with told(f"reading {path}", size_of(path), self.output.quiet) as share:
                 rec = load(path, lambda _: SIGNALS, share)
@@ -70,20 +73,25 @@ class Args:
             with told(f"examining {path}", quiet=self.output.quiet) as share:
                 reports.append(check(rec, limits, share))
             heads.append(head_of(rec))
+            looked.append((check_frames.examine(rec, self.output.quiet), rec.cell is not None))
             if folder is not None:
                 name = "check.png" if len(self.recordings) == 1 else f"check-{number}-{rec.name}.png"
                 (folder / name).write_bytes(plot(rec, reports[-1], limits))
             del rec
         record = {
             "format": "vispeg-check/1",
-            "recordings": [report.to_json() for report in reports],
+            "recordings": [
+                report.to_json() | ({"cameras": [c.to_json() for c in seen]} if seen else {})
+                for report, (seen, _) in zip(reports, looked, strict=True)
+            ],
             "repeats": repeats(heads),
         }
         if self.output.json:
             self.output.give(record, [])
             return record
-        for report in reports:
+        for report, (seen, stated) in zip(reports, looked, strict=True):
             show(report)
+            check_frames.show(seen, stated)
         for found in record["repeats"]:
             print(f"repeats of one motion: {', '.join(found['recordings'])}; noise of q", *_short(found["noise_q"]))
         return record
@@ -109,7 +117,7 @@ def head_of(rec: Recording) -> Recording:
     """The first rows of a recording, copied, so that the rest can go: as many as repeats need to show their noise."""
     arrays = ("time", "q", "q_cmd", "tau_cmd", "episode")
     cut = {name: value[:HEAD].copy() for name in arrays if (value := getattr(rec, name)) is not None}
-    return replace(rec, tau=None, **cut)
+    return replace(rec, tau=None, frames=None, **cut)
 
 
 def repeats(recs: list[Recording]) -> list[dict[str, Any]]:

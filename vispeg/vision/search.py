@@ -49,12 +49,7 @@ def search(picture: np.ndarray, borders: Borders, window: float = 8.0, noise: fl
     noise = noise_of_picture(picture) if noise is None else noise
     half = int(np.ceil(3 * SMOOTH / STEP))
     s = np.arange(-round(window / STEP) - half, round(window / STEP) + half + 1) * STEP
-    profile = _profiles(picture, borders, s)
-    offsets = np.arange(-half, half + 1) * STEP
-    kernel = offsets * np.exp(-0.5 * (offsets / SMOOTH) ** 2)
-    kernel /= np.abs(kernel).sum() / 2  # a step of one grey level gives one
-    slope = np.stack([_correlated(profile[..., c], kernel) for c in range(profile.shape[2])], -1)
-    size, s = np.linalg.norm(slope, axis=-1), s[half:-half]
+    size, s = steps_along(profiles(picture, borders, s), SMOOTH), s[half:-half]
     low, high = (np.minimum(window, np.maximum(1.0, SHARE * borders.free[:, k])) for k in (0, 1))
     inside = (s >= -low[:, None] - 1e-9) & (s <= high[:, None] + 1e-9)
     prior = np.exp(-0.5 * (s / (0.7 * window)) ** 2)
@@ -69,7 +64,7 @@ def search(picture: np.ndarray, borders: Borders, window: float = 8.0, noise: fl
     bend = left - 2 * middle + right
     shift = np.where(bend < 0, 0.5 * (left - right) / np.minimum(bend, -1e-12), 0.0)
     grain = (
-        noise * np.linalg.norm(kernel) * np.sqrt(STEP * 3 / len(BESIDE))
+        noise * np.linalg.norm(_kernel(SMOOTH)) * np.sqrt(STEP * 3 / len(BESIDE))
     )  # samples closer than a pixel are not apart
     good = strength > max(LEAST, TIMES * grain)
     along = np.where(good, s[best] + STEP * np.clip(shift, -1, 1), np.nan)
@@ -90,15 +85,19 @@ def noise_of_picture(picture: np.ndarray) -> float:
     return float(np.median(away) / 0.6745 / 6.0 * np.sqrt(picture.shape[2]))
 
 
-def _profiles(picture: np.ndarray, borders: Borders, s: np.ndarray) -> np.ndarray:
-    """(n, len(s), C) grey levels along the normals, averaged over a little of the border's length."""
+def profiles(picture: np.ndarray, borders: Borders, s: np.ndarray, middle: np.ndarray | None = None) -> np.ndarray:
+    """(n, len(s), C) grey levels at `s` px along the normals, averaged over a little of the border's length.
+
+    `middle` (n,) px along the normal is what `s` counts from, 0 if not given.
+    """
     import cv2
 
     image = picture.astype(np.float32)
     tangent = np.stack([-borders.normal[:, 1], borders.normal[:, 0]], 1)
+    begin = borders.pixel if middle is None else borders.pixel + middle[:, None] * borders.normal
     out = np.zeros((len(borders), len(s), picture.shape[2]), np.float32)
     for beside in BESIDE:
-        at = borders.pixel[:, None] + s[:, None] * borders.normal[:, None] + beside * tangent[:, None]
+        at = begin[:, None] + s[:, None] * borders.normal[:, None] + beside * tangent[:, None]
         u, v = at[..., 0].astype(np.float32), at[..., 1].astype(np.float32)
         for first in range(0, len(at), 8192):  # OpenCV's maps have at most 32767 rows
             part = slice(first, first + 8192)
@@ -106,7 +105,16 @@ def _profiles(picture: np.ndarray, borders: Borders, s: np.ndarray) -> np.ndarra
     return out / len(BESIDE)
 
 
-def _correlated(rows: np.ndarray, kernel: np.ndarray) -> np.ndarray:
-    """(n, m - k + 1) correlation of each row (n, m) with a kernel (k,)."""
-    windows = np.lib.stride_tricks.sliding_window_view(rows, len(kernel), axis=1)
-    return windows @ kernel
+def steps_along(rows: np.ndarray, sigma: float) -> np.ndarray:
+    """(n, m - k + 1) grey levels of the step at each place of profiles (n, m, C), all colours together."""
+    kernel = _kernel(sigma)
+    windows = np.lib.stride_tricks.sliding_window_view(rows, len(kernel), axis=1)  # (n, m - k + 1, C, k)
+    return np.linalg.norm(windows @ kernel, axis=-1)
+
+
+def _kernel(sigma: float) -> np.ndarray:
+    """The derivative of a Gaussian over samples `STEP` px apart; a step of one grey level gives one."""
+    half = int(np.ceil(3 * sigma / STEP))
+    offsets = np.arange(-half, half + 1) * STEP
+    kernel = offsets * np.exp(-0.5 * (offsets / sigma) ** 2)
+    return kernel / (np.abs(kernel).sum() / 2)
