@@ -18,6 +18,7 @@ from vispeg.identify.space import Space
 from vispeg.worlds.world import World
 
 N = 400
+LEFT = {"": 0.05}  # squared residual, beyond the noise
 
 
 def signature(effect: str, where: str, name: str, column: np.ndarray, value: float = 1.0) -> Signature:
@@ -108,7 +109,7 @@ def test_stand_ins_are_not_named_and_what_is_certain_is(toy):
     columns = np.concatenate([s.columns for s in model], axis=1)
     x = np.linalg.lstsq(columns, y, rcond=None)[0]
     fit = fitted(y - columns @ x, model, x.tolist())
-    found = exchanges(Dictionary(fit.residual, [toy["tilt"]], fit), noise=float(toy["noise"] @ toy["noise"]))
+    found = exchanges(Dictionary(fit.residual, [toy["tilt"]], fit), LEFT)
     said = {e.label: e for e in found}
     assert said["joint_bias(joint1)"].costs > SURE, "without the tilt beside it, it looks needed"
     assert said["joint_bias(joint1)"].shaken == said["joint_bias(joint2)"].shaken == ("gravity_tilt(base)",)
@@ -123,7 +124,7 @@ def test_proven_rivals_make_a_class_of_what_they_shake(toy):
     y = toy["a"].columns[:, 0] + toy["noise"]
     fit = fitted(y - toy["a"].columns[:, 0], [toy["a"]], [1.0])
     other = signature("encoder_offset", "joint1", "offset", near, value=0.01)
-    (own,) = exchanges(Dictionary(fit.residual, [other], fit), noise=float(toy["noise"] @ toy["noise"]))
+    (own,) = exchanges(Dictionary(fit.residual, [other], fit), LEFT)
     assert own.shaken == ("encoder_offset(joint1)",) and [r.label for r in own.rivals] == ["encoder_offset(joint1)"]
     state = State(fit.world, np.zeros((1, 1)), fit.residual)
     rival = SimpleNamespace(score=Score(other.probe, 0.0))

@@ -7,7 +7,7 @@ whichever other candidate comes in: one out, one in. What is not certain stays i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -21,7 +21,7 @@ from vispeg.diagnosis.state import State
 if TYPE_CHECKING:
     from vispeg.diagnosis.rivals import Rivals
 
-SURE = 0.3  # of the error left, that taking a named effect away must cost beside any other candidate
+SURE = 0.3  # of the error left where it sits, that taking a named effect away must cost beside any other candidate
 SLACK = 0.2  # of the error left and of what an effect removed, by which a rival that is worth a fit may be worse
 ASKED = 6  # candidates whose bounds are looked at
 CLASS = 3  # proven rivals beyond which a class of effects says nothing
@@ -33,8 +33,8 @@ class Exchange:
 
     Attributes:
         label: of the effect.
-        costs: rise of the squared residual without it, over the excess that is left.
-        shaken: labels of the candidates beside which it costs less than SURE.
+        costs: rise of the squared residual without it, over the excess that is left where it sits.
+        shaken: labels of the candidates beside which it costs less than SURE; none where it costs less by itself.
         rivals: candidates, with start values, that hardly do worse in its place; the best first.
     """
 
@@ -44,13 +44,17 @@ class Exchange:
     rivals: tuple[EffectInstance, ...]
 
 
-def exchanges(dictionary: Dictionary, noise: float) -> list[Exchange]:
-    """One for each effect of the fit; `noise` is the squared residual of a model that is right."""
+def exchanges(dictionary: Dictionary, excess: Mapping[str, float]) -> list[Exchange]:
+    """One for each effect of the fit; `excess` is the squared residual over the noise that is left at each place.
+
+    That of a joint counts for what sits in it, that of "" for everything else.
+    """
     model = list(dictionary.fitted)
     left = dictionary.loss(model)[0]
     beside = dictionary.gains(model)
-    excess = max(left - noise, 0.01 * noise)
-    return [_exchange(dictionary, model, k, left, beside, excess) for k in model]
+    places = [dictionary.entries[k].placed.where for k in model]
+    own = [excess.get(where, excess[""]) for where in places]
+    return [_exchange(dictionary, model, k, left, beside, e) for k, e in zip(model, own, strict=True)]
 
 
 def _exchange(
@@ -61,13 +65,14 @@ def _exchange(
     instead = dictionary.gains(rest)
     asked = [c for c in range(len(entries)) if c not in model and not _richer(entries[c].placed, entries[k].placed)]
     costs = {c: (without - instead[c]) - (left - beside[c]) for c in asked if instead[c] > 0}
-    shaken = []
-    for c in (c for c in asked if costs.get(c, np.inf) < SURE * excess):  # bounds aside, so far
+    shaken, needed = [], without - left >= SURE * excess
+    for c in (c for c in asked if needed and costs.get(c, np.inf) < SURE * excess):  # bounds aside, so far
         if dictionary.loss([*rest, c])[0] - dictionary.loss([*model, c])[0] < SURE * excess:
             shaken.append(entries[c].placed.label)
     near = left + SLACK * min(excess, without - left)
     promising = sorted((c for c in asked if without - instead[c] < near), key=lambda c: -instead[c])[:ASKED]
-    rivals = [c for c in promising if dictionary.loss([*rest, c])[0] < near]
+    first = {entries[c].key: c for c in reversed(promising)}  # of the guesses of one candidate the best
+    rivals = [c for c in first.values() if dictionary.loss([*rest, c])[0] < near][::-1]
     placed = tuple(dictionary.placed([*rest, c])[-1] for c in rivals)
     label = entries[k].placed.label
     return Exchange(label, float((without - left) / excess), tuple(dict.fromkeys(shaken)), placed)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.diagnosis.cross import Cross
 from vispeg.diagnosis.dictionary import Dictionary
 from vispeg.diagnosis.judge import Judge
 from vispeg.diagnosis.localise import MissingTorque, joint_data, missing_torque
@@ -21,12 +22,15 @@ from vispeg.identify.fit import Fit
 from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World
 
+LEAST = 0.01  # of the noise, that counts as left at a place where nothing shows
+
 
 class Proposals:
     """Candidates by linear algebra over the fitted evidence."""
 
     def __init__(self, evidence: Evidence, judge: Judge, progress: Progress):
         self.evidence, self.judge, self.progress = evidence, judge, progress
+        self.cross = Cross(Judge(evidence))
 
     def missing(self, world: World) -> list[MissingTorque]:
         """Missing torque of every fitted segment under a world."""
@@ -72,12 +76,19 @@ class Proposals:
             joints = list(self.evidence.items[0].robot.joints)
             places = candidates(self.evidence, state.world, joints)
             taken = self.signatures(state.world, state.residual, places, self.missing(state.world))
-            noise = self.evidence.count * self.judge.floor(state.world)
-            found = exchanges(Dictionary(state.residual, taken, state.fit), noise)
+            found = exchanges(Dictionary(state.residual, taken, state.fit), self.excess(state))
             return [[e.label, e.costs, list(e.shaken), [_plain(r) for r in e.rivals]] for e in found]
 
         found = self.progress.recall(["exchanges", model_text(state.world)], work_out)
         return [Exchange(a, b, tuple(c), tuple(EffectInstance.of(n, w, **v) for n, w, v in d)) for a, b, c, d in found]
+
+    def excess(self, state: State) -> dict[str, float]:
+        """Squared residual over the noise that is left in the channels of each joint, and of all under ""; never 0."""
+        judge, joints = self.cross.judge, self.evidence.items[0].robot.joints
+        left, count = judge.loss(state.residual).sum(axis=0), judge.size.sum(axis=0)
+        floor = judge.floor(state.world)
+        over = {joint: (left[j], count[j]) for j, joint in enumerate(joints)} | {"": (left.sum(), count.sum())}
+        return {where: float(max(a - floor * n, LEAST * n, 1.0)) for where, (a, n) in over.items()}
 
     def signatures(
         self,

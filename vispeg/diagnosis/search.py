@@ -9,7 +9,6 @@ from scipy import stats
 
 from vispeg.core.effect import EffectInstance, effect, searchable
 from vispeg.diagnosis.accept import DECISIVE, LEAST_SHARE, ranked
-from vispeg.diagnosis.cross import Cross
 from vispeg.diagnosis.judge import Judge, present
 from vispeg.diagnosis.localise import MissingTorque, joint_data, joint_z
 from vispeg.diagnosis.progress import Progress
@@ -41,7 +40,6 @@ class Search(Proposals):
     ):
         super().__init__(evidence, judge, progress or Progress())
         self.say = say
-        self.cross = Cross(Judge(evidence))
         self.least_share = min(LEAST_SHARE, evidence.least_gain)
 
     def run(self, world: World, given: int | None = None) -> State:

@@ -16,7 +16,7 @@ from vispeg.identify.fit import Fit
 from vispeg.worlds.world import World
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trial:
     """A fitted candidate: what was tried, how it did on held-out recordings, and why it was refused."""
 
