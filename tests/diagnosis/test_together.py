@@ -146,3 +146,15 @@ def test_only_effects_that_grow_in_proportion_are_proposed():
     assert not {"backlash", "hysteresis", "stribeck_friction", "cogging", "torque_limit", "servo"} & straight
     for name, kind in searchable().items():
         assert set(kind.moments) <= {m for m, p in kind.params.items() if p.shape}, name
+
+
+def test_a_value_at_its_bound_is_not_proposed():
+    gain = Signature(EffectInstance.of("torque_gain", "joint1", gain=1.1), ("gain",), np.ones((N, 1)))
+    low = (0.5 - 1.0) / 0.1
+    assert gain.possible([1.0]) and gain.possible([-4.0]) and not gain.possible([low])
+    probe = EffectInstance.of("payload", "flange", mass=0.5)
+    mass = Signature(probe, ("mass",), np.ones((N, 4)), ("x", "y", "z"))
+    assert mass.possible([1.0, 0.5, 0.0, 0.1])
+    assert not mass.possible([0.01, 0.5, 0.0, 0.1]), "a moment without a mass is no payload"
+    state = State(World().add(EffectInstance.of("torque_gain", "joint1", gain=0.5)), np.zeros((1, 1)), np.zeros(N))
+    assert tentative(state, 0, [], []) == {"torque_gain(joint1)"}

@@ -16,6 +16,7 @@ import numpy as np
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.dictionary import Dictionary
 from vispeg.diagnosis.judge import present
+from vispeg.diagnosis.signatures import EDGE
 from vispeg.diagnosis.state import State
 
 if TYPE_CHECKING:
@@ -89,12 +90,18 @@ def tentative(state: State, given: int, exchanged: Sequence[Exchange], rivals: S
     for index, placed in enumerate(state.world.effects[given:], given):
         label, own = placed.label, found.get(placed.label)
         equals = proven.get(label, set())
-        at_bound = state.fit is not None and any(b.rpartition(".")[0] == label for b in state.fit.at_bound)
+        at_bound = any(_at_bound(placed, name) for name in effect(placed.effect).magnitudes)
         unsure = own is not None and (own.costs < SURE or bool(set(own.shaken) - equals))
         absent = state.fit is not None and not present(state.fit, index)
         if at_bound or unsure or absent or len(equals) > CLASS:
             out.add(label)
     return frozenset(out)
+
+
+def _at_bound(placed: EffectInstance, name: str) -> bool:
+    p, value = effect(placed.effect).params[name], placed.params[name].value
+    edge = EDGE * (p.high - p.low)
+    return p.scale == "linear" and (value > p.high - edge or value < p.low + edge and p.low != p.null)
 
 
 def _richer(candidate: EffectInstance, placed: EffectInstance) -> bool:

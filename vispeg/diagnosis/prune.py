@@ -18,20 +18,28 @@ if TYPE_CHECKING:
 
 SURE = 2.0  # sigma by which a member of a group must lower the error to stay
 ABLE = 1.645  # the same for an effect that passed a test of its own
+WORSE = 0.05  # of the held-out squared error, by which it may rise when something goes out
 LOCAL = 0.01  # of the squared residual in its own joint that a member of a group must remove
 
 
 def prune(search: Search, state: State, given: int) -> None:
     """Drops from the state what is not needed, the least needed first, and fits the rest anew."""
+    spare = True
     while state.fit is not None and len(state.world.effects) - given > 1:
-        dropped = _spare(search, state, given) or _refused(search, state, given)
+        dropped = (_spare(search, state, given) if spare else []) or _refused(search, state, given)
         if not dropped:
             return
         gone = [state.world.effects[k] for k in dropped]
         world, columns = without(state.world, gone), state.derivatives(gone)
         search.say(f"no longer needed: {', '.join(e.label for e in gone)}")
         (fit,) = search.fits([world], given, iterations=4, columns=[columns])
-        state.take(fit, search.judge.losses([fit.world])[0])
+        loss = search.judge.losses([fit.world])[0]
+        if search.judge.mean(loss) > (1.0 + WORSE) * search.judge.mean(state.loss):  # no straight line led there
+            if len(gone) == 1:
+                return
+            spare = False
+            continue
+        state.take(fit, loss)
         state.cross = search.cross.loss_of(fit, fit.residual)
 
 

@@ -14,6 +14,7 @@ from vispeg.identify.evidence import Evidence
 from vispeg.worlds.world import World
 
 WILD = 5e3  # whitened residual beyond which a rollout says nothing about its parameter
+EDGE = 0.005  # of a range, from a bound: a value so close stands at it
 STEP = 0.05  # of a moment's range, by which it is shifted
 
 
@@ -43,6 +44,19 @@ class Signature:
         """(2, k) least and greatest coefficients."""
         reach = [_reach(self.probe, name) for name in self.names]
         return np.array([*reach, *[(-np.inf, np.inf)] * len(self.moments)]).T
+
+    def possible(self, coefficients: Sequence[float]) -> bool:
+        """Whether every value that these coefficients mean lies inside its bounds, and none at one of them."""
+        kind, count = effect(self.probe.effect), len(self.names)
+        low, high = self.bounds[:, :count]
+        inside = [a + EDGE * (b - a) < c < b - EDGE * (b - a) or abs(c) < EDGE
+                  for a, b, c in zip(low, high, coefficients, strict=False)]  # fmt: skip
+        shifts = {m: STEP * c / max(abs(coefficients[0]), 1e-12)
+                  for m, c in zip(self.moments, coefficients[count:], strict=False)}  # fmt: skip
+        for m, shift in shifts.items():
+            p = kind.params[m]
+            inside.append(p.low < self.probe.params[m].value + shift * (p.high - p.low) < p.high)
+        return all(inside)
 
     def placed(self, coefficients: Sequence[float]) -> EffectInstance:
         """The effect with the values at which a fit should start."""

@@ -49,8 +49,12 @@ def _best(dictionary: Dictionary, fixed: list[int], chosen: list[int], left: flo
     """(gain, entry) of the best straight effect beside the chosen ones."""
     gains = dictionary.gains([*fixed, *chosen])
     gains[[k for k, e in enumerate(dictionary.entries) if not e.straight]] = 0.0
-    asked = [int(k) for k in np.argsort(-gains)[:LOOKED] if gains[k] > 0]
-    found = [(left - dictionary.loss([*fixed, *chosen, k])[0], k) for k in asked]
+    found = []
+    for k in (int(k) for k in np.argsort(-gains)[:LOOKED] if gains[k] > 0):
+        loss, coefficients = dictionary.loss([*fixed, *chosen, k])
+        signature = dictionary.entries[k].signature
+        if signature is None or signature.possible(coefficients[-len(dictionary.entries[k].columns) :].tolist()):
+            found.append((left - loss, k))
     if not found:
         return None
     top = max(found)[0]
