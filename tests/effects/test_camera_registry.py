@@ -19,7 +19,7 @@ from vispeg.worlds.world import World
 CAMERA = of_family("camera")
 IMAGE = sorted(n for n, e in CAMERA.items() if e.overrides("image") or hasattr(e, "light"))
 COLOUR_ONLY = {n for n in IMAGE if 50 <= CAMERA[n].order <= 70}
-BOTH = {"lens_distortion", "occlusion", "dropped_frames", "camera_delay"}
+BOTH = {"rolling_shutter", "lens_distortion", "occlusion", "dropped_frames", "camera_delay"}
 OFTEN = {"dropped_frames": {"chance": 0.5}}  # where the start value shows too seldom for a test
 
 

@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from vispeg.api import pictures
 from vispeg.api.inputs import Inputs, Model, Reading, Source, read_inputs, silent
 from vispeg.api.objects import diagnose_tosses, object_world
+from vispeg.api.pictures import photographed
 from vispeg.api.result import Result
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
@@ -119,7 +121,9 @@ def diagnose(
     progress = None if part is None else progress_of(given, seconds, seed, Path(part), before)
     say("going on" if progress is not None and progress.resumed else "simulating")
     options = {"seed": seed, "nthread": threads, "say": say, "progress": progress}
-    if before is None:
+    if before is None and given.world.cell is not None and photographed(given.fitted, given.held_out):
+        result = pictures.diagnose(given.world, given.fitted, given.held_out, seed=seed, say=say)
+    elif before is None:
         result = run.diagnose(given.world, given.fitted, given.held_out, **options)
     else:
         was = (*before.fitted, *before.held_out)

@@ -96,6 +96,7 @@ class Evidence:
     next_motion: NextMotion | None = None
     choices: Choices | None = None
     pictures: Mapping[str, np.ndarray] = field(default_factory=dict)
+    views: Mapping[str, np.ndarray] = field(default_factory=dict)  # of a diagnosis of pictures: `sections.views`
 
 
 def _example(folder: Path) -> Path:
@@ -146,7 +147,9 @@ class _Reader:
         for key, image in seen.items():
             if key.startswith("picture/") and (image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8):
                 raise UserError("is no picture", file=self.path, key=key, expected="(H, W, 3) uint8", got=image.shape)
-        return Evidence(self.joints, unit, tuple(traces), tuple(torques), maps, self.next(), self.choices(), seen)
+        views = {k: v for k, v in self.arrays.items() if k.startswith(("view/", "projection/"))}
+        joint = self.joints, unit, tuple(traces), tuple(torques), maps, self.next(), self.choices()
+        return Evidence(*joint, seen, views)
 
     def choices(self) -> Choices | None:
         if "choice/on" not in self.arrays:

@@ -16,7 +16,7 @@ from vispeg.vision.geometry import Geometry
 from vispeg.vision.predict import Seen
 
 HALVINGS = 7  # of the step between two pixels, until a border lies within 1/256 px
-REACH = 2.5  # px along a border from which its direction is taken
+REACH = 6.0  # px along a border from which its direction is taken: a shorter piece follows round corners
 STRAIGHT = 0.25  # px RMS off a line beyond which there is a corner, whose normal says nothing
 FREE = 12.0  # px along a normal that are looked over for other borders
 

@@ -14,6 +14,7 @@ class Blur(LightEffect):
     """A picture out of focus."""
 
     name = "blur"
+    channel = "light"
     order = 50
     params = {"sigma": Param(0.0, 0.0, 5.0, "px", start=1.0, doc="standard deviation of a point's image")}
 

@@ -18,6 +18,7 @@ class CameraDelay(CameraEffect):
     """A camera whose frames come late."""
 
     name = "camera_delay"
+    channel = "border"
     order = 85
     params = {"delay": Param(0.0, 0.0, 0.5, "s", start=0.06, doc="from what happens to its image's arrival")}
 

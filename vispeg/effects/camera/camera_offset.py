@@ -20,6 +20,7 @@ class CameraOffset(CameraEffect):
     """A camera that is not quite where it was calibrated."""
 
     name = "camera_offset"
+    channel = "border"
     writes = frozenset({"cam_pos", "cam_quat"})
     params = {
         "x": Param(0.0, -0.1, 0.1, "m", start=0.005, doc="to the right"),

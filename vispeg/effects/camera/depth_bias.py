@@ -20,6 +20,7 @@ class DepthBias(CameraEffect):
     """Depth wrong in the same way in every frame."""
 
     name = "depth_bias"
+    channel = "depth"
     order = 34
     params = {
         "scale": Param(0.0, -0.1, 0.1, "1", start=0.01, doc="relative error of every distance"),

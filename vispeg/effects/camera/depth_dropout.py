@@ -21,6 +21,7 @@ class DepthDropout(CameraEffect):
     """Holes anywhere, others in every frame."""
 
     name = "depth_dropout"
+    channel = "depth"
     order = 36
     params = {
         "share": Param(0.0, 0.0, 0.5, "1", start=0.05, doc="of pixels without a reading"),

@@ -20,6 +20,7 @@ class DepthNoise(CameraEffect):
     """Distances that scatter, more so far away."""
 
     name = "depth_noise"
+    channel = "depth"
     order = 35
     params = {
         "sigma0": Param(0.0, 0.0, 0.02, "m", start=0.001, doc="standard deviation at any distance"),

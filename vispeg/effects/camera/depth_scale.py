@@ -16,6 +16,7 @@ class DepthScale(CameraEffect):
     """Everything a little nearer or farther, in proportion."""
 
     name = "depth_scale"
+    channel = "depth"
     order = 33
     params = {"factor": Param(1.0, 0.8, 1.25, "1", start=1.02, scale="log", doc="on every distance")}
 

@@ -24,6 +24,7 @@ class EdgeFattening(CameraEffect):
     """Near things grow over what is behind them."""
 
     name = "edge_fattening"
+    channel = "depth"
     order = 18
     params = {
         "window": Param(0.0, 0.0, 31.0, "px", start=7.0, doc="side of the matcher's window, at its native size"),

@@ -15,6 +15,7 @@ class Exposure(LightEffect):
     """More or less light on the sensor than the renderer had."""
 
     name = "exposure"
+    channel = "light"
     order = 56
     photometric = True
     params = {"stops": Param(0.0, -4.0, 4.0, "stops", start=0.5, doc="doublings of the light")}

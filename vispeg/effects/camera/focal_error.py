@@ -15,6 +15,7 @@ class FocalError(CameraEffect):
     """An image a little larger or smaller than K says."""
 
     name = "focal_error"
+    channel = "border"
     writes = frozenset({"cam_intrinsic"})
     params = {
         "fx": Param(0.0, -0.2, 0.2, "1", start=0.02, doc="relative error of fx"),

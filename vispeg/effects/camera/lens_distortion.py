@@ -22,6 +22,7 @@ class LensDistortion(CameraEffect):
     """A lens that is not as straight as K says."""
 
     name = "lens_distortion"
+    channel = "border"
     order = 40
     params = {
         "k1": Param(0.0, -0.2, 0.2, "1", start=0.05, doc="radial, with r^2; below 0 is a barrel"),

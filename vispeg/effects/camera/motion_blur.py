@@ -23,6 +23,7 @@ class MotionBlur(LightEffect):
     """A picture smeared by motion while the shutter was open."""
 
     name = "motion_blur"
+    channel = "light"
     order = 54
     params = {
         "length": Param(0.0, 0.0, 15.0, "px", start=2.0, doc="of the smear in the direction of `angle`"),

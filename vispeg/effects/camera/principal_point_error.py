@@ -15,6 +15,7 @@ class PrincipalPointError(CameraEffect):
     """An image a little beside where K says."""
 
     name = "principal_point_error"
+    channel = "border"
     writes = frozenset({"cam_intrinsic"})
     params = {
         "x": Param(0.0, -30.0, 30.0, "px", start=2.0, doc="to the right"),

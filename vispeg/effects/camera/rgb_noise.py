@@ -18,6 +18,7 @@ class RgbNoise(LightEffect):
     """Photon and read-out noise, new in every frame."""
 
     name = "rgb_noise"
+    channel = "light"
     order = 58
     params = {
         "shot": Param(0.0, 0.0, 0.05, "1", start=0.002, doc="variance for each unit of light: photons"),

@@ -17,6 +17,7 @@ class Vignetting(LightEffect):
     """Corners darker than the centre."""
 
     name = "vignetting"
+    channel = "light"
     order = 52
     photometric = True
     params = {"amount": Param(0.0, 0.0, 1.5, "1", start=1.0, doc="of the fall-off by cos^4; 1 is a simple lens")}

@@ -15,6 +15,7 @@ class WhiteBalance(LightEffect):
     """A white that is warmer or colder than white."""
 
     name = "white_balance"
+    channel = "light"
     order = 60
     photometric = True
     params = {

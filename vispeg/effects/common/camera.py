@@ -19,9 +19,13 @@ class CameraEffect(Effect):
 
     family = "camera"
     photometric: ClassVar[bool] = False  # only turns each pixel's colour into another, the same way in every frame
+    channel: ClassVar[str] = ""  # of pictures, in which a diagnosis looks for it: `border`, `depth`, `light`; or none
 
     def targets(self, model: Any) -> list[str]:
         return list(model.cameras) if getattr(model, "parts", None) else []
+
+    def channels(self) -> frozenset[str]:
+        return frozenset({self.channel} - {""})
 
     def moved(self, fields: Any, p: Values) -> Iterator[tuple[int, int, dict[str, float]]]:
         """Row of the batch, camera of the model and values, where the effect is at work on a camera there is."""

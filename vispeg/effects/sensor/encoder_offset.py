@@ -19,5 +19,8 @@ class EncoderOffset(Effect):
     order = 20
     params = {"offset": Param(0.0, -0.2, 0.2, "rad", start=0.01, doc="measured minus true angle")}
 
+    def channels(self):
+        return super().channels() | {"border"}
+
     def observe(self, state, q, dq, x, p):
         return q + p["offset"], dq

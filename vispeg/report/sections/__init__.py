@@ -9,6 +9,7 @@ DIAGNOSIS = (
     "explore",
     "found",
     "where_it_fails",
+    "views",
     "measured_vs_model",
     "maps",
     "pictures",

@@ -1,0 +1,114 @@
+"""What moves a picture is named from pictures in a look that the predictor does not know."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from vispeg.api.look import cameras_of, look_of, scene_of
+from vispeg.api.pictures import diagnose
+from vispeg.core.effect import EffectInstance
+from vispeg.diagnosis.pictures.halves import Halves
+from vispeg.diagnosis.pictures.remainder import Left
+from vispeg.diagnosis.pictures.verdict import decide
+from vispeg.identify.look_motion import look_motion
+from vispeg.identify.pictures.nuisance import Whitener
+from vispeg.recordings.cell import CellBelief
+from vispeg.recordings.recording import Control, Recording
+from vispeg.vision.photograph import photograph
+from vispeg.worlds.world import World
+
+CELL = World("iiwa14", "meg50+peg16", cell=CellBelief("nominal"))
+WRIST = "wrist_wide"
+SCENE = scene_of(CELL)
+
+
+@lru_cache
+def path(seed: int):
+    motion = look_motion("look", SCENE, 100.0, 16.0)
+    forth = motion.q_cmd if seed % 2 else motion.q_cmd[::-1]
+    return CubicSpline(motion.time, forth)
+
+
+def pictured(seed: int, *effects: EffectInstance, frames: int = 10) -> Recording:
+    """A recording of joints that read `effects` too, and of pictures in one of the looks of S."""
+    cameras = cameras_of([WRIST], SCENE, (200, 150))
+    curve = path(seed)
+    stamps = np.linspace(1.0, 15.0, frames)
+    world = CELL.add(*effects, *look_of(f"S/{seed}", SCENE))
+    shots = photograph(SCENE, cameras, world, curve, stamps, seed, finer=1)
+    time = np.arange(0.0, 16.0, 0.01)
+    q = curve(time)
+    for e in effects:
+        if e.effect == "encoder_offset":
+            q[:, SCENE.joints.index(e.where)] += e.params["offset"].value
+    rec = Recording(Path(f"look-{seed}"), "iiwa14", SCENE.joints, 100.0, Control(), time, q)
+    return replace(rec, frames=shots, cell=CELL.cell)
+
+
+def diagnosed(*effects: EffectInstance):
+    return diagnose(CELL, [pictured(3, *effects)], [pictured(4, *effects)])
+
+
+def test_an_offset_and_a_focal_error_are_named_and_fitted():
+    found = diagnosed(
+        EffectInstance.of("camera_offset", WRIST, x=0.004), EffectInstance.of("focal_error", WRIST, fx=0.02, fy=0.02)
+    )
+    record = found.record
+    assert record["verdict"] == "identified"
+    values = {e.effect: {k: v.value for k, v in e.params.items()} for e in found.world.effects}
+    assert set(values) == {"camera_offset", "focal_error"}
+    assert abs(values["camera_offset"]["x"] - 0.004) < 3e-4
+    assert abs(values["focal_error"]["fx"] - 0.02) < 3e-3 and abs(values["focal_error"]["fy"] - 0.02) < 3e-3
+    errors = [rung["heldout_error"] for rung in record["ladder"]]
+    assert errors[-1] < errors[0] / 5
+    assert found.world.cell == CELL.cell
+
+
+def test_nothing_is_found_where_nothing_is_hidden():
+    record = diagnosed().record
+    assert record["verdict"] == "adequate" and not record["effects"], record["reason"]
+
+
+def test_an_encoder_s_offset_is_not_called_a_camera_s():
+    found = diagnosed(EffectInstance.of("encoder_offset", "joint4", offset=0.012))
+    (placed,) = found.world.effects
+    assert (placed.effect, placed.where) == ("encoder_offset", "joint4")
+    assert abs(placed.params["offset"].value - 0.012) < 2e-3
+
+
+@pytest.mark.slow
+def test_a_fixture_that_stands_elsewhere_is_no_effect_of_a_camera():
+    record = diagnosed(EffectInstance.of("hole_offset", "fixture", x=0.01, y=0.006)).record
+    assert record["verdict"] == "unexplained"
+
+
+@pytest.mark.slow
+def test_a_late_camera_is_named():
+    found = diagnosed(EffectInstance.of("camera_delay", WRIST, delay=0.04))
+    (placed,) = found.world.effects
+    assert placed.effect == "camera_delay"
+    assert abs(placed.params["delay"].value - 0.04) < 4e-3
+
+
+def test_halves_that_differ_by_more_than_they_promise_are_a_model_error():
+    left = [Left("part", 0.02, 0.05, "table")]
+    assert decide(2.0, 0.2, 1, [], left, Halves(0.2, 0.09), 0.1).verdict == "identified"
+    assert decide(2.0, 0.2, 1, [], left, Halves(0.6, 0.09), 0.1).verdict == "unexplained"
+    assert decide(2.0, 2.0, 0, [], [Left("part", 0.6, 3.0, "fixture")], None, 0.1).verdict == "unexplained"
+    assert decide(0.2, 0.2, 0, [], left, None, 0.1).verdict == "adequate"
+
+
+def test_whitening_is_the_inverse_root_of_the_covariance():
+    rng = np.random.default_rng(0)
+    unknowns = rng.normal(size=(30, 4)) @ np.diag([3.0, 1.0, 0.1, 0.0])
+    whiten = Whitener.of(unknowns)
+    covariance = np.eye(30) + unknowns @ unknowns.T
+    root = whiten(np.eye(30))
+    assert np.allclose(root @ covariance @ root, np.eye(30), atol=1e-9)
+    assert np.isclose(whiten.logdet, np.linalg.slogdet(covariance)[1])

@@ -1,0 +1,1 @@
+"""Naming what a camera, or the arm that carries it, does to its pictures."""

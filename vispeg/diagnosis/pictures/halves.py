@@ -1,0 +1,54 @@
+"""Do two halves of the views say the same? Where they differ by more than their uncertainty, the model is wrong.
+
+mrcal's cross-validation (Kogan, mrcal documentation, "a tour of mrcal: cross-validation"): the difference of two fits'
+projections, against what each fit says of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vispeg.diagnosis.pictures.search import PictureSearch
+from vispeg.identify.fit import Fit
+from vispeg.identify.pictures.evidence import BorderEvidence
+from vispeg.worlds.world import World
+
+WRONG = 2.0  # times their uncertainty that the halves may differ by
+LEAST = 0.25  # px: no less counts as a difference, whatever the halves promise
+
+
+@dataclass(frozen=True)
+class Halves:
+    """Difference of the two halves' projections over the held-out views, and its uncertainty, RMS in px."""
+
+    difference: float
+    uncertainty: float
+
+    @property
+    def disagree(self) -> bool:
+        """Whether no world of this form fits both halves."""
+        return self.difference > max(WRONG * self.uncertainty, LEAST)
+
+
+def compare_halves(search: PictureSearch, world: World, given: int) -> Halves | None:
+    """The world's effects fitted to every other view and to the rest; None where nothing was fitted."""
+    if len(world.effects) <= given:
+        return None
+    fits = [search.fits([world], given, search.evidence.part(k, 2))[0] for k in (0, 1)]
+    judged = search.judged
+    spread = sum(uncertainty(judged, f) ** 2 for f in fits)
+    return Halves(judged.change(fits[0].world, fits[1].world), float(np.sqrt(spread)))
+
+
+def uncertainty(judged: BorderEvidence, fit: Fit) -> float:
+    """RMS standard error in px of a fit's projections over views."""
+    covariance = fit.correlation * np.outer(fit.sigma, fit.sigma)
+    here, columns = judged.misplaced(fit.space.at(fit.u)), []
+    for step, axis in zip(fit.space.steps(fit.u), np.eye(len(fit.u)), strict=True):
+        there = judged.misplaced(fit.space.at(fit.u + step * axis))
+        columns.append(np.concatenate([(a - b) / step for a, b in zip(there, here, strict=True)]))
+    jac = np.stack(columns, 1)
+    jac = jac[np.isfinite(jac).all(1)]
+    return float(np.sqrt(np.mean(np.einsum("ni,ij,nj->n", jac, covariance, jac)))) if len(jac) else 0.0

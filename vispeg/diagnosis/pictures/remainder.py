@@ -1,0 +1,125 @@
+"""What is left after the final world, and what it depends on: fitted on some views, judged on the others.
+
+A moved part, a bent picture or a drift is no effect of the library: it shows here, in px.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vispeg.diagnosis.remainder import Dependence
+from vispeg.identify.pictures.align import noise_of, trust
+from vispeg.identify.pictures.points import Points
+from vispeg.identify.pictures.sight import Sight
+
+CELLS = (6, 5)  # of the image, across and down
+VISIBLE = 0.2  # px RMS that a dependence must explain in the part of the views that it concerns
+PENALTY = 3.0  # ridge in points: a cell with few points says nothing
+
+
+@dataclass(frozen=True)
+class Left:
+    """A share of the held-out remainder that one input predicts, RMS px of that, and where it is strongest."""
+
+    input: str
+    share: float
+    size: float
+    where: str
+
+    @property
+    def dependence(self) -> Dependence:
+        """As the other diagnoses state it."""
+        return Dependence(self.input, round(self.share, 3), self.where)
+
+
+def left_over(
+    fitted: Sequence[tuple[Sight, Points]], judged: Sequence[tuple[Sight, Points]], parts: Sequence[str]
+) -> list[Left]:
+    """Inputs by how much of the held-out misplacements a field over them predicts.
+
+    Args:
+        fitted, judged: sights with the border points as the final world predicts them, sought in a wide window.
+        parts: names of the labels from 1.
+    """
+    a, b = _table(fitted), _table(judged)
+    noise = max(noise_of(np.concatenate([a["away"], b["away"]])), 0.1)
+    out = []
+    for name, key, words in (
+        ("place in the image", "cell", [_cell(i) for i in range(CELLS[0] * CELLS[1])]),
+        ("part", "part", ["nothing", *parts]),
+        ("distance", "distance", _distances(a["depth"])),
+    ):
+        fine, most = {}, (0.0, "")
+        design = (_bins(a, key), _bins(b, key))
+        gain = total = square = weight = 0.0
+        for value in np.unique(design[0]):
+            rows, held = design[0] == value, design[1] == value
+            if rows.sum() < 30 or held.sum() < 15:
+                continue
+            shift = _robust(a["normal"][rows], a["away"][rows], noise)
+            predicted = b["normal"][held] @ shift
+            seen = b["away"][held]
+            w = np.maximum(trust(seen, noise), trust(seen - predicted, noise))
+            drop = float(np.sum(w * (seen**2 - (seen - predicted) ** 2)))
+            size = float(np.sqrt(np.mean(predicted**2)))
+            fine[value] = drop
+            if drop > 0:
+                gain, square, weight = gain + drop, square + float(np.sum(predicted**2)), weight + held.sum()
+                most = max(most, (drop, words[int(value)] if int(value) < len(words) else str(value)))
+        total = float(np.sum(np.minimum(b["away"] ** 2, 64.0)))
+        size = float(np.sqrt(square / weight)) if weight else 0.0
+        out.append(Left(name, max(gain, 0.0) / max(total, 1e-9), size, most[1]))
+    return sorted(out, key=lambda x: -x.share)
+
+
+def _table(some: Sequence[tuple[Sight, Points]]) -> dict[str, np.ndarray]:
+    """Readings of all points with an edge, side by side."""
+    rows = []
+    for sight, p in some:
+        good = np.isfinite(p.along)
+        size = np.array([sight.camera.width, sight.camera.height])
+        cell = np.clip((p.pixel + 0.5) / size * CELLS, 0, np.array(CELLS) - 1e-9).astype(int)
+        rows.append(
+            {
+                "away": p.along[good],
+                "normal": p.normal[good],
+                "depth": p.depth[good],
+                "part": p.parts[good, 0],
+                "cell": (cell[:, 1] * CELLS[0] + cell[:, 0])[good],
+            }
+        )
+    return {key: np.concatenate([r[key] for r in rows]) for key in rows[0]}
+
+
+def _bins(table: dict[str, np.ndarray], key: str) -> np.ndarray:
+    if key != "distance":
+        return table[key]
+    return np.digitize(table["depth"], DISTANCES)
+
+
+DISTANCES = np.array([0.1, 0.15, 0.2, 0.3, 0.5, 1.0])  # m
+
+
+def _distances(depth: np.ndarray) -> list[str]:
+    edges = ["0", *(f"{d:g}" for d in DISTANCES), "more"]
+    return [f"{a} to {b} m" for a, b in zip(edges, edges[1:], strict=False)]
+
+
+def _robust(normal: np.ndarray, away: np.ndarray, noise: float) -> np.ndarray:
+    """(2,) px, the shift of most of n points, by Tukey's weights from a wide scale to a narrow one."""
+    shift = np.zeros(2)
+    for scale in (3.0, 1.5, 0.75, noise, noise):
+        w = trust(away - normal @ shift, max(scale, noise))
+        square = (w[:, None] * normal).T @ normal + PENALTY * np.eye(2)
+        shift = np.linalg.solve(square, normal.T @ (w * away))
+    return shift
+
+
+def _cell(index: int) -> str:
+    row, column = divmod(index, CELLS[0])
+    across = ("left", "middle", "right")[min(column * 3 // CELLS[0], 2)]
+    down = ("top", "middle", "bottom")[min(row * 3 // CELLS[1], 2)]
+    return across if down == across else f"{down} {across}"

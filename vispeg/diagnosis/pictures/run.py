@@ -1,0 +1,150 @@
+"""From recordings with frames to the effects of camera, sensor and arm that the model lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from vispeg.diagnosis.pictures.excited import motion_between, not_excited
+from vispeg.diagnosis.pictures.halves import compare_halves
+from vispeg.diagnosis.pictures.projection import projections
+from vispeg.diagnosis.pictures.remainder import left_over
+from vispeg.diagnosis.pictures.search import PictureSearch
+from vispeg.diagnosis.pictures.show import shown_pictures
+from vispeg.diagnosis.pictures.verdict import decide
+from vispeg.diagnosis.record import candidates, correlations, effects, screening, with_origin
+from vispeg.diagnosis.rivals import Rivals
+from vispeg.diagnosis.run import Diagnosis
+from vispeg.diagnosis.state import State
+from vispeg.identify.pictures.build import border_evidence
+from vispeg.identify.pictures.points import Points, gather
+from vispeg.identify.pictures.read import sights_of
+from vispeg.identify.pictures.sight import Sight
+from vispeg.recordings.recording import Recording
+from vispeg.robots.scene import Scene
+from vispeg.vision.predict import Predictor
+from vispeg.worlds.world import World
+
+WIDE = 8.0  # px in which the remainder's edges are sought
+
+
+def diagnose_pictures(
+    world: World,
+    scene: Scene,
+    fitted: Sequence[Recording],
+    held_out: Sequence[Recording],
+    *,
+    seed: int = 0,
+    say: Callable[[str], None] = lambda _: None,
+) -> Diagnosis:
+    """Finds the effects that `world` lacks in what its cameras see; every error in the record is on `held_out`.
+
+    Args:
+        world: the model, its effects at places of the scene.
+        scene: the cell as it is believed.
+        fitted, held_out: with frames.
+        seed: of what the modelled sensor draws.
+        say: is told what is being done.
+
+    Raises:
+        UserError: recordings without frames, or with cameras whose pose is not stated.
+    """
+    mine, theirs = sights_of(fitted), sights_of(held_out)
+    say("bringing the predicted borders onto the pictures")
+    evidence, judged = border_evidence(scene, mine, theirs, world)
+    search, given = PictureSearch(evidence, judged, say), len(world.effects)
+    say("fitting what moves the borders")
+    state = search.run(world)
+    rivals = search.rivals(state, given)
+    halves = compare_halves(search, state.world, given)
+    cameras = list({s.camera.name: s.camera for s in (*mine, *theirs)}.values())
+    say("looking for what is left")
+    with Predictor(scene, cameras) as predictor:
+        wide = [[(s, gather(predictor, s, state.world, WIDE)) for s in some] for some in (mine, theirs)]
+        left = left_over(wide[0], wide[1], list(scene.parts))
+        drawn = shown_pictures(predictor, theirs, world, state.world, judged, seed)
+    before, after, lost = judged.error(world), judged.error(state.world), _lost(wide[1])
+    verdict = decide(before, after, len(state.world.effects) - given, rivals, left, halves, lost)
+    final = with_origin(replace(state.world, cell=world.cell), given, fitted, held_out, before, after, verdict.partial)
+    maps = projections(judged.geometry, world, final, state.fit)
+    floor = judged.floor
+    record = {
+        "format": "vispeg-diagnosis/1",
+        "verdict": verdict.verdict,
+        "reason": verdict.reason,
+        "effects": effects(final, given, rivals, state.world),
+        "ladder": _ladder(evidence, judged, world, state),
+        "noise_floor": {"value": floor, "unit": "px RMS", "from": evidence.floor_from},
+        "where_it_fails": [],
+        "residual_peaks": [],
+        "unexplained": verdict.unexplained,
+        "channels": [_channel(judged, world, state.world)],
+        "next_experiment": _next(state, rivals, given),
+        "candidates": candidates(state, rivals, given),
+        "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
+        "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in screening(state)],
+        "correlations": correlations(state),
+        "parameters_moved": [],
+        "windows": [],
+        "notes": _notes(evidence, lost),
+        "views": {
+            "cameras": [c.name for c in cameras],
+            "frames": {"fit": sum(map(len, mine)), "validate": sum(map(len, theirs))},
+            "robot_rad": evidence.robot,
+            "borders": {"fit": evidence.count, "validate": judged.count, "without_edge": round(lost, 3)},
+            "projection": [p.as_dict() for p in maps],
+            "halves": None if halves is None else {"px": halves.difference, "uncertainty_px": halves.uncertainty},
+            "remainder": [{"input": x.input, "where": x.where, "share": x.share, "px": x.size} for x in left],
+            "not_excited": not_excited(search, state.world),
+        },
+    }
+    arrays: dict[str, np.ndarray] = {"joints": np.array(scene.joints), "unit": np.array("px")} | drawn
+    for k, p in enumerate(maps):
+        arrays |= {f"projection/{k}/{key}": getattr(p, key) for key in ("pixels", "shift", "sigma")}
+    return Diagnosis(record, final, arrays)
+
+
+def _lost(wide: Sequence[tuple[Sight, Points]]) -> float:
+    """Share of the predicted borders without an edge within the wide window."""
+    away = np.concatenate([p.along for _, p in wide])
+    return 1.0 - float(np.isfinite(away).mean()) if len(away) else 1.0
+
+
+def _ladder(evidence, judged, world: World, state: State) -> list[dict[str, Any]]:
+    rungs = [("nominal", world)] + [(f"+ {best.score.label}", best.fit.world) for best, _ in state.steps]
+    if state.steps and state.world.label != state.steps[-1][0].fit.world.label:
+        rungs.append(("after backward deletion", state.world))
+    return [
+        {"model": name, "fit_error": evidence.error(w), "heldout_error": judged.error(w), "unit": "px RMS"}
+        for name, w in rungs
+    ]
+
+
+def _channel(judged, before: World, after: World) -> dict[str, Any]:
+    cameras = " and ".join(dict.fromkeys(i.sight.camera.name for i in judged.items))
+    errors = {"floor": judged.floor, "before": judged.error(before), "after": judged.error(after)}
+    return {"channel": "border", "joint": cameras, **errors, "unit": "px RMS"}
+
+
+def _next(state: State, rivals: Sequence[Rivals], given: int) -> dict[str, Any] | None:
+    for r in rivals:
+        if r.equals:
+            others = [t.score.key[0] for t in r.equals]
+            motion = motion_between(r.label.split("(")[0], others)
+            why = f"tells {r.label} from {', '.join(t.score.label for t in r.equals)}"
+            return {"motion": motion, "why": why, "expected_separation_sigma": None}
+    return None
+
+
+def _notes(evidence, lost: float) -> list[str]:
+    out = list(evidence.notes)
+    if evidence.robot:
+        out.append(f"the joints are off by {evidence.robot:.1g} rad (1 sigma) in each frame, by the pictures alone")
+    if lost > 0.2:
+        out.append(
+            f"{100 * lost:.0f} % of the predicted borders have no clear edge in the pictures: too alike in colour"
+        )
+    return out

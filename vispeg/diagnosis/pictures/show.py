@@ -1,0 +1,61 @@
+"""The held-out frames that the model missed most: measured, rendered before and after, as a report shows them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vispeg.identify.pictures.evidence import BorderEvidence
+from vispeg.identify.pictures.sight import Sight
+from vispeg.vision.eye import delay_of
+from vispeg.vision.predict import Predictor
+from vispeg.worlds.world import World
+
+MOST = 4  # frames
+
+
+def shown_pictures(
+    predictor: Predictor, sights: Sequence[Sight], before: World, after: World, judged: BorderEvidence, seed: int
+) -> dict[str, np.ndarray]:
+    """Arrays by name, `view/I/...`.
+
+    `measured`, `before`, `after` (H, W, 3) uint8, rendered ones in the predictor's look; `depth`, `depth_before`,
+    `depth_after` (H, W) float32 m where there is depth; `title`; `pixel`, `normal` (n, 2) of the border points, and
+    `along_before`, `along_after` (n,) px, how far from their edges they are.
+    """
+    out: dict[str, np.ndarray] = {}
+    for k, (index, frame) in enumerate(_worst(judged, before)):
+        sight, item = sights[index], judged.items[index]
+        name = f"view/{k}/"
+        rgb, depth = sight.rgb(frame), sight.depth(frame)
+        if rgb is not None:
+            out[name + "measured"] = rgb
+        if depth is not None:
+            out[name + "depth"] = depth
+        for word, world in (("before", before), ("after", after)):
+            predictor.see(world)
+            q = sight.at(np.array([frame]), -delay_of(world, sight.camera.name))[0]
+            if not np.isfinite(q).all():
+                continue
+            image, distance = predictor.sensed(predictor.draw(sight.camera.name, q), seed)
+            out[name + word] = image
+            if depth is not None:
+                out[name + f"depth_{word}"] = distance
+        rows = (item.points.frame == frame) & item.valid[:, 0]
+        for word, world in (("before", before), ("after", after)):
+            out[name + f"along_{word}"] = judged.misplaced(world)[index][rows]
+        out[name + "normal"], out[name + "pixel"] = item.points.normal[rows], item.points.pixel[rows]
+        out[name + "title"] = np.array(f"{sight.name}, {sight.camera.name}, {sight.time[frame]:.2f} s")
+    return out
+
+
+def _worst(judged: BorderEvidence, world: World) -> list[tuple[int, int]]:
+    """(item, frame) of the frames with the greatest misplacement, the worst first."""
+    found = []
+    for index, (item, away) in enumerate(zip(judged.items, judged.misplaced(world), strict=True)):
+        good = item.valid[:, 0] & np.isfinite(away)
+        for frame in np.unique(item.points.frame[good]):
+            rows = good & (item.points.frame == frame)
+            found.append((float(np.sqrt(np.mean(away[rows] ** 2))), index, int(frame)))
+    return [(i, f) for _, i, f in sorted(found, reverse=True)[:MOST]]

@@ -1,0 +1,57 @@
+"""The verdict on pictures: what is left decides before what was found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from vispeg.diagnosis.pictures.halves import Halves
+from vispeg.diagnosis.pictures.remainder import VISIBLE, Left
+from vispeg.diagnosis.remainder import CONVINCING
+from vispeg.diagnosis.rivals import Rivals
+from vispeg.diagnosis.verdict import Verdict
+
+LOST = 0.5  # share of the predicted borders without an edge near, from which on the pictures show something else
+
+
+def decide(
+    before: float,
+    after: float,
+    found: int,
+    rivals: Sequence[Rivals],
+    left: Sequence[Left],
+    halves: Halves | None,
+    lost: float,
+) -> Verdict:
+    """The verdict.
+
+    Args:
+        before, after: held-out misplacement of the borders, RMS px.
+        found: effects added.
+        rivals: of the added effects.
+        left: what the remainder depends on.
+        halves: whether two halves of the views agree.
+        lost: share of predicted borders that the held-out pictures have no edge at.
+    """
+    convincing = [x for x in left if x.share >= CONVINCING and x.size >= VISIBLE]
+    on = [{"input": x.input, "joint": x.where, "share": round(x.share, 3), "px": round(x.size, 2)} for x in convincing]
+    if convincing:
+        top = convincing[0]
+        text = f"{top.size:.1f} px are left that no known effect explains; they depend on {top.input}: {top.where}"
+        return Verdict("unexplained", text, {"depends_on": on, "text": text}, partial=True)
+    if halves is not None and halves.disagree:
+        text = (
+            f"two halves of the views differ by {halves.difference:.2f} px where {halves.uncertainty:.2f} px are their "
+            "uncertainty: no model of this form fits both"
+        )
+        return Verdict("unexplained", text, {"depends_on": on, "text": text}, partial=True)
+    if lost > LOST:
+        text = f"{100 * lost:.0f} % of the predicted borders have no edge near them in the pictures"
+        return Verdict("unexplained", text, {"depends_on": on, "text": text}, partial=True)
+    if not found:
+        return Verdict(
+            "adequate", f"borders lie within {after:.2f} px of where they are predicted; no effect lowers it"
+        )
+    names = sorted(r.label for r in rivals if r.equals)
+    if names:
+        return Verdict("ambiguous", f"these views cannot tell {', '.join(names)} from other effects")
+    return Verdict("identified", f"held-out borders moved from {before:.2f} to {after:.2f} px from their edges")

@@ -1,0 +1,127 @@
+"""Brings predicted borders onto a picture's edges from far away: late frames by a grid, all else by a shrinking window.
+
+The model is as free as these pictures allow, every camera parameter and every encoder's offset at once, each held
+near its start by a weak prior. What comes out is no estimate of any of them: it is where the edges are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.identify.pictures.points import Points, gather, misplacement
+from vispeg.identify.pictures.sight import Sight
+from vispeg.identify.space import Space
+from vispeg.vision.predict import Predictor
+from vispeg.worlds.world import World
+
+CAMERA = ("camera_offset", "focal_error", "principal_point_error", "lens_distortion", "camera_delay")
+DELAYS = np.arange(0.0, 0.1201, 0.01)  # s
+WINDOWS = (8.0, 8.0, 5.0, 3.0)  # px
+LOOSE = 6.0  # typical sizes that the weak prior allows
+TUKEY = 4.685  # of the noise, beyond which an edge belongs to something else
+STEPS = 4
+ASTRAY = 0.25  # share of borders without an edge within half a pixel, from which on late frames are tried
+SPARSE = 12  # frames of the coarse stage
+
+
+def free_world(world: World, scene_joints: Sequence[str], cameras: Sequence[str]) -> tuple[World, list[int]]:
+    """The world with every effect that moves a picture, those it lacks at null; and the indices that are free."""
+    places = [(name, camera) for camera in cameras for name in CAMERA]
+    places += [("encoder_offset", joint) for joint in scene_joints]
+    have = {(e.effect, e.where) for e in world.effects}
+    world = world.add(*(EffectInstance.of(name, where) for name, where in places if (name, where) not in have))
+    return world, [i for i, e in enumerate(world.effects) if (e.effect, e.where) in places]
+
+
+def align(predictor: Predictor, sights: Sequence[Sight], world: World) -> tuple[World, list[Points], float]:
+    """The world whose borders lie on the edges, the points found there, and the edges' scatter about it in px."""
+    cameras = list(dict.fromkeys(s.camera.name for s in sights))
+    start, free = free_world(world, predictor.scene.joints, cameras)
+    few = [s.only(np.linspace(0, len(s) - 1, min(SPARSE, len(s))).round().astype(int)) for s in sights]
+    best = _settled(predictor, few, start, free, WINDOWS[:2])
+    if best[1] > ASTRAY:
+        tried = [_settled(predictor, few, w, free, WINDOWS[:1]) for w in _late(start, cameras)]
+        order = np.argsort([t[1] for t in tried])[:2]
+        again = [_settled(predictor, few, tried[i][0], free, WINDOWS[1:2]) for i in order]
+        best = min([best, *again], key=lambda t: t[1])
+    settled, _ = _settled(predictor, sights, best[0], free, WINDOWS[2:])
+    points = [gather(predictor, s, settled, WINDOWS[-1]) for s in sights]
+    away = np.concatenate([p.along for p in points])
+    return settled, points, noise_of(away)
+
+
+def noise_of(away: np.ndarray) -> float:
+    """Scatter in px of edges (n,) about where they were predicted, robustly; 0.05 at least."""
+    away = away[np.isfinite(away)]
+    return max(1.4826 * float(np.median(np.abs(away - np.median(away)))) if len(away) else 1.0, 0.05)
+
+
+def trust(away: np.ndarray, noise: float) -> np.ndarray:
+    """Tukey's weights (n,) in [0, 1]; 0 where there is no edge."""
+    u = np.nan_to_num(away / (TUKEY * noise), nan=2.0)
+    return np.where(np.abs(u) < 1, (1 - u * u) ** 2, 0.0)
+
+
+def _late(start: World, cameras: Sequence[str]) -> list[World]:
+    """The start with every delay of the grid."""
+    out = []
+    for delay in DELAYS:
+        effects = [
+            e.with_values(delay=float(delay)) if e.effect == "camera_delay" and e.where in cameras else e
+            for e in start.effects
+        ]
+        out.append(replace(start, effects=tuple(effects)))
+    return out
+
+
+def _settled(
+    predictor: Predictor,
+    sights: Sequence[Sight],
+    world: World,
+    free: Sequence[int],
+    windows: Sequence[float],
+) -> tuple[World, float]:
+    """The world after robust steps in each window, and the share of border points without an edge near."""
+    lost = 1.0
+    for window in windows:
+        points = [gather(predictor, s, world, window) for s in sights]
+        world = _stepped(predictor, sights, points, world, free)
+        away = np.concatenate(
+            [misplacement(predictor.geometry, s, world, p) for s, p in zip(sights, points, strict=True)]
+        )
+        lost = 1.0 - float(np.mean(np.nan_to_num(np.abs(away), nan=np.inf) < 0.5))
+    return world, lost
+
+
+def _stepped(
+    predictor: Predictor, sights: Sequence[Sight], points: Sequence[Points], world: World, free: Sequence[int]
+) -> World:
+    space = Space(world, free)
+    null = np.array([space.forward(effect(world.effects[a.index].effect).params[a.name].null, a) for a in space.axes])
+    low, high = space.bounds
+    u = np.clip(space.start, low, high)
+    for _ in range(STEPS):
+        here = space.at(u)
+        at = [misplacement(predictor.geometry, s, here, p) for s, p in zip(sights, points, strict=True)]
+        noise = noise_of(np.concatenate(at))
+        normal, along = np.eye(len(u)) / LOOSE**2, (null - u) / LOOSE**2
+        steps = space.steps(u)
+        for s, p, r in zip(sights, points, at, strict=True):
+            weight = trust(r, max(noise, 0.15)) / max(noise, 0.15) ** 2
+            rows = weight > 0
+            some = p.only(rows)
+            jac = np.stack(
+                [
+                    (misplacement(predictor.geometry, s, space.at(u + step * axis), some) - r[rows]) / step
+                    for step, axis in zip(steps, np.eye(len(u)), strict=True)
+                ],
+                1,
+            )
+            normal += jac.T @ (weight[rows, None] * jac)
+            along -= jac.T @ (weight[rows] * r[rows])
+        u = np.clip(u + np.linalg.solve(normal, along), low, high)
+    return space.at(u)

@@ -1,0 +1,227 @@
+"""Edges in pictures as evidence: whitened misplacements of predicted borders, for many worlds without a render.
+
+What no effect of a camera is counts as nuisance with a covariance: the robot's own errors in each frame (their size is
+estimated from the pictures), how the fixture stands and the part sits in the gripper, and that a light or a shadow
+shifts all edges between two parts a little.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from vispeg.core.effect import Effect
+from vispeg.identify.channels import shows
+from vispeg.identify.evidence import Evidence
+from vispeg.identify.pictures.nuisance import Whitener
+from vispeg.identify.pictures.points import Points, misplacement, pixels
+from vispeg.identify.pictures.sight import Sight
+from vispeg.robots.scene import Scene
+from vispeg.vision.geometry import Geometry
+from vispeg.worlds.world import World
+
+FIXED = np.array([1e-3, 1e-3, 1e-3, 5e-3, 5e-3, 5e-3])  # m, rad: how well fixture and grip are known
+EDGE_BIAS = 0.1  # px by which light and shadow shift all edges between two parts that face one way
+ROBOT = (0.0, *np.geomspace(3e-5, 4e-3, 15).tolist())  # rad, each joint in each frame: sizes that are tried
+SMALL = 1e-4  # m, rad: steps of derivatives
+PENALTY = 1e3  # noise units of a point that a world puts behind the camera
+
+
+@dataclass(frozen=True)
+class Item:
+    """One sight's readings as a column, with the surface of a joint channel's item.
+
+    Attributes:
+        sight, points, trust: what was photographed, the border points in it, and how far each is trusted.
+        sigma: (1,) px.
+        valid: (n, 1) bool.
+    """
+
+    sight: Sight
+    points: Points
+    trust: np.ndarray
+    sigma: np.ndarray
+    kind = "border"
+    beside = None
+    nj = 1
+
+    @cached_property
+    def measured(self) -> np.ndarray:
+        """(n, 1) px, what was measured: each edge's distance from its border."""
+        return np.nan_to_num(self.points.along)[:, None]
+
+    @cached_property
+    def valid(self) -> np.ndarray:
+        """(n, 1) bool."""
+        return (self.trust > 0.05)[:, None]
+
+    @property
+    def name(self) -> str:
+        """Of the recording."""
+        return self.sight.name
+
+
+class BorderEvidence(Evidence):
+    """Pictures of one cell, aligned once; worlds are compared by what they do to the borders.
+
+    Args:
+        geometry: the cell.
+        items: sights with their points.
+        settled: the world that the points were aligned with, at which errors are linearised.
+        robot: standard deviation of each joint's angle in each frame, rad; estimated where None.
+    """
+
+    least_gain, most_effects = 0.02, 6
+    floor_from = "scatter about the freest model"
+
+    def __init__(self, geometry: Geometry, items: Sequence[Item], settled: World, robot: float | None = None):
+        self.geometry, self.items, self.settled = geometry, list(items), settled
+        self.notes: list[str] = []
+        self._columns = [_nuisances(geometry, item, settled) for item in items]
+        self.robot = self._robot() if robot is None else robot
+        self._whiten = [self._whitener(i, self.robot) for i in range(len(items))]
+        self._recent: list[tuple[World, np.ndarray]] = []
+
+    @property
+    def unit(self) -> str:
+        """Pixels."""
+        return "px"
+
+    def sees(self, kind: Effect) -> bool:
+        """Whether an effect moves borders."""
+        return shows(kind, "border")
+
+    def misplaced(self, world: World) -> list[np.ndarray]:
+        """Per item, (n,) px along the normals from a world's borders to the edges; NaN where there is none."""
+        return [misplacement(self.geometry, item.sight, world, item.points) for item in self.items]
+
+    def residuals(self, worlds: Sequence[World]) -> list[np.ndarray]:
+        """Per world, the whitened misplacement of all points, flat."""
+        return [self._residual(world) for world in worlds]
+
+    def _residual(self, world: World) -> np.ndarray:
+        for known, answer in self._recent:
+            if known == world:
+                return answer
+        parts = []
+        for item, away, whiten in zip(self.items, self.misplaced(world), self._whiten, strict=True):
+            parts.append(whiten(_weighted(item, away)))
+        out = np.concatenate(parts)
+        self._recent = [(world, out), *self._recent[:15]]
+        return out
+
+    @property
+    def count(self) -> int:
+        """Number of trusted readings."""
+        return int(sum(i.valid.sum() for i in self.items))
+
+    def blocks(self, seconds: float = 0.0) -> np.ndarray:
+        """The image of every residual entry, in the order of `residuals`: errors within an image hang together."""
+        out, start = [], 0
+        for item in self.items:
+            out.append(item.points.frame + start)
+            start += len(item.sight)
+        _, numbered = np.unique(np.concatenate(out), return_inverse=True)
+        return numbered
+
+    @property
+    def scene(self) -> Scene:
+        """The cell."""
+        return self.geometry.scene
+
+    def change(self, one: World, other: World) -> float:
+        """RMS px along the normals between two worlds' borders, over trusted points."""
+        square = weight = 0.0
+        for item, a, b in zip(self.items, self.misplaced(one), self.misplaced(other), strict=True):
+            good = item.valid[:, 0] & np.isfinite(a - b)
+            square, weight = square + float(np.sum((a - b)[good] ** 2)), weight + float(good.sum())
+        return float(np.sqrt(square / max(weight, 1.0)))
+
+    def part(self, first: int, step: int) -> BorderEvidence:
+        """The evidence of every `step`-th frame from `first` on."""
+        items = []
+        for item in self.items:
+            rows = item.points.frame % step == first
+            items.append(replace(item, points=item.points.only(rows), trust=item.trust[rows]))
+        return BorderEvidence(self.geometry, items, self.settled, self.robot)
+
+    def error(self, world: World) -> float:
+        """RMS misplacement in px over trusted points, as it is, nuisances and all."""
+        pairs = list(zip(self.items, self.misplaced(world), strict=True))
+        square = sum(float(np.nansum(i.trust * a**2)) for i, a in pairs)
+        return float(np.sqrt(square / max(sum(float(i.trust[np.isfinite(a)].sum()) for i, a in pairs), 1e-9)))
+
+    @property
+    def floor(self) -> float:
+        """RMS scatter in px of a perfect model's edges."""
+        return float(np.sqrt(np.mean([i.sigma[0] ** 2 for i in self.items])))
+
+    @property
+    def floors(self) -> np.ndarray:
+        """(1,) the same."""
+        return np.array([self.floor])
+
+    def _whitener(self, index: int, robot: float) -> Whitener:
+        common, joints = self._columns[index]
+        return Whitener.of(np.concatenate([common, robot * joints], axis=1))
+
+    def _robot(self) -> float:
+        """The size of the robot's errors by restricted likelihood: what the freest model cannot explain frame by frame.
+
+        Source of the criterion: Patterson and Thompson, Biometrika 58(3), 1971, the fixed effects being those that the
+        alignment freed.
+        """
+        from vispeg.identify.pictures.fixed import slopes
+
+        residual = [_weighted(i, a) for i, a in zip(self.items, self.misplaced(self.settled), strict=True)]
+        fixed = slopes(self)
+        best, most = ROBOT[0], -np.inf
+        for size in ROBOT:
+            whiten = [self._whitener(i, size) for i in range(len(self.items))]
+            white = np.concatenate([w(r) for w, r in zip(whiten, residual, strict=True)])
+            design = np.concatenate([w(f) for w, f in zip(whiten, fixed, strict=True)])
+            information = design.T @ design + np.eye(design.shape[1]) / 36
+            along = design.T @ white
+            rest = float(white @ white - along @ np.linalg.solve(information, along))
+            fit = -0.5 * (rest + sum(w.logdet for w in whiten) + np.linalg.slogdet(information)[1])
+            best, most = (size, fit) if fit > most else (best, most)
+        return best
+
+
+def _weighted(item: Item, away: np.ndarray) -> np.ndarray:
+    """Misplacements (n,) in units of the noise, those that are not trusted 0."""
+    r = np.where(np.isnan(away) & np.isfinite(item.points.along), PENALTY, np.nan_to_num(away))
+    return np.clip(r / item.sigma[0], -PENALTY, PENALTY) * np.sqrt(item.trust) * item.valid[:, 0]
+
+
+def _nuisances(geometry: Geometry, item: Item, world: World) -> tuple[np.ndarray, np.ndarray]:
+    """What one standard deviation of each common unknown (n, k), and one rad of each joint in each frame, do."""
+    p, sight, scene = item.points, item.sight, geometry.scene
+    scale = np.sqrt(item.trust) * item.valid[:, 0] / item.sigma[0]
+    here = pixels(geometry, sight, world, p)
+
+    def effect_of(moved: np.ndarray) -> np.ndarray:
+        return np.nan_to_num(np.sum((moved - here) * p.normal, axis=1)) * scale / SMALL
+
+    common = []
+    for body in (geometry.model.body(scene.fixture).id, geometry.model.body(scene.held).id):
+        rows = (p.body == body)[:, None]
+        for axis in range(6 if rows.any() else 0):
+            step = np.zeros(3)
+            step[axis % 3] = SMALL
+            shift = np.broadcast_to(step, p.local.shape) if axis < 3 else np.cross(step, p.local)
+            there = replace(p, local=p.local + np.where(rows, shift, 0))
+            common.append(effect_of(pixels(geometry, sight, world, there)) * FIXED[axis])
+    facing = np.round(np.arctan2(p.normal[:, 1], p.normal[:, 0]) / (np.pi / 2)).astype(int) % 4
+    kinds, kind = np.unique(np.column_stack([p.parts, facing]), axis=0, return_inverse=True)
+    common += [(kind.ravel() == k) * EDGE_BIAS * scale for k in range(len(kinds))]
+    _, at = np.unique(p.frame, return_inverse=True)
+    nj = len(scene.joints)
+    joints = np.zeros((len(p.frame), (int(at.max(initial=-1)) + 1) * nj))
+    for j in range(nj):
+        moved = pixels(geometry, sight, world, p, SMALL * np.eye(nj)[j])
+        joints[np.arange(len(at)), at * nj + j] = effect_of(moved)
+    return np.stack(common, 1) if common else np.zeros((len(p.frame), 0)), joints

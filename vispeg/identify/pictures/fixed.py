@@ -1,0 +1,28 @@
+"""The directions in which the freest model can still move: what the robot's errors are told from."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vispeg.identify.pictures.align import free_world
+from vispeg.identify.space import Space
+
+if TYPE_CHECKING:
+    from vispeg.identify.pictures.evidence import BorderEvidence
+
+
+def slopes(evidence: BorderEvidence) -> list[np.ndarray]:
+    """Per item, derivatives (n, k) of the weighted misplacement to the free model's parameters, in typical sizes."""
+    from vispeg.identify.pictures.evidence import _weighted
+
+    cameras = list(dict.fromkeys(i.sight.camera.name for i in evidence.items))
+    world, free = free_world(evidence.settled, evidence.geometry.scene.joints, cameras)
+    space = Space(world, free)
+    u = np.clip(space.start, *space.bounds)
+    here, columns = evidence.misplaced(space.at(u)), []
+    for step, axis in zip(space.steps(u), np.eye(len(u)), strict=True):
+        moved = evidence.misplaced(space.at(u + step * axis))
+        columns.append([_weighted(i, (m - h)) / step for i, m, h in zip(evidence.items, moved, here, strict=True)])
+    return [np.stack([c[i] for c in columns], 1) for i in range(len(evidence.items))]

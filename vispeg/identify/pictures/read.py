@@ -1,0 +1,66 @@
+"""Sights of a recording with frames: one for every camera whose pose is stated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from vispeg.core.errors import UserError
+from vispeg.identify.pictures.sight import Sight
+from vispeg.recordings.frames.frames import Frames
+from vispeg.recordings.frames.joints import GAP, joints_at
+from vispeg.recordings.recording import Recording
+from vispeg.vision.eye import camera_of
+
+LEAST = 6  # frames of a camera, fewer say nothing about views that were not fitted
+MOST = 40  # frames of a camera that are looked at in one recording: evenly spread ones of more
+
+
+def sights_of(recordings: Sequence[Recording]) -> list[Sight]:
+    """What the cameras of some recordings photographed.
+
+    Raises:
+        UserError: a recording without frames, a camera whose pose is not stated, or too few frames to compare.
+    """
+    out = []
+    for rec in recordings:
+        if rec.frames is None or not len(rec.frames):
+            raise UserError(
+                "has no pictures", file=rec.path, expected="frames/index.csv, as other recordings here have"
+            )
+        for name in rec.frames.names:
+            out.append(_sight(rec, name, rec.frames.of(name)))
+    return out
+
+
+def _curve(rec: Recording, episode: int) -> CubicSpline | None:
+    """`joints_at` of an episode without gaps, its spline made once; None where readings are missing."""
+    rows = slice(None) if rec.episode is None else rec.episode == episode
+    time, q = rec.time[rows], rec.q[rows]
+    whole = np.isfinite(q).all() and len(time) >= 4 and np.diff(time).max() <= GAP / rec.rate_hz
+    return CubicSpline(time, q, extrapolate=False) if whole else None
+
+
+def _sight(rec: Recording, name: str, frames: Frames) -> Sight:
+    episodes = frames.episodes
+    standing = np.isfinite(joints_at(rec, frames.times, episodes)).all(1)
+    rows = np.flatnonzero(standing)
+    if len(rows) < LEAST:
+        what = f"camera '{name}' has too few frames at measured joint angles"
+        raise UserError(what, file=rec.path, expected=f"{LEAST} or more", got=len(rows))
+    if len(rows) > MOST:
+        rows = rows[np.linspace(0, len(rows) - 1, MOST).round().astype(int)]
+    some, times, numbers = [frames[int(i)] for i in rows], frames.times[rows], episodes[rows]
+
+    smooth = {number: _curve(rec, number) for number in np.unique(numbers)}
+
+    def joints(time: np.ndarray, which: np.ndarray) -> np.ndarray:
+        if len(smooth) > 1 or (curve := next(iter(smooth.values()))) is None:
+            return joints_at(rec, time, numbers[which])
+        return curve(time)
+
+    return Sight(
+        rec.name, camera_of(frames.cameras[name]), times, joints, lambda i: some[i].rgb, lambda i: some[i].depth
+    )

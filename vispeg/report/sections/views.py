@@ -1,0 +1,121 @@
+"""What the cameras saw and what the model says they see: pictures side by side, shifts at working distances."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from vispeg.report.figures import AFTER, BEFORE, Shape, chart, new_figure, quiet
+from vispeg.report.record import Record, data_link
+
+TITLE = "Pictures, measured and rendered"
+SHOWN = 4.0  # times that misplacements are drawn long
+DARK, LIGHT = (216, 27, 96), (0, 150, 136)  # of edges: before, after
+LEAST = 0.5  # px of misplacement that is drawn
+AWAY = 12.0  # mm, the difference of depth that is drawn full red or blue
+
+
+def context(record: Record) -> dict[str, Any] | None:
+    """None without pictures; else rows of pictures, the table of projections with a map each, and what is left."""
+    values = record.mapping("views")
+    if not values:
+        return None
+    arrays = record.evidence.views
+    return {
+        "values": values,
+        "rows": [row for k in range(8) if (row := _row(arrays, f"view/{k}/"))],
+        "maps": _maps(values, arrays),
+        "channels": record.rows("channels"),
+    }
+
+
+def _row(arrays: dict[str, np.ndarray], name: str) -> dict[str, Any] | None:
+    if name + "measured" not in arrays:
+        return None
+    measured = arrays[name + "measured"]
+    out: dict[str, Any] = {"title": str(arrays[name + "title"]), "colour": [], "depth": []}
+    for word, said in (("measured", "measured"), ("before", "as believed"), ("after", "as found")):
+        if name + word in arrays:
+            out["colour"].append({"src": _png(arrays[name + word]), "said": said})
+    for word, colour, said in (("before", DARK, "off, as believed"), ("after", LIGHT, "off, as found")):
+        if name + f"along_{word}" in arrays:
+            out["colour"].append({"src": _png(_drawn(measured, arrays, name, word, colour)), "said": said})
+    if name + "depth" in arrays:
+        from vispeg.render.image_kinds import depth_picture
+
+        depth = arrays[name + "depth"]
+        for word, said in (("depth", "measured"), ("depth_before", "as believed"), ("depth_after", "as found")):
+            if name + word in arrays:
+                out["depth"].append({"src": _png(depth_picture(arrays[name + word])), "said": said})
+        for word, said in (("depth_before", "off, as believed"), ("depth_after", "off, as found")):
+            if name + word in arrays:
+                out["depth"].append({"src": _png(_difference(depth, arrays[name + word])), "said": said})
+    return out
+
+
+def _drawn(
+    measured: np.ndarray, arrays: dict[str, np.ndarray], name: str, word: str, colour: tuple[int, int, int]
+) -> np.ndarray:
+    """The measured picture, pale, with each border point and how far off its edge is, `SHOWN` times as long."""
+    import cv2
+
+    scale = max(1, round(640 / measured.shape[1]))
+    grey = cv2.cvtColor(measured, cv2.COLOR_RGB2GRAY)
+    pale = cv2.cvtColor((128 + grey // 2).astype(np.uint8), cv2.COLOR_GRAY2RGB)
+    out = cv2.resize(pale, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR)
+    along = np.nan_to_num(arrays[name + f"along_{word}"])
+    edges = arrays[name + "pixel"] + 0.0
+    normal = arrays[name + "normal"]
+    for at, n, off in zip(edges, normal, along, strict=True):
+        start = tuple(int(round(v)) for v in scale * at)
+        end = tuple(int(round(v)) for v in scale * (at - SHOWN * off * n))
+        if abs(off) > LEAST:
+            cv2.line(out, start, end, colour, 1, cv2.LINE_AA)
+        else:
+            cv2.circle(out, start, 1, colour, -1, cv2.LINE_AA)
+    return out
+
+
+def _difference(measured: np.ndarray, modelled: np.ndarray) -> np.ndarray:
+    """(H, W, 3) uint8: red where measured is farther, blue where nearer, yellow a hole that the model has not, or vice
+    versa."""
+    both = (measured > 0) & (modelled > 0)
+    share = np.clip(1000 * np.where(both, measured - modelled, 0) / AWAY, -1, 1)
+    out = np.full((*measured.shape, 3), 245, np.float32)
+    out[..., 1:] -= (np.maximum(share, 0) * 200)[..., None]
+    out[..., :2] -= (np.maximum(-share, 0) * 200)[..., None]
+    out[(measured > 0) != (modelled > 0)] = (240, 200, 60)
+    return np.clip(out, 0, 255).astype(np.uint8)
+
+
+def _maps(values: dict[str, Any], arrays: dict[str, np.ndarray]) -> list[dict[str, Any]]:
+    out = []
+    for k, row in enumerate(values.get("projection") or []):
+        if f"projection/{k}/shift" not in arrays:
+            continue
+        pixels, shift = (arrays[f"projection/{k}/{key}"] for key in ("pixels", "shift"))
+        title = f"{row['camera']} at {row['distance_m']:g} m: {row['rms_px']:.2f} px RMS"
+
+        def draw(shape: Shape, pixels=pixels, shift=shift, title=title):
+            figure = new_figure(3.2, shape.width / 2 if not shape.narrow else shape.width)
+            ax = figure.subplots()
+            ax.quiver(
+                pixels[..., 0], pixels[..., 1], shift[..., 0], shift[..., 1],
+                angles="xy", scale_units="xy", scale=0.5, color=BEFORE, width=0.004,
+            )  # fmt: skip
+            ax.plot(pixels[..., 0].ravel(), pixels[..., 1].ravel(), ".", color=AFTER, ms=2)
+            ax.invert_yaxis()
+            ax.set_aspect("equal")
+            ax.set_xlabel("px, arrows twice as long")
+            quiet(ax)
+            return figure
+
+        out.append({**row, "svg": chart(draw, f"projection{k}", title) if row["rms_px"] > 0 else ""})
+    return out
+
+
+def _png(image: np.ndarray) -> str:
+    import cv2
+
+    return data_link(cv2.imencode(".png", np.ascontiguousarray(image[..., ::-1]))[1].tobytes())
