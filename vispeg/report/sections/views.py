@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,7 @@ def context(record: Record) -> dict[str, Any] | None:
     }
 
 
-def _row(arrays: dict[str, np.ndarray], name: str) -> dict[str, Any] | None:
+def _row(arrays: Mapping[str, np.ndarray], name: str) -> dict[str, Any] | None:
     if name + "measured" not in arrays:
         return None
     measured = arrays[name + "measured"]
@@ -55,7 +56,7 @@ def _row(arrays: dict[str, np.ndarray], name: str) -> dict[str, Any] | None:
 
 
 def _drawn(
-    measured: np.ndarray, arrays: dict[str, np.ndarray], name: str, word: str, colour: tuple[int, int, int]
+    measured: np.ndarray, arrays: Mapping[str, np.ndarray], name: str, word: str, colour: tuple[int, int, int]
 ) -> np.ndarray:
     """The measured picture, pale, with each border point and how far off its edge is, `SHOWN` times as long."""
     import cv2
@@ -89,7 +90,7 @@ def _difference(measured: np.ndarray, modelled: np.ndarray) -> np.ndarray:
     return np.clip(out, 0, 255).astype(np.uint8)
 
 
-def _maps(values: dict[str, Any], arrays: dict[str, np.ndarray]) -> list[dict[str, Any]]:
+def _maps(values: dict[str, Any], arrays: Mapping[str, np.ndarray]) -> list[dict[str, Any]]:
     out = []
     for k, row in enumerate(values.get("projection") or []):
         if f"projection/{k}/shift" not in arrays:
