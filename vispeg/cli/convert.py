@@ -4,6 +4,7 @@ Example:
     vispeg convert log.csv --robot iiwa14 --guess --save-map map.yaml
     vispeg convert log.csv --robot iiwa14 --map map.yaml --out rig-a
     vispeg convert run.mcap --robot arm.urdf --topic /joint_states --torque-sensor joint --out rig-b
+    vispeg convert run.mcap --robot iiwa14 --images all --cameras wrist.yaml --out rig-c
     vispeg convert tosses.npz --robot cube.xml --rate-hz 148 --episodes 0:285 --out toss-a
 
 A map names columns and units, one a line: `time: {column: t, unit: ms}`, `q.joint1: {column: pos_1, unit: deg}`;
@@ -17,6 +18,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
 import tyro
@@ -26,6 +28,7 @@ from vispeg.cli.reading import told
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.recordings.columns import SIGNALS
+from vispeg.recordings.frames.camera import RecordedCamera
 from vispeg.recordings.importers.mapping import FACTORS, ColumnMap, map_from, read_map
 from vispeg.recordings.importers.plausible import doubts
 from vispeg.recordings.quality import Limits
@@ -67,6 +70,10 @@ class Args:
     """Bags: the PoseStamped topic of the flange in the base (default: the only one, if there is one)."""
     wrench_topic: str | None = None
     """Bags: the WrenchStamped topic at the flange (default: the only one, if there is one)."""
+    images: tuple[str, ...] = ()
+    """Pictures to take over: topics of a bag, videos of a LeRobot table (observation.images.wrist), or all."""
+    cameras: Path | None = None
+    """A camera file with what the source does not say of its cameras: intrinsics, and where they sit."""
     torque_sensor: Literal["joint", "motor", "none"] | None = None
     """What measured torque is: behind the gear (joint) or from the current (motor). Not stated, it is not used."""
     table: Literal["csv", "parquet"] = "csv"
@@ -95,13 +102,16 @@ class Args:
             return 0
         if self.out is None:
             raise UserError("no folder to write to", key="--out", expected="--out FOLDER")
-        rec = self._read(robot, model.joints, mapping)
-        self._refuse_units(rec, model.joints, limits, mapping)
-        write(rec, self.out, self.overwrite, self.table, inputs=(self.source, self.map))
+        with TemporaryDirectory() as scratch:
+            rec = self._read(robot, model.joints, mapping, Path(scratch))
+            self._refuse_units(rec, model.joints, limits, mapping)
+            write(rec, self.out, self.overwrite, self.table, inputs=(self.source, self.map, self.cameras))
         found = ", ".join(name for name in SIGNALS if getattr(rec, name) is not None)
         shape = {"samples": len(rec.time), "joints": list(rec.joints), "rate_hz": rec.rate_hz}
-        record = {"recording": str(self.out), **shape, "signals": found.split(", ")}
+        frames = 0 if rec.frames is None else len(rec.frames)
+        record = {"recording": str(self.out), **shape, "signals": found.split(", "), "frames": frames}
         line = f"{self.out}: {len(rec.time)} samples of {len(rec.joints)} joints at {rec.rate_hz:g} Hz: {found}"
+        line += f"; {frames} frames of {', '.join(rec.frames.names)}" if rec.frames is not None else ""
         self.output.give(record, [line])
         return 0
 
@@ -194,14 +204,23 @@ class Args:
         expected = f"the right unit in {'the map' if self.map or self.guess else 'a map'}{unit}, or --insist"
         raise UserError(f"a unit cannot be true: {first.said}", file=where, key=first.key, expected=expected)
 
-    def _read(self, robot: str, joints: tuple[str, ...], mapping: ColumnMap) -> Recording:
+    def _known(self) -> dict[str, RecordedCamera]:
+        """What --cameras says, by name."""
+        if self.cameras is None:
+            return {}
+        from vispeg.render.camera_files import load_cameras
+        from vispeg.vision.eye import recorded_of
+
+        return {camera.name: recorded_of(camera) for camera in load_cameras(self.cameras)}
+
+    def _read(self, robot: str, joints: tuple[str, ...], mapping: ColumnMap, scratch: Path) -> Recording:
         name = self.source.name.lower()
         header: dict[str, Any] = {"torque_sensor": mapping.recording.get("torque_sensor", "none")}
         if self.torque_sensor is not None:
             header["torque_sensor"] = self.torque_sensor
             mapping = replace(mapping, recording={**mapping.recording, "torque_sensor": self.torque_sensor})
         if name.endswith(BAGS) or (self.source / "metadata.yaml").is_file():
-            return self._bag(robot, joints, mapping, header)
+            return self._bag(robot, joints, mapping, header, scratch)
         for flag in ("topic", "command_topic", "pose_topic", "wrench_topic"):
             if getattr(self, flag) is not None:
                 raise UserError(f"--{flag.replace('_', '-')} is for bags", file=self.source)
@@ -209,7 +228,14 @@ class Args:
             from vispeg.recordings.importers.table import import_table
 
             with told(f"reading {self.source}", self.source.stat().st_size) as share:
-                return import_table(self.source, robot, joints, mapping, share, **header)
+                rec = import_table(self.source, robot, joints, mapping, share, **header)
+            if not self.images:
+                return rec
+            from vispeg.recordings.importers.lerobot_video import import_video
+
+            return replace(rec, frames=import_video(self.source, rec, self.images, self._known(), scratch))
+        if self.images:
+            raise UserError("--images is for bags and LeRobot tables", file=self.source)
         if name.endswith(".npz"):
             from vispeg.recordings.importers.npz import import_npz
 
@@ -218,8 +244,10 @@ class Args:
         kind = self.source.suffix.lower() or self.source.name
         raise UserError("is nothing that can be converted", file=self.source, got=kind, choices=choices)
 
-    def _bag(self, robot: str, joints: tuple[str, ...], mapping: ColumnMap, header: dict[str, Any]) -> Recording:
+    def _bag(
+        self, robot: str, joints: tuple[str, ...], mapping: ColumnMap, header: dict[str, Any], scratch: Path
+    ) -> Recording:
         from vispeg.recordings.importers.rosbag import Topics, import_rosbag
 
-        topics = Topics(self.topic, self.command_topic, self.pose_topic, self.wrench_topic)
-        return import_rosbag(self.source, robot, joints, mapping, topics, **header)
+        topics = Topics(self.topic, self.command_topic, self.pose_topic, self.wrench_topic, self.images)
+        return import_rosbag(self.source, robot, joints, mapping, topics, scratch, self._known(), **header)

@@ -12,6 +12,7 @@ EXTRAS = {
     "learn": ("torch", "stable_baselines3", "tensorboard", "safetensors", "onnx", "onnxruntime"),
     "meshes": ("coacd",),
     "logs": ("rosbags",),
+    "video": ("av",),
     "cluster": ("ray",),
     "view": ("viser", "websockets"),
 }

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +11,12 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.recordings.columns import columns_of
+from vispeg.recordings.frames.camera import RecordedCamera
 from vispeg.recordings.importers.bagfile import messages, open_bag, topics_of
+from vispeg.recordings.importers.bagimages import image_topics, read_images
 from vispeg.recordings.importers.build import build, joints_of
 from vispeg.recordings.importers.mapping import ColumnMap
+from vispeg.recordings.importers.pictures import Album
 from vispeg.recordings.importers.resample import hold, linear, poses
 from vispeg.recordings.recording import Recording
 
@@ -31,12 +34,14 @@ class Topics:
         command: JointState with what was commanded.
         pose: PoseStamped of the flange in the base.
         wrench: WrenchStamped at the flange, in the flange frame.
+        images: Image or CompressedImage, each a camera; `all` for every one there is.
     """
 
     joints: str | None = None
     command: str | None = None
     pose: str | None = None
     wrench: str | None = None
+    images: tuple[str, ...] = ()
 
 
 def import_rosbag(
@@ -45,6 +50,8 @@ def import_rosbag(
     joints: Sequence[str],
     mapping: ColumnMap | None = None,
     topics: Topics = Topics(),
+    scratch: Path | None = None,
+    cameras: Mapping[str, RecordedCamera] | None = None,
     **header: Any,
 ) -> Recording:
     """A recording on the clock of the measured joint states.
@@ -59,6 +66,8 @@ def import_rosbag(
         joints: the robot's joints.
         mapping: its `joints` gives the bag's name of a joint, its `recording` further keys.
         topics: which topics to read.
+        scratch: a folder for pictures, kept until the recording is written; needed for `topics.images`.
+        cameras: what is known of cameras, by name, over what CameraInfo says; a bag states no poses.
         header: further keys of recording.yaml.
 
     Raises:
@@ -67,6 +76,7 @@ def import_rosbag(
     mapping = mapping or ColumnMap()
     names = joints_of(joints, mapping)
     columns: dict[str, np.ndarray] = {}
+    album, stated = None if scratch is None else Album(scratch), dict[str, RecordedCamera]()
     with open_bag(source) as reader:
         topic = topics.joints or _only(reader, JOINTS, topics.command, source)
         time, states = _joint_states(reader, topic, names, mapping, source)
@@ -91,7 +101,16 @@ def import_rosbag(
                 at, values = _once(*_rows(reader, chosen, kind, row, source))
                 values = _overlapping(onto, clock, (at - origin) * 1e-9, values, chosen, source)
                 _add(columns, name, names, values)
-    return build(columns, source, robot, joints, mapping, **header)
+        if album is not None and topics.images:
+
+            def seconds(stamp: float, at: float) -> float:
+                return ((stamp if stamp > 0 else at) - int(origin)) * 1e-9
+
+            stated = read_images(reader, image_topics(reader, topics.images, source), album, seconds, source)
+    rec = build(columns, source, robot, joints, mapping, **header)
+    if album is None or not topics.images:
+        return rec
+    return replace(rec, frames=album.frames(rec, stated | dict(cameras or {})))
 
 
 def _only(reader: Any, kind: str, not_this: str | None, source: Path) -> str:

@@ -1,0 +1,209 @@
+"""Pictures of bags and videos that other libraries wrote come back at their times, as they were."""
+
+from __future__ import annotations
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+from made import recording
+
+from vispeg.cli.main import main
+from vispeg.core.errors import UserError
+from vispeg.recordings.importers.bagimages import camera_name
+from vispeg.recordings.importers.lerobot_video import import_video
+from vispeg.recordings.importers.mapping import ColumnMap
+from vispeg.recordings.importers.rosbag import Topics, import_rosbag
+from vispeg.recordings.load import load
+from vispeg.recordings.write import write
+from vispeg.render.camera import Camera
+from vispeg.render.camera_files import save_cameras
+
+START = 1_700_000_000_000_000_000
+H, W = 12, 16
+RNG = np.random.default_rng(3)
+RGB = RNG.integers(0, 256, (4, H, W, 3), dtype=np.uint8)
+STEPS = RNG.integers(0, 4000, (4, H, W), dtype=np.uint16)
+JOINTS = ("joint1", "joint2")
+
+
+def bag(path, kind, damaged=""):
+    """Joint states, and each way of sending a picture, four of each at 0.1 to 0.4 s; rows are padded by 5 bytes."""
+    from rosbags.rosbag1 import Writer as Writer1
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC if kind == "bag" else Stores.ROS2_HUMBLE)
+    if kind == "bag":
+        path, writer = path.with_suffix(".bag"), Writer1(path.with_suffix(".bag"))
+    else:
+        writer = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
+    types = store.types
+
+    def header(at):
+        sec, nanosec = divmod(at, 10**9)
+        extra = {"seq": 0} if kind == "bag" else {}
+        return types["std_msgs/msg/Header"](
+            stamp=types["builtin_interfaces/msg/Time"](sec=sec, nanosec=nanosec), frame_id="eye", **extra
+        )
+
+    def image(at, encoding, rows, big=0):
+        flat = np.ascontiguousarray(rows).view(np.uint8).reshape(H, -1)
+        data = np.pad(flat, ((0, 0), (0, 5))).ravel()
+        data = data[:-40] if damaged == encoding else data
+        return types["sensor_msgs/msg/Image"](header(at), H, W, encoding, big, flat.shape[1] + 5, data)
+
+    def packed(at, form, data):
+        return types["sensor_msgs/msg/CompressedImage"](header(at), form, np.frombuffer(data, np.uint8))
+
+    def info(at):
+        K = np.array([20.0, 0, 7.5, 0, 21.0, 5.5, 0, 0, 1])
+        roi = types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
+        lens = np.array([0.1, -0.02, 1e-3, 2e-3, 0.0])
+        rest = np.eye(3).ravel(), np.zeros(12), 0, 0, roi
+        return types["sensor_msgs/msg/CameraInfo"](header(at), H, W, "plumb_bob", lens, K, *rest)
+
+    with writer:
+        links = {}
+
+        def send(topic, at, message):
+            if topic not in links:
+                links[topic] = writer.add_connection(topic, message.__msgtype__, typestore=store)
+            to_bytes = store.serialize_ros1 if kind == "bag" else store.serialize_cdr
+            writer.write(links[topic], at, to_bytes(message, message.__msgtype__))
+
+        for k in range(60):
+            at = START + k * 10_000_000
+            state = [np.array([0.01 * k, -0.01 * k]), np.zeros(2), np.zeros(2)]
+            send("/joint_states", at, types["sensor_msgs/msg/JointState"](header(at), list(JOINTS), *state))
+        for k in range(4):
+            at = START + (k + 1) * 100_000_000
+            send("/wrist/color/image_raw", at, image(at, "rgb8", RGB[k]))
+            send("/side/image_raw", at, image(at, "bgr8", RGB[k][..., ::-1]))
+            send("/wrist/depth/image_rect_raw", at, image(at, "16UC1", STEPS[k]))
+            send(
+                "/side/depth/image",
+                at,
+                image(at, "32FC1", np.where(STEPS[k] > 0, STEPS[k] * 1e-3, np.nan).astype("f4")),
+            )
+            send("/png/compressed", at, packed(at, "png", cv2.imencode(".png", RGB[k][..., ::-1])[1].tobytes()))
+            deep = b"\0" * 12 + cv2.imencode(".png", STEPS[k])[1].tobytes()
+            send("/deep/image/compressedDepth", at, packed(at, "16UC1; compressedDepth png", deep))
+            for name in ("/wrist/color", "/side", "/wrist/depth", "/side/depth", "/png", "/deep"):
+                send(f"{name}/camera_info", at, info(at))
+    return path
+
+
+@pytest.mark.parametrize("kind", ["bag", "mcap"])
+def test_pictures_of_a_bag(kind, tmp_path):
+    pytest.importorskip("rosbags")
+    source, scratch = bag(tmp_path / "run", kind), tmp_path / "scratch"
+    scratch.mkdir()
+    rec = import_rosbag(source, "iiwa14", JOINTS, ColumnMap(), Topics(images=("all",)), scratch)
+    frames = load(write(rec, tmp_path / "rig")).frames
+    assert sorted(frames.names) == ["deep", "png", "side", "side_depth", "wrist_color", "wrist_depth"]
+    for name in ("wrist_color", "side", "png"):
+        mine = frames.of(name)
+        assert np.allclose(mine.times, [0.1, 0.2, 0.3, 0.4], atol=1e-9)
+        assert all(np.array_equal(frame.rgb, truth) for frame, truth in zip(mine, RGB, strict=True)), name
+    for name in ("wrist_depth", "side_depth", "deep"):
+        mine = frames.of(name)
+        assert all(np.allclose(f.depth, t * 1e-3, atol=6e-5) for f, t in zip(mine, STEPS, strict=True)), name
+    camera = frames.cameras["wrist_color"]
+    assert (camera.fx, camera.fy, camera.cx, camera.cy) == (20.0, 21.0, 7.5, 5.5) and camera.pose is None
+    assert camera.distortion == (0.1, -0.02, 1e-3, 2e-3, 0.0)
+
+
+def test_what_is_wrong_with_a_bags_pictures_is_said(tmp_path):
+    pytest.importorskip("rosbags")
+    source = bag(tmp_path / "run", "mcap", damaged="rgb8")
+    for images, said in (
+        (("/wrist/color/image_raw",), "a picture is cut short"),
+        (("/wrist/colour/image_raw",), "did you mean '/wrist/color/image_raw'"),
+    ):
+        with pytest.raises(UserError, match=said):
+            import_rosbag(source, "iiwa14", JOINTS, ColumnMap(), Topics(images=images), tmp_path)
+
+
+def test_cameras_are_named_after_their_namespace():
+    assert camera_name("/wrist/color/image_raw/compressed") == "wrist_color"
+    assert camera_name("/camera/aligned_depth_to_color/image_raw") == "camera_aligned_depth_to_color"
+    assert camera_name("/image") == "image"
+
+
+def data_set(root, version, rate=20.0, episodes=(30, 20)):
+    """A LeRobot folder whose k-th frame is of the grey level 20 + 4 k within its episode (10 more in the second)."""
+    av = pytest.importorskip("av")
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    three = version == 3
+    key = "observation.images.wrist"
+    pattern = (
+        "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
+        if three
+        else "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_index:06d}.mp4"
+    )
+    levels = [[20 + 4 * k + 10 * e for k in range(n)] for e, n in enumerate(episodes)]
+    numbers = [(0, 0, 0, sum(levels, []))] if three else [(0, 0, e, shades) for e, shades in enumerate(levels)]
+    words = ("chunk_index", "file_index", "episode_index")
+    films = {pattern.format(video_key=key, episode_chunk=0, **dict(zip(words, n, strict=False))): n[3] for n in numbers}
+    for name, shades in films.items():
+        file = root / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with av.open(str(file), "w") as out:
+            stream = out.add_stream("mpeg4", rate=int(rate))
+            stream.width, stream.height, stream.pix_fmt, stream.bit_rate = 64, 48, "yuv420p", 2_000_000
+            for shade in shades:
+                picture = np.full((48, 64, 3), shade, np.uint8)
+                out.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+            out.mux(stream.encode(None))
+    (root / "meta").mkdir()
+    feature = {"observation.state": {"dtype": "float32", "names": list(JOINTS)}, key: {"dtype": "video"}}
+    info = {"codebase_version": f"v{version}", "fps": rate, "video_path": pattern, "chunks_size": 1000}
+    (root / "meta" / "info.json").write_text(json.dumps(info | {"features": feature}))
+    if three:
+        (root / "meta" / "episodes").mkdir()
+        ends = np.cumsum([0, *episodes]) / rate
+        rows = {"episode_index": [0, 1], f"videos/{key}/chunk_index": [0, 0], f"videos/{key}/file_index": [0, 0]}
+        rows[f"videos/{key}/from_timestamp"] = ends[:-1].tolist()
+        pq.write_table(pa.table(rows), root / "meta" / "episodes" / "file-000.parquet")
+    time = np.concatenate([np.arange(n) / rate for n in episodes])
+    number = np.repeat([0, 1], episodes)
+    angle = 0.3 * np.sin(2 * time)
+    rest = {f"q.{joint}": angle for joint in JOINTS}
+    table = root / "data.parquet"
+    pq.write_table(pa.table({"time": time, "episode": number, **rest}), table)
+    return table, levels
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_videos_of_a_data_set(version, tmp_path):
+    table, levels = data_set(tmp_path / "set", version)
+    eye = Camera("wrist", 64, 48, 60.0, 60.0, 31.5, 23.5, parent="flange", pos=(0.0, -0.1, 0.04))
+    save_cameras(tmp_path / "wrist.yaml", eye)
+    out = tmp_path / "rig"
+    arguments = ["--robot", "iiwa14", "--images", "wrist", "--cameras", str(tmp_path / "wrist.yaml"), "--insist"]
+    (tmp_path / "map.yaml").write_text("recording: {joints: [joint1, joint2]}\n")
+    code = main(["convert", str(table), *arguments, "--map", str(tmp_path / "map.yaml"), "--out", str(out)])
+    assert code == 0
+    frames = load(out).frames
+    assert frames.cameras["wrist"].mount == "flange" and len(frames) == 50
+    for frame, level in zip(frames, sum(levels, []), strict=True):
+        assert abs(float(np.median(frame.rgb)) - level) < 2.5, (frame.episode, frame.time)
+
+
+def test_what_is_wrong_with_videos_is_said(tmp_path):
+    table, _ = data_set(tmp_path / "set", 2)
+    rec = recording(n=30, rate_hz=20.0)
+    with pytest.raises(UserError, match="nothing is known of camera 'wrist'"):
+        import_video(table, rec, ("all",), {}, tmp_path)
+    with pytest.raises(UserError, match="no such video"):
+        import_video(table, rec, ("wist",), {}, tmp_path)
+    film = next((tmp_path / "set").rglob("episode_000000.mp4"))
+    film.write_bytes(film.read_bytes()[:200])
+    with pytest.raises(UserError, match="is no video that can be decoded"):
+        import_video(table, rec, ("wrist",), {}, tmp_path)
+    with pytest.raises(UserError, match="belongs to no LeRobot data set"):
+        import_video(tmp_path / "x.parquet", rec, ("wrist",), {}, tmp_path)

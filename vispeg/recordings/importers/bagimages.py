@@ -1,0 +1,145 @@
+"""Pictures out of ROS bags: Image, CompressedImage and CameraInfo, colour and depth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.recordings.frames.camera import RecordedCamera
+from vispeg.recordings.importers.bagfile import messages, topics_of
+from vispeg.recordings.importers.pictures import DEPTH_UNIT, Album
+
+IMAGE, COMPRESSED, INFO = (f"sensor_msgs/msg/{name}" for name in ("Image", "CompressedImage", "CameraInfo"))
+COLOURS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1}
+BAYER = {"bayer_rggb8": "BG", "bayer_bggr8": "RG", "bayer_gbrg8": "GR", "bayer_grbg8": "GB"}  # OpenCV's names
+DEPTHS = {"16UC1": 2, "mono16": 2, "32FC1": 4}
+FINE = 1e-4  # m, a step of what came as floats
+TAILS = ("compressed", "compressedDepth", "image_raw", "image_rect_raw", "image_rect", "image_color", "image")
+EVERY = "all"
+HEAD = 12  # bytes before the PNG of a compressedDepth message
+
+
+def image_topics(reader: Any, wanted: Sequence[str], source: Path) -> list[str]:
+    """The topics of pictures that are meant. Raises UserError for one that is none."""
+    there = sorted({*topics_of(reader, IMAGE), *topics_of(reader, COMPRESSED)})
+    if tuple(wanted) == (EVERY,):
+        if not there:
+            raise UserError("holds no pictures", file=source, key="--images", expected=f"topics of {IMAGE}")
+        return there
+    for topic in wanted:
+        if topic not in there:
+            raise UserError("no such topic of pictures", file=source, key="--images", got=topic, choices=there)
+    return list(wanted)
+
+
+def camera_name(topic: str) -> str:
+    """`wrist_color` of `/wrist/color/image_raw/compressed`."""
+    parts = [part for part in topic.split("/") if part]
+    while len(parts) > 1 and parts[-1] in TAILS:
+        parts.pop()
+    return "_".join(parts)
+
+
+def read_images(
+    reader: Any, topics: Sequence[str], album: Album, clock: Callable[[float, float], float], source: Path
+) -> dict[str, RecordedCamera]:
+    """Reads pictures into an album; returns what CameraInfo says of their cameras, whose poses no bag states.
+
+    Args:
+        reader: an open bag.
+        topics: of Image or CompressedImage.
+        album: what takes them.
+        clock: header stamp and bag time in ns -> s on the samples' clock.
+        source: what messages name.
+
+    Raises:
+        UserError: an encoding that is not known, a picture that is cut short, or a lens that is not Brown's.
+    """
+    cameras = {}
+    for topic in topics:
+        kind = IMAGE if topic in topics_of(reader, IMAGE) else COMPRESSED
+        name, decode = camera_name(topic), _raw if kind == IMAGE else _compressed
+        for stamp, at, message in messages(reader, topic, kind, source):
+            image, unit = decode(message, source, topic)
+            album.add(name, clock(stamp, at), image, unit=unit)
+        info = _info(reader, topic, source)
+        if info is not None:
+            cameras[name] = _camera(name, info, source)
+    return cameras
+
+
+def _info(reader: Any, topic: str, source: Path) -> Any:
+    """The first CameraInfo of the image's namespace; None where there is none."""
+    parts = topic.split("/")
+    while len(parts) > 1 and parts[-1] in TAILS:
+        parts.pop()
+    for beside in ("/".join([*parts, "camera_info"]), "/".join([*parts[:-1], "camera_info"])):
+        if beside in topics_of(reader, INFO):
+            return next(messages(reader, beside, INFO, source))[2]
+    return None
+
+
+def _camera(name: str, info: Any, source: Path) -> RecordedCamera:
+    K = np.asarray(getattr(info, "k", getattr(info, "K", None)), float).reshape(3, 3)
+    lens = np.asarray(getattr(info, "d", getattr(info, "D", ())), float).ravel()
+    model = str(info.distortion_model)
+    if np.any(lens) and (model not in ("plumb_bob", "rational_polynomial") or np.any(lens[5:])):
+        expected = "plumb_bob: k1, k2, p1, p2, k3"
+        raise UserError(f"camera '{name}' has another lens", file=source, expected=expected, got=model)
+    if not (K[0, 0] > 0 and K[1, 1] > 0):
+        raise UserError(f"camera '{name}' is not calibrated: its CameraInfo is empty", file=source)
+    brown = tuple(np.pad(lens[:5], (0, max(0, 5 - len(lens)))).tolist())
+    numbers = int(info.width), int(info.height), K[0, 0], K[1, 1], K[0, 2], K[1, 2]
+    return RecordedCamera(name, *numbers[:2], *map(float, numbers[2:]), distortion=brown)  # type: ignore[arg-type]
+
+
+def _raw(message: Any, source: Path, topic: str) -> tuple[np.ndarray, float]:
+    """Colour (H, W, 3) uint8 or depth (H, W) m of an Image, and the step that depth is kept in."""
+    import cv2
+
+    encoding, height, width, step = message.encoding, int(message.height), int(message.width), int(message.step)
+    channels = COLOURS.get(encoding) or (1 if encoding in BAYER else DEPTHS.get(encoding))
+    if channels is None:
+        choices = (*COLOURS, *BAYER, *DEPTHS)
+        raise UserError(f"{topic}: unknown encoding", file=source, got=encoding, choices=choices)
+    data = np.frombuffer(np.ascontiguousarray(message.data).tobytes(), np.uint8)
+    if step < width * channels or len(data) < height * step or not height or not width:
+        raise UserError(f"{topic}: a picture is cut short", file=source, got=f"{len(data)} bytes")
+    rows = data[: height * step].reshape(height, step)[:, : width * channels]
+    if encoding in DEPTHS:
+        order = ">" if message.is_bigendian else "<"
+        kind = np.dtype(np.float32 if encoding == "32FC1" else np.uint16).newbyteorder(order)
+        values = np.ascontiguousarray(rows).view(kind).reshape(height, width)
+        if encoding == "32FC1":
+            return np.nan_to_num(values.astype(np.float32), nan=0.0, posinf=0.0, neginf=0.0), FINE
+        return values.astype(np.float32) * np.float32(DEPTH_UNIT), DEPTH_UNIT
+    if encoding in BAYER:
+        return cv2.cvtColor(np.ascontiguousarray(rows), getattr(cv2, f"COLOR_Bayer{BAYER[encoding]}2RGB")), DEPTH_UNIT
+    image = rows.reshape(height, width, channels)[..., :3]
+    image = np.repeat(image, 3, axis=2) if channels == 1 else image[..., ::-1] if encoding.startswith("b") else image
+    return np.ascontiguousarray(image), DEPTH_UNIT
+
+
+def _compressed(message: Any, source: Path, topic: str) -> tuple[np.ndarray, float]:
+    """The same of a CompressedImage: JPEG or PNG, or depth as PNG after a head of its own (compressed_depth)."""
+    import cv2
+
+    data, said = np.frombuffer(np.ascontiguousarray(message.data).tobytes(), np.uint8), str(message.format)
+    deep = "compressedDepth" in said
+    if deep and not said.startswith("16UC1"):
+        expected = "16UC1; compressedDepth png"
+        raise UserError(f"{topic}: unknown compression of depth", file=source, expected=expected, got=said)
+    flags = cv2.IMREAD_UNCHANGED if deep or said.startswith(("16UC1", "mono16")) else cv2.IMREAD_COLOR
+    try:
+        image = cv2.imdecode(data[HEAD:] if deep else data, flags)
+    except cv2.error:
+        image = None
+    if image is None:
+        raise UserError(f"{topic}: a picture is no JPEG or PNG, or cut short", file=source, got=said)
+    if image.ndim == 2:
+        return image.astype(np.float32) * np.float32(DEPTH_UNIT), DEPTH_UNIT
+    return np.ascontiguousarray(image[..., ::-1]), DEPTH_UNIT

@@ -1,0 +1,141 @@
+"""Pictures of a LeRobot data set: its videos, decoded by PyAV at the times of the samples.
+
+Format 2 keeps a video an episode, format 3 several episodes in one, with their times in meta/episodes; both state where
+in `video_path` of meta/info.json.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.core.extras import missing
+from vispeg.formats.guard import as_written
+from vispeg.formats.json_data import read_json
+from vispeg.recordings.frames.camera import RecordedCamera
+from vispeg.recordings.frames.frames import Frames
+from vispeg.recordings.importers.bagimages import EVERY
+from vispeg.recordings.importers.pictures import Album
+from vispeg.recordings.recording import Recording
+
+PREFIX = "observation.images."
+
+
+def root_of(table: Path) -> Path | None:
+    """The folder of the data set that a table belongs to; None where it belongs to none."""
+    return next((folder for folder in table.resolve().parents if (folder / "meta" / "info.json").is_file()), None)
+
+
+def import_video(
+    table: Path, rec: Recording, wanted: Sequence[str], cameras: Mapping[str, RecordedCamera], scratch: Path
+) -> Frames | None:
+    """The pictures at the samples of a recording that was made of a LeRobot table.
+
+    Args:
+        table: of the data set; a parquet file.
+        rec: the recording; its episodes are the table's, its times count from an episode's first sample.
+        wanted: keys such as `observation.images.wrist` (or `wrist`), or `all`.
+        cameras: what is known of each, by the last word of its key.
+        scratch: where the pictures are kept until the recording is written.
+
+    Raises:
+        UserError: no data set around the table, no such key, a video that is missing or damaged, or no PyAV.
+    """
+    root = root_of(table)
+    if root is None:
+        raise UserError(
+            "belongs to no LeRobot data set", file=table, key="--images", expected="meta/info.json above it"
+        )
+    info = read_json(root / "meta" / "info.json")
+    with as_written(root / "meta" / "info.json", "LeRobot"):
+        kinds = {key: feature["dtype"] for key, feature in info["features"].items()}
+        pattern, chunk = str(info.get("video_path") or ""), int(info.get("chunks_size") or 1000)
+    keys = _keys(wanted, kinds, root)
+    album = Album(scratch)
+    whole = rec.episode if rec.episode is not None else np.zeros(len(rec.time), np.int64)
+    for key in keys:
+        for episode in dict.fromkeys(whole.tolist()):
+            file, start = _where(root, pattern, key, int(episode), chunk)
+            times = rec.time[whole == episode]
+            for time, image in _decoded(file, times, start):
+                album.add(key.removeprefix(PREFIX), time, image, int(episode))
+    return album.frames(rec, cameras)
+
+
+def _keys(wanted: Sequence[str], kinds: Mapping[str, Any], root: Path) -> list[str]:
+    videos = [key for key, kind in kinds.items() if kind == "video"]
+    if tuple(wanted) == (EVERY,):
+        if not videos:
+            raise UserError("holds no videos", file=root, key="--images")
+        return videos
+    out = []
+    for name in wanted:
+        key = name if name in videos else PREFIX + name
+        if key not in videos:
+            raise UserError("no such video", file=root, key="--images", got=name, choices=videos)
+        out.append(key)
+    return out
+
+
+def _where(root: Path, pattern: str, key: str, episode: int, chunk: int) -> tuple[Path, float]:
+    """The video of an episode, and when in it the episode begins, s."""
+    words: dict[str, Any] = {"video_key": key, "episode_index": episode, "episode_chunk": episode // chunk}
+    start = 0.0
+    if "{file_index" in pattern:
+        row = _episode(root, key, episode)
+        words |= {"chunk_index": int(row["chunk_index"]), "file_index": int(row["file_index"])}
+        start = float(row["from_timestamp"])
+    try:
+        file = root / pattern.format(**words)
+    except (KeyError, ValueError, IndexError) as error:
+        raise UserError("has no usable video_path", file=root / "meta" / "info.json", got=pattern) from error
+    if not file.is_file():
+        raise UserError("no such video", file=file)
+    return file, start
+
+
+def _episode(root: Path, key: str, episode: int) -> dict[str, float]:
+    """What meta/episodes says of an episode's video."""
+    import pyarrow.parquet as pq
+
+    names = ("chunk_index", "file_index", "from_timestamp")
+    for file in sorted((root / "meta" / "episodes").rglob("*.parquet")):
+        with as_written(file, "LeRobot"):
+            table = pq.read_table(file, columns=["episode_index", *(f"videos/{key}/{n}" for n in names)]).to_pydict()
+            if episode in table["episode_index"]:
+                at = table["episode_index"].index(episode)
+                return {n: table[f"videos/{key}/{n}"][at] for n in names}
+    raise UserError("has no such episode", file=root / "meta" / "episodes", got=episode)
+
+
+def _decoded(file: Path, times: np.ndarray, start: float) -> Iterator[tuple[float, np.ndarray]]:
+    """Each time (s, from the episode's beginning) and the picture that the video shows then, (H, W, 3) uint8."""
+    try:
+        import av
+        from av.error import FFmpegError
+    except ImportError as error:
+        raise missing("av", "a video", file=str(file)) from error
+    try:
+        with av.open(str(file)) as video:
+            stream = video.streams.video[0]
+            period = float(1 / stream.average_rate) if stream.average_rate else 0.0
+            waiting = list(enumerate(np.sort(times + start)))
+            order = np.argsort(times, kind="stable")
+            if start > 0 and stream.time_base:
+                video.seek(int(max(0.0, start - 1e-3) / stream.time_base), stream=stream)
+            for frame in video.decode(stream):
+                if not waiting:
+                    break
+                if frame.time is None or frame.time < waiting[0][1] - 0.5 * period:
+                    continue
+                if frame.time <= waiting[0][1] + 0.5 * period + 1e-6:
+                    number, _ = waiting.pop(0)
+                    yield float(times[order[number]]), frame.to_ndarray(format="rgb24")
+                while waiting and waiting[0][1] < frame.time - 0.5 * period:
+                    waiting.pop(0)  # a frame that the video lacks
+    except (FFmpegError, IndexError, ValueError) as error:
+        raise UserError(f"is no video that can be decoded ({error})", file=file) from error

@@ -1,0 +1,88 @@
+"""Pictures on their way into a recording: kept as files at once, so that a long log needs little memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.recordings.frames.camera import RecordedCamera
+from vispeg.recordings.frames.frames import Frames, RecordedFrame
+from vispeg.recordings.frames.png import write_colour, write_steps
+from vispeg.recordings.recording import Recording
+
+DEPTH_UNIT = 1e-3  # m, of a 16-bit depth image; a float one is kept in tenths of it
+
+
+class Album:
+    """Takes pictures as they come and gives the frames of a recording.
+
+    Args:
+        folder: where the files go; it has to be there until the recording is written.
+    """
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+        self.rows: list[tuple[float, str, int, str, Path]] = []
+        self.size: dict[str, tuple[int, int]] = {}
+        self.unit: dict[str, float] = {}
+
+    def add(self, camera: str, time: float, image: np.ndarray, episode: int = 0, unit: float = DEPTH_UNIT) -> None:
+        """A picture: (H, W, 3) uint8 colour, or (H, W) depth in m, 0 or NaN = no reading, kept in steps of `unit` m.
+
+        Raises:
+            UserError: another size than the camera's other pictures have.
+        """
+        size = image.shape[1], image.shape[0]
+        if self.size.setdefault(camera, size) != size:
+            expected = f"{self.size[camera][0]} x {self.size[camera][1]} px, as before"
+            raise UserError(
+                f"pictures of '{camera}' change their size", expected=expected, got=f"{size[0]} x {size[1]}"
+            )
+        file = self.folder / f"{len(self.rows):06d}.png"
+        if image.ndim == 3:
+            write_colour(file, image)
+        else:
+            self.unit.setdefault(camera, unit)
+            write_steps(file, image, self.unit[camera])
+        self.rows.append((time, camera, episode, "rgb" if image.ndim == 3 else "depth", file))
+
+    def frames(self, rec: Recording, cameras: Mapping[str, RecordedCamera]) -> Frames | None:
+        """What came, within the times of a recording's samples; colour and depth of one camera and time are one frame.
+
+        Raises:
+            UserError: pictures of a camera of which nothing, or another size, is stated; none within those times.
+        """
+        known = {}
+        for name, (width, height) in self.size.items():
+            if name not in cameras:
+                expected = "its intrinsics: a CameraInfo topic beside it, or --cameras FILE"
+                raise UserError(f"nothing is known of camera '{name}'", expected=expected, choices=cameras)
+            stated = cameras[name]
+            if (stated.width, stated.height) != (width, height):
+                got = f"{width} x {height}"
+                expected = f"{stated.width} x {stated.height} px"
+                raise UserError(f"pictures of '{name}' have another size than stated", expected=expected, got=got)
+            known[name] = replace(stated, depth_unit=self.unit.get(name, stated.depth_unit))
+        found: dict[tuple[int, float, str], RecordedFrame] = {}
+        for time, name, episode, kind, file in self.rows:
+            one = found.get((episode, time, name), RecordedFrame(time, known[name], episode=episode))
+            found[episode, time, name] = replace(one, **{f"{kind}_source": file})
+        inside = [frame for frame in _order(rec, found.values()) if _covered(rec, frame)]
+        if found and not inside:
+            span = f"{float(rec.time.min()):g} to {float(rec.time.max()):g} s"
+            raise UserError("no picture lies within the times of the samples (another clock?)", expected=span)
+        return Frames(known, tuple(inside), len(found) - len(inside)) if inside else None
+
+
+def _order(rec: Recording, frames: Iterable[RecordedFrame]) -> list[RecordedFrame]:
+    place = {} if rec.episode is None else {number: k for k, number in enumerate(dict.fromkeys(rec.episode.tolist()))}
+    return sorted(frames, key=lambda f: (place.get(f.episode, 0), f.time))
+
+
+def _covered(rec: Recording, frame: RecordedFrame) -> bool:
+    clock = rec.time if rec.episode is None else rec.time[rec.episode == frame.episode]
+    return len(clock) > 0 and float(clock[0]) <= frame.time <= float(clock[-1])
