@@ -1,8 +1,11 @@
 """`vispeg record` and `vispeg motions` of a cell."""
 
+import json
+
 import numpy as np
 import pytest
 
+from vispeg.core import effect as effects
 from vispeg.recordings.cell import WrenchSensor
 from vispeg.recordings.load import load
 from vispeg.task.belief import believed
@@ -65,3 +68,15 @@ def test_motions_lists_and_refuses(vispeg):
     ):
         code, _, error = vispeg("motions", *options)
         assert code == 2 and message in error
+
+
+def test_check_says_what_contact_a_recording_excites(vispeg, tmp_path):
+    for motion in ("press", "free"):
+        vispeg("record", "peg-cell", "--motion", motion, "--rate", "200", "--table", "parquet", "--out", motion)
+    code, out, _ = vispeg("check", "press", "free")
+    assert code == 0 and "contact_friction: nothing slid" in out and "together:" in out
+    code, out, _ = vispeg("check", "press", "free", "--json")
+    press, free = (report["contact"] for report in json.loads(out)["recordings"])
+    assert press["seconds"]["press"] > 5 and press["excited"]["contact_stiffness"] == ""
+    assert free["excited"]["tool_mass"] == "" and free["seconds"]["free"] > 9 and free["peak_force"] < 2
+    assert press["begins_free"] > 1 and set(press["excited"]) <= set(effects.REGISTRY)

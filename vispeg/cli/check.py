@@ -2,6 +2,9 @@
 
 Of frames it says what clock, light, depth and views are like, and which errors of a camera they would tell.
 
+Where a wrench was recorded and the recording says how it is to be read, also what the tool touched, how hard and how
+fast, and which effects of contact that can tell.
+
 Exits 0 when the recordings can be used, whatever it warns about; 2 with one line when one cannot.
 
 Example:
@@ -20,17 +23,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import tyro
 
+from vispeg.api.check_contact import check_contact
 from vispeg.cli import check_frames
 from vispeg.cli.output import Output, Told
 from vispeg.cli.reading import size_of, told
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.recordings.check import SIGNALS, CheckReport, check
+from vispeg.recordings.contact_check import said, together
 from vispeg.recordings.load import load
 from vispeg.recordings.noise import noise_from_repeats, same_motion
 from vispeg.recordings.plot import plot
 from vispeg.recordings.quality import Limits
 from vispeg.recordings.recording import Recording
+from vispeg.recordings.schema import Header
 
 if TYPE_CHECKING:
     from vispeg.report.tables import Sheet
@@ -68,10 +74,10 @@ class Args:
         reports, heads, looked = [], [], []
         for number, path in enumerate(self.recordings, start=1):
             with told(f"reading {path}", size_of(path), self.output.quiet) as share:
-                rec = load(path, lambda _: SIGNALS, share)
+                rec = load(path, _signals, share)
             limits = limits_of(rec)
             with told(f"examining {path}", quiet=self.output.quiet) as share:
-                reports.append(check(rec, limits, share))
+                reports.append(replace(check(rec, limits, share), contact=check_contact(rec)))
             heads.append(head_of(rec))
             looked.append((check_frames.examine(rec, self.output.quiet), rec.cell is not None))
             if folder is not None:
@@ -92,9 +98,17 @@ class Args:
         for report, (seen, stated) in zip(reports, looked, strict=True):
             show(report)
             check_frames.show(seen, stated)
+        touched = [report.contact for report in reports if report.contact is not None]
+        if len(touched) > 1:
+            print("together:", *said(touched[0], together(touched)), sep="\n  ")
         for found in record["repeats"]:
             print(f"repeats of one motion: {', '.join(found['recordings'])}; noise of q", *_short(found["noise_q"]))
         return record
+
+
+def _signals(header: Header) -> tuple[str, ...]:
+    """What is looked at: the wrench only where it is said how to read it."""
+    return (*SIGNALS, "ft") if header.wrench is not None or header.cell is not None else SIGNALS
 
 
 def limits_of(rec: Recording) -> Limits:
@@ -117,7 +131,7 @@ def head_of(rec: Recording) -> Recording:
     """The first rows of a recording, copied, so that the rest can go: as many as repeats need to show their noise."""
     arrays = ("time", "q", "q_cmd", "tau_cmd", "episode")
     cut = {name: value[:HEAD].copy() for name in arrays if (value := getattr(rec, name)) is not None}
-    return replace(rec, tau=None, frames=None, **cut)
+    return replace(rec, tau=None, ft=None, frames=None, **cut)
 
 
 def repeats(recs: list[Recording]) -> list[dict[str, Any]]:
@@ -150,6 +164,8 @@ def show(report: CheckReport) -> None:
     console.print(_motion_table(report))
     console.print()
     console.print(_signal_table(report))
+    for line in said(report.contact) if report.contact is not None else ():
+        console.print(f"  {escape(line)}", soft_wrap=True)
     for line in report.warnings:
         console.print(f"  [yellow]![/yellow] {escape(line)}", soft_wrap=True)
 

@@ -14,12 +14,13 @@ import numpy as np
 from vispeg.core.effect import Effect, effect
 from vispeg.core.errors import UserError
 from vispeg.identify.channels import Channel, Item, shows
+from vispeg.identify.contact import Contact, contact_of
 from vispeg.identify.load import load_noise, unsigned, with_gains
 from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel, load
 from vispeg.sim.rollout import Response, simulate
-from vispeg.sim.segment import segments
+from vispeg.sim.segment import EXTERNAL, segments
 from vispeg.sim.shares import processes, shared
 from vispeg.worlds.world import World
 
@@ -46,7 +47,8 @@ class Evidence:
         self.recordings, self.nthread = list(recordings), nthread
         servo = all(rec.control.mode == "servo" for rec in recordings)
         self.h_max = max(h_max, SERVO_STEP) if servo else h_max
-        self.items = [item for rec in recordings for item in _items(rec)]
+        touched = [(rec, contact_of(rec, robot_of(rec))) for rec in recordings]
+        self.items = [item for rec, contact in touched for item in _items(rec, contact)]
         groups: dict[tuple, list[int]] = {}
         for i, item in enumerate(self.items):
             c = item.recording.control
@@ -54,6 +56,7 @@ class Evidence:
             groups.setdefault(key, []).append(i)
         self.groups = list(groups.values())
         self.notes = [_windows(rec) for rec in recordings if rec.chosen]
+        self.notes += [contact.said(rec.name) for rec, contact in touched if contact is not None]
         self.floor_from = "stated noise" if all("q" in r.noise for r in recordings) else "estimated"
         self._recent: list[tuple[tuple[World, ...], list[np.ndarray]]] = []
         self.rollouts = 0.0  # simulated seconds, for the record
@@ -215,7 +218,7 @@ def _every(rec: Recording) -> int:
     return max(1, round(rec.rate_hz / SAMPLES_HZ)) if rec.chosen else 1
 
 
-def _items(rec: Recording) -> list[Item]:
+def _items(rec: Recording, contact: Contact | None) -> list[Item]:
     robot, noise = robot_of(rec), noise_of(rec)
     out = []
     settle = SETTLE if rec.control.mode in ("position", "servo") else OBSERVED
@@ -225,6 +228,11 @@ def _items(rec: Recording) -> list[Item]:
         thin = slice(None, None, _every(rec))
         segment = replace(segment, time=segment.time[thin], rows=segment.rows[thin])
         late = (segment.time >= settle)[:, None]
+        if contact is not None:
+            late &= contact.free[segment.rows][:, None]
+            grid = np.arange(segment.ticks) * segment.tick
+            torque = contact.torque[segment.rows].T
+            segment.known[EXTERNAL] = np.stack([np.interp(grid, segment.time, joint) for joint in torque], axis=1)
         q, kind = rec.q[segment.rows], "servo" if rec.control.mode == "servo" else "angle"
         channels = [Channel(kind, q, np.hypot(noise["q"], MODEL_SIGMA), np.isfinite(q) & late)]
         if rec.tau is not None and rec.torque_sensor != "none":
@@ -233,7 +241,11 @@ def _items(rec: Recording) -> list[Item]:
         if rec.load is not None and kind == "servo":
             load = rec.load[segment.rows]
             channels.append(Channel("load", load, load_noise(rec.load), np.isfinite(load) & late))
-        out.append(Item(rec, segment, robot, tuple(channels)))
+        if channels[0].valid.any():
+            out.append(Item(rec, segment, robot, tuple(channels)))
+    if not out and contact is not None:
+        what = "the tool touches something all the time: nothing of the joints can be compared"
+        raise UserError(what, file=rec.path, expected="a second or more in free air")
     if not out:
         raise UserError(f"too short to compare: every episode lasts under {2 * settle} s", file=rec.path)
     return out

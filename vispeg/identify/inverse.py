@@ -15,6 +15,7 @@ from mujoco import batch as mjb
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.identify.channels import Channel, Item
+from vispeg.identify.contact import Contact, contact_of
 from vispeg.identify.evidence import Evidence, robot_of
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.noise import highpass_sigma
@@ -51,7 +52,9 @@ class TorqueEvidence(Evidence):
         # one weight for all joints: what the rigid model lacks exceeds sensor noise by far, newton metres count alike
         sigma, self._floors = np.full_like(noise, np.sqrt(np.mean(noise**2))), noise
         self.notes += [rec.chosen.said(rec.name) for rec in recordings if rec.chosen]
-        self.items = [item for rec in recordings for item in _items(rec, sigma)]
+        touched = [(rec, contact_of(rec, robot_of(rec))) for rec in recordings]
+        self.notes += [contact.said(rec.name) for rec, contact in touched if contact is not None]
+        self.items = [item for rec, contact in touched for item in _items(rec, sigma, contact)]
         self._ddq = [i.segment.known["ddq"] for i in self.items]
         self._rigid: dict[tuple[int, str], tuple[np.ndarray, np.ndarray]] = {}
 
@@ -127,7 +130,7 @@ def evidence_for(world: World, recordings: Sequence[Recording], nthread: int = 1
     return Evidence(recordings, h_max=h_max, nthread=nthread)
 
 
-def _items(rec: Recording, sigma: np.ndarray) -> list[Item]:
+def _items(rec: Recording, sigma: np.ndarray, contact: Contact | None) -> list[Item]:
     """One item an episode, each differentiated on its own.
 
     Raises:
@@ -141,14 +144,15 @@ def _items(rec: Recording, sigma: np.ndarray) -> list[Item]:
         expected = "joint or motor, with tau columns, or a controller"
         raise UserError(f"the controller is unknown and {why}", file=header, key=key, expected=expected)
     number = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
-    found = [_item(rec, rec.tau, np.flatnonzero(number == n), sigma) for n in np.unique(number)]
+    free = np.ones(len(rec.time), bool) if contact is None else contact.free
+    found = [_item(rec, rec.tau, np.flatnonzero(number == n), sigma, free) for n in np.unique(number)]
     found = [item for item in found if item.valid.any()]
     if not found:
         raise UserError(f"too short to compare: every episode lasts under {2 * ENDS:g} s", file=rec.path)
     return found
 
 
-def _item(rec: Recording, tau: np.ndarray, rows: np.ndarray, sigma: np.ndarray) -> Item:
+def _item(rec: Recording, tau: np.ndarray, rows: np.ndarray, sigma: np.ndarray, free: np.ndarray) -> Item:
     robot, time = robot_of(rec), rec.time[rows] - rec.time[rows[0]]
     thin = slice(None, None, max(1, round(rec.rate_hz / SAMPLES_HZ)))
     q, dq, ddq = (v[thin] for v in smooth(time, rec.q[rows], MOTION_HZ))
@@ -158,7 +162,7 @@ def _item(rec: Recording, tau: np.ndarray, rows: np.ndarray, sigma: np.ndarray) 
     segment = Segment(control, 1.0 / rec.rate_hz, {}, q, dq, raw, time, rows[thin])
     segment.known["ddq"] = ddq
     inside = (time >= ENDS) & (time <= time[-1] - ENDS)
-    valid = np.isfinite(tau) & inside[:, None]
+    valid = np.isfinite(tau) & (inside & free[rows][thin])[:, None]
     return Item(rec, segment, robot, (Channel("needed", tau, sigma, valid),))
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from vispeg.recordings.contact_check import ContactCheck
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.excitation import Excitation, excitation
 from vispeg.recordings.noise import highpass_sigma
@@ -63,7 +64,7 @@ class JointCheck:
 
 @dataclass(frozen=True)
 class CheckReport:
-    """What `check` found; `warnings` are sentences for a person."""
+    """What `check` found; `warnings` are sentences for a person, `contact` is None where nothing is known of it."""
 
     recording: str
     robot: str
@@ -73,6 +74,7 @@ class CheckReport:
     timing: Timing
     joints: tuple[JointCheck, ...]
     warnings: tuple[str, ...]
+    contact: ContactCheck | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Plain data for JSON; what is not finite becomes None."""

@@ -78,10 +78,11 @@ def load(
 
 
 def needed(header: Header) -> tuple[str, ...]:
-    """What a recording with this header is compared by: torque where it says what it measures, and commands."""
+    """What a recording with this header is compared by: torque and wrench where it says what they are, and commands."""
     torque = ("tau",) if header.torque_sensor != "none" else ()
     rates = {"position": ("dq_cmd",), "osc": ("dq",), "servo": ("load",)}.get(header.control.mode, ())
-    return (*NEEDED[header.control.mode], *rates, *torque)
+    wrench = ("ft",) if header.wrench is not None else ()
+    return (*NEEDED[header.control.mode], *rates, *torque, *wrench)
 
 
 def _reading(joints: list[str], keep: Collection[str] | None, told: Callable[[float], None]) -> Reading:

@@ -16,7 +16,7 @@ from vispeg.sim.observer import Observer
 from vispeg.sim.plant import Plant
 from vispeg.sim.quiet import quiet
 from vispeg.sim.rows import Rows
-from vispeg.sim.segment import Segment
+from vispeg.sim.segment import EXTERNAL, Segment
 from vispeg.sim.servo import Servos, stable_step
 from vispeg.worlds.world import World
 
@@ -115,6 +115,9 @@ class _Run:
         self.reference = self.rows.by_tick(lambda s: s.q), self.rows.by_tick(lambda s: s.dq)
         self.controller = Controller(robot, self.rows, self.nominal, self.reference[0], along)
         self.inertia = self.rows.constant(lambda s: once(s, robot, apparent_inertia), len(robot.joints))
+        self.external = None  # N m by tick, where something pushes the arm
+        if any(EXTERNAL in s.known for s in segments):
+            self.external = self.rows.by_tick(lambda s: s.known.get(EXTERNAL, np.zeros_like(s.q)))
         self.observer = None
         if observer and self.controller.mode in ("torque", "passive", "unknown"):
             self.observer = Observer(robot, self.rows, self.reference, self.inertia)
@@ -138,6 +141,7 @@ class _Run:
                 q, dq = noise.add(q, dq)
             command = self.controller.command(k, q, dq)
             hold = 0.0 if self.observer is None else self.observer.torque(k, q, dq)
+            hold = hold if self.external is None else hold + self.external[k]
             for sub in range(self.nsub):
                 if sub:
                     plant.read()

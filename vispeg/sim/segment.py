@@ -11,6 +11,7 @@ from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Control, Recording
 from vispeg.sim.start import start_state
 
+EXTERNAL = "external"  # in `Segment.known`: (n, nj) N m that act on the links from outside, on the control grid
 START_HZ = 20.0  # bandwidth of the motion that gives a closed loop its start state
 SERVO_TICK = 2.5e-3  # s, at most, between the instants at which a new goal may reach a servo
 HELD_HZ = 40.0  # of the motion that an observer holds a rollout to: its corners must not be rounded

@@ -200,7 +200,7 @@ def touch_datum(place: Place) -> Path:
 def mix(place: Place) -> Path:
     """A little of each: free air, a press, a slide, an insertion, a tap."""
     path, r = place.begin(0.06), place.aside
-    for turn in ((0.4, 0, 0), (0, 0.4, 0), (0, 0, 0)):
+    for turn in ((0.45, 0, 0), (0, 0.45, 0), (0, 0, 0)):
         path.to(0.7, turn=turn)
     _down(path, r, 0.0, 5.0)
     path.to(0.7, force=(0, 0, -place.vary(22.0))).to(0.2).to(0.4, force=(0, 0, -10.0))

@@ -1,0 +1,90 @@
+"""An arm that touches: a nominal one is adequate, and what its joints hide is still seen."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vispeg.api.record_cell import record_in_cell
+from vispeg.core.effect import EffectInstance
+from vispeg.core.errors import UserError
+from vispeg.diagnosis.run import diagnose
+from vispeg.identify.contact import AFTER, BEFORE, contact_of
+from vispeg.identify.evidence import Evidence, robot_of
+from vispeg.identify.inverse import TorqueEvidence
+from vispeg.recordings.recording import Control
+from vispeg.task.rig.record import NOISE
+from vispeg.worlds.model_file import load_model
+from vispeg.worlds.world import World
+
+CELL = load_model("peg-cell")
+FRICTION = EffectInstance.of("coulomb_friction", "joint4", torque=1.0)
+ARM = World("iiwa14")
+
+
+def pressed(seed, *effects, motion="press"):
+    return record_in_cell(CELL.add(*effects), motion, NOISE, seed=seed, label=f"{motion}-{seed}")
+
+
+@pytest.fixture(scope="module")
+def nominal():
+    return pressed(1)
+
+
+def times_floor(evidence, *effects):
+    return evidence.angle_rms(evidence.residuals([World(effects=effects)])[0]) / evidence.floor
+
+
+def test_a_nominal_arm_that_presses_its_peg_is_adequate(nominal):
+    """Without the measured force in the model, the same recording is hundreds of floors away."""
+    evidence = Evidence([nominal])
+    assert times_floor(evidence) < 1.2
+    assert np.sum(evidence.residuals([ARM])[0] ** 2) / evidence.count < 1.3
+    assert any("the tool touches" in note and "left out" in note for note in evidence.notes)
+    assert times_floor(Evidence([replace(nominal, wrench=None)])) > 100
+
+
+def test_an_arm_that_touches_still_shows_its_friction():
+    evidence = Evidence([pressed(1, FRICTION)])
+    assert times_floor(evidence) > 20 * times_floor(evidence, FRICTION)
+    assert times_floor(evidence, FRICTION) < 1.5
+
+
+def test_an_arm_in_free_air_is_compared_as_without_a_sensor():
+    rec = pressed(0, motion="free")
+    assert contact_of(rec, robot_of(rec)) is None
+    with_sensor, without = (Evidence([r]).residuals([ARM])[0] for r in (rec, replace(rec, wrench=None)))
+    assert np.array_equal(with_sensor, without)
+
+
+def test_what_is_left_out_is_the_contact_and_a_margin(nominal):
+    found = contact_of(nominal, robot_of(nominal))
+    acts = np.abs(found.torque).max(axis=1) > 0
+    assert found.free[nominal.time < 1.0].all() and not found.free[acts].any()
+    out, on = nominal.time[~found.free], nominal.time[acts]
+    near = np.abs(out[:, None] - on[None, :: max(1, len(on) // 2000)]).min(axis=1)
+    assert near.max() <= max(AFTER, BEFORE) + 0.02
+    assert 0.3 < found.free.mean() < 0.9
+
+
+def test_torques_by_inverse_dynamics_leave_contact_out_too(nominal):
+    unknown = replace(nominal, control=Control("unknown", 500.0), ee_cmd=None)
+    seen, blind = TorqueEvidence([unknown]), TorqueEvidence([replace(unknown, wrench=None)])
+    errors = [np.sum(e.residuals([ARM])[0] ** 2) / e.count for e in (seen, blind)]
+    assert errors[0] < 0.2 * errors[1]
+    assert seen.items[0].valid.sum() < blind.items[0].valid.sum()
+
+
+def test_an_arm_that_touches_all_the_time_is_refused(nominal):
+    """Half a second in the air, then pressed for good: nothing of the joints can be told, and that is said."""
+    rows = (nominal.time < 0.5) | ((nominal.time > 2.6) & (nominal.time < 4.2))
+    cut = {k: getattr(nominal, k)[rows] for k in ("q", "dq", "tau", "ee", "ee_cmd", "ft")}
+    cut["ft"] = cut["ft"] + np.where(np.arange(rows.sum())[:, None] > 250, [0, 0, -20.0, 0, 0, 0], 0.0)
+    with pytest.raises(UserError, match="touches something all the time"):
+        Evidence([replace(nominal, time=np.arange(rows.sum()) / 500.0, **cut)])
+
+
+@pytest.mark.slow
+def test_the_diagnosis_of_a_nominal_arm_in_contact_names_nothing():
+    record = diagnose(ARM, [pressed(1), pressed(2)], [pressed(3)], seed=0).record
+    assert record["verdict"] == "adequate" and record["effects"] == []

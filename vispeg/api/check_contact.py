@@ -1,0 +1,43 @@
+"""What recordings show of contact, for `vispeg check`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.control.laws import rotated
+from vispeg.core.errors import UserError
+from vispeg.recordings.contact_check import ContactCheck, Touched, examine
+from vispeg.recordings.recording import Recording
+from vispeg.robots.model import RobotModel, load
+from vispeg.robots.scene import Scene
+from vispeg.sim.touch import touch
+from vispeg.task.belief import believed
+
+
+def check_contact(rec: Recording) -> ContactCheck | None:
+    """What a recording with a wrench shows of contact; None without a wrench, or where nothing says how to read it.
+
+    Raises:
+        UserError: a cell, robot or tool that cannot be built.
+    """
+    if rec.ft is None or (rec.wrench is None and rec.cell is None):
+        return None
+    header = rec.path / "recording.yaml"
+    try:
+        robot: RobotModel = (
+            load(rec.robot, tool=rec.tool, base_tilt=rec.base_tilt)
+            if rec.cell is None
+            else believed(rec.cell, header).scene
+        )
+    except UserError as error:
+        raise UserError(str(error), file=header) from error
+    found = touch(rec, robot)
+    if found is None:
+        return None
+    quat = found.flange[:, 3:]
+    axis, side = (rotated(quat, np.tile(e, (len(quat), 1))) for e in ([0.0, 0.0, 1.0], [1.0, 0.0, 0.0]))
+    episode = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
+    tilt = np.arccos(np.clip(axis @ axis[0], -1.0, 1.0))
+    yaw = np.unwrap(np.arctan2(side[:, 1], side[:, 0]))
+    hole = isinstance(robot, Scene)
+    return examine(Touched(rec.time, episode, found.regime, found.force, found.velocity, tilt, yaw, hole))

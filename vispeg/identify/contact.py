@@ -1,0 +1,78 @@
+"""Evidence of joints where the tool touches: the measured contact acts in the model too, and nothing is judged there.
+
+The wrench at the wrist tells what the surroundings exert on the tool (`vispeg.sim.touch`). Through the Jacobian along
+the measured motion, `J' W`, it becomes joint torques that act on a simulated arm as they did on the real one, so that
+its motion afterwards is the real one's. While the tool touches, the sensor's error would enter: those samples, and what
+follows until the null space has forgotten, are left out. An arm in free air is compared as if there were no sensor, bit
+for bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vispeg.recordings.recording import Recording
+from vispeg.recordings.regimes import Thresholds
+from vispeg.robots.model import RobotModel
+from vispeg.sim.compiled import nominal_of
+from vispeg.sim.touch import touch
+
+BEFORE, AFTER = 0.03, 0.5  # s about a contact in which no sample is compared
+LIGHT = Thresholds(touch=1.0)  # N: what is not taken off moves an arm under soft control
+GRAZE = 0.1  # s after a contact in which less than what counts as a touch acts, too
+ROWS = 4096  # samples whose Jacobians are worked out at a time
+
+
+@dataclass(frozen=True)
+class Contact:
+    """What a recorded arm touched, for its joints.
+
+    Attributes:
+        free: (n,) bool, samples that can be compared.
+        torque: (n, nj) N m, of the contact on the joints; 0 in free air.
+    """
+
+    free: np.ndarray
+    torque: np.ndarray
+
+    def said(self, name: str) -> str:
+        """A note for the user."""
+        share = f"{100 * float(np.mean(~self.free)):.0f} % of the samples are left out"
+        return f"{name}: the tool touches; {share}, and the measured contact force acts on the model's arm there"
+
+
+def contact_of(rec: Recording, robot: RobotModel) -> Contact | None:
+    """What the recorded arm touched; None where it touched nothing, or where nothing is said of its force sensor.
+
+    Args:
+        rec: with `ft`, and `wrench` that says how it is to be read.
+        robot: the nominal arm with its declared tool.
+    """
+    seen = touch(rec, robot, LIGHT) if rec.ft is not None and rec.wrench is not None else None
+    if seen is None or not seen.touching.any():
+        return None
+    episode = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
+    free, acts = np.ones(len(rec.time), bool), np.zeros(len(rec.time), bool)
+    for number in np.unique(episode):
+        rows = np.flatnonzero(episode == number)
+        free[rows] = ~_widened(rec.time[rows], seen.touching[rows], AFTER)
+        acts[rows] = _widened(rec.time[rows], seen.touching[rows], GRAZE)
+    wrench, torque = np.nan_to_num(seen.contact), np.zeros(rec.q.shape)
+    some = np.flatnonzero(acts)
+    for start in range(0, len(some), ROWS):
+        rows = some[start : start + ROWS]
+        jac = nominal_of(robot, len(rows)).operational(np.nan_to_num(rec.q[rows]))[1]
+        torque[rows] = np.einsum("nij,ni->nj", jac, wrench[rows])
+    return Contact(free, torque)
+
+
+def _widened(time: np.ndarray, on: np.ndarray, longer: float) -> np.ndarray:
+    """(n,) bool: within `BEFORE` before, or `longer` after, a sample that is on."""
+    index = np.where(on, np.arange(len(on)), -1)
+    last = np.maximum.accumulate(index)
+    after = (last >= 0) & (time - time[last] <= longer)
+    ahead = np.where(on, np.arange(len(on)), len(on))[::-1]
+    following = np.minimum(np.minimum.accumulate(ahead)[::-1], len(on) - 1)
+    return after | (on[following] & (time[following] - time <= BEFORE))
