@@ -17,7 +17,7 @@ def page_of(chromium):
     """Opens an app in a window; no request may leave the machine, and no script may fail."""
     requests, errors, windows = [], [], []
 
-    def look(app, width=1440, height=1400):
+    def look(app, width=1000, height=560):
         window = chromium.new_page(viewport={"width": width, "height": height})
         window.set_default_timeout(SLOW)
         window.on("request", lambda request: requests.append(request.url))
@@ -73,3 +73,59 @@ def test_another_site_cannot_talk_to_the_page(app):
         client.connect(where, origin="https://elsewhere.example", subprotocols=[protocol])
     client.connect(where, origin=app.url, subprotocols=[protocol]).close()
     assert app.server.get_host() == "127.0.0.1"
+
+
+def test_a_log_is_dropped_and_becomes_a_recording(rigs, page_of, tmp_path):
+    import numpy as np
+
+    from vispeg.recordings.load import load
+
+    rec = load(rigs / "rig-a")
+    table = np.column_stack([1e3 * rec.time, np.degrees(rec.q)])
+    named = "t_ms,shoulder_pos_deg,el<b>bow</b>_pos_deg"
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=named, comments="", fmt="%.9g")
+    app = App(opened([str(rigs / "arm.xml")]), tmp_path / "out", port=8330, threads=1)
+    try:
+        page = page_of(app)
+        page.get_by_text("Import", exact=True).click()
+        with page.expect_file_chooser() as chooser:
+            page.get_by_role("button", name="Drop a log").click()
+        chooser.value.set_files(tmp_path / "log.csv")
+        page.wait_for_selector("[data-look]")
+        assert "600 samples of 2 joints at 200 Hz" in page.locator("[data-look]").inner_text()
+        assert "el<b>bow</b>" in page.inner_text("body")  # of the column's name
+        page.get_by_role("button", name="Confirm and write").click()
+        page.wait_for_selector("text=Compare the model with the recordings")  # the page of diagnoses offers it
+        page.wait_for_function("document.body.innerText.includes('log')")
+    finally:
+        app.close()
+    assert np.allclose(load(tmp_path / "out" / "recordings" / "log").q, rec.q, atol=1e-7)
+
+
+def test_a_world_s_range_is_moved_and_a_policy_plays_in_two_worlds(page_of, tmp_path):
+    from vispeg.task.world_file import load_world
+
+    app = App(opened(["searching"]), tmp_path / "out", port=8360, threads=1)
+    try:
+        page = page_of(app)
+        page.wait_for_selector("[data-drawn]")
+        world = next(p for p in app.pages if p.title == "Worlds")
+        r, slider = world.sliders[0]
+        page.get_by_text("Ranges", exact=True)
+        slider.value = (r.low, (r.low + r.high) / 2)
+        page.get_by_role("button", name="Write the world file").click()
+        page.wait_for_selector("text=is written")
+        saved = {(e.effect, e.where): e for e in load_world(tmp_path / "out" / "worlds" / "mine.yaml").world.ranges}
+        assert saved[r.effect, r.where].params[r.param].high == pytest.approx((r.low + r.high) / 2, rel=1e-6)
+
+        page.get_by_text("Policies", exact=True).click()
+        policies = next(p for p in app.pages if p.title == "Policies")
+        policies.beside.value = "nominal"
+        page.get_by_role("button", name="Play the episode").click()
+        page.wait_for_selector("[data-episode] h2 >> nth=1")
+        page.get_by_role("button", name="One step on").click()
+        page.wait_for_selector("text=0.16 s, force")
+        assert page.locator("[data-episode] h2").all_inner_texts() == ["searching", "nominal"]
+        assert "vispeg evaluate expert" in page.content()
+    finally:
+        app.close()

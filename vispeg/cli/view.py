@@ -5,7 +5,9 @@ works out is kept in OUT, so that a page that was stopped goes on where it stood
 
 Example:
     vispeg view rig-a rig-b rig-c
-    vispeg view assets/recordings --model arm.urdf
+    vispeg view rig-a rig-b rig-c --model arm.urdf
+    vispeg view log.csv
+    vispeg view depth-S randomized
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ class Args:
     """Arguments of `vispeg view`."""
 
     sources: tyro.conf.Positional[tuple[str, ...]] = ()
-    """Recordings, folders of recordings, logs, or a model file."""
+    """Recordings, folders of them, logs, a model, a world, or a policy; none opens an empty page."""
     model: str | None = None
     """A model file, a robot's name, or a path to an MJCF or URDF; iiwa14 where none is named."""
     out: Path = Path("vispeg-view")

@@ -11,9 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from vispeg.view import html
+from vispeg.view.import_page import ImportPage
 from vispeg.view.opened import Opened
 from vispeg.view.place import Page, Place
+from vispeg.view.policy_page import PolicyPage
 from vispeg.view.study_page import StudyPage
+from vispeg.view.world_page import WorldPage
 
 HOST = "127.0.0.1"
 OURS = re.compile(r"https?://(127\.0\.0\.1|localhost|\[::1\])(:\d+)?")
@@ -41,13 +44,33 @@ class App:
         gui.main_panel.dock_right()
         gui.main_panel.set_width(400)
         gui.add_html(html.style())
-        self.server.scene.add_grid("/floor", 4.0, 4.0, cell_size=0.1, section_size=1.0)
         camera = self.server.initial_camera
         camera.position, camera.look_at = (1.7, -1.5, 1.1), (0.1, 0.0, 0.55)
         place = Place(self.server, out, threads)
+        titles = [kind.title for kind in (ImportPage, StudyPage, WorldPage, PolicyPage)]
+        self.chooser = gui.add_button_group("Page", titles)
+        self.chooser.on_click(lambda _: self.show(str(self.chooser.value)))
         self.dark = gui.add_checkbox("Dark", initial_value=dark)
         self.dark.on_update(lambda _: self._themed())
-        self.pages: list[Page] = [StudyPage(place, opened.model, list(opened.recordings))]
+        self.study = StudyPage(place, opened.model, list(opened.recordings))
+        self.pages: list[Page] = [
+            ImportPage(place, opened.logs, opened.model, self._recorded),
+            self.study,
+            WorldPage(place, opened.world),
+            PolicyPage(place, opened.policy, opened.world),
+        ]
+        self.show(opened.page)
+
+    def show(self, title: str) -> None:
+        """Turns to a page."""
+        self.server.gui.set_panel_label(f"vispeg · {title}")
+        for page in self.pages:
+            page.show(page.title == title)
+
+    def _recorded(self, folder: Path) -> None:
+        """A log has become a recording: the page of diagnoses offers it."""
+        self.study.add(folder)
+        self.show(self.study.title)
 
     def close(self) -> None:
         """Ends the workers and the server."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -68,16 +69,15 @@ class Drawing:
             )
         self.pose(model.qpos0)
 
-    def pose(self, qpos: np.ndarray) -> None:
-        """Moves it to the configuration (nq,)."""
+    def pose(self, qpos: np.ndarray, bodies: Mapping[str, np.ndarray] | None = None) -> None:
+        """Moves it to the configuration (nq,), with bodies placed in their parents as a Snapshot says."""
+        for name, place in (bodies or {}).items():
+            body = self.model.body(name).id
+            self.model.body_pos[body], self.model.body_quat[body] = place[:3], place[3:]
         self.data.qpos[:] = np.nan_to_num(qpos)
         mujoco.mj_kinematics(self.model, self.data)
-        self.place(self.data.xpos, self.data.xquat)
-
-    def place(self, xpos: np.ndarray, xquat: np.ndarray) -> None:
-        """Moves its bodies to the positions (nbody, 3) and orientations (nbody, 4)."""
         for body, frame in self.frames.items():
-            frame.position, frame.wxyz = xpos[body].copy(), xquat[body].copy()
+            frame.position, frame.wxyz = self.data.xpos[body].copy(), self.data.xquat[body].copy()
 
     def show(self, visible: bool) -> None:
         """Whether it can be seen."""

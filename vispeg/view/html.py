@@ -15,6 +15,9 @@ from vispeg.view.standing import Field, Standing, Tried
 if TYPE_CHECKING:
     from jinja2 import Environment
 
+    from vispeg.view.episode import Moment
+    from vispeg.view.importing import Look, Proposed
+
 
 @cache
 def _templates() -> Environment:
@@ -112,3 +115,33 @@ def tried(trials: list[Tried], said: list[str], unit: str) -> str:
         text = f"{plain(factor * t.before)} to {plain(factor * t.after)} {name}"
         rows.append((t.words, t.size, text, t.refused))
     return _page("tried", rows=rows, said=said)
+
+
+def episode(sides: list[tuple[str, Moment, str]]) -> str:
+    """One moment of an episode in each world, with how it ends there."""
+    rows = []
+    for world, moment, ends in sides:
+        force = plain(float(np.linalg.norm(moment.force)), 2)
+        estimate = "" if moment.estimate is None else _three(moment.estimate)
+        row = {"world": world, "time": f"{moment.time:.2f}", "force": force, "offset": _three(moment.offset)}
+        rows.append({**row, "estimate": estimate, "outcome": moment.outcome, "ends": "" if moment.outcome else ends})
+    return _page("episode", sides=rows)
+
+
+def _three(values: np.ndarray) -> str:
+    return ", ".join(f"{v:+.1f}" for v in values)
+
+
+def columns(proposed: Proposed) -> str:
+    """What the columns of a log are taken for, and why."""
+    return _page("columns", lines=proposed.lines, remarks=proposed.remarks)
+
+
+def doubts(look: Look) -> str:
+    """What the units that are chosen make impossible."""
+    return _page("doubts", samples=look.samples, joints=len(look.joints), rate=f"{look.rate_hz:g}", doubts=look.doubts)
+
+
+def drawn(values: list[tuple[str, str]]) -> str:
+    """What an episode of a world drew."""
+    return _page("drawn", values=values)

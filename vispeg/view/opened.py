@@ -7,8 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vispeg.core.errors import UserError
+from vispeg.learn.shipped import names
+from vispeg.task.world_file import is_world
 
 TABLES = (".csv", ".gz", ".parquet", ".npz", ".mcap", ".bag", ".db3")
+
+EXPECTED = "a recording, a folder of some, a log, a model, a world, or a policy"
 
 
 @dataclass(frozen=True)
@@ -19,11 +23,22 @@ class Opened:
         recordings: folders.
         model: as `vispeg diagnose` takes it.
         logs: files that are no recordings yet.
+        world: a world's name or file; "" where none was named.
+        policy: a policy's name or folder; "" likewise.
     """
 
     recordings: tuple[Path, ...] = ()
     model: str = "iiwa14"
     logs: tuple[Path, ...] = ()
+    world: str = ""
+    policy: str = ""
+
+    @property
+    def page(self) -> str:
+        """The page that what was named is seen on."""
+        if self.recordings or not (self.logs or self.world or self.policy):
+            return "Diagnose"
+        return "Policies" if self.policy else "Worlds" if self.world else "Import"
 
 
 def opened(sources: Sequence[str]) -> Opened:
@@ -34,12 +49,22 @@ def opened(sources: Sequence[str]) -> Opened:
     """
     recordings: list[Path] = []
     logs: list[Path] = []
-    model = "iiwa14"
+    model, world, policy = "iiwa14", "", ""
     for text in sources:
         path = Path(text)
-        if not path.exists():
-            raise UserError("is not there", file=text, expected="a recording, a folder of some, a log, or a model")
-        if (path / "recording.yaml").is_file():
+        if not path.exists() and text in names():
+            policy = text
+        elif not path.is_dir() and _is_world(text):
+            world = text
+        elif not path.exists():
+            raise UserError(
+                "is not there",
+                file=text,
+                expected=EXPECTED,
+            )
+        elif (path / "policy.json").is_file():
+            policy = text
+        elif (path / "recording.yaml").is_file():
             recordings.append(path)
         elif path.is_dir() and (inside := _recordings(path)):
             recordings += inside
@@ -50,9 +75,15 @@ def opened(sources: Sequence[str]) -> Opened:
         elif path.suffix.lower() in TABLES or path.is_dir() and (path / "metadata.yaml").is_file():
             logs.append(path)
         else:
-            raise UserError("is nothing that can be shown", file=text, expected="a recording, a log, or a model")
-    return Opened(tuple(dict.fromkeys(recordings)), model, tuple(logs))
+            raise UserError("is nothing that can be shown", file=text, expected=EXPECTED)
+    return Opened(tuple(dict.fromkeys(recordings)), model, tuple(logs), world, policy)
 
 
 def _recordings(folder: Path) -> list[Path]:
     return sorted(child for child in folder.iterdir() if (child / "recording.yaml").is_file())
+
+
+def _is_world(text: str) -> bool:
+    """Whether a built-in world has this name, or a file that is there says that it is a world."""
+    yaml = Path(text).suffix.lower() in (".yaml", ".yml")
+    return is_world(text) if Path(text).is_file() or not yaml else False

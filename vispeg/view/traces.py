@@ -25,9 +25,11 @@ class Traces:
     def __init__(self, place: Place):
         gui = place.gui
         self.place, self.standing, self.playing = place, None, False
+        self.visible = True
         self.arm: Drawing | None = None
         self.ghost: Drawing | None = None
         self.at = 0, 0
+        self.ground = place.server.scene.add_grid("/floor", width=4.0, height=4.0, cell_size=0.1, section_size=1.0)
         self.joint = gui.add_dropdown("Joint", ("joint",))
         self.track = gui.add_dropdown("Recording", ("none",))
         self.values: Any = None
@@ -69,7 +71,8 @@ class Traces:
 
     def show(self, visible: bool) -> None:
         """Whether the arm can be seen."""
-        self.playing = self.playing and visible
+        self.visible, self.playing = visible, self.playing and visible
+        self.ground.visible = visible
         for drawing in (self.arm, self.ghost):
             if drawing is not None:
                 drawing.show(visible)
@@ -126,6 +129,7 @@ class Traces:
         scene = self.place.server.scene
         self.arm = Drawing(scene, "/arm", model)
         self.ghost = Drawing(scene, "/model", model, Look(GHOST, 0.35))
+        self.show(self.visible)
 
     def _track(self) -> Track:
         assert self.standing is not None

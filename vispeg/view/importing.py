@@ -1,0 +1,123 @@
+"""A log becomes a recording, in a worker process: a proposal, a look at what it means, the folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from vispeg.core.errors import UserError
+from vispeg.core.files import write_text_atomic
+from vispeg.recordings.columns import SIGNALS
+from vispeg.recordings.importers.guess.source import guess
+from vispeg.recordings.importers.guess.words import advice, data
+from vispeg.recordings.importers.mapping import FACTORS, ColumnMap, map_from, read_map
+from vispeg.recordings.importers.npz import import_npz
+from vispeg.recordings.importers.plausible import doubts
+from vispeg.recordings.importers.rosbag import Topics, import_rosbag
+from vispeg.recordings.importers.table import import_table
+from vispeg.recordings.quality import Limits
+from vispeg.recordings.recording import Recording
+from vispeg.recordings.write import write
+from vispeg.robots.model import load
+
+TABLES = (".csv", ".csv.gz", ".parquet")
+MOST = 2000  # samples of the look
+
+
+@dataclass(frozen=True)
+class Proposed:
+    """A map to be confirmed.
+
+    Attributes:
+        lines: (target, column, unit, reason) of each column; none for a file that names its signals itself.
+        units: signal -> its unit, of those whose unit can be chosen.
+        data: the map as plain data, as a map file holds it.
+        remarks: what a person should look at, and what would buy more.
+    """
+
+    lines: tuple[tuple[str, str, str, str], ...]
+    units: Mapping[str, str]
+    data: Mapping[str, Any]
+    remarks: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Look:
+    """What a map makes of a log: time (n,) s, signals (n, nj) in SI units, and what cannot be true of them."""
+
+    time: np.ndarray
+    joints: tuple[str, ...]
+    signals: Mapping[str, np.ndarray]
+    rate_hz: float
+    samples: int
+    doubts: tuple[str, ...]
+
+
+class Importer:
+    """What the page's worker holds; `tell` is told "proposed" (Proposed) and "look" (Look)."""
+
+    def __init__(self, tell: Callable[[str, Any], None]):
+        self.tell = tell
+
+    def propose(self, source: Path, robot: str) -> None:
+        """Proposes a map, and looks at what it makes of the log.
+
+        Raises:
+            UserError: no such file or robot, or no column that can be the time or the angles.
+        """
+        if not source.exists():
+            raise UserError("does not exist", file=source)
+        self.tell("say", f"reading {source.name}")
+        found = Proposed((), {}, {}, ())
+        if source.name.lower().endswith(TABLES):
+            model = load(robot)
+            proposal = guess(source, model.joints, Limits(model.range, model.velocity_limit, model.torque_limit))
+            lines = tuple((line.target, line.column, line.unit or "", line.why) for line in proposal.lines)
+            units = {target.partition(".")[0]: unit for target, _, unit, _ in lines if unit in FACTORS}
+            remarks = (*proposal.doubts, *advice(proposal))
+            found = Proposed(lines, units, data(proposal), remarks)
+        self.tell("proposed", found)
+        self.look(source, robot, dict(found.data))
+
+    def look(self, source: Path, robot: str, columns: dict[str, Any]) -> None:
+        """Reads the log with a map and tells what comes out."""
+        model = load(robot)
+        rec = _read(source, robot, map_from(columns, source, model.joints))
+        every = slice(None, None, max(1, -(-len(rec.time) // MOST)))
+        there = {name: getattr(rec, name)[every] for name in SIGNALS if getattr(rec, name) is not None}
+        signals = {name: value for name, value in there.items() if value.ndim == 2}
+        degrees = str(columns.get(f"q.{rec.joints[0]}", {})).find("deg") >= 0
+        said = doubts(rec, _limits(model, rec), degrees)
+        lines = tuple(f"{d.key}: {d.said}" + (f" (likely {d.likely})" if d.likely else "") for d in said)
+        self.tell("look", Look(rec.time[every], tuple(rec.joints), signals, rec.rate_hz, len(rec.time), lines))
+
+    def write(self, source: Path, robot: str, columns: dict[str, Any], out: Path) -> str:
+        """Writes the map beside the folder, and the folder as `vispeg convert --map` would; returns its path."""
+        model = load(robot)
+        file = out.with_name(f"{out.name}-map.yaml") if columns else None
+        if file is not None:
+            write_text_atomic(file, yaml.safe_dump(columns, sort_keys=False, allow_unicode=True), overwrite=True)
+        rec = _read(source, robot, read_map(file, model.joints))
+        write(rec, out, False, "parquet", inputs=(source,))
+        return str(out)
+
+
+def _limits(model: Any, rec: Recording) -> Limits:
+    order = [model.joints.index(joint) for joint in rec.joints]
+    return Limits(model.range[order], model.velocity_limit[order], model.torque_limit[order])
+
+
+def _read(source: Path, robot: str, mapping: ColumnMap) -> Recording:
+    name, joints = source.name.lower(), load(robot).joints
+    robot = str(Path(robot).expanduser().resolve()) if Path(robot).suffix else robot
+    header = {"torque_sensor": mapping.recording.get("torque_sensor", "none")}
+    if name.endswith(TABLES):
+        return import_table(source, robot, joints, mapping, **header)
+    if name.endswith(".npz"):
+        return import_npz(source, robot, joints, mapping, **header)
+    return import_rosbag(source, robot, joints, mapping, Topics(None, None, None, None), **header)

@@ -1,0 +1,232 @@
+"""The page of policies: one of them in a world, step by step, and the same seed in a second world beside it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from vispeg.api.catalogue import policies, worlds
+from vispeg.core.provenance import command_line
+from vispeg.robots.furniture import COLOURS
+from vispeg.view import html
+from vispeg.view.drawing import Drawing
+from vispeg.view.episode import Episodes, Moment
+from vispeg.view.job import Job
+from vispeg.view.place import Page, Place
+
+OWN, NONE, EXPERT = "the policy's own", "none", "expert"
+APART = 1.6  # m between the two cells
+LARGE = 192  # px of a policy's picture at least
+
+
+@dataclass
+class Side:
+    """One of the two worlds: its name, cell and steps."""
+
+    world: str = ""
+    cell: Drawing | None = None
+    steps: list[Moment] = field(default_factory=list)
+    pictures: dict[str, Any] = field(default_factory=dict)
+
+
+class PolicyPage(Page):
+    """Watches a policy.
+
+    Args:
+        place: where it stands.
+        policy: a folder or the name of one that comes with the package; "" offers all.
+        world: a world file or name to play in; "" is the policy's own.
+    """
+
+    title = "Policies"
+
+    def __init__(self, place: Place, policy: str = "", world: str = ""):
+        self.place, gui = place, place.gui
+        self.sides, self.playing, self.visible = (Side(), Side()), False, False
+        names = [p.name for p in policies()]
+        names = [policy, *names] if policy and policy not in names else names
+        known = [w.name for w in worlds()]
+        known = [world, *known] if world and world not in known else known
+        self.root = gui.add_folder(None)
+        with self.root:
+            with gui.add_folder("Episode"):
+                self.policy = gui.add_dropdown("Policy", (*names, EXPERT), initial_value=policy or EXPERT)
+                self.world = gui.add_dropdown("World", (OWN, *known), initial_value=world or OWN)
+                self.beside = gui.add_dropdown("Beside it", (NONE, *known), initial_value=NONE)
+                self.seed = gui.add_number("Seed", 0, min=0, step=1)
+                self.start = gui.add_button("Play the episode", color="teal")
+            self.job = Job(place, self.told, self.idle)
+            with gui.add_folder("Step by step"):
+                self.slider = gui.add_slider("Step", 0, 1, 1, 0)
+                self.play = gui.add_button("Play")
+                self.back = gui.add_button("One step back")
+                self.on = gui.add_button("One step on")
+            self.words = gui.add_html(html.note("Choose a policy and a world."))
+            with gui.add_folder("The same as a command"):
+                self.commands = gui.add_html("")
+        self.left = gui.add_panel()
+        with self.left.add_tab("What the policy sees"):
+            self.note = gui.add_html(html.note("Pictures of policies that see appear here; forces below."))
+            self.images = gui.add_folder(None)
+            self.plots = gui.add_folder(None)
+        self.left.dock_left()
+        self.left.set_width(400)
+        self.plot: Any = None
+        self.start.on_click(lambda _: self.begin())
+        self.slider.on_update(lambda _: self.draw())
+        self.play.on_click(lambda _: self._toggle())
+        self.back.on_click(lambda _: self._by(-1))
+        self.on.on_click(lambda _: self._by(1))
+        if policy:
+            self.begin()
+
+    def begin(self) -> None:
+        """Plays the episode that is chosen."""
+        self.playing = False
+        for side in self.sides:
+            self._clear(side)
+        own = "" if self.world.value == OWN else str(self.world.value)
+        where = (own,) if self.beside.value == NONE else (own, str(self.beside.value))
+        seed = int(self.seed.value)
+        self._commands(where, seed)
+        if self.job.start is None:
+            self.job.begin(Episodes, ())
+        self.job.ask("play", str(self.policy.value), where, seed)
+
+    def told(self, name: str, value: Any) -> None:
+        """What the worker tells."""
+        if name == "cell":
+            k, model, world = value
+            side = self.sides[k]
+            side.world = world
+            colours = {g: c for g, c in COLOURS.items()}
+            side.cell = Drawing(self.place.server.scene, f"/cell{k}", model, colours=_rgb(colours))
+            side.cell.root.position = (0.0, -APART * k, 0.0)
+            side.cell.show(self.visible)
+        elif name == "moment":
+            k, moment = value
+            side = self.sides[k]
+            side.steps.append(moment)
+            self.slider.max = max(1, *(len(s.steps) - 1 for s in self.sides))
+            if k == 0 or len(side.steps) == 1:
+                self.slider.value = len(side.steps) - 1
+                self.draw()
+        elif name == "play done":
+            self._forces()
+            self.slider.value = 0
+            self.draw()
+
+    def idle(self, idle: bool) -> None:
+        """While an episode is worked out no other is begun."""
+        self.start.disabled = not idle
+        for button in (self.play, self.back, self.on):
+            button.disabled = not idle or not self.sides[0].steps
+
+    def draw(self) -> None:
+        """Draws the step that is chosen."""
+        with self.place.server.atomic():
+            lines = []
+            for k, side in enumerate(self.sides):
+                if side.cell is None or not side.steps:
+                    continue
+                moment = side.steps[min(int(self.slider.value), len(side.steps) - 1)]
+                side.cell.pose(moment.qpos, moment.bodies)
+                self._pictures(k, side, moment)
+                lines.append((side.world, moment, side.steps[-1].outcome))
+            self.words.content = html.episode(lines)
+
+    def show(self, visible: bool) -> None:
+        """Whether the page is seen."""
+        self.visible = visible
+        self.root.visible = self.left.visible = visible
+        self.playing = self.playing and visible
+        for side in self.sides:
+            if side.cell is not None:
+                side.cell.show(visible)
+        if visible:
+            camera = ((1.55, -1.35, 0.9), (0.45, -0.1, 0.25))
+            for client in self.place.server.get_clients().values():
+                client.camera.position, client.camera.look_at = camera
+
+    def close(self) -> None:
+        """Ends the worker."""
+        self.job.end()
+
+    def _pictures(self, k: int, side: Side, moment: Moment) -> None:
+        for key, image in moment.pictures.items():
+            times = max(1, -(-LARGE // image.shape[0]))
+            large = image.repeat(times, axis=0).repeat(times, axis=1)
+            if key not in side.pictures:
+                with self.images:
+                    label = f"{key.replace('_', ' ')} in {side.world}"
+                    side.pictures[key] = self.place.gui.add_image(large, label=label, format="jpeg")
+            else:
+                side.pictures[key].image = large
+
+    def _forces(self) -> None:
+        """The force at the wrist over time, of both worlds."""
+        if self.plot is not None:
+            self.plot.remove()
+            self.plot = None
+        sides = [s for s in self.sides if len(s.steps) > 1]
+        if not sides:
+            return
+        longest = max(sides, key=lambda s: len(s.steps))
+        time = np.array([m.time for m in longest.steps])
+        lines = [np.array([float(np.linalg.norm(m.force)) for m in s.steps]) for s in sides]
+        lines = [np.concatenate([v, np.full(len(time) - len(v), v[-1])]) for v in lines]
+        pen = {"width": 1.6, "points": {"show": False}}
+        series = [{"label": s.world, "stroke": c, **pen} for s, c in zip(sides, ("#0a7a75", "#d9541e"), strict=False)]
+        with self.plots:
+            self.plot = self.place.gui.add_uplot(
+                (time, *lines),
+                ({"label": "s"}, *series),
+                title="force at the wrist, N",
+                scales={"x": {"time": False}},
+                axes=({"label": "s", "size": 40, "labelSize": 14}, {"size": 45}),
+                height=190,
+            )
+
+    def _clear(self, side: Side) -> None:
+        if side.cell is not None:
+            side.cell.remove()
+        for image in side.pictures.values():
+            image.remove()
+        side.cell, side.steps, side.pictures, side.world = None, [], {}, ""
+
+    def _by(self, step: int) -> None:
+        self.playing = False
+        self.slider.value = int(np.clip(int(self.slider.value) + step, 0, self.slider.max))
+        self.draw()
+
+    def _toggle(self) -> None:
+        self.playing = not self.playing
+        self.play.label = "Pause" if self.playing else "Play"
+        if self.playing:
+            threading.Thread(target=self._run, daemon=True).start()
+
+    def _run(self) -> None:
+        while self.playing and int(self.slider.value) < self.slider.max:
+            self.slider.value = int(self.slider.value) + 1
+            self.draw()
+            time.sleep(0.16)
+        self.playing, self.play.label = False, "Play"
+
+    def _commands(self, where: tuple[str, ...], seed: int) -> None:
+        lines = []
+        for world in where:
+            to = ["--world", world] if world else []
+            if self.policy.value == EXPERT:
+                words = ["evaluate", EXPERT, *(to or ["--world", "nominal"]), "--episodes", "1", "--seed", str(seed)]
+                lines.append([*words, "--out", str(self.place.out / "evaluated")])
+            else:
+                lines.append(["play", str(self.policy.value), *to, "--episodes", "1", "--seed", str(seed)])
+        self.commands.content = html.commands([command_line(["vispeg", *line]) for line in lines])
+
+
+def _rgb(colours: dict[str, Any]) -> dict[str, tuple[float, float, float]]:
+    return {name: (float(c[0]), float(c[1]), float(c[2])) for name, c in colours.items()}

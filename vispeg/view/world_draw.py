@@ -1,0 +1,101 @@
+"""One draw of a world, in a worker process: the cell as it stands at the start, and what cameras make of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from vispeg.core.files import write_text_atomic
+from vispeg.render.image_kinds import kind_of, picture_of
+from vispeg.report.quantities import plain
+from vispeg.sim.compiled import compiled
+from vispeg.task.vector import TaskVec
+from vispeg.task.world_file import load_world
+from vispeg.worlds.distribution import LogUniform, Uniform
+
+
+@dataclass(frozen=True)
+class Range:
+    """A range that can be moved.
+
+    Attributes:
+        effect, where, param: what it is of; `unit` of its values.
+        low, high: the world's own; `least`, `most` the bounds that a slider offers.
+    """
+
+    effect: str
+    where: str
+    param: str
+    unit: str
+    low: float
+    high: float
+    least: float
+    most: float
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """An episode's start: the cell's model, how it stands, pictures (H, W, 3) uint8, and the values drawn."""
+
+    model: mujoco.MjModel
+    qpos: np.ndarray
+    bodies: dict[str, np.ndarray]
+    pictures: dict[str, np.ndarray]
+    values: list[tuple[str, str]]
+
+
+class Draws:
+    """What the page's worker holds; `tell` is told "ranges" ([Range]) and "drawn" (Drawn)."""
+
+    def __init__(self, tell: Callable[[str, Any], None]):
+        self.tell = tell
+
+    def open(self, world: str) -> None:
+        """Tells the ranges of a world. Raises UserError: no such world."""
+        self.tell("ranges", ranges(world))
+
+    def draw(self, world: str, seed: int) -> None:
+        """Draws an episode's start. Raises UserError: no such world, or one that cannot be."""
+        self.tell("say", f"drawing seed {seed}")
+        env = TaskVec(1, world, obs_mode="rgbd", render_mode="rgb_array")
+        try:
+            obs, _ = env.reset(seed=[seed])
+            snapshot, values = env.sim.snapshot(0), env.drawn(0).values
+            outside = env.render()
+            pictures = {"from outside": outside[0]} if outside is not None else {}
+            pictures |= {key: picture_of(key, value[0]) for key, value in obs.items() if kind_of(key) is not None}
+            said = [(label, ", ".join(f"{k} {plain(v)}" for k, v in some.items())) for label, some in values.items()]
+            bodies = {name: np.asarray(place) for name, place in snapshot.bodies.items()}
+            self.tell("drawn", Drawn(compiled(env.sim.scene), snapshot.qpos, bodies, pictures, said))
+        finally:
+            env.close()
+
+    def save(self, file: Path, text: str) -> str:
+        """Writes a world file; returns its path. Raises UserError: it is there already."""
+        write_text_atomic(file, text, overwrite=False)
+        return str(load_world(file).path)
+
+
+def ranges(world: str) -> list[Range]:
+    """The flat ranges of a world, each with a span about it that its effect allows."""
+    from vispeg.core.effect import effect
+
+    found = []
+    for entry in load_world(world).world.ranges:
+        for name, value in entry.params.items():
+            param = effect(entry.effect).params[name]
+            match value:
+                case Uniform(low, high) if high > low:
+                    span = high - low
+                    ends = max(low - span, param.low), min(high + span, param.high)
+                case LogUniform(low, high) if high > low:
+                    ends = max(low / 3, param.low), min(high * 3, param.high)
+                case _:
+                    continue
+            found.append(Range(entry.effect, entry.where, name, param.unit, low, high, *ends))
+    return found

@@ -1,0 +1,205 @@
+"""The page of worlds: a slider for every range; cell and pictures are drawn again as they move; the file to keep."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from vispeg.api.catalogue import worlds
+from vispeg.core.files import write_text_atomic
+from vispeg.core.provenance import command_line
+from vispeg.report import effect_words
+from vispeg.task.world_file import FORMAT, load_world
+from vispeg.view import html
+from vispeg.view.drawing import Drawing
+from vispeg.view.job import Job
+from vispeg.view.place import Page, Place
+from vispeg.view.policy_page import LARGE
+from vispeg.view.world_draw import Drawn, Draws, Range
+from vispeg.worlds.distribution import LogUniform, Uniform
+from vispeg.worlds.entry import entry_dict
+
+STEPS = 200  # of a slider
+
+
+class WorldPage(Page):
+    """Looks at a world and changes its ranges.
+
+    Args:
+        place: where it stands.
+        world: a world file or name to begin with; "" opens none before the page is seen.
+    """
+
+    title = "Worlds"
+
+    def __init__(self, place: Place, world: str = ""):
+        self.place, gui = place, place.gui
+        self.sliders: list[tuple[Range, Any]] = []
+        self.folders: list[Any] = []
+        self.images: dict[str, Any] = {}
+        self.cell: Drawing | None = None
+        self.visible, self.opened, self.again = False, "", False
+        known = [w.name for w in worlds()]
+        known = [world, *known] if world and world not in known else known
+        self.root = gui.add_folder(None)
+        with self.root:
+            with gui.add_folder("World"):
+                self.world = gui.add_dropdown("World", known, initial_value=world or "randomized")
+                self.seed = gui.add_number("Seed", 0, min=0, step=1)
+                self.other = gui.add_button("Draw another seed", color="teal")
+            self.job = Job(place, self.told, self.idle)
+            with gui.add_folder("Save"):
+                self.name = gui.add_text("Name", "mine")
+                self.save = gui.add_button("Write the world file")
+                self.done = gui.add_html("")
+            with gui.add_folder("The same as a command"):
+                self.commands = gui.add_html("")
+            self.ranges = gui.add_folder("Ranges", expand_by_default=True)
+        self.left = gui.add_panel()
+        with self.left.add_tab("What cameras see"):
+            self.pictures = gui.add_folder(None)
+            with gui.add_folder("Drawn this time"):
+                self.drawn = gui.add_html("")
+        self.left.dock_left()
+        self.left.set_width(400)
+        self.world.on_update(lambda _: self.open())
+        self.seed.on_update(lambda _: self.draw())
+        self.other.on_click(lambda _: self._next())
+        self.save.on_click(lambda _: self._save())
+
+    def open(self) -> None:
+        """Shows the ranges of the world that is chosen, and draws it."""
+        self.opened = str(self.world.value)
+        if self.job.start is None:
+            self.job.begin(Draws, ())
+        self.job.ask("open", self.opened)
+        self.draw()
+
+    def draw(self) -> None:
+        """Draws the world as the sliders say; while one is being drawn, the next one waits for it."""
+        if self.job.worker is not None and self.job.worker.busy:
+            self.again = True
+            return
+        self.again = False
+        world = self.opened if not self._changed() else str(self._file())
+        self._commands()
+        self.job.ask("draw", world, int(self.seed.value))
+
+    def told(self, name: str, value: Any) -> None:
+        """What the worker tells."""
+        if name == "ranges":
+            self._ranges(value)
+        elif name == "drawn":
+            self._show(value)
+        elif name == "save done":
+            self.done.content = html.note(f"{value} is written")
+
+    def idle(self, idle: bool) -> None:
+        """What was moved meanwhile is drawn now."""
+        if idle and self.again:
+            self.draw()
+
+    def show(self, visible: bool) -> None:
+        """Whether the page is seen; the first time, its world is opened."""
+        self.visible = visible
+        self.root.visible = self.left.visible = visible
+        if self.cell is not None:
+            self.cell.show(visible)
+        if visible and not self.opened:
+            self.open()
+
+    def close(self) -> None:
+        """Ends the worker."""
+        self.job.end()
+
+    def text(self) -> str:
+        """The world file: the world that was opened, and the ranges that were moved."""
+        base = self.opened if not Path(self.opened).suffix else str(Path(self.opened).resolve())
+        moved = {(r.effect, r.where, r.param): s.value for r, s in self._changed()}
+        entries = []
+        for entry in load_world(self.opened).world.ranges:
+            params: dict[str, Any] = dict(entry.params)
+            for param, old in entry.params.items():
+                if (ends := moved.get((entry.effect, entry.where, param))) is not None:
+                    kind = LogUniform if isinstance(old, LogUniform) else Uniform
+                    params[param] = kind(float(ends[0]), float(ends[1]))
+            if params != dict(entry.params):
+                changed = type(entry)(**{**entry.__dict__, "params": params, "source": "chosen on the page"})
+                entries.append(entry_dict(changed))
+        name = str(self.name.value) or "mine"
+        return yaml.safe_dump({"format": FORMAT, "name": name, "base": [base], "effects": entries}, sort_keys=False)
+
+    def _changed(self) -> list[tuple[Range, Any]]:
+        def moved(r: Range, s: Any) -> bool:
+            step = (r.most - r.least) / STEPS
+            return abs(s.value[0] - r.low) > 0.6 * step or abs(s.value[1] - r.high) > 0.6 * step
+
+        return [(r, s) for r, s in self.sliders if moved(r, s)]
+
+    def _file(self) -> Path:
+        """The world as the sliders say, as a file of the page's own."""
+        return write_text_atomic(self.place.out / ".world.yaml", self.text(), overwrite=True)
+
+    def _ranges(self, found: list[Range]) -> None:
+        for folder in self.folders:
+            folder.remove()
+        self.folders, self.sliders = [], []
+        by_effect: dict[tuple[str, str], list[Range]] = {}
+        for r in found:
+            by_effect.setdefault((r.effect, r.where), []).append(r)
+        with self.ranges:
+            for (name, where), some in by_effect.items():
+                label = effect_words.named({"effect": name, "where": where})
+                folder = self.place.gui.add_folder(label, expand_by_default=len(by_effect) < 8)
+                self.folders.append(folder)
+                with folder:
+                    for r in some:
+                        unit = f" ({r.unit})" if r.unit not in ("", "1") else ""
+                        step = float(f"{(r.most - r.least) / STEPS:.1g}")
+                        slider = self.place.gui.add_multi_slider(
+                            f"{r.param.replace('_', ' ')}{unit}",
+                            min=r.least,
+                            max=r.most,
+                            step=step,
+                            initial_value=(r.low, r.high),
+                        )
+                        slider.on_update(lambda _: self.draw())
+                        self.sliders.append((r, slider))
+
+    def _show(self, drawn: Drawn) -> None:
+        if self.cell is not None:
+            self.cell.remove()
+        self.cell = Drawing(self.place.server.scene, "/world", drawn.model)
+        self.cell.pose(drawn.qpos, drawn.bodies)
+        self.cell.show(self.visible)
+        for key in [key for key in self.images if key not in drawn.pictures]:
+            self.images.pop(key).remove()
+        for key, image in drawn.pictures.items():
+            times = max(1, -(-LARGE // image.shape[0]))
+            large = image.repeat(times, axis=0).repeat(times, axis=1)
+            if key in self.images:
+                self.images[key].image = large
+            else:
+                with self.pictures:
+                    label = key.replace("_", " ")
+                    self.images[key] = self.place.gui.add_image(large, label=label, format="jpeg")
+        self.drawn.content = html.drawn(drawn.values)
+
+    def _next(self) -> None:
+        self.seed.value = int(self.seed.value) + 1
+        self.draw()
+
+    def _save(self) -> None:
+        self._commands()
+        self.job.ask("save", self._target(), self.text())
+
+    def _target(self) -> Path:
+        return self.place.out / "worlds" / f"{Path(str(self.name.value) or 'mine').name}.yaml"
+
+    def _commands(self) -> None:
+        world = self.opened if not self._changed() else str(self._target())
+        out = str(self.place.out / "frames")
+        words = ["render", "--world", world, "--frames", "8", "--seed", str(int(self.seed.value)), "--out", out]
+        self.commands.content = html.commands([command_line(["vispeg", *words])])
