@@ -50,4 +50,4 @@ def test_a_unit_that_cannot_be_true_is_doubted(rigs, log, elbow):
     columns |= {"q.shoulder": {"column": "shoulder_pos", "unit": "deg"}}
     columns[f"q.{elbow}"] = {"column": "elbow_pos", "unit": "deg"}
     made.look(log, str(rigs / "arm.xml"), columns)
-    assert any("samples a second" in text and "s where us" in text for text in last(heard, "look").doubts)
+    assert any("2e+05 samples a second" in text for text in last(heard, "look").doubts)
