@@ -1,0 +1,70 @@
+"""Hidden-contact benchmark: what does `vispeg diagnose peg-cell` find in a plant whose contact hides something?
+
+    python scripts/bench/hidden_contact --make DIR --cases "friction/*" "none/0*" --dev
+    python scripts/bench/hidden_contact --make DIR --run --limit 16 --out report.md --json hidden_contact.json
+    python scripts/bench/hidden_contact --make DIR --run --json docs/results/hidden_contact.json
+
+The plant shares no code with the model and is not MuJoCo: analytic peg and hole, Hunt-Crossley contact, its own
+integrator. Cases are deterministic by seed. `--dev` uses seeds that are never scored: tune only on those.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE), str(HERE.parent / "hidden_effects"), str(HERE.parents[2])]
+
+import argparse  # noqa: E402
+import json  # noqa: E402
+
+
+def main() -> int:
+    """Parses, makes, runs, reports."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--make", type=Path, required=True, metavar="DIR", help="where recordings and results lie")
+    parser.add_argument("--cases", nargs="*", default=[], metavar="PATTERN", help="case names or patterns of them")
+    parser.add_argument("--limit", type=int, default=None, help="at most so many cases, spread evenly over the list")
+    parser.add_argument("--dev", action="store_true", help="development seeds, not the scored ones")
+    parser.add_argument("--list", action="store_true", help="print the chosen cases and stop")
+    parser.add_argument("--run", action="store_true", help="diagnose the chosen cases and print the score")
+    parser.add_argument("--results", type=Path, default=None, help="JSON lines; those that are there are not run again")
+    parser.add_argument("--out", type=Path, default=None, help="also write the score, as Markdown")
+    parser.add_argument("--json", type=Path, default=None, help="also write the records, as JSON")
+    args = parser.parse_args()
+    from contact_cases import choose
+    from contact_make import folders, make
+    from contact_runner import run
+    from contact_score import report
+
+    root = args.make / ("dev" if args.dev else "scored")
+    try:
+        chosen = choose(tuple(args.cases), args.dev, args.limit)
+    except ValueError as error:
+        print(error, file=sys.stderr)
+        return 2
+    if args.list:
+        print("\n".join(f"{c.name}  [{c.kind}]" for c in chosen))
+        return 0
+    make(root, chosen, say=lambda text: print(text, file=sys.stderr, flush=True))
+    if not args.run:
+        for case in chosen:
+            print(case.name, folders(root, case)["judge"].parent)
+        return 0
+    records = run(root, chosen, args.results or root / "results.jsonl")
+    text = report(records)
+    print(text)
+    for file, content in ((args.out, text), (args.json, json.dumps(records, indent=1) + "\n")):
+        if file is not None:
+            part = file.with_name(file.name + ".part")
+            part.write_text(content)
+            part.replace(file)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

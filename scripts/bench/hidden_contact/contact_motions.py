@@ -1,0 +1,110 @@
+"""What is commanded: the peg's end led through points over and in the hole, from rest in free air."""
+
+from __future__ import annotations
+
+import numpy as np
+from contact_arm import turn
+from contact_plant import DOWN, MOUTH, RATE, TIP
+
+REST = 0.4  # s at the start
+# seconds, x y z of the tip (mm, nominal hole's frame), roll pitch (deg, about the tip), yaw (deg)
+Point = tuple[float, float, float, float, float, float, float]
+
+
+def _free() -> list[Point]:
+    return [(0.45, 0, 0, 35, 14, 0, 0), (0.45, 8, 5, 30, 0, 14, 0), (0.35, 0, 0, 30, 0, 0, 0), (0.2, 0, 0, 30, 0, 0, 0)]
+
+
+def _press(x: float, y: float, deep: float) -> list[Point]:
+    return [(0.3, x, y, 2, 0, 0, 0), (0.5, x, y, -deep, 0, 0, 0), (0.2, x, y, -deep, 0, 0, 0), (0.2, x, y, 4, 0, 0, 0)]
+
+
+def _slide(deep: float, far: float) -> list[Point]:
+    out: list[Point] = [(0.3, 30, 0, 2, 0, 0, 0), (0.4, 30, 0, -deep, 0, 0, 0)]
+    out += [(0.4, 30, far, -deep, 0, 0, 0), (0.6, 30, -far, -deep, 0, 0, 0), (0.3, 30, 0, -deep, 0, 0, 0)]
+    return [*out, (0.35, 40, 0, -deep, 0, 0, 0), (0.35, 27, 0, -deep, 0, 0, 0), (0.2, 30, 0, 4, 0, 0, 0)]
+
+
+def _insert(depths: tuple[float, ...], far: float, yaw: float = 0.0) -> list[Point]:
+    out: list[Point] = [(0.4, 0, 0, 4, 0, 0, yaw)]
+    for d in depths:
+        out += [(0.4, 0, 0, -d, 0, 0, yaw)]
+        out += [(0.25, x, y, -d, 0, 0, yaw) for x, y in ((far, 0), (0, far), (-far, 0), (0, -far), (0, 0))]
+    return [*out, (0.4, 0, 0, 8, 0, 0, yaw)]
+
+
+def _rock(deep: float, angle: float) -> list[Point]:
+    turns = ((angle, 0), (-angle, 0), (0, angle), (0, -angle), (0, 0))
+    return [(0.4, 0, 0, 4, 0, 0, 0), (0.5, 0, 0, -deep, 0, 0, 0),
+            *((0.35, 0, 0, -deep, a, b, 0) for a, b in turns), (0.4, 0, 0, 8, 0, 0, 0)]  # fmt: skip
+
+
+def _tap(x: float, y: float) -> list[Point]:
+    out: list[Point] = [(0.3, x, y, 8, 0, 0, 0)]
+    for quick in (0.3, 0.2, 0.12):
+        out += [(quick, x, y, -6, 0, 0, 0), (0.12, x, y, -6, 0, 0, 0), (0.25, x, y, 8, 0, 0, 0)]
+    return out
+
+
+MOTIONS: dict[str, list[Point]] = {
+    "free": _free(),
+    "press": [*_press(30, 0, 5), *_press(-30, 0, 3), *_press(0, 30, 8), *_press(0, -30, 5)],
+    "slide": [*_slide(5, 18), *_slide(8, 12)],
+    "insert": _insert((12.0, 20.0), 5.0),
+    "insert-turned": [(0.9, 0, 0, 12, 0, 0, 90), *_insert((14.0,), 5.0, 90.0), (0.7, 0, 0, 12, 0, 0, 0)],
+    "rock": _rock(18.0, 13.0),
+    "hard-press": [
+        (0.3, 32, 0, 3, 0, 0, 0),
+        (0.5, 32, 0, -55, 0, 0, 0),
+        (0.3, 32, 0, -55, 0, 0, 0),
+        (0.4, 32, 0, 4, 0, 0, 0),
+    ],
+    "tap": _tap(30, 0),
+    "touch-datum": [
+        (0.5, 64, 0, 4, 0, 0, 0),
+        (0.5, 64, 0, -46, 0, 0, 0),
+        (0.3, 64, 0, -55, 0, 0, 0),
+        (0.2, 64, 0, -55, 0, 0, 0),
+        (0.5, 64, 0, 4, 0, 0, 0),
+    ],
+}
+# what a case records: three recordings to fit and one to judge on
+SETS = {
+    "press-slide": ("free", "press", "slide"),
+    "insert-rock": ("free", "insert", "rock"),
+    "turned-datum-tap": ("free", "insert-turned", "touch-datum", "tap", "hard-press"),
+    "judge": ("free", "mix"),
+}
+LIMIT = {"turned-datum-tap": 150.0, "judge": 150.0}  # N; 25 elsewhere
+MIX = [*_press(-25, 18, 6), *_slide(6, 15)[:6], *_insert((16.0,), 5.0), *_tap(-30, 0)[:4],
+       *MOTIONS["hard-press"]]  # fmt: skip
+
+
+def points(names: tuple[str, ...]) -> list[Point]:
+    """The points of several motions, one after the other."""
+    return [p for name in names for p in (MIX if name == "mix" else MOTIONS[name])]
+
+
+def path(names: tuple[str, ...], rate: float = RATE) -> tuple[np.ndarray, np.ndarray]:
+    """Commanded flange positions (t, 3) and rotations (t, 3, 3), base frame: minimum jerk from point to point.
+
+    Source: Flash and Hogan, J. Neuroscience 5(7), 1985.
+    """
+    now = np.array([0.0, 0, 30, 0, 0, 0])
+    parts = [np.tile(now, (round(REST * rate), 1))]
+    for seconds, *goal in points(names):
+        count = max(1, round(seconds * rate))
+        s = np.arange(1, count + 1) / count
+        share = (10 * s**3 - 15 * s**4 + 6 * s**5)[:, None]
+        parts.append(now + share * (np.array(goal, float) - now))
+        now = np.array(goal, float)
+    every = np.concatenate(parts)
+    angles = np.radians(every[:, 3:])
+    zero = np.zeros(len(every))
+    about = [
+        turn(np.stack(v, axis=1))
+        for v in ((angles[:, 0], zero, zero), (zero, angles[:, 1], zero), (zero, zero, angles[:, 2]))
+    ]
+    rot = about[2] @ about[1] @ about[0] @ DOWN
+    tip = MOUTH + 1e-3 * every[:, :3]
+    return tip - TIP * rot[:, :, 2], rot

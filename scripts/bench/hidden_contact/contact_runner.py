@@ -1,0 +1,71 @@
+"""Runs `vispeg diagnose` on every case in a process of its own; a killed run resumes."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from contact_cases import Case
+from contact_make import folders
+
+HERE = Path(__file__).resolve().parent
+TIMEOUT = 1200.0  # s a process
+KEYS = ("verdict", "effects", "ladder", "noise_floor", "unexplained", "not_excited")
+
+
+def diagnose(root: Path, case: Case) -> dict:
+    """The record of one case, which `contact_score.report` reads."""
+    *fit, judge = folders(root, case).values()
+    out = root / "diagnosis" / case.key
+    command = [sys.executable, "-m", "vispeg", "diagnose", "peg-cell"]
+    for folder in fit:
+        command += ["--recording", str(folder)]
+    command += ["--validate", str(judge), "--out", str(out), "--overwrite", "--quiet", "--threads", "1"]
+    environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(HERE.parents[2])}
+    record: dict = {"case": case.name, "kind": case.kind, "hidden": case.hidden}
+    begin, before = time.monotonic(), _cpu()
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT, env=environment, check=False)
+        status, text = done.returncode, done.stderr
+    except subprocess.TimeoutExpired:
+        status, text = 124, f"no answer within {TIMEOUT:.0f} s"
+    record |= {"seconds": round(time.monotonic() - begin, 1), "cpu_s": round(_cpu() - before, 1)}
+    if status != 0:
+        return record | {"verdict": "failed", "effects": [], "message": text[-2000:]}
+    found = json.loads((out / "diagnosis.json").read_text())
+    return record | {key: found.get(key) for key in KEYS}
+
+
+def _cpu() -> float:
+    """Processor seconds of the children that ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def run(root: Path, chosen: list[Case], results: Path) -> list[dict]:
+    """Records of the chosen cases, each appended to `results` as it comes; those that are there are not run again."""
+    known: dict[str, dict] = {}
+    if results.exists():  # a line cut short by a kill is run again
+        for line in results.read_text().splitlines():
+            try:
+                record = json.loads(line)
+            except json.JSONDecodeError:
+                continue
+            if record["verdict"] != "failed":
+                known[record["case"]] = record
+    # in the order of their hashes, so that a run cut short is still an even sample of the list
+    missing = sorted((c for c in chosen if c.name not in known), key=lambda c: c.key)
+    results.parent.mkdir(parents=True, exist_ok=True)
+    for left, case in zip(range(len(missing) - 1, -1, -1), missing, strict=True):
+        record = known[case.name] = diagnose(root, case)
+        with results.open("a") as file:
+            file.write(json.dumps(record) + "\n")
+        named = ", ".join(f"{e['effect']}({e['where']})" for e in record["effects"]) or "-"
+        text = f"{left:4d} left  {case.name}: {record['verdict']}: {named}  {record['cpu_s']:.0f} s"
+        print(text, file=sys.stderr, flush=True)
+    return [known[c.name] for c in chosen if c.name in known]

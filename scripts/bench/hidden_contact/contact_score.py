@@ -1,0 +1,122 @@
+"""Scores of diagnoses of contact against the hidden truth, with Wilson intervals. Reads plain records only."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from score import share, wilson
+
+Record = dict[str, Any]
+# effects that stand for one another where nothing in the recordings turns or weighs them apart
+TWINS = ({"hole_offset", "grip_pose"}, {"hole_tilt", "grip_pose"}, {"object_mass", "tool_mass"},
+         {"contact_damping", "restitution"})  # fmt: skip
+UNLIKE = {"contact_stiffness", "contact_damping"}  # whose numbers mean another thing in another law of contact
+HOLE, CLEARANCE = 1e-4, 5e-5  # m: goals
+
+
+def same(truth: Record, named: Record) -> bool:
+    """Whether `named` is the truth, or has it among what it says it cannot be told from."""
+    rivals = [named, *named.get("indistinguishable_from", [])]
+    return any((r["effect"], r["where"]) == (truth["effect"], truth["where"]) for r in rivals)
+
+
+def same_class(truth: Record, named: Record) -> bool:
+    """The same, or a twin of it."""
+    return same(truth, named) or any({truth["effect"], named["effect"]} <= twins for twins in TWINS)
+
+
+def judge(r: Record) -> Record:
+    """What one diagnosis got right: `hits`, `right` (nothing missed, nothing invented), `exact`, `fall`."""
+    named = [e for e in r["effects"] if not e.get("tentative")] if r["verdict"] != "unexplained" else []
+    left, hits = list(named), 0
+    for truth in r["hidden"]:
+        match = next((n for n in left if same(truth, n)), None) or next((n for n in left if same_class(truth, n)), None)
+        if match is not None:
+            left.remove(match)
+            hits += 1
+    truths, names = ({(e["effect"], e["where"]) for e in es} for es in (r["hidden"], named))
+    ladder = r.get("ladder") or []
+    first, last = (ladder[i]["heldout_error"] for i in (0, -1)) if ladder else (0.0, 0.0)
+    partial = [e for e in r["effects"] if any(same_class(t, e) for t in r["hidden"])]
+    return r | {
+        "named": sorted(names), "hits": hits, "right": hits == len(r["hidden"]) == len(named), "exact": truths == names,
+        "extras": len(left), "fall": first / last if last > 0 else None, "partly": len(partial) >= len(r["hidden"]),
+        "confident": r["verdict"] == "identified",
+    }  # fmt: skip
+
+
+def values(records: Sequence[Record]) -> list[tuple[str, str, float, float, float | None, float | None]]:
+    """(effect, parameter, true, found, low, high) of every parameter of every effect that was named exactly."""
+    out = []
+    for r in records:
+        for e in r["effects"]:
+            for t in r["hidden"]:
+                if (e["effect"], e["where"]) == (t["effect"], t["where"]) and e["effect"] not in UNLIKE:
+                    out += [
+                        (e["effect"], k, t["params"].get(k, 0.0), p["value"], p.get("low"), p.get("high"))
+                        for k, p in e["params"].items()
+                    ]
+    return out
+
+
+def report(records: Sequence[Record]) -> str:
+    """The whole score as Markdown."""
+    failed = [r for r in records if r["verdict"] == "failed"]
+    done = [judge(r) for r in records if r["verdict"] != "failed"]
+    kind = {k: [r for r in done if r["kind"] == k] for k in ("single", "pair", "none", "unknown")}
+    known = kind["single"] + kind["pair"]
+    numbers = values(known)
+    inside = [low <= true <= high for _, _, true, _, low, high in numbers if low is not None and high is not None]
+    near = {name: [abs(found - true) for e, _, true, found, *_ in numbers if e == name]
+            for name in ("hole_offset", "hole_clearance")}  # fmt: skip
+    rows = [
+        ("one effect: class, nothing invented", share(r["right"] for r in kind["single"])),
+        ("one effect: exact name and place", share(r["exact"] for r in kind["single"])),
+        ("one effect: among what lowered the error, whatever the verdict", share(r["partly"] for r in kind["single"])),
+        ("one effect: confidently wrong", share(r["confident"] and not r["right"] for r in kind["single"])),
+        ("pairs: both classes, nothing invented", share(r["right"] for r in kind["pair"])),
+        ("no effect: given a name", share(bool(r["named"]) for r in kind["none"])),
+        ("no effect: verdict adequate", share(r["verdict"] == "adequate" for r in kind["none"])),
+        ("unknown: verdict unexplained", share(r["verdict"] == "unexplained" for r in kind["unknown"])),
+        ("unknown: confidently given a name", share(r["confident"] for r in kind["unknown"])),
+        ("95 % intervals that hold the truth", share(inside)),
+        ("hole position within 0.1 mm", share(d <= HOLE for d in near["hole_offset"])),
+        ("clearance within 0.05 mm", share(d <= CLEARANCE for d in near["hole_clearance"])),
+        ("fall of held-out error, median", f"{middle(r['fall'] for r in known)}-fold"),
+        ("processor seconds a diagnosis, median", middle(r.get("cpu_s") for r in done)),
+    ]
+    lines = [
+        "# Hidden contact",
+        "",
+        f"{len(done)} diagnoses, {len(failed)} runs failed; [..]: 95 % Wilson interval.",
+        "",
+    ]
+    lines += table(("measure", "result"), rows)
+    lines += ["", "## Case by case", ""]
+    cells = []
+    for r in done:
+        names = ", ".join(f"{e['effect']}({e['where']})" for e in r["effects"]) or "nothing"
+        good = r["verdict"] == "unexplained" if r["kind"] == "unknown" else r["right"]
+        fall = f"{r['fall']:.3g}" if r["fall"] else "-"
+        cells.append((r["case"], r["verdict"], names, "yes" if good else "no", fall, f"{r.get('cpu_s') or 0:.0f}"))
+    cells += [
+        (r["case"], "failed", str(r.get("message", ""))[-100:].replace("\n", " "), "no", "-", "-") for r in failed
+    ]
+    lines += table(("case", "verdict", "lowered the error", "right", "fall", "s"), cells)
+    return "\n".join(lines) + "\n"
+
+
+def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:
+    """Lines of a Markdown table."""
+    line = lambda cells: "| " + " | ".join(map(str, cells)) + " |"  # noqa: E731
+    return [line(heads), line(["---"] * len(heads)), *map(line, rows)]
+
+
+def middle(found: Iterable[float | None]) -> str:
+    """Median of what is known, three digits."""
+    known = sorted(v for v in found if v is not None)
+    return f"{known[len(known) // 2]:.3g}" if known else "-"
+
+
+__all__ = ["judge", "report", "wilson"]
