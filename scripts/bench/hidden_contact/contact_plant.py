@@ -28,7 +28,7 @@ HOLD = 120.0  # N: the grip's friction along the peg
 LAG = 0.004  # s, least: dashpot over spring of a peg that gives way in the fingers
 FIXTURE = np.array([0.6] * 3 + [1.5e-3] * 2)  # kg, kg m^2: what moves where the fixture gives way
 SLACK = 500.0  # N s/m: what brakes a loose peg
-FELT = 0.6  # kg, the least that a contact feels: makes the damping's step implicit, no more
+FELT, FELT_GIVING = 3.0, 0.6  # kg that a contact feels, of a fixture that gives way: makes the damping's step implicit
 STIFF, DAMP = 1e6, 148.0  # N/m, s/m: the nominal contact; damping for a restitution of 0.135 at 50 mm/s
 
 
@@ -161,6 +161,8 @@ class Plant:
         self.peg = np.zeros((n, 5))  # in the fingers
         felt = self.k[:, None] * np.array([1.0] * 3 + [1.6e-3] * 2)  # a contact's stiffness there, levers of 40 mm
         self.lag = np.maximum(LAG, 1.5 * FINE * self.grasp * felt)
+        self.felt = np.where(self.give.any(axis=1), FELT_GIVING, FELT)
+        self.borne = np.zeros(n)  # N, what the contacts carried lately
         self.bristle = np.zeros((n, 3, 3))  # row, group, hole axes
         self.load, self.force, self.tip = np.zeros((n, 6)), np.zeros((n, 3)), np.zeros((n, 3))
         self.command = np.zeros((n, 6))
@@ -201,7 +203,7 @@ class Plant:
         if (gap(local, self.shape) < 0).any():
             push, torque_fixture, contact = self._touch(local, axis, frame, tip, origin, h)
         else:
-            self.bristle[:] = 0.0
+            self.bristle[:], self.borne[:] = 0.0, 0.0
         self.force = push
         self._yield(push, torque_fixture, contact, h)
         lever = (self.rot @ self.com[:, :, None])[:, :, 0]
@@ -235,13 +237,18 @@ class Plant:
         points, normals, depth = contacts(local, axis, self.shape)
         world = origin[:, None] + points @ back
         moving = self.vel[:, None] + cross(self.spin[:, None], world - self.pos[:, None])
+        if self.give.any():
+            turning = np.concatenate([self.yielding[:, 3:], np.zeros((self.n, 1))], axis=1)
+            moving = moving - self.yielding[:, None, :3] - cross(turning[:, None], world - origin[:, None])
         moving = moving @ frame  # hole's axes
         rate = -np.sum(moving * normals, axis=2)
         soft = np.where(self.shape.pad > 0, 0.02, 1.0)[:, None] * np.where(GROUP == 0, 1.0, 0.0) + (GROUP != 0)
         k = self.k[:, None] * SHARE * soft
         pressed = k * np.maximum(depth, 0.0)
-        damped = np.maximum(1 + self.chi[:, None] * rate, 0.0)
-        size = pressed * damped / (1 + h / FELT * self.chi[:, None] * pressed.sum(axis=1, keepdims=True))
+        ahead = h * self.chi[:, None] / self.felt[:, None]  # damping by the speed that the step ends with
+        damped = np.maximum(1 + self.chi[:, None] * rate + ahead * self.borne[:, None], 0.0)
+        size = pressed * damped / (1 + ahead * pressed.sum(axis=1, keepdims=True))
+        self.borne += 0.3 * (size.sum(axis=1) - self.borne)
         self.stored = 0.5 * np.sum(np.where(depth > 0, k * depth**2, 0.0), axis=1)
         normal = size[..., None] * normals
         total = normal.sum(axis=1)
