@@ -23,7 +23,7 @@ def matrix(quat: np.ndarray) -> np.ndarray:
 
 
 def quaternion(rot: np.ndarray) -> np.ndarray:
-    """Quaternions (n, 4) wxyz of rotations (n, 3, 3), by the largest of the four components (Shepperd 1978)."""
+    """Quaternions (n, 4) wxyz of rotations (n, 3, 3), by the largest of the four components."""
     d = np.stack(
         [
             1 + rot[:, 0, 0] + rot[:, 1, 1] + rot[:, 2, 2],
