@@ -6,7 +6,7 @@ import pytest
 
 from vispeg.core.effect import EffectInstance, searchable
 from vispeg.robots.model import load
-from vispeg.sim.export import MOTOR, STEP, is_native, to_mjcf
+from vispeg.sim.export import MOTOR, STEP, compiled_with, is_native, to_mjcf
 from vispeg.sim.plant import Plant
 from vispeg.worlds.world import World
 
@@ -95,3 +95,11 @@ def test_what_cannot_be_held_is_named(tmp_path):
     assert [e.effect for e in made.native] == ["payload"]
     assert [e.effect for e in made.left_out] == ["stribeck_friction", "encoder_offset"]
     assert "/work" not in made.xml and str(ROBOT.source) not in made.xml
+
+
+def test_the_model_of_the_viewer_is_the_one_that_is_written(tmp_path):
+    world = World("iiwa14").add(big("coulomb_friction"), big("backlash"))
+    shown, left_out = compiled_with(world)
+    model, _ = written(world, tmp_path)
+    assert [e.effect for e in left_out] == ["backlash"] and shown.nv == model.nv
+    assert np.array_equal(shown.dof_frictionloss, model.dof_frictionloss) and shown.dof_frictionloss.any()

@@ -95,7 +95,7 @@ def test_a_log_is_dropped_and_becomes_a_recording(rigs, page_of, tmp_path):
         assert "600 samples of 2 joints at 200 Hz" in page.locator("[data-look]").inner_text()
         assert "el<b>bow</b>" in page.inner_text("body")  # of the column's name
         page.get_by_role("button", name="Confirm and write").click()
-        page.wait_for_selector("text=Compare the model with the recordings")  # the page of diagnoses offers it
+        page.wait_for_selector("text=Compare model and recordings")  # the page of diagnoses offers it
         page.wait_for_function("document.body.innerText.includes('log')")
     finally:
         app.close()

@@ -24,5 +24,12 @@ def test_what_cannot_be_shown_is_said(tmp_path, name, said):
         opened([str(tmp_path / name)])
 
 
+def test_names_of_what_comes_with_the_package(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    found = opened(["iiwa14", "searching", "depth-S"])
+    assert (found.model, found.world, found.policy, found.page) == ("iiwa14", "searching", "depth-S", "Policies")
+    assert opened(["searching"]).page == "Worlds"
+
+
 def test_without_anything_the_page_still_opens():
     assert opened([]).recordings == () and Path(opened([]).model).name == "iiwa14"

@@ -36,6 +36,8 @@ class Args:
     """Open the browser."""
     dark: bool = False
     """Light on dark."""
+    native: bool = False
+    """Show the model, with the effects that MuJoCo has elements for, in MuJoCo's own viewer instead."""
     threads: int = 2
     """Threads of the simulation."""
     output: Told = Output()
@@ -52,6 +54,8 @@ class Args:
 
         what = opened(self.sources)
         what = what if self.model is None else replace(what, model=self.model)
+        if self.native:
+            return self._native(what.model)
         require("viser", "vispeg view")
         from vispeg.view.app import App
 
@@ -66,4 +70,26 @@ class Args:
             return 0
         finally:
             app.close()
+        return 0
+
+    def _native(self, model: str) -> int:
+        """MuJoCo's own viewer; it needs a display."""
+        import os
+        import sys
+
+        from vispeg.api.inputs import read_model
+        from vispeg.core.errors import UserError
+        from vispeg.sim.export import compiled_with
+
+        world = read_model(model)
+        if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+            raise UserError("there is no display", key="--native", expected="a desktop; without --native a page")
+        import mujoco.viewer
+
+        made, left_out = compiled_with(world)
+        self.output.give(
+            {"model": model, "left_out": [e.label for e in left_out]},
+            [f"{model} in MuJoCo's viewer", *(f"not in it, MuJoCo has no element for it: {e.label}" for e in left_out)],
+        )
+        mujoco.viewer.launch(made)
         return 0

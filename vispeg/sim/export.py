@@ -41,6 +41,13 @@ class Exported:
     meshes: dict[str, Path]
 
 
+def compiled_with(world: World) -> tuple[mujoco.MjModel, tuple[EffectInstance, ...]]:
+    """The arm with the effects that MuJoCo has elements for, compiled; and the effects that it has none for."""
+    made = to_mjcf(world, "meshes")
+    assets = {name: file.read_bytes() for name, file in made.meshes.items()}
+    return mujoco.MjModel.from_xml_string(made.xml, assets), made.left_out
+
+
 def to_mjcf(world: World, meshes: str = "meshes") -> Exported:
     """The arm of a world with its effects.
 

@@ -42,7 +42,7 @@ class App:
         gui = self.server.gui
         gui.configure_theme(show_share_button=False, show_logo=False, dark_mode=dark)
         gui.main_panel.dock_right()
-        gui.main_panel.set_width(400)
+        gui.main_panel.set_width(370)
         gui.add_html(html.style())
         camera = self.server.initial_camera
         camera.position, camera.look_at = (1.7, -1.5, 1.1), (0.1, 0.0, 0.55)

@@ -66,7 +66,7 @@ class ImportPage(Page):
             self.plots = gui.add_folder(None)
             self.table = gui.add_html(html.note("Columns, units and the reasons for them come here."))
         self.left.dock_left()
-        self.left.set_width(400)
+        self.left.set_width(370)
         self.plot: Any = None
         self.upload.on_upload(lambda _: self._dropped())
         self.propose.on_click(lambda _: self.begin())

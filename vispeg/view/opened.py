@@ -8,6 +8,7 @@ from pathlib import Path
 
 from vispeg.core.errors import UserError
 from vispeg.learn.shipped import names
+from vispeg.robots.model import known
 from vispeg.task.world_file import is_world
 
 TABLES = (".csv", ".gz", ".parquet", ".npz", ".mcap", ".bag", ".db3")
@@ -54,6 +55,8 @@ def opened(sources: Sequence[str]) -> Opened:
         path = Path(text)
         if not path.exists() and text in names():
             policy = text
+        elif not path.exists() and text in known():
+            model = text
         elif not path.is_dir() and _is_world(text):
             world = text
         elif not path.exists():

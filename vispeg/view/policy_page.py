@@ -74,7 +74,7 @@ class PolicyPage(Page):
             self.images = gui.add_folder(None)
             self.plots = gui.add_folder(None)
         self.left.dock_left()
-        self.left.set_width(400)
+        self.left.set_width(370)
         self.plot: Any = None
         self.start.on_click(lambda _: self.begin())
         self.slider.on_update(lambda _: self.draw())

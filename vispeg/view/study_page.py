@@ -44,7 +44,7 @@ class StudyPage(Page):
                 self.model = gui.add_text("Model", model, hint=MODEL)
                 self.upload = gui.add_upload_button("Drop a model file (.yaml)", mime_type=".yaml,.yml")
                 self.chosen = gui.add_folder(None)
-                self.compare = gui.add_button("Compare the model with the recordings", color="teal")
+                self.compare = gui.add_button("Compare model and recordings", color="teal")
             self.ladder = gui.add_html(html.note("Choose a model and recordings, then compare them."))
             self.job = Job(place, self.told, self.idle)
             with gui.add_folder("What is missing"):
@@ -68,7 +68,7 @@ class StudyPage(Page):
             self.go = gui.add_text("Go to", "", hint="JOINT RECORDING SECONDS, such as: joint4 1 2.5")
             self.traces = Traces(place)
         self.left.dock_left()
-        self.left.set_width(400)
+        self.left.set_width(370)
         self._wire()
         for path in recordings:
             self.add(path)

@@ -63,7 +63,7 @@ class WorldPage(Page):
             with gui.add_folder("Drawn this time"):
                 self.drawn = gui.add_html("")
         self.left.dock_left()
-        self.left.set_width(400)
+        self.left.set_width(370)
         self.world.on_update(lambda _: self.open())
         self.seed.on_update(lambda _: self.draw())
         self.other.on_click(lambda _: self._next())
