@@ -80,3 +80,14 @@ def test_check_says_what_contact_a_recording_excites(vispeg, tmp_path):
     assert press["seconds"]["press"] > 5 and press["excited"]["contact_stiffness"] == ""
     assert free["excited"]["tool_mass"] == "" and free["seconds"]["free"] > 9 and free["peak_force"] < 2
     assert press["begins_free"] > 1 and set(press["excited"]) <= set(effects.REGISTRY)
+
+
+def test_a_cell_of_one_s_own_is_found_again_beside_its_recordings(vispeg, tmp_path):
+    task = "task: {fixture: [0.55, 0.05, 0.06], diameter: 0.02, clearance_mm: 1.0}\n"
+    (tmp_path / "rig.yaml").write_text("format: vispeg-world/1\nname: rig\n" + task)
+    options = ["--motion", "insert", "--rate", "200", "--table", "parquet"]
+    assert vispeg("record", "rig.yaml", *options, "--out", "runs/one")[0] == 0
+    assert "cell: ../../rig.yaml" in (tmp_path / "runs" / "one" / "recording.yaml").read_text()
+    rec = load(tmp_path / "runs" / "one")
+    assert believed(rec.cell).config.clearance_mm == 1.0 and rec.outcomes[0].success
+    assert vispeg("compare", "rig.yaml", "--recording", "runs/one", "--out", "compared")[0] == 0

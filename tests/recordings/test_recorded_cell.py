@@ -15,6 +15,8 @@ from scipy.spatial.transform import Rotation
 from vispeg.core.errors import UserError
 from vispeg.recordings import schema
 from vispeg.recordings.cell import CellBelief, Outcome, WrenchSensor, canonical, wrench_noise
+from vispeg.recordings.importers.mapping import read_map
+from vispeg.recordings.importers.table import import_table
 from vispeg.recordings.load import load
 from vispeg.recordings.schema import Header, header_from
 from vispeg.recordings.write import write
@@ -136,3 +138,20 @@ def test_the_page_on_formats_names_every_key_and_is_itself_valid():
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # a key that the schema does not have
         header_from(head, PAGE)
+
+
+def test_a_map_states_cell_and_wrench_beside_the_log(tmp_path):
+    """A world file is looked for beside the map that names it."""
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "maps" / "rig.yaml").write_text("format: vispeg-world/1\n")
+    time = np.arange(50) / 100.0
+    rows = "\n".join(f"{t},{0.1 * t},{t},1,2,3,4,5,6" for t in time)
+    (tmp_path / "log.csv").write_text("t,a,b,fx,fy,fz,tx,ty,tz\n" + rows + "\n")
+    lines = [f"ft.{axis}: {{column: {axis}}}" for axis in ("fx", "fy", "fz", "tx", "ty", "tz")]
+    lines += ["time: {column: t}", "q.a: {column: a}", "q.b: {column: b}"]
+    lines += ["recording: {cell: rig.yaml, wrench: {tared: true, acts_on: flange}, noise: {ft: 0.2}}"]
+    (tmp_path / "maps" / "map.yaml").write_text("\n".join(lines) + "\n")
+    rec = import_table(tmp_path / "log.csv", "iiwa14", ("a", "b"), read_map(tmp_path / "maps" / "map.yaml", ("a", "b")))
+    assert rec.cell == CellBelief(str((tmp_path / "maps" / "rig.yaml").resolve()))
+    assert rec.wrench == WrenchSensor(acts_on="flange", tared=True) and rec.noise == {"ft": 0.2}
+    assert np.array_equal(rec.ft[0], [1, 2, 3, 4, 5, 6])

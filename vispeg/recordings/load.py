@@ -141,7 +141,7 @@ def assemble(
         base_tilt=(header.base.tilt_rad[0], header.base.tilt_rad[1]),
         torque_sensor=header.torque_sensor,
         noise=plain(header.noise),
-        cell=cell(header.cell, folder, header_file),
+        cell=cell(header.cell, header_file),
         wrench=wrench(header.wrench),
         outcomes=outcomes(header.outcome, episode, header_file),
         motion=header.motion,

@@ -11,13 +11,12 @@ from vispeg.recordings.cell import CellBelief, Outcome, WrenchSensor
 from vispeg.recordings.schema import CellSection, OutcomeSection, WrenchSection
 
 
-def cell(section: CellSection | None, folder: Path, file: Path) -> CellBelief | None:
+def cell(section: CellSection | None, file: Path) -> CellBelief | None:
     """The belief, a world file's path made absolute; what it says is checked by whoever builds the cell.
 
     Args:
         section: what recording.yaml says.
-        folder: what a relative path starts from.
-        file: what a message names.
+        file: that says so: a relative path starts from its folder, and a message names it.
 
     Raises:
         UserError: no such world file.
@@ -27,7 +26,7 @@ def cell(section: CellSection | None, folder: Path, file: Path) -> CellBelief | 
     world = section.world
     if world.lower().endswith((".yaml", ".yml")):
         try:
-            path = (folder / Path(world).expanduser()).resolve()
+            path = (file.parent / Path(world).expanduser()).resolve()
             exists = path.is_file()
         except (OSError, ValueError, RuntimeError) as error:
             raise UserError("is not a usable path", file=file, key="cell.world", got=world) from error

@@ -106,9 +106,10 @@ def of_world(name: str) -> World:
     Raises:
         UserError: as for `believed`.
     """
-    found = believed(CellBelief(name), name)
+    cell = CellBelief(str(Path(name).resolve()) if Path(name).suffix else name)
+    found = believed(cell, name)
     tool = carried(found.scene.nominal.compile())
-    return World(found.config.robot.model, tool, cell=CellBelief(name))
+    return World(found.config.robot.model, tool, cell=cell)
 
 
 def robot_of_world(world: World) -> RobotModel:

@@ -73,7 +73,7 @@ def load_model(source: str | Path) -> World:
         seen.add((e.effect, e.where))
     stated = data.get("cell")
     section = None if stated is None else typed(CellOf, {"cell": stated}, path).cell
-    return World(robot, None if tool in (None, "none") else tool, effects, cell(section, path.parent, path))
+    return World(robot, None if tool in (None, "none") else tool, effects, cell(section, path))
 
 
 def read_placed(entry: Any, file: Path, key: str) -> EffectInstance:
