@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from loops import drive, hinge, pendulum, recorded
+from typed_record import mistakes
 
 import vispeg.diagnosis.search as searching
 from vispeg.core.errors import UserError
@@ -10,6 +11,7 @@ from vispeg.core.seeds import stream
 from vispeg.diagnosis.judge import Judge
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.run import diagnose
+from vispeg.diagnosis.schema import DiagnosisRecord
 from vispeg.worlds.world import World
 
 
@@ -53,6 +55,11 @@ def test_killed_and_run_again_ends_the_same(recordings, tmp_path, monkeypatch):
     whole_count = optimizers(monkeypatch)
     whole = run(recordings)
     assert len(whole.record["ladder"]) > 1, whole.record["reason"]
+    assert mistakes(DiagnosisRecord, whole.record) == []
+    assert mistakes(DiagnosisRecord, {**whole.record, "verdict": None, "more": 1}) == [
+        "record.more is unknown",
+        "record.verdict: None is no str",
+    ]
 
     def kill(*_):
         raise Killed

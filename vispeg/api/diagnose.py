@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from vispeg.core.errors import UserError
 from vispeg.diagnosis import run
 from vispeg.diagnosis.change import diagnose_change
 from vispeg.diagnosis.progress import Progress
+from vispeg.diagnosis.schema import DiagnosisRecord
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import SECONDS
 from vispeg.report.summary import Block
@@ -39,7 +39,7 @@ class DiagnosisResult(Result):
         sources: what was read.
     """
 
-    record: Mapping[str, Any]
+    record: DiagnosisRecord
     world: World
     arrays: Mapping[str, np.ndarray] = field(repr=False)
     effects: tuple[EffectInstance, ...] = ()
@@ -55,8 +55,8 @@ class DiagnosisResult(Result):
     @property
     def errors(self) -> tuple[float, float]:
         """Held-out RMS error of the model as it was and as it is now, rad (or N m, see `record`)."""
-        ladder = self.record["ladder"]
-        return ladder[0]["heldout_error"], ladder[-1]["heldout_error"]
+        first, last = (self.record["ladder"][at]["heldout_error"] for at in (0, -1))
+        return float("nan" if first is None else first), float("nan" if last is None else last)
 
     @property
     def summary(self) -> list[Block]:

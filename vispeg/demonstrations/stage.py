@@ -34,6 +34,7 @@ from vispeg.render.look import dress
 from vispeg.render.rig import camera_velocity
 from vispeg.render.snapshot import Snapshot
 from vispeg.task.registry import task_of as contract_of
+from vispeg.task.result import EpisodeResult
 from vispeg.task.simulation import TaskSimulation
 from vispeg.task.world_file import load_world
 from vispeg.worlds.split import optical
@@ -59,7 +60,7 @@ class Played:
     physics: World
     noise: np.random.Generator
     moments: list[Moment] = field(default_factory=list)
-    record: dict[str, Any] | None = None
+    record: EpisodeResult | None = None
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ class Stage:
     # Physics --------------------------------------------------------------------------------------------------
     def play(
         self, seeds: Iterable[int], wanted: int | None = None
-    ) -> list[tuple[int, list[Moment], dict[str, Any] | None, World]]:
+    ) -> list[tuple[int, list[Moment], EpisodeResult | None, World]]:
         """Episodes of these seeds, ROWS at a time: moments, the task's record, the drawn physics.
 
         With `wanted`, nothing is played on once the episodes, one after the other, have that many moments; one that was
@@ -140,7 +141,7 @@ class Stage:
             gain, _, _, ended = self.sim.step(shaken)
             for i, one in playing:
                 record = one.record = ended[i]
-                success = record is not None and bool(record["success"])
+                success = record is not None and record["success"]
                 after = {"next.reward": gain[i], "next.done": record is not None, "next.success": success}
                 one.moments[-1].values.update(after)
                 rows[i] = one if record is None else None
@@ -177,13 +178,13 @@ class Stage:
 
     # Pictures -------------------------------------------------------------------------------------------------
     def draw(
-        self, seed: int, look: int, moments: Sequence[Moment], record: dict[str, Any] | None, physics: World
+        self, seed: int, look: int, moments: Sequence[Moment], record: EpisodeResult | None, physics: World
     ) -> Episode:
         """One look of an episode, as a file takes it; without a record it was cut before its end."""
         return next(self.develop([self.take(seed, look, moments, record, physics)]))
 
     def take(
-        self, seed: int, look: int, moments: Sequence[Moment], record: dict[str, Any] | None, physics: World
+        self, seed: int, look: int, moments: Sequence[Moment], record: EpisodeResult | None, physics: World
     ) -> Take:
         """The same look as rendered, its sensor still to come."""
         own = look_seed(seed, look)
@@ -207,9 +208,9 @@ class Stage:
             "redraws": refused,
             "redraws_exhausted": refused >= TRIES,
             "cut": record is None,
-            "success": record is not None and bool(record["success"]),
-            "category": "cut" if record is None else str(record["category"]),
-            "peak_force": 0.0 if record is None else float(record["peak_force"]),
+            "success": record is not None and record["success"],
+            "category": "cut" if record is None else record["category"],
+            "peak_force": 0.0 if record is None else record["peak_force"],
             "world": physics.values | world.values,
             "cameras": [to_record(c) for c in self.plain.cameras],
         }

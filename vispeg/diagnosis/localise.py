@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vispeg.diagnosis.phase import phase
+from vispeg.diagnosis.schema import Failure, Peak
 from vispeg.identify.channels import Item
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.recording import Control
@@ -165,7 +166,7 @@ def regimes(k: MissingTorque) -> dict[str, np.ndarray]:
     }
 
 
-def where_it_fails(missing: Sequence[MissingTorque], joints: tuple[str, ...], most: int = 6) -> list[dict]:
+def where_it_fails(missing: Sequence[MissingTorque], joints: tuple[str, ...], most: int = 6) -> list[Failure]:
     """Shares of the excess over noise by joint and regime, largest first; shares sum to 1 over all cells."""
     cells: dict[tuple[str, str], float] = {}
     for k in missing:
@@ -241,7 +242,7 @@ def peaks(
     before: dict[str, tuple[np.ndarray, np.ndarray]],
     joints: tuple[str, ...],
     after: dict[str, tuple[np.ndarray, np.ndarray]] | None = None,
-) -> list[dict]:
+) -> list[Peak]:
     """The worst cell of each of the `maps`, in multiples of the noise; with `after`, what is left in that very cell."""
     out = []
     for axis, (edges, grid) in before.items():

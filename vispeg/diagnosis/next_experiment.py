@@ -17,6 +17,7 @@ import numpy as np
 
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.rivals import Rivals
+from vispeg.diagnosis.schema import NextMotion
 from vispeg.diagnosis.search import Search
 from vispeg.diagnosis.state import State
 from vispeg.identify.excitation import motion
@@ -33,7 +34,7 @@ DECISIVE = 3.0  # sigma between two predictions, below which one recording would
 
 def next_experiment(
     search: Search, state: State, rivals: Sequence[Rivals], verdict: str, seed: int
-) -> tuple[dict | None, dict[str, np.ndarray]]:
+) -> tuple[NextMotion | None, dict[str, np.ndarray]]:
     """The record's `next_experiment` and the arrays of its picture; None where nothing is left to find out."""
     pair = _explanations(state, rivals)
     if pair is None and verdict != "unexplained":
@@ -87,7 +88,7 @@ class _Stage:
             out[name] = sigma, response.q[0], response.q[1]
         return out
 
-    def record(self, name: str, why: str, sigma: float) -> dict:
+    def record(self, name: str, why: str, sigma: float) -> NextMotion:
         """What `next_experiment` says of a motion that is written beside it."""
         return {
             "motion": name,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,7 @@ from vispeg.diagnosis.accept import equal
 from vispeg.diagnosis.judge import Gain, Judge
 from vispeg.diagnosis.record import with_origin
 from vispeg.diagnosis.run import Diagnosis
+from vispeg.diagnosis.schema import Candidate, DiagnosisRecord, FoundEffect, NextMotion, Rung
 from vispeg.diagnosis.verdict import decide
 from vispeg.diagnosis.window_profile import Profile, profile, sizes
 from vispeg.effects.contact.restitution import rebound
@@ -166,7 +167,7 @@ def diagnose_object(
     distance = [judged.errors(w)[0] for w in (world, final)]
     rms = [float(np.sqrt(np.mean(d**2))) for d in distance]
     found = with_origin(final, given, fitted, held_out, *rms, verdict.partial)  # type: ignore[arg-type]
-    record = {
+    record: DiagnosisRecord = {
         "format": "vispeg-diagnosis/1",
         "object": model.name,
         "verdict": verdict.verdict,
@@ -237,12 +238,12 @@ def windows(
     return rows
 
 
-def _effect(e: EffectInstance, others: Sequence[EffectInstance]) -> dict[str, Any]:
-    entry = {k: v for k, v in placed_dict(e).items() if k != "origin"}
+def _effect(e: EffectInstance, others: Sequence[EffectInstance]) -> FoundEffect:
+    entry: Any = {k: v for k, v in placed_dict(e).items() if k != "origin"}
     return entry | {"indistinguishable_from": [{"effect": o.effect, "where": o.where} for o in others]}
 
 
-def _ladder(evidence: Restarts, judged: Restarts, world: World, search: ObjectSearch) -> list[dict[str, Any]]:
+def _ladder(evidence: Restarts, judged: Restarts, world: World, search: ObjectSearch) -> list[Rung]:
     labels = ["nominal", *(f"+ {best.placed.label}" for best, _ in search.steps)]
     worlds = [world, *(best.world for best, _ in search.steps)]
     rms = lambda e, w: float(np.sqrt(np.mean(e.errors(w)[0] ** 2)))  # noqa: E731
@@ -252,7 +253,7 @@ def _ladder(evidence: Restarts, judged: Restarts, world: World, search: ObjectSe
     ]
 
 
-def _candidates(search: ObjectSearch) -> list[dict[str, Any]]:
+def _candidates(search: ObjectSearch) -> list[Candidate]:
     rows = [
         (t, t.why or f"{best.placed.label} explains more") for best, all_ in search.steps for t in all_ if t is not best
     ]
@@ -264,7 +265,7 @@ def _candidates(search: ObjectSearch) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def _next(search: ObjectSearch, rows: Sequence[dict[str, Any]]) -> dict[str, Any] | None:
+def _next(search: ObjectSearch, rows: Sequence[Mapping[str, Any]]) -> NextMotion | None:
     weak = sorted({p["parameter"] for p in rows[0]["parameters"] if not p["told"]})
     if weak:
         return {"motion": "tosses with more single bounces, from 0.1 to 0.5 m", "why": f"would tell {', '.join(weak)}"}

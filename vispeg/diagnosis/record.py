@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.rivals import Rivals
+from vispeg.diagnosis.schema import Candidate, Channel, Correlations, FoundEffect, Moved, Rung
 from vispeg.diagnosis.screen import Score
 from vispeg.diagnosis.state import State, Trial
 from vispeg.identify.channels import UNITS
@@ -51,7 +51,7 @@ def with_origin(
     return replace(world, effects=effects)
 
 
-def effects(world: World, given: int, rivals: Sequence[Rivals], fitted: World) -> list[dict[str, Any]]:
+def effects(world: World, given: int, rivals: Sequence[Rivals], fitted: World) -> list[FoundEffect]:
     """What was found, each with what these recordings cannot tell it from.
 
     `fitted` has the intervals that statistics alone give; those of `world` count the error of the model's form too.
@@ -69,12 +69,10 @@ def effects(world: World, given: int, rivals: Sequence[Rivals], fitted: World) -
     return out
 
 
-def ladder(
-    evidence: Evidence, judged: Evidence, state: State, fit0: np.ndarray, held0: np.ndarray
-) -> list[dict[str, Any]]:
+def ladder(evidence: Evidence, judged: Evidence, state: State, fit0: np.ndarray, held0: np.ndarray) -> list[Rung]:
     """Error of each model on the way, fitted and held out; `fit0`, `held0` are the residuals of the first."""
     unit = f"{judged.unit} RMS"
-    rungs = [
+    rungs: list[Rung] = [
         {
             "model": "nominal",
             "fit_error": evidence.angle_rms(fit0),
@@ -100,7 +98,7 @@ def ladder(
     return rungs
 
 
-def candidates(state: State, rivals: Sequence[Rivals], given: int) -> list[dict[str, Any]]:
+def candidates(state: State, rivals: Sequence[Rivals], given: int) -> list[Candidate]:
     """What else was tried, and why it was refused."""
     out = []
     for best, trials in state.steps:
@@ -124,7 +122,7 @@ def candidates(state: State, rivals: Sequence[Rivals], given: int) -> list[dict[
     return out
 
 
-def _candidate(t: Trial, why: str, given: int) -> dict[str, Any]:
+def _candidate(t: Trial, why: str, given: int) -> Candidate:
     beside = [e for e in t.fit.world.effects[given:] if not t.score.has(e)]
     return {
         "effect": t.score.key[0],
@@ -143,7 +141,7 @@ def coarse_encoders(rec: Recording, judged: Evidence) -> list[str]:
     return [f"{joint} is read in steps of {step:.2g} rad" for joint, step in steps.items() if step and step > 2 * sigma]
 
 
-def correlations(state: State) -> dict[str, Any] | None:
+def correlations(state: State) -> Correlations | None:
     """How the estimates of the final fit depend on each other."""
     if state.fit is None:
         return None
@@ -151,9 +149,9 @@ def correlations(state: State) -> dict[str, Any] | None:
     return {"labels": labels, "matrix": np.round(state.fit.correlation, 3).tolist()}
 
 
-def moved(state: State) -> list[dict[str, Any]]:
+def moved(state: State) -> list[Moved]:
     """Parameters of earlier effects that changed by over a tenth of a typical size when a later one was added."""
-    out = []
+    out: list[Moved] = []
     worlds = [best.fit.world for best, _ in state.steps]
     for before, after in zip(worlds, worlds[1:], strict=False):
         now: dict[tuple[str, str], EffectInstance] = {(e.effect, e.where): e for e in after.effects}
@@ -195,14 +193,14 @@ def arrays(evidence: Evidence, predicted: list[np.ndarray]) -> dict[str, np.ndar
     return out
 
 
-def channels(evidence: Evidence, predicted: list[np.ndarray], least: list[np.ndarray] | None) -> list[dict[str, Any]]:
+def channels(evidence: Evidence, predicted: list[np.ndarray], least: list[np.ndarray] | None) -> list[Channel]:
     """Floor and held-out error before and after of each channel; of torques also what `least` (residuals) leaves."""
     out, names = [], evidence.items[0].robot.joints
     for j, kind in enumerate(c.kind for c in evidence.items[0].channels for _ in names):
         column = [(i.measured[:, j], y[:, :, j], i.valid[:, j]) for i, y in zip(evidence.items, predicted, strict=True)]
         size = max(sum(int(v.sum()) for *_, v in column), 1)
         error = [np.sqrt(sum(np.sum((m - y[w])[v] ** 2) for m, y, v in column) / size) for w in (0, 1)]
-        row = {
+        row: Channel = {
             "channel": kind,
             "joint": names[j % len(names)],
             "floor": float(evidence.floors[j]),

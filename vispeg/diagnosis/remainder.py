@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from vispeg.diagnosis.localise import MissingTorque
+from vispeg.diagnosis.schema import Remainder
 
 BINS = 24
 CONVINCING = 0.15  # share of the held-out missing torque that a curve must predict
@@ -61,7 +61,7 @@ INPUTS = {
 }
 
 
-def sizes(held_out: list[MissingTorque], joints: tuple[str, ...]) -> list[dict[str, Any]]:
+def sizes(held_out: list[MissingTorque], joints: tuple[str, ...]) -> list[Remainder]:
     """Of each joint the RMS of the torque that is still missing, N m, noise taken off, and of the torque it needed."""
     missing = np.mean([np.mean(k.excess**2, axis=0) - k.sigma**2 for k in held_out], axis=0)
     needed = np.mean([np.mean(k.needed**2, axis=0) for k in held_out], axis=0)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -30,6 +29,7 @@ from vispeg.diagnosis.record import (
 )
 from vispeg.diagnosis.remainder import dependences, sizes
 from vispeg.diagnosis.rivals import find_rivals
+from vispeg.diagnosis.schema import DiagnosisRecord
 from vispeg.diagnosis.search import Search
 from vispeg.diagnosis.share import Share
 from vispeg.diagnosis.subsets import subsets
@@ -46,7 +46,7 @@ from vispeg.worlds.world import World
 class Diagnosis:
     """What `vispeg diagnose` found: the record, the model, and the arrays behind the pictures."""
 
-    record: dict[str, Any]
+    record: DiagnosisRecord
     world: World
     arrays: dict[str, np.ndarray]
 
@@ -120,7 +120,7 @@ def diagnose(
         say.ahead = 0
         say("choosing what to record next")
         upcoming, more = next_experiment(search, state, rivals, verdict.verdict, seed)
-    record = {
+    record: DiagnosisRecord = {
         "format": "vispeg-diagnosis/1",
         "verdict": verdict.verdict,
         "reason": verdict.reason,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,6 +11,9 @@ from vispeg.evaluation.controls import ON_IMAGES, Controlled
 from vispeg.evaluation.jobs import Job, Pushes
 from vispeg.evaluation.players import player
 from vispeg.evaluation.records import Episode
+
+if TYPE_CHECKING:  # which needs torch
+    from vispeg.learn.evaluation import Outcome
 
 _kept: dict[Any, Any] = {}  # the last environment of this worker: jobs that follow each other mostly want the same
 
@@ -42,19 +46,14 @@ def environment(job: Job, render_mode: str | None = None) -> Any:
         for old in _kept.values():
             old.close()
         _kept.clear()
-        made: dict[str, Any] = {
-            "obs_mode": obs_mode,
-            "render_mode": render_mode,
-            "autoreset_mode": "Disabled",
-            "dump": job.dump,
-        }
-        _kept[key] = TaskVec(job.rows, world=job.world, **made, **job.entrant.task)
+        how: Any = {"obs_mode": obs_mode, "render_mode": render_mode, "autoreset_mode": "Disabled", "dump": job.dump}
+        _kept[key] = TaskVec(job.rows, world=job.world, **how, **job.entrant.task)
     return _kept[key]
 
 
-def episode(job: Job, outcome: Any) -> Episode:
+def episode(job: Job, outcome: Outcome) -> Episode:
     """The record of one finished episode (see `vispeg.learn.evaluation.Outcome`)."""
-    told = outcome.info.get("record") or outcome.info
+    told = outcome.info
     forces = np.asarray(told.get("force_profile", ()), float)
     steps = max(1, outcome.steps)
     numbers = [float(told.get(k, np.nan)) for k in ("time", "peak_force", "lateral_error", "depth")]
@@ -84,7 +83,7 @@ class Pushed:
     def __init__(self, env: Any, pushes: Pushes):
         self.env, self.pushes, self.num_envs = env, pushes, env.num_envs
 
-    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> Any:
+    def reset(self, *, seed: Any = None, options: Mapping[str, np.ndarray] | None = None) -> Any:
         """As the environment's; the rows that begin get the push of their seed."""
         found = self.env.reset(seed=seed, options=options)
         mask = (options or {}).get("reset_mask", np.ones(self.num_envs, dtype=bool))

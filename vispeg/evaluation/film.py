@@ -11,6 +11,7 @@ from vispeg.evaluation.arena import environment
 from vispeg.evaluation.jobs import Job
 from vispeg.evaluation.players import player
 from vispeg.render.image_kinds import kind_of, picture_of
+from vispeg.task.result import EpisodeResult
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ def film(job: Job, seed: int) -> Clip:
         env.push([0], *job.pushes.draw(seed))
     policy.reset(1)
     frames, views = [], []
-    told: dict[str, Any] = {}
+    told: EpisodeResult | None = None
     while True:
         action = policy.act(obs)  # also on the last observation, for what it thinks of it
         frames.append(thoughts(env.render()[0], obs, policy))
@@ -69,7 +70,7 @@ def film(job: Job, seed: int) -> Clip:
         if terminated[0] or truncated[0]:
             told = infos["record"][0]
     seen = None if views[0] is None else np.stack(views)
-    return Clip(np.stack(frames), seen, str(told["category"]), float(told["time"]))
+    return Clip(np.stack(frames), seen, told["category"], told["time"])
 
 
 def _view(obs: dict[str, np.ndarray]) -> np.ndarray | None:

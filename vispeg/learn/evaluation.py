@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol, cast
 
 import numpy as np
 from gymnasium.vector import VectorEnv
 
 from vispeg.learn.infos import row_info
+from vispeg.task.result import EpisodeResult
 
 SPARE = 2**30  # from the first seed to those of rows that have none to play
 
@@ -31,14 +32,14 @@ class Acts(Protocol):
 
 @dataclass(frozen=True)
 class Outcome:
-    """How one episode ended; `info` holds the environment's record of it."""
+    """How one episode ended; `info` is the environment's record of it, or what it told where it keeps none."""
 
     seed: int
     success: bool
     category: str
     reward: float
     steps: int
-    info: dict[str, Any]
+    info: EpisodeResult
 
 
 def run_episodes(
@@ -71,13 +72,14 @@ def run_episodes(
         for row in np.flatnonzero(ended).tolist():
             if number[row] >= 0:
                 told = row_info(info, row)
+                record = cast(EpisodeResult, told.get("record") or told)
                 out[number[row]] = Outcome(
                     int(given[row]),
                     bool(told.get("success", False)),
                     str(told.get("category", "timeout")),
                     float(total[row]),
                     int(steps[row]),
-                    told,
+                    record,
                 )
                 if watch is not None:
                     watch(out[number[row]])  # type: ignore[arg-type]

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 
-def row_info(info: dict[str, Any], row: int) -> dict[str, Any]:
+def row_info(info: Mapping[str, Any], row: int) -> dict[str, Any]:
     """One row of a gymnasium vector info: `name` where its mask `_name` holds, or where there is no mask."""
     found = {}
     for name, value in info.items():

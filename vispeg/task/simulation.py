@@ -20,6 +20,7 @@ from vispeg.task.config import DOF, TaskConfig
 from vispeg.task.control import PoseControl
 from vispeg.task.guards import Guards
 from vispeg.task.registry import task_of
+from vispeg.task.result import EpisodeResult
 from vispeg.task.rewards import Moment
 from vispeg.task.start import ABOVE, DOWN, home
 from vispeg.task.terms import LIMIT, POLICY, PRIVILEGED, Observation, Stack
@@ -168,7 +169,7 @@ class TaskSimulation:
             rot = turned(self.straight, np.where(self.move[3:], asked, 0.0))
         return held, rot
 
-    def step(self, action: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any] | None]]:
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[EpisodeResult | None]]:
         """One policy step of every row.
 
         Args:
@@ -227,7 +228,7 @@ class TaskSimulation:
         gain = self.reward.dense(Moment(tip, goal, forces.max(axis=0), self.action, c.reward_scale, self))
         observed = {name: np.nan_to_num(value) for name, value in self.task.observed(self).items()}
         terminated, truncated = np.zeros(self.nsim, dtype=bool), self.count >= c.steps
-        records: list[dict[str, Any] | None] = [None] * self.nsim
+        records: list[EpisodeResult | None] = [None] * self.nsim
         for i, track in enumerate(self.tracks):
             track.add(c, forces[:, i], tip[i], **{name: float(value[i]) for name, value in observed.items()})
             category = "diverged" if self.diverged[i] else self.guards.stopped[i] or track.verdict(c)
@@ -242,7 +243,7 @@ class TaskSimulation:
         self.stack.push(np.nan_to_num(seen, posinf=0.0, neginf=0.0))
         return gain, terminated, truncated & ~terminated, records
 
-    def _record(self, i: int, category: str) -> dict[str, Any]:
+    def _record(self, i: int, category: str) -> EpisodeResult:
         t = self.tracks[i]
         return {
             "success": category == "success",

@@ -186,7 +186,7 @@ class TaskVec(VectorEnv):
         waiting = np.flatnonzero(self._ended)
         rewards, terminated, truncated, records = self.advance(actions)
         self.look(np.setdiff1d(np.arange(self.num_envs), waiting))
-        infos: dict[str, Any] = {}
+        infos: Any = {}
         if len(waiting) and self.autoreset_mode == AutoresetMode.NEXT_STEP:
             rewards[waiting], terminated[waiting], truncated[waiting] = 0.0, False, False
             self._episode[waiting] += 1

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -65,7 +65,7 @@ def render(data: Dataset | Stored) -> str:
     return page(f"dataset {data.folder.name}", "dataset", sections)
 
 
-def headline(data: Dataset | Stored) -> dict[str, Any]:
+def headline(data: Dataset | Stored) -> Mapping[str, object]:
     """Totals, and what became of the episodes."""
     plan = data.made.get("plan", {})
     lengths = [e["length"] for e in data.episodes]
@@ -84,7 +84,7 @@ def headline(data: Dataset | Stored) -> dict[str, Any]:
     }
 
 
-def cameras(data: Dataset | Stored) -> dict[str, Any]:
+def cameras(data: Dataset | Stored) -> Mapping[str, object]:
     """A large view of each camera, its intrinsics, and how much of its depth is missing."""
     frames = [data[i] for i in chosen(data, SAMPLED)]
     limits = depth_range(data, frames)
@@ -115,7 +115,7 @@ def cameras(data: Dataset | Stored) -> dict[str, Any]:
     return {"cameras": out, "parts": key, "counted": counted}
 
 
-def guard(data: Dataset | Stored) -> dict[str, Any]:
+def guard(data: Dataset | Stored) -> Mapping[str, object]:
     """How often a look was drawn again."""
     redraws = np.array([e.get(f"{OWN}redraws", 0) for e in data.episodes])
     exhausted = sum(bool(e.get(f"{OWN}redraws_exhausted")) for e in data.episodes)

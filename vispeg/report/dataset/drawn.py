@@ -15,7 +15,7 @@ from vispeg.report.quantities import plain, quantity
 BINS, WIDTH, HEIGHT = 24, 168, 46  # bars; px
 
 
-def drawn(worlds: Sequence[Mapping[str, Mapping[str, float]]]) -> dict[str, Any]:
+def drawn(worlds: Sequence[Mapping[str, Mapping[str, float]]]) -> Mapping[str, object]:
     """What a template shows of drawn worlds (label to parameters, one world an episode).
 
     Returns:

@@ -10,7 +10,7 @@ from vispeg.report.gap import words
 TITLE = "One against another"
 
 
-def context(values: Mapping[str, Any]) -> dict[str, Any]:
+def context(values: Mapping[str, Any]) -> Mapping[str, object]:
     """Rows by world."""
     worlds: dict[str, list[dict[str, Any]]] = {}
     for row in values["comparisons"]:

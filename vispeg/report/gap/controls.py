@@ -10,7 +10,7 @@ from vispeg.report.gap import words
 TITLE = "Do the images matter?"
 
 
-def context(values: Mapping[str, Any]) -> dict[str, Any] | None:
+def context(values: Mapping[str, Any]) -> Mapping[str, object] | None:
     """A table a world: a row a policy, a column a control; None where there is neither control nor blind policy."""
     rates = {(r["policy"], r["world"], r["control"]): r["success"] for r in values["success"]}
     kinds = [c for c in words.CONTROLS if c and any(k == c for _, _, k in rates)]

@@ -11,7 +11,7 @@ from vispeg.report.gap.colours import ordered
 TITLE = "What the change costs, and which part of it"
 
 
-def context(values: Mapping[str, Any]) -> dict[str, Any]:
+def context(values: Mapping[str, Any]) -> Mapping[str, object]:
     """The heat map, rows of the attribution, gaps in words."""
     gaps = [
         {**row, "interval": words.lost(row["gap"]), "pairing": "" if row["paired"] else "other starts"}
@@ -41,7 +41,7 @@ def _part(name: str, e: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, 
     }
 
 
-def heat_map(values: Mapping[str, Any]) -> dict[str, Any] | None:
+def heat_map(values: Mapping[str, Any]) -> Mapping[str, object] | None:
     """Points of success lost, policies by target worlds, each with its tint; None without targets."""
     names = [w["name"] for w in values["worlds"] if w["name"] != values["reference"]]
     found = {(g["policy"], g["world"]): g["gap"] for g in values["gaps"]}

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 TITLE = "How they fail"
 
 
-def context(values: Mapping[str, Any]) -> dict[str, Any]:
+def context(values: Mapping[str, Any]) -> Mapping[str, object]:
     """The picture, and a row a policy and target."""
     rows = []
     for row in values["categories"]:

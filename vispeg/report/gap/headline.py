@@ -13,7 +13,7 @@ RANK = list(words.ROLES.values())  # a policy that is told where the goal is, or
 MOST = 5  # figures side by side
 
 
-def context(values: Mapping[str, Any]) -> dict[str, Any]:
+def context(values: Mapping[str, Any]) -> Mapping[str, object]:
     """The hardest target's headline, the picture, and one line a policy (those that see first)."""
     target = values["joint"] or (values["worlds"][-1]["name"] if len(values["worlds"]) > 1 else None)
     reference = values["reference"]

@@ -10,7 +10,7 @@ from vispeg.report.gap import words
 TITLE = "How this was measured"
 
 
-def context(values: Mapping[str, Any]) -> dict[str, Any]:
+def context(values: Mapping[str, Any]) -> Mapping[str, object]:
     """Worlds, policies, rule, notes, provenance."""
     return {
         "worlds": values["worlds"],

@@ -13,7 +13,7 @@ TITLE, SINGLE = "The same episode in two worlds", "Episodes, filmed"
 TYPES = {".mp4": "video/mp4", ".png": "image/png", ".jpg": "image/jpeg"}
 
 
-def context(pairs: Sequence[Mapping[str, Any]], folder: Path) -> dict[str, Any]:
+def context(pairs: Sequence[Mapping[str, Any]], folder: Path) -> Mapping[str, object]:
     """Pairs with their media as data URIs.
 
     Args:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 TITLE = "Does the training world predict the others?"
 
 
-def context(values: Mapping[str, Any]) -> dict[str, Any]:
+def context(values: Mapping[str, Any]) -> Mapping[str, object]:
     """The picture, and a row a target world."""
     rows = []
     for row in values["prediction"]:

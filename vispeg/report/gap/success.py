@@ -16,7 +16,7 @@ TITLE = "Success, in numbers"
 NUMBERED = 26  # bars beside each other at most that have room for their number
 
 
-def context(values: Mapping[str, Any]) -> dict[str, Any]:
+def context(values: Mapping[str, Any]) -> Mapping[str, object]:
     """Rows of policies by worlds."""
     names = [w["name"] for w in values["worlds"]]
     rows = {}

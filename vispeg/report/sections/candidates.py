@@ -15,7 +15,7 @@ TITLE = "Candidates tried"
 MOST_SCREENED = 20
 
 
-def context(record: Record) -> dict[str, Any]:
+def context(record: Record) -> Mapping[str, object]:
     """Candidates by falling gain, and the screening's ranking."""
     tried = sorted(record.rows("candidates"), key=lambda row: -_sortable(row.get("heldout_gain")))
     screened = sorted(record.rows("screening"), key=lambda row: -_sortable(row.get("score")))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
 
 from vispeg.report import words
 from vispeg.report.quantities import number, plain
@@ -11,7 +11,7 @@ from vispeg.report.record import Record
 TITLE = "What cannot be told apart"
 
 
-def context(record: Record) -> dict[str, Any]:
+def context(record: Record) -> Mapping[str, object]:
     """The classes, chosen member first, and the experiment that is proposed against them."""
     following = record.mapping("next_experiment")
     sigma = number(following.get("expected_separation_sigma"))

@@ -19,7 +19,7 @@ STRONG = 0.9
 AT_BOUND = "at a bound: the true value may lie beyond"
 
 
-def context(record: Record) -> dict[str, Any]:
+def context(record: Record) -> Mapping[str, object]:
     """The effects with a row a parameter, earlier values that moved, and how the estimates are correlated."""
     listed = [e for e in [*record.rows("effects"), *record.rows("partial")] if in_part(record, e)]
     return {

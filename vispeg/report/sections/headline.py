@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from vispeg.report import camera_words, effect_words, words
@@ -13,7 +14,7 @@ from vispeg.report.record import Record, data_link
 TITLE = "Verdict"
 
 
-def context(record: Record) -> dict[str, Any]:
+def context(record: Record) -> Mapping[str, object]:
     """Verdict, sentence on the error, key figures, ladder picture and table, effects found."""
     values = record.values
     first, last, unit = words.ladder_ends(values)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,7 +29,7 @@ SHADES = ("#f6f5f1", "#f9d9a8", "#f0a24f", "#d9541e", "#93260f", "#3f0d08")
 NO_DATA, BETWEEN = day("empty"), "#fefefe"  # the page turns cells dark at night, and what is between them with them
 
 
-def context(record: Record) -> dict[str, Any]:
+def context(record: Record) -> Mapping[str, object]:
     """One picture with all maps on a common scale, and one sentence a map."""
     maps = list(record.evidence.maps.values())
     return {

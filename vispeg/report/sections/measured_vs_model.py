@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,7 +21,7 @@ MOST_TRACES = 3
 POINTS, NARROW_POINTS = 60_000, 240  # drawn in all and of a narrow line, so that the page stays below 3 MB
 
 
-def context(record: Record) -> dict[str, Any]:
+def context(record: Record) -> Mapping[str, object]:
     """A picture and a sentence for each of the worst held-out recordings, and a table with all of them."""
     traces = [*record.evidence.traces, *record.evidence.torques]
     ordered = sorted(record.evidence.traces, key=lambda t: -(_final(t) or 0.0))[:MOST_TRACES]

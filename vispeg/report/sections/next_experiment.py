@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import shlex
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,7 +21,7 @@ TITLE = "Next experiment"
 MOST_JOINTS = 4
 
 
-def context(record: Record) -> dict[str, Any]:
+def context(record: Record) -> Mapping[str, object]:
     """Motion, reason, expected separation in sigma, picture, and what to run with the new recording."""
     following = record.mapping("next_experiment")
     sigma = number(following.get("expected_separation_sigma"))

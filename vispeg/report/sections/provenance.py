@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Mapping
 from typing import Any
 
 from vispeg.report.record import Record
@@ -10,7 +11,7 @@ from vispeg.report.record import Record
 TITLE = "Provenance"
 
 
-def context(record: Record) -> dict[str, Any]:
+def context(record: Record) -> Mapping[str, object]:
     """Plain text of everything needed to run it again."""
     given = record.mapping("provenance")
     command = given.get("command")

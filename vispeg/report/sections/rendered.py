@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
 
 from vispeg.report.record import Record, data_link
 
 TITLE = "Rendered for training"
 
 
-def context(record: Record) -> dict[str, Any] | None:
+def context(record: Record) -> Mapping[str, object] | None:
     """The contact sheet as a `data:` link; None where there is none."""
     if record.sheet is None:
         return None

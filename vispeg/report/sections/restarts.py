@@ -23,7 +23,7 @@ CONTACT = {
 }
 
 
-def context(record: Record) -> dict[str, Any] | None:
+def context(record: Record) -> Mapping[str, object] | None:
     """Errors and parameters by length of window, the profiles, the contact's numbers; None of an arm."""
     found = record.rows("restarts")
     if not found:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from vispeg.report import words
@@ -13,7 +14,7 @@ from vispeg.report.strips import bar
 TITLE = "Where it fails"
 
 
-def context(record: Record) -> dict[str, Any]:
+def context(record: Record) -> Mapping[str, object]:
     """Shares in falling order with what is left over, and the unexplained rest."""
     shares = sorted(record.rows("where_it_fails"), key=lambda row: -(number(row.get("share")) or 0.0))
     total = sum(number(row.get("share")) or 0.0 for row in shares)

@@ -1,0 +1,158 @@
+"""What diagnosis.json holds, as types: docs/formats.md says what the values mean."""
+
+from __future__ import annotations
+
+from typing import Any, NotRequired, TypedDict
+
+
+class Place(TypedDict):
+    """An effect at a place."""
+
+    effect: str
+    where: str
+
+
+class FoundEffect(Place):
+    """An effect that was added, with its values (as in a model file) and what cannot be told from it."""
+
+    params: dict[str, dict[str, Any]]
+    indistinguishable_from: list[Place]
+    partial: NotRequired[bool]
+    tentative: NotRequired[bool]
+
+
+class Rung(TypedDict):
+    """RMS error of one model on the way; None where nothing was fitted, or every rollout diverged."""
+
+    model: str
+    fit_error: float | None
+    heldout_error: float | None
+    unit: str
+
+
+NoiseFloor = TypedDict("NoiseFloor", {"value": float, "unit": str, "from": str})
+
+
+class Failure(TypedDict):
+    """Share of the excess over noise in one regime of one joint."""
+
+    joint: str
+    regime: str
+    share: float
+
+
+Peak = TypedDict(
+    "Peak",
+    {
+        "axis": str,
+        "joint": str,
+        "from": float,
+        "to": float,
+        "times_noise": float,
+        "times_noise_after": NotRequired[float],
+    },
+)
+
+
+class Channel(TypedDict):
+    """Held-out RMS error of one joint in one kind of measurement, with the user's model and with the final one."""
+
+    channel: str
+    joint: str
+    floor: float
+    before: float
+    after: float
+    unit: str
+    least_squares: NotRequired[float]
+
+
+class Candidate(Place):
+    """What else was tried, and why it was refused."""
+
+    tried_beside: NotRequired[list[Place]]
+    heldout_gain: float
+    gain_standard_errors: float
+    rejected_because: str
+
+
+class Screened(Place):
+    """A candidate's score."""
+
+    score: float
+
+
+class Moved(Place):
+    """A parameter that changed when a later effect was added."""
+
+    param: str
+    before: float
+    after: float
+
+
+class Correlations(TypedDict):
+    """How the estimates of the final fit depend on each other: matrix (n, n) of the n labels."""
+
+    labels: list[str]
+    matrix: list[list[float]]
+
+
+class Remainder(TypedDict):
+    """RMS torque that is still missing in a joint, and that it needed."""
+
+    joint: str
+    rms: float
+    needed: float
+    unit: str
+
+
+class Recordings(TypedDict):
+    """Names of what was fitted and of what was judged on."""
+
+    fit: list[str]
+    validate: list[str]
+
+
+class NextMotion(TypedDict):
+    """What to record next: a motion that is written beside the record, or one in words."""
+
+    motion: str
+    why: str
+    expected_separation_sigma: NotRequired[float]
+    seed: NotRequired[int]
+    duration_s: NotRequired[float]
+    rate_hz: NotRequired[float]
+    file: NotRequired[str]
+
+
+class Told(TypedDict):
+    """What every diagnosis says, and what a change says of its baseline."""
+
+    verdict: str
+    reason: str
+    effects: list[FoundEffect]
+    ladder: list[Rung]
+    noise_floor: NoiseFloor
+    recordings: Recordings
+
+
+class DiagnosisRecord(Told):
+    """The record. Keys that are not required are of robots in joint or torque space, or of free objects."""
+
+    format: str
+    unexplained: dict[str, Any] | None
+    next_experiment: NextMotion | None
+    candidates: list[Candidate]
+    notes: list[str]
+    where_it_fails: NotRequired[list[Failure]]
+    residual_peaks: NotRequired[list[Peak]]
+    remainder: NotRequired[list[Remainder]]
+    channels: NotRequired[list[Channel]]
+    screening: NotRequired[list[Screened]]
+    correlations: NotRequired[Correlations | None]
+    parameters_moved: NotRequired[list[Moved]]
+    windows: NotRequired[list[dict[str, Any]]]
+    baseline: NotRequired[Told]
+    provenance: NotRequired[dict[str, Any]]
+    object: NotRequired[str]
+    restarts: NotRequired[list[dict[str, Any]]]
+    contact: NotRequired[dict[str, Any]]
