@@ -13,6 +13,7 @@ import numpy as np
 
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
+from vispeg.core.memory import release
 from vispeg.core.provenance import digest, here
 from vispeg.recordings.load import load, needed
 from vispeg.recordings.recording import Recording
@@ -160,7 +161,13 @@ def _read(
         with reading(Path(source)) as told:
             rec = load(source, signals, told)
     rec = _of_robot(rec, world, _path(source))
-    return rec if rec.chosen is not None else choose(rec, seconds)
+    if rec.chosen is not None:
+        return rec
+    cut = choose(rec, seconds)
+    if cut is not rec:
+        del rec
+        release()
+    return cut
 
 
 def read_model(source: str) -> World:

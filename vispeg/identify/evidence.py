@@ -13,6 +13,7 @@ import numpy as np
 
 from vispeg.core.effect import Effect, effect
 from vispeg.core.errors import UserError
+from vispeg.core.memory import release
 from vispeg.identify.channels import Channel, Item, shows
 from vispeg.identify.contact import Contact, contact_of
 from vispeg.identify.load import load_noise, unsigned, with_gains
@@ -31,7 +32,8 @@ SERVO_STEP = 2.5e-3  # s: a servo's loop is stepped by a stable rule, and it is 
 MODEL_SIGMA = 4e-6  # rad: what the integrator itself is sure of
 PENALTY = 1e4  # whitened residual of a rollout that diverged
 SAMPLES_HZ = 250.0  # of a long recording that are compared: more would only repeat what a robot can do in 4 ms
-AT_ONCE = 64e6  # bytes of rollouts in memory at once, a process, and of answers that are remembered
+LONG = 4e6  # bytes of one rollout beyond which what it leaves is given back at once
+AT_ONCE = 32e6  # bytes of rollouts in memory at once, a process, and of answers that are remembered
 
 
 class Evidence:
@@ -126,6 +128,8 @@ class Evidence:
         some = max(1, int(AT_ONCE / size)) * self.nthread
         for start in range(0, len(worlds), some):
             per_item = self.simulated(worlds[start : start + some])
+            if size > LONG:
+                release()
             for w in range(len(per_item[0])):
                 parts = [self.whiten(item, y[w]).ravel() for item, y in zip(self.items, per_item, strict=True)]
                 yield np.concatenate(parts)

@@ -1,7 +1,7 @@
 """Holds plain data to a TypedDict, nested ones included: every key that is required, none that is unknown."""
 
 from types import NoneType, UnionType
-from typing import Any, Union, get_args, get_origin, get_type_hints, is_typeddict
+from typing import Any, NotRequired, Union, get_args, get_origin, get_type_hints, is_typeddict
 
 
 def mistakes(kind: Any, value: Any, at: str = "record") -> list[str]:
@@ -12,16 +12,22 @@ def mistakes(kind: Any, value: Any, at: str = "record") -> list[str]:
         if not isinstance(value, dict):
             return [f"{at}: {value!r} is no {kind.__name__}"]
         hints = get_type_hints(kind)
-        out = [f"{at}.{key} is missing" for key in kind.__required_keys__ - set(value)]
+        extras = get_type_hints(kind, include_extras=True)  # not __required_keys__: annotations are strings
+        needed = [key for key, hint in extras.items() if get_origin(hint) is not NotRequired]
+        out = [f"{at}.{key} is missing" for key in needed if key not in value]
         out += [f"{at}.{key} is unknown" for key in set(value) - set(hints)]
         return out + [m for key, v in value.items() if key in hints for m in mistakes(hints[key], v, f"{at}.{key}")]
     if get_origin(kind) in (Union, UnionType):
         tried = [mistakes(one, value, at) for one in get_args(kind)]
-        return [] if [] in tried else max(tried, key=len)
+        return [] if [] in tried else min(tried, key=len)
     if get_origin(kind) is list:
         (one,) = get_args(kind)
+        if not isinstance(value, list):
+            return [f"{at}: {value!r} is no list"]
         return [m for i, v in enumerate(value) for m in mistakes(one, v, f"{at}[{i}]")]
     if get_origin(kind) is dict:
+        if not isinstance(value, dict):
+            return [f"{at}: {value!r} is no mapping"]
         return [m for key, v in value.items() for m in mistakes(get_args(kind)[1], v, f"{at}.{key}")]
     right = isinstance(value, int | float) if kind is float else isinstance(value, kind)
     return [] if right or (kind is NoneType and value is None) else [f"{at}: {value!r} is no {kind.__name__}"]
