@@ -128,9 +128,7 @@ def _excited(t: Touched, found: ContactCheck, step: float) -> dict[str, str]:
     no_air = "" if found.begins_free >= AIR else f"only {found.begins_free:.2g} s in free air at the start"
     touched = "" if pressed or inside else "nothing was pressed"
     level = "" if several else touched or "pressed with one force only: press with 5 and with 20 N"
-    hole = (
-        "" if inside else "never pressed in the hole" if t.hole else "no `cell` says where a hole is"
-    )
+    hole = "" if inside else "never pressed in the hole" if t.hole else "no `cell` says where a hole is"
     grip = hole or ("" if turned else "cannot be told from hole_offset: insert again with the flange turned by 90 deg")
     slid = "" if s["slide"] >= LONG else "nothing slid"
     one_way = slid or ("" if found.directions >= 2 else "slid in one direction only: slide there and back")

@@ -27,15 +27,15 @@ LABELS = {
     "depth_difference": "depth, difference",
 }
 FIGURES = (  # of a camera: key, unit, words
-    ("border_median_px", "px", "borders are off by (median)"),
-    ("border_px", "px", "borders, RMS"),
-    ("depth_median_mm", "mm", "depth is off by (median)"),
-    ("depth_bias_mm", "mm", "depth, median error"),
-    ("grey", "grey levels", "colour after gain and offset, RMS"),
+    ("border_median_px", "px", "borders off, median"),
+    ("border_px", "px", "borders off, RMS"),
+    ("depth_median_mm", "mm", "depth off, median"),
+    ("depth_bias_mm", "mm", "depth too far, median"),
+    ("grey", "grey levels", "colour off, RMS"),
     ("fill_rate", "%", "fill rate"),
     ("z_accuracy", "%", "Z-accuracy"),
     ("plane_fit_rms_mm", "mm", "plane-fit RMS"),
-    ("subpixel_rms", "px", "sub-pixel RMS (50 mm baseline)"),
+    ("subpixel_rms", "px", "sub-pixel RMS"),
 )
 
 
@@ -57,7 +57,7 @@ def context(record: Record) -> dict[str, Any] | None:
         drawn.append({"title": sentence(camera), "svg": _chart(number, camera, frames, arrays)})
     used = [entry for entry in FIGURES if any(camera.get(entry[0]) is not None for camera in cameras)]
     table = [
-        {"words": f"{words} ({unit})", "cells": [_cell(camera.get(key)) for camera in cameras]}
+        {"words": words, "unit": unit, "cells": [_cell(camera.get(key)) for camera in cameras]}
         for key, unit, words in used
     ]
     names = [str(camera.get("camera", "?")) for camera in cameras]
@@ -100,7 +100,8 @@ def _figure(own: Mapping[str, Any], frames: list[dict[str, Any]], shape: Shape) 
     panels.append(lambda ax: _over_time(ax, frames))
     if not frames:
         return None
-    lines, columns = shape.grid(len(panels), 3)
+    columns = 1 if shape.narrow else len(panels)
+    lines = -(-len(panels) // columns)
     figure = new_figure(0.3 + 2.3 * lines, shape.width)
     axes = figure.subplots(lines, columns, squeeze=False).ravel()
     for ax, draw in zip(axes, panels, strict=False):
