@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from vispeg.api.fit import fit
 from vispeg.api.look import cameras_of, look_of, scene_of
 from vispeg.api.pictures import diagnose
 from vispeg.core.effect import EffectInstance
@@ -80,6 +81,17 @@ def test_an_encoder_s_offset_is_not_called_a_camera_s():
     (placed,) = found.world.effects
     assert (placed.effect, placed.where) == ("encoder_offset", "joint4")
     assert abs(placed.params["offset"].value - 0.012) < 2e-3
+
+
+@pytest.mark.slow
+def test_a_named_effect_is_fitted_to_pictures():
+    hidden = EffectInstance.of("camera_offset", WRIST, x=0.004)
+    result = fit(CELL, pictured(3, hidden), ["camera_offset:wrist_wide"])
+    (placed,) = result.effects
+    for name, v in placed.params.items():
+        truth = 0.004 if name == "x" else 0.0
+        assert abs(v.value - truth) < (3e-4 if name in "xyz" else 2e-3)
+    assert result.record["ladder"][-1]["fit_error"] < result.record["ladder"][0]["fit_error"] / 5
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from vispeg.api.inputs import Model, Reading, Source, read_inputs, silent
+from vispeg.api.pictures import border_evidence_of, photographed
 from vispeg.api.result import Result
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
@@ -18,7 +19,7 @@ from vispeg.recordings.windows import SECONDS
 from vispeg.report.fitted import fit_record, fit_summary
 from vispeg.report.summary import Block
 from vispeg.report.write import finite, write_json
-from vispeg.robots.model import load
+from vispeg.task.belief import robot_of_world
 from vispeg.worlds.model_file import model_text
 from vispeg.worlds.words import parse
 from vispeg.worlds.world import World
@@ -110,8 +111,11 @@ def fit(
     checkpoint = None
     if part is not None:
         checkpoint = Checkpoint(Path(part) / "checkpoint.json", key, starts, resume, watch)
-    evidence = evidence_for(world, given.fitted, threads, h_max=1e-3)
-    judged = evidence_for(world, given.held_out, threads, h_max=1e-3) if given.held_out else None
+    if world.cell is not None and photographed(given.fitted, given.held_out):
+        evidence, judged = border_evidence_of(world, given.fitted, given.held_out)
+    else:
+        evidence = evidence_for(world, given.fitted, threads, h_max=1e-3)
+        judged = evidence_for(world, given.held_out, threads, h_max=1e-3) if given.held_out else None
     options = {"method": method, "starts": starts, "iterations": iterations, "checkpoint": checkpoint}
     result = calibrate(evidence, world, free, seed=seed, **options)
     record, final = fit_record(given.world, result, free, evidence, judged)
@@ -125,7 +129,7 @@ def _free(world: World, effects: Sequence[str | EffectInstance]) -> tuple[World,
         if not world.effects:
             raise UserError("nothing to fit", key="--effects", expected="EFFECT:WHERE, or a model file with effects")
         return world, tuple(range(len(world.effects)))
-    robot, wanted = load(world.robot, tool=world.tool), {}
+    robot, wanted = robot_of_world(world), {}
     present = {(e.effect, e.where): e for e in world.effects}
     for named in effects:
         if isinstance(named, EffectInstance):

@@ -7,7 +7,11 @@ from collections.abc import Callable, Sequence
 from vispeg.core.errors import UserError
 from vispeg.diagnosis.pictures.run import diagnose_pictures
 from vispeg.diagnosis.run import Diagnosis
+from vispeg.identify.pictures.build import border_evidence
+from vispeg.identify.pictures.evidence import BorderEvidence
+from vispeg.identify.pictures.read import sights_of
 from vispeg.recordings.recording import Recording
+from vispeg.robots.scene import Scene
 from vispeg.task.belief import believed, cell_of
 from vispeg.worlds.world import World
 
@@ -30,9 +34,27 @@ def diagnose(
     Raises:
         UserError: recordings of different cells, or of which one's pictures cannot be compared.
     """
-    beliefs = [cell_of(world, rec) or rec.cell for rec in (*fitted, *held_out)]
-    for rec, belief in zip((*fitted, *held_out), beliefs, strict=True):
+    return diagnose_pictures(world, scene_of(world, (*fitted, *held_out)), fitted, held_out, seed=seed, say=say)
+
+
+def border_evidence_of(
+    world: World, fitted: Sequence[Recording], held_out: Sequence[Recording]
+) -> tuple[BorderEvidence, BorderEvidence | None]:
+    """The edges in the pictures of recordings to fit, and of those to judge on if there are any.
+
+    Raises:
+        UserError: as `diagnose`.
+    """
+    scene = scene_of(world, (*fitted, *held_out))
+    evidence, judged = border_evidence(scene, sights_of(fitted), sights_of(held_out), world)
+    evidence.recordings, judged.recordings = list(fitted), list(held_out)
+    return evidence, judged if held_out else None
+
+
+def scene_of(world: World, recordings: Sequence[Recording]) -> Scene:
+    """The one cell that the recordings state under a model."""
+    beliefs = [cell_of(world, rec) or rec.cell for rec in recordings]
+    for rec, belief in zip(recordings, beliefs, strict=True):
         if belief != beliefs[0]:
             raise UserError("is of another cell", file=rec.path / "recording.yaml", key="cell", expected=beliefs[0])
-    scene = believed(beliefs[0], fitted[0].path / "recording.yaml").scene
-    return diagnose_pictures(world, scene, fitted, held_out, seed=seed, say=say)
+    return believed(beliefs[0], recordings[0].path / "recording.yaml").scene

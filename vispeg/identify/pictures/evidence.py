@@ -79,6 +79,7 @@ class BorderEvidence(Evidence):
 
     def __init__(self, geometry: Geometry, items: Sequence[Item], settled: World, robot: float | None = None):
         self.geometry, self.items, self.settled = geometry, list(items), settled
+        self.recordings = []
         self.notes: list[str] = []
         self._columns = [_nuisances(geometry, item, settled) for item in items]
         self.robot = self._robot() if robot is None else robot

@@ -1,0 +1,76 @@
+"""Hidden-camera benchmark: what does a diagnosis of pictures name in cells that hide something from it?
+
+    python scripts/bench/hidden_camera --list
+    python scripts/bench/hidden_camera --limit 16 --results rows.jsonl --out table.md
+    python scripts/bench/hidden_camera --dev --only "focal_error/*" --results dev.jsonl
+
+Pictures come from another renderer than the predictor's where there is one (`--renderer filament`), in looks that it
+does not know, through a sensor that the library does not have. `--dev` uses seeds that are never scored: tune on those.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE), str(HERE.parents[2])]
+
+import argparse  # noqa: E402
+import json  # noqa: E402
+import time  # noqa: E402
+
+
+def main() -> int:
+    """Makes, diagnoses and scores the chosen cases one after the other."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", nargs="*", default=[], metavar="PATTERN", help="case names or patterns of them")
+    parser.add_argument("--limit", type=int, default=None, help="at most so many cases, spread evenly over the list")
+    parser.add_argument("--dev", action="store_true", help="development seeds, not the scored ones")
+    parser.add_argument("--list", action="store_true", help="print the chosen cases and stop")
+    parser.add_argument("--frames", type=int, default=20, help="pictures of each of the two recordings")
+    parser.add_argument("--renderer", default="filament", help="of the plant's pictures: filament, classic or raycast")
+    parser.add_argument("--results", type=Path, default=None, help="JSON lines; cases that are there are not run again")
+    parser.add_argument("--out", type=Path, default=None, help="also write the table, as Markdown")
+    args = parser.parse_args()
+    from cases import choose
+
+    chosen = choose(args.only, args.dev, args.limit)
+    if args.list:
+        print("\n".join(c.name for c in chosen))
+        return 0
+    from plant import CELL, recording
+    from score import judged, table
+
+    from vispeg.api.pictures import diagnose
+    from vispeg.core.effect import REGISTRY
+
+    null = {f"{n}.{k}": p.null for n, e in REGISTRY.items() for k, p in e.params.items()}
+    lines = args.results.read_text().splitlines() if args.results and args.results.exists() else []
+    rows = [json.loads(line) for line in lines]
+    for case in chosen:
+        if any(r["case"] == case.name for r in rows):
+            continue
+        parts = [recording(case, k, args.frames, args.renderer) for k in (0, 1)]
+        start = time.process_time()
+        record = diagnose(CELL, parts[:1], parts[1:]).record
+        ends = [record["ladder"][k]["heldout_error"] for k in (0, -1)]
+        keys = ("verdict", "effects", "reason")
+        result = {k: record[k] for k in keys} | {"before": ends[0], "after": ends[1], "null": null}
+        rows.append(judged(case, result | {"cpu": time.process_time() - start}))
+        print(json.dumps(rows[-1]), flush=True)
+        if args.results:
+            with args.results.open("a") as file:
+                file.write(json.dumps(rows[-1]) + "\n")
+    text = table(rows)
+    print(text)
+    if args.out:
+        args.out.write_text(text)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

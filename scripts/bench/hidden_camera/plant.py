@@ -1,0 +1,99 @@
+"""The plant: another renderer, looks of its own, a sensor that the library does not have, and a robot that errs.
+
+What is hidden goes through the library's effects (they are what must be named); what stands around it does not: the
+pictures' own softness and noise, the sensor's own steps of depth and lost edges, and joints that are off by a smooth
+error of the path, different in every frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from cases import CAMERA, Case
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
+
+from vispeg.api.look import cameras_of, look_of, scene_of
+from vispeg.core.effect import EffectInstance
+from vispeg.identify.look_motion import look_motion
+from vispeg.recordings.cell import CellBelief
+from vispeg.recordings.frames.frames import Frames, RecordedFrame
+from vispeg.recordings.recording import Control, Recording
+from vispeg.sim.compiled import nominal_of
+from vispeg.sim.reach import reach
+from vispeg.vision.photograph import photograph
+from vispeg.worlds.world import World
+
+CELL = World("iiwa14", "meg50+peg16", cell=CellBelief("nominal"))
+SIZE, SECONDS, RATE = (320, 240), 16.0, 200.0
+LEVER = 0.8  # m a rad of a joint's error, at the flange
+SLOW = 0.4  # s between the knots of the robot's error
+DISPARITY = 0.05 * 425 / 1e-2  # px m: baseline times focal length over the smallest step that the sensor tells apart
+BEND = np.radians(1.5)
+
+
+def recording(case: Case, part: int, frames: int, backend: str) -> Recording:
+    """A recording of a case; part 0 is to fit, 1 to judge on: another direction, speed, look and noise."""
+    rng = np.random.default_rng([case.seed, part])
+    scene = scene_of(CELL)
+    cameras = cameras_of([CAMERA], scene, SIZE)
+    motion = look_motion("look", scene, RATE, SECONDS if part == 0 else 1.15 * SECONDS)
+    q = motion.q_cmd if part == 0 else motion.q_cmd[::-1]
+    time = motion.time
+    knots = np.arange(time[0], time[-1] + 2 * SLOW, SLOW)
+    errors = CubicSpline(knots, rng.normal(size=(len(knots), q.shape[1])) * case.robot / LEVER)(time)
+    true = q + errors
+    if case.unknown == "bent_flange":
+        true = _bent(scene, true)
+    effects = [EffectInstance.of(e, where, **dict(values)) for e, where, values in case.hidden]
+    if case.unknown == "moved_fixture":
+        effects.append(EffectInstance.of("hole_offset", "fixture", x=0.008, y=-0.006, z=0.0))
+    if case.unknown == "tilted_fixture":
+        effects.append(EffectInstance.of("hole_tilt", "fixture", roll=0.14, pitch=-0.1))
+    look = look_of(f"S/{500 + 2 * case.seed + part}", scene)
+    stamps = np.linspace(1.0, time[-1] - 1.0, frames) + rng.uniform(-0.1, 0.1, frames)
+    shots = photograph(
+        scene, cameras, CELL.add(*look, *effects), CubicSpline(time, true), stamps, case.seed, backend=backend
+    )  # type: ignore[arg-type]
+    read = q.copy()
+    for e in effects:
+        if e.effect == "encoder_offset":
+            read[:, scene.joints.index(e.where)] += e.params["offset"].value
+    pictures = [_sensed(f, rng, case.unknown == "water_on_lens") for f in shots]
+    label = Path(f"{case.name.replace('/', '-')}-{'ab'[part]}")
+    rec = Recording(label, "iiwa14", scene.joints, RATE, Control(), time, read, cell=CELL.cell)
+    return replace(rec, frames=Frames(shots.cameras, tuple(pictures)))
+
+
+def _sensed(frame: RecordedFrame, rng: np.random.Generator, wet: bool) -> RecordedFrame:
+    """The picture after a sensor that no effect describes: soft, gamma-noisy; depth in steps with ragged edges."""
+    import cv2
+
+    rgb, depth = frame.rgb, frame.depth
+    assert rgb is not None and depth is not None
+    image = cv2.GaussianBlur(rgb.astype(np.float32), (0, 0), 0.35)
+    image *= rng.gamma(6e3, 1 / 6e3, image.shape).astype(np.float32)
+    image += rng.laplace(0, 0.8, image.shape).astype(np.float32)
+    if wet:
+        v, u = np.mgrid[: image.shape[0], : image.shape[1]].astype(np.float32)
+        x, y = u - 0.68 * image.shape[1], v - 0.55 * image.shape[0]
+        drop = np.exp(-(x * x + y * y) / (0.2 * image.shape[1]) ** 2)
+        u, v = (u + 0.35 * x * drop).astype(np.float32), (v + 0.35 * y * drop).astype(np.float32)
+        image = cv2.remap(image, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    steps = np.where(depth > 0, np.rint(DISPARITY / np.maximum(depth, 1e-3)), 0)
+    stepped = np.where(steps > 0, DISPARITY / np.maximum(steps, 1), 0).astype(np.float32)
+    ragged = np.abs(cv2.Laplacian(depth, cv2.CV_32F)) > 0.05
+    stepped[ragged & (rng.random(depth.shape) < 0.3)] = 0
+    return replace(frame, rgb_source=np.clip(np.rint(image), 0, 255).astype(np.uint8), depth_source=stepped)
+
+
+def _bent(scene, q: np.ndarray) -> np.ndarray:
+    """Joint angles whose straight flange stands as the bent one does at q: camera and tool turn together."""
+    few = q[::20]
+    nominal = nominal_of(scene.nominal, len(few))
+    _, _, pos, quat, _ = nominal.operational(few)
+    turned = (Rotation.from_quat(quat[:, [1, 2, 3, 0]]) * Rotation.from_rotvec([BEND, 0, 0])).as_quat()[:, [3, 0, 1, 2]]
+    answer, _ = reach(nominal, pos.copy(), turned, few)
+    return CubicSpline(np.arange(len(q))[::20], answer)(np.arange(len(q)))

@@ -1,0 +1,66 @@
+"""The table: what was named of what was hidden."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+
+def judged(case, result: dict[str, Any]) -> dict[str, Any]:
+    """One case's row."""
+    hidden = {(e, w): dict(v) for e, w, v in case.hidden}
+    found = {(e["effect"], e["where"]): e for e in result["effects"]}
+    among = set(found) | {(o["effect"], o["where"]) for e in found.values() for o in e["indistinguishable_from"]}
+    sure = result["verdict"] == "identified"
+    errors, inside = {}, []
+    for key in set(hidden) & set(found):
+        for name, p in found[key]["params"].items():
+            truth = hidden[key].get(name, result["null"].get(f"{key[0]}.{name}", 0.0))
+            errors[f"{key[0]}.{name}"] = p["value"] - truth
+            if p.get("low") is not None:
+                inside.append(p["low"] <= truth <= p["high"])
+    return {
+        "case": case.name,
+        "kind": case.kind,
+        "verdict": result["verdict"],
+        "named": sorted(f"{e}({w})" for e, w in found),
+        "right": set(hidden) <= among and bool(hidden) and not set(found) - set(hidden) - among,
+        "wrong": sure and bool(set(found) - set(hidden)),
+        "errors": errors,
+        "inside": [bool(x) for x in inside],
+        "fall": result["before"] / max(result["after"], 1e-9),
+        "cpu": result["cpu"],
+        "reason": result["reason"],
+    }
+
+
+def table(rows: list[dict[str, Any]]) -> str:
+    """Markdown of all rows, with the shares on top."""
+    single = [r for r in rows if r["kind"] in ("single", "pair")]
+    none, unknown = ([r for r in rows if r["kind"] == k] for k in ("none", "unknown"))
+    inside = [x for r in single for x in r["inside"]]
+
+    def share(some: list[bool]) -> str:
+        return f"{sum(some)} of {len(some)}" if some else "-"
+
+    lines = ["| what | result |", "|---|---|"]
+    lines.append(
+        f"| hidden effects all named (or among what cannot be told apart) | {share([r['right'] for r in single])} |"
+    )
+    lines.append(f"| confidently wrong | {share([r['wrong'] for r in rows])} |")
+    lines.append(f"| no effect hidden: none named | {share([not r['named'] for r in none])} |")
+    lines.append(f"| unknown fault: unexplained | {share([r['verdict'] == 'unexplained' for r in unknown])} |")
+    lines.append(f"| true value inside the 95 % interval | {share(inside)} |")
+    falls = [r["fall"] for r in single if r["right"] and r["fall"] > 0]
+    if falls:
+        lines.append(f"| held-out picture error falls, median | {np.median(falls):.1f}-fold |")
+    if rows:
+        lines.append(f"| processor time of a diagnosis, median | {np.median([r['cpu'] for r in rows]):.0f} s |")
+    lines += ["", "| case | verdict | named | right |", "|---|---|---|---|"]
+    for r in rows:
+        ok = r["right"] if r["kind"] in ("single", "pair") else (
+            not r["named"] if r["kind"] == "none" else r["verdict"] == "unexplained"
+        )  # fmt: skip
+        lines.append(f"| {r['case']} | {r['verdict']} | {', '.join(r['named']) or '-'} | {'yes' if ok else 'no'} |")
+    return "\n".join(lines) + "\n"
