@@ -66,6 +66,19 @@ def test_losses_and_gains_are_those_of_least_squares(toy):
     assert dictionary.placed([0, 1])[0].params["torque"].value == pytest.approx(0.02, abs=0.05), "of candidates alone"
 
 
+def test_a_fold_is_predicted_by_the_coefficients_of_the_others(toy):
+    """The slow oracle: leave each half out, fit the other, predict it."""
+    y = 2.0 * toy["a"].columns[:, 0] - toy["tilt"].columns[:, 0] + 5 * toy["noise"]
+    folds = [slice(0, N // 2), slice(N // 2, N)]
+    dictionary = Dictionary(y, [toy["a"], toy["tilt"]], None, folds)
+    columns, expected = np.column_stack([toy["a"].columns, toy["tilt"].columns]), 0.0
+    for own, other in (folds, folds[::-1]):
+        x = np.linalg.lstsq(columns[other], y[other], rcond=None)[0]
+        expected += np.sum((y[own] - columns[own] @ x) ** 2)
+    assert dictionary.crossed([0, 1]) == pytest.approx(expected, rel=1e-6) and expected > dictionary.loss([0, 1])[0]
+    assert Dictionary(y, [toy["a"], toy["tilt"]], None).crossed([0]) == pytest.approx(dictionary.loss([0])[0])
+
+
 def test_bounds_hold_friction_cannot_push(toy):
     y = -toy["friction"].columns[:, 0] + 0.5 * toy["a"].columns[:, 0]
     dictionary = Dictionary(y, [toy["friction"], toy["a"]], None)
@@ -158,3 +171,25 @@ def test_a_value_at_its_bound_is_not_proposed():
     assert not mass.possible([0.01, 0.5, 0.0, 0.1]), "a moment without a mass is no payload"
     state = State(World().add(EffectInstance.of("torque_gain", "joint1", gain=0.5)), np.zeros((1, 1)), np.zeros(N))
     assert tentative(state, 0, [], []) == {"torque_gain(joint1)"}
+
+
+@pytest.mark.parametrize("correlation", [0.5, -0.97])
+def test_two_effects_that_cancel_are_both_tentative(toy, correlation):
+    """A mass more here and a mass less there: each is dearly needed, beside the other."""
+    fit = fitted(toy["noise"], [toy["a"], toy["b"]], [1.4, -1.4])
+    fit.correlation = np.array([[1.0, correlation], [correlation, 1.0]])
+    world = fit.world
+    state = State(world, np.zeros((1, 1)), fit.residual, fit)
+    assert (tentative(state, 0, [], []) == {e.label for e in world.effects}) == (correlation < -0.9)
+
+
+def test_a_link_must_earn_its_place_more_than_friction(toy):
+    """A mass that removes 6 % of the error left does not come in beside others, friction that does, does."""
+    y = 4.0 * toy["a"].columns[:, 0] + 0.5 * toy["b"].columns[:, 0] + 2.0 * toy["friction"].columns[:, 0]
+    y = y + 40 * toy["noise"]
+    mass = Signature(EffectInstance.of("link_mass", "link5", mass=1.0), ("mass",), toy["b"].columns)
+    asked = [toy["a"], toy["friction"]]
+    with_mass = together(Dictionary(y, [*asked, mass], None), most=8)
+    with_bias = together(Dictionary(y, [*asked, toy["b"]], None), most=8)
+    assert with_mass is not None and len(with_mass.members) == 2
+    assert with_bias is not None and len(with_bias.members) == 3

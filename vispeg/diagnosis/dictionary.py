@@ -54,9 +54,16 @@ class Dictionary:
         residual: (n,) whitened, of the world beside which the signatures were taken.
         signatures: of the candidates.
         fit: of that world; None where nothing is fitted.
+        folds: rows of the residual that are left out in turn; by default none.
     """
 
-    def __init__(self, residual: np.ndarray, signatures: Sequence[Signature], fit: Fit | None):
+    def __init__(
+        self,
+        residual: np.ndarray,
+        signatures: Sequence[Signature],
+        fit: Fit | None,
+        folds: Sequence[slice] = (),
+    ):
         self.entries: list[Entry] = []
         blocks, base, at = [], residual.astype(float), 0
         if fit is not None and fit.jacobian.shape[1]:
@@ -75,10 +82,14 @@ class Dictionary:
             blocks.append(s.columns)
             at += len(own)
         self.fitted = [k for k, e in enumerate(self.entries) if e.signature is None]
-        gram = _gram([*blocks, base[:, None]])
+        blocks.append(base[:, None])
+        parts = [_gram(blocks, rows) for rows in folds] or [_gram(blocks, slice(0, len(base)))]
+        gram = np.sum(parts, axis=0)
         self.scale = np.sqrt(np.maximum(np.diag(gram)[:-1], 1e-18))
         self.gram = gram[:-1, :-1] / np.outer(self.scale, self.scale)
         self.slope, self.total = gram[:-1, -1] / self.scale, float(gram[-1, -1])
+        unit = np.append(self.scale, 1.0)
+        self.parts = [part / np.outer(unit, unit) for part in parts] if len(folds) > 1 else []
 
     def loss(self, chosen: Sequence[int]) -> tuple[float, np.ndarray]:
         """Squared residual of the best coefficients, inside their bounds, of the entries `chosen`; those in order."""
@@ -93,6 +104,26 @@ class Dictionary:
             x = lsq_linear(root, along, bounds=bounds + np.array([[-1e-9], [1e-9]])).x
         left = self.total - along @ along + np.sum((along - root @ x) ** 2)
         return float(left), x / self.scale[i]
+
+    def crossed(self, chosen: Sequence[int]) -> float:
+        """The same with each fold predicted by coefficients of the others; what stands at its bound stays there."""
+        whole, x = self.loss(chosen)
+        if not self.parts or not len(chosen):
+            return whole
+        i = np.concatenate([self.entries[k].columns for k in chosen])
+        bounds = np.concatenate([self.entries[k].bounds for k in chosen], axis=1)
+        span = np.abs(x) + 1e-12
+        held = (np.abs(x - bounds[0]) < 1e-6 * span) | (np.abs(x - bounds[1]) < 1e-6 * span)
+        x, total = x * self.scale[i], 0.0
+        for part in self.parts:
+            gram, slope = part[np.ix_(i, i)], part[i, -1]
+            rest, pull = self.gram[np.ix_(i, i)] - gram, self.slope[i] - slope
+            own, free = x.copy(), ~held
+            if free.any():
+                inner = rest[np.ix_(free, free)] + RIDGE * np.eye(int(free.sum()))
+                own[free] = np.linalg.solve(inner, pull[free] - rest[np.ix_(free, held)] @ x[held])
+            total += part[-1, -1] - 2.0 * own @ slope + own @ gram @ own
+        return float(total)
 
     def gains(self, chosen: Sequence[int]) -> np.ndarray:
         """Drop of the squared residual that each other entry promises beside the chosen ones, bounds left aside."""
@@ -132,9 +163,12 @@ def null_of(fit: Fit) -> np.ndarray:
     return out
 
 
-def _gram(blocks: Sequence[np.ndarray]) -> np.ndarray:
-    out = 0.0
-    for start in range(0, len(blocks[-1]), ROWS):
-        part = np.concatenate([b[start : start + ROWS] for b in blocks], axis=1, dtype=float)
-        out = out + part.T @ part
-    return np.asarray(out)
+def _gram(blocks: Sequence[np.ndarray], rows: slice) -> np.ndarray:
+    """Inner products of all columns over some rows."""
+    width = sum(b.shape[1] for b in blocks)
+    out = np.zeros((width, width))
+    for start in range(rows.start, rows.stop, ROWS):
+        stop = min(start + ROWS, rows.stop)
+        part = np.concatenate([b[start:stop] for b in blocks], axis=1, dtype=float)
+        out += part.T @ part
+    return out

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 SURE = 0.3  # of the error left where it sits, that taking a named effect away must cost beside any other candidate
 SLACK = 0.2  # of the error left and of what an effect removed, by which a rival that is worth a fit may be worse
 ASKED = 6  # candidates whose bounds are looked at
+CORRELATED = 0.9  # of two effects' estimates, from which on neither is certain
 CLASS = 3  # proven rivals beyond which a class of effects says nothing
 
 
@@ -93,9 +94,19 @@ def tentative(state: State, given: int, exchanged: Sequence[Exchange], rivals: S
         at_bound = any(_at_bound(placed, name) for name in effect(placed.effect).magnitudes)
         unsure = own is not None and (own.costs < SURE or bool(set(own.shaken) - equals))
         absent = state.fit is not None and not present(state.fit, index)
-        if at_bound or unsure or absent or len(equals) > CLASS:
+        if at_bound or unsure or absent or len(equals) > CLASS or _entangled(state, index):
             out.add(label)
     return frozenset(out)
+
+
+def _entangled(state: State, index: int) -> bool:
+    """Whether a magnitude of an effect is hardly told from another effect's: two that cancel are both needed."""
+    if state.fit is None:
+        return False
+    kinds = [effect(e.effect) for e in state.fit.world.effects]
+    axes = [(i, a.index) for i, a in enumerate(state.fit.space.axes) if a.name in kinds[a.index].magnitudes]
+    own, other = [i for i, k in axes if k == index], [i for i, k in axes if k != index]
+    return bool(np.any(np.abs(state.fit.correlation[np.ix_(own, other)]) > CORRELATED))
 
 
 def _at_bound(placed: EffectInstance, name: str) -> bool:

@@ -55,7 +55,7 @@ class Proposals:
             scores = screen(taken, residual, None if fit is None else fit.jacobian, places, groups)
             if several:
                 straight = [s for s in taken if effect(s.probe.effect).straight]
-                proposal = together(Dictionary(residual, straight, fit), self.evidence.most_effects)
+                proposal = together(Dictionary(residual, straight, fit, self.cross.folds), self.evidence.most_effects)
                 scores += [] if proposal is None else [proposal]
             scores.sort(key=lambda s: -s.gain)
             return [[[_plain(e) for e in s.members], s.gain, [_plain(e) for e in s.out]] for s in scores]

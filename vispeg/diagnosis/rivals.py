@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.accept import equal
@@ -12,6 +12,10 @@ from vispeg.diagnosis.screen import Score, candidates
 from vispeg.diagnosis.search import Search, shortlist
 from vispeg.diagnosis.state import State, Trial
 
+EXCHANGES = 3  # at most
+BETTER = (
+    0.01  # share of the held-out error that a rival must remove in addition, to come in the place of what it rivals
+)
 FEW = 3  # effects up to which the whole library is screened in the place of each
 MOST = 3  # rivals of one of many effects that are fitted
 
@@ -23,6 +27,24 @@ class Rivals:
     label: str
     equals: tuple[Trial, ...]
     tried: tuple[Trial, ...]
+
+
+def settled(search: Search, state: State, given: int, say: Callable[[str], None]) -> list[Rivals]:
+    """Rivals of what was accepted, after those of them that are better on held-out data have taken its place."""
+    rivals = find_rivals(search, state, given, say) if len(state.world.effects) > given else []
+    for _ in range(EXCHANGES):
+        tried = [(t, r) for r in rivals for t in r.equals if len(state.world.effects) - given > 1]
+        if not tried:
+            break
+        trial, rival = min(tried, key=lambda at: float(at[0].loss.sum()))
+        if search.judge.gain(state.loss, trial.loss).relative < BETTER:
+            break
+        out = next(e for e in state.world.effects if e.label == rival.label)
+        say(f"{trial.score.label} comes in the place of {out.label}")
+        swapped = replace(trial, score=replace(trial.score, out=(out,)))
+        search.take(state, swapped, [swapped], given)
+        rivals = find_rivals(search, state, given, say)
+    return rivals
 
 
 def find_rivals(search: Search, state: State, given: int, say: Callable[[str], None]) -> list[Rivals]:

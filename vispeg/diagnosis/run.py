@@ -28,7 +28,7 @@ from vispeg.diagnosis.record import (
     with_origin,
 )
 from vispeg.diagnosis.remainder import dependences, sizes
-from vispeg.diagnosis.rivals import find_rivals
+from vispeg.diagnosis.rivals import settled
 from vispeg.diagnosis.schema import DiagnosisRecord
 from vispeg.diagnosis.search import Search
 from vispeg.diagnosis.share import Share
@@ -79,7 +79,7 @@ def diagnose(
     before_held = judged.residuals([world])[0]
     state = search.run(world, given)
     say.ahead = 1
-    rivals = find_rivals(search, state, given, say) if len(state.world.effects) > given else []
+    rivals = settled(search, state, given, say)
     after_held = judged.residuals([state.world])[0]
     before, after = judge.mean(judge.loss(before_held)), judge.mean(state.loss)
     before_missing, after_missing = search.missing(world), search.missing(state.world)

@@ -1,8 +1,9 @@
 """Several effects at a time: orthogonal least squares over signatures proposes, with exchanges; a fit decides.
 
-Forward: the effect that lowers the linear model's error most comes in, of those within TIE the one with the fewest
-parameters. After each, every effect is asked whether another one would do better in its place, those that were accepted
-before included, so that an early wrong guess does not stay. Then what carries nothing goes out.
+Forward: the effect that lowers the linear model's error most, each fold predicted by the others, comes in. Of those
+within TIE the one with the fewest parameters is taken; what every arm has (friction, rotor inertia, bias) comes before
+what is hardly better. After each, every effect is asked whether another one would do better in its place, those that
+were accepted before included, so that an early wrong guess does not stay. Then what carries nothing goes out.
 
 Source of the forward step: Chen, Billings and Luo, International Journal of Control 50(5), 1989.
 """
@@ -11,11 +12,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from vispeg.core.effect import effect
 from vispeg.diagnosis.dictionary import Dictionary
 from vispeg.diagnosis.screen import Score
 
 LEAST = 0.02  # share of the error left that one more effect must promise to remove
+LINK = 0.1  # the same of a link's mass or centre, or a payload: links stay few, or they cancel one another
 TIE = 0.03  # of the best gain: candidates this close are equals
+PRIOR = 0.5  # of the best gain in a joint, from which on what every arm has there is taken instead
 BETTER = 0.995  # of the error left, that an exchange must leave at most
 LOOKED = 8  # candidates whose bounds are looked at, at each step
 ROUNDS = 3  # of exchanges after one addition
@@ -29,10 +33,10 @@ def together(dictionary: Dictionary, most: int) -> Score | None:
     fixed = [k for k in dictionary.fitted if not dictionary.entries[k].straight]
     before = [k for k in dictionary.fitted if k not in fixed]
     chosen = list(before)
-    first = left = dictionary.loss([*fixed, *chosen])[0]
+    first = left = dictionary.crossed([*fixed, *chosen])
     while len(fixed) + len(chosen) < most:
         found = _best(dictionary, fixed, chosen, left)
-        if found is None or found[0] < LEAST * left:
+        if found is None or found[0] < _least(dictionary, found[1]) * left:
             break
         chosen.append(found[1])
         left = _exchanged(dictionary, fixed, chosen, left - found[0])
@@ -51,15 +55,28 @@ def _best(dictionary: Dictionary, fixed: list[int], chosen: list[int], left: flo
     gains[[k for k, e in enumerate(dictionary.entries) if not e.straight]] = 0.0
     found = []
     for k in (int(k) for k in np.argsort(-gains)[:LOOKED] if gains[k] > 0):
-        loss, coefficients = dictionary.loss([*fixed, *chosen, k])
+        coefficients = dictionary.loss([*fixed, *chosen, k])[1]
         signature = dictionary.entries[k].signature
         if signature is None or signature.possible(coefficients[-len(dictionary.entries[k].columns) :].tolist()):
-            found.append((left - loss, k))
+            found.append((left - dictionary.crossed([*fixed, *chosen, k]), k))
     if not found:
         return None
     top = max(found)[0]
     equal = [f for f in found if f[0] >= (1 - TIE) * top]
-    return min(equal, key=lambda f: (dictionary.entries[f[1]].size, -f[0]))
+    best = min(equal, key=lambda f: (dictionary.entries[f[1]].size, -f[0]))
+    usual = [f for f in found if _usual(dictionary, f[1], best[1]) and f[0] >= PRIOR * best[0]]
+    return max(usual, default=best)
+
+
+def _least(dictionary: Dictionary, k: int) -> float:
+    placed = dictionary.entries[k].placed
+    return LINK if effect(placed.effect).family == "body" and placed.where != "base" else LEAST
+
+
+def _usual(dictionary: Dictionary, k: int, other: int) -> bool:
+    """Whether k is what every arm has in a joint, and the other sits in the same joint and is not."""
+    a, b = dictionary.entries[k].placed, dictionary.entries[other].placed
+    return a.where == b.where and bool(effect(a.effect).common) and not effect(b.effect).common
 
 
 def _exchanged(dictionary: Dictionary, fixed: list[int], chosen: list[int], left: float) -> float:
@@ -68,11 +85,12 @@ def _exchanged(dictionary: Dictionary, fixed: list[int], chosen: list[int], left
         moved = False
         for k in list(chosen):
             rest = [c for c in chosen if c != k]
-            without = dictionary.loss([*fixed, *rest])[0]
+            without = dictionary.crossed([*fixed, *rest])
             found = _best(dictionary, fixed, rest, without)
             if found is None or dictionary.entries[found[1]].key == dictionary.entries[k].key:
                 continue
-            if without - found[0] < BETTER * left:
+            worth = found[0] * (PRIOR if _usual(dictionary, k, found[1]) else 1.0)
+            if without - found[0] < BETTER * left and worth > without - left:
                 chosen[chosen.index(k)], left, moved = found[1], without - found[0], True
         if not moved:
             break
@@ -83,7 +101,7 @@ def _lighter(dictionary: Dictionary, fixed: list[int], chosen: list[int], left: 
     """Takes out of `chosen` what carries less than half of what one more must; the error that is left then."""
     for k in list(chosen):
         rest = [c for c in chosen if c != k]
-        without = dictionary.loss([*fixed, *rest])[0]
+        without = dictionary.crossed([*fixed, *rest])
         if rest and without < (1 + LEAST / 2) * left:
             chosen.remove(k)
             left = without
