@@ -193,3 +193,14 @@ def test_a_link_must_earn_its_place_more_than_friction(toy):
     with_bias = together(Dictionary(y, [*asked, toy["b"]], None), most=8)
     assert with_mass is not None and len(with_mass.members) == 2
     assert with_bias is not None and len(with_bias.members) == 3
+
+
+def test_what_helps_one_fold_alone_is_not_proposed(toy):
+    """A column that is up in one half and down in the other has no coefficient that serves both."""
+    y = 3.0 * toy["a"].columns[:, 0] + toy["noise"]
+    half = np.where(np.arange(N) < N // 2, 1.0, -1.0)
+    turned = signature("joint_bias", "joint2", "torque", half * toy["a"].columns[:, 0])
+    folds = [slice(0, N // 2), slice(N // 2, N)]
+    assert together(Dictionary(y, [toy["a"], turned, toy["b"]], None, folds), most=8) is None
+    alone = Dictionary(y, [turned], None, folds)
+    assert alone.crossed([0]) > alone.total and together(alone, most=8) is None

@@ -59,6 +59,7 @@ def _best(dictionary: Dictionary, fixed: list[int], chosen: list[int], left: flo
         signature = dictionary.entries[k].signature
         if signature is None or signature.possible(coefficients[-len(dictionary.entries[k].columns) :].tolist()):
             found.append((left - dictionary.crossed([*fixed, *chosen, k]), k))
+    found = [f for f in found if f[0] > 0]  # what helps its own fold may hurt the others
     if not found:
         return None
     top = max(found)[0]
