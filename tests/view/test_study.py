@@ -106,3 +106,26 @@ def test_without_a_recording_to_judge_on_the_model_is_compared_and_nothing_is_ad
     assert not heard.last("standing").judged and heard.last("standing").ladder[0].error > 0
     with pytest.raises(UserError, match="to judge on"):
         made.screen()
+
+
+def test_a_recording_with_a_wrench_and_pictures_shows_both_at_the_moment(tmp_path):
+    from vispeg.cli.main import main
+    from vispeg.recordings.load import load
+
+    options = ["--motion", "look", "--size", "96x72", "--fps", "0.4", "--rate", "200", "--look", "S/4"]
+    assert main(["record", "peg-cell", *options, "--out", str(tmp_path / "rig")]) == 0
+    heard, rec = Heard(), load(tmp_path / "rig")
+    made = Study(heard, "peg-cell", (tmp_path / "rig",), (), tmp_path / "out", 1)
+    made.show()
+    (track,) = heard.last("standing").tracks[:1]
+    frames = rec.frames.of(rec.frames.names[0])
+    assert rec.frames.names[0] in track.cameras
+    start = rec.time[made.against.items[0].segment.rows[0]]
+    made.picture(0, float(frames.times[2] - start) + 0.1, rec.frames.names[0])
+    seen = heard.last("pictured")
+    assert seen.time == pytest.approx(frames.times[2] - start)
+    measured, rendered = (seen.pictures[name].astype(float) for name in ("depth_measured", "depth_rendered"))
+    assert measured.shape == rendered.shape == (72, 96, 3)
+    assert np.median(np.abs(measured - rendered)) < 12  # of 255: the model is the right one
+    with pytest.raises(UserError, match="took no picture"):
+        made.picture(0, 0.0, "nobody")

@@ -96,13 +96,13 @@ def compare(
         )
         record["notes"] = [*record.get("notes", ()), said]
     elif looked:
-        compared = [one for rec in looked for one in _pictures(rec, given.world, reading)]
+        compared = [one for rec in looked for one in compared_pictures(rec, given.world, reading)]
         record["pictures"], drawn = pictures(compared)
         arrays |= drawn
     return ComparisonResult(finite(record), arrays, given.files)
 
 
-def _pictures(rec: Recording, world: World, reading: Reading) -> list[Compared]:
+def compared_pictures(rec: Recording, world: World, reading: Reading = silent) -> list[Compared]:
     """The frames of a recording against a model of its cell."""
     found = believed(rec.cell, rec.path / "recording.yaml")
     scene = replace(found.scene, cameras=tuple(rec.frames.names) if rec.frames is not None else ())

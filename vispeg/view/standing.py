@@ -34,6 +34,8 @@ class Track:
         time: (n,) s.
         posture: (n, nj) rad, measured.
         measured, first, now: (n, nj) in the principal unit; of the model as it was given, and as it is.
+        wrench: (n, 6) N and N m as recorded, where the recording says what it is; else None.
+        cameras: names of those that took pictures.
     """
 
     name: str
@@ -42,6 +44,17 @@ class Track:
     measured: np.ndarray
     first: np.ndarray
     now: np.ndarray
+    wrench: np.ndarray | None = None
+    cameras: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Pictured:
+    """A frame: its camera, when it was taken (s in its track), and pictures (H, W, 3) uint8 by name."""
+
+    camera: str
+    time: float
+    pictures: Mapping[str, np.ndarray]
 
 
 @dataclass(frozen=True)

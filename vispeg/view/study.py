@@ -9,33 +9,34 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from copy import copy
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from vispeg.api.compare import compared_pictures
 from vispeg.api.diagnose import diagnose, progress_of
 from vispeg.api.inputs import Inputs, read_inputs
-from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.diagnosis.judge import Judge
-from vispeg.diagnosis.localise import maps, missing_torque, worst
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.screen import Score
 from vispeg.diagnosis.search import Search
 from vispeg.diagnosis.state import State, Trial
-from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import evidence_for
 from vispeg.recordings.windows import SECONDS
 from vispeg.report import effect_words
 from vispeg.robots.model import load
-from vispeg.view.standing import Candidate, Field, Named, Rung, Standing, Track, Tried
+from vispeg.view.standing import Candidate, Pictured, Rung, Standing, Tried
+from vispeg.view.telling import key as key_of
+from vispeg.view.telling import maps, named, size, spelt, track, words
+from vispeg.vision.show import side_by_side
 from vispeg.worlds.model_file import model_text, placed_dict
 from vispeg.worlds.words import parse
 from vispeg.worlds.world import World
 
-MOST = 3000  # samples of a track that the page draws
 SHOWN = 12  # candidates
 STEPS = "steps.json"  # in the folder of the progress
 
@@ -44,7 +45,7 @@ class Study:
     """What the page's worker holds.
 
     Args:
-        tell: is told "say" (a sentence), "standing" (a Standing), "candidates" ([Candidate]), "tried" (a Tried).
+        tell: is told "say" (a sentence), "standing", "candidates", "tried" and "pictured", see `vispeg.view.standing`.
         model: as `vispeg diagnose` takes it.
         fitted, held_out: folders of recordings; without `held_out` the model is only compared with the others.
         out: folder of results; what was worked out is kept in `found.part` in it, or `found-2.part` where that is of
@@ -95,10 +96,10 @@ class Study:
         missing = search.missing(state.world)
         near, rest, together = search.places(state, missing)
         scores = search.screened(state.world, state.residual, state.fit, near, missing, together)
-        self.scores = {_key(s): s for s in scores}
+        self.scores = {key_of(s): s for s in scores}
         self.tested = len(near) + len(rest)
         total = float(state.residual @ state.residual)
-        found = [(_size(s), Candidate(_key(s), _words(s), min(s.gain / max(total, 1e-12), 1.0))) for s in scores]
+        found = [(size(s), Candidate(key_of(s), words(s), min(s.gain / max(total, 1e-12), 1.0))) for s in scores]
         found.sort(key=lambda at: (-round(at[1].share, 2), at[0]))  # of equals the simplest first
         self.tell("candidates", [candidate for _, candidate in found[:SHOWN]])
 
@@ -109,7 +110,7 @@ class Study:
         for member in score.members:
             if any((e.effect, e.where) == (member.effect, member.where) for e in state.world.effects):
                 raise UserError("is in the model already", key=key)
-        self.tell("say", f"fitting {_words(score)}")
+        self.tell("say", f"fitting {words(score)}")
         before = self._error(state.world)
         missing = search.missing(state.world)
         near, rest, _ = search.places(state, missing)
@@ -119,8 +120,8 @@ class Study:
             return
         self._remember()
         search.take(state, trial, [trial], self.given)
-        self._rung(f"+ {_words(score)}")
-        self._did("fit", _spelt(score))
+        self._rung(f"+ {words(score)}")
+        self._did("fit", spelt(score))
         self.show()
 
     def advance(self) -> bool:
@@ -152,6 +153,23 @@ class Study:
         while self.advance():
             pass
 
+    def picture(self, track: int, moment: float, camera: str) -> None:
+        """Tells "pictured": the camera's frame nearest to a moment, s, of a track, and as the model renders it.
+
+        Raises:
+            UserError: the camera took no picture, or its pose or the joint angles at that time are not known.
+        """
+        item = self.against.items[track]
+        rec, start = item.recording, float(item.recording.time[item.segment.rows[0]])
+        if rec.frames is None or camera not in rec.frames.names:
+            raise UserError("took no picture", key="camera", got=camera)
+        frames = rec.frames.of(camera)
+        k = int(np.argmin(np.abs(frames.times - start - moment)))
+        world = self.world if self.state is None else self.state.world
+        self.tell("say", f"rendering what {camera} sees")
+        (one,) = compared_pictures(replace(rec, frames=frames.some(np.array([k]))), world)
+        self.tell("pictured", Pictured(camera, float(frames.times[k]) - start, side_by_side(one)))
+
     def undo(self) -> None:
         """Takes the last step back."""
         if not self.before:
@@ -179,7 +197,7 @@ class Study:
         world = self.world if state is None else state.world
         item = judged.items[0]
         first, now = judged.simulated([self.world]), judged.simulated([world])
-        tracks = [_track(i, a[0], b[0]) for i, a, b in zip(judged.items, first, now, strict=True)]
+        tracks = [track(i, a[0], b[0]) for i, a, b in zip(judged.items, first, now, strict=True)]
         return Standing(
             robot=self.world.robot,
             tool=self.world.tool,
@@ -187,10 +205,10 @@ class Study:
             unit=judged.unit,
             floor=judged.floor,
             ladder=tuple(self.rungs),
-            effects=tuple(_named(e) for e in world.effects[self.given :]),
-            given=tuple(_named(e) for e in world.effects[: self.given]),
+            effects=tuple(named(e) for e in world.effects[self.given :]),
+            given=tuple(named(e) for e in world.effects[: self.given]),
             tracks=tuple(tracks),
-            maps=_maps(judged, first, now),
+            maps=maps(judged, first, now),
             judged=self.judged,
             enough=self.search is not None and state is not None and not self.search.worth_it(state, self.given),
         )
@@ -213,7 +231,7 @@ class Study:
         added = trial.fit.world.effects[len(trial.fit.world.effects) - trial.score.count :]
         sizes = [effect_words.size(placed_dict(e)) for e in added]
         size = sizes[0] if len(sizes) == 1 else ""
-        return Tried(_words(trial.score), size, before, self._error(trial.fit.world), trial.rejected)
+        return Tried(words(trial.score), size, before, self._error(trial.fit.world), trial.rejected)
 
     def _remember(self) -> None:
         state = copy(self._searching()[1])
@@ -266,58 +284,3 @@ def _read(part: Path) -> dict[str, Any]:
         return {"key": str(data["key"]), "steps": [[str(word) for word in step] for step in data["steps"]]}
     except (OSError, ValueError, TypeError, KeyError):
         return {"key": "x" if part.exists() else "", "steps": []}
-
-
-def _key(score: Score) -> str:
-    return " + ".join(f"{e.effect}:{e.where}" for e in score.members)
-
-
-def _spelt(score: Score) -> str:
-    """The members with the values that the fit started from, as `parse` reads them."""
-    starts = [",".join(f"{name}={v.value!r}" for name, v in e.params.items()) for e in score.members]
-    return " + ".join(f"{e.effect}:{e.where}:{s}" for e, s in zip(score.members, starts, strict=True))
-
-
-def _size(score: Score) -> int:
-    """Number of parameters."""
-    return sum(len(e.params) for e in score.members)
-
-
-def _words(score: Score) -> str:
-    name, where = score.key
-    if not score.beside:
-        return effect_words.named({"effect": name, "where": where})
-    titles = " and ".join(dict.fromkeys(effect_words.title(e.effect) for e in score.members))
-    return f"{titles} in {len({e.where for e in score.members})} joints"
-
-
-def _named(placed: EffectInstance) -> Named:
-    row = placed_dict(placed)
-    return Named(effect_words.named(row), effect_words.size(row), f"{placed.effect}:{placed.where}")
-
-
-def _track(item: Any, first: np.ndarray, now: np.ndarray) -> Track:
-    """One item, thinned to what a screen can show."""
-    every = slice(None, None, max(1, -(-len(item.segment.time) // MOST)))
-    nj, valid = item.nj, item.valid[every, : item.nj]
-
-    def column(values: np.ndarray) -> np.ndarray:
-        return np.where(valid, values[every, :nj], np.nan).astype(np.float32)
-
-    posture = item.recording.q[item.segment.rows][every] if len(item.segment.rows) == len(item.valid) else None
-    posture = item.segment.q[every] if posture is None else posture
-    values = [column(item.measured), column(first), column(now)]
-    return Track(item.name, item.segment.time[every], np.nan_to_num(posture).astype(np.float32), *values)
-
-
-def _maps(judged: Evidence, first: list[np.ndarray], now: list[np.ndarray]) -> dict[str, Field]:
-    def missing(predicted: list[np.ndarray]) -> list:
-        return [missing_torque(i, y[0]) for i, y in zip(judged.items, predicted, strict=True)]
-
-    before, after = missing(first), missing(now)
-    when = np.concatenate([np.column_stack([np.full(len(k.time), i), k.time]) for i, k in enumerate(before)])
-    drawn, left, at, out = maps(before), maps(after), worst(after), {}
-    for axis, (edges, grid) in drawn.items():
-        moment = np.where(at[axis][..., None] < 0, np.nan, when[at[axis]])
-        out[axis] = Field(edges, grid, left[axis][1], moment)
-    return out

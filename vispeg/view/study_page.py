@@ -11,6 +11,7 @@ from vispeg.core.provenance import command_line
 from vispeg.report.sections.maps import LABELS
 from vispeg.view import html
 from vispeg.view.job import Job
+from vispeg.view.pictures import Pictures
 from vispeg.view.place import Page, Place
 from vispeg.view.standing import Candidate, Standing, Tried
 from vispeg.view.study import Study
@@ -67,6 +68,7 @@ class StudyPage(Page):
             self.heat = gui.add_html(html.note("The map comes with the comparison."))
             self.go = gui.add_text("Go to", "", hint="JOINT RECORDING SECONDS, such as: joint4 1 2.5")
             self.traces = Traces(place)
+            self.pictures = Pictures(place, self._picture)
         self.left.dock_left()
         self.left.set_width(370)
         self._wire()
@@ -106,6 +108,8 @@ class StudyPage(Page):
             self._candidates(value)
         elif name == "tried":
             self.tried.append(value)
+        elif name == "pictured":
+            self.pictures.show(value)
         elif name == "save done" or name == "report done":
             self.written.content = html.note(f"{value} is written")
         elif name in ("fit done", "undo done") and not (self.standing and self.standing.enough):
@@ -159,6 +163,7 @@ class StudyPage(Page):
         self.standing = standing
         self.ladder.content = html.ladder(standing)
         self.traces.take(standing)
+        self.pictures.take(standing)
         if self.axis.value not in standing.maps and standing.maps:
             self.axis.value = next(iter(standing.maps))
         self._map()
@@ -178,6 +183,9 @@ class StudyPage(Page):
             return  # still being typed
         self.traces.go(joint, track, moment)
         self._map()
+
+    def _picture(self, camera: str) -> None:
+        self.job.ask("picture", self.traces.number, float(self.traces.slider.value), camera)
 
     def _candidates(self, found: list[Candidate]) -> None:
         for button in self.candidates:

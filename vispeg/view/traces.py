@@ -16,6 +16,7 @@ from vispeg.view.place import Place
 from vispeg.view.standing import Standing, Track
 
 MEASURED, FIRST, NOW, GHOST = "#868e96", "#d9541e", "#0a7a75", (224, 108, 48)
+AXES = ("#d9541e", "#2a9d60", "#1f6fb4")
 FRAMES = 25.0  # a second, while it plays
 
 
@@ -34,6 +35,7 @@ class Traces:
         self.track = gui.add_dropdown("Recording", ("none",))
         self.values: Any = None
         self.errors: Any = None
+        self.forces: Any = None
         self.plots = gui.add_folder(None)
         self.slider = gui.add_slider("Moment (s)", 0.0, 1.0, 0.001, 0.0)
         self.play = gui.add_button("Play")
@@ -99,6 +101,7 @@ class Traces:
             self.values = self._plot(self.values, time, known, names, colours, name)
             gaps = [factor * g for g in gap]
             self.errors = self._plot(self.errors, time, gaps, names[1:], colours[1:], f"error, {unit}")
+            self._wrench(track)
         self.pose()
 
     def pose(self) -> None:
@@ -131,10 +134,15 @@ class Traces:
         self.ghost = Drawing(scene, "/model", model, Look(GHOST, 0.35))
         self.show(self.visible)
 
+    @property
+    def number(self) -> int:
+        """Of the track that is shown."""
+        names = list(self.track.options)
+        return names.index(self.track.value) if self.track.value in names else 0
+
     def _track(self) -> Track:
         assert self.standing is not None
-        names = list(self.track.options)
-        return self.standing.tracks[names.index(self.track.value) if self.track.value in names else 0]
+        return self.standing.tracks[self.number]
 
     def _worst(self) -> int:
         assert self.standing is not None
@@ -155,6 +163,7 @@ class Traces:
         names: tuple[str, ...],
         colours: tuple[str, ...],
         label: str,
+        of: str | None = None,
     ) -> Any:
         data = (time, *(np.asarray(v, float) for v in lines))
         if plot is not None:
@@ -165,12 +174,24 @@ class Traces:
             return self.place.gui.add_uplot(
                 data,
                 ({"label": "s"}, *series),
-                title=f"{self.joint.value}: {label}",
+                title=f"{self.joint.value}: {label}" if of is None else label,
                 scales={"x": {"time": False}},
                 axes=({"label": "s", "size": 40, "labelSize": 14}, {"size": 55}),
                 cursor={"sync": {"key": "moment"}, "drag": {"x": True, "y": False}},
                 height=190,
             )
+
+    def _wrench(self, track: Track) -> None:
+        """The forces that were measured, where there are some."""
+        if track.wrench is None:
+            if self.forces is not None:
+                self.forces.remove()
+            self.forces = None
+            return
+        there = np.isfinite(track.wrench).all(axis=1)
+        lines = [track.wrench[there, k].astype(float) for k in range(3)]
+        time = track.time[there].astype(float)
+        self.forces = self._plot(self.forces, time, lines, ("x", "y", "z"), AXES, "force at the wrist, N", "")
 
     def _toggle(self) -> None:
         self.playing = not self.playing

@@ -1,0 +1,82 @@
+"""A search in the words and numbers that the page shows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.effect import EffectInstance
+from vispeg.diagnosis.localise import maps as drawn_maps
+from vispeg.diagnosis.localise import missing_torque, worst
+from vispeg.diagnosis.screen import Score
+from vispeg.identify.evidence import Evidence
+from vispeg.report import effect_words
+from vispeg.view.standing import Field, Named, Track
+from vispeg.worlds.model_file import placed_dict
+
+MOST = 3000  # samples of a track that the page draws
+
+
+def key(score: Score) -> str:
+    """The members as `EFFECT:WHERE`, joined by ` + `."""
+    return " + ".join(f"{e.effect}:{e.where}" for e in score.members)
+
+
+def spelt(score: Score) -> str:
+    """The members with the values that the fit started from, as `parse` reads them."""
+    starts = [",".join(f"{name}={v.value!r}" for name, v in e.params.items()) for e in score.members]
+    return " + ".join(f"{e.effect}:{e.where}:{s}" for e, s in zip(score.members, starts, strict=True))
+
+
+def size(score: Score) -> int:
+    """Number of parameters."""
+    return sum(len(e.params) for e in score.members)
+
+
+def words(score: Score) -> str:
+    """The members in words."""
+    name, where = score.key
+    if not score.beside:
+        return effect_words.named({"effect": name, "where": where})
+    titles = " and ".join(dict.fromkeys(effect_words.title(e.effect) for e in score.members))
+    return f"{titles} in {len({e.where for e in score.members})} joints"
+
+
+def named(placed: EffectInstance) -> Named:
+    """An effect as the page names it."""
+    row = placed_dict(placed)
+    return Named(effect_words.named(row), effect_words.size(row), f"{placed.effect}:{placed.where}")
+
+
+def track(item: Any, first: np.ndarray, now: np.ndarray) -> Track:
+    """One item, thinned to what a screen can show."""
+    every = slice(None, None, max(1, -(-len(item.segment.time) // MOST)))
+    nj, valid = item.nj, item.valid[every, : item.nj]
+
+    def column(values: np.ndarray) -> np.ndarray:
+        return np.where(valid, values[every, :nj], np.nan).astype(np.float32)
+
+    posture = item.recording.q[item.segment.rows][every] if len(item.segment.rows) == len(item.valid) else None
+    posture = item.segment.q[every] if posture is None else posture
+    values = [column(item.measured), column(first), column(now)]
+    rec, rows = item.recording, item.segment.rows
+    wrench = None if rec.ft is None or rec.wrench is None or len(rows) != len(item.valid) else rec.ft[rows][every]
+    cameras = tuple(rec.frames.names) if rec.frames is not None else ()
+    time, arm = item.segment.time[every], np.nan_to_num(posture).astype(np.float32)
+    return Track(item.name, time, arm, values[0], values[1], values[2], wrench, cameras)
+
+
+def maps(judged: Evidence, first: list[np.ndarray], now: list[np.ndarray]) -> dict[str, Field]:
+    """The maps of what is missing first and now, by axis."""
+
+    def missing(predicted: list[np.ndarray]) -> list:
+        return [missing_torque(i, y[0]) for i, y in zip(judged.items, predicted, strict=True)]
+
+    before, after = missing(first), missing(now)
+    when = np.concatenate([np.column_stack([np.full(len(k.time), i), k.time]) for i, k in enumerate(before)])
+    drawn, left, at, out = drawn_maps(before), drawn_maps(after), worst(after), {}
+    for axis, (edges, grid) in drawn.items():
+        moment = np.where(at[axis][..., None] < 0, np.nan, when[at[axis]])
+        out[axis] = Field(edges, grid, left[axis][1], moment)
+    return out
