@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 
 from vispeg.core.errors import UserError
-from vispeg.core.files import write_text_atomic
+from vispeg.core.files import refuse, write_text_atomic
 from vispeg.recordings.columns import SIGNALS
 from vispeg.recordings.importers.guess.source import guess
 from vispeg.recordings.importers.guess.words import advice, data
@@ -99,6 +99,7 @@ class Importer:
     def write(self, source: Path, robot: str, columns: dict[str, Any], out: Path) -> str:
         """Writes the map beside the folder, and the folder as `vispeg convert --map` would; returns its path."""
         model = load(robot)
+        refuse(out, False)
         file = out.with_name(f"{out.name}-map.yaml") if columns else None
         if file is not None:
             write_text_atomic(file, yaml.safe_dump(columns, sort_keys=False, allow_unicode=True), overwrite=True)
