@@ -1,0 +1,39 @@
+"""The score of contact diagnoses: twins count as the class, inventions and silence do not."""
+
+from contact_score import judge, report, values
+
+FRICTION = {"effect": "contact_friction", "where": "peg", "params": {"scale": 1.7}}
+LADDER = [{"heldout_error": 5.0}, {"heldout_error": 1.0}]
+
+
+def named(effect, where, **params):
+    found = {k: {"value": v, "low": v - 0.1, "high": v + 0.1} for k, v in params.items()}
+    return {"effect": effect, "where": where, "params": found, "indistinguishable_from": []}
+
+
+def record(hidden, effects, verdict="identified", kind="single"):
+    return {"case": "x", "kind": kind, "hidden": hidden, "effects": effects, "verdict": verdict, "ladder": LADDER}
+
+
+def test_a_right_name_alone_is_right():
+    right = judge(record([FRICTION], [named("contact_friction", "peg", scale=1.65)]))
+    assert right["right"] and right["exact"] and right["fall"] == 5.0
+    more = judge(record([FRICTION], [named("contact_friction", "peg", scale=1.65), named("tool_mass", "gripper")]))
+    assert not more["right"] and more["extras"] == 1 and more["confident"]
+    assert not judge(record([FRICTION], [], "adequate"))["right"]
+    assert not judge(record([FRICTION], [named("contact_friction", "peg", scale=1.6)], "unexplained"))["right"]
+
+
+def test_a_twin_is_the_class_and_not_the_name():
+    hole = {"effect": "hole_offset", "where": "fixture", "params": {"x": 1e-3}}
+    twin = judge(record([hole], [named("grip_pose", "peg", x=-1e-3)]))
+    assert twin["right"] and not twin["exact"]
+    assert not judge(record([hole], [named("contact_friction", "peg", scale=2.0)]))["right"]
+
+
+def test_intervals_are_of_exact_names_only():
+    good, other = record([FRICTION], [named("contact_friction", "peg", scale=1.65)]), record([FRICTION], [])
+    ((effect, name, true, found, low, high),) = values([good, other])
+    assert (effect, name, true, found) == ("contact_friction", "scale", 1.7, 1.65) and low <= true <= high
+    text = report([good, other, record([], [], "adequate", "none"), {**other, "verdict": "failed"}])
+    assert "| no effect: given a name | 0 % [0, 79] of 1 |" in text and "1 runs failed" in text
