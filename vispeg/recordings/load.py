@@ -12,6 +12,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.formats.format import enrol
+from vispeg.recordings.cell import CellBelief, Outcome, WrenchSensor
 from vispeg.recordings.columns import JOINT_SIGNALS, NEEDED, SIGNALS, SPATIAL_SIGNALS, columns_of
 from vispeg.recordings.frames.camera import RecordedCamera
 from vispeg.recordings.frames.frames import Frames, RecordedFrame
@@ -37,6 +38,12 @@ def _example(folder: Path) -> Path:
     picture = np.arange(48, dtype=np.uint8).reshape(6, 8)
     frame = RecordedFrame(0.05, eye, np.stack([picture] * 3, -1), picture / np.float32(100))
     rest["frames"] = Frames({"eye": eye}, (frame,))
+    rest |= {
+        "ft": np.ones((20, 6)),
+        "wrench": WrenchSensor(tared="weight"),
+        "outcomes": (Outcome(True, 1, "success", 9.0),),
+    }
+    rest["cell"] = CellBelief("nominal", {"clearance_mm": 2.0}, None, ({"effect": "hole_tilt", "where": "fixture"},))
     rec = Recording(folder / "rig", "iiwa14", ("a", "b"), 100.0, control, time, q, tau=q, q_cmd=q, ee=ee, **rest)
     return write(rec, folder / "rig")
 
