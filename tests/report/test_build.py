@@ -67,7 +67,7 @@ def _page(out) -> _Page:
 def test_every_verdict_has_every_section(run, diagnosis, evidence, verdict):
     out = run(diagnosis(verdict), evidence(n=600, recordings=1, nj=4))
     page = _page(out)
-    assert page.sections == [name for name in DIAGNOSIS if name not in ("rendered", "explore", "pictures", "views")]
+    assert page.sections == [name for name in DIAGNOSIS if name not in ("rendered", "explore", "pictures")]
     expected = {
         "adequate": "No effect is named.",
         "identified": "explain the held-out recordings down to the noise floor",
@@ -136,7 +136,7 @@ def test_comparison_with_torques_and_no_final_model(run, diagnosis, evidence):
 @pytest.mark.parametrize("verdict", ["adequate", "identified", "ambiguous", "unexplained", None, "odd"])
 def test_a_record_with_nothing_but_a_verdict(run, verdict):
     assert _page(run({"verdict": verdict})).sections == [
-        name for name in DIAGNOSIS if name not in ("rendered", "explore", "pictures", "views")
+        name for name in DIAGNOSIS if name not in ("rendered", "explore", "pictures")
     ]
 
 

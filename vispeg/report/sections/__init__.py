@@ -9,7 +9,6 @@ DIAGNOSIS = (
     "explore",
     "found",
     "where_it_fails",
-    "views",
     "measured_vs_model",
     "maps",
     "pictures",
@@ -21,3 +20,4 @@ DIAGNOSIS = (
 )
 COMPARE = ("headline", "explore", "where_it_fails", "measured_vs_model", "maps", "pictures", "provenance")
 OBJECT = ("headline", "found", "restarts", "candidates", "confusions", "next_experiment", "provenance")
+VIEWS = ("headline", "found", "views", "candidates", "confusions", "next_experiment", "provenance")

@@ -1,0 +1,43 @@
+"""The page of a diagnosis of pictures: the worst frames side by side, and the projection's shift as a map."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.report.build import render
+from vispeg.report.evidence import Evidence
+from vispeg.report.record import Record
+from vispeg.report.sections import VIEWS
+from vispeg.report.sections.views import _difference, context
+
+ROW = {"camera": "wrist", "distance_m": 0.25, "rms_px": 2.0, "largest_px": 3.0, "uncertainty_px": 0.1}
+
+
+def record() -> Record:
+    image, depth = np.full((24, 32, 3), 90, np.uint8), np.full((24, 32), 0.3, np.float32)
+    arrays = {f"view/0/{key}": image for key in ("measured", "before", "after")}
+    arrays |= {f"view/0/{key}": depth for key in ("depth", "depth_before", "depth_after")}
+    arrays |= {"view/0/title": np.array("look-b, wrist, 3.00 s"), "view/0/pixel": np.full((4, 2), 10.0)}
+    arrays |= {"view/0/normal": np.tile([1.0, 0.0], (4, 1)), "view/0/along_before": np.full(4, 3.0)}
+    arrays |= {"view/0/along_after": np.zeros(4), "projection/0/pixels": np.zeros((3, 4, 2))}
+    arrays |= {"projection/0/shift": np.ones((3, 4, 2)), "projection/0/sigma": np.ones((3, 4))}
+    views = {"projection": [ROW], "halves": {"px": 0.1, "uncertainty_px": 0.2}, "remainder": [], "not_excited": []}
+    return Record("diagnosis", {"verdict": "identified", "views": views}, Evidence(views=arrays))
+
+
+def test_the_page_shows_frames_depth_and_the_projection():
+    values = context(record())
+    assert values is not None
+    assert [p["said"] for p in values["rows"][0]["colour"]] == [
+        "measured", "as believed", "as found", "off, as believed", "off, as found",
+    ]  # fmt: skip
+    assert len(values["rows"][0]["depth"]) == 5 and values["maps"][0]["svg"].startswith("<svg")
+    text = render(record())
+    assert "2.00 px" in text and "look-b, wrist, 3.00 s" in text and "views" in VIEWS
+    assert context(Record("diagnosis", {"verdict": "identified"}, Evidence())) is None
+
+
+def test_depth_differences_have_a_colour_a_sign():
+    measured = np.array([[0.3, 0.31, 0.29, 0.0]], np.float32)
+    far, near, hole = _difference(measured, np.full((1, 4), 0.3, np.float32))[0, 1:]
+    assert far[0] > far[1] and near[2] > near[0] and tuple(hole) == (240, 200, 60)
