@@ -9,13 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from vispeg.api.inputs import Model, Reading, Source, read_inputs, silent
+from vispeg.api.inputs import Model, Reading, Source, felt, of_cell, read_inputs, silent, windows
 from vispeg.api.result import Result
+from vispeg.contact.picture import worst_moment
+from vispeg.contact.run import compare_contact
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.diagnosis import compare as rooms
 from vispeg.recordings.recording import Recording
-from vispeg.recordings.windows import SECONDS
+from vispeg.recordings.windows import SECONDS, choose
 from vispeg.report.summary import Block
 from vispeg.report.terminal import comparison_summary
 from vispeg.report.write import finite, write_comparison
@@ -75,6 +77,8 @@ def compare(
     Where the model is of a cell (`peg-cell`) and a recording has frames, each is predicted at the measured angles: how
     far borders, depth and colour are off is `record["pictures"]`.
 
+    A model of a cell is compared by the wrench at the wrist: axis by axis, and phase by phase of contact.
+
     Args:
         model: a world, a model file, a robot's name, or a path to an MJCF or URDF.
         recordings: folders, or recordings in memory, of one robot.
@@ -85,9 +89,15 @@ def compare(
     Raises:
         UserError: a model or a recording that cannot be read, or that cannot be compared with each other.
     """
-    given = read_inputs(model, recordings, (), need_validate=False, seconds=seconds, reading=reading)
-    arm = replace(of_arm(given.world), cell=None)
-    result = rooms.compare(arm, given.fitted, nthread=threads, label=given.world.label)
+    cell = of_cell(model)
+    given = read_inputs(model, recordings, (), need_validate=False, **windows(cell, seconds), reading=reading)
+    if cell and felt(given.fitted):
+        result = compare_contact(given.world, given.fitted, nthread=threads)
+        result.arrays.update(worst_moment(result.arrays, given.fitted))
+    else:
+        arm = replace(of_arm(given.world), cell=None)
+        some = [choose(r, seconds) for r in given.fitted] if cell else given.fitted
+        result = rooms.compare(arm, some, nthread=threads, label=given.world.label)
     record, arrays = result.record | {"provenance": given.provenance(None)}, dict(result.arrays)
     looked = [rec for rec in given.fitted if rec.frames is not None]
     if looked and given.world.cell is None:

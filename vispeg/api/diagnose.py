@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from vispeg.api import pictures
-from vispeg.api.inputs import Inputs, Model, Reading, Source, read_inputs, silent
+from vispeg.api.inputs import Inputs, Model, Reading, Source, felt, of_cell, read_inputs, silent, windows
 from vispeg.api.objects import diagnose_tosses, object_world
 from vispeg.api.pictures import photographed
 from vispeg.api.result import Result
+from vispeg.contact.picture import worst_moment
+from vispeg.contact.run import diagnose_contact
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.diagnosis import run
@@ -115,7 +117,10 @@ def diagnose(
         record = finite({**tosses.result.record, "provenance": tosses.provenance})
         found = tosses.result.world.effects[len(thing.effects) :]
         return DiagnosisResult(record, tosses.result.world, {}, found, tosses.files, None)
-    given = read_inputs(model, recordings, validate, seconds=seconds, reading=reading)
+    cell = of_cell(model)
+    if cell and (not isinstance(baseline, Sequence) or len(baseline)):
+        raise UserError("a cell has no baseline", key="--baseline", expected="two diagnoses, one of each state")
+    given = read_inputs(model, recordings, validate, **windows(cell, seconds), reading=reading)
     before = _before(model, baseline, seconds, reading)
     stamp = given.provenance(seed)
     progress = None if part is None else progress_of(given, seconds, seed, Path(part), before)
@@ -123,6 +128,10 @@ def diagnose(
     options = {"seed": seed, "nthread": threads, "say": say, "progress": progress}
     if before is None and given.world.cell is not None and photographed(given.fitted, given.held_out):
         result = pictures.diagnose(given.world, given.fitted, given.held_out, seed=seed, say=say)
+    elif before is None and cell and felt((*given.fitted, *given.held_out)):
+        of_contact = {"nthread": threads, "say": say, "progress": progress}
+        result = diagnose_contact(given.world, given.fitted, given.held_out, **of_contact)
+        result.arrays.update(worst_moment(result.arrays, given.held_out))
     elif before is None:
         result = run.diagnose(given.world, given.fitted, given.held_out, **options)
     else:

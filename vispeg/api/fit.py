@@ -7,14 +7,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from vispeg.api.inputs import Model, Reading, Source, read_inputs, silent
+from vispeg.api.inputs import Model, Reading, Source, of_cell, read_inputs, silent, windows
 from vispeg.api.pictures import border_evidence_of, photographed
 from vispeg.api.result import Result
+from vispeg.contact.run import evidence_of
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.identify.calibrate import ITERATIONS, Method, calibrate
 from vispeg.identify.checkpoint import Checkpoint, Trace
+from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import evidence_for
+from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import SECONDS
 from vispeg.report.fitted import fit_record, fit_summary
 from vispeg.report.summary import Block
@@ -104,7 +107,9 @@ def fit(
     for flag, number in (("--starts", starts), ("--iterations", iterations)):
         if number < 1:
             raise UserError("nothing to fit", key=flag, expected="1 or more", got=number)
-    given = read_inputs(model, recordings, validate, need_validate=False, seconds=seconds, reading=reading)
+    given = read_inputs(
+        model, recordings, validate, need_validate=False, **windows(of_cell(model), seconds), reading=reading
+    )
     world, free = _free(given.world, effects)
     stamp = given.provenance(seed)
     key = [model_text(world), *given.key()[1:], list(free), seconds, method, starts, seed, stamp["versions"]]
@@ -114,13 +119,22 @@ def fit(
     if world.cell is not None and photographed(given.fitted, given.held_out):
         evidence, judged = border_evidence_of(world, given.fitted, given.held_out)
     else:
-        evidence = evidence_for(world, given.fitted, threads, h_max=1e-3)
-        judged = evidence_for(world, given.held_out, threads, h_max=1e-3) if given.held_out else None
+        evidence, judged = (_evidence(world, recs, threads) for recs in (given.fitted, given.held_out))
+    assert evidence is not None  # read_inputs refuses an empty list
     options = {"method": method, "starts": starts, "iterations": iterations, "checkpoint": checkpoint}
     result = calibrate(evidence, world, free, seed=seed, **options)
     record, final = fit_record(given.world, result, free, evidence, judged)
     record = finite(record | {"provenance": stamp})
     return FitResult(record, final, tuple(final.effects[i] for i in free), given.files, checkpoint)
+
+
+def _evidence(world: World, recordings: Sequence[Recording], threads: int) -> Evidence | None:
+    """Of the wrench where the model is of a cell, else of the joints; None without recordings."""
+    if not recordings:
+        return None
+    return (
+        evidence_of(recordings, threads) if world.cell is not None else evidence_for(world, recordings, threads, 1e-3)
+    )
 
 
 def _free(world: World, effects: Sequence[str | EffectInstance]) -> tuple[World, tuple[int, ...]]:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -168,6 +169,21 @@ def _read(
         del rec
         release()
     return cut
+
+
+def of_cell(model: Model) -> bool:
+    """Whether a model is of a cell, so that its contact is what recordings are compared by."""
+    return (model if isinstance(model, World) else read_model(str(model))).cell is not None
+
+
+def felt(recordings: Sequence[Recording]) -> bool:
+    """Whether all of them have a wrench."""
+    return all(rec.ft is not None for rec in recordings)
+
+
+def windows(cell: bool, seconds: float) -> dict[str, Any]:
+    """What `read_inputs` takes of a recording: windows of one of an arm, all of one of contact, its wrench included."""
+    return {"seconds": 0.0, "signals": None} if cell else {"seconds": seconds}
 
 
 def read_model(source: str) -> World:

@@ -17,6 +17,7 @@ from vispeg.core.registry import Registry
 
 Family = Literal["joint", "drive", "sensor", "body", "contact", "task", "camera", "appearance"]
 ARM = ("joint", "drive", "sensor", "body")  # families that an arm alone can show; the others need a scene
+STAGES = ("free air", "geometry", "compliance", "friction", "impact")  # of a diagnosis of contact
 OPTICAL = ("camera", "appearance")  # families that are only seen; the others are felt
 Values = Mapping[str, np.ndarray]  # parameter name -> (nsim, ntarget)
 REGISTRY: Registry[Effect] = Registry()
@@ -38,6 +39,10 @@ class Effect(ABC):
         order: position in the chain of drive hooks; smaller acts earlier (nearer to the command).
         smooth: False where the residual is not smooth in the parameters (a global search is then used).
         telling: magnitudes without which this effect is only another one under its name (default: any of them).
+        stage: when a diagnosis of contact looks for it (one of STAGES, in their order); empty: never.
+        sizes: parameter -> values at which that diagnosis tries it; the others it leaves as they are.
+        shown_by: motions of contact (`vispeg record`) that show it; empty: any.
+        told_from: effects that may look the same -> the motion that tells them apart.
         step: greatest physics step at which its own motion stays stable, s.
         grows_from: simpler effects that it may be mistaken for, each with {own parameter: the simpler one's parameter}
             from whose fitted value its own fit should start.
@@ -63,6 +68,10 @@ class Effect(ABC):
     contains: ClassVar[tuple[str, ...]] = ()
     grows_from: ClassVar[Mapping[str, Mapping[str, str]]] = {}
     step: ClassVar[float] = float("inf")
+    stage: ClassVar[str] = ""
+    sizes: ClassVar[Mapping[str, tuple[float, ...]]] = {}
+    shown_by: ClassVar[tuple[str, ...]] = ()
+    told_from: ClassVar[Mapping[str, str]] = {}
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -125,6 +134,10 @@ class Effect(ABC):
         """
         return wrench
 
+    def unread(self, reading: np.ndarray, period: float, p: Mapping[str, float]) -> np.ndarray:
+        """The wrench (n, 6) that there was, given what the sensor made of it every `period` s: `wrench` undone."""
+        return reading
+
     def reading_noise(self, sigma: float, p: Mapping[str, float]) -> float:
         """RMS of a measured angle about what the right model reads, rad, where the sensor's own noise is `sigma`."""
         return sigma
@@ -166,12 +179,16 @@ class Effect(ABC):
         `angle` and `torque`, the motion under a known controller: whatever moves the arm or its readings. `servo` and
         `load`, the motion under a servo's own loop: that, and what is in the loop. `needed`, the torque of a measured
         motion by inverse dynamics: what follows from each sample alone, so no effect of timing, gear play or readings.
+        `wrench`, what a wrist's force sensor reads: its own errors, and whatever needs a scene to act on.
         """
         motion = ("write", "drive", "friction", "torque", "observe")
         sample = ("write", "friction", "inverse", *(() if self.overrides("start") else ("torque",)))
         out = {"angle", "torque", "servo", "load"} if any(map(self.overrides, motion)) else set()
         out |= {"servo", "load"} if any(map(self.overrides, ("goal", "regulate"))) else set()
-        return frozenset(out | ({"needed"} if any(map(self.overrides, sample)) else set()))
+        out |= {"needed"} if any(map(self.overrides, sample)) else set()
+        scenic = self.family in ("contact", "task") or not self.searchable
+        felt = self.overrides("wrench") or (scenic and self.overrides("write"))
+        return frozenset(out | ({"wrench"} if felt else set()))
 
     def overrides(self, hook: str) -> bool:
         """Whether this class has a hook of its own."""

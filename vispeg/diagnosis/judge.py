@@ -84,6 +84,7 @@ class Judge:
         if crossed is not None:
             more = (crossed[0] - crossed[1]).sum(axis=1)
             tested = np.concatenate([tested, more[more != 0]])
+        tested = tested[self.evidence.tells(tested)]
         joints = diff.sum(axis=0) / np.maximum(before.sum(axis=0), 1e-12)
         return Gain(mean, _z(tested), mean / max(self.mean(before), 1e-12), joints)
 

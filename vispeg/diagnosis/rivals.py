@@ -8,15 +8,14 @@ from dataclasses import dataclass, replace
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.accept import equal
 from vispeg.diagnosis.judge import present
-from vispeg.diagnosis.screen import Score, candidates
-from vispeg.diagnosis.search import Search, shortlist
+from vispeg.diagnosis.screen import Score
+from vispeg.diagnosis.search import Search
 from vispeg.diagnosis.state import State, Trial
 
 EXCHANGES = 3  # at most
 BETTER = (
     0.01  # share of the held-out error that a rival must remove in addition, to come in the place of what it rivals
 )
-FEW = 3  # effects up to which the whole library is screened in the place of each
 MOST = 3  # rivals of one of many effects that are fitted
 
 
@@ -52,17 +51,14 @@ def find_rivals(search: Search, state: State, given: int, say: Callable[[str], N
     chosen = state.world.effects[given:]
     if len(chosen) == 1 and len(state.steps) == 1:
         return [_compare(search, state, chosen[0].label, list(state.steps[0][1]), state.first)]
-    if len(chosen) > FEW:
+    if len(chosen) > search.few:
         return [_proposed(search, state, placed, given, say) for placed in chosen]
     out = []
     for placed in chosen:
         say(f"looking for rivals of {placed.label}")
         reduced = _without(search, state, placed, given)
-        joints = search.evidence.items[0].robot.joints
-        near = [placed.where] if placed.where in joints else list(joints)[:0]
-        places = [c for c in candidates(search.evidence, reduced.world, near) if c != (placed.effect, placed.where)]
-        scores = search.screened(reduced.world, reduced.residual, reduced.fit, places, search.missing(reduced.world))
-        trials = search.try_all(reduced, shortlist(scores, 5), given, len(places)) if scores else []
+        scores, tested = search.instead(reduced, placed)
+        trials = search.try_all(reduced, scores, given, tested) if scores else []
         out.append(_compare(search, state, placed.label, trials, search.judge.mean(reduced.loss)))
     return out
 
@@ -99,7 +95,7 @@ def _merely_richer(search: Search, trial: Trial, state: State, label: str) -> bo
 
 
 def _compare(search: Search, state: State, label: str, trials: list[Trial], without: float) -> Rivals:
-    others = [t for t in trials if t.score.placed.label != label]
+    others = [t for t in trials if not t.score.beside and t.score.placed.label != label]
     equals = [
         t
         for t in others

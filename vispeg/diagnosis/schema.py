@@ -156,3 +156,6 @@ class DiagnosisRecord(Told):
     object: NotRequired[str]
     restarts: NotRequired[list[dict[str, Any]]]
     contact: NotRequired[dict[str, Any]]
+    evidence: NotRequired[str]
+    phases: NotRequired[list[dict[str, Any]]]
+    not_excited: NotRequired[list[dict[str, Any]]]

@@ -29,7 +29,13 @@ SINGLE = 0.97  # of what a group promises that one effect must promise alone for
 
 
 class Search(Proposals):
-    """The discovery loop over fitted evidence and a held-out judge."""
+    """The discovery loop over fitted evidence and a held-out judge.
+
+    Attributes:
+        few: effects up to which the whole library is screened for rivals in the place of each.
+    """
+
+    few = 3
 
     def __init__(
         self,
@@ -157,6 +163,14 @@ class Search(Proposals):
             crossed = state.cross, self.cross.loss_of(f, f.residual)
             trials.append(Trial(s, f, loss, self.judge.gain(state.loss, loss, crossed)))
         return [t.bare if t.rejected else t for t in ranked(self, state, trials, tested)]
+
+    def instead(self, state: State, placed: EffectInstance) -> tuple[list[Score], int]:
+        """What might stand in the place of an effect that `state` is without, best first; how many were screened."""
+        joints = self.evidence.items[0].robot.joints
+        near = [placed.where] if placed.where in joints else []
+        places = [c for c in candidates(self.evidence, state.world, near) if c != (placed.effect, placed.where)]
+        scores = self.screened(state.world, state.residual, state.fit, places, self.missing(state.world))
+        return (shortlist(scores, 5) if scores else []), len(places)
 
     def fits(
         self,

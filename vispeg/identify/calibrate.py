@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -108,7 +108,7 @@ def _shrunk(world: World, free: Sequence[int], share: float) -> World:
         moved = {m: null + share * (placed.params[m].value - null) for m, null in nulls.items()}
         inside = {m: float(np.clip(v, kind.params[m].low, kind.params[m].high)) for m, v in moved.items()}
         effects[i] = placed.with_values(**inside)
-    return World(world.robot, world.tool, tuple(effects))
+    return replace(world, effects=tuple(effects))
 
 
 def _draw(space: Space, rng: np.random.Generator) -> np.ndarray:

@@ -16,7 +16,15 @@ from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel
 from vispeg.sim.segment import Segment
 
-UNITS = {"angle": "rad", "servo": "rad", "torque": "N m", "needed": "N m", "load": "of the log"}
+UNITS = {
+    "angle": "rad",
+    "servo": "rad",
+    "torque": "N m",
+    "needed": "N m",
+    "load": "of the log",
+    "force": "N",
+    "moment": "N m",
+}
 
 
 @dataclass(frozen=True)
@@ -25,7 +33,8 @@ class Channel:
 
     Attributes:
         kind: `angle` (under a known controller), `servo` (angle under a loop of the robot's own), `torque` (measured in
-            either), `load` (the robot's own estimate of it, of unknown gain), `needed` (torque by inverse dynamics).
+            either), `load` (the robot's own estimate of it, of unknown gain), `needed` (torque by inverse dynamics);
+            `force` and `moment`, a column an axis: the wrench that keeps the hand on its measured path.
         measured: (m, nj) in the kind's unit.
         sigma: (nj,) noise.
         valid: (m, nj) bool.

@@ -17,6 +17,7 @@ from vispeg.core.memory import release
 from vispeg.identify.channels import Channel, Item, shows
 from vispeg.identify.contact import Contact, contact_of
 from vispeg.identify.load import load_noise, unsigned, with_gains
+from vispeg.identify.space import Freedom
 from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel, load
@@ -36,7 +37,7 @@ LONG = 4e6  # bytes of one rollout beyond which what it leaves is given back at 
 AT_ONCE = 32e6  # bytes of rollouts in memory at once, a process, and of answers that are remembered
 
 
-class Evidence:
+class Evidence(Freedom):
     """A set of recordings and the machine that simulates worlds against them.
 
     Args:
@@ -69,6 +70,12 @@ class Evidence:
     def sees(self, kind: Effect) -> bool:
         """Whether an effect leaves a trace in some channel of this evidence."""
         return any(shows(kind, channel) for channel in {c.kind for i in self.items for c in i.channels})
+
+    correlated = 1.0  # readings in a row whose floor is one and the same error
+
+    def tells(self, difference: np.ndarray) -> np.ndarray:
+        """(n,) bool: whether a block of time whose losses differ so much tells two worlds apart."""
+        return np.ones(len(difference), bool)
 
     @property
     def unit(self) -> str:

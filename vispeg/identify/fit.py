@@ -97,11 +97,11 @@ def fit_job(
     """
 
     def job(submit: Submit) -> Fit:
-        space = Space(world, free)
+        space = Space(world, free, evidence)
         if ended is not None:
             return _summary(evidence, space, np.array(ended[0], float), ended[1], _Point(space, submit, None, columns))
         low, high = space.bounds
-        candidates = [space.start] + [Space(w, free).start for w in starts]
+        candidates = [space.start] + [Space(w, free, evidence).start for w in starts]
         candidates = [np.clip(u, low + 1e-9, high - 1e-9) for u in candidates]
         if method == "cma":
             candidates.append(_cma(space, candidates[0], submit, iterations * 10, rng, trace))
@@ -217,7 +217,7 @@ def _summary(evidence: Evidence, space: Space, u: np.ndarray, converged: bool, p
         effects[axis.index] = EffectInstance(placed.effect, placed.where, params, placed.origin)
         if not axis.param.shape and min(value - lo, hi - value) < 1e-6 * max(1.0, hi - lo):
             bound.append(f"{placed.label}.{axis.name}")
-    world = World(space.world.robot, space.world.tool, tuple(effects))
+    world = replace(space.world, effects=tuple(effects))
     return Fit(world, r, jac, space, u, sigma, correlation, tuple(bound), weak, converged, float(np.mean(r * r)))
 
 
@@ -239,7 +239,8 @@ def _uncertainty(
     score = np.zeros((blocks.max() + 1, n))
     np.add.at(score, blocks, jac * r[:, None])
     cov = inverse @ (score.T @ score) @ inverse
-    cov = np.maximum(np.diag(cov), np.diag(inverse) * max(1.0, float(np.mean(r * r))))
+    alone = np.diag(inverse) * max(1.0, float(np.mean(r * r))) * evidence.correlated
+    cov = np.maximum(np.diag(cov), alone)
     spread = _between(evidence, r, jac)
     sigma = np.sqrt(np.maximum(cov, spread**2))
     names = [f"{space.world.effects[a.index].label}.{a.name}" for a in space.axes]

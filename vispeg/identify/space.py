@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.effect import Effect, EffectInstance, effect
 from vispeg.core.params import Param
 from vispeg.worlds.world import World
 
@@ -29,13 +29,30 @@ class Axis:
         return size or (self.param.high - self.param.low) / 20.0
 
 
-class Space:
-    """All parameters of the effects at `free` (indices into `world.effects`), in optimizer units."""
+class Freedom:
+    """What of an effect a fit moves, and how far it goes for a derivative: all parameters, as their Params say."""
 
-    def __init__(self, world: World, free: Sequence[int]):
+    def frees(self, kind: Effect, name: str) -> bool:
+        """Whether a fit moves this parameter of an effect."""
+        return True
+
+    def nudge(self, kind: Effect, name: str) -> float | None:
+        """Length of a derivative's step in the unit of the parameter (or of its logarithm); None for the usual one."""
+        return None
+
+
+class Space:
+    """Parameters of the effects at `free` (indices into `world.effects`), in optimizer units, that `freedom` lets."""
+
+    def __init__(self, world: World, free: Sequence[int], freedom: Freedom | None = None):
+        self.freedom = freedom or Freedom()
         self.world = world
+        kinds = {i: effect(world.effects[i].effect) for i in free}
         self.axes = [
-            Axis(i, name, param) for i in free for name, param in effect(world.effects[i].effect).params.items()
+            Axis(i, name, param)
+            for i, k in kinds.items()
+            for name, param in k.params.items()
+            if self.freedom.frees(k, name)
         ]
 
     def forward(self, value: float, axis: Axis) -> float:
@@ -63,7 +80,7 @@ class Space:
         effects: list[EffectInstance] = list(self.world.effects)
         for axis, value in zip(self.axes, u, strict=True):
             effects[axis.index] = effects[axis.index].with_values(**{axis.name: self.backward(value, axis)})
-        return World(self.world.robot, self.world.tool, tuple(effects))
+        return replace(self.world, effects=tuple(effects))
 
     def steps(self, u: np.ndarray) -> np.ndarray:
         """Finite-difference steps, pointing away from the nearer bound.
@@ -74,4 +91,7 @@ class Space:
         low, high = self.bounds
         long = [not effect(self.world.effects[a.index].effect).smooth and a.param.scale == "linear" for a in self.axes]
         size = np.where(long, 0.05, 0.02)
+        for i, a in enumerate(self.axes):
+            step = self.freedom.nudge(effect(self.world.effects[a.index].effect), a.name)
+            size[i] = size[i] if step is None else step / a.unit
         return np.where(u + size <= high, size, -size)

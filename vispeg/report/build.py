@@ -10,7 +10,7 @@ from vispeg.formats.format import enrol
 from vispeg.formats.guard import as_written
 from vispeg.report.page import Section, page
 from vispeg.report.record import Record, load_record
-from vispeg.report.sections import COMPARE, DIAGNOSIS, OBJECT, VIEWS
+from vispeg.report.sections import COMPARE, CONTACT, CONTACT_COMPARE, DIAGNOSIS, OBJECT, VIEWS
 
 
 def write_report(out: Path, *, overwrite: bool = False) -> Path:
@@ -66,8 +66,10 @@ def read(out: Path) -> str:
 def render(record: Record) -> str:
     """The whole page as text: no link that leaves it, no request."""
     sections = []
-    diagnosis = OBJECT if record.values.get("object") else VIEWS if record.values.get("views") else DIAGNOSIS
-    for name in diagnosis if record.kind == "diagnosis" else COMPARE:
+    values, contact = record.values, record.values.get("evidence") == "contact"
+    diagnosis = OBJECT if values.get("object") else VIEWS if values.get("views") else CONTACT if contact else DIAGNOSIS
+    compare = CONTACT_COMPARE if contact else COMPARE
+    for name in diagnosis if record.kind == "diagnosis" else compare:
         module = import_module(f"vispeg.report.sections.{name}")
         values = module.context(record)
         if values is not None:  # else nothing to show

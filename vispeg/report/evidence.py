@@ -97,6 +97,10 @@ class Evidence:
     choices: Choices | None = None
     pictures: Mapping[str, np.ndarray] = field(default_factory=dict)
     views: Mapping[str, np.ndarray] = field(default_factory=dict)  # of a diagnosis of pictures: `sections.views`
+    phases: tuple[np.ndarray, ...] = ()  # of contact, of each trace: (n,) index into `phase_names`
+    phase_names: tuple[str, ...] = ()
+    worst: bytes | None = None  # a picture of the cell at the worst moment, PNG
+    worst_moment: str = ""
 
 
 def _example(folder: Path) -> Path:
@@ -149,7 +153,11 @@ class _Reader:
                 raise UserError("is no picture", file=self.path, key=key, expected="(H, W, 3) uint8", got=image.shape)
         views = {k: v for k, v in self.arrays.items() if k.startswith(("view/", "projection/"))}
         joint = self.joints, unit, tuple(traces), tuple(torques), maps, self.next(), self.choices()
-        return Evidence(*joint, seen, views)
+        phases = tuple(self.need(f"{r}/phase").astype(int) for r in rows if f"{r}/phase" in self.arrays)
+        names = tuple(str(n) for n in self.arrays.get("phases", ()))
+        png = self.arrays["worst/png"].astype(np.uint8).tobytes() if "worst/png" in self.arrays else None
+        more = phases, names, png, self.text("worst/moment", "")
+        return Evidence(*joint, seen, views, *more)
 
     def choices(self) -> Choices | None:
         if "choice/on" not in self.arrays:

@@ -18,6 +18,10 @@ class ObjectMass(Effect):
     searchable = False
     params = {"scale": Param(1.0, 0.05, 10.0, "1", start=1.3, scale="log", doc="of the nominal mass")}
     writes = frozenset({"body_mass", "body_inertia"})
+    stage = "free air"
+    sizes = {"scale": (0.4, 2.0)}
+    shown_by = ("free",)
+    told_from = {"tool_mass": "free", "wrench_bias": "free"}
 
     def targets(self, model):
         return [*in_scene(model, "peg"), *getattr(model, "free", ())]

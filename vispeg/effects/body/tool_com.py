@@ -22,6 +22,10 @@ class ToolCom(Effect):
         axis: Param(0.0, -0.1, 0.1, "m", start=0.01, doc=f"shift along the flange's {axis} axis") for axis in "xyz"
     }
     writes = frozenset({"body_ipos"})
+    stage = "free air"
+    sizes = dict.fromkeys("xyz", (0.01,))
+    shown_by = ("free",)
+    told_from = {"wrench_bias": "free", "object_mass": "free"}
 
     def targets(self, model):
         return in_scene(model, "gripper")

@@ -23,6 +23,10 @@ class ToolMass(Effect):
     searchable = False
     params = {"mass": Param(0.0, -0.5, 5.0, "kg", start=0.1, doc="added to the gripper's")}
     writes = frozenset({"body_mass", "body_inertia"})
+    stage = "free air"
+    sizes = {"mass": (-0.1, 0.1, 0.4)}
+    shown_by = ("free",)
+    told_from = {"object_mass": "free", "wrench_bias": "free", "wrench_gain": "free"}
 
     def targets(self, model):
         return in_scene(model, "gripper")

@@ -21,6 +21,10 @@ class ContactDamping(Effect):
     family = "contact"
     params = {"scale": Param(1.0, 0.05, 10.0, "1", start=0.5, scale="log", doc="of the nominal damping")}
     writes = frozenset({"geom_solref"})
+    stage = "impact"
+    sizes = {"scale": (0.2, 0.5, 2.0)}
+    shown_by = ("tap",)
+    told_from = {"restitution": "tap", "contact_stiffness": "tap"}
 
     def targets(self, model):
         return touching(model)

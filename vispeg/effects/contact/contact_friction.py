@@ -19,6 +19,10 @@ class ContactFriction(Effect):
     family = "contact"
     params = {"scale": Param(1.0, 0.0, 5.0, "1", start=1.5, doc="of the nominal coefficient of sliding friction")}
     writes = frozenset({"geom_friction"})
+    stage = "friction"
+    sizes = {"scale": (0.4, 0.7, 1.5, 2.2)}
+    shown_by = ("slide", "insert")
+    told_from = {"hole_tilt": "slide", "grip_pose": "slide"}
 
     def targets(self, model):
         return touching(model)

@@ -22,6 +22,10 @@ class ContactStiffness(Effect):
     family = "contact"
     params = {"scale": Param(1.0, 0.02, 20.0, "1", start=0.5, scale="log", doc="of the nominal stiffness")}
     writes = frozenset({"geom_solref"})
+    stage = "compliance"
+    sizes = {"scale": (0.05, 0.2, 0.5, 3.0)}
+    shown_by = ("press", "hard-press")
+    told_from = {"fixture_compliance": "hard-press"}
 
     def targets(self, model):
         return touching(model)

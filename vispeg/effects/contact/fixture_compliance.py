@@ -27,6 +27,10 @@ class FixtureCompliance(Effect):
         }
     )
     writes = springs.WRITES
+    stage = "compliance"
+    sizes = {**dict.fromkeys("xyz", (1e-5, 4e-5)), **dict.fromkeys(("roll", "pitch"), (2e-4, 1e-3))}
+    shown_by = ("press", "hard-press", "rock")
+    told_from = {"contact_stiffness": "hard-press", "peg_grasp_compliance": "insert-turned"}
 
     def targets(self, model):
         return in_scene(model, "fixture")

@@ -18,6 +18,10 @@ class GripperSlip(Effect):
     family = "contact"
     params = {"grip": Param(1.0, 0.0, 2.0, "1", start=0.3, doc="of the nominal force at which the peg slips")}
     writes = frozenset({"dof_frictionloss"})
+    stage = "friction"
+    sizes = {"grip": (0.07, 0.15, 0.3, 0.6)}
+    shown_by = ("hard-press",)
+    told_from = {"grip_pose": "hard-press"}
 
     def targets(self, model):
         return in_scene(model, "peg")

@@ -6,6 +6,8 @@ model of a multi-axis force sensor, e.g. Traversaro et al. 2015, In situ calibra
 
 from __future__ import annotations
 
+import numpy as np
+
 from vispeg.core.params import Param
 from vispeg.effects.common.wrist import FORCE, TORQUE, WristEffect, axes
 
@@ -19,6 +21,13 @@ class WrenchBias(WristEffect):
         **{a: Param(0.0, -20.0, 20.0, "N", start=2.0, doc=f"measured minus true force along {a[1]}") for a in FORCE},
         **{a: Param(0.0, -2.0, 2.0, "N m", start=0.1, doc=f"measured minus true torque about {a[1]}") for a in TORQUE},
     }
+    stage = "free air"
+    sizes = {**dict.fromkeys(FORCE, (1.0,)), **dict.fromkeys(TORQUE, (0.1,))}
+    shown_by = ("free",)
+    told_from = {"tool_mass": "free", "tool_com": "free", "object_mass": "free"}
 
     def wrench(self, state, wrench, x, p):
         return wrench + axes(p)
+
+    def unread(self, reading, period, p):
+        return reading - np.array([p[axis] for axis in (*FORCE, *TORQUE)])

@@ -20,9 +20,16 @@ class WrenchDelay(WristEffect):
     name = "wrench_delay"
     order = 20
     params = {"delay": Param(0.0, 0.0, 0.2, "s", start=0.01, doc="age of a reading")}
+    stage = "free air"
+    sizes = {"delay": (0.006, 0.02, 0.05)}
+    shown_by = ("tap", "free")
 
     def start(self, x, p):
         return DelayLine(x.tick, p["delay"].max(initial=0.0))
 
     def wrench(self, state, wrench, x, p):
         return state(wrench, np.broadcast_to(p["delay"], wrench.shape))
+
+    def unread(self, reading, period, p):
+        time = period * np.arange(len(reading))
+        return np.stack([np.interp(time + p["delay"], time, v) for v in reading.T], axis=1)

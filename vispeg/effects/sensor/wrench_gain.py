@@ -17,6 +17,13 @@ class WrenchGain(WristEffect):
     name = "wrench_gain"
     order = 30
     params = {"gain": Param(1.0, 0.2, 2.0, "1", start=1.1, doc="measured over true wrench")}
+    stage = "free air"
+    sizes = {"gain": (0.8, 0.93, 1.07, 1.25)}
+    shown_by = ("free", "hard-press")
+    told_from = {"tool_mass": "free"}
 
     def wrench(self, state, wrench, x, p):
         return p["gain"] * wrench
+
+    def unread(self, reading, period, p):
+        return reading / p["gain"]

@@ -26,6 +26,13 @@ class GripPose(Effect):
         "pitch": Param(0.0, -0.2, 0.2, "rad", start=0.02, doc="then about its y axis"),
     }
     writes = frozenset({"body_pos", "body_quat"})
+    stage = "geometry"
+    sizes = {
+        **dict.fromkeys("xyz", (-3e-3, -1e-3, -3e-4, 3e-4, 1e-3, 3e-3)),
+        **dict.fromkeys(("roll", "pitch"), (-0.04, -0.012, 0.012, 0.04)),
+    }
+    shown_by = ("press", "insert", "touch-datum")
+    told_from = {"hole_offset": "touch-datum", "hole_tilt": "insert-turned"}
 
     def targets(self, model):
         return in_scene(model, "peg")

@@ -21,6 +21,10 @@ class HoleClearance(Effect):
     family = "task"
     params = {"width": Param(0.0, -0.005, 0.005, "m", start=0.001, doc="added to the hole's diameter")}
     writes = frozenset({"geom_pos"})
+    stage = "geometry"
+    sizes = {"width": (-2.5e-3, -1e-3, -4e-4, 4e-4, 1e-3)}
+    shown_by = ("insert", "rock")
+    told_from = {"fixture_compliance": "hard-press"}
 
     def targets(self, model):
         own = hasattr(model, "config") and model.config.hole_mesh  # a user's block has no ring of walls to move

@@ -22,6 +22,10 @@ class HoleOffset(Effect):
         axis: Param(0.0, -0.15, 0.15, "m", start=0.02, doc=f"shift along the base's {axis} axis") for axis in "xyz"
     }
     writes = frozenset({"body_pos"})
+    stage = "geometry"
+    sizes = dict.fromkeys("xyz", (-3e-3, -1e-3, -3e-4, 3e-4, 1e-3, 3e-3))
+    shown_by = ("press", "insert", "rock")
+    told_from = {"grip_pose": "insert-turned"}
 
     def targets(self, model):
         return in_scene(model, "fixture")

@@ -33,6 +33,10 @@ class HoleTilt(Effect):
         "yaw": Param(0.0, -3.1416, 3.1416, "rad", start=0.1, doc="then about its z axis"),
     }
     writes = frozenset({"body_quat"})
+    stage = "geometry"
+    sizes = dict.fromkeys(("roll", "pitch"), (-0.04, -0.012, 0.012, 0.04))
+    shown_by = ("press", "insert", "rock")
+    told_from = {"grip_pose": "insert-turned"}
 
     def targets(self, model):
         return in_scene(model, "fixture")

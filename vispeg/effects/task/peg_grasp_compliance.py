@@ -27,6 +27,10 @@ class PegGraspCompliance(Effect):
         }
     )
     writes = springs.WRITES
+    stage = "compliance"
+    sizes = {**dict.fromkeys("xy", (1e-5, 4e-5)), **dict.fromkeys(("roll", "pitch"), (5e-4, 3e-3))}
+    shown_by = ("insert", "rock", "slide")
+    told_from = {"fixture_compliance": "insert-turned"}
 
     def targets(self, model):
         return in_scene(model, "peg")

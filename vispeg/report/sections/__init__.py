@@ -21,3 +21,5 @@ DIAGNOSIS = (
 COMPARE = ("headline", "explore", "where_it_fails", "measured_vs_model", "maps", "pictures", "provenance")
 OBJECT = ("headline", "found", "restarts", "candidates", "confusions", "next_experiment", "provenance")
 VIEWS = ("headline", "found", "views", "candidates", "confusions", "next_experiment", "provenance")
+CONTACT = ("headline", "found", "wrench", "where_it_fails", "candidates", "confusions", "next_experiment", "provenance")
+CONTACT_COMPARE = ("headline", "wrench", "where_it_fails", "pictures", "provenance")

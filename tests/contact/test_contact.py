@@ -1,0 +1,145 @@
+"""Contact as evidence: the hand's coordinates, nulls, hidden effects, and what cannot leak in from the arm."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from pressed import SCENE, recorded
+
+from vispeg.contact.hand import AXES, grasp, hand
+from vispeg.contact.inputs import touching
+from vispeg.contact.path import jacobian
+from vispeg.contact.profile import looked_for, places, profile, tries
+from vispeg.contact.run import compare_contact, diagnose_contact, evidence_of
+from vispeg.core.effect import STAGES, EffectInstance, effect
+from vispeg.core.errors import UserError
+from vispeg.core.seeds import stream
+from vispeg.identify.fit import fit_job
+from vispeg.identify.pool import run_together
+from vispeg.recordings.cell import WrenchSensor
+from vispeg.worlds.world import World
+
+FIXTURE = EffectInstance.of("fixture_compliance", "fixture", z=3e-5)
+FRICTION = EffectInstance.of("contact_friction", "peg", scale=1.7)
+
+
+def upto(rec, seconds):
+    n = int(seconds * rec.rate_hz)
+    return replace(rec, time=rec.time[:n], q=rec.q[:n], ft=rec.ft[:n])
+
+
+def chi2(recordings, world=World()) -> float:  # noqa: B008
+    evidence = evidence_of(recordings)
+    (r,) = evidence.residuals([world])
+    return float(r @ r / evidence.count)
+
+
+def test_the_jacobian_of_the_hand_is_mujoco_s():
+    """Power of a wrench: forces of the joints are J' w with the Jacobian of the flange's point."""
+    model = hand(SCENE, grasp(0.1, 5e-5)).compile()
+    data, rng = mujoco.MjData(model), stream(1, "hand")
+    data.qpos[:6] = 0.4 * rng.standard_normal(6)
+    mujoco.mj_forward(model, data)
+    site = data.site("flange")
+    jacp, jacr = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+    mujoco.mj_jacSite(model, data, jacp, jacr, model.site("flange").id)
+    wrench, turn = rng.standard_normal(6), site.xmat.reshape(3, 3)
+    expected = jacp[:, :6].T @ turn @ wrench[:3] + jacr[:, :6].T @ turn @ wrench[3:]
+    np.testing.assert_allclose(jacobian(data.qpos[None, 3:6])[0] @ wrench, expected, atol=1e-12)
+    assert [model.joint(i).name for i in range(6)] == [f"hand_{a}" for a in AXES]
+
+
+def test_the_right_model_stands_at_the_floor_and_a_wrong_one_does_not():
+    assert chi2([recorded()]) < 1.3
+    for effect_, wrong in ((FIXTURE, 3.0), (FRICTION, 10.0)):
+        hidden = [recorded((effect_,))]
+        nominal, right = chi2(hidden), chi2(hidden, World().add(effect_))
+        assert nominal > wrong and right < 0.4 * nominal
+
+
+def test_what_happens_in_the_arm_does_not_leak_into_contact():
+    """Joint friction changes the motion and the forces, and leaves the model of contact as right as it was."""
+    arm = tuple(EffectInstance.of("coulomb_friction", f"joint{j}", torque=1.5) for j in (2, 4, 6))
+    rubbed = recorded(arm)
+    assert np.abs(rubbed.q - recorded().q).max() > 1e-3
+    assert chi2([upto(rubbed, 1.55)]) < 1.3, "while it presses: where it sticks and slips no two runs are alike"
+
+
+def test_frames_and_signs_of_the_sensor_are_undone():
+    """The same wrench read in another frame, as a reaction, about another point, gives the same evidence."""
+    rec = recorded()
+    quat, pos = np.array([0.8, 0.0, 0.6, 0.0]), np.array([0.0, 0.01, -0.03])
+    from scipy.spatial.transform import Rotation
+
+    turn = Rotation.from_quat(quat, scalar_first=True)
+    force = turn.inv().apply(rec.ft[:, :3])
+    torque = turn.inv().apply(rec.ft[:, 3:] - np.cross(pos, rec.ft[:, :3]))
+    sensor = WrenchSensor("flange", "flange", False, tuple(pos), tuple(quat))
+    other = replace(rec, ft=-np.concatenate([force, torque], axis=1), wrench=sensor)
+    np.testing.assert_allclose(touching(other).wrench, rec.ft, atol=1e-12)
+
+
+@pytest.mark.parametrize("hidden", [FIXTURE, FRICTION], ids=lambda e: e.effect)
+def test_a_fit_finds_what_is_hidden_inside_its_interval(hidden):
+    """`fit --effects contact_friction:peg` works on contact, and gives way for truth."""
+    evidence = evidence_of([recorded((hidden,)), recorded((hidden,), 1, True)])
+    start = EffectInstance.of(hidden.effect, hidden.where, **({"z": 1e-5} if hidden is FIXTURE else {"scale": 1.2}))
+    (fit,) = run_together([fit_job(evidence, World().add(start), [0], iterations=5)], evidence.residuals)
+    name = "z" if hidden is FIXTURE else "scale"
+    got, true = fit.world.effects[0].params[name], hidden.params[name].value
+    assert got.low <= true <= got.high
+    assert got.value == pytest.approx(true, rel=0.15)
+
+
+def test_every_effect_that_is_looked_for_says_where_when_and_at_which_sizes():
+    for kind in looked_for():
+        assert kind.stage in STAGES and kind.sizes and kind.shown_by, kind.name
+        assert set(kind.sizes) <= set(kind.params) and "wrench" in kind.channels()
+        assert all(kind.params[k].low <= v <= kind.params[k].high for k, values in kind.sizes.items() for v in values)
+        assert all(effect(other) for other in kind.told_from)
+
+
+def test_a_profile_ranks_the_class_first_and_names_what_nothing_excites():
+    evidence = evidence_of([recorded((FIXTURE,))])
+    asked = [p for p in places(evidence, World()) if effect(p[0]).stage == "compliance"]
+    scores = profile(evidence, World(), asked)
+    assert scores[0].key == ("fixture_compliance", "fixture")
+    air = evidence_of([upto(recorded(), 0.7)])
+    assert all(s.gain == -np.inf for s in profile(air, World(), asked)), "in free air nothing of contact shows"
+    assert len(tries("fixture_compliance", "fixture")) == 10
+
+
+def test_a_comparison_says_axis_and_phase():
+    found = compare_contact(World(), [recorded((FIXTURE,))])
+    worst = found.record["where_it_fails"][0]
+    assert worst["joint"] == "force z" and worst["regime"] == "press"
+    assert found.record["joints"][2]["times_floor"] > 2.0
+    assert found.arrays["0/measured"].shape == found.arrays["0/before"].shape
+
+
+def test_a_recording_that_begins_in_contact_or_has_no_wrench_is_refused():
+    rec = recorded()
+    with pytest.raises(UserError, match="free air"):
+        evidence_of([replace(rec, time=rec.time[600:], q=rec.q[600:], ft=rec.ft[600:])])
+    with pytest.raises(UserError, match="no wrench"):
+        evidence_of([replace(rec, ft=None)])
+
+
+@pytest.mark.slow
+def test_both_hidden_effects_are_named_and_none_where_there_is_none():
+    both = (FIXTURE, FRICTION)
+    fitted = [recorded(both), recorded(both, 1, True)]
+    held = [recorded(both, 2), recorded(both, 3, True)]
+    found = diagnose_contact(World(), fitted, held)
+    named = {e["effect"]: e["params"] for e in found.record["effects"]}
+    assert set(named) == {"fixture_compliance", "contact_friction"}
+    assert named["fixture_compliance"]["z"]["low"] <= 3e-5 <= named["fixture_compliance"]["z"]["high"]
+    assert named["contact_friction"]["scale"]["low"] <= 1.7 <= named["contact_friction"]["scale"]["high"]
+    ladder = [rung["heldout_error"] for rung in found.record["ladder"]]
+    assert ladder[-1] < 0.5 * ladder[0]
+    assert [e["effect"] for e in found.record["effects"]] == [e.effect for e in found.world.effects]
+    nothing = diagnose_contact(World(), [recorded(), recorded((), 1, True)], [recorded((), 2)])
+    assert nothing.record["verdict"] == "adequate" and not nothing.record["effects"]

@@ -1,0 +1,243 @@
+"""Recordings with a wrench as evidence on contact, with the face of `vispeg.identify.Evidence`.
+
+The compared value is the wrench that the flange puts on the tool: measured, against what keeps each world's hand on the
+measured path; both as medians over blocks of `BLOCK` s. Source of the idea, with both signals in error: total least
+squares, Golub and Van Loan 1980, An analysis of the total least squares problem.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from vispeg.contact.drive import Driven, drive
+from vispeg.contact.floors import floors
+from vispeg.contact.hand import grasp, hand
+from vispeg.contact.path import Path, along
+from vispeg.contact.phases import Phases, phases
+from vispeg.contact.sensor import hand_world, readings, trusted
+from vispeg.contact.thin import thinned
+from vispeg.core.effect import Effect, effect
+from vispeg.core.errors import UserError
+from vispeg.identify.channels import Channel, Item
+from vispeg.identify.evidence import PENALTY, Evidence
+from vispeg.recordings.recording import Control, Recording
+from vispeg.robots.scene import Scene
+from vispeg.sim.segment import Segment
+from vispeg.worlds.world import World
+
+BLOCK = 0.04  # s: of solver chatter a median over it leaves little
+H_MAX = 2e-3  # s, physics step, at most: half the shortest time constant of the cell's contacts
+FAR = 25.0  # whitened residuals beyond this count less
+TIE = 0.02  # of the greatest difference between two worlds in a block of time, up to which the others are ties
+SECONDS = 16.0  # of all recordings that are driven, spread over the phases of contact
+ROWS = 64  # worlds that are driven at once
+
+
+@dataclass(frozen=True)
+class Touching:
+    """A recording of contact.
+
+    Attributes:
+        recording: with measured angles.
+        scene: the cell as the user believes it.
+        believed: effects that are part of that belief.
+        wrench: (n, 6) N, N m: what the flange puts on the tool, flange axes.
+    """
+
+    recording: Recording
+    scene: Scene
+    wrench: np.ndarray
+    believed: World = field(default_factory=World)
+
+
+@dataclass(frozen=True)
+class ContactItem(Item):
+    """One episode: two channels, force and torque, three columns each, a row a block."""
+
+    path: Path = None  # type: ignore[assignment]
+    phase: Phases = None  # type: ignore[assignment]
+    source: Touching = None  # type: ignore[assignment]
+    hand: Scene = None  # type: ignore[assignment]
+    floor: np.ndarray = None  # type: ignore[assignment]  (m, 6)
+
+    @property
+    def nj(self) -> int:
+        """Axes."""
+        return 3
+
+    @property
+    def sigma(self) -> np.ndarray:  # type: ignore[override]
+        """(m, 6): the floor of the block's phase."""
+        return self.floor
+
+    @property
+    def period(self) -> float:
+        """Time between blocks, s."""
+        return BLOCK
+
+
+class ContactEvidence(Evidence):
+    """Recordings of contact and the machine that drives worlds' hands along them.
+
+    Args:
+        touching: recordings, each with its cell.
+        nthread: of the batch.
+    """
+
+    least_gain = 0.02
+    most_effects = 6
+    correlated = 6.0  # blocks: cross-talk and form errors last as long as a contact does
+
+    def __init__(self, touching: Sequence[Touching], *, nthread: int = 1):
+        self.recordings, self.nthread = [t.recording for t in touching], nthread
+        force, place = trusted(self.recordings)
+        self.hold = grasp(force, place)
+        hands: dict[int, Scene] = {}
+        self.items: list[ContactItem] = []
+        for t in touching:
+            one = hands.setdefault(id(t.scene), hand(t.scene, self.hold))
+            self.items += _items(t, one, SECONDS / len(touching), nthread)
+        self.notes: list[str] = []
+        self.absent: set[tuple[str, str]] = set()
+        self.floor_from = "simulated repeats with the stated noise"
+        self._recent = []
+        self.rollouts = 0.0
+
+    def tells(self, difference: np.ndarray) -> np.ndarray:
+        """Ties left out: an effect of contact shows in few blocks, and hardly in most."""
+        size = np.abs(difference)
+        return size >= max(1.0, TIE * float(size.max(initial=0.0)))
+
+    def frees(self, kind: Effect, name: str) -> bool:
+        """Parameters that a diagnosis of contact tries at some size, less those that a search found to be absent."""
+        return (name in kind.sizes or not kind.sizes) and (kind.name, name) not in self.absent
+
+    def nudge(self, kind: Effect, name: str) -> float | None:
+        """A third of the smallest size that is tried: what chatters is rougher than its usual step."""
+        p = kind.params[name]
+        if name not in kind.sizes:
+            return None
+        size = np.abs(np.log(kind.sizes[name]) if p.scale == "log" else np.array(kind.sizes[name]) - p.null)
+        return float(size.min()) / 3.0
+
+    @staticmethod
+    def whiten(item: Item, predicted: np.ndarray) -> np.ndarray:
+        """Whitened residual (m, 6), its square growing as its amount beyond `FAR` (Huber's loss)."""
+        r = Evidence.whiten(item, predicted)
+        size = np.abs(r)
+        return np.where(size > FAR, np.sign(r) * np.sqrt(FAR * np.maximum(2 * size - FAR, 0.0)), r)
+
+    @property
+    def unit(self) -> str:
+        """Of the principal channel."""
+        return "N"
+
+    def _simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
+        self.rollouts += len(worlds) * sum(i.path.time[-1] for i in self.items)
+        out = [np.empty((len(worlds), *i.measured.shape)) for i in self.items]
+        for rows in _alike(worlds):
+            for item, values in zip(self.items, out, strict=True):
+                for start in range(0, len(rows), ROWS):
+                    some = rows[start : start + ROWS]
+                    values[some] = predicted(item, driven(item, [worlds[r] for r in some], self.nthread))
+        return out
+
+    def simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
+        """Per item, the wrench (nworld, m, 6) in blocks that the worlds need for the measured path."""
+        key = tuple(worlds) if len(worlds) <= 4 else None
+        for known, answer in self._recent:
+            if known == key:
+                return answer
+        answer = self._simulated(worlds)
+        if key is not None:
+            self._recent = [(key, answer), *self._recent[:7]]
+        return answer
+
+    @property
+    def floors(self) -> np.ndarray:
+        """(6,) RMS floor of each column, N and N m."""
+        total = sum((i.valid * i.sigma**2).sum(axis=0) for i in self.items)
+        return np.sqrt(total / np.maximum(sum(i.valid.sum(axis=0) for i in self.items), 1))
+
+    @property
+    def floor(self) -> float:
+        """RMS floor of the force, N."""
+        return float(np.sqrt(np.mean(self.floors[:3] ** 2)))
+
+    def excited(self, world: World) -> dict[str, float]:
+        """Seconds in each phase of contact over all items."""
+        out: dict[str, float] = {}
+        for item in self.items:
+            for name in item.phase.names:
+                out[name] = out.get(name, 0.0) + BLOCK * float(np.sum(item.phase.of(name)))
+        return out
+
+
+def driven(item: ContactItem, worlds: Sequence[World], nthread: int = 1) -> Driven:
+    """Hands of worlds of one structure along one item's path."""
+    own = [hand_world(item.source.believed, w) for w in worlds]
+    wrench = np.stack([readings(item.path, item.hand, w) for w in own])
+    return drive(item.hand, item.path, own, wrench, item.phase.rest, item.phase.windows, nthread)
+
+
+def predicted(item: ContactItem, out: Driven) -> np.ndarray:
+    """(nworld, m, 6): measured wrench, less the zero found in free air, plus the correction, as the sensor reads it.
+
+    While the hand rests at the start, the zero itself is what is compared.
+    """
+    correction = item.phase.medians(out.correction)
+    rest = item.phase.resting
+    return item.measured[None] + np.where(rest[None, :, None], -out.zero[:, None], correction)
+
+
+def _alike(worlds: Sequence[World]) -> list[np.ndarray]:
+    """Indices of the worlds by what they have built in."""
+    groups: dict[tuple[str, ...], list[int]] = {}
+    for i, w in enumerate(worlds):
+        groups.setdefault(
+            tuple(sorted({e.effect for e in w.effects if effect(e.effect).overrides("build")})), []
+        ).append(i)
+    return [np.array(rows) for rows in groups.values()]
+
+
+def _items(t: Touching, one: Scene, seconds: float, nthread: int) -> list[ContactItem]:
+    rec = t.recording
+    number = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
+    out = [_item(t, one, np.flatnonzero(number == n), seconds, nthread) for n in np.unique(number)]
+    out = [i for i in out if i is not None]
+    if not out:
+        raise UserError(
+            "no episode begins in free air", file=rec.path, expected="0.3 s or more before the first contact"
+        )
+    return out
+
+
+def _item(t: Touching, one: Scene, rows: np.ndarray, seconds: float, nthread: int) -> ContactItem | None:
+    rec = t.recording
+    path = along(t.scene, rec, t.wrench, rows, H_MAX)
+    phase = phases(t.scene, path, BLOCK)
+    if phase is None:
+        return None
+    phase = thinned(phase, seconds)
+    time = phase.time
+    blank = np.zeros((len(time), len(rec.joints)))
+    segment = Segment(
+        Control("unknown", rec.rate_hz), BLOCK, {}, blank, blank, blank, time, rows[phase.rows(path.clock)]
+    )
+    measured = phase.medians(path.wrench[None])[0]
+    sigma = np.ones_like(measured)
+    item = ContactItem(rec, segment, t.scene, (), path, phase, t, one, sigma)
+    sigma = floors(item, nthread)
+    valid = np.isfinite(measured) & phase.valid[:, None]
+    force, torque = slice(0, 3), slice(3, 6)
+    channels = (
+        Channel("force", measured[:, force], sigma[:, force], valid[:, force]),
+        Channel("moment", measured[:, torque], sigma[:, torque], valid[:, torque]),
+    )
+    return ContactItem(rec, segment, t.scene, channels, path, phase, t, one, sigma)
+
+
+__all__ = ["PENALTY", "ContactEvidence", "ContactItem", "Touching", "driven", "predicted"]

@@ -1,0 +1,90 @@
+"""The hand: what hangs behind the wrist's force sensor, and what it touches, without the arm.
+
+The arm's place is taken by a flange of six joints, `hand_x` to `hand_rz`, in a frame that each batch row may set: three
+slides along its axes, then three hinges (intrinsic x, y, z). Each has a spring and a damper towards a path (`ctrl`: six
+goals, then six rates): the correction. No effect of the arm can leak into a verdict on contact, nor the other way
+round.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from vispeg.robots import furniture
+from vispeg.robots.scene import Scene
+
+AXES = ("x", "y", "z", "rx", "ry", "rz")
+FRAME = "hand"  # the body that stands for the flange
+MARK = "attached-"  # MuJoCo wants a prefix for what is taken over from another spec
+
+
+@dataclass(frozen=True)
+class Grasp:
+    """How firmly the model is held to the measured path.
+
+    Attributes:
+        stiffness: (6,) N/m and N m/rad: what a wrench sensor is trusted to over what a pose is.
+        damping: (6,) N s/m and N m s/rad.
+    """
+
+    stiffness: np.ndarray
+    damping: np.ndarray
+
+
+MASS, INERTIA, LEVER = 0.8, 0.02, 0.1  # kg, kg m^2, m: of a hand, for critical damping and for torques
+
+
+def grasp(force: float, place: float) -> Grasp:
+    """That of a wrench sensor good to `force` (N) on a path good to `place` (m); torques and angles over 0.1 m."""
+    linear = float(np.clip(force / place, 500.0, 2e4))
+    k = np.repeat([linear, linear * LEVER**2], 3)
+    return Grasp(k, 2 * np.sqrt(k * np.repeat([MASS, INERTIA], 3)))
+
+
+def hand(scene: Scene, hold: Grasp) -> Scene:
+    """The scene without its arm, held by `hold`; effects find in it the places that they have in the scene."""
+    return replace(scene, joints=(), links=(), flange="flange", base=FRAME, build=lambda: _spec(scene, hold))
+
+
+def _spec(scene: Scene, hold: Grasp) -> mujoco.MjSpec:
+    source, spec = scene.spec(), mujoco.MjSpec()
+    furniture.options(spec)
+    spec.option.gravity = source.option.gravity
+    body = spec.worldbody.add_body(name=FRAME)
+    for i, axis in enumerate(AXES):
+        kind = mujoco.mjtJoint.mjJNT_SLIDE if i < 3 else mujoco.mjtJoint.mjJNT_HINGE
+        body.add_joint(name=f"hand_{axis}", type=kind, axis=np.eye(3)[i % 3])
+    body.mass, body.inertia, body.explicitinertial = 1e-3, (1e-6,) * 3, True
+    body.add_site(name="flange", group=4)
+    tool = source.body("tool")
+    tool.pos, tool.quat = (0, 0, 0), (1, 0, 0, 0)
+    body.add_frame().attach_body(tool, MARK, "")
+    spec.worldbody.add_frame().attach_body(source.body(scene.fixture), MARK, "")
+    for sensor in list(spec.sensors):  # the wrench is what the hand is driven by
+        spec.delete(sensor)
+    for group in (spec.bodies, spec.joints, spec.geoms, spec.sites):
+        for element in group:
+            element.name = element.name.removeprefix(MARK)
+    for geom in source.worldbody.geoms:
+        if geom.contype or geom.conaffinity:
+            _copied(spec, geom)
+    for kind in ("stiffness", "damping"):
+        for i, axis in enumerate(AXES):
+            _spring(spec, axis, kind, float(getattr(hold, kind)[i]))
+    return spec
+
+
+def _copied(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> None:
+    """A shape of the world itself: the table."""
+    same = {k: getattr(geom, k) for k in ("name", "type", "size", "pos", "quat", "contype", "conaffinity", "friction")}
+    spec.worldbody.add_geom(**same, solref=geom.solref, solimp=geom.solimp, priority=geom.priority)
+
+
+def _spring(spec: mujoco.MjSpec, axis: str, kind: str, gain: float) -> None:
+    """A motor of force `gain (goal - now)`, of angle or of rate."""
+    motor = spec.add_actuator(name=f"{kind}_{axis}", target=f"hand_{axis}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    motor.gaintype, motor.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
+    motor.gainprm[0], motor.biasprm[1 if kind == "stiffness" else 2] = gain, -gain

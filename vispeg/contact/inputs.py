@@ -1,0 +1,46 @@
+"""Recordings as contact evidence takes them: the cell that is believed, and the wrench in the flange's axes."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from vispeg.contact.evidence import Touching
+from vispeg.core.errors import UserError
+from vispeg.recordings.cell import WrenchSensor, canonical
+from vispeg.recordings.recording import Recording
+from vispeg.robots.scene import Scene
+from vispeg.sim.compiled import flange_pose
+from vispeg.task.belief import believed
+
+
+def touching(rec: Recording) -> Touching:
+    """A recording of contact.
+
+    Raises:
+        UserError: no wrench was recorded, or a cell that cannot be built.
+    """
+    if rec.ft is None or not np.isfinite(rec.ft).any():
+        header = rec.path / "recording.yaml"
+        raise UserError("has no wrench", file=header, key="ft.*", expected="columns ft.fx .. ft.tz, N and N m")
+    cell = believed(rec.cell, rec.path / "recording.yaml")
+    sensor = rec.wrench or WrenchSensor()
+    turn = Rotation.from_quat(flange_pose(cell.scene.nominal, np.nan_to_num(rec.q))[:, 3:], scalar_first=True)
+    wrench = canonical(rec.ft, sensor, turn.as_matrix())
+    if sensor.tared == "weight":
+        wrench = wrench + _weight(cell.scene, turn)
+    return Touching(rec, cell.scene, wrench, cell.world)
+
+
+def _weight(scene: Scene, turn: Rotation) -> np.ndarray:
+    """(n, 6) that holds the tool at rest, in the flange's axes at these orientations: what the robot took off."""
+    model = scene.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    bodies = [model.body(name).id for name in ("tool", scene.held)]
+    mass = model.body_mass[bodies]
+    site = data.site(scene.flange)
+    centre = (mass[:, None] * (data.xipos[bodies] - site.xpos)).sum(axis=0) @ site.xmat.reshape(3, 3) / mass.sum()
+    force = -mass.sum() * turn.inv().apply(model.opt.gravity)
+    return np.concatenate([force, np.cross(centre, force)], axis=1)

@@ -1,0 +1,50 @@
+"""A picture of a cell as it stood at one moment, seen from close by."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import cv2
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.recordings.recording import Recording
+from vispeg.render.backend import BackendName, Renderer
+from vispeg.render.camera import Camera, looking_at
+from vispeg.render.standard import focal_of
+from vispeg.robots.scene import Scene
+from vispeg.task.belief import believed
+
+WIDTH, HEIGHT, FOV = 640, 420, 30.0  # px; degrees over the height
+FROM = (0.33, -0.42, 0.22)  # m, of the camera from the goal
+
+
+def draw(scene: Scene, q: np.ndarray, backend: BackendName = "auto") -> bytes:
+    """The picture as PNG.
+
+    Args:
+        scene: the cell.
+        q: (nj,) joint angles, rad.
+        backend: renderer.
+
+    Raises:
+        UserError: no renderer that works here.
+    """
+    goal = np.array(scene.target) + [0.0, 0.0, 0.03]
+    eye = goal + np.array(FROM)
+    focal, turned = focal_of(FOV, HEIGHT), looking_at(eye, goal, np.array([0.0, 0.0, 1.0]))
+    at = (float(eye[0]), float(eye[1]), float(eye[2]))
+    camera = Camera("cell", WIDTH, HEIGHT, focal, focal, (WIDTH - 1) / 2, (HEIGHT - 1) / 2, pos=at, quat=turned)
+    with Renderer(scene, [camera], backend, shadows=True) as renderer:
+        shot = renderer.render(np.concatenate([q, np.zeros(renderer.model.nq - len(q))]))["cell"]
+    return cv2.imencode(".png", shot.rgb[:, :, ::-1])[1].tobytes()
+
+
+def worst_moment(arrays: Mapping[str, np.ndarray], recordings: Sequence[Recording]) -> dict[str, np.ndarray]:
+    """A picture of the moment that `worst/q` states, as what `evidence.npz` holds; nothing where none can be drawn."""
+    rec = next((r for r in recordings if str(arrays["worst/recording"]).startswith(r.name)), recordings[0])
+    try:
+        png = draw(believed(rec.cell).scene, np.nan_to_num(arrays["worst/q"]))
+    except UserError:  # no renderer here: the page does without
+        return {}
+    return {"worst/png": np.frombuffer(png, np.uint8)}

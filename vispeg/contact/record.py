@@ -1,0 +1,123 @@
+"""The parts of a record that are contact's own: channels by axis, failures by phase, arrays, what is not excited."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from vispeg.contact.evidence import ContactEvidence
+from vispeg.contact.phases import NAMES
+from vispeg.core.effect import effect
+from vispeg.diagnosis.rivals import Rivals
+from vispeg.diagnosis.schema import Failure, NextMotion
+from vispeg.identify.channels import UNITS
+
+COLUMNS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
+LEAST_SHARE = 0.02
+
+
+def channels(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> list[Any]:
+    """Floor and held-out RMS error before and after, axis by axis; without a second world, before alone."""
+    out = []
+    for j, name in enumerate(COLUMNS):
+        kind = "force" if j < 3 else "moment"
+        row = {"channel": kind, "joint": name, "floor": float(judged.floors[j]), "unit": f"{UNITS[kind]} RMS"}
+        for w, key in zip(range(predicted[0].shape[0]), ("before", "after"), strict=False):
+            row[key] = _rms(judged, predicted, w, j)
+        out.append(row)
+    return out
+
+
+def _rms(judged: ContactEvidence, predicted: Sequence[np.ndarray], world: int, column: int) -> float:
+    total, count = 0.0, 0
+    for item, y in zip(judged.items, predicted, strict=True):
+        good = item.valid[:, column]
+        total += float(np.sum((item.measured - y[world])[good, column] ** 2))
+        count += int(good.sum())
+    return float(np.sqrt(total / max(count, 1)))
+
+
+def where_it_fails(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> list[Failure]:
+    """Shares of the squared whitened residual by axis and phase of contact, greatest first."""
+    grid = np.zeros((len(COLUMNS), len(NAMES)))
+    for item, y in zip(judged.items, predicted, strict=True):
+        r = judged.whiten(item, y[0]) ** 2
+        for k in range(len(NAMES)):
+            grid[:, k] += r[item.phase.code == k].sum(axis=0)
+    share = grid / max(float(grid.sum()), 1e-300)
+    order = np.argsort(-share, axis=None)
+    found = [np.unravel_index(i, share.shape) for i in order]
+    rows: list[Failure] = [{"joint": COLUMNS[j], "regime": NAMES[k], "share": float(share[j, k])} for j, k in found]
+    return [r for r in rows if r["share"] >= LEAST_SHARE][:8]
+
+
+def phase_errors(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> list[dict[str, Any]]:
+    """For each phase: seconds, RMS force error before and after, and the floor, N."""
+    out = []
+    for name in NAMES:
+        row: dict[str, Any] = {"phase": name}
+        masks = [item.phase.of(name) & item.phase.valid for item in judged.items]
+        count = sum(int(m.sum()) for m in masks)
+        if not count:
+            continue
+        row["seconds"] = round(sum(i.period * int(m.sum()) for i, m in zip(judged.items, masks, strict=True)), 2)
+        row["floor"] = _root([i.sigma[m, :3] for i, m in zip(judged.items, masks, strict=True)])
+        for w, key in zip(range(predicted[0].shape[0]), ("before", "after"), strict=False):
+            parts = zip(judged.items, predicted, masks, strict=True)
+            row[key] = _root([(i.measured - y[w])[m, :3] for i, y, m in parts])
+        out.append(row)
+    return out
+
+
+def _root(parts: Sequence[np.ndarray]) -> float:
+    values = np.concatenate([p.ravel() for p in parts])
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def arrays(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
+    """Measured and predicted forces and torques of the held-out recordings, their phases, and the worst moment."""
+    out: dict[str, np.ndarray] = {"joints": np.array(COLUMNS[:3]), "unit": np.array("N")}
+    worst = (-1.0, 0, 0)
+    for r, (item, y) in enumerate(zip(judged.items, predicted, strict=True)):
+        out |= {f"{r}/time": item.segment.time, f"{r}/name": np.array(item.name), f"{r}/phase": item.phase.code}
+        out |= {f"{r}/measured": item.measured[:, :3], f"{r}/measured_tau": item.measured[:, 3:]}
+        for w, key in zip(range(len(y)), ("before", "after"), strict=False):
+            out |= {f"{r}/{key}": y[w, :, :3], f"{r}/{key}_tau": y[w, :, 3:]}
+        out[f"{r}/sigma"] = item.sigma
+        size = (judged.whiten(item, y[0]) ** 2).sum(axis=1)
+        k = int(np.argmax(np.where(item.phase.resting, -1.0, size)))
+        worst = max(worst, (float(size[k]), r, k))
+    item = judged.items[worst[1]]
+    seconds, name = item.segment.time[worst[2]], NAMES[item.phase.code[worst[2]]]
+    out["worst/moment"] = np.array(f"{item.name} at {seconds:.1f} s, {name}")
+    out["worst/recording"], out["worst/q"] = np.array(item.name), item.recording.q[item.segment.rows[worst[2]]]
+    out["phases"] = np.array(NAMES)
+    return out
+
+
+def not_excited(silent: Sequence[tuple[str, str]]) -> list[dict[str, Any]]:
+    """Effects of which no size changes the wrench, each with the motion that would show it."""
+    out = []
+    for name, where in silent:
+        shown = effect(name).shown_by
+        why = "no size of it changes the wrench in these recordings"
+        out.append({"effect": name, "where": where, "why": why, "motion": shown[0] if shown else "insert"})
+    return out
+
+
+def separating(rivals: Sequence[Rivals], unseen: Sequence[dict[str, Any]]) -> NextMotion | None:
+    """The motion to record next: what tells a chosen effect from its rival, or shows most of what was not excited."""
+    for r in rivals:
+        name = r.label.split("(")[0]
+        for t in r.equals:
+            other = t.score.key[0]
+            motion = effect(name).told_from.get(other) or effect(other).told_from.get(name)
+            if motion:
+                return {"motion": motion, "why": f"tells {r.label} from {t.score.label}"}
+    motions = [u["motion"] for u in unseen]
+    if not motions:
+        return None
+    most = max(dict.fromkeys(motions), key=motions.count)
+    return {"motion": most, "why": f"shows {', '.join(u['effect'] for u in unseen if u['motion'] == most)}"}

@@ -1,0 +1,116 @@
+"""Comparison and diagnosis of contact: from recordings with a wrench to a verdict, a model and their evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from vispeg.contact.evidence import ContactEvidence
+from vispeg.contact.inputs import touching
+from vispeg.contact.record import arrays, channels, not_excited, phase_errors, separating, where_it_fails
+from vispeg.contact.search import ContactSearch
+from vispeg.diagnosis.compare import Comparison
+from vispeg.diagnosis.intervals import widened
+from vispeg.diagnosis.judge import Judge
+from vispeg.diagnosis.progress import Progress
+from vispeg.diagnosis.record import candidates, correlations, effects, ladder, moved, screening, with_origin
+from vispeg.diagnosis.rivals import find_rivals
+from vispeg.diagnosis.run import Diagnosis
+from vispeg.diagnosis.schema import DiagnosisRecord
+from vispeg.diagnosis.share import Share
+from vispeg.diagnosis.verdict import decide
+from vispeg.recordings.recording import Recording
+from vispeg.worlds.world import World
+
+
+def evidence_of(recordings: Sequence[Recording], nthread: int = 1) -> ContactEvidence:
+    """Recordings of contact as evidence. Raises UserError where one has no wrench, or begins in contact."""
+    return ContactEvidence([touching(r) for r in recordings], nthread=nthread)
+
+
+def diagnose_contact(
+    world: World,
+    fitted: Sequence[Recording],
+    held_out: Sequence[Recording],
+    *,
+    nthread: int = 2,
+    say: Callable[[str], None] = lambda _: None,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Finds the effects of contact that `world` lacks; every error in the record is on `held_out`.
+
+    Raises:
+        UserError: recordings without a wrench, or none that begins in free air.
+    """
+    evidence, judged = evidence_of(fitted, nthread), evidence_of(held_out, nthread)
+    judge, say = Judge(judged), Share(say, ahead=2)
+    search = ContactSearch(evidence, judge, say, progress)
+    given = len(world.effects)
+    before_fit, before_held = evidence.residuals([world])[0], judged.residuals([world])[0]
+    silent = search.silent(world)
+    state = search.run(world)
+    say.ahead = 1
+    rivals = find_rivals(search, state, given, say) if len(state.world.effects) > given else []
+    after_held = judged.residuals([state.world])[0]
+    before, after = judge.mean(judge.loss(before_held)), judge.mean(state.loss)
+    verdict = decide(before, after, len(state.world.effects) - given, rivals, [])
+    final = with_origin(
+        widened(state.world, given, before, after),
+        given,
+        fitted,
+        held_out,
+        judged.angle_rms(before_held),
+        judged.angle_rms(after_held),
+        verdict.partial,
+    )
+    predicted = judged.simulated([world, state.world])
+    unseen = not_excited(silent)
+    record: DiagnosisRecord = {
+        "format": "vispeg-diagnosis/1",
+        "evidence": "contact",
+        "verdict": verdict.verdict,
+        "reason": verdict.reason,
+        "effects": effects(final, given, rivals, state.world),
+        "ladder": ladder(evidence, judged, state, before_fit, before_held),
+        "noise_floor": {"value": judged.floor, "unit": "N RMS", "from": judged.floor_from},
+        "where_it_fails": where_it_fails(judged, predicted),
+        "phases": phase_errors(judged, predicted),
+        "unexplained": verdict.unexplained,
+        "channels": channels(judged, predicted),
+        "not_excited": unseen,
+        "next_experiment": separating(rivals, unseen),
+        "candidates": candidates(state, rivals, given),
+        "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
+        "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in screening(state)],
+        "correlations": correlations(state),
+        "parameters_moved": moved(state),
+        "notes": list(evidence.notes),
+    }
+    return Diagnosis(record, final, arrays(judged, predicted))
+
+
+def compare_contact(
+    world: World, recordings: Sequence[Recording], *, nthread: int = 1, label: str | None = None
+) -> Comparison:
+    """How far the wrench of a model is off what was measured, axis by axis and phase by phase."""
+    evidence = evidence_of(recordings, nthread)
+    residual, predicted = evidence.residuals([world])[0], evidence.simulated([world])
+    error = evidence.angle_rms(residual)
+    rows: list[dict[str, Any]] = channels(evidence, predicted)
+    record = {
+        "format": "vispeg-compare/1",
+        "evidence": "contact",
+        "ladder": [{"model": label or world.label, "fit_error": None, "heldout_error": error, "unit": "N RMS"}],
+        "noise_floor": {"value": evidence.floor, "unit": "N RMS", "from": evidence.floor_from},
+        "chi2": float(residual @ residual / max(evidence.count, 1)),
+        "joints": [
+            {"joint": r["joint"], "error": r["before"], "floor": r["floor"], "unit": r["unit"],
+             "times_floor": r["before"] / r["floor"]}
+            for r in rows
+        ],
+        "where_it_fails": where_it_fails(evidence, predicted),
+        "phases": phase_errors(evidence, predicted),
+        "recordings": {"fit": [], "validate": [r.name for r in recordings]},
+        "notes": list(evidence.notes),
+    }  # fmt: skip
+    return Comparison(record, arrays(evidence, predicted))

@@ -1,0 +1,124 @@
+"""The discovery loop over contact: profile, Gauss-Newton on the best and on their pairs, acceptance as for joints."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+
+from vispeg.contact.evidence import ContactEvidence
+from vispeg.contact.profile import places, profile
+from vispeg.core.effect import EffectInstance, Value, effect
+from vispeg.diagnosis.localise import MissingTorque
+from vispeg.diagnosis.screen import Score
+from vispeg.diagnosis.search import PROMISE, Search
+from vispeg.diagnosis.state import State, Trial
+from vispeg.diagnosis.verdict import FLOOR
+from vispeg.identify.fit import Fit, Race
+from vispeg.worlds.model_file import model_text
+from vispeg.worlds.world import World
+
+SINGLES, PAIRED = 5, 3  # effects that are fitted at a step, and those of them whose pairs are
+NONE = -1e300  # the gain of what changes nothing, as JSON can say it
+ENOUGH = 0.7  # held-out floor variances below which nothing is looked for
+WORTH = 0.2  # of the best one's gain that another must have in the profile to be fitted
+
+
+class ContactSearch(Search):
+    """A search whose candidates are effects of contact, tool and wrench sensor."""
+
+    evidence: ContactEvidence
+    few = 99
+
+    def missing(self, world: World) -> list[MissingTorque]:
+        """No torque of a joint is looked at."""
+        return []
+
+    def worth_it(self, state: State, given: int) -> bool:
+        """Whether enough is left: floors count cross-talk that a good sensor does not have, so some is left below 1."""
+        return self.judge.mean(state.loss) > ENOUGH and len(state.world.effects) - given < self.evidence.most_effects
+
+    def fits(
+        self,
+        worlds: Sequence[World],
+        given: int,
+        *,
+        race: Race | None = None,
+        iterations: int = 6,
+        columns: Sequence[np.ndarray | None] | None = None,
+    ) -> list[Fit]:
+        """As for joints, but all derivatives anew: where another effect comes in, contacts come and go."""
+        return super().fits(worlds, given, race=race, iterations=min(iterations, 6))
+
+    def step(self, state: State, given: int) -> list[Trial]:
+        """Profiles the library, fits the best and, where none of them reaches the floor, their pairs."""
+        where = places(self.evidence, state.world)
+        scores = self.profiled(state.world, where)
+        state.screening = scores
+        need = max(self.evidence.least_gain * self.judge.mean(state.loss), self.least_share * state.scale)
+        scores = [s for s in scores if s.gain / self.evidence.count >= PROMISE * need]
+        short = [s for i, s in enumerate(scores[:SINGLES]) if i < 2 or s.gain > WORTH * scores[0].gain]
+        if not short:
+            return []
+        trials = self.try_all(state, short, given, len(where))
+        best = min(trials, key=lambda t: float(t.loss.sum()))
+        if len(trials) < 2 or self.judge.mean(best.loss) < FLOOR:
+            return trials
+        pairs = self.pairs(trials)
+        trials = trials + (self.try_all(state, pairs, given, len(where)) if pairs else [])
+        return sorted(trials, key=lambda t: (bool(t.rejected), float(t.loss.sum())))
+
+    def take(self, state: State, trial: Trial, trials: list[Trial], given: int) -> None:
+        """Adds what a trial tried, and leaves out of it the parameters whose interval includes their absence."""
+        super().take(state, trial, trials, given)
+        effects = list(state.world.effects)
+        for i, placed in enumerate(effects):
+            kind = effect(placed.effect)
+            gone = {m for m in kind.magnitudes if _includes(placed.params[m], kind.params[m].null)}
+            if i >= given and gone and len(gone) < len([m for m in kind.magnitudes if m in kind.sizes]):
+                self.evidence.absent |= {(kind.name, m) for m in gone}
+                effects[i] = placed.with_values(**{m: kind.params[m].null for m in gone})
+        if tuple(effects) != state.world.effects:
+            (fit,) = self.fits([replace(state.world, effects=tuple(effects))], given)
+            state.take(fit, self.judge.losses([fit.world])[0])
+            state.cross = self.cross.loss_of(fit, fit.residual)
+
+    def pairs(self, trials: Sequence[Trial]) -> list[Score]:
+        """The pairs of the best effects, each at the value that it had alone."""
+        order = sorted(trials, key=lambda t: float(t.loss.sum()))[:PAIRED]
+        return [Score(_fitted(a), a.score.gain, (_fitted(b),)) for a, b in combinations(order, 2)]
+
+    def silent(self, world: World) -> list[tuple[str, str]]:
+        """Effects of which no size shows in the recordings."""
+        return [s.key for s in self.profiled(world, places(self.evidence, world)) if s.gain == -np.inf]
+
+    def profiled(self, world: World, where: Sequence[tuple[str, str]]) -> list[Score]:
+        """`profile`, remembered."""
+
+        def work_out() -> list:
+            scores = profile(self.evidence, world, where)
+            return [[*s.key, {k: v.value for k, v in s.placed.params.items()}, max(s.gain, NONE)] for s in scores]
+
+        question = ["contact profile", model_text(world), [list(p) for p in where]]
+        answer = self.progress.recall(question, work_out)  # also asked twice in one run: what is silent, what is best
+        gains = [gain if gain > NONE else -np.inf for *_, gain in answer]
+        return [Score(EffectInstance.of(n, at, **v), gain) for (n, at, v, _), gain in zip(answer, gains, strict=True)]
+
+    def instead(self, state: State, placed: EffectInstance) -> tuple[list[Score], int]:
+        """The best of the others."""
+        where = [p for p in places(self.evidence, state.world) if p != (placed.effect, placed.where)]
+        return [s for s in self.profiled(state.world, where)[:PAIRED] if s.gain > 0], len(where)
+
+    def _grow(self, state: State, placed: EffectInstance, given: int) -> None:
+        """No effect of contact is a richer form of another."""
+
+
+def _fitted(trial: Trial) -> EffectInstance:
+    e = trial.fit.world.effects[-1]
+    return EffectInstance.of(e.effect, e.where, **{k: v.value for k, v in e.params.items()})
+
+
+def _includes(v: Value, null: float) -> bool:
+    return v.low is not None and v.high is not None and v.low <= null <= v.high

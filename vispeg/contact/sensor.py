@@ -1,0 +1,40 @@
+"""What a world says of the readings of a force sensor: the wrench that there was."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vispeg.contact.path import Path
+from vispeg.core.effect import effect
+from vispeg.identify.channels import shows
+from vispeg.recordings.noise import noise_of
+from vispeg.recordings.recording import Recording
+from vispeg.robots.scene import Scene
+from vispeg.worlds.world import World
+
+LEAST_FORCE, LEAST_PLACE = 0.1, 5e-5  # N, m: no sensor and no kinematics is better
+REACH = 0.8  # m, from joint angles to the flange's place
+
+
+def hand_world(believed: World, world: World) -> World:
+    """What of a world a wrench can show, on top of what is believed of the cell."""
+    return believed.add(*world.effects).only(lambda e: shows(effect(e.effect), "wrench"))
+
+
+def readings(path: Path, scene: Scene, world: World) -> np.ndarray:
+    """(n, 6) N, N m: the wrench on the tool if the sensor is as the world has it."""
+    wrench = path.wrench
+    placed = [(effect(e.effect), e.params) for e in world.effects]
+    for kind, params in sorted(placed, key=lambda p: -p[0].order):
+        if kind.overrides("wrench"):
+            wrench = kind.unread(wrench, path.step, {k: v.value for k, v in params.items()})
+    return wrench
+
+
+def trusted(recordings: Sequence[Recording]) -> tuple[float, float]:
+    """What forces (N) and places (m) are trusted to."""
+    force = max([LEAST_FORCE, *(float(r.noise.get("ft", 0.0)) for r in recordings)])
+    place = max([LEAST_PLACE, *(REACH * float(np.max(noise_of(r)["q"])) for r in recordings)])
+    return force, place

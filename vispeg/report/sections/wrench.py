@@ -1,0 +1,91 @@
+"""Wrench at the wrist, measured against model on one time axis with the phase of contact; the worst moment."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from vispeg.report.evidence import Trace
+from vispeg.report.figures import AFTER, BEFORE, MEASURED, MUTED, RIVALS, RULE, Shape, chart, legend, new_figure, quiet
+from vispeg.report.quantities import plain, quantity
+from vispeg.report.record import Record, data_link
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+TITLE = "Wrench, measured against model"
+MOST = 3
+AXES = "xyz"
+
+
+def context(record: Record) -> dict[str, Any] | None:
+    """A figure a recording, errors by phase, the worst moment, what was not excited; None without a wrench."""
+    if record.values.get("evidence") != "contact":
+        return None
+    evidence = record.evidence
+    names = [str(n) for n in evidence.phase_names]
+    pairs = list(zip(evidence.traces, evidence.torques, evidence.phases, strict=False))[:MOST]
+    return {
+        "pictures": [
+            {"svg": _picture(force, torque, codes, names, i), "title": force.name}
+            for i, (force, torque, codes) in enumerate(pairs)
+        ],
+        "hidden": len(evidence.traces) - len(pairs),
+        "phases": [
+            {"phase": str(row.get("phase")), "seconds": plain(row.get("seconds")),
+             "floor": quantity(row.get("floor"), "N"), "before": quantity(row.get("before"), "N"),
+             "after": quantity(row.get("after"), "N") if row.get("after") is not None else ""}
+            for row in record.rows("phases")
+        ],
+        "worst": "" if evidence.worst is None else data_link(evidence.worst),
+        "moment": evidence.worst_moment,
+        "silent": record.rows("not_excited"),
+        "held_out": record.kind == "diagnosis",
+    }  # fmt: skip
+
+
+def _picture(force: Trace, torque: Trace, codes: np.ndarray, names: list[str], i: int) -> str:
+    return chart(lambda shape: _figure(force, torque, codes, names, shape), f"wrench{i}", f"Wrench of {force.name}")
+
+
+def _figure(force: Trace, torque: Trace, codes: np.ndarray, names: list[str], shape: Shape) -> Figure:
+    rows = 7
+    figure = new_figure(6.2 if shape.narrow else 6.8, shape.width)
+    heights = [1.0] * 6 + [0.45]
+    axes = figure.subplots(rows, 1, sharex=True, gridspec_kw={"height_ratios": heights})
+    for k, (trace, unit) in enumerate(((force, "N"), (torque, "N m"))):
+        for j, axis in enumerate(AXES):
+            ax = axes[3 * k + j]
+            for values, colour, width in ((trace.before, BEFORE, 1.2), (trace.after, AFTER, 1.2)):
+                if values is not None:
+                    ax.plot(trace.time, values[:, j], color=colour, linewidth=width)
+            ax.plot(trace.time, trace.measured[:, j], color=MEASURED, linewidth=0.7)
+            ax.set_ylabel(f"{'F' if k == 0 else 'T'}{axis} ({unit})")
+            quiet(ax)
+    _band(axes[6], force.time, codes, names)
+    axes[6].set_xlabel("time (s)")
+    entries = {"measured": (MEASURED, "-"), "model as given": (BEFORE, "-")}
+    if force.after is not None:
+        entries["with what was found"] = (AFTER, "-")
+    legend(figure, entries)
+    return figure
+
+
+def _band(ax: Axes, time: np.ndarray, codes: np.ndarray, names: list[str]) -> None:
+    """The phase of contact as coloured stretches, each named once."""
+    colours = (RULE, BEFORE, RIVALS[0], RIVALS[1], MUTED)
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
+    edges = np.flatnonzero(np.diff(codes)) + 1
+    for part in np.split(np.arange(len(codes)), edges):
+        code = int(codes[part[0]])
+        left, right = float(time[part[0]]) - step / 2, float(time[part[-1]]) + step / 2
+        ax.axvspan(left, right, color=colours[code % len(colours)], alpha=0.75, linewidth=0)
+    present = [k for k in range(len(names)) if np.any(codes == k)]
+    for k in present:
+        lengths = [p for p in np.split(np.arange(len(codes)), edges) if codes[p[0]] == k]
+        longest = max(lengths, key=len)
+        ax.text(time[longest].mean(), 0.5, names[k], ha="center", va="center", transform=ax.get_xaxis_transform())
+    ax.set_yticks([])
+    ax.set_ylabel("phase")
