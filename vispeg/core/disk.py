@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,7 +21,9 @@ def why(error: OSError) -> str:
     if isinstance(error, FileExistsError | NotADirectoryError):
         return "a folder above it is a file"
     if isinstance(error, shutil.Error):  # of a whole tree: [(from, to, what was said), ...]
-        return str(error.args[0][0][-1])
+        said = str(error.args[0][0][-1])
+        number = re.match(r"\[Errno (\d+)\]", said)  # the rest names temporary files
+        return said if number is None else os.strerror(int(number[1]))
     return error.strerror or str(error)
 
 
