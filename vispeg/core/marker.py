@@ -21,7 +21,13 @@ def mark(folder: Path, holds: str, files: Iterable[str] | None = None) -> None:
     """
     names = sorted(name for name in _names(folder) if name != MARKER) if files is None else [*files]
     text = json.dumps({"format": FORMAT, "holds": holds, "files": names}, indent=0) + "\n"
-    (folder / MARKER).write_text(text, encoding="utf-8", errors="surrogateescape")
+    part = folder / f"{MARKER}.part"
+    try:  # half a marker would be nobody's
+        part.write_text(text, encoding="utf-8", errors="surrogateescape")
+        part.replace(folder / MARKER)
+    except OSError:
+        part.unlink(missing_ok=True)
+        raise
 
 
 def holds(folder: Path) -> str | None:
