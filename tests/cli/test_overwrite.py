@@ -43,7 +43,7 @@ READS = {
     "measure plan": "measure plan joint4",
 }
 MEASURED = {f"measure {quantity}" for quantity in ("mass", "com", "friction", "restitution", "stiffness")}
-FILES = {"add", "export", *MEASURED}  # these write one file, see below
+FILES = {"add", "export", "motions", *MEASURED}  # these write one file, see below
 OTHERS = {"effects", "report"}  # these write one file of a name of their own into a folder
 WHY = (
     "is read by this command|holds .* which this command reads|has no .vispeg.json|not a folder of such results|a file"
@@ -133,11 +133,14 @@ def test_single_files_are_replaced_only_by_their_like(data, capsys):
         "add iiwa14 payload flange --out data/w.yaml",
         "export data/policy --out data/policy/policy.safetensors",
         "export data/policy --out data/notes.txt",
+        "motions fourier --out data/log.csv",
         *(f"{command} data/mass.csv --out data/model.yaml" for command in sorted(MEASURED)),
     ):
         assert main([*command.split(), "--overwrite"]) == 2, command
         assert tree(data) == before
     assert main("add data/model.yaml payload flange --set mass=1 --out data/model.yaml --overwrite".split()) == 0
+    motion = "motions fourier --duration 1 --out data/motion.csv".split()
+    assert main(motion) == 0 and main(motion) == 2 and main([*motion, "--overwrite"]) == 0
 
 
 def test_the_same_command_may_replace_what_it_wrote(data, capsys):

@@ -63,9 +63,27 @@ class Args:
             raise UserError("unknown motion", key="name", got=name, choices=names())
         if self.out is None or self.out.suffix != ".csv":
             raise UserError("where to?", key="--out", expected="a .csv file", got=self.out)
+        if self.overwrite and self.out.exists():
+            _refuse_other(self.out)
         model = self.model or ("peg-cell" if name in names("contact") else "iiwa14")
         text, seconds = commands(model, name, rate_hz=self.rate, seed=self.seed, duration=self.duration)
         write_text_atomic(self.out, text, overwrite=self.overwrite)
         values = {"motion": name, "model": model, "seconds": seconds, "rate_hz": self.rate, "out": str(self.out)}
         self.output.give(values, [f"{self.out}: {name}, {seconds:.3g} s at {self.rate:g} Hz"])
         return 0
+
+
+def _refuse_other(path: Path) -> None:
+    """Only a file of commands is replaced, no log.
+
+    Raises:
+        UserError: the first line has other columns than a motion's.
+    """
+    from vispeg.core.errors import UserError
+
+    if not path.is_file():
+        raise UserError("not a file", file=path)
+    with path.open("rb") as file:
+        names = file.readline(100_000).decode("utf-8", "replace").strip().split(",")
+    if names[0] != "time" or not all(n.partition(".")[0] in ("q_cmd", "dq_cmd", "ee_cmd") for n in names[1:]):
+        raise UserError("not a motion; it is not replaced", file=path, expected="time, q_cmd.*, dq_cmd.*, ee_cmd.*")
