@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NotRequired, TypedDict
 
 
@@ -158,4 +159,5 @@ class DiagnosisRecord(Told):
     contact: NotRequired[dict[str, Any]]
     evidence: NotRequired[str]
     phases: NotRequired[list[dict[str, Any]]]
+    views: NotRequired[Mapping[str, object]]
     not_excited: NotRequired[list[dict[str, Any]]]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from vispeg.diagnosis.pictures.verdict import decide
 from vispeg.diagnosis.record import candidates, correlations, effects, screening, with_origin
 from vispeg.diagnosis.rivals import Rivals
 from vispeg.diagnosis.run import Diagnosis
+from vispeg.diagnosis.schema import Channel, DiagnosisRecord, NextMotion, Rung
 from vispeg.diagnosis.state import State
 from vispeg.identify.pictures.build import border_evidence
 from vispeg.identify.pictures.points import Points, gather
@@ -71,7 +71,7 @@ def diagnose_pictures(
     final = with_origin(replace(state.world, cell=world.cell), given, fitted, held_out, before, after, verdict.partial)
     maps = projections(judged.geometry, world, final, state.fit)
     floor = judged.floor
-    record = {
+    record: DiagnosisRecord = {
         "format": "vispeg-diagnosis/1",
         "verdict": verdict.verdict,
         "reason": verdict.reason,
@@ -113,7 +113,7 @@ def _lost(wide: Sequence[tuple[Sight, Points]]) -> float:
     return 1.0 - float(np.isfinite(away).mean()) if len(away) else 1.0
 
 
-def _ladder(evidence, judged, world: World, state: State) -> list[dict[str, Any]]:
+def _ladder(evidence, judged, world: World, state: State) -> list[Rung]:
     rungs = [("nominal", world)] + [(f"+ {best.score.label}", best.fit.world) for best, _ in state.steps]
     if state.steps and state.world.label != state.steps[-1][0].fit.world.label:
         rungs.append(("after backward deletion", state.world))
@@ -123,19 +123,25 @@ def _ladder(evidence, judged, world: World, state: State) -> list[dict[str, Any]
     ]
 
 
-def _channel(judged, before: World, after: World) -> dict[str, Any]:
+def _channel(judged, before: World, after: World) -> Channel:
     cameras = " and ".join(dict.fromkeys(i.sight.camera.name for i in judged.items))
-    errors = {"floor": judged.floor, "before": judged.error(before), "after": judged.error(after)}
-    return {"channel": "border", "joint": cameras, **errors, "unit": "px RMS"}
+    return {
+        "channel": "border",
+        "joint": cameras,
+        "floor": judged.floor,
+        "before": judged.error(before),
+        "after": judged.error(after),
+        "unit": "px RMS",
+    }
 
 
-def _next(state: State, rivals: Sequence[Rivals], given: int) -> dict[str, Any] | None:
+def _next(state: State, rivals: Sequence[Rivals], given: int) -> NextMotion | None:
     for r in rivals:
         if r.equals:
             others = [t.score.key[0] for t in r.equals]
             motion = motion_between(r.label.split("(")[0], others)
             why = f"tells {r.label} from {', '.join(t.score.label for t in r.equals)}"
-            return {"motion": motion, "why": why, "expected_separation_sigma": None}
+            return {"motion": motion, "why": why}
     return None
 
 
