@@ -248,7 +248,8 @@ def train(config: TrainConfig, folder: Path, make: MakeEnv | None = None, show: 
     if folder.exists() and any(folder.iterdir()):
         if not same_run(config, folder):
             raise UserError("exists already; go on with --resume, or name another", file=folder)
-        return resume(folder, make=make, show=show)
+        if (folder / "config.yaml").exists():  # a full disk may have stopped it before
+            return resume(folder, make=make, show=show)
     with claimed(folder):
         return _begin(config, folder, make, show)
 
