@@ -28,7 +28,7 @@ SCALARS = re.compile(r"<pre>(.*?)</pre>", re.S)
         ({"effect": "payload", "where": "flange", "params": {"mass": {"value": 0.6, "unit": "kg"},
           "x": {"value": 0.01}}}, "Payload at the flange (0.600 kg)"),
         ({"effect": "link_com", "where": "link7", "params": {"x": {"value": 0.002, "unit": "m"},
-          "y": {"value": 0.0, "unit": "m"}}}, "Link centre of mass of link 7 (x 2.00 mm, y 0 m)"),
+          "y": {"value": 0.0, "unit": "m"}}}, "Link centre of mass of link 7 (x 2.00 mm)"),
         ({"effect": "torque_gain", "where": "all", "params": {"gain": {"value": 0.93, "unit": "1"}}},
          "Torque gain everywhere (gain 0.930)"),
         ({"effect": "viscous_friction", "where": "shoulder_pan_joint"}, "Viscous friction at shoulder_pan_joint"),

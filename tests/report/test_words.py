@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from vispeg.report import words
+from vispeg.report import effect_words, words
 from vispeg.report.quantities import interval, plain, quantity
 
 
@@ -131,3 +131,12 @@ def test_the_price_of_a_remainder_is_asked_of_the_joints_where_it_weighs_most():
     command = words.price({"remainder": left})
     assert command.index("torque_noise@joint3.rms=0,0.2") < command.index("torque_noise@joint2.rms=0,4")
     assert "joint1" not in command and words.price({}) == ""
+
+
+def test_a_direction_in_which_nothing_was_fitted_goes_unsaid():
+    row = {"effect": "fixture_compliance", "where": "fixture"}
+    values = {"x": 0.0, "y": 0.0, "z": 3e-5, "roll": 0.0, "pitch": 0.0}
+    row["params"] = {name: {"value": value, "unit": "m/N"} for name, value in values.items()}
+    assert "z" in effect_words.size(row) and "roll" not in effect_words.size(row)
+    row["params"]["z"]["value"] = 0.0
+    assert "roll" in effect_words.size(row)

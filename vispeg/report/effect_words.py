@@ -65,13 +65,16 @@ def named(row: Mapping[str, Any]) -> str:
 def size(row: Mapping[str, Any]) -> str:
     """`1.20 N m`, or `coulomb 1.20 N m, excess 0.400 N m`: the parameters that make the effect vanish at null.
 
-    Empty where no value is stated.
+    A parameter at null is left out beside one that is not. Empty where no value is stated.
     """
     known, params = REGISTRY.get(str(row.get("effect"))), params_of(row)
     names = [n for n in params if known is None or n not in known.params or not known.params[n].shape]
     told = [(n, params[n]) for n in names if number(params[n].get("value")) is not None]
+    alone = len(told) == 1
+    if known is not None:  # directions in which nothing was fitted go unsaid
+        told = [(n, p) for n, p in told if n not in known.params or p["value"] != known.params[n].null] or told
     texts = [_text(p) for _, p in told]
-    if len(told) == 1 and not texts[0][0].isalpha() and " " in texts[0]:
+    if alone and not texts[0][0].isalpha() and " " in texts[0]:
         return texts[0]
     return ", ".join(f"{n.replace('_', ' ')} {text}" for (n, _), text in zip(told, texts, strict=True))
 
