@@ -29,6 +29,9 @@ class Linear:
         rows = np.arange(len(self.items) * ROWS) // 10
         return np.repeat(rows[:, None], JOINTS, axis=1).ravel()
 
+    def tells(self, difference: np.ndarray) -> np.ndarray:
+        return np.ones(len(difference), bool)
+
     def fit(self, columns=slice(None)):
         u = np.linalg.lstsq(self.x[:, columns], self.y, rcond=None)[0]
         space = SimpleNamespace(bounds=(np.full(len(u), -9.0), np.full(len(u), 9.0)))

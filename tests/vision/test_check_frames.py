@@ -86,7 +86,7 @@ def test_motions_tell_what_theory_says():
     still = told("look", scene, cameras, fixed=True)
     for key, mixed in every["look"].items():
         assert mixed.sigma < min(one[key].sigma for one in (*list(every.values())[1:], still)), key
-    assert every["look"]["camera_delay.delay"].sigma < 4.0 and every["look"]["camera_offset.rz"].told
+    assert every["look"]["camera_delay.delay"].sigma < 4.0 and every["look"]["camera_offset.rz"].sigma < 0.15
     assert not any(still[key].told for key in ("camera_delay.delay", "camera_offset.z", "focal_error.fx"))
     assert still["camera_delay.delay"].sigma > 400, "nothing moves: the prior is all there is"
     assert every["look-sideways"]["camera_delay.delay"].sigma < 0.3 * every["look-roll"]["camera_delay.delay"].sigma

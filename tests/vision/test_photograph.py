@@ -140,7 +140,7 @@ def test_a_recording_shows_what_was_hidden(tmp_path, capsys):
                 if not number:
                     assert np.median(np.abs(frame.depth - seen.depth)[there]) < 2e-4
         off.append(np.nanmedian(np.abs(np.concatenate(found))))
-    assert off[0] < 0.3 and off[1] > 1.0
+    assert off[0] < 0.3 and off[1] > 4 * off[0]
 
 
 def test_the_arm_alone_has_no_cell():

@@ -10,6 +10,7 @@ from pathlib import Path
 from vispeg.core.errors import UserError
 
 MARKER, FORMAT = ".vispeg.json", "vispeg-output/1"
+PART = f"{MARKER}.part"
 ELSEWHERE = "so it is not replaced; move it away or name another folder"
 
 
@@ -21,13 +22,18 @@ def mark(folder: Path, holds: str, files: Iterable[str] | None = None) -> None:
     """
     names = sorted(name for name in _names(folder) if name != MARKER) if files is None else [*files]
     text = json.dumps({"format": FORMAT, "holds": holds, "files": names}, indent=0) + "\n"
-    part = folder / f"{MARKER}.part"
+    part = folder / PART
     try:  # half a marker would be nobody's
         part.write_text(text, encoding="utf-8", errors="surrogateescape")
         part.replace(folder / MARKER)
     except OSError:
         part.unlink(missing_ok=True)
         raise
+
+
+def untouched(folder: Path) -> bool:
+    """Whether a folder holds nothing yet, or only the marker that a killed process was writing."""
+    return all(path.name == PART for path in folder.iterdir())
 
 
 def holds(folder: Path) -> str | None:

@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 from vispeg.core.disk import written
 from vispeg.core.errors import UserError
 from vispeg.core.lock import claimed
-from vispeg.core.marker import apart, holds, mark
+from vispeg.core.marker import apart, holds, mark, untouched
 from vispeg.formats.json_data import read_json
 
 
@@ -32,7 +32,7 @@ def refuse(out: Path, result: str, inputs: Iterable[str | Path | None] = ()) -> 
     """Raises UserError where `out` is something else than a folder of such results, or is among the inputs."""
     kind = Path(result).stem
     apart(out, inputs)
-    if out.is_file() or (out.is_dir() and any(out.iterdir()) and _kind(out) not in (kind, "")):
+    if out.is_file() or (out.is_dir() and not untouched(out) and _kind(out) not in (kind, "")):
         raise UserError("is not a folder of such results", file=out, expected="a new or empty folder, or one of a run")
 
 

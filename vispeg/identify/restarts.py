@@ -85,6 +85,10 @@ class Restarts:
     unit = "m"
     most_effects = 4
 
+    def tells(self, difference: np.ndarray) -> np.ndarray:
+        """(n,) bool: every toss tells two worlds apart."""
+        return np.ones(len(difference), bool)
+
     def __init__(
         self,
         recordings: Sequence[ObjectRecording],
