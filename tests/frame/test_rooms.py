@@ -8,7 +8,7 @@ HOUSE = Path(__file__).parents[2] / "vispeg"
 FILES = {str(path.relative_to(HOUSE)): path for path in HOUSE.rglob("*.py") if path.name != "__init__.py"}
 LINES = {name: len(path.read_text(encoding="utf-8").splitlines()) for name, path in FILES.items()}
 MEDIAN, LONGEST, ROOM = 110, 300, 20
-LONG: dict[str, int] = {"task/simulation.py": 301}  # lower a number with every piece that moves out
+LONG: dict[str, int] = {}  # lower a number with every piece that moves out
 FULL = {
     "cli": 53, "learn": 36, "evaluation": 33, "diagnosis": 32, "effects/camera": 31, "recordings": 24,
     "report": 24, "datasets": 24, "task": 23, "render": 23, "identify": 21, "sim": 21,

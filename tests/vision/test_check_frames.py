@@ -80,13 +80,13 @@ def told(name, scene, cameras, fixed=False):
 
 def test_motions_tell_what_theory_says():
     """A focal length needs tilt or range, a delay needs sideways motion both ways; the mixed look tells all."""
-    cameras = cameras_of(["wrist_wide"], scene_of(CELL), (160, 120))
+    cameras = cameras_of(["wrist_wide"], scene_of(CELL), (200, 150))
     scene = scene_of(CELL, cameras)
     every = {name: told(name, scene, cameras) for name in ("look", "look-roll", "look-sideways")}
     still = told("look", scene, cameras, fixed=True)
     for key, mixed in every["look"].items():
         assert mixed.sigma < min(one[key].sigma for one in (*list(every.values())[1:], still)), key
-    assert every["look"]["camera_delay.delay"].sigma < 4.0 and every["look"]["camera_offset.rz"].sigma < 0.15
+    assert every["look"]["camera_delay.delay"].sigma < 4.0 and every["look"]["camera_offset.rz"].told
     assert not any(still[key].told for key in ("camera_delay.delay", "camera_offset.z", "focal_error.fx"))
     assert still["camera_delay.delay"].sigma > 400, "nothing moves: the prior is all there is"
     assert every["look-sideways"]["camera_delay.delay"].sigma < 0.3 * every["look-roll"]["camera_delay.delay"].sigma

@@ -11,7 +11,7 @@ from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.phases import NAMES
 from vispeg.core.effect import effect
 from vispeg.diagnosis.rivals import Rivals
-from vispeg.diagnosis.schema import Failure, NextMotion
+from vispeg.diagnosis.schema import Failure, NextMotion, NotExcited
 from vispeg.identify.channels import UNITS
 
 COLUMNS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
@@ -53,11 +53,11 @@ def where_it_fails(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> 
     return [r for r in rows if r["share"] >= LEAST_SHARE][:8]
 
 
-def phase_errors(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> list[dict[str, Any]]:
+def phase_errors(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> list[dict[str, object]]:
     """For each phase: seconds, RMS force error before and after, and the floor, N."""
     out = []
     for name in NAMES:
-        row: dict[str, Any] = {"phase": name}
+        row: dict[str, object] = {"phase": name}
         masks = [item.phase.of(name) & item.phase.valid for item in judged.items]
         count = sum(int(m.sum()) for m in masks)
         if not count:
@@ -97,9 +97,9 @@ def arrays(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> dict[str
     return out
 
 
-def not_excited(silent: Sequence[tuple[str, str]]) -> list[dict[str, Any]]:
+def not_excited(silent: Sequence[tuple[str, str]]) -> list[NotExcited]:
     """Effects of which no size changes the wrench, each with the motion that would show it."""
-    out = []
+    out: list[NotExcited] = []
     for name, where in silent:
         shown = effect(name).shown_by
         why = "no size of it changes the wrench in these recordings"
@@ -107,7 +107,7 @@ def not_excited(silent: Sequence[tuple[str, str]]) -> list[dict[str, Any]]:
     return out
 
 
-def separating(rivals: Sequence[Rivals], unseen: Sequence[dict[str, Any]]) -> NextMotion | None:
+def separating(rivals: Sequence[Rivals], unseen: Sequence[NotExcited]) -> NextMotion | None:
     """The motion to record next: what tells a chosen effect from its rival, or shows most of what was not excited."""
     for r in rivals:
         name = r.label.split("(")[0]

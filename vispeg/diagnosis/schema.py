@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NotRequired, TypedDict
 
 
@@ -125,6 +125,13 @@ class NextMotion(TypedDict):
     file: NotRequired[str]
 
 
+class NotExcited(Place):
+    """An effect that the recordings would not show, whatever its size: why, and the motion that would show it."""
+
+    why: str
+    motion: str
+
+
 class Told(TypedDict):
     """What every diagnosis says, and what a change says of its baseline."""
 
@@ -151,13 +158,13 @@ class DiagnosisRecord(Told):
     screening: NotRequired[list[Screened]]
     correlations: NotRequired[Correlations | None]
     parameters_moved: NotRequired[list[Moved]]
-    windows: NotRequired[list[dict[str, Any]]]
+    windows: NotRequired[Sequence[Mapping[str, object]]]
     baseline: NotRequired[Told]
-    provenance: NotRequired[dict[str, Any]]
+    provenance: NotRequired[Mapping[str, object]]
     object: NotRequired[str]
-    restarts: NotRequired[list[dict[str, Any]]]
-    contact: NotRequired[dict[str, Any]]
+    restarts: NotRequired[Sequence[Mapping[str, object]]]
+    contact: NotRequired[Mapping[str, object]]
     evidence: NotRequired[str]
-    phases: NotRequired[list[dict[str, Any]]]
+    phases: NotRequired[Sequence[Mapping[str, object]]]
     views: NotRequired[Mapping[str, object]]
-    not_excited: NotRequired[list[dict[str, Any]]]
+    not_excited: NotRequired[list[NotExcited]]

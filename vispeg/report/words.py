@@ -194,7 +194,7 @@ def _among(effect: Mapping[str, Any]) -> str:
     return join(shown, "or") if len(shown) <= MOST_RIVALS else f"{join(shown[:2], ', ')} and {len(shown) - 2} more"
 
 
-def _tentative(values: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _tentative(values: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return [effect for effect in rows(values, "effects") if effect.get("tentative")]
 
 

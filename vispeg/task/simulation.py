@@ -296,6 +296,3 @@ class TaskSimulation:
             quat = self.cell.model.body_quat[body] if quat is None else quat[row, body]
             out[name] = np.concatenate([pos, quat])
         return out
-
-
-__all__ = ["DOWN", "TaskSimulation"]

@@ -84,7 +84,7 @@ class Importer:
         self.tell("proposed", found)
         self.look(source, robot, dict(found.data))
 
-    def look(self, source: Path, robot: str, columns: dict[str, Any]) -> None:
+    def look(self, source: Path, robot: str, columns: dict[str, object]) -> None:
         """Reads the log with a map and tells what comes out."""
         model = load(robot)
         rec = _read(source, robot, map_from(columns, source, model.joints))
@@ -96,7 +96,7 @@ class Importer:
         lines = tuple(f"{d.key}: {d.said}" + (f" (likely {d.likely})" if d.likely else "") for d in said)
         self.tell("look", Look(rec.time[every], tuple(rec.joints), signals, rec.rate_hz, len(rec.time), lines))
 
-    def write(self, source: Path, robot: str, columns: dict[str, Any], out: Path) -> str:
+    def write(self, source: Path, robot: str, columns: dict[str, object], out: Path) -> str:
         """Writes the map beside the folder, and the folder as `vispeg convert --map` would; returns its path."""
         model = load(robot)
         refuse(out, False)

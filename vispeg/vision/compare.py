@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -71,7 +70,7 @@ class Compared:
         """RMS error of colour after gain and offset, grey levels."""
         return _rms(None if self.light is None else self.light.error)
 
-    def row(self) -> dict[str, Any]:
+    def row(self) -> dict[str, object]:
         """For a record."""
         quality = self.quality
         return {
@@ -155,7 +154,7 @@ def compare_one(recording: str, frame: RecordedFrame, predictor: Predictor, q: n
     )
 
 
-def summary(compared: Sequence[Compared]) -> list[dict[str, Any]]:
+def summary(compared: Sequence[Compared]) -> list[dict[str, object]]:
     """Figures of each camera over all its frames; None where there is nothing to tell them from."""
     out = []
     for name in dict.fromkeys(c.frame.camera.name for c in compared):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ PREDICTED, FOUND = (217, 84, 30), (10, 122, 117)  # of borders, as the page's co
 DISTANCES = 12  # bins
 
 
-def pictures(compared: Sequence[Compared]) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def pictures(compared: Sequence[Compared]) -> tuple[dict[str, object], dict[str, np.ndarray]]:
     """The record and the arrays of a comparison of pictures.
 
     Returns:
@@ -30,7 +30,7 @@ def pictures(compared: Sequence[Compared]) -> tuple[dict[str, Any], dict[str, np
     order = sorted(range(len(rows)), key=lambda i: -badness(rows[i]))
     cameras = summary(compared)
     arrays: dict[str, np.ndarray] = {}
-    shown: list[dict[str, Any]] = []
+    shown: list[dict[str, object]] = []
     for number, camera in enumerate(cameras):
         mine = [compared[i] for i in order if rows[i]["camera"] == camera["camera"]]
         for one in mine[:WORST]:
@@ -41,7 +41,7 @@ def pictures(compared: Sequence[Compared]) -> tuple[dict[str, Any], dict[str, np
     return {"cameras": cameras, "frames": [rows[i] for i in order], "shown": shown}, arrays
 
 
-def badness(row: dict[str, Any]) -> float:
+def badness(row: Mapping[str, Any]) -> float:
     """How far a frame is off: its borders in px where there are any, else its depth in mm, else grey levels."""
     return next((float(row[key]) for key in ("border_px", "depth_mm", "grey") if row[key] is not None), 0.0)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -39,7 +39,7 @@ FIGURES = (  # of a camera: key, unit, words
 )
 
 
-def context(record: Record) -> dict[str, Any] | None:
+def context(record: Record) -> Mapping[str, object] | None:
     """Figures by camera, pictures of the worst frames, residuals over image, distance and time; None without frames."""
     told = record.mapping("pictures")
     cameras = rows(told, "cameras")
@@ -85,13 +85,13 @@ def _views(arrays: Mapping[str, np.ndarray], k: int) -> list[dict[str, str]]:
 
 
 def _chart(
-    number: int, camera: Mapping[str, Any], frames: list[dict[str, Any]], arrays: Mapping[str, np.ndarray]
+    number: int, camera: Mapping[str, Any], frames: Sequence[Mapping[str, Any]], arrays: Mapping[str, np.ndarray]
 ) -> str:
     own = {name: arrays.get(f"camera/{number}/{name}") for name in ("size", "pixel", "normal", "along", "distance")}
     return chart(lambda shape: _figure(own, frames, shape), f"camera{number}", sentence(camera))
 
 
-def _figure(own: Mapping[str, Any], frames: list[dict[str, Any]], shape: Shape) -> Figure | None:
+def _figure(own: Mapping[str, Any], frames: Sequence[Mapping[str, Any]], shape: Shape) -> Figure | None:
     panels = []
     if own["along"] is not None and len(own["along"]):
         panels.append(lambda ax: _over_image(ax, own))
@@ -167,7 +167,7 @@ def _over_distance(ax: Any, table: np.ndarray) -> None:
     quiet(ax)
 
 
-def _over_time(ax: Any, frames: list[dict[str, Any]]) -> None:
+def _over_time(ax: Any, frames: Sequence[Mapping[str, Any]]) -> None:
     for key, words in (("border_px", "borders (px)"), ("depth_mm", "depth (mm)"), ("grey", "colour (grey levels)")):
         points = sorted((row["time"], row[key]) for row in frames if row.get(key) is not None)
         if points:

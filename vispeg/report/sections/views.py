@@ -17,7 +17,7 @@ LEAST = 0.5  # px of misplacement that is drawn
 AWAY = 12.0  # mm, the difference of depth that is drawn full red or blue
 
 
-def context(record: Record) -> dict[str, Any] | None:
+def context(record: Record) -> Mapping[str, object] | None:
     """None without pictures; else rows of pictures, the table of projections with a map each, and what is left."""
     values = record.mapping("views")
     if not values:
@@ -31,7 +31,7 @@ def context(record: Record) -> dict[str, Any] | None:
     }
 
 
-def _row(arrays: Mapping[str, np.ndarray], name: str) -> dict[str, Any] | None:
+def _row(arrays: Mapping[str, np.ndarray], name: str) -> Mapping[str, object] | None:
     if name + "measured" not in arrays:
         return None
     measured = arrays[name + "measured"]
@@ -90,7 +90,7 @@ def _difference(measured: np.ndarray, modelled: np.ndarray) -> np.ndarray:
     return np.clip(out, 0, 255).astype(np.uint8)
 
 
-def _maps(values: dict[str, Any], arrays: Mapping[str, np.ndarray]) -> list[dict[str, Any]]:
+def _maps(values: dict[str, Any], arrays: Mapping[str, np.ndarray]) -> list[Mapping[str, Any]]:
     out = []
     for k, row in enumerate(values.get("projection") or []):
         if f"projection/{k}/shift" not in arrays:

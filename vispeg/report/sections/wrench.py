@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,7 +21,7 @@ MOST = 3
 AXES = "xyz"
 
 
-def context(record: Record) -> dict[str, Any] | None:
+def context(record: Record) -> Mapping[str, object] | None:
     """A figure a recording, errors by phase, the worst moment, what was not excited; None without a wrench."""
     if record.values.get("evidence") != "contact":
         return None
