@@ -13,7 +13,7 @@ from vispeg.identify.contact import AFTER, BEFORE, contact_of
 from vispeg.identify.evidence import Evidence, robot_of
 from vispeg.identify.inverse import TorqueEvidence
 from vispeg.recordings.recording import Control
-from vispeg.task.rig.record import NOISE
+from vispeg.task.peg.rig.record import NOISE
 from vispeg.worlds.model_file import load_model
 from vispeg.worlds.world import World
 

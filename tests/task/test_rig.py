@@ -11,10 +11,10 @@ from vispeg.recordings.regimes import HOLE, IMPACT, PRESS, REGIMES, SLIDE, Thres
 from vispeg.recordings.write import write
 from vispeg.sim.touch import touch
 from vispeg.task.belief import believed
-from vispeg.task.rig.expert import record_expert
-from vispeg.task.rig.motions import AIR, PATHS, motion
-from vispeg.task.rig.record import NOISE, record_cell
-from vispeg.task.rig.replay import replay
+from vispeg.task.peg.rig.expert import record_expert
+from vispeg.task.peg.rig.motions import AIR, PATHS, motion
+from vispeg.task.peg.rig.record import NOISE, record_cell
+from vispeg.task.peg.rig.replay import replay
 from vispeg.worlds.model_file import load_model
 
 CELL = load_model("peg-cell")

@@ -63,7 +63,7 @@ def test_holes_and_borders_are_apart_from_the_interior(seen):
     assert not (residual.interior & residual.band).any()
     assert np.nanmax(np.abs(residual.error[residual.interior])) == 0.0
     assert np.nanmin(residual.error[residual.band]) < -0.1
-    assert residual.hole.sum() == 100 and np.isnan(residual.error[15, 15])
+    assert residual.missing.sum() == 100 and np.isnan(residual.error[15, 15])
     inside = residual.interior[10:20, 10:20].sum()
     fill = depth_quality(measured, seen, residual, FLAT).fill_rate
     assert fill == pytest.approx(100 * (1 - inside / residual.interior.sum()))

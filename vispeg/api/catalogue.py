@@ -10,8 +10,8 @@ from vispeg.identify.excitation import MOTIONS, osc_targets
 from vispeg.identify.look_motion import ABOUT
 from vispeg.learn.record import PAIR, read_record
 from vispeg.learn.shipped import names, policy_folder
-from vispeg.task.rig.expert import EXPERT
-from vispeg.task.rig.motions import PATHS
+from vispeg.task.peg.rig.expert import EXPERT
+from vispeg.task.peg.rig.motions import PATHS
 from vispeg.task.world_file import BUILT_IN, WORLD, built_in
 
 

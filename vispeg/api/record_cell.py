@@ -17,10 +17,10 @@ from vispeg.recordings.columns import columns_of
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import load
 from vispeg.task.belief import believed
-from vispeg.task.rig import table
-from vispeg.task.rig.expert import EXPERT, record_expert
-from vispeg.task.rig.motions import PATHS, CellMotion, motion
-from vispeg.task.rig.record import record_cell
+from vispeg.task.peg.rig import table
+from vispeg.task.peg.rig.expert import EXPERT, record_expert
+from vispeg.task.peg.rig.motions import PATHS, CellMotion, motion
+from vispeg.task.peg.rig.record import record_cell
 from vispeg.worlds.world import World
 
 MOTIONS = (*PATHS, EXPERT)

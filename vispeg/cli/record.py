@@ -146,7 +146,7 @@ class Args:
     def sigmas(self) -> dict[str, float]:
         """Sensor noise by signal. Raises UserError: an unknown signal, or no level."""
         from vispeg.core.errors import UserError
-        from vispeg.task.rig.record import NOISE
+        from vispeg.task.peg.rig.record import NOISE
 
         out = dict(NOISE)
         for text in self.noise:

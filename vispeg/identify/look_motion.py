@@ -1,6 +1,6 @@
 """Motions that show a camera what it needs to be told from: tilt, roll, approach, and sideways past the fixture.
 
-The hand circles about the middle of the hole's mouth, so that a camera on it keeps the fixture in sight and one beside
+The hand circles about the middle of the goal, so that a camera on it keeps the fixture in sight and one beside
 the cell sees the hand. Every part goes both ways at changing speed: a delay is confused with anything constant where a
 motion goes one way at one speed, a focal length with the distance where nothing tilts, a principal point with a
 rotation where nothing rolls, the scale of depth with its bias at one distance (`vispeg/vision` has the sensitivities).
@@ -24,7 +24,7 @@ from vispeg.sim.reach import reach
 
 FREEDOMS = ("tip", "lean", "roll", "rise", "along", "across")
 KNOTS = 40.0  # a second, at which postures are solved for
-HEIGHT = 0.06  # m of the tip over the hole's mouth in the middle of the motion
+HEIGHT = 0.06  # m of the tip over the goal in the middle of the motion
 EASE = 1.0  # s in which the motion sets in and dies away
 GROWTH = 8  # steps in which the motion grows to its size while postures are solved for
 EXACT = 1e-4  # m and rad together that inverse kinematics may leave
@@ -36,7 +36,7 @@ DOWN = Rotation.from_quat([1.0, 0.0, 0.0, 0.0])  # flange z straight down
 class Part:
     """A sine of one of the hand's freedoms: `size` (rad or m) at `cycles` whole periods a motion, `phase` of a turn.
 
-    Freedoms: `tip` and `lean` turn the hand about the hole's mouth (about the base's y and x), `roll` about its own
+    Freedoms: `tip` and `lean` turn the hand about the goal (about the base's y and x), `roll` about its own
     axis, `rise` lifts it (0 to 2 `size`), `along` and `across` move it sideways.
     """
 
@@ -61,12 +61,12 @@ LOOKS: dict[str, tuple[Part, ...]] = {
 INSERTING = "look-and-insert"
 INSERT_SHARE, DEEP = 0.3, 0.012  # of the duration; m below the mouth that the tip goes
 ABOUT = {
-    "look": "tilt, roll, approach and sideways at once, about the hole's mouth: what a camera is calibrated from",
-    "look-tilt": "the hand tilts about the hole's mouth",
+    "look": "tilt, roll, approach and sideways at once, about the goal: what a camera is calibrated from",
+    "look-tilt": "the hand tilts about the goal",
     "look-roll": "the hand turns about its own axis",
     "look-approach": "the hand comes near and goes away",
     "look-sideways": "the hand moves sideways past the fixture and back",
-    "look-and-insert": "look, then the peg into the hole and out again",
+    "look-and-insert": "look, then the held part into the goal and out again",
 }
 
 
@@ -152,4 +152,4 @@ def _check(motion: Motion, scene: Scene, free: bool, duration: float) -> None:
         if data.ncon:
             pair = [model.geom(g).name or model.body(model.geom_bodyid[g]).name for g in data.contact[0].geom]
             said = f"{motion.name}: {pair[0]} touches {pair[1]} at {motion.time[row]:.1f} s"
-            raise UserError(said, expected="a cell with room about the hole")
+            raise UserError(said, expected="a cell with room about the goal")

@@ -140,7 +140,7 @@ class Restarts:
     def _touches(self, windows: Windows) -> np.ndarray:
         """(n,) whether the object may touch something between the ends of a window, by its measured poses."""
         model, data = self.compiled, mujoco.MjData(self.compiled)
-        lowest = _clearances(model, data, windows.recording.pose[windows.first[0] : windows.last[-1] + 1])
+        lowest = _gaps(model, data, windows.recording.pose[windows.first[0] : windows.last[-1] + 1])
         start = windows.first[0]
         return np.array(
             [lowest[a - start : b - start + 1].min() < NEAR for a, b in zip(windows.first, windows.last, strict=True)]
@@ -258,7 +258,7 @@ def _some(w: Windows, mask: np.ndarray, contact: bool) -> Windows:
     return replace(w, first=w.first[mask], last=w.last[mask], contact=contact)
 
 
-def _clearances(model: mujoco.MjModel, data: mujoco.MjData, pose: np.ndarray) -> np.ndarray:
+def _gaps(model: mujoco.MjModel, data: mujoco.MjData, pose: np.ndarray) -> np.ndarray:
     """Distance (n,) in m of the free body's shapes to the others, for each pose; at most 10 times NEAR."""
     free = int(model.jnt_bodyid[0])
     mine = np.flatnonzero((model.geom_bodyid == free) & ((model.geom_contype | model.geom_conaffinity) != 0))

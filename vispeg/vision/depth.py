@@ -1,7 +1,7 @@
 """The depth channel: measured less predicted distance, and the figures by which depth cameras are judged.
 
 Interior pixels (away from every border) tell scale, bias and noise; the band along the borders tells fattened edges,
-shadows and holes. The names of the figures are those of Intel's depth quality tool (librealsense,
+shadows and missing readings. The names of the figures are those of Intel's depth quality tool (librealsense,
 tools/depth-quality, "Subpixel Linearity from an Affine Depth Pattern" and "Depth Quality Testing Methodology").
 """
 
@@ -29,13 +29,13 @@ class DepthResidual:
         error: m, measured minus predicted; NaN where either has no reading.
         interior: bool, away from borders, with a prediction.
         band: bool, along a border.
-        hole: bool, no reading where there should be one.
+        missing: bool, no reading where there should be one.
     """
 
     error: np.ndarray
     interior: np.ndarray
     band: np.ndarray
-    hole: np.ndarray
+    missing: np.ndarray
 
 
 def depth_residual(measured: np.ndarray, seen: Seen, clear: int = CLEAR, band: int = BAND) -> DepthResidual:

@@ -55,7 +55,7 @@ def side_by_side(one: Compared) -> dict[str, np.ndarray]:
     if depth is not None and one.depth is not None:
         span = _span(one.seen.depth)
         out["depth_rendered"], out["depth_measured"] = (depth_picture(z, *span) for z in (one.seen.depth, depth))
-        out["depth_difference"] = _signed(one.depth.error, one.depth.hole)
+        out["depth_difference"] = _signed(one.depth.error, one.depth.missing)
     return {name: _small(image) for name, image in out.items()}
 
 
@@ -83,12 +83,12 @@ def _difference(light: LightResidual) -> np.ndarray:
     return np.where(np.isnan(light.error), 255, off).astype(np.uint8)
 
 
-def _signed(error: np.ndarray, hole: np.ndarray) -> np.ndarray:
+def _signed(error: np.ndarray, missing: np.ndarray) -> np.ndarray:
     """Errors of depth: orange where measured too near, teal where too far, white at none, black where no reading is."""
     share = np.clip(np.nan_to_num(error) / DEPTH_SPAN, -1, 1)[..., None]
     white, near, far = (np.array(c, float) for c in ((255, 255, 255), PREDICTED, FOUND))
     image = white + np.where(share < 0, -share * (near - white), share * (far - white))
-    return np.where(hole[..., None], 0, np.where(np.isnan(error)[..., None], 230, image)).astype(np.uint8)
+    return np.where(missing[..., None], 0, np.where(np.isnan(error)[..., None], 230, image)).astype(np.uint8)
 
 
 def _span(depth: np.ndarray) -> tuple[float, float]:

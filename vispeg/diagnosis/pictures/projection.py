@@ -17,7 +17,7 @@ from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 
 GRID = (12, 9)  # points across and down the image
-DISTANCES = (0.15, 0.25, 0.5)  # m: the peg's tip as its camera sees it, a fixture being approached, the cell
+DISTANCES = (0.15, 0.25, 0.5)  # m: the tool's tip as its camera sees it, a fixture being approached, the cell
 
 
 @dataclass(frozen=True)

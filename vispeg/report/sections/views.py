@@ -79,8 +79,7 @@ def _drawn(
 
 
 def _difference(measured: np.ndarray, modelled: np.ndarray) -> np.ndarray:
-    """(H, W, 3) uint8: red where measured is farther, blue where nearer, yellow a hole that the model has not, or vice
-    versa."""
+    """(H, W, 3) uint8: red where measured is farther, blue where nearer, yellow where only one has a reading."""
     both = (measured > 0) & (modelled > 0)
     share = np.clip(1000 * np.where(both, measured - modelled, 0) / AWAY, -1, 1)
     out = np.full((*measured.shape, 3), 245, np.float32)

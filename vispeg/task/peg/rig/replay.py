@@ -14,7 +14,7 @@ from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Recording
 from vispeg.sim.start import start_state
 from vispeg.task.belief import believed
-from vispeg.task.rig.run import STEP, Ran, run
+from vispeg.task.peg.rig.run import STEP, Ran, run
 from vispeg.worlds.world import World
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.robots.scene import Scene
 from vispeg.task.config import TaskConfig
-from vispeg.task.rig.path import Frame, Path, commands, quarter
+from vispeg.task.peg.rig.path import Frame, Path, commands, quarter
 
 OVER = 0.03  # m: the tip over the fixture in free air
 NEAR = 0.0015  # m over a surface, from where it is approached slowly

@@ -20,9 +20,9 @@ from vispeg.sim.compiled import flange_pose
 from vispeg.task.belief import Believed, believed
 from vispeg.task.config import TaskConfig
 from vispeg.task.control import DAMPING, POSTURE
-from vispeg.task.rig.motions import CellMotion
-from vispeg.task.rig.path import posture, start_angles
-from vispeg.task.rig.run import STEP, Ran, run
+from vispeg.task.peg.rig.motions import CellMotion
+from vispeg.task.peg.rig.path import posture, start_angles
+from vispeg.task.peg.rig.run import STEP, Ran, run
 from vispeg.worlds.world import World
 
 OTHERS = ("robot", "mesh_scale", "mesh_concavity", "peg_density")  # of a cell: not numbers of the built-in shapes
