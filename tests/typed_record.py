@@ -1,5 +1,6 @@
 """Holds plain data to a TypedDict, nested ones included: every key that is required, none that is unknown."""
 
+from collections.abc import Mapping, Sequence
 from types import NoneType, UnionType
 from typing import Any, NotRequired, Union, get_args, get_origin, get_type_hints, is_typeddict
 
@@ -20,12 +21,12 @@ def mistakes(kind: Any, value: Any, at: str = "record") -> list[str]:
     if get_origin(kind) in (Union, UnionType):
         tried = [mistakes(one, value, at) for one in get_args(kind)]
         return [] if [] in tried else min(tried, key=len)
-    if get_origin(kind) is list:
+    if get_origin(kind) in (list, Sequence):
         (one,) = get_args(kind)
         if not isinstance(value, list):
             return [f"{at}: {value!r} is no list"]
         return [m for i, v in enumerate(value) for m in mistakes(one, v, f"{at}[{i}]")]
-    if get_origin(kind) is dict:
+    if get_origin(kind) in (dict, Mapping):
         if not isinstance(value, dict):
             return [f"{at}: {value!r} is no mapping"]
         return [m for key, v in value.items() for m in mistakes(get_args(kind)[1], v, f"{at}.{key}")]
