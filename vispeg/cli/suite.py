@@ -14,6 +14,7 @@ Example:
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -24,6 +25,8 @@ from vispeg.cli.output import Output, Told
 from vispeg.core.interrupt import goes_on
 
 if TYPE_CHECKING:
+    from vispeg.evaluation.schema.estimate import Interval
+    from vispeg.evaluation.schema.suite import VersionChange
     from vispeg.report.summary import Block
 
 
@@ -124,7 +127,7 @@ class Compare:
             raise UserError("nothing to compare", expected="vispeg suite compare FOLDER [FOLDER ...]")
         versions = [read_result(folder) for folder in self.folders]
         notes = suite.other_worlds(versions)
-        changes: list[dict[str, Any]] = []
+        changes: list[VersionChange] = []
         if len(versions) > 1:
             before, after = (read(folder / "episodes.jsonl") for folder in self.folders[-2:])
             changes = suite.regressions(before, after)
@@ -159,11 +162,11 @@ class Args:
         return self.command.run()
 
 
-def _alarm(values: dict[str, Any]) -> bool:
+def _alarm(values: Mapping[str, Any]) -> bool:
     return values["health"]["status"] == "alarm"
 
 
-def _summary(values: dict[str, Any]) -> list[str | Block]:
+def _summary(values: Mapping[str, Any]) -> list[str | Block]:
     from vispeg.cli.evaluation import table
     from vispeg.report.gap import words
 
@@ -172,7 +175,7 @@ def _summary(values: dict[str, Any]) -> list[str | Block]:
     return [table(heads, rows), values["health"]["words"], *values["notes"]]
 
 
-def _points(change: dict[str, Any]) -> str:
+def _points(change: Interval) -> str:
     from vispeg.report.gap import words
 
     return f"{words.lost(change)} points"

@@ -12,14 +12,14 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import product
-from typing import Any
 
 import numpy as np
 from scipy.stats import fisher_exact, multivariate_hypergeom
 
 from vispeg.evaluation.decide import CANNOT_TELL
+from vispeg.evaluation.schema.gap import KindRow, PartingRecord
 from vispeg.evaluation.significance import ALPHA, holm
 
 MOST_TABLES = 20_000  # up to here all tables of the margins are listed, beyond they are drawn
@@ -42,6 +42,17 @@ class Kind:
     p: float
     p_holm: float
     verdict: str
+
+    def to_json(self) -> KindRow:
+        """A plain dictionary."""
+        return {
+            "category": self.category,
+            "first": self.first,
+            "second": self.second,
+            "p": self.p,
+            "p_holm": self.p_holm,
+            "verdict": self.verdict,
+        }
 
 
 @dataclass(frozen=True)
@@ -69,9 +80,18 @@ class Parting:
     kinds: tuple[Kind, ...]
     words: str
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> PartingRecord:
         """Plain lists and dictionaries."""
-        return {**asdict(self), "kinds": [asdict(k) for k in self.kinds]}
+        return {
+            "first": self.first,
+            "second": self.second,
+            "p": self.p,
+            "where": self.where,
+            "residual": self.residual,
+            "verdict": self.verdict,
+            "kinds": [k.to_json() for k in self.kinds],
+            "words": self.words,
+        }
 
 
 def part(first: Sequence[str], second: Sequence[str], rng: np.random.Generator, draws: int = 4000) -> Parting:

@@ -41,7 +41,7 @@ class Entrant:
     modality: str
     train_seed: int
     trained_on: tuple[str, ...]
-    task: dict[str, Any]
+    task: Mapping[str, Any]
     digest: str
     parts: Mapping[str, str] = field(default_factory=dict)
     clearance_mm: float | None = None

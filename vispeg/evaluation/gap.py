@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import asdict
-from typing import Any
 
 import numpy as np
 
@@ -16,11 +14,23 @@ from vispeg.evaluation.attribution import attribute, joint_of
 from vispeg.evaluation.categories import part
 from vispeg.evaluation.crossed import difference, rate
 from vispeg.evaluation.entrants import EXPERT
-from vispeg.evaluation.intervals import Estimate, unpaired_difference
+from vispeg.evaluation.intervals import unpaired_difference
 from vispeg.evaluation.measures import compare as compare_measures
-from vispeg.evaluation.modalities import compare
+from vispeg.evaluation.modalities import Comparison, compare
 from vispeg.evaluation.ranks import FEWEST, FEWEST_POINTS, TWO_POINTS, Prediction, predict
 from vispeg.evaluation.records import Episode
+from vispeg.evaluation.schema.gap import (
+    AttributionRow,
+    ComparisonRow,
+    GapRecord,
+    GapRow,
+    MeasureRow,
+    PartingRow,
+    Point,
+    PolicyRow,
+    PredictionRow,
+    SuccessRow,
+)
 from vispeg.evaluation.table import BLIND, Cell, Table
 
 FORMAT = "vispeg-gap/1"
@@ -34,7 +44,7 @@ def gap(
     seed: int = 0,
     notes: Sequence[str] = (),
     scripted: Collection[str] = (EXPERT,),
-) -> dict[str, Any]:
+) -> GapRecord:
     """Everything that a gap report shows, ready for JSON.
 
     Args:
@@ -73,7 +83,7 @@ def gap(
         ],
         "gaps": [row for p in policies for w in targets for row in _gap(table, p, reference, w)],
         "attribution": _attributions(table, policies, reference, factors, joint, seed),
-        "comparisons": [_plain(c) for w in order for c in compare(table, w, policies)],
+        "comparisons": [_comparison(c) for w in order for c in compare(table, w, policies)],
         "prediction": [row for w in targets for row in _prediction(table, reference, w, seed)],
         "categories": [row for p in policies for w in targets for row in _parting(table, p, reference, w, seed)],
         "measures": measures,
@@ -82,32 +92,49 @@ def gap(
     }
 
 
-def _policy(table: Table, policy: str, scripted: bool) -> dict[str, Any]:
+def _policy(table: Table, policy: str, scripted: bool) -> PolicyRow:
     seeds = sorted({t for cell, rows in table.cells.items() if cell.policy == policy for t in rows})
     modality = table.modality[policy]
-    row = {"name": policy, "modality": modality, "train_seeds": [] if scripted else seeds, "blind": modality == BLIND}
-    return {**row, "scripted": scripted}
+    return {
+        "name": policy,
+        "modality": modality,
+        "train_seeds": [] if scripted else seeds,
+        "blind": modality == BLIND,
+        "scripted": scripted,
+    }
 
 
-def _success(table: Table, policy: str, world: str, control: str) -> list[dict[str, Any]]:
+def _success(table: Table, policy: str, world: str, control: str) -> list[SuccessRow]:
     cell = Cell(policy, world, control)
     if not table.has(cell):
         return []
     episodes = table.all(cell)
-    row: dict[str, Any] = {"policy": policy, "modality": table.modality[policy], "world": world, "control": control}
     y = table.outcomes(cell)
     found = rate(y)
     more = decide.episodes_needed(found) if len(y) == 1 else None  # of several networks, more episodes are not the cure
-    row |= {"success": found.to_json(), "words": decide.rate_words(found), "needed": more}
-    row |= {"categories": dict(Counter(e.category for e in episodes))}
-    for name in ("time", "peak_force"):
-        values = np.array([getattr(e, name) for e in episodes if name != "time" or e.success], float)
-        values = values[np.isfinite(values)]
-        row[name] = float(values.mean()) if len(values) else None
-    return [row]
+    return [
+        {
+            "policy": policy,
+            "modality": table.modality[policy],
+            "world": world,
+            "control": control,
+            "success": found.to_json(),
+            "words": decide.rate_words(found),
+            "needed": more,
+            "categories": dict(Counter(e.category for e in episodes)),
+            "time": _mean(e.time for e in episodes if e.success),
+            "peak_force": _mean(e.peak_force for e in episodes),
+        }
+    ]
 
 
-def _gap(table: Table, policy: str, reference: str, world: str) -> list[dict[str, Any]]:
+def _mean(values: Iterable[float]) -> float | None:
+    """Of what is finite."""
+    finite = [v for v in values if np.isfinite(v)]
+    return float(np.mean(finite)) if finite else None
+
+
+def _gap(table: Table, policy: str, reference: str, world: str) -> list[GapRow]:
     cells = [Cell(policy, reference), Cell(policy, world)]
     if not table.has(*cells):
         return []
@@ -119,14 +146,23 @@ def _gap(table: Table, policy: str, reference: str, world: str) -> list[dict[str
         paired = False
         counts = [[e.success for e in table.all(cell)] for cell in cells]
         found = unpaired_difference((sum(counts[0]), sum(counts[1])), (len(counts[0]), len(counts[1])))
-    row = {"policy": policy, "modality": table.modality[policy], "world": world, "paired": paired}
-    return [{**row, "gap": found.to_json(), "verdict": decide.decide(found), "words": decide.gap_words(found)}]
+    return [
+        {
+            "policy": policy,
+            "modality": table.modality[policy],
+            "world": world,
+            "paired": paired,
+            "gap": found.to_json(),
+            "verdict": decide.decide(found),
+            "words": decide.gap_words(found),
+        }
+    ]
 
 
 def _attributions(
     table: Table, policies: Sequence[str], reference: str, factors: Sequence[str], joint: str | None, seed: int
-) -> list[dict[str, Any]]:
-    found = []
+) -> list[AttributionRow]:
+    found: list[AttributionRow] = []
     for policy in policies if joint else ():
         if not table.has(*(Cell(policy, str(w)) for w in (reference, *factors, joint))):
             continue
@@ -144,8 +180,8 @@ def _attributions(
     return found
 
 
-def _prediction(table: Table, reference: str, world: str, seed: int) -> list[dict[str, Any]]:
-    points = []
+def _prediction(table: Table, reference: str, world: str, seed: int) -> list[PredictionRow]:
+    points: list[Point] = []
     for policy in table.policies:
         cells = [Cell(policy, reference), Cell(policy, world)]
         for t in table.train_seeds(cells) if table.has(*cells) else ():
@@ -155,9 +191,18 @@ def _prediction(table: Table, reference: str, world: str, seed: int) -> list[dic
         return []
     x, y = (np.array([p[key] for p in points]) for key in ("reference", "target"))
     found = predict(x, y, stream(seed, "prediction", world))
-    names = ("pearson", "spearman", "mmrv", "mean_difference")
-    values = {name: getattr(found, name).to_json() for name in names}
-    return [{"world": world, "n": found.n, **values, "words": _prediction_words(found), "points": points}]
+    return [
+        {
+            "world": world,
+            "n": found.n,
+            "pearson": found.pearson.to_json(),
+            "spearman": found.spearman.to_json(),
+            "mmrv": found.mmrv.to_json(),
+            "mean_difference": found.mean_difference.to_json(),
+            "words": _prediction_words(found),
+            "points": points,
+        }
+    ]
 
 
 def _prediction_words(found: Prediction) -> str:
@@ -172,7 +217,7 @@ def _prediction_words(found: Prediction) -> str:
     )
 
 
-def _parting(table: Table, policy: str, reference: str, world: str, seed: int) -> list[dict[str, Any]]:
+def _parting(table: Table, policy: str, reference: str, world: str, seed: int) -> list[PartingRow]:
     cells = [Cell(policy, reference), Cell(policy, world)]
     if not table.has(*cells):
         return []
@@ -181,7 +226,7 @@ def _parting(table: Table, policy: str, reference: str, world: str, seed: int) -
     return [{"policy": policy, "world": world, **found, "n": [len(first), len(second)]}]
 
 
-def _measures(table: Table, policy: str, reference: str, world: str) -> list[dict[str, Any]]:
+def _measures(table: Table, policy: str, reference: str, world: str) -> list[MeasureRow]:
     """Of a robot's trials alone: between simulations the tables of success show both."""
     cells = [Cell(policy, reference), Cell(policy, world)]
     if table.hashes[world] or not table.has(*cells):
@@ -208,6 +253,14 @@ def _notes(table: Table, order: Sequence[str], scripted: Collection[str]) -> lis
     return notes
 
 
-def _plain(record: Any) -> dict[str, Any]:
-    row = asdict(record)
-    return {k: getattr(record, k).to_json() if isinstance(getattr(record, k), Estimate) else v for k, v in row.items()}
+def _comparison(c: Comparison) -> ComparisonRow:
+    return {
+        "world": c.world,
+        "first": c.first,
+        "second": c.second,
+        "difference": c.difference.to_json(),
+        "p": c.p,
+        "p_holm": c.p_holm,
+        "verdict": c.verdict,
+        "needed": c.needed,
+    }

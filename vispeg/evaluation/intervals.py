@@ -14,6 +14,7 @@ from scipy.optimize import brentq
 from scipy.stats import binomtest, norm
 
 from vispeg.core.errors import UserError
+from vispeg.evaluation.schema.estimate import Interval
 
 LEVEL = 0.95
 Z = float(norm.ppf(0.5 + LEVEL / 2))
@@ -43,10 +44,10 @@ class Estimate:
         """Whether `value` lies outside the interval."""
         return value < self.low or value > self.high
 
-    def to_json(self) -> dict[str, float | int | None]:
+    def to_json(self) -> Interval:
         """{value, low, high, n}, null for what is not finite."""
-        pairs = {"value": self.value, "low": self.low, "high": self.high}
-        return {**{k: float(v) if math.isfinite(v) else None for k, v in pairs.items()}, "n": self.n}
+        value, low, high = (float(v) if math.isfinite(v) else None for v in (self.value, self.low, self.high))
+        return {"value": value, "low": low, "high": high, "n": self.n}
 
 
 def wilson(successes: int, n: int) -> Estimate:

@@ -7,13 +7,13 @@ the article holds a peak force that is more than half away from the simulated on
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from scipy.stats import mannwhitneyu
 
 from vispeg.evaluation.decide import CANNOT_TELL
 from vispeg.evaluation.records import Episode
+from vispeg.evaluation.schema.gap import Measure
 from vispeg.evaluation.significance import ALPHA
 
 APART = 0.5  # of the simulated peak force
@@ -21,7 +21,7 @@ UNITS = {"time": "s", "peak_force": "N"}
 NAMES = {"time": "successes take", "peak_force": "the peak force is"}
 
 
-def compare(first: Sequence[Episode], second: Sequence[Episode]) -> list[dict[str, Any]]:
+def compare(first: Sequence[Episode], second: Sequence[Episode]) -> list[Measure]:
     """Time of the successes and peak force of all episodes, in the simulation and on the robot.
 
     Returns:
@@ -29,7 +29,7 @@ def compare(first: Sequence[Episode], second: Sequence[Episode]) -> list[dict[st
         two-sided p; apart: a peak force beyond doubt and by more than half another one. Without a value on a side the
         measure is left out.
     """
-    found = []
+    found: list[Measure] = []
     for name, unit in UNITS.items():
         sides = [[e for e in side if name != "time" or e.success] for side in (first, second)]
         values = [np.array([getattr(e, name) for e in side], float) for side in sides]
@@ -41,8 +41,17 @@ def compare(first: Sequence[Episode], second: Sequence[Episode]) -> list[dict[st
         verdict = "different" if p < ALPHA else CANNOT_TELL
         apart = name == "peak_force" and verdict == "different" and abs(there - here) > APART * here
         found.append(
-            {"measure": name, "unit": unit, "first": here, "second": there, "n": [len(x), len(y)], "p": p}
-            | {"verdict": verdict, "apart": apart, "words": _words(name, here, there, verdict, apart)}
+            {
+                "measure": name,
+                "unit": unit,
+                "first": here,
+                "second": there,
+                "n": [len(x), len(y)],
+                "p": p,
+                "verdict": verdict,
+                "apart": apart,
+                "words": _words(name, here, there, verdict, apart),
+            }
         )
     return found
 

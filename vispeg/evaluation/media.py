@@ -4,25 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from vispeg.evaluation.film import Clip, film
 from vispeg.evaluation.jobs import Job
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.runner import failures
+from vispeg.evaluation.schema.gap import Film, Side
 from vispeg.evaluation.video import write_image, write_video
 
 
 def film_seeds(
     jobs: Sequence[Job], episodes: Sequence[Episode], worlds: Sequence[str], folder: Path, most: int
-) -> list[dict[str, Any]]:
+) -> list[Film]:
     """Films `most` seeds a policy (its first training seed), each in all of `worlds`, the first and the last of a gap.
 
     Seeds that succeed in the first world and fail in the last come first, then those that fail in the last, in the
     first, and in neither; of failures every category in turn. The stills show all sides at the step at which the last
     one ended, or at the last step of one that was done before.
     """
-    found = []
+    found: list[Film] = []
     by = {(e.policy, e.train_seed, e.world, e.seed): e for e in episodes if not e.control and not e.configuration}
     for job in _first(jobs, worlds[-1]):
         name, network = job.entrant.name, job.entrant.train_seed
@@ -52,9 +52,9 @@ def _worth_seeing(played: Mapping[int, Sequence[Episode]]) -> list[int]:
     return list(dict.fromkeys([*order, *played]))
 
 
-def film_failures(jobs: Sequence[Job], episodes: Sequence[Episode], folder: Path, most: int) -> list[dict[str, Any]]:
+def film_failures(jobs: Sequence[Job], episodes: Sequence[Episode], folder: Path, most: int) -> list[Film]:
     """Films up to `most` failures a policy, every category in turn; for the page as `film_seeds`, with one side."""
-    found = []
+    found: list[Film] = []
     for world in dict.fromkeys(j.world_name for j in jobs):
         for job in _first(jobs, world):
             own = [e for e in episodes if (e.policy, e.world) == (job.entrant.name, world) and not e.control]
@@ -65,16 +65,21 @@ def film_failures(jobs: Sequence[Job], episodes: Sequence[Episode], folder: Path
     return found
 
 
-def side(clip: Clip, world: str, folder: Path, stem: str, step: int) -> dict[str, str | None]:
+def side(clip: Clip, world: str, folder: Path, stem: str, step: int) -> Side:
     """Writes a clip's video and stills at `step` into `folder`; names relative to its parent."""
     step = min(step, len(clip.frames) - 1)
-    names: dict[str, Path | None] = {
-        "video": write_video(folder / stem, clip.together),
-        "image": write_image(folder / f"{stem}.jpg", clip.frames[step]),
-        "view": None if clip.views is None else write_image(folder / f"{stem}-view.png", clip.views[step]),
+    view = None if clip.views is None else write_image(folder / f"{stem}-view.png", clip.views[step])
+    return {
+        "world": world,
+        "outcome": f"{clip.category} after {clip.time:.1f} s",
+        "video": _relative(write_video(folder / stem, clip.together), folder),
+        "image": _relative(write_image(folder / f"{stem}.jpg", clip.frames[step]), folder),
+        "view": _relative(view, folder),
     }
-    shown = {k: None if p is None else str(p.relative_to(folder.parent)) for k, p in names.items()}
-    return {"world": world, "outcome": f"{clip.category} after {clip.time:.1f} s", **shown}
+
+
+def _relative(path: Path | None, folder: Path) -> str | None:
+    return None if path is None else str(path.relative_to(folder.parent))
 
 
 def _first(jobs: Sequence[Job], world: str) -> list[Job]:

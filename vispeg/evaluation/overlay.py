@@ -45,8 +45,8 @@ def overlay(
         own = [r.where for r in world.world.ranges if r.effect == change.effect]
         for where in (own or ["all"]) if change.where == "*" else [change.where]:
             entries.append({"effect": change.effect, "where": where, "params": dict(change.params)})
-    data: dict[str, Any] = {"format": FORMAT, "name": name, "base": str(world.path.resolve())}
-    data |= {"task": dict(task or {}), "effects": entries}
+    head = {"format": FORMAT, "name": name, "base": str(world.path.resolve())}
+    data = {**head, "task": dict(task or {}), "effects": entries}
     slug = re.sub(r"[^\w.+-]+", "_", name)
     path = write_text_atomic(folder / f"{slug}.yaml", yaml.safe_dump(data, sort_keys=False), overwrite=True)
     return load_world(path)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 from vispeg.core.errors import UserError
 from vispeg.evaluation.crossed import difference, rate
@@ -19,6 +19,7 @@ from vispeg.evaluation.decide import decide
 from vispeg.evaluation.jobs import Pushes, Setting
 from vispeg.evaluation.overlay import Change
 from vispeg.evaluation.records import Episode
+from vispeg.evaluation.schema.stress import HardPosition, PushRecord, PushRow
 from vispeg.evaluation.stress import read_list
 from vispeg.evaluation.table import Cell, Table
 from vispeg.formats.format import Format, copy, enrol
@@ -38,7 +39,7 @@ def _listed(task: Task) -> Path:
 
 
 @enrol(LIST.name, lambda folder: copy(_listed(task(FIRST)), folder))
-def positions(path: Path | None = None, of: Task | None = None) -> list[dict[str, Any]]:
+def positions(path: Path | None = None, of: Task | None = None) -> list[HardPosition]:
     """The frozen list of a task, or one of the user's own.
 
     Raises:
@@ -51,45 +52,48 @@ def positions(path: Path | None = None, of: Task | None = None) -> list[dict[str
             if key in entry and (isinstance(entry[key], bool) or not isinstance(entry[key], int | float)):
                 at = f"positions[{i}].{key}"
                 raise UserError("not a number", file=file, key=at, expected="m or rad", got=entry[key])
-    return listed
+    return [cast("HardPosition", entry) for entry in listed]
 
 
-def settings(world: str, name: str, listed: Sequence[dict[str, Any]], pushes: Pushes | None = None) -> list[Setting]:
+def settings(world: str, name: str, listed: Sequence[HardPosition], pushes: Pushes | None = None) -> list[Setting]:
     """Still and pushed: where the world puts the hole, then every position, from right above its nominal place."""
     found = []
     for push, suffix in ((None, ""), (pushes or Pushes(), ", pushed")):
         found.append(Setting(world, name, FREE + suffix, pushes=push))
         for p in listed:
-            tilt = {k: float(p[k]) for k in ("roll", "pitch", "yaw") if k in p}
+            tilt = {k: float(v) for k, v in p.items() if k in ("roll", "pitch", "yaw") and isinstance(v, int | float)}
             changes = [Change("hole_offset", {"x": float(p.get("x", 0.0)), "y": float(p.get("y", 0.0)), "z": 0.0})]
             changes += [Change("hole_tilt", tilt)] if tilt else []
-            task: dict[str, Any] = {"start_radius": 0.0}
-            task |= {"start_height": [float(p["height"])] * 2} if "height" in p else {}
+            height = {"start_height": [float(p["height"])] * 2} if "height" in p else {}
+            task = {"start_radius": 0.0, **height}
             found.append(Setting(world, name, p["name"] + suffix, tuple(changes), task, push))
     return found
 
 
-def summarise(episodes: Sequence[Episode]) -> dict[str, Any]:
+def summarise(episodes: Sequence[Episode]) -> PushRecord:
     """{format, rows: [{policy, position, still, pushed, cost, verdict}]}; cost: still less pushed on the same seeds."""
-    rows = []
+    rows: list[PushRow] = []
     names = list(dict.fromkeys(e.configuration.removesuffix(", pushed") for e in episodes))
     for policy in dict.fromkeys(e.policy for e in episodes):
         for position in names:
             own = [e for e in episodes if e.policy == policy]
             still = _table(own, position)
             pushed = _table(own, position + ", pushed")
-            row: dict[str, Any] = {"policy": policy, "position": position, "still": None, "pushed": None, "cost": None}
-            if still is not None:
-                row["still"] = rate(still[0].outcomes(still[1])).to_json()
-            if pushed is not None:
-                row["pushed"] = rate(pushed[0].outcomes(pushed[1])).to_json()
+            row: PushRow = {
+                "verdict": None,
+                "policy": policy,
+                "position": position,
+                "still": None if still is None else rate(still[0].outcomes(still[1])).to_json(),
+                "pushed": None if pushed is None else rate(pushed[0].outcomes(pushed[1])).to_json(),
+                "cost": None,
+            }
             if still is not None and pushed is not None:
                 seeds = sorted(set(still[0].seeds([still[1]])) & set(pushed[0].seeds([pushed[1]])))
                 if seeds:
                     y = [t.outcomes(c, seeds) for t, c in (still, pushed)]
                     cost = difference(y[0], y[1], same_networks=y[0].shape == y[1].shape)
-                    row |= {"cost": cost.to_json(), "verdict": decide(cost)}
-            rows.append({"verdict": None, **row})
+                    row["cost"], row["verdict"] = cost.to_json(), decide(cost)
+            rows.append(row)
     return {"format": FORMAT, "rows": rows}
 
 

@@ -9,16 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 from vispeg.core.effect import OPTICAL, effect
 from vispeg.core.errors import UserError
 from vispeg.evaluation.crossed import difference, rate
 from vispeg.evaluation.decide import CANNOT_TELL, decide
 from vispeg.evaluation.entrants import Entrant
+from vispeg.evaluation.intervals import Estimate
 from vispeg.evaluation.jobs import Setting, has_eyes
 from vispeg.evaluation.overlay import Change
 from vispeg.evaluation.records import Episode
+from vispeg.evaluation.schema.stress import Curve, SweepPoint, SweepRecord
 from vispeg.evaluation.significance import holm, mcnemar
 from vispeg.evaluation.table import Cell, Table
 
@@ -125,29 +126,29 @@ def tag(what: Sweep, value: float) -> str:
     return f"{what.label}={value:g}"
 
 
-def summarise(episodes: Sequence[Episode], what: Sweep) -> dict[str, Any]:
+def summarise(episodes: Sequence[Episode], what: Sweep) -> SweepRecord:
     """{format, effect, params, unit, null, curves: [{policy, modality, points: [{value, success, cost, p_holm,
     verdict}], falls_at}]}.
 
     falls_at: the value nearest to null at which success is lower than at null; None where these data show no fall.
     """
-    curves = []
+    curves: list[Curve] = []
     for policy in dict.fromkeys(e.policy for e in episodes):
         own = [e for e in episodes if e.policy == policy]
         table = Table([replace(e, world=e.configuration, configuration="") for e in own])
         base = tag(what, what.null)
-        points, p = [], []
+        points: list[SweepPoint] = []
+        compared: list[tuple[SweepPoint, Estimate, float]] = []  # a point, its cost, McNemar's p
         for v in what.values:
-            y = table.aligned(policy, [base, tag(what, v)]) if v != what.null else None
-            point: dict[str, Any] = {"value": v, "success": rate(table.outcomes(Cell(policy, tag(what, v)))).to_json()}
-            if y is not None:
-                point["cost"] = difference(y[base], y[tag(what, v)], same_networks=True)
-                p.append(mcnemar(y[base], y[tag(what, v)]).p)
+            point: SweepPoint = {"value": v, "success": rate(table.outcomes(Cell(policy, tag(what, v)))).to_json()}
             points.append(point)
-        for point, adjusted in zip([q for q in points if "cost" in q], holm(p), strict=True):
-            cost = point["cost"]
-            point |= {"cost": cost.to_json(), "p_holm": adjusted, "verdict": decide(cost, adjusted)}
-        fallen = [q for q in points if q.get("verdict") == "different" and q["cost"]["value"] > 0]
+            if v != what.null:
+                y = table.aligned(policy, [base, tag(what, v)])
+                cost = difference(y[base], y[tag(what, v)], same_networks=True)
+                compared.append((point, cost, mcnemar(y[base], y[tag(what, v)]).p))
+        for (point, cost, _), adjusted in zip(compared, holm([p for *_, p in compared]), strict=True):
+            point["cost"], point["p_holm"], point["verdict"] = cost.to_json(), adjusted, decide(cost, adjusted)
+        fallen = [q for q, cost, _ in compared if q.get("verdict") == "different" and cost.value > 0]
         nearest = min(fallen, key=lambda q: abs(q["value"] - what.null), default=None)
         curves.append(
             {
@@ -158,14 +159,21 @@ def summarise(episodes: Sequence[Episode], what: Sweep) -> dict[str, Any]:
                 "words": _words(points, nearest, what),
             }
         )
-    head = {"format": FORMAT, "effect": what.effect, "params": list(what.params), "unit": what.unit, "null": what.null}
-    return {**head, "label": what.label, "curves": curves}
+    return {
+        "format": FORMAT,
+        "effect": what.effect,
+        "params": list(what.params),
+        "unit": what.unit,
+        "null": what.null,
+        "label": what.label,
+        "curves": curves,
+    }
 
 
-def _words(points: Sequence[dict[str, Any]], nearest: dict[str, Any] | None, what: Sweep) -> str:
+def _words(points: Sequence[SweepPoint], nearest: SweepPoint | None, what: Sweep) -> str:
     if nearest is not None:
         return f"lower from {nearest['value']:g} {what.unit} on (or nearer: between the values tried)"
-    others = [q for q in points if "cost" in q]
-    if others and all(q["verdict"] == "equal" for q in others):
+    verdicts = [q["verdict"] for q in points if "verdict" in q]
+    if verdicts and all(v == "equal" for v in verdicts):
         return f"holds over {min(what.values):g} to {max(what.values):g} {what.unit}"
     return CANNOT_TELL + ": no value is lower beyond doubt, and not all are equal within the margin"

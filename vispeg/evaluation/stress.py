@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from vispeg.core.errors import UserError
 from vispeg.formats.format import Format
@@ -12,7 +11,7 @@ from vispeg.formats.format import Format
 HERE = Path(__file__).parent
 
 
-def read_list(path: Path, form: Format, key: str, allowed: tuple[str, ...]) -> list[dict[str, Any]]:
+def read_list(path: Path, form: Format, key: str, allowed: tuple[str, ...]) -> list[Mapping[str, object]]:
     """The entries under `key` of a file of format `form`, each with a `name` of its own.
 
     Raises:

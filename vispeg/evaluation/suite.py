@@ -14,7 +14,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 import numpy as np
 
@@ -23,10 +23,21 @@ from vispeg.core.seeds import stream
 from vispeg.evaluation.crossed import difference, rate
 from vispeg.evaluation.decide import CANNOT_TELL, decide
 from vispeg.evaluation.fall import beyond_doubt, fall
+from vispeg.evaluation.intervals import Estimate
 from vispeg.evaluation.jobs import Setting
 from vispeg.evaluation.overlay import Change
 from vispeg.evaluation.ranks import FEWEST, predict
 from vispeg.evaluation.records import Episode, check_worlds
+from vispeg.evaluation.schema.estimate import Interval
+from vispeg.evaluation.schema.suite import (
+    Configuration,
+    Fall,
+    Health,
+    Measures,
+    SuiteRecord,
+    SuiteRow,
+    VersionChange,
+)
 from vispeg.evaluation.significance import holm, mcnemar
 from vispeg.evaluation.stress import HERE, read_list
 from vispeg.evaluation.table import Cell, Table
@@ -42,7 +53,7 @@ KEYS = ("name", "task", "effects", "about")
 
 
 @enrol(LIST.name, lambda folder: copy(HERE / "suite.yaml", folder))
-def configurations(path: Path | None = None) -> list[dict[str, Any]]:
+def configurations(path: Path | None = None) -> list[Configuration]:
     """The suite that comes with the package, or one of the user's own.
 
     Raises:
@@ -63,10 +74,10 @@ def configurations(path: Path | None = None) -> list[dict[str, Any]]:
         for j, effect in enumerate(effects):
             place = {"where": "all"} if isinstance(effect, dict) and effect.get("where") in (None, "*") else {}
             ranged(effect | place if place else effect, cell, file, f"{at}.effects[{j}]")
-    return listed
+    return [cast("Configuration", entry) for entry in listed]
 
 
-def settings(listed: Sequence[Mapping[str, Any]], worlds: Mapping[str, str]) -> list[Setting]:
+def settings(listed: Sequence[Configuration], worlds: Mapping[str, str]) -> list[Setting]:
     """Every configuration in every world (name -> path or built-in name)."""
     found = []
     for name, world in worlds.items():
@@ -78,7 +89,7 @@ def settings(listed: Sequence[Mapping[str, Any]], worlds: Mapping[str, str]) -> 
 
 def summarise(
     episodes: Sequence[Episode], train: str, target: str, version: str, hashes: Mapping[str, str] | None = None
-) -> dict[str, Any]:
+) -> SuiteRecord:
     """{format, version, train, target, worlds, rows: [{configuration, policy, train, target}], falls, health}.
 
     `falls` is [{policy, fall, beyond_doubt}], success in the training world less that in the target.
@@ -89,7 +100,8 @@ def summarise(
         UserError: no configuration with episodes on both sides, one world's name under two hashes.
     """
     made = {**(hashes or {}), **{name: h for name, h in check_worlds(episodes).items() if h}}
-    rows, falls = [], []
+    rows: list[SuiteRow] = []
+    falls: list[Fall] = []
     for policy in dict.fromkeys(e.policy for e in episodes):
         both = []
         for c in dict.fromkeys(e.configuration for e in episodes if e.policy == policy):
@@ -105,40 +117,53 @@ def summarise(
             falls.append({"policy": policy, "fall": lost.to_json(), "beyond_doubt": beyond_doubt(lost)})
     if not rows:
         raise UserError("no configuration with episodes in both worlds", got=f"{train}, {target}")
-    head = {"format": FORMAT, "version": version, "train": train, "target": target}
-    worlds = [{"name": name, "hash": h} for name, h in made.items()]
-    return {**head, "worlds": worlds, "rows": rows, "falls": falls, "health": health(rows, falls)}
+    return {
+        "format": FORMAT,
+        "version": version,
+        "train": train,
+        "target": target,
+        "worlds": [{"name": name, "hash": h} for name, h in made.items()],
+        "rows": rows,
+        "falls": falls,
+        "health": health(rows, falls),
+    }
 
 
-def health(rows: Sequence[Mapping[str, Any]], falls: Sequence[Mapping[str, Any]] = ()) -> dict[str, Any]:
+def health(rows: Sequence[SuiteRow], falls: Sequence[Fall] = ()) -> Health:
     """{pearson, mean_difference, mmrv, n, status, words}; status: healthy, watch, alarm or cannot tell."""
-    known, status, words = _correlation(rows)
+    measures, status, words = _correlation(rows)
     fallen = [f for f in falls if f["beyond_doubt"]]
     if fallen:
         lost = [f"{f['policy']} loses {_points(f['fall'])} from the training world to the target" for f in fallen]
         status, words = "alarm", "; ".join([*lost, words])
-    return {**known, "n": len(rows), "status": status, "words": f"{status}: {words}"}
+    return {**measures, "n": len(rows), "status": status, "words": f"{status}: {words}"}
 
 
-def _points(e: Mapping[str, Any]) -> str:
-    return f"{100 * e['value']:.0f} points ({100 * e['low']:.0f} to {100 * e['high']:.0f})"
+def _points(e: Interval) -> str:
+    value, low, high = (100 * (math.nan if v is None else v) for v in (e["value"], e["low"], e["high"]))
+    return f"{value:.0f} points ({low:.0f} to {high:.0f})"
 
 
-def _correlation(rows: Sequence[Mapping[str, Any]]) -> tuple[dict[str, Any], str, str]:
+def _correlation(rows: Sequence[SuiteRow]) -> tuple[Measures, str, str]:
     """What a correlation over the configurations says: measures, status, words."""
     if len(rows) < FEWEST:
         return {}, CANNOT_TELL, f"{len(rows)} configurations, a correlation needs {FEWEST}"
-    x, y = (np.array([r[k]["value"] for r in rows], float) for k in ("train", "target"))
+    x = np.array([r["train"]["value"] for r in rows], float)
+    y = np.array([r["target"]["value"] for r in rows], float)
     found = predict(x, y, stream(0, "suite health"))
-    kept = {k: getattr(found, k).to_json() for k in ("pearson", "mmrv", "mean_difference")}
+    measures: Measures = {
+        "pearson": found.pearson.to_json(),
+        "mmrv": found.mmrv.to_json(),
+        "mean_difference": found.mean_difference.to_json(),
+    }
     r = found.pearson
     if min(x.std(), y.std()) < SPREAD or not math.isfinite(r.value):
-        return kept, CANNOT_TELL, "success hardly varies over the configurations, so there is no correlation"
+        return measures, CANNOT_TELL, "success hardly varies over the configurations, so there is no correlation"
     status = "healthy" if r.value > HEALTHY else "alarm" if r.value < ALARM else "watch"
-    return kept, status, f"r = {r.value:.2f} ({r.low:.2f} to {r.high:.2f}) over {len(rows)} configurations"
+    return measures, status, f"r = {r.value:.2f} ({r.low:.2f} to {r.high:.2f}) over {len(rows)} configurations"
 
 
-def other_worlds(versions: Sequence[Mapping[str, Any]]) -> list[str]:
+def other_worlds(versions: Sequence[SuiteRecord]) -> list[str]:
     """A line a version whose configurations were other worlds than the last version's, or which does not tell.
 
     Raises:
@@ -161,11 +186,11 @@ def other_worlds(versions: Sequence[Mapping[str, Any]]) -> list[str]:
     return lines
 
 
-def _hashes(version: Mapping[str, Any]) -> dict[str, str]:
+def _hashes(version: SuiteRecord) -> dict[str, str]:
     return {w["name"]: w["hash"] for w in version.get("worlds") or ()}
 
 
-def regressions(old: Sequence[Episode], new: Sequence[Episode]) -> list[dict[str, Any]]:
+def regressions(old: Sequence[Episode], new: Sequence[Episode]) -> list[VersionChange]:
     """Every configuration and world that both versions ran on the same seeds: what fell, what rose.
 
     Policies are paired by name where the names agree, else the only one of each side. [{world, configuration, change,
@@ -180,7 +205,8 @@ def regressions(old: Sequence[Episode], new: Sequence[Episode]) -> list[dict[str
     pairs = [(n, n) for n in shared] or ([(names[0][0], names[1][0])] if len(names[0]) == len(names[1]) == 1 else [])
     if not pairs:
         raise UserError("versions with no policy in common", expected=", ".join(names[0]), got=", ".join(names[1]))
-    rows, p = [], []
+    compared: list[tuple[str, str, str, Estimate]] = []
+    p = []
     for a, b in pairs:
         cells = [(e.world, e.configuration) for e in new if e.policy == b]
         for world, c in dict.fromkeys(cells):
@@ -198,14 +224,24 @@ def regressions(old: Sequence[Episode], new: Sequence[Episode]) -> list[dict[str
             k = min(map(len, y))
             change = difference(y[0], y[1], same_networks=False)
             p.append(mcnemar(y[0][:k], y[1][:k]).p)
-            rows.append({"policy": b, "world": world, "configuration": c, "change": change})
-    if not rows:
+            compared.append((b, world, c, change))
+    if not compared:
         raise UserError("versions with no configuration in common, in the same world on the same seeds")
-    for row, adjusted in zip(rows, holm(p), strict=True):
-        verdict = decide(row["change"], adjusted)
+    rows: list[VersionChange] = []
+    for (policy, world, configuration, change), adjusted in zip(compared, holm(p), strict=True):
+        verdict: str = decide(change, adjusted)
         if verdict == "different":
-            verdict = "fell" if row["change"].value < 0 else "rose"
-        row |= {"change": row["change"].to_json(), "p_holm": adjusted, "verdict": verdict}
+            verdict = "fell" if change.value < 0 else "rose"
+        rows.append(
+            {
+                "policy": policy,
+                "world": world,
+                "configuration": configuration,
+                "change": change.to_json(),
+                "p_holm": adjusted,
+                "verdict": verdict,
+            }
+        )
     return rows
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, cast
 
 from pydantic import BaseModel, Field
 
+from vispeg.evaluation.schema.suite import SuiteRecord
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.guard import MB
 from vispeg.formats.typed import typed
@@ -52,7 +54,7 @@ class _Result(BaseModel):
     health: _Health
     worlds: list[_World] | None = None
     notes: list[str] | None = None
-    provenance: dict[str, Any] | None = None
+    provenance: Mapping[str, object] | None = None
 
 
 def _example(folder: Path) -> Path:
@@ -67,7 +69,7 @@ def _example(folder: Path) -> Path:
 
 
 @enrol(RESULT.name, _example)
-def read_result(folder: Path) -> dict[str, Any]:
+def read_result(folder: Path) -> SuiteRecord:
     """The record in a folder that `vispeg suite run` wrote.
 
     Raises:
@@ -76,4 +78,4 @@ def read_result(folder: Path) -> dict[str, Any]:
     path = folder / "suite.json"
     values = RESULT.read(path)
     typed(_Result, values, path)
-    return {"format": RESULT.name, **values}
+    return cast("SuiteRecord", {"format": RESULT.name, **values})

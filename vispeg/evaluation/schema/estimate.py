@@ -1,0 +1,21 @@
+"""Numbers with intervals, and the world that they are of."""
+
+from __future__ import annotations
+
+from typing import TypedDict
+
+
+class Interval(TypedDict):
+    """An estimate, its 95 % interval and the episodes behind it; None for what is not finite."""
+
+    value: float | None
+    low: float | None
+    high: float | None
+    n: int
+
+
+class WorldHash(TypedDict):
+    """A world under its name; the hash is "" of a measured one."""
+
+    name: str
+    hash: str
