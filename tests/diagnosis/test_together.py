@@ -9,7 +9,7 @@ from scipy.optimize import lsq_linear
 from vispeg.core.effect import EffectInstance, searchable
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.dictionary import Dictionary
-from vispeg.diagnosis.names import SURE, exchanges, tentative
+from vispeg.diagnosis.names import SURE, Ground, exchanges, tentative
 from vispeg.diagnosis.screen import Score
 from vispeg.diagnosis.signatures import Signature
 from vispeg.diagnosis.state import State
@@ -122,7 +122,8 @@ def test_stand_ins_are_not_named_and_what_is_certain_is(toy):
     columns = np.concatenate([s.columns for s in model], axis=1)
     x = np.linalg.lstsq(columns, y, rcond=None)[0]
     fit = fitted(y - columns @ x, model, x.tolist())
-    found = exchanges(Dictionary(fit.residual, [toy["tilt"]], fit), LEFT)
+    ground = Ground(Dictionary(fit.residual, [toy["tilt"]], fit), LEFT)
+    found = exchanges(ground, ground)
     said = {e.label: e for e in found}
     assert said["joint_bias(joint1)"].costs > SURE, "without the tilt beside it, it looks needed"
     assert said["joint_bias(joint1)"].shaken == said["joint_bias(joint2)"].shaken == ("gravity_tilt(base)",)
@@ -137,13 +138,34 @@ def test_proven_rivals_make_a_class_of_what_they_shake(toy):
     y = toy["a"].columns[:, 0] + toy["noise"]
     fit = fitted(y - toy["a"].columns[:, 0], [toy["a"]], [1.0])
     other = signature("encoder_offset", "joint1", "offset", near, value=0.01)
-    (own,) = exchanges(Dictionary(fit.residual, [other], fit), LEFT)
+    ground = Ground(Dictionary(fit.residual, [other], fit), LEFT)
+    (own,) = exchanges(ground, ground)
     assert own.shaken == ("encoder_offset(joint1)",) and [r.label for r in own.rivals] == ["encoder_offset(joint1)"]
     state = State(fit.world, np.zeros((1, 1)), fit.residual)
     rival = SimpleNamespace(score=Score(other.probe, 0.0))
     proven = SimpleNamespace(label="joint_bias(joint1)", equals=(rival,))
     assert tentative(state, 0, [own], []) == {"joint_bias(joint1)"}, "a rival that was not tried may be the truth"
     assert not tentative(state, 0, [own], [proven]), "named, with its rival"
+
+
+def test_a_name_must_win_where_nothing_was_fitted(toy):
+    """What happens to fit one motion better than the truth, and is worse on another, is not named."""
+    rng = stream(5, "held")
+    truth, other = toy["a"], toy["b"]
+    y = truth.columns[:, 0] + 0.3 * other.columns[:, 0]
+    stand_in = signature("coulomb_friction", "joint1", "torque", y + 0.01 * rng.standard_normal(N))
+    new = rng.standard_normal((3, N))  # another motion: the stand-in is half as like the truth there
+    columns = [new[0], new[1], 0.5 * new[0] + 0.8 * new[2]]
+    sources = (truth, other, stand_in)
+    held = [signature(s.probe.effect, s.probe.where, s.names[0], c) for s, c in zip(sources, columns, strict=True)]
+    fit, elsewhere = fitted(y - stand_in.columns[:, 0], [stand_in], [1.0]), fitted(new[0], [held[2]], [1.0])
+    before = Ground(Dictionary(fit.residual, [truth], fit), LEFT)
+    after = Ground(Dictionary(new[0] - columns[2], [held[0]], elsewhere), LEFT)
+    (own,) = exchanges(before, before)
+    assert own.costs > SURE and not own.shaken and not own.rivals, "on what was fitted the stand-in stands"
+    (own,) = exchanges(before, after)
+    assert own.costs > SURE and own.shaken == ("joint_bias(joint1)",)
+    assert [r.label for r in own.rivals] == ["joint_bias(joint1)"], "and is to be fitted in its place"
 
 
 def test_only_effects_that_grow_in_proportion_are_proposed():

@@ -105,6 +105,14 @@ class Dictionary:
         left = self.total - along @ along + np.sum((along - root @ x) ** 2)
         return float(left), x / self.scale[i]
 
+    def at(self, chosen: Sequence[int], coefficients: np.ndarray) -> float:
+        """Squared residual of the entries `chosen` at coefficients that another evidence gave."""
+        if not len(chosen):
+            return self.total
+        i = np.concatenate([self.entries[k].columns for k in chosen])
+        x = coefficients * self.scale[i]
+        return float(self.total - 2.0 * x @ self.slope[i] + x @ self.gram[np.ix_(i, i)] @ x)
+
     def crossed(self, chosen: Sequence[int]) -> float:
         """The same with each fold predicted by coefficients of the others; what stands at its bound stays there."""
         whole, x = self.loss(chosen)

@@ -27,6 +27,7 @@ class JointData:
 
     q: np.ndarray
     dq: np.ndarray
+    ddq: np.ndarray
     tau: np.ndarray
     needed: np.ndarray
     excess: np.ndarray
@@ -39,7 +40,7 @@ class MissingTorque:
 
     Attributes:
         time: (m,) s.
-        q, dq, tau: (m, nj) measured motion (smoothed) and the motor torque that was commanded with it.
+        q, dq, ddq, tau: (m, nj) measured motion (smoothed) and the motor torque that was commanded with it.
         needed: (m, nj) N m, the joint torque that the nominal arm needs for that motion (Coriolis left out).
         excess: (m, nj) N m, what must be added to the model's joint torque to move as measured.
         sigma: (nj,) its standard deviation if sensor noise were all.
@@ -48,6 +49,7 @@ class MissingTorque:
     time: np.ndarray
     q: np.ndarray
     dq: np.ndarray
+    ddq: np.ndarray
     tau: np.ndarray
     needed: np.ndarray
     excess: np.ndarray
@@ -65,7 +67,8 @@ def missing_torque(item: Item, predicted: np.ndarray, seed: int = 0) -> MissingT
         valid = item.valid.any(axis=1)
         gap = _filled(item.measured - predicted)
         load = predicted[valid]
-        return MissingTorque(seg.time[valid], seg.q[valid], seg.dq[valid], load, load, gap[valid], item.sigma)
+        q, dq, ddq = seg.q[valid], seg.dq[valid], seg.known["ddq"][valid]
+        return MissingTorque(seg.time[valid], q, dq, ddq, load, load, gap[valid], item.sigma)
     q, dq, ddq = smooth(seg.time, _filled(item.measured[:, :nj]), CUTOFF_HZ)
     nominal = Nominal(compiled(item.robot), item.robot.joints, item.robot.flange, m, 1)
     mass, _, _, _, gravity = nominal.operational(q)
@@ -92,8 +95,8 @@ def missing_torque(item: Item, predicted: np.ndarray, seed: int = 0) -> MissingT
     tau = _motor_torque(item, raw, dq, gravity)
     needed = np.einsum("nij,nj->ni", mass, ddq) + gravity
     tau = needed if control.mode == "servo" else tau
-    gap = torque(difference)[valid]
-    return MissingTorque(seg.time[valid], q[valid], dq[valid], tau[valid], needed[valid], gap, np.maximum(sigma, 1e-9))
+    time, q, dq, ddq, tau, needed = (v[valid] for v in (seg.time, q, dq, ddq, tau, needed))
+    return MissingTorque(time, q, dq, ddq, tau, needed, torque(difference)[valid], np.maximum(sigma, 1e-9))
 
 
 def _means(control: Control) -> tuple[float, float]:
@@ -139,6 +142,7 @@ def joint_data(missing: Sequence[MissingTorque], items: list[Item]) -> list[Join
         JointData(
             column(lambda k: k.q, j),
             column(lambda k: k.dq, j),
+            column(lambda k: k.ddq, j),
             column(lambda k: k.tau, j),
             column(lambda k: k.needed, j),
             column(lambda k: k.excess, j),

@@ -2,7 +2,8 @@
 
 Where a remainder is left, an effect that lowers the error may stand in for part of it, or several together for one that
 the search did not take. An effect is certain only if taking it away costs a visible share of what remains unexplained,
-whichever other candidate comes in: one out, one in. What is not certain stays in the model, marked tentative.
+whichever other candidate comes in: one out, one in. That is asked twice: of the fitted recordings, and of the held-out
+ones at the coefficients that the fitted ones give. What is not certain stays in the model, marked tentative.
 """
 
 from __future__ import annotations
@@ -24,9 +25,32 @@ if TYPE_CHECKING:
 
 SURE = 0.3  # of the error left where it sits, that taking a named effect away must cost beside any other candidate
 SLACK = 0.2  # of the error left and of what an effect removed, by which a rival that is worth a fit may be worse
+ALIKE = 0.7  # of what an effect costs by itself, under which it must cost beside another for the two to be alike
 ASKED = 6  # candidates whose bounds are looked at
 CORRELATED = 0.9  # of two effects' estimates, from which on neither is certain
 CLASS = 3  # proven rivals beyond which a class of effects says nothing
+
+
+@dataclass(frozen=True)
+class Ground:
+    """Evidence of which exchanges are asked.
+
+    Attributes:
+        dictionary: its linear model.
+        excess: squared residual over the noise that is left at each place: that of a joint counts for what sits in it,
+            that of "" for everything else.
+    """
+
+    dictionary: Dictionary
+    excess: Mapping[str, float]
+
+    def needed(self, k: int) -> float:
+        """Rise of the squared residual that taking the entry `k` away must cost."""
+        return SURE * self.left(k)
+
+    def left(self, k: int) -> float:
+        """The excess where an entry sits."""
+        return self.excess.get(self.dictionary.entries[k].placed.where, self.excess[""])
 
 
 @dataclass(frozen=True)
@@ -35,7 +59,8 @@ class Exchange:
 
     Attributes:
         label: of the effect.
-        costs: rise of the squared residual without it, over the excess that is left where it sits.
+        costs: rise of the squared residual without it, over the excess that is left where it sits; of the fitted and of
+            the held-out recordings the lesser.
         shaken: labels of the candidates beside which it costs less than SURE; none where it costs less by itself.
         rivals: candidates, with start values, that hardly do worse in its place; the best first.
     """
@@ -46,38 +71,51 @@ class Exchange:
     rivals: tuple[EffectInstance, ...]
 
 
-def exchanges(dictionary: Dictionary, excess: Mapping[str, float]) -> list[Exchange]:
-    """One for each effect of the fit; `excess` is the squared residual over the noise that is left at each place.
-
-    That of a joint counts for what sits in it, that of "" for everything else.
-    """
-    model = list(dictionary.fitted)
-    left = dictionary.loss(model)[0]
-    beside = dictionary.gains(model)
-    places = [dictionary.entries[k].placed.where for k in model]
-    own = [excess.get(where, excess[""]) for where in places]
-    return [_exchange(dictionary, model, k, left, beside, e) for k, e in zip(model, own, strict=True)]
+def exchanges(fitted: Ground, held: Ground) -> list[Exchange]:
+    """One for each effect of the fit; the entries of the held-out ground are those of the fitted one."""
+    model = list(fitted.dictionary.fitted)
+    beside = fitted.dictionary.gains(model)
+    both = _Both(fitted.dictionary, held.dictionary)
+    return [_exchange(fitted, held, both, model, k, beside) for k in model]
 
 
-def _exchange(
-    dictionary: Dictionary, model: list[int], k: int, left: float, beside: np.ndarray, excess: float
-) -> Exchange:
-    entries, rest = dictionary.entries, [m for m in model if m != k]
-    without = dictionary.loss(rest)[0]
-    instead = dictionary.gains(rest)
+class _Both:
+    """Squared residuals of choices of entries, fitted and held out, each worked out once."""
+
+    def __init__(self, fitted: Dictionary, held: Dictionary):
+        self.fitted, self.held = fitted, held
+        self.answers: dict[tuple[int, ...], tuple[float, float]] = {}
+
+    def __call__(self, chosen: list[int]) -> tuple[float, float]:
+        key = tuple(chosen)
+        if key not in self.answers:
+            left, coefficients = self.fitted.loss(chosen)
+            self.answers[key] = left, self.held.at(chosen, coefficients)
+        return self.answers[key]
+
+
+def _exchange(fitted: Ground, held: Ground, both: _Both, model: list[int], k: int, beside: np.ndarray) -> Exchange:
+    entries, rest = fitted.dictionary.entries, [m for m in model if m != k]
+    (left, left_held), (without, without_held) = both(model), both(rest)
+    instead = fitted.dictionary.gains(rest)
     asked = [c for c in range(len(entries)) if c not in model and not _richer(entries[c].placed, entries[k].placed)]
-    costs = {c: (without - instead[c]) - (left - beside[c]) for c in asked if instead[c] > 0}
-    shaken, needed = [], without - left >= SURE * excess
-    for c in (c for c in asked if needed and costs.get(c, np.inf) < SURE * excess):  # bounds aside, so far
-        if dictionary.loss([*rest, c])[0] - dictionary.loss([*model, c])[0] < SURE * excess:
+    asked = [c for c in asked if instead[c] > 0]
+    costs = {c: (without - instead[c]) - (left - beside[c]) for c in asked}  # bounds aside
+    share = min((without - left) / fitted.left(k), (without_held - left_held) / held.left(k))
+    alike = [c for c in asked if costs[c] < max(fitted.needed(k), ALIKE * (without - left))] if share >= SURE else []
+    shaken = []
+    for c in alike:
+        (other, other_held), (more, more_held) = both([*rest, c]), both([*model, c])
+        weak = other - more < fitted.needed(k)
+        if weak or other_held - min(left_held, more_held) < held.needed(k):
             shaken.append(entries[c].placed.label)
-    near = left + SLACK * min(excess, without - left)
-    promising = sorted((c for c in asked if without - instead[c] < near), key=lambda c: -instead[c])[:ASKED]
+    near = left + SLACK * min(fitted.left(k), without - left)
+    promising = [c for c in asked if without - instead[c] < near or (c in alike and both([*rest, c])[1] < left_held)]
+    promising = sorted(promising, key=lambda c: -instead[c])[:ASKED]
     first = {entries[c].key: c for c in reversed(promising)}  # of the guesses of one candidate the best
-    rivals = [c for c in first.values() if dictionary.loss([*rest, c])[0] < near][::-1]
-    placed = tuple(dictionary.placed([*rest, c])[-1] for c in rivals)
-    label = entries[k].placed.label
-    return Exchange(label, float((without - left) / excess), tuple(dict.fromkeys(shaken)), placed)
+    rivals = [c for c in first.values() if both([*rest, c])[0] < near or both([*rest, c])[1] < left_held][::-1]
+    placed = tuple(fitted.dictionary.placed([*rest, c])[-1] for c in rivals)
+    return Exchange(entries[k].placed.label, float(share), tuple(dict.fromkeys(shaken)), placed)
 
 
 def tentative(state: State, given: int, exchanged: Sequence[Exchange], rivals: Sequence[Rivals]) -> frozenset[str]:

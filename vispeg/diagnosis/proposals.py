@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,10 +12,10 @@ from vispeg.diagnosis.cross import Cross
 from vispeg.diagnosis.dictionary import Dictionary
 from vispeg.diagnosis.judge import Judge
 from vispeg.diagnosis.localise import MissingTorque, joint_data, missing_torque
-from vispeg.diagnosis.names import Exchange, exchanges
+from vispeg.diagnosis.names import Exchange, Ground, exchanges
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.screen import Score, candidates, screen
-from vispeg.diagnosis.signatures import Signature, signatures
+from vispeg.diagnosis.signatures import Probe, Signature, probes, signatures
 from vispeg.diagnosis.state import State
 from vispeg.diagnosis.together import together
 from vispeg.identify.evidence import Evidence
@@ -70,25 +71,41 @@ class Proposals:
         return out
 
     def exchanges(self, state: State) -> list[Exchange]:
-        """What each effect of the fit costs beside every other candidate, and what may stand in its place."""
+        """What each effect of the fit costs beside every other candidate, and what may stand in its place.
+
+        None where nothing was fitted.
+        """
+        if state.fit is None:
+            return []
+        fit = state.fit
 
         def work_out() -> list:
-            joints = list(self.evidence.items[0].robot.joints)
-            places = candidates(self.evidence, state.world, joints)
-            taken = self.signatures(state.world, state.residual, places, self.missing(state.world))
-            found = exchanges(Dictionary(state.residual, taken, state.fit), self.excess(state))
+            places = candidates(self.evidence, state.world, list(self.evidence.items[0].robot.joints))
+            asked = probes(places, self.evidence.items[0], joint_data(self.missing(state.world), self.evidence.items))
+            fitted = self._ground(self.cross.judge, state.world, fit, asked)
+            found = exchanges(fitted, self._ground(self.judge, state.world, self._held_out(fit), asked))
             return [[e.label, e.costs, list(e.shaken), [_plain(r) for r in e.rivals]] for e in found]
 
         found = self.progress.recall(["exchanges", model_text(state.world)], work_out)
         return [Exchange(a, b, tuple(c), tuple(EffectInstance.of(n, w, **v) for n, w, v in d)) for a, b, c, d in found]
 
-    def excess(self, state: State) -> dict[str, float]:
-        """Squared residual over the noise that is left in the channels of each joint, and of all under ""; never 0."""
-        judge, joints = self.cross.judge, self.evidence.items[0].robot.joints
-        left, count = judge.loss(state.residual).sum(axis=0), judge.size.sum(axis=0)
-        floor = judge.floor(state.world)
+    def _held_out(self, fit: Fit) -> Fit:
+        """The same fit with its residual and its derivatives on the held-out recordings."""
+        steps = fit.space.steps(fit.u)
+        moved = [fit.space.at(fit.u + step) for step in np.diag(steps)]
+        residual, *after = self.judge.evidence.residuals([fit.world, *moved])
+        columns = [(r - residual) / step for r, step in zip(after, steps, strict=True)]
+        jacobian = np.stack(columns, axis=1) if columns else np.empty((len(residual), 0))
+        return replace(fit, residual=residual, jacobian=jacobian)
+
+    def _ground(self, judge: Judge, world: World, fit: Fit, asked: Sequence[Probe]) -> Ground:
+        """Signatures beside a fit on the evidence of a judge, and the excess that is left there; never 0."""
+        taken = signatures(judge.evidence, world, fit.residual, asked)
+        left, count = judge.loss(fit.residual).sum(axis=0), judge.size.sum(axis=0)
+        floor, joints = judge.floor(world), judge.evidence.items[0].robot.joints
         over = {joint: (left[j], count[j]) for j, joint in enumerate(joints)} | {"": (left.sum(), count.sum())}
-        return {where: float(max(a - floor * n, LEAST * n, 1.0)) for where, (a, n) in over.items()}
+        excess = {where: float(max(a - floor * n, LEAST * n, 1.0)) for where, (a, n) in over.items()}
+        return Ground(Dictionary(fit.residual, taken, fit), excess)
 
     def signatures(
         self,
@@ -98,8 +115,9 @@ class Proposals:
         missing: Sequence[MissingTorque],
     ) -> list[Signature]:
         """Signatures at these places, each once, beside a world with this residual."""
-        joints = joint_data(list(missing), self.evidence.items)
-        return signatures(self.evidence, world, residual, list(dict.fromkeys(places)), joints)
+        items = self.evidence.items
+        asked = probes(list(dict.fromkeys(places)), items[0], joint_data(list(missing), items))
+        return signatures(self.evidence, world, residual, asked)
 
     def _straight(self, world: World) -> list[tuple[str, str]]:
         everywhere = candidates(self.evidence, world, list(self.evidence.items[0].robot.joints))

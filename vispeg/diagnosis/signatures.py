@@ -76,34 +76,50 @@ class Signature:
         return self.probe.with_values(**values)
 
 
-def signatures(
-    evidence: Evidence,
-    world: World,
-    residual: np.ndarray,
-    places: Sequence[tuple[str, str]],
-    joint_data: Sequence[JointData],
-) -> list[Signature]:
-    """The signatures of all these (effect, where) beside `world`, whose residual is `residual`; some have several."""
-    probes: list[tuple[EffectInstance, list[str], tuple[str, ...]]] = []
-    rows: list[World] = []
-    for name, where in places:
-        for probe in _probes(name, where, evidence.items[0], joint_data):
-            kind = effect(name)
-            names = [m for m in kind.magnitudes if probe.params[m].value != kind.params[m].null]
-            if not names:
-                continue
-            moments = kind.moments if len(names) == 1 else ()
-            probes.append((probe, names, moments))
-            for m in names:
-                others = {o: kind.params[o].null for o in names if o != m}
-                rows.append(world.add(probe.with_values(**others)))
-            rows += [world.add(_shifted(probe, m)) for m in moments]
-    after = evidence.each_residual(rows)
+@dataclass(frozen=True)
+class Probe:
+    """An effect at the values at which its signature is taken, and what of it moves.
+
+    Attributes:
+        placed: the effect.
+        names: its magnitudes that are not null.
+        moments: shapes in which, times the only magnitude, it is linear.
+    """
+
+    placed: EffectInstance
+    names: tuple[str, ...]
+    moments: tuple[str, ...]
+
+    @property
+    def variants(self) -> list[EffectInstance]:
+        """Each magnitude alone, then each moment shifted."""
+        kind = effect(self.placed.effect)
+        null = {name: kind.params[name].null for name in self.names}
+        alone = [self.placed.with_values(**{o: v for o, v in null.items() if o != name}) for name in self.names]
+        return alone + [_shifted(self.placed, m) for m in self.moments]
+
+
+def probes(places: Sequence[tuple[str, str]], item: Item, joint_data: Sequence[JointData]) -> list[Probe]:
+    """The probes of all these (effect, where); some have several."""
     out = []
-    for probe, names, moments in probes:
-        columns = [_drop(residual, next(after)) for _ in (*names, *moments)]
-        columns = columns[: len(names)] + [c - columns[0] for c in columns[len(names) :]]
-        out.append(Signature(probe, tuple(names), np.stack(columns, axis=1), moments))
+    for name, where in places:
+        kind = effect(name)
+        for placed in _guessed(name, where, item, joint_data):
+            names = tuple(m for m in kind.magnitudes if placed.params[m].value != kind.params[m].null)
+            if names:
+                out.append(Probe(placed, names, kind.moments if len(names) == 1 else ()))
+    return out
+
+
+def signatures(evidence: Evidence, world: World, residual: np.ndarray, probes: Sequence[Probe]) -> list[Signature]:
+    """What each probe takes off the `residual` of `world` on this evidence."""
+    after = evidence.each_residual([world.add(v) for probe in probes for v in probe.variants])
+    out = []
+    for probe in probes:
+        columns = [_drop(residual, next(after)) for _ in probe.variants]
+        count = len(probe.names)
+        columns = columns[:count] + [c - columns[0] for c in columns[count:]]
+        out.append(Signature(probe.placed, probe.names, np.stack(columns, axis=1), probe.moments))
     return out
 
 
@@ -117,19 +133,33 @@ def _shifted(probe: EffectInstance, moment: str) -> EffectInstance:
     return probe.with_values(**{moment: probe.params[moment].value + STEP * (p.high - p.low)})
 
 
-def _probes(name: str, where: str, item: Item, joint_data: Sequence[JointData]) -> list[EffectInstance]:
+def _guessed(name: str, where: str, item: Item, joint_data: Sequence[JointData]) -> list[EffectInstance]:
     kind, joints = effect(name), item.robot.joints
     data = joint_data[joints.index(where)] if where in joints else None
     guesses = kind.guesses(data) if data is not None else [{}]
     out = []
-    # No torque is missing that is greater than what is missing: half a newton metre of friction would stop a wrist.
-    most = np.inf if data is None else max(float(np.quantile(np.abs(data.excess), 0.9)), 1e-3)
+    most = {} if data is None else _most(data)
     for guess in guesses:
         values = {m: kind.params[m].start for m in kind.magnitudes}
-        torques = [m for m in values if kind.params[m].unit == "N m" and kind.params[m].null == 0]
-        values |= {m: min(values[m], most) for m in torques}
+        null = [m for m in values if kind.params[m].null == 0]
+        values |= {m: min(values[m], most.get(kind.params[m].unit, np.inf)) for m in null}
         out.append(EffectInstance.of(name, where, **{**values, **guess}))
     return out
+
+
+def _most(data: JointData) -> dict[str, float]:
+    """Unit -> greatest value of a probe: no effect makes more torque than is missing.
+
+    Half a newton metre of friction, or a tenth of a kg m2 of rotor inertia, would stop a wrist; no signature is linear
+    so far from null.
+    """
+    missing = max(_usual(data.excess), 1e-3)
+    moved = {"N m s/rad": data.dq, "kg m2": data.ddq, "N m/rad": data.q - np.median(data.q)}
+    return {"N m": missing} | {unit: missing / max(_usual(v), 1e-3) for unit, v in moved.items()}
+
+
+def _usual(values: np.ndarray) -> float:
+    return float(np.quantile(np.abs(values), 0.9))
 
 
 def _reach(probe: EffectInstance, name: str) -> tuple[float, float]:

@@ -11,6 +11,8 @@ from vispeg.core.effect import Effect, EffectInstance, effect
 from vispeg.core.params import Param
 from vispeg.worlds.world import World
 
+SHORTEST = 1e-3  # of an optimizer unit: a finite-difference step
+
 
 @dataclass(frozen=True)
 class Axis:
@@ -85,12 +87,16 @@ class Space:
     def steps(self, u: np.ndarray) -> np.ndarray:
         """Finite-difference steps, pointing away from the nearer bound.
 
-        A rough effect needs longer ones, but not on a log scale, where a unit is long already: 5 % of a ripple's poles
-        is most of a radian of phase.
+        A value that is small beside its unit, as a wrist's rotor inertia, needs shorter ones. A rough effect needs
+        longer ones, but not on a log scale, where a unit is long already: 5 % of a ripple's poles is most of a radian
+        of phase.
         """
         low, high = self.bounds
         long = [not effect(self.world.effects[a.index].effect).smooth and a.param.scale == "linear" for a in self.axes]
         size = np.where(long, 0.05, 0.02)
+        for i, a in enumerate(self.axes):
+            if not long[i] and a.param.scale == "linear" and not a.param.shape:
+                size[i] = np.clip(0.1 * abs(u[i] - self.forward(a.param.null, a)), SHORTEST, size[i])
         for i, a in enumerate(self.axes):
             step = self.freedom.nudge(effect(self.world.effects[a.index].effect), a.name)
             size[i] = size[i] if step is None else step / a.unit
