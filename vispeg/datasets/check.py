@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -146,11 +146,11 @@ def _numbers(data: Dataset) -> Iterator[str]:
             yield from _statistics(name, data.stats[name], real)
 
 
-def _statistics(name: str, stats: dict[str, Any], real: np.ndarray) -> Iterator[str]:
+def _statistics(name: str, stats: Mapping[str, object], real: np.ndarray) -> Iterator[str]:
     """Whether statistics are those of numbers (N, d)."""
     for key, value in (("min", real.min(axis=0)), ("max", real.max(axis=0)), ("mean", real.mean(axis=0))):
         try:
-            given = np.asarray(stats.get(key), float).reshape(-1)
+            given = np.asarray(stats.get(key), dtype=float).reshape(-1)
         except (TypeError, ValueError):
             given = np.array([])
         if given.shape != value.shape or not np.allclose(given, value, rtol=1e-4, atol=1e-6):

@@ -8,10 +8,10 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 from string import Formatter
-from typing import Any
+from typing import Any, TypedDict, cast
 
 from vispeg.core.errors import UserError
-from vispeg.datasets.layout import COUNTED, NUMBERS, VERSION, Feature, colour_of, depth_of, is_depth, pixel_shape
+from vispeg.datasets.layout import COUNTED, NUMBERS, VERSION, Feature, Info, colour_of, depth_of, is_depth, pixel_shape
 from vispeg.formats.format import Format
 from vispeg.formats.guard import is_file
 from vispeg.formats.json_data import read_json
@@ -27,7 +27,15 @@ ENTRIES = 10**9  # numbers of a feature in one frame
 MOST_FRAMES = 10**9
 
 
-def read_info(folder: Path) -> dict[str, Any]:
+class Made(TypedDict, total=False):
+    """How a dataset was rendered; empty where it was not rendered by this program."""
+
+    plan: Mapping[str, Any]
+    files: Mapping[str, str]
+    provenance: Mapping[str, object]
+
+
+def read_info(folder: Path) -> Info:
     """The content of `meta/info.json`.
 
     Raises:
@@ -53,7 +61,7 @@ def read_info(folder: Path) -> dict[str, Any]:
         raise UserError("not a rate", file=path, key="fps", expected="frames a second", got=fps)
     check_features(info["features"], path)
     _check_path(info["data_path"], path)
-    return info
+    return cast("Info", info)
 
 
 def check_features(features: Any, path: Path) -> None:
@@ -83,7 +91,7 @@ def check_features(features: Any, path: Path) -> None:
         unit = (feature.get("info") or {}).get("depth_unit", "m")
         if unit != "m":
             raise UserError("another unit", file=path, key=f"{key}.info.depth_unit", expected="m", got=unit)
-        if is_depth(feature) and len(shape) == 1:
+        if is_depth(cast("Feature", feature)) and len(shape) == 1:
             raise UserError(
                 "not a picture's shape", file=path, key=f"{key}.shape", expected="[height, width]", got=shape
             )
@@ -143,7 +151,7 @@ def cameras_of(records: Any, features: Mapping[str, Feature], path: Path, key: s
     return {camera.name: camera for camera in cameras}
 
 
-def read_made(folder: Path) -> dict[str, Any]:
+def read_made(folder: Path) -> Made:
     """How a dataset was rendered: plan, digests of files, provenance; {} where it was not rendered by this program."""
     path = folder / RENDER
     if not os.path.lexists(path):
@@ -159,10 +167,10 @@ def read_made(folder: Path) -> dict[str, Any]:
     for name, digest in record.get("files", {}).items():
         if not inside(name) or not isinstance(digest, str):
             raise UserError("not a file's digest", file=path, key=f"files.{name}", got=digest)
-    return record
+    return cast("Made", record)
 
 
-def read_stats(folder: Path) -> dict[str, Any]:
+def read_stats(folder: Path) -> Mapping[str, Mapping[str, object]]:
     """The content of `meta/stats.json`; {} where there is none."""
     path = folder / STATS
     stats = read_json(path) if os.path.lexists(path) else {}

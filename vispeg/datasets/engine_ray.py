@@ -90,7 +90,7 @@ def _ray() -> Any:
 def _connect(ray: Any, workers: int) -> None:
     address = os.environ.get("RAY_ADDRESS")
     environment = {"env_vars": dict.fromkeys(THREADS, "1") | _kept("MUJOCO_GL")}
-    quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": "error", "runtime_env": environment}
+    quiet = {"log_to_driver": False, "logging_level": "error", "runtime_env": environment}
     try:
         if address:
             _knock(address)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NotRequired, TypedDict, cast
 
 from vispeg.core.errors import UserError
 from vispeg.datasets.describe import number, whole
@@ -36,7 +36,38 @@ KINDS: Mapping[str, Callable[[Any], bool]] = {
 }
 
 
-def read_episodes(folder: Path, total: int) -> list[dict[str, Any]]:
+class Stretch(TypedDict):
+    """Where an episode lies among the frames of its dataset; other keys stand beside it."""
+
+    length: int
+    dataset_from_index: int
+
+
+EpisodeRow = TypedDict(
+    "EpisodeRow",
+    {
+        "length": int,
+        "dataset_from_index": int,
+        "dataset_to_index": int,
+        "episode_index": int,
+        "data/chunk_index": int,
+        "data/file_index": int,
+        "vispeg/seed": NotRequired[int | None],
+        "vispeg/look": NotRequired[int | None],
+        "vispeg/look_seed": NotRequired[int | None],
+        "vispeg/redraws": NotRequired[int | None],
+        "vispeg/redraws_exhausted": NotRequired[bool | None],
+        "vispeg/cut": NotRequired[bool | None],
+        "vispeg/success": NotRequired[bool | None],
+        "vispeg/category": NotRequired[str | None],
+        "vispeg/peak_force": NotRequired[float | None],
+        "vispeg/world": NotRequired[Mapping[str, Mapping[str, float]] | None],
+        "vispeg/cameras": NotRequired[list[Mapping[str, object]] | None],
+    },
+)
+
+
+def read_episodes(folder: Path, total: int) -> list[EpisodeRow]:
     """A mapping an episode, without statistics; drawn worlds and the like are decoded.
 
     Args:
@@ -49,7 +80,7 @@ def read_episodes(folder: Path, total: int) -> list[dict[str, Any]]:
     files = sorted((folder / FOLDER).glob("*/*.parquet"))
     if not files:
         raise UserError("has no episodes", file=folder / FOLDER)
-    rows: list[dict[str, Any]] = []
+    rows: list[EpisodeRow] = []
     for path in files:
         file = opened(path)
         names = [name for name in file.schema_arrow.names if not name.startswith("stats/")]
@@ -62,13 +93,13 @@ def read_episodes(folder: Path, total: int) -> list[dict[str, Any]]:
                 if key.startswith(OWN) and isinstance(value, str) and value[:1] in "{[":
                     row[key] = parse_json(value, path, f"row {i}, {key}")
         checked(found, {OWN + key: kind for key, kind in KINDS.items()}, path)
-        rows += found
+        rows += [cast("EpisodeRow", row) for row in found]
     rows.sort(key=lambda row: row["episode_index"])
     _follow(rows, folder, total)
     return rows
 
 
-def _follow(rows: list[dict[str, Any]], folder: Path, total: int) -> None:
+def _follow(rows: Sequence[EpisodeRow], folder: Path, total: int) -> None:
     """Raises UserError unless episodes follow one another without a gap and the total is theirs."""
     at, path = 0, folder / FOLDER
     for i, e in enumerate(rows):

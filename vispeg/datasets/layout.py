@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NotRequired, TypedDict
 
 import numpy as np
 
@@ -20,7 +20,35 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 VERSION = "v3.0"
-Feature = Mapping[str, Any]
+
+
+class Feature(TypedDict):
+    """One feature as `meta/info.json` describes it."""
+
+    dtype: str
+    shape: list[int]
+    names: list[str] | Mapping[str, object] | None
+    info: NotRequired[Mapping[str, object] | None]
+
+
+class Info(TypedDict):
+    """The content of `meta/info.json`."""
+
+    codebase_version: str
+    robot_type: NotRequired[str]
+    total_episodes: NotRequired[int]
+    total_frames: int
+    total_tasks: NotRequired[int]
+    chunks_size: NotRequired[int]
+    data_files_size_in_mb: NotRequired[int]
+    video_files_size_in_mb: NotRequired[int]
+    fps: float
+    splits: NotRequired[Mapping[str, str]]
+    data_path: str
+    video_path: NotRequired[str | None]
+    features: Mapping[str, Feature]
+
+
 NUMBERS = ("bool", *(f"{k}int{n}" for k in ("", "u") for n in (8, 16, 32, 64)), "float16", "float32", "float64")
 TRUTH = "observation.environment_state"
 COUNTED: dict[str, Feature] = {  # what every LeRobotDataset has beside its own
@@ -86,7 +114,7 @@ def picture(camera: Camera) -> Feature:
 
 def depth(camera: Camera) -> Feature:
     """A camera's planar depth: float32 in m, 0 where there is no reading."""
-    return _grid(camera, "float32") | {"info": {"depth_unit": "m"}}
+    return {**_grid(camera, "float32"), "info": {"depth_unit": "m"}}
 
 
 def parts(camera: Camera) -> Feature:
@@ -94,7 +122,7 @@ def parts(camera: Camera) -> Feature:
     return _grid(camera, "uint8")
 
 
-def _grid(camera: Camera, dtype: str) -> dict[str, Any]:
+def _grid(camera: Camera, dtype: str) -> Feature:
     return {"dtype": dtype, "shape": [camera.height, camera.width], "names": ["height", "width"]}
 
 
@@ -203,7 +231,15 @@ def _ends(count: int, each: int) -> pa.Array:
     return pa.array(np.arange(0, count * each + 1, each), pa.int32())
 
 
-def packing(features: Mapping[str, Feature]) -> dict[str, Any]:
+class Packing(TypedDict):
+    """Options of `pyarrow.parquet.ParquetWriter`."""
+
+    compression: str
+    use_dictionary: bool
+    use_byte_stream_split: list[str]
+
+
+def packing(features: Mapping[str, Feature]) -> Packing:
     """Options of a Parquet file of these features; bytes of depth are sorted by place, which halves what zstd needs."""
     depths = [name for name, f in features.items() if is_depth(f) and not is_image(f)]
     split = [f"{name}.list.element.list.element" for name in depths]

@@ -21,7 +21,7 @@ import numpy as np
 from vispeg.core.files import write_bytes_atomic, write_text_atomic
 from vispeg.datasets.describe import CAMERA_FILE, CAMERAS, INFO, RENDER, RENDER_FILE, STATS, TASKS
 from vispeg.datasets.episodes import FOLDER, OWN
-from vispeg.datasets.layout import VERSION, Layout, packing
+from vispeg.datasets.layout import VERSION, Info, Layout, packing
 from vispeg.datasets.models import FOLDER as MODELS
 from vispeg.datasets.models import ply
 from vispeg.datasets.plan import Plan
@@ -77,10 +77,10 @@ def place(folder: Path, part: Path, layout: Layout, shard: int, first_episode: i
     return len(rows)
 
 
-def _row(one: Mapping[str, Any], shard: int, number: int, first_frame: int) -> dict[str, Any]:
+def _row(one: Mapping[str, Any], shard: int, number: int, first_frame: int) -> dict[str, object]:
     """A line of `meta/episodes`."""
     chunk, file = divmod(shard, CHUNK)
-    row: dict[str, Any] = {
+    row: dict[str, object] = {
         "episode_index": number,
         "tasks": [one["about"]["task"]],
         "length": one["length"],
@@ -129,7 +129,7 @@ def finish(folder: Path, plan: Plan, layout: Layout, provenance: Mapping[str, An
     write_text_atomic(folder / INFO, described, overwrite=True)
 
 
-def info(layout: Layout, frames: int, episodes: int) -> dict[str, Any]:
+def info(layout: Layout, frames: int, episodes: int) -> Info:
     """The content of `meta/info.json`."""
     rate = int(layout.fps) if layout.fps == int(layout.fps) else layout.fps
     return {
@@ -154,7 +154,7 @@ def _tasks(task: str) -> bytes:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    def described(name: str, kind: str, numpy: str) -> dict[str, Any]:
+    def described(name: str, kind: str, numpy: str) -> dict[str, str | None]:
         return {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy, "metadata": None}
 
     note = {

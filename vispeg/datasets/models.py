@@ -48,14 +48,14 @@ def read_models(folder: Path) -> dict[str, Mesh]:
     return {path.stem: read_ply(path) for path in sorted((folder / FOLDER).glob("*.ply"))}
 
 
-def described(mesh: Mesh) -> Mapping[str, Any]:
+def described(mesh: Mesh) -> Mapping[str, object]:
     """What BOP's models_info.json says of a mesh, in its unit: diameter, extent, symmetries about its own z axis."""
     vertices = mesh[0]
     low, size = vertices.min(axis=0), np.ptp(vertices, axis=0)
     numbers = {"diameter": _diameter(vertices)}
     numbers |= {f"min_{axis}": v for axis, v in zip("xyz", low, strict=True)}
     numbers |= {f"size_{axis}": v for axis, v in zip("xyz", size, strict=True)}
-    out: dict[str, Any] = {key: round(float(value), 5) for key, value in numbers.items()}
+    out: dict[str, object] = {key: round(float(value), 5) for key, value in numbers.items()}
     if _same_turned(vertices, 2 * np.pi / TURNS):
         return out | {"symmetries_continuous": [{"axis": [0, 0, 1], "offset": [0, 0, 0]}]}
     if _same_turned(vertices, np.pi / 2):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -101,7 +101,7 @@ def values(feature: Feature, column: Any, path: Path, name: str) -> Any:
     return found.reshape(rows, *(() if shape == (1,) else shape))
 
 
-def checked(rows: list[dict[str, Any]], kinds: Mapping[str, Callable[[Any], bool]], path: Path) -> None:
+def checked(rows: Sequence[Mapping[str, object]], kinds: Mapping[str, Callable[[Any], bool]], path: Path) -> None:
     """Raises UserError where an entry of a table's lines is not of its kind; None and entries without a kind pass."""
     for i, row in enumerate(rows):
         for key, right in kinds.items():

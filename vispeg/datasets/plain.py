@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -55,7 +54,7 @@ def write_plain(source: Path, out: Path) -> None:
 
 
 def _table(path: Path, data: Dataset, frames: dict[str, np.ndarray]) -> None:
-    columns: dict[str, Any] = {}
+    columns: dict[str, list[object]] = {}
     for name, feature in data.features.items():
         if is_picture(feature):
             continue

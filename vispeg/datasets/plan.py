@@ -67,7 +67,7 @@ class Plan:
         """Seed of the `number`-th physical episode of a shard, below 2^31."""
         return int(stream(self.seed, "dataset", shard, number).integers(2**31))
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> Mapping[str, object]:
         """As JSON values."""
         return {**asdict(self), "cameras": list(self.cameras)}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import Counter, OrderedDict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -13,9 +13,9 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.datasets.codec import decode
-from vispeg.datasets.describe import cameras_of, read_cameras, read_info, read_made, read_stats
-from vispeg.datasets.episodes import FOLDER, OWN, read_episodes
-from vispeg.datasets.layout import Feature, is_image, is_picture, pixel_shape, pixel_type
+from vispeg.datasets.describe import Made, cameras_of, read_cameras, read_info, read_made, read_stats
+from vispeg.datasets.episodes import FOLDER, OWN, EpisodeRow, read_episodes
+from vispeg.datasets.layout import is_image, is_picture, pixel_shape, pixel_type
 from vispeg.datasets.models import Mesh, read_models
 from vispeg.datasets.parquet import opened, table, values
 from vispeg.render.camera import Camera
@@ -45,7 +45,7 @@ class Dataset:
     def __init__(self, folder: str | Path, features: Iterable[str] | None = None):
         self.folder = Path(folder).expanduser()
         self.info = read_info(self.folder)
-        known: dict[str, Feature] = self.info["features"]
+        known = self.info["features"]
         for name in features or ():
             if name not in known:
                 raise UserError("the dataset has no such feature", file=folder, got=name, choices=known)
@@ -81,7 +81,7 @@ class Dataset:
         return out
 
     @cached_property
-    def episodes(self) -> list[dict[str, Any]]:
+    def episodes(self) -> list[EpisodeRow]:
         """What `meta/episodes` says of each episode, without statistics; drawn worlds and the like are decoded."""
         return read_episodes(self.folder, len(self))
 
@@ -108,7 +108,7 @@ class Dataset:
         return self.cameras | cameras_of(records, self.info["features"], self.folder / FOLDER, place)
 
     @cached_property
-    def made(self) -> dict[str, Any]:
+    def made(self) -> Made:
         """How it was rendered: plan, digests of files, provenance; {} where it was not rendered by this program."""
         return read_made(self.folder)
 
@@ -118,13 +118,13 @@ class Dataset:
         return read_models(self.folder)
 
     @cached_property
-    def stats(self) -> dict[str, Any]:
+    def stats(self) -> Mapping[str, Mapping[str, object]]:
         """The content of `meta/stats.json`."""
         return read_stats(self.folder)
 
     def numbers(self, name: str) -> np.ndarray:
         """A feature of all frames at once, (N, ...); pictures are refused."""
-        known: dict[str, Feature] = self.info["features"]
+        known = self.info["features"]
         if name not in known or is_picture(known[name]):
             choices = [k for k, f in known.items() if not is_picture(f)]
             raise UserError("no such numbers", file=self.folder, got=name, choices=choices)
@@ -164,11 +164,11 @@ class Dataset:
             seen[file] += 1
         return out, seen
 
-    def _data_file(self, e: dict[str, Any]) -> Path:
+    def _data_file(self, e: EpisodeRow) -> Path:
         name = self.info["data_path"].format(chunk_index=e["data/chunk_index"], file_index=e["data/file_index"])
         return self.folder / name
 
-    def _columns(self, number: int) -> dict[str, Any]:
+    def _columns(self, number: int) -> Mapping[str, Any]:
         """An episode's features: arrays, or encoded pictures."""
         if number in self._kept:
             self._kept.move_to_end(number)

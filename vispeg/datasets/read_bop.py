@@ -6,10 +6,10 @@ through a camera of its own. Masks of visible parts become label pictures, in wh
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NotRequired, TypedDict
 
 import numpy as np
 
@@ -29,6 +29,21 @@ TOLD, CAMERA, TRUTH = "dataset_info.json", "scene_camera.json", "scene_gt.json"
 INFO = "models/models_info.json"
 ANY = "camera"
 MM = 1e-3  # m
+
+
+class PictureCamera(TypedDict):
+    """A picture's entry in scene_camera.json; other keys may stand beside these."""
+
+    cam_K: list[float]
+    depth_scale: NotRequired[float]
+
+
+class ObjectPose(TypedDict):
+    """An object's entry in scene_gt.json; other keys may stand beside these."""
+
+    obj_id: int
+    cam_R_m2c: list[float]
+    cam_t_m2c: list[float]
 
 
 class Bop(Stored):
@@ -65,7 +80,7 @@ class Bop(Stored):
             first += lengths[names[0]]
         self.info, self.made = {"fps": None}, {}
 
-    def _frames(self, scene: Path) -> dict[int, dict[str, Any]]:
+    def _frames(self, scene: Path) -> dict[int, PictureCamera]:
         """Number of each picture -> its camera's entry, in order."""
         path = scene / CAMERA
         record = read_json(path)
@@ -114,7 +129,7 @@ class Bop(Stored):
                 out[read_picture(path, feature) > 0] = 1 + order.index(entry["obj_id"])
         return out
 
-    def _poses(self, scene: Path) -> dict[str, list[dict[str, Any]]]:
+    def _poses(self, scene: Path) -> Mapping[str, list[ObjectPose]]:
         """Poses of the objects by picture. Raises UserError for what is no pose."""
         path = scene / TRUTH
         if not is_file(path):

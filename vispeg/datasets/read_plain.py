@@ -10,7 +10,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.datasets.describe import check_features, number, whole
-from vispeg.datasets.episodes import KINDS, OWN
+from vispeg.datasets.episodes import KINDS, OWN, Stretch
 from vispeg.datasets.layout import Feature, entries_of, is_picture, short_of
 from vispeg.datasets.parquet import checked
 from vispeg.datasets.plain import CAMERAS, PLAIN, WHOLE
@@ -44,7 +44,7 @@ class Plain(Stored):
             got = record["total_frames"]
             raise UserError("not those of the episodes", file=path, key="total_frames", expected=len(self), got=got)
 
-    def _episodes(self) -> list[dict]:
+    def _episodes(self) -> list[Stretch]:
         out, first = [], 0
         folders = sorted(self.folder.glob("episode-*"))
         if not folders:

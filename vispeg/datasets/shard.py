@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vispeg.datasets.episode import Episode
 from vispeg.datasets.layout import Layout, column, packing, schema
 from vispeg.datasets.plan import Plan, Shard
-from vispeg.datasets.stats import of_numbers
+from vispeg.datasets.stats import Stats, of_numbers
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -62,7 +62,7 @@ def drawn(frames: int) -> None:
     _TICK.get()(frames)
 
 
-def counted(layout: Layout, episode: Episode, number: int, first: int) -> tuple[pa.Table, dict[str, Any]]:
+def counted(layout: Layout, episode: Episode, number: int, first: int) -> tuple[pa.Table, dict[str, Stats]]:
     """An episode's table, and the statistics of what is only counted.
 
     Args:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,8 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.datasets.codec import DEPTH_STEP, decode
+from vispeg.datasets.describe import Made
+from vispeg.datasets.episodes import Stretch
 from vispeg.datasets.layout import Feature, is_depth, pixel_shape
 from vispeg.formats.guard import MB, read_bytes
 from vispeg.render.camera import Camera
@@ -38,9 +40,9 @@ class Stored(ABC):
     features: Mapping[str, Feature]
     cameras: Mapping[str, Camera]
     parts: tuple[str, ...]
-    episodes: list[dict[str, Any]]
-    info: dict[str, Any]
-    made: dict[str, Any]
+    episodes: Sequence[Stretch]
+    info: Mapping[str, Any]
+    made: Made
 
     def __init__(self, folder: str | Path):
         self.folder = Path(folder).expanduser()

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import NotRequired, TypedDict
 
 import torch
 from safetensors import SafetensorError
@@ -19,7 +20,27 @@ from vispeg.learn.sac import AsymmetricSAC
 from vispeg.learn.tensors import adam, fill, wake, write
 
 
-def save_state(folder: Path, model: AsymmetricSAC, counters: dict[str, Any]) -> None:
+class Counters(TypedDict):
+    """What a run knows beside its networks.
+
+    Keys:
+        command: that began the run; absent of older runs.
+        stage: of the curriculum.
+        best: success and less force of the best policy so far.
+        reached: evaluations in a row that reached the target.
+        recent: success and category of the last training episodes.
+        ranges: see `vispeg.learn.ranges.Opening.state`.
+    """
+
+    command: NotRequired[str]
+    stage: int
+    best: list[float]
+    reached: int
+    recent: list[tuple[bool, str]]
+    ranges: Mapping[str, object] | None
+
+
+def save_state(folder: Path, model: AsymmetricSAC, counters: Counters) -> None:
     """Writes weights, optimizers, temperature, replay, random states and counters into an existing folder.
 
     What is not written is the environments' state: call this just before `AsymmetricSAC.restart`, after which nothing
@@ -41,7 +62,7 @@ def save_state(folder: Path, model: AsymmetricSAC, counters: dict[str, Any]) -> 
     (folder / "state.json").write_text(json.dumps(own, indent=1) + "\n", encoding="utf-8")
 
 
-def load_state(folder: Path, model: AsymmetricSAC) -> dict[str, Any]:
+def load_state(folder: Path, model: AsymmetricSAC) -> Counters:
     """Puts a model made by the same settings into the state that `save_state` wrote; returns its counters.
 
     Raises:
@@ -66,7 +87,7 @@ def load_state(folder: Path, model: AsymmetricSAC) -> dict[str, Any]:
         model.replay.refused = int(own["refused"])
         model.num_timesteps, model._n_updates = int(own["num_timesteps"]), int(own["n_updates"])
         model._owed, model.measured = float(own["owed"]), bool(own["measured"])
-        return dict(own["counters"])
+        return own["counters"]
 
 
 def _random(model: AsymmetricSAC) -> dict[str, Tensor]:

@@ -97,6 +97,6 @@ def open_policy(folder: str | Path) -> Policy:
     """What a policy's folder holds: one network, or two of which one takes over. Raises UserError as `load` does."""
     path = policy_folder(folder)
     record = read_record(path)
-    if record["format"] != PAIR.name:
+    if "within" not in record:
         return load(path)
     return CoarseToFine(load(path / COARSE), load(path / FINE), float(record["within"]), record["meta"])

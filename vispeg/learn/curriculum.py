@@ -40,7 +40,7 @@ class Curriculum:
         self.at += 1
         return True
 
-    def settings(self, given: Mapping[str, Any]) -> dict[str, Any]:
+    def settings(self, given: Mapping[str, Any]) -> Mapping[str, Any]:
         """The task's settings at this stage, from the run's own."""
         own = {"clearance_mm": self.stage.clearance_mm, "start_radius": self.stage.radius}
         return {**given, **{key: value for key, value in own.items() if value is not None}}

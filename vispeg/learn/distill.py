@@ -26,7 +26,7 @@ from vispeg.learn.checkpoint import restart_seed
 from vispeg.learn.clone import CloneSettings, clone
 from vispeg.learn.policy import NetPolicy
 from vispeg.learn.replay import Replay
-from vispeg.learn.rounds import Rounds
+from vispeg.learn.rounds import RoundResult, Rounds
 from vispeg.learn.sb3_env import Sb3Env
 from vispeg.learn.teacher import Teacher
 
@@ -190,7 +190,7 @@ def distill(
     teacher: Teacher,
     settings: DistillSettings,
     seed: int,
-    watch: Callable[[int, float], dict[str, Any]] | None = None,
+    watch: Callable[[int, float], RoundResult] | None = None,
     rounds: Rounds | None = None,
 ) -> list[Replay]:
     """Runs all rounds; moves `actor`.
@@ -225,7 +225,7 @@ def imitate(
     shown: Replay,
     settings: DistillSettings,
     seed: int,
-    watch: Callable[[int, float], dict[str, Any]] | None = None,
+    watch: Callable[[int, float], RoundResult] | None = None,
     rounds: Rounds | None = None,
 ) -> None:
     """Behaviour cloning of what is there, with the updates of all rounds and watched after as many; moves `actor`.
@@ -244,7 +244,7 @@ def _learn(
     played: Callable[[int, float], Replay] | None,
     settings: DistillSettings,
     seed: int,
-    watch: Callable[[int, float], dict[str, Any]] | None,
+    watch: Callable[[int, float], RoundResult] | None,
     rounds: Rounds | None,
 ) -> list[Replay]:
     """Rounds of cloning from what was shown and from what each of them (number, beta) plays before; returns both."""
@@ -252,7 +252,8 @@ def _learn(
     done, rings = 0, list(shown)
     if rounds is not None:
         rounds.restore(actor, optimizer)
-        done = len(settings.betas) if rounds.state.get("stop") else rounds.done
+        state = rounds.state
+        done = len(settings.betas) if state is not None and state.get("stop") else rounds.done
         rings += rounds.rings() if played is not None else []
     for number, beta in list(enumerate(settings.betas))[done:]:
         own = None if played is None else played(number, beta)
@@ -262,7 +263,7 @@ def _learn(
         shares = [(ring, float(len(ring))) for ring in rings]
         rng = stream(seed, "clone", number)
         loss = clone(actor, shares, settings.updates, settings.clone, rng, optimizer=optimizer)
-        told = watch(number, loss) if watch is not None else {}
+        told: RoundResult = watch(number, loss) if watch is not None else {}
         if rounds is not None:
             rounds.keep(own, actor, optimizer, told)
         if told.get("stop"):

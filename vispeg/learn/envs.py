@@ -8,7 +8,7 @@ from typing import Any
 
 from gymnasium.vector import AutoresetMode, VectorEnv
 
-from vispeg.learn.meta import interface
+from vispeg.learn.meta import Origin, interface
 from vispeg.learn.modalities import Modality, modality
 from vispeg.learn.policy import Policy
 from vispeg.learn.settings import SacSettings
@@ -33,7 +33,7 @@ def maker(seen: Modality, world: str, sac: SacSettings, threads: int, dump: Path
     return make
 
 
-def describe(env: Any) -> dict[str, Any]:
+def describe(env: Any) -> Origin:
     """What a policy's record says of the world and task it was trained in; empty for other environments."""
     config = getattr(env, "config", None)
     if config is None:

@@ -25,7 +25,7 @@ from vispeg.learn.device import device_of
 from vispeg.learn.distill import collect, demonstrations
 from vispeg.learn.envs import HELD_OUT, MakeEnv, describe, home, of_policy
 from vispeg.learn.evaluation import run_episodes, success_rate
-from vispeg.learn.meta import worlds
+from vispeg.learn.meta import Origin, worlds
 from vispeg.learn.policy import NetPolicy, load, save
 from vispeg.learn.replay import Replay
 from vispeg.learn.sb3_env import Sb3Env
@@ -116,7 +116,7 @@ def finetune(
         before = _success(policy, env, settings.episodes)
         say(f"before: {before:.0%} of {settings.episodes} episodes in the target world")
         rings: list[tuple[Replay, float]] = []
-        others: list[dict[str, Any]] = []  # of the worlds that it learns in beside the target
+        others: list[Origin] = []  # of the worlds that it learns in beside the target
         if dataset is not None:
             others.append(made_in(dataset))
             ring = from_folder(dataset, policy.modality, actor.layout, seed, actor.device)

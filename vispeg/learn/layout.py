@@ -91,7 +91,7 @@ class Layout:
         vectors = {key: (length,) for key, length in self.vectors.items()}
         return {**vectors, **{key: tuple(shape) for key, shape in self.images.items()}}
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> Mapping[str, object]:
         """Ready for JSON; `from_json` reads it."""
         return {
             "vector": self.vector,

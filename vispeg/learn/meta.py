@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypedDict
 
 from vispeg.task.registry import config_of, task_of
 from vispeg.task.terms import Observation
@@ -13,7 +13,7 @@ INTERFACE = ("name", "stack", "dof", "offset", "turn", "policy_period", "cameras
 # of the task: what a policy sees and what its actions mean, kept in every world
 
 
-def interface(meta: Mapping[str, Any]) -> dict[str, Any]:
+def interface(meta: Mapping[str, Any]) -> Mapping[str, Any]:
     """The part of the task (TaskConfig's fields) that a policy was made for, as far as its record has it."""
     task = meta.get("task") or {}
     own = {key: task[key] for key in INTERFACE if task.get(key) is not None}
@@ -32,7 +32,30 @@ def clearance_of(meta: Mapping[str, Any]) -> float | None:
     return float(own) if isinstance(own, (int, float)) else None
 
 
-def worlds(*metas: Mapping[str, Any]) -> dict[str, Any]:
+class Origin(TypedDict, total=False):
+    """World and task of an environment or a dataset, as a policy's record has them; empty where nothing is said.
+
+    Keys:
+        world: its name, or None.
+        world_hash: its hash, or None.
+        world_parts: hash -> name of what it is put together from.
+        task: settings.
+    """
+
+    world: str | None
+    world_hash: str | None
+    world_parts: Mapping[str, str]
+    task: Mapping[str, Any]
+
+
+class MadeIn(TypedDict):
+    """The worlds that a policy was trained or fine-tuned in: their hashes, and hash -> name of their parts."""
+
+    world_hashes: list[str]
+    world_parts: dict[str, str]
+
+
+def worlds(*metas: Mapping[str, Any]) -> MadeIn:
     """The worlds that policies of these records were trained or fine-tuned in, ready for a record.
 
     Records that do not say what their worlds are put together from are taken to mean the built-in world that they name.

@@ -10,7 +10,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import NotRequired, TypedDict
 
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
@@ -39,6 +39,26 @@ COLUMNS = (
 )
 
 
+class Row(TypedDict):
+    """A row of progress.csv; see docs/learning.md for what the columns mean."""
+
+    steps: int
+    seconds: float
+    updates: int
+    stage: int | str
+    success: float
+    reward: float
+    peak_force: float
+    episode_steps: float
+    failures: str
+    critic_loss: float | None
+    actor_loss: float | None
+    entropy: float | None
+    temperature: float | None
+    train_success: NotRequired[float]
+    level: NotRequired[float | None]
+
+
 class Table:
     """progress.csv: a row an evaluation. Rows past the step from which a run goes on are dropped.
 
@@ -53,7 +73,7 @@ class Table:
 
     def __init__(self, path: Path, upto: int, rounds: float = math.inf):
         self.path = path
-        self.rows: list[dict[str, Any]] = []
+        self.rows: list[dict[str, str]] = []
         if path.is_file():
             with as_written(path, "vispeg train"):
                 found = list(csv.DictReader(io.StringIO(read_text(path, 64 * MB), newline="")))
@@ -64,7 +84,7 @@ class Table:
         """Wall clock of the rows so far."""
         return float(self.rows[-1]["seconds"]) if self.rows else 0.0
 
-    def add(self, row: Mapping[str, Any]) -> None:
+    def add(self, row: Row) -> None:
         """Adds a row and writes the whole file anew."""
         self.rows.append({name: _cell(row.get(name)) for name in COLUMNS})
         lines = [",".join(COLUMNS), *(",".join(str(row.get(name, "")) for name in COLUMNS) for row in self.rows)]
@@ -160,7 +180,7 @@ def _before(row: Mapping[str, str], upto: int, rounds: float) -> bool:
     return int(row["stage"].removeprefix("distill ")) < rounds
 
 
-def _cell(value: Any) -> Any:
+def _cell(value: object) -> str:
     if value is None:
         return ""
-    return f"{value:.5g}" if isinstance(value, float) else value
+    return f"{value:.5g}" if isinstance(value, float) else str(value)

@@ -57,9 +57,9 @@ class Opening:
         """Of the episodes that begin next, 0 to 1; of ranges that go each by itself, the mean."""
         return float(np.mean([*self.levels.values()])) if isinstance(self.levels, dict) else self.levels
 
-    def state(self) -> dict[str, Any]:
+    def state(self) -> Mapping[str, object]:
         """For a checkpoint, as JSON. A run that is prolonged keeps its schedule."""
-        return {"steps": self.steps} | (self.adaptive.state() if self.adaptive is not None else {})
+        return {"steps": self.steps, **(self.adaptive.state() if self.adaptive is not None else {})}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Goes on from what `state` gave. Raises UserError if that is of a world with other ranges."""

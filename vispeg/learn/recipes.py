@@ -17,7 +17,7 @@ from vispeg.learn.config import TrainConfig
 from vispeg.learn.distill import DistillSettings, distill, imitate
 from vispeg.learn.envs import MakeEnv
 from vispeg.learn.progress import Bar, Table
-from vispeg.learn.rounds import ROUNDS, Rounds, keep_ring
+from vispeg.learn.rounds import ROUNDS, RoundResult, Rounds, keep_ring
 from vispeg.learn.run_folder import begin, settled
 from vispeg.learn.shown import from_folder
 from vispeg.learn.teacher import Teacher, teacher_of
@@ -57,17 +57,17 @@ def distilled(
         teacher = teacher or teacher_of(str(config.teacher), run.env.env.config)  # type: ignore[attr-defined]
     begin(config, folder)
     rounds = Rounds(folder / ROUNDS, run.model.replay)
-    known = rounds.state
-    if known:
-        run.best, run.command = (known["best"][0], known["best"][1]), known["command"]
-    reached = int(known.get("reached", 0))  # rounds in a row, as of SAC's own evaluations afterwards
+    before: RoundResult = rounds.state or {}
+    if "best" in before and "command" in before:
+        run.best, run.command = (before["best"][0], before["best"][1]), before["command"]
+    reached = int(before.get("reached", 0))  # rounds in a row, as of SAC's own evaluations afterwards
     table = Table(folder / "progress.csv", 0, rounds.done)
     bar, started = Bar(len(settings.betas), show), time.monotonic() - table.seconds
 
-    def tell(number: int, loss: float) -> dict[str, Any]:
+    def tell(number: int, loss: float) -> RoundResult:
         nonlocal reached
         row = run.row(run.evaluate(), time.monotonic() - started)
-        row |= {"updates": (number + 1) * settings.updates, "stage": f"distill {number}", "actor_loss": loss}
+        row["updates"], row["stage"], row["actor_loss"] = (number + 1) * settings.updates, f"distill {number}", loss
         row["steps"] = (number + 1) * settings.steps if shown is None else 0
         table.add(row)
         bar.say(line(row))
@@ -94,5 +94,4 @@ def distill_settings(given: Any) -> DistillSettings:
     for key in given:
         if key not in known:
             raise UserError("unknown key", key=f"distill.{key}", got=key, choices=known)
-    own: dict[str, Any] = {key: tuple(value) if key == "betas" else value for key, value in given.items()}
-    return DistillSettings(**own)
+    return DistillSettings(**{key: tuple(value) if key == "betas" else value for key, value in given.items()})

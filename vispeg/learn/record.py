@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NotRequired, TypedDict, cast
 
 from vispeg.core.assets import assets
 from vispeg.core.errors import UserError
@@ -39,7 +39,26 @@ def _example_of_two(folder: Path) -> Path:
 
 @enrol(PAIR.name, _example_of_two)
 @enrol(NETWORK.name, _example)
-def read_record(folder: Path) -> dict[str, Any]:
+class Net(TypedDict):
+    """Widths of a network's layers and of its memory (0: none)."""
+
+    hidden: list[int]
+    recurrent: int
+
+
+class PolicyRecord(TypedDict):
+    """policy.json. Of two networks in one: `within`, in m, and neither `layout` nor `net`."""
+
+    format: str
+    modality: str
+    meta: Mapping[str, Any]
+    layout: NotRequired[Mapping[str, Any]]
+    net: NotRequired[Net]
+    weights: NotRequired[str]
+    within: NotRequired[float]
+
+
+def read_record(folder: Path) -> PolicyRecord:
     """The content of a policy's policy.json, of one network or of two; `format` says which.
 
     Raises:
@@ -56,7 +75,7 @@ def read_record(folder: Path) -> dict[str, Any]:
         within = record["within"]
         if isinstance(within, bool) or not isinstance(within, int | float) or not 0 < within <= 1:
             raise UserError("not a distance", file=path, key="within", expected="metres, above 0", got=within)
-        return {"format": kind.name, **record}
+        return cast("PolicyRecord", {"format": kind.name, **record})
     if not isinstance(record["modality"], str):
         raise UserError("not a modality", file=path, key="modality", got=record["modality"])
     try:
@@ -74,10 +93,10 @@ def read_record(folder: Path) -> dict[str, Any]:
         raise UserError("not a width", file=path, key="net.recurrent", expected=f"0 to {WIDEST}", got=recurrent)
     if not isinstance(record.get("weights", ""), str):
         raise UserError("not a hash", file=path, key="weights", expected="sha256:...", got=record["weights"])
-    return {"format": kind.name, **record}
+    return cast("PolicyRecord", {"format": kind.name, **record})
 
 
-def check_weights(folder: Path, record: Mapping[str, Any]) -> None:
+def check_weights(folder: Path, record: PolicyRecord) -> None:
     """Raises UserError where the weights are others than the record was written with; older records do not say."""
     path = folder / WEIGHTS
     if not is_file(path):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import NotRequired, TypedDict, cast
 
 import torch
 from safetensors import SafetensorError
@@ -21,6 +21,29 @@ from vispeg.learn.tensors import adam, fill, wake, write
 ROUNDS = "rounds"  # of a distillation that is not finished, in the run's folder
 
 
+class RoundResult(TypedDict):
+    """What is known after a round.
+
+    Keys:
+        best: success and less force of the best student so far.
+        command: that began the run.
+        reached: rounds in a row that reached the target.
+        stop: whether no more rounds follow.
+    """
+
+    best: NotRequired[list[float]]
+    command: NotRequired[str]
+    reached: NotRequired[int]
+    stop: NotRequired[bool]
+
+
+class RoundState(RoundResult):
+    """The same, how many rounds are finished, and the file of the last one's weights."""
+
+    rounds: int
+    student: str
+
+
 class Rounds:
     """The rounds in a folder: each one's transitions, and the student with its optimizer after the last.
 
@@ -33,25 +56,26 @@ class Rounds:
         self.folder, self.like = folder, like
 
     @property
-    def state(self) -> dict[str, Any]:
-        """What `keep` was told of the last finished round; empty before the first.
+    def state(self) -> RoundState | None:
+        """What `keep` was told of the last finished round; None before the first.
 
         Raises:
             UserError: the file is damaged.
         """
         path = self.folder / "state.json"
         if not path.exists():
-            return {}
+            return None
         with as_written(path, "vispeg train"):
             state = read_json(path, finite=False)
-            return {**state, "rounds": int(state["rounds"]), "student": str(state["student"])}
+            return cast("RoundState", {**state, "rounds": int(state["rounds"]), "student": str(state["student"])})
 
     @property
     def done(self) -> int:
         """How many rounds are finished."""
-        return self.state.get("rounds", 0)
+        state = self.state
+        return 0 if state is None else state["rounds"]
 
-    def keep(self, ring: Replay | None, actor: Actor, optimizer: torch.optim.Optimizer, told: dict[str, Any]) -> None:
+    def keep(self, ring: Replay | None, actor: Actor, optimizer: torch.optim.Optimizer, told: RoundResult) -> None:
         """Stores one more round. `told` (JSON) comes back as `state`, which is written last: only then it counts."""
         done = self.done
         self.folder.mkdir(exist_ok=True)
@@ -73,7 +97,7 @@ class Rounds:
             UserError: a file is missing, damaged, or of another student.
         """
         state = self.state
-        if not state:
+        if state is None:
             return
         path = self.folder / state["student"]
         try:

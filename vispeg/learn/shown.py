@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Container
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -15,6 +14,7 @@ from vispeg.datasets.episodes import OWN
 from vispeg.datasets.layout import colour_of, depth_of, truth_of
 from vispeg.datasets.read import Dataset
 from vispeg.learn.layout import PRIVILEGED, Layout
+from vispeg.learn.meta import Origin
 from vispeg.learn.modalities import modality as modality_of
 from vispeg.learn.replay import Replay
 from vispeg.render.image_kinds import DEPTH, GOAL_TOLD, camera_of, kind_of
@@ -70,7 +70,7 @@ def from_folder(
     if not numbers:
         raise UserError("no episode of the dataset succeeded", file=folder, got=f"{len(known.episodes)} that did not")
     first = data.episode(numbers[0])
-    boxes: dict[str, Any] = {key: _box(key, _channels_first(key, first[names[key]])) for key in keys}
+    boxes: dict[str, spaces.Space] = {key: _box(key, _channels_first(key, first[names[key]])) for key in keys}
     for key, shape in wanted.items():
         if boxes[key].shape != shape:
             raise UserError("made for another observation", file=folder, key=key, expected=shape, got=boxes[key].shape)
@@ -102,7 +102,7 @@ def successes(data: Dataset) -> list[int]:
     """Numbers of the episodes that succeeded, by `meta/episodes` or by `next.success`; all where neither is there."""
     rows = data.episodes
     if all(SUCCESS in row for row in rows):
-        return [number for number, row in enumerate(rows) if row[SUCCESS]]
+        return [number for number, row in enumerate(rows) if row.get(SUCCESS)]
     if REACHED not in data.info["features"]:
         return list(range(len(rows)))
     reached = data.numbers(REACHED)
@@ -110,7 +110,7 @@ def successes(data: Dataset) -> list[int]:
     return [number for number, span in enumerate(spans) if reached[span].any()]
 
 
-def made_in(folder: str | Path) -> dict[str, Any]:
+def made_in(folder: str | Path) -> Origin:
     """The dataset's world as a policy's record has it; empty entries where the dataset does not say."""
     plan = Dataset(folder).made.get("plan") or {}
     return {"world": plan.get("world"), "world_hash": plan.get("world_hash")}
@@ -123,7 +123,7 @@ def _channels_first(key: str, value: np.ndarray) -> np.ndarray:
     return value[:, None] if value.ndim == 3 else np.moveaxis(value, -1, 1)
 
 
-def _box(key: str, value: np.ndarray) -> Any:
+def _box(key: str, value: np.ndarray) -> spaces.Box:
     kind = kind_of(key)
     if kind is not None and not kind.gaps:
         return spaces.Box(0, kind.high, value.shape[1:], kind.dtype)

@@ -9,6 +9,7 @@ import shutil
 import sys
 import time
 from collections import deque
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder, recover
 from vispeg.core.lock import claimed
 from vispeg.core.provenance import command_line, provenance
-from vispeg.learn.checkpoint import load_state, restart_seed, save_state
+from vispeg.learn.checkpoint import Counters, load_state, restart_seed, save_state
 from vispeg.learn.clone import CloneSettings
 from vispeg.learn.config import TrainConfig, read_config
 from vispeg.learn.curriculum import Curriculum
@@ -30,7 +31,7 @@ from vispeg.learn.evaluation import Outcome, run_episodes, success_rate
 from vispeg.learn.meta import worlds
 from vispeg.learn.modalities import modality as modality_of
 from vispeg.learn.policy import NetPolicy, save
-from vispeg.learn.progress import Bar, Table, Watch, failures, tensorboard
+from vispeg.learn.progress import Bar, Row, Table, Watch, failures, tensorboard
 from vispeg.learn.ranges import Opening
 from vispeg.learn.rounds import ROUNDS, kept_ring
 from vispeg.learn.run_folder import begin, begun_by, is_distilled, same_run
@@ -135,12 +136,13 @@ class SacRun:
                 model.learn(more, watch, log_interval=None, reset_num_timesteps=False)  # type: ignore[arg-type]
                 outcomes = self.evaluate()
                 level = None if self.opening is None else self.opening.level
-                row = self.row(outcomes, time.monotonic() - started) | {"train_success": watch.success, "level": level}
+                row = self.row(outcomes, time.monotonic() - started)
+                row["train_success"], row["level"] = watch.success, level
                 table.add(row)  # first, because a row without its checkpoint is dropped again, and none is missing
                 self._note(row)
                 for name in ("success", "reward", "peak_force", "train_success", "level"):
-                    if row[name] is not None:
-                        logger.record(f"eval/{name}", row[name])
+                    if (value := row.get(name)) is not None:
+                        logger.record(f"eval/{name}", value)
                 logger.dump(model.num_timesteps)
                 bar.say(line(row))
                 self._restart()
@@ -159,7 +161,7 @@ class SacRun:
         policy = NetPolicy(self.model.actor, self.modality.name)
         return run_episodes(policy, self.judge, range(HELD_OUT, HELD_OUT + self.config.episodes))
 
-    def row(self, outcomes: list[Outcome], seconds: float) -> dict[str, Any]:
+    def row(self, outcomes: list[Outcome], seconds: float) -> Row:
         """A row of progress.csv."""
         told = self.model.logger.name_to_value
         return {
@@ -172,10 +174,13 @@ class SacRun:
             "peak_force": float(np.mean([o.info.get("peak_force", 0.0) for o in outcomes])),
             "episode_steps": float(np.mean([o.steps for o in outcomes])),
             "failures": failures([o.category for o in outcomes]),
-            **{name: told.get(f"train/{name}") for name in ("critic_loss", "actor_loss", "entropy", "temperature")},
+            "critic_loss": told.get("train/critic_loss"),
+            "actor_loss": told.get("train/actor_loss"),
+            "entropy": told.get("train/entropy"),
+            "temperature": told.get("train/temperature"),
         }
 
-    def keep(self, row: dict[str, Any], contender: bool = True) -> None:
+    def keep(self, row: Row, contender: bool = True) -> None:
         """Exports the actor, and as the best if it did better than ever: more successes, or as many with less force.
 
         Every evaluation's actor is kept, bad ones too: how well success at home foretells success elsewhere is only
@@ -190,13 +195,13 @@ class SacRun:
             with new_folder(self.folder / "checkpoints" / name, overwrite=True, holds=None) as place:
                 save(place, self.model.actor, self.modality.name, self.meta(row))
 
-    def _note(self, row: dict[str, Any]) -> None:
+    def _note(self, row: Row) -> None:
         """Keeps the best, moves the curriculum on, writes the checkpoint."""
         success, last = row["success"], self.course.last
         self.keep(row, last)
         self.reached = self.reached + 1 if last and success >= self.config.target else 0
         moved = self.course.after(success)
-        counters = {
+        counters: Counters = {
             "command": self.command,
             "stage": self.course.at,
             "best": list(self.best),
@@ -210,7 +215,7 @@ class SacRun:
         if moved:
             self._move_to(self.course.at)
 
-    def meta(self, row: dict[str, Any]) -> dict[str, Any]:
+    def meta(self, row: Row) -> Mapping[str, object]:
         """What a policy's record says of where it comes from."""
         origin = provenance(sys.argv, self.config.seed)
         record = {
@@ -227,9 +232,9 @@ class SacRun:
         return record | own | (worlds(own, made_in(self.config.dataset)) if self.config.dataset is not None else {})
 
 
-def line(row: dict[str, Any]) -> str:
+def line(row: Row) -> str:
     """A row of progress.csv for a terminal."""
-    opened = "" if row.get("level") is None else f"  ranges {row['level']:4.0%}"
+    opened = "" if (level := row.get("level")) is None else f"  ranges {level:4.0%}"
     return (
         f"{row['steps']:>8} steps {row['seconds']:6.0f} s  success {row['success']:4.0%}  "
         f"force {row['peak_force']:5.1f} N  stage {row['stage']}{opened}  {row['failures']}"

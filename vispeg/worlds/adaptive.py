@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -41,6 +41,13 @@ class Schedule:
         """The level (0 to 1) at this share of training."""
         x, y = np.array(self.points, float).T
         return float(np.interp(progress, x, y))
+
+
+class AdaptiveState(TypedDict):
+    """How far each range is open, and the outcomes counted at its edge since it last moved."""
+
+    levels: dict[str, float]
+    outcomes: dict[str, list[bool]]
 
 
 class Adaptive:
@@ -98,9 +105,9 @@ class Adaptive:
                 self.outcomes[label].append(bool(success))
                 self._move(label)
 
-    def state(self) -> dict[str, Any]:
+    def state(self) -> AdaptiveState:
         """Levels and counted outcomes, for JSON."""
-        return {"levels": dict(self.levels), "outcomes": {k: list(v) for k, v in self.outcomes.items()}}
+        return {"levels": dict(self.levels), "outcomes": {k: [*v] for k, v in self.outcomes.items()}}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Continues from what `state` gave.
