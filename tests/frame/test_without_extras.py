@@ -63,6 +63,7 @@ exploit depth-S --out exploited-2
 perturb depth-S --out pushed-2
 """,
     "logs": "convert log.mcap --robot iiwa14 --out converted",
+    "video": "convert set/data.parquet --robot iiwa14 --images wrist --cameras set/wrist.yaml --insist --out filmed",
     "cluster": "render --world nominal --frames 2 --engine ray --out cluster",
     "view": "view",
     "meshes": "evaluate expert --world own.yaml --episodes 1 --videos 0 --out meshes",
@@ -97,6 +98,10 @@ def test_the_modules_are_those_of_pyproject():
     }
 
 
+def test_every_extra_is_asked_for():
+    assert set(NEEDS) == set(EXTRAS)
+
+
 def test_every_command_is_run_or_shown():
     known = {command[0] for text in (WORKS, LONGER, *NEEDS.values()) for command in lines(text)}
     assert set(available()) - known == {"demo"}  # which takes minutes; `scripts/demo` runs it in such an environment
@@ -119,6 +124,7 @@ def test_commands_that_need_none_and_take_longer_work(tmp_path):
 def test_the_others_name_their_extra_in_one_line_and_leave_nothing(tmp_path):
     (tmp_path / "log.mcap").write_bytes(b"\x89MCAP0\r\n")
     tube(tmp_path / "hole.stl")
+    data_set(tmp_path / "set")
     own = "{hole_mesh: hole.stl, mesh_scale: 0.001, clearance_mm: 3.0}"
     (tmp_path / "own.yaml").write_text(f"format: vispeg-world/1\ntask: {own}\n")
     before = sorted(tmp_path.iterdir())
@@ -137,3 +143,23 @@ def tube(path):
     block = trimesh.creation.annulus(r_min=9.5, r_max=30.0, height=40.0)
     block.apply_translation((0, 0, -20))
     block.export(path)
+
+
+def data_set(root):
+    """A LeRobot folder of one episode with a film, which nobody gets so far as to open."""
+    import numpy as np
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    film = "videos/chunk-000/observation.images.wrist/episode_000000.mp4"
+    (root / film).parent.mkdir(parents=True)
+    (root / film).write_bytes(b"")
+    (root / "meta").mkdir()
+    features = {"observation.images.wrist": {"dtype": "video"}}
+    info = {"codebase_version": "v2.1", "fps": 20, "video_path": film, "chunks_size": 1000, "features": features}
+    (root / "meta" / "info.json").write_text(json.dumps(info))
+    time = np.arange(40) / 20
+    angles = {f"q.joint{j}": 0.3 * np.sin(time + j) for j in range(1, 8)}
+    pq.write_table(pa.table({"time": time} | angles), root / "data.parquet")
+    eye = {"name": "wrist", "width": 64, "height": 48, "fx": 60.0, "fy": 60.0, "cx": 31.5, "cy": 23.5}
+    (root / "wrist.yaml").write_text(json.dumps({"format": "vispeg-camera/1", "parent": "flange", **eye}))

@@ -51,6 +51,16 @@ def test_windows_are_the_recordings_own_rows():
     assert all(a[1] < b[0] for a, b in zip(spans, spans[1:], strict=False))
 
 
+def test_windows_that_touch_stay_apart():
+    """Rows of a batch last as long as the longest: a window of 18 s would make rollouts of all the others as long."""
+    rec = day(seconds=120.0, bursts=(41.0, 47.0, 53.0, 59.0))
+    cut = choose(rec, 48.0)
+    assert cut.episode is not None and cut.chosen is not None
+    spans = [(w.start, w.stop) for w in cut.chosen.windows]
+    assert any(b[0] - a[1] < 0.03 for a, b in zip(spans, spans[1:], strict=False))  # some touch
+    assert np.ptp(np.bincount(cut.episode)) <= 1 and len(spans) == 8
+
+
 def test_short_recordings_are_used_whole():
     rec = day(50.0, bursts=(10.0,))
     assert choose(rec) is rec and choose(rec, 0) is rec and choose(day(), 0).chosen is None

@@ -10,6 +10,9 @@ from loops import KD, KP
 
 from vispeg.recordings.recording import Control, Recording
 from vispeg.robots.model import load
+from vispeg.sim import compiled
+from vispeg.sim.along import gravity, gravity_slope, inertia
+from vispeg.sim.compiled import flange_pose
 from vispeg.sim.segment import segments
 
 JOINTS = load("iiwa14").joints
@@ -65,3 +68,28 @@ def test_start_state_is_smoothed_measurement():
     rate = 0.3 * 2 * np.pi * 0.5 * np.cos(2 * np.pi * 0.5 * rec.time)[:, None]
     assert np.sqrt(np.mean((s.q - rec.q)[inner] ** 2)) < 5e-5
     assert np.sqrt(np.mean((s.dq - rate)[inner] ** 2)) < 5e-3
+
+
+def test_what_follows_from_the_posture_is_the_same_however_many_are_simulated_at_once(monkeypatch):
+    """Gravity, its slope and inertia along a motion, bit for bit; the memory of a long one is that of a short one."""
+    robot, (s,) = load("iiwa14"), segments(recording())
+    whole = [get(s, robot) for get in (gravity, gravity_slope, inertia)] + [flange_pose(robot, s.q)]
+    monkeypatch.setattr(compiled, "ARMS", 7)
+    monkeypatch.setattr(compiled, "nominal_of", few := counted(compiled.nominal_of))
+    some = [get(s, robot) for get in (gravity, gravity_slope, inertia)] + [flange_pose(robot, s.q)]
+    for a, b in zip(whole, some, strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert len(few.sizes) == 4 * 86 and max(few.sizes) == 7
+    step = np.linalg.norm(some[1][0] - np.swapaxes(some[1][0], 0, 1))  # the slope of a potential's slope
+    assert step < 1e-6 * np.linalg.norm(some[1][0])
+
+
+def counted(made):
+    """`made`, which remembers how many arms each call simulates."""
+
+    def make(robot, nsim, nthread=1):
+        make.sizes.append(nsim)
+        return made(robot, nsim, nthread)
+
+    make.sizes = []
+    return make

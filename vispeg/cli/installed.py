@@ -7,11 +7,11 @@ import re
 import sys
 from collections.abc import Sequence
 from importlib import metadata
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from vispeg.core.broken import run
+from vispeg.core.extras import there as importable
 
 _PYPROJECT = Path(__file__).parents[2] / "pyproject.toml"  # there in a checkout, not in an installed wheel
 EDITABLE, BASE = ("-e ", ".") if _PYPROJECT.is_file() else ("", "vispeg")  # a checkout is installed where it stands
@@ -49,7 +49,7 @@ def wrong_packages() -> dict[str, list[str]]:
     modules = _modules()
     for name, packages in there.items():
         known = {module: package for package in packages for module in modules.get(_plain(package), [_plain(package)])}
-        reasons = {m: "half installed" for m in known if find_spec(m) is None} if name else _unimportable(list(known))
+        reasons = {m: "half installed" for m in known if not importable(m)} if name else _unimportable(list(known))
         groups[name] += [f"{known[module]}: {reason}" for module, reason in reasons.items()]
     return groups
 

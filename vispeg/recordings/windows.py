@@ -90,12 +90,12 @@ def choose(rec: Recording, seconds: float = SECONDS) -> Recording:
     cells, turns, spans, tops = _cells(rec, runs)
     picked = _greedy(cells, spans, max(1, int(seconds / LENGTH)))
     picked = sorted(picked, key=lambda k: spans[k][0])
-    joined = _joined([spans[k] for k in picked])
-    rows = np.concatenate([np.arange(first, stop) for first, stop in joined])
-    number = np.repeat(np.arange(len(joined)), [stop - first for first, stop in joined])
+    parts = [spans[k] for k in picked]  # those that touch stay apart: side by side, equally long ones cost the least
+    rows = np.concatenate([np.arange(first, stop) for first, stop in parts])
+    number = np.repeat(np.arange(len(parts)), [stop - first for first, stop in parts])
     most, whole = tops[:, picked].max(axis=1), tops.max(axis=1)
     cover = np.min(np.where(whole > 0, most / np.maximum(whole, 1e-12), 1.0), axis=-1)
-    windows = tuple(Window(float(rec.time[first]), float(rec.time[stop - 1])) for first, stop in joined)
+    windows = tuple(Window(float(rec.time[first]), float(rec.time[stop - 1])) for first, stop in parts)
     chosen = Chosen(
         of_s=length,
         used_s=float(sum(w.stop - w.start for w in windows)),
@@ -193,17 +193,6 @@ def _greedy(cells: np.ndarray, spans: list[tuple[int, int]], count: int) -> list
         have += cells[best]
         free &= (stops <= starts[best]) | (starts >= stops[best])
     return picked
-
-
-def _joined(spans: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Windows that touch are one."""
-    out = [spans[0]]
-    for first, stop in spans[1:]:
-        if first == out[-1][1]:
-            out[-1] = (out[-1][0], stop)
-        else:
-            out.append((first, stop))
-    return out
 
 
 def _all_turns(turns: np.ndarray, spans: list[tuple[int, int]]) -> int:

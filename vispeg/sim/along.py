@@ -7,7 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from vispeg.robots.model import RobotModel
-from vispeg.sim.compiled import nominal_of
+from vispeg.sim.compiled import of_postures
+from vispeg.sim.nominal import Nominal
 from vispeg.sim.segment import Segment
 
 
@@ -23,23 +24,23 @@ def measured_gravity(s: Segment, robot: RobotModel) -> np.ndarray:
     """Gravity torque (n, nj) N m that the robot itself added below `tau_cmd`, from the angles that it read."""
     if s.control.gravity_compensation != "model":
         return np.zeros_like(s.q)
-    return nominal_of(robot, s.ticks).gravity(s.q_raw).copy()
+    return of_postures(robot, s.q_raw, _gravity)
 
 
 def gravity(s: Segment, robot: RobotModel) -> np.ndarray:
     """Nominal gravity torque (n, nj) N m along the motion."""
-    return nominal_of(robot, len(s.q)).gravity(s.q).copy()
+    return of_postures(robot, s.q, _gravity)
 
 
 def gravity_slope(s: Segment, robot: RobotModel, step: float = 1e-4) -> np.ndarray:
     """Its derivative (n, nj, nj) N m/rad to the angles, by central differences."""
-    n, nj = s.q.shape
-    nominal = nominal_of(robot, n)
-    slope = np.empty((n, nj, nj))
-    for j in range(nj):
-        move = np.eye(nj)[j] * step
-        slope[:, :, j] = (nominal.gravity(s.q + move).copy() - nominal.gravity(s.q - move)) / (2 * step)
-    return slope
+
+    def slope(nominal: Nominal, q: np.ndarray) -> np.ndarray:
+        moves = np.eye(q.shape[1]) * step
+        columns = [(_gravity(nominal, q + move) - _gravity(nominal, q - move)) / (2 * step) for move in moves]
+        return np.stack(columns, axis=2)
+
+    return of_postures(robot, s.q, slope)
 
 
 def inertia(s: Segment, robot: RobotModel) -> np.ndarray:
@@ -54,4 +55,8 @@ def apparent_inertia(s: Segment, robot: RobotModel) -> np.ndarray:
 
 
 def _inertia_at(q: np.ndarray, robot: RobotModel) -> np.ndarray:
-    return nominal_of(robot, len(q)).operational(q)[0]
+    return of_postures(robot, q, lambda nominal, some: nominal.operational(some)[0])
+
+
+def _gravity(nominal: Nominal, q: np.ndarray) -> np.ndarray:
+    return nominal.gravity(q).copy()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 
 import mujoco
@@ -11,6 +11,8 @@ import numpy as np
 from vispeg.core.effect import effect
 from vispeg.robots.model import RobotModel
 from vispeg.sim.nominal import Nominal, columns
+
+ARMS = 4096  # simulated at once for what follows from their posture alone: MuJoCo's state of one takes kilobytes
 
 
 def compiled(robot: RobotModel, parts: Iterable[str] = ()) -> mujoco.MjModel:
@@ -38,11 +40,17 @@ def nominal_of(robot: RobotModel, nsim: int, nthread: int = 1) -> Nominal:
     return Nominal(compiled(robot), robot.joints, robot.flange, nsim, nthread)
 
 
+def of_postures(robot: RobotModel, q: np.ndarray, get: Callable[[Nominal, np.ndarray], np.ndarray]) -> np.ndarray:
+    """`get(nominal, q)` of the postures q (n, nj), some of them at a time: rows by themselves, in little memory."""
+    parts = [q[start : start + ARMS] for start in range(0, max(1, len(q)), ARMS)]
+    return np.concatenate([get(nominal_of(robot, len(part)), part) for part in parts])
+
+
 def flange_pose(robot: RobotModel, q: np.ndarray) -> np.ndarray:
     """Nominal flange pose (..., 7) x y z qw qx qy qz in the base for joint angles (..., nj)."""
-    flat = q.reshape(-1, q.shape[-1])
-    _, _, pos, rot, _ = nominal_of(robot, len(flat)).operational(np.nan_to_num(flat))
-    return np.concatenate([pos, rot], axis=1).reshape(*q.shape[:-1], 7)
+    flat = np.nan_to_num(q.reshape(-1, q.shape[-1]))
+    pose = of_postures(robot, flat, lambda nominal, some: np.concatenate(nominal.operational(some)[2:4], axis=1))
+    return pose.reshape(*q.shape[:-1], 7)
 
 
-__all__ = ["columns", "compiled", "flange_pose", "nominal_of"]
+__all__ = ["columns", "compiled", "flange_pose", "nominal_of", "of_postures"]

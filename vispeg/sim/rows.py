@@ -48,11 +48,13 @@ class Rows:
 
     def by_tick(self, get: Callable[[Segment], np.ndarray]) -> ByTick:
         """What `get` says of each segment, (n, ...), by tick."""
-        held = []
-        for s in self.segments:
-            value = get(s)
-            held.append(np.concatenate([value, np.repeat(value[-1:], self.ticks - len(value), axis=0)]))
-        return ByTick(np.stack(held, axis=1), self.nworld)
+        first = get(self.segments[0])
+        held = np.empty((self.ticks, len(self.segments), *first.shape[1:]), first.dtype)
+        for i, s in enumerate(self.segments):
+            value = get(s) if i else first
+            held[: len(value), i] = value
+            held[len(value) :, i] = value[-1]
+        return ByTick(held, self.nworld)
 
     def constant(self, get: Callable[[Segment], np.ndarray | float | None], width: int) -> np.ndarray:
         """What `get` says of each segment, (width,) or a number, as (nsim, width)."""
