@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from loops import drive, recorded
 
+import vispeg
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.recordings.write import write
@@ -47,6 +48,18 @@ def rigs(tmp_path_factory) -> Path:
         s = drive(robot, "position", 0.0, command=0.4 * swing, seconds=3.0, rate=200.0, kp=60.0, kd=4.0)
         write(recorded(robot, robot.source, world, s, stream(5, i)), folder / name)
     return folder
+
+
+@pytest.fixture(scope="session")
+def reports(rigs, tmp_path_factory):
+    """Name -> page of a diagnosis, a comparison and a gap."""
+    out = tmp_path_factory.mktemp("reports")
+    arm, (a, b, c) = rigs / "arm.xml", (rigs / name for name in ("rig-a", "rig-b", "rig-c"))
+    vispeg.compare(arm, c, threads=1).save(out / "compared")
+    vispeg.diagnose(arm, [a, b], c, threads=1).save(out / "found")
+    vispeg.gap("expert", worlds=["nominal", "searching"], episodes=2, controls=()).save(out / "gap")
+    pages = {"comparison": "compared/report.html", "diagnosis": "found/report.html", "gap": "gap/gap.html"}
+    return {name: out / page for name, page in pages.items()}
 
 
 @pytest.fixture(scope="session")

@@ -7,24 +7,10 @@ from pathlib import Path
 
 import pytest
 
-import vispeg
-
 AXE = Path(__file__).parent / "vendored" / "axe.min.js"
 GRAVE = ("serious", "critical")
 RUN = """async () => (await axe.run()).violations.map(v =>
     ({id: v.id, impact: v.impact, nodes: v.nodes.map(n => n.html.slice(0, 160))}))"""
-
-
-@pytest.fixture(scope="module")
-def reports(rigs, tmp_path_factory):
-    """Name -> page of a diagnosis, a comparison and a gap."""
-    out = tmp_path_factory.mktemp("reports")
-    arm, (a, b, c) = rigs / "arm.xml", (rigs / name for name in ("rig-a", "rig-b", "rig-c"))
-    vispeg.compare(arm, c, threads=1).save(out / "compared")
-    vispeg.diagnose(arm, [a, b], c, threads=1).save(out / "found")
-    vispeg.gap("expert", worlds=["nominal", "searching"], episodes=2, controls=()).save(out / "gap")
-    pages = {"comparison": "compared/report.html", "diagnosis": "found/report.html", "gap": "gap/gap.html"}
-    return {name: out / page for name, page in pages.items()}
 
 
 @pytest.mark.parametrize("name", ["comparison", "diagnosis", "gap"])

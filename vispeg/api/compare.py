@@ -18,6 +18,7 @@ from vispeg.core.errors import UserError
 from vispeg.diagnosis import compare as rooms
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import SECONDS, choose
+from vispeg.report.live.arm import arm_arrays
 from vispeg.report.summary import Block
 from vispeg.report.terminal import comparison_summary
 from vispeg.report.write import finite, write_comparison
@@ -98,6 +99,7 @@ def compare(
         arm = replace(of_arm(given.world), cell=None)
         some = [choose(r, seconds) for r in given.fitted] if cell else given.fitted
         result = rooms.compare(arm, some, nthread=threads, label=given.world.label)
+        result.arrays.update(arm_arrays(arm, result.arrays["joints"]))
     record, arrays = result.record | {"provenance": given.provenance(None)}, dict(result.arrays)
     looked = [rec for rec in given.fitted if rec.frames is not None]
     if looked and given.world.cell is None:

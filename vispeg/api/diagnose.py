@@ -23,6 +23,7 @@ from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.schema import DiagnosisRecord
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import SECONDS
+from vispeg.report.live.arm import arm_arrays
 from vispeg.report.summary import Block
 from vispeg.report.terminal import diagnosis_summary
 from vispeg.report.write import finite, write_diagnosis
@@ -137,6 +138,8 @@ def diagnose(
     else:
         was = (*before.fitted, *before.held_out)
         result = diagnose_change(given.world, was, given.fitted, given.held_out, **options)
+    if "joints" in result.arrays:
+        result.arrays.update(arm_arrays(given.world, result.arrays["joints"]))
     record = finite({**result.record, "provenance": stamp})
     effects = result.world.effects[len(result.world.effects) - len(record["effects"]) :]
     files = given.files if before is None else (*given.files, *before.files)

@@ -123,6 +123,8 @@ def _arrays(evidence: Evidence, predicted: list[np.ndarray]) -> dict[str, np.nda
         nj = item.nj
         out |= {f"{r}/time": item.segment.time, f"{r}/name": np.array(item.name)}
         out |= {f"{r}/measured": item.measured[:, :nj], f"{r}/before": y[0][:, :nj]}
+        if evidence.unit != "rad":
+            out[f"{r}/posture"] = item.posture
         if item.beside == "torque":
             out |= {f"{r}/measured_tau": item.measured[:, nj:], f"{r}/before_tau": y[0][:, nj:]}
     return out

@@ -184,6 +184,8 @@ def arrays(evidence: Evidence, predicted: list[np.ndarray]) -> dict[str, np.ndar
             f"{r}/before": y[0][:, :nj],
             f"{r}/after": y[1][:, :nj],
         }
+        if evidence.unit != "rad":
+            out[f"{r}/posture"] = item.posture
         if item.beside == "torque":
             out |= {
                 f"{r}/measured_tau": item.measured[:, nj:],

@@ -93,6 +93,12 @@ class Item:
         return len(self.recording.joints)
 
     @property
+    def posture(self) -> np.ndarray:
+        """(m, nj) rad, the angles at the compared samples: measured, or smoothed where these are others."""
+        rows = self.segment.rows
+        return self.recording.q[rows] if len(rows) == len(self.valid) else self.segment.q
+
+    @property
     def kind(self) -> str:
         """What the principal channel is."""
         return self.channels[0].kind

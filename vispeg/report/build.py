@@ -73,7 +73,8 @@ def render(record: Record) -> str:
         module = import_module(f"vispeg.report.sections.{name}")
         values = module.context(record)
         if values is not None:  # else nothing to show
-            scripts, styles = getattr(module, "SCRIPTS", ()), getattr(module, "STYLES", ())
+            live = () if values.get("still") else ("SCRIPTS", "STYLES")
+            scripts, styles = (getattr(module, n, ()) if n in live else () for n in ("SCRIPTS", "STYLES"))
             sections.append(Section(name, module.TITLE, f"sections/{name}", values, scripts, styles))
     kind = "diagnosis" if record.kind == "diagnosis" else "comparison"
     verdict = record.values.get("verdict") if record.kind == "diagnosis" else None

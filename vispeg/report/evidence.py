@@ -12,6 +12,7 @@ from vispeg.core.errors import UserError
 from vispeg.formats.arrays import read_arrays
 from vispeg.formats.format import enrol
 from vispeg.formats.guard import as_written
+from vispeg.report.live.arm import picked
 
 AXES = ("speed", "load", "position", "phase", "time", "frequency")
 
@@ -25,6 +26,7 @@ class Trace:
         unit: "rad" or "N m".
         time: (n,) s; episodes are laid end to end.
         measured, before, after: measured, given model, final model.
+        posture: (n, nj) rad, where what is compared is no angle and the angles were kept.
     """
 
     name: str
@@ -33,6 +35,7 @@ class Trace:
     measured: np.ndarray
     before: np.ndarray
     after: np.ndarray | None
+    posture: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -101,6 +104,7 @@ class Evidence:
     phase_names: tuple[str, ...] = ()
     worst: bytes | None = None  # a picture of the cell at the worst moment, PNG
     worst_moment: str = ""
+    arm: Mapping[str, np.ndarray] = field(default_factory=dict)  # `vispeg.report.live.arm`
 
 
 def _example(folder: Path) -> Path:
@@ -156,7 +160,7 @@ class _Reader:
         phases = tuple(self.need(f"{r}/phase").astype(int) for r in rows if f"{r}/phase" in self.arrays)
         names = tuple(str(n) for n in self.arrays.get("phases", ()))
         png = self.arrays["worst/png"].astype(np.uint8).tobytes() if "worst/png" in self.arrays else None
-        more = phases, names, png, self.text("worst/moment", "")
+        more = phases, names, png, self.text("worst/moment", ""), picked(self.arrays)
         return Evidence(*joint, seen, views, *more)
 
     def choices(self) -> Choices | None:
@@ -196,7 +200,8 @@ class _Reader:
     def trace(self, r: int, suffix: str, name: str, unit: str, time: np.ndarray) -> Trace:
         shape = (len(time), len(self.joints))
         measured, before = self.need(f"{r}/measured{suffix}", shape), self.need(f"{r}/before{suffix}", shape)
-        return Trace(name, unit, _end_to_end(time), measured, before, self.maybe(f"{r}/after{suffix}", shape))
+        after, posture = self.maybe(f"{r}/after{suffix}", shape), self.maybe(f"{r}/posture", shape)
+        return Trace(name, unit, _end_to_end(time), measured, before, after, posture)
 
     def map(self, axis: str) -> ResidualMap:
         edges = self.need(f"map/{axis}/edges")

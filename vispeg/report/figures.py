@@ -124,6 +124,7 @@ def svg(figure: Figure, name: str, description: str) -> str:
     text = text.replace("xlink:href=", "href=")
     text = re.sub(r'\bid="', f'id="{name}-', text)
     text = re.sub(r'(url\(|href=")#', rf"\1#{name}-", text)
+    text = re.sub(r'\bd="[^"]*"', lambda path: re.sub(r"(\.\d\d)\d+", r"\1", path[0]), text)  # 0.01 px is enough
     text = re.sub(r"font-family: [^;\"]*", f"font-family: {FONT}", text)
     text = re.sub(r"\n\s*", "\n", text)
     head = re.sub(r'\s(?:width|height)="[^"]*"', "", text[: text.index(">")])

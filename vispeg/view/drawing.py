@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 import numpy as np
 
+from vispeg.report.live.shapes import colour_of, shape_of, visible
+
 if TYPE_CHECKING:
     import viser
 
 G = mujoco.mjtGeom
-HIDDEN = 3  # geom groups from here on are for contact and marks
 
 
 @dataclass(frozen=True)
@@ -46,17 +47,15 @@ class Drawing:
         self.model, self.data = model, mujoco.MjData(model)
         self.root = scene.add_frame(root, show_axes=False)
         self.frames: dict[int, Any] = {}
-        for g in range(model.ngeom):
+        for g in visible(model):
             body, name = int(model.geom_bodyid[g]), model.geom(g).name
-            if model.geom_group[g] >= HIDDEN or model.geom_rgba[g, 3] == 0 and model.geom_matid[g] < 0:
-                continue
-            shape = _shape(model, g)
+            shape = shape_of(model, g)
             if shape is None:
                 continue
             if body not in self.frames:
                 self.frames[body] = scene.add_frame(f"{root}/body{body}", show_axes=False)
             own = (colours or {}).get(name)
-            colour = look.colour or np.round(255 * np.asarray(own or _colour(model, g))).astype(int)
+            colour = look.colour or np.round(255 * np.asarray(own or colour_of(model, g))).astype(int)
             scene.add_mesh_simple(
                 f"{root}/body{body}/geom{g}",
                 *shape,
@@ -86,40 +85,3 @@ class Drawing:
     def remove(self) -> None:
         """Takes it away."""
         self.root.remove()
-
-
-def _colour(model: mujoco.MjModel, g: int) -> tuple[float, ...]:
-    material = int(model.geom_matid[g])
-    rgba = model.geom_rgba[g]
-    if material >= 0 and np.allclose(rgba, (0.5, 0.5, 0.5, 1.0)):
-        rgba = model.mat_rgba[material]
-    return tuple(float(c) for c in rgba[:3])
-
-
-def _shape(model: mujoco.MjModel, g: int) -> tuple[np.ndarray, np.ndarray] | None:
-    """Vertices (V, 3) and faces (F, 3) of a geom in its own axes; None for what is not drawn."""
-    from trimesh import creation
-
-    kind, size = G(int(model.geom_type[g])), model.geom_size[g]
-    if kind == G.mjGEOM_MESH:
-        m = int(model.geom_dataid[g])
-        v, f = int(model.mesh_vertadr[m]), int(model.mesh_faceadr[m])
-        vertices = model.mesh_vert[v : v + int(model.mesh_vertnum[m])]
-        return vertices.copy(), model.mesh_face[f : f + int(model.mesh_facenum[m])].astype(np.uint32)
-    if kind == G.mjGEOM_BOX:
-        made = creation.box(extents=2 * size)
-    elif kind == G.mjGEOM_SPHERE:
-        made = creation.icosphere(subdivisions=2, radius=size[0])
-    elif kind == G.mjGEOM_ELLIPSOID:
-        made = creation.icosphere(subdivisions=2)
-        made.apply_scale(size)
-    elif kind == G.mjGEOM_CYLINDER:
-        made = creation.cylinder(radius=size[0], height=2 * size[1], sections=32)
-    elif kind == G.mjGEOM_CAPSULE:
-        made = creation.capsule(height=2 * size[1], radius=size[0], count=(16, 16))
-    elif kind == G.mjGEOM_PLANE:
-        extent = [2 * s if s > 0 else 4.0 for s in size[:2]]
-        made = creation.box(extents=(*extent, 1e-3))
-    else:
-        return None
-    return np.asarray(made.vertices, np.float32), np.asarray(made.faces, np.uint32)

@@ -57,13 +57,11 @@ def track(item: Any, first: np.ndarray, now: np.ndarray) -> Track:
     def column(values: np.ndarray) -> np.ndarray:
         return np.where(valid, values[every, :nj], np.nan).astype(np.float32)
 
-    posture = item.recording.q[item.segment.rows][every] if len(item.segment.rows) == len(item.valid) else None
-    posture = item.segment.q[every] if posture is None else posture
     values = [column(item.measured), column(first), column(now)]
     rec, rows = item.recording, item.segment.rows
     wrench = None if rec.ft is None or rec.wrench is None or len(rows) != len(item.valid) else rec.ft[rows][every]
     cameras = tuple(rec.frames.names) if rec.frames is not None else ()
-    time, arm = item.segment.time[every], np.nan_to_num(posture).astype(np.float32)
+    time, arm = item.segment.time[every], np.nan_to_num(item.posture[every]).astype(np.float32)
     return Track(item.name, time, arm, values[0], values[1], values[2], wrench, cameras)
 
 

@@ -1,7 +1,8 @@
 """One section of the report a file: its TITLE, and `context(record)`, the values its template shows (None: nothing).
 
 The template of `sections/NAME.py` is `templates/sections/NAME.html.j2`. A section is added by writing the two files and
-naming it here. One that answers the mouse names its SCRIPTS and STYLES, files of templates/.
+naming it here. One that answers the mouse names its SCRIPTS and STYLES, files of templates/; where its values say
+`still`, it has nothing to answer with.
 """
 
 DIAGNOSIS = (

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import base64
-import json
-
 import numpy as np
 
 from vispeg.report import effect_words, words
 from vispeg.report.evidence import Choices
+from vispeg.report.live.traces import STYLES as CHART_STYLES
+from vispeg.report.live.traces import coded, inert
 from vispeg.report.quantities import PREFIXED, quantity
 from vispeg.report.record import Record
 
 TITLE = "Try it: the model's error"
-SCRIPTS = ("vendored/uPlot.js", "explore.js")
-STYLES = ("vendored/uPlot.css",)
+SCRIPTS = ("vendored/uPlot.js", "charts.js", "explore.js")
+STYLES = CHART_STYLES
 SHARE = 0.05  # of the greatest residual: joints below it are folded away at first
 
 
@@ -42,7 +41,7 @@ def context(record: Record) -> dict[str, object] | None:
         "start": rows[last],
         "first": rows[0],
         "bar": _axis(choices, floor),
-        "data": json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
+        "data": inert(data),
         "held_out": record.kind == "diagnosis",
         "one_by_one": len(choices.effects) > 1 and len(choices.on) < 2 ** len(choices.effects),
     }
@@ -109,19 +108,10 @@ def _joints(names: tuple[str, ...], choices: Choices) -> list[tuple[str, bool]]:
 
 
 def _traces(choices: Choices, unit: str) -> dict[str, object]:
-    """Residuals as 16-bit numbers, each joint of each choice on a scale of its own, so that small ones stay exact."""
+    """Residuals of each recording, choice by choice and joint by joint."""
     recordings = []
     for name, time, values in choices.residuals:
-        scale = np.nanmax(np.abs(values), axis=1, initial=0.0, keepdims=True) / 32767
-        safe = np.where(scale > 0, scale, 1.0)
-        gap = ~np.isfinite(values)
-        codes = np.where(gap, -32768, np.round(np.where(gap, 0.0, values) / safe)).astype("<i2")
-        recordings.append(
-            {
-                "name": name,
-                "time": np.round(time, 4).tolist(),
-                "scale": [[float(f"{s:.6g}") for s in row] for row in safe[:, 0]],
-                "codes": base64.b64encode(np.ascontiguousarray(codes.transpose(0, 2, 1)).tobytes()).decode(),
-            }
-        )
+        m, n, nj = values.shape
+        rows = coded(values.transpose(0, 2, 1).reshape(m * nj, n))
+        recordings.append({"name": name, "time": np.round(time, 4).tolist(), **rows})
     return {"unit": unit, "prefixed": unit in PREFIXED, "recordings": recordings}

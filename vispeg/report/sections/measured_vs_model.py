@@ -10,6 +10,10 @@ import numpy as np
 from vispeg.report import words
 from vispeg.report.evidence import Trace
 from vispeg.report.figures import AFTER, BEFORE, MEASURED, MUTED, Shape, chart, legend, new_figure, quiet, thin
+from vispeg.report.live import arm
+from vispeg.report.live.traces import SCRIPTS as CHARTS
+from vispeg.report.live.traces import STYLES, Line, Panel, Track, widget
+from vispeg.report.live.worst_moment import arm_stage
 from vispeg.report.quantities import prefix, quantity, rms
 from vispeg.report.record import Record
 
@@ -17,8 +21,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TITLE = "Measured against model"
-MOST_TRACES = 3
-POINTS, NARROW_POINTS = 60_000, 240  # drawn in all and of a narrow line, so that the page stays below 3 MB
+SCRIPTS = (*CHARTS, *arm.SCRIPTS)
+__all__ = ["SCRIPTS", "STYLES", "TITLE", "context"]
+MOST_TRACES, MOST_TRACKS = 3, 8  # drawn on paper; to choose from on the screen
+POINTS, NARROW_POINTS = 20_000, 160  # on paper: in all, and of a narrow line
+SHARE = 0.15  # of the worst joint's residual: joints below it are folded away at first
 
 
 def context(record: Record) -> Mapping[str, object]:
@@ -28,9 +35,12 @@ def context(record: Record) -> Mapping[str, object]:
     names = {t.name for t in ordered}
     shown = [t for t in traces if t.name in names][: 2 * MOST_TRACES]
     lines = max(1, sum(5 * t.measured.shape[1] for t in shown))
-    points = int(min(1500, max(200, POINTS / lines)))
+    points = int(min(1500, max(160, POINTS / lines)))
     joints = record.evidence.joints
     return {
+        "still": not record.evidence.traces,
+        "plot": interactive(record) if record.evidence.traces else None,
+        "arm": arm_stage(record.evidence.arm, _worst_first(record), joints),
         "pictures": [
             {"svg": trace_picture(t, joints, f"trace{i}", points), "title": trace_title(t, joints)}
             for i, t in enumerate(shown)
@@ -40,6 +50,45 @@ def context(record: Record) -> Mapping[str, object]:
         "hidden": len(record.evidence.traces) - len(ordered),
         "held_out": record.kind == "diagnosis",
     }
+
+
+def interactive(record: Record) -> dict[str, object]:
+    """Signals and residuals of the recordings, the worst first, for the reader's own choice of joints and lines."""
+    evidence = record.evidence
+    torques = {t.name: t for t in evidence.torques}
+    worst = _worst_first(record)
+    tracks = [Track(t.name, t.time, _arrays(t) | _arrays(torques.get(t.name), "_tau")) for t in worst]
+    size = np.sqrt(sum(np.nansum((t.before - t.measured) ** 2, axis=0) for t in worst))
+    shown = [bool(s >= SHARE * size.max(initial=0.0)) for s in size]
+    last = "model" if worst[0].after is None else "model after"
+    panels = _panels(evidence.unit, "", last) + (_panels("N m", "_tau", last) if torques else ())
+    return widget(evidence.joints, panels, tracks, shown)
+
+
+def _worst_first(record: Record) -> list[Trace]:
+    return sorted(record.evidence.traces, key=lambda t: -(_final(t) or 0.0))[:MOST_TRACKS]
+
+
+def _arrays(trace: Trace | None, of: str = "") -> dict[str, np.ndarray]:
+    """What was measured, and what each model leaves of it: residuals on their own scale, so that they stay exact."""
+    if trace is None:
+        return {}
+    found = {f"measured{of}": trace.measured, f"before{of}": trace.measured - trace.before}
+    if trace.posture is not None and not of:
+        found["posture"] = trace.posture
+    return found if trace.after is None else found | {f"after{of}": trace.measured - trace.after}
+
+
+def _panels(unit: str, of: str, last: str) -> tuple[Panel, Panel]:
+    """The signals themselves, and what is left of them."""
+    name = "torque" if unit == "N m" else "motion"
+    first = last if last == "model" else "model before"
+    ends = [(first, f"before{of}", "before", False)] + ([(last, f"after{of}", "after", True)] if last != first else [])
+    signals = [Line("measured", f"measured{of}", "ink", width=2.0)]
+    signals += [Line(label, f"measured{of}", colour, minus=key, dash=dash) for label, key, colour, dash in ends]
+    left = [Line(label, key, colour) for label, key, colour, _ in ends]
+    shown = not of
+    return Panel(name, unit, tuple(signals), shown), Panel(f"{name} residual", unit, tuple(left), shown)
 
 
 def trace_title(trace: Trace, joints: tuple[str, ...]) -> str:

@@ -1,0 +1,81 @@
+"""The shapes of a MuJoCo model that an eye sees, as triangles in their geoms' axes: for pages that draw them."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+G = mujoco.mjtGeom
+HIDDEN = 3  # geom groups from here on are for contact and marks
+
+
+def visible(model: mujoco.MjModel) -> list[int]:
+    """The geoms that are drawn."""
+    return [
+        g
+        for g in range(model.ngeom)
+        if model.geom_group[g] < HIDDEN and not (model.geom_rgba[g, 3] == 0 and model.geom_matid[g] < 0)
+    ]
+
+
+def colour_of(model: mujoco.MjModel, g: int) -> tuple[float, ...]:
+    """Colour (3,) of a geom, 0 to 1: its own, or its material's."""
+    material = int(model.geom_matid[g])
+    rgba = model.geom_rgba[g]
+    if material >= 0 and np.allclose(rgba, (0.5, 0.5, 0.5, 1.0)):
+        rgba = model.mat_rgba[material]
+    return tuple(float(c) for c in rgba[:3])
+
+
+def shape_of(model: mujoco.MjModel, g: int) -> tuple[np.ndarray, np.ndarray] | None:
+    """Vertices (V, 3), m, and faces (F, 3) of a geom in its own axes; None for what is not drawn."""
+    from trimesh import creation
+
+    kind, size = G(int(model.geom_type[g])), model.geom_size[g]
+    if kind == G.mjGEOM_MESH:
+        m = int(model.geom_dataid[g])
+        v, f = int(model.mesh_vertadr[m]), int(model.mesh_faceadr[m])
+        vertices = model.mesh_vert[v : v + int(model.mesh_vertnum[m])]
+        return vertices.copy(), model.mesh_face[f : f + int(model.mesh_facenum[m])].astype(np.uint32)
+    if kind == G.mjGEOM_BOX:
+        made = creation.box(extents=2 * size)
+    elif kind == G.mjGEOM_SPHERE:
+        made = creation.icosphere(subdivisions=2, radius=size[0])
+    elif kind == G.mjGEOM_ELLIPSOID:
+        made = creation.icosphere(subdivisions=2)
+        made.apply_scale(size)
+    elif kind == G.mjGEOM_CYLINDER:
+        made = creation.cylinder(radius=size[0], height=2 * size[1], sections=32)
+    elif kind == G.mjGEOM_CAPSULE:
+        made = creation.capsule(height=2 * size[1], radius=size[0], count=(16, 16))
+    elif kind == G.mjGEOM_PLANE:
+        extent = [2 * s if s > 0 else 4.0 for s in size[:2]]
+        made = creation.box(extents=(*extent, 1e-3))
+    else:
+        return None
+    return np.asarray(made.vertices, np.float32), np.asarray(made.faces, np.uint32)
+
+
+def simplified(vertices: np.ndarray, faces: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
+    """The mesh with at most `most` faces: vertices that share a cell of a grid become one, at their mean.
+
+    (Rossignac and Borrel, "Multi-resolution 3D approximations for rendering complex scenes", 1993.) The grid's cells
+    grow until it is enough; a face that collapses is left out.
+    """
+    if len(faces) <= most:
+        return vertices, faces
+    low, extent = vertices.min(axis=0), float(np.ptp(vertices, axis=0).max())
+    cells = 96.0
+    while True:
+        at = np.floor((vertices - low) / max(extent / cells, 1e-12)).astype(np.int64)
+        _, of, count = np.unique(at, axis=0, return_inverse=True, return_counts=True)
+        new = of.reshape(-1)[faces]
+        new = new[(new[:, 0] != new[:, 1]) & (new[:, 1] != new[:, 2]) & (new[:, 2] != new[:, 0])]
+        _, first = np.unique(np.sort(new, axis=1), axis=0, return_index=True)
+        if len(first) <= most or cells < 2:
+            break
+        cells *= 0.85
+    means = np.zeros((len(count), 3))
+    np.add.at(means, of.reshape(-1), vertices)
+    used, index = np.unique(new[np.sort(first)], return_inverse=True)
+    return (means / count[:, None])[used].astype(np.float32), index.reshape(-1, 3).astype(np.uint32)
