@@ -8,8 +8,9 @@ import pytest
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.identify.evidence import Evidence
-from vispeg.identify.excitation import motion
+from vispeg.identify.excitation import MOTIONS, motion
 from vispeg.identify.record import NOISE, centre_of, controller, record, servo
+from vispeg.identify.rehearse import rehearsed
 from vispeg.recordings.load import load
 from vispeg.robots.declared import declared
 from vispeg.robots.model import load as robot_load
@@ -130,3 +131,36 @@ def test_nothing_is_overwritten(refused, rigs):
     before = (rigs["nominal"] / "samples.csv").read_bytes()
     refused(["record", "iiwa14", "--motion", "steps", "--out", rigs["nominal"]], "exists already")
     assert (rigs["nominal"] / "samples.csv").read_bytes() == before
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_no_joint_passes_its_speed_limit(name):
+    """The arm resonates: at 80 % of the limits told, chirps reach three times a limit."""
+    robot = robot_load("iiwa14")
+    control = controller(robot, "position", 500.0, centre_of(robot))
+    asked = motion(name, robot, 500.0, 5.0, stream(1, "record", name))
+    told, share = rehearsed(World(), asked, control)
+    first, last = (record(World(), m, control, {}, stream(0)).dq for m in (asked, told))
+    assert last is not None and (np.abs(last) < robot.velocity_limit).all()
+    if (np.abs(first) < 0.98 * robot.velocity_limit).all():
+        assert told is asked and (share == 1).all()
+    np.testing.assert_allclose(told.q_cmd - asked.q_cmd[0], share * (asked.q_cmd - asked.q_cmd[0]), atol=1e-12)
+    np.testing.assert_allclose(np.gradient(told.q_cmd, told.time, axis=0)[1:-1], told.dq_cmd[1:-1], atol=0.1)
+
+
+def test_a_motion_that_is_made_smaller_is_said_and_one_of_a_file_is_checked(vispeg, tmp_path):
+    code, out, _ = vispeg("record", "iiwa14", "--motion", "chirp", "--duration", "2", "--seed", "1", "--out", "chirp")
+    assert code == 0 and "no joint passes its speed limit" in out and "joint3" in out
+    rec, limit = load(tmp_path / "chirp"), robot_load("iiwa14").velocity_limit
+    assert (np.abs(rec.dq).max(axis=0) < limit).all()
+    robot = robot_load("iiwa14")
+    asked = motion("chirp", robot, 500.0, 2.0, stream(1, "record", "chirp"))
+    table = np.column_stack([asked.time, asked.q_cmd, asked.dq_cmd])
+    names = ["time", *(f"{s}.{j}" for s in ("q_cmd", "dq_cmd") for j in robot.joints)]
+    np.savetxt(tmp_path / "fast.csv", table, delimiter=",", header=",".join(names), comments="")
+    assert vispeg("record", "iiwa14", "--motion", "fast.csv", "--out", "fast")[0] == 0
+    assert (np.abs(load(tmp_path / "fast").dq).max(axis=0) > limit).any()  # a file is replayed as it stands
+    code, out, err = vispeg("check", "fast")
+    assert "joint3" in out + err and "limit" in out + err
+    code, out, err = vispeg("check", "chirp")
+    assert "velocity limit" not in out + err

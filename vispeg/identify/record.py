@@ -17,7 +17,7 @@ from vispeg.robots.declared import declared
 from vispeg.robots.model import RobotModel, load
 from vispeg.sim.compiled import compiled, flange_pose
 from vispeg.sim.nominal import Nominal
-from vispeg.sim.rollout import simulate
+from vispeg.sim.rollout import Response, simulate
 from vispeg.sim.segment import Segment
 from vispeg.worlds.world import World
 
@@ -109,11 +109,7 @@ def record(
         UserError: the arm does not follow (the controller is unstable with this plant).
     """
     robot = load(world.robot, tool=world.tool)
-    closed = replace(control, mode="position") if control.mode == "torque" else control
-    segment = _segment(robot, motion, closed)
-    response = simulate(robot, [world], [segment], h_max=PLANT_STEP, nthread=nthread, want_ee=True)[0]
-    if response.diverged[0]:
-        raise UserError("the arm does not follow: the loop is unstable", expected="lower gains or a higher rate")
+    segment, response = drive(world, motion, control, nthread, want_ee=True)
     if response.true is not None:
         watch(response.true[0])
     q, dq, tau = response.q[0], response.dq[0], response.tau_motor[0]
@@ -152,6 +148,23 @@ def record(
         notes="simulated",
         **columns,
     )
+
+
+def drive(
+    world: World, motion: Motion, control: Control, nthread: int = 1, want_ee: bool = False
+) -> tuple[Segment, Response]:
+    """What a controller is told, and what the sensors of one world then read, without their noise.
+
+    Raises:
+        UserError: the arm does not follow (the controller is unstable with this plant).
+    """
+    robot = load(world.robot, tool=world.tool)
+    closed = replace(control, mode="position") if control.mode == "torque" else control
+    segment = _segment(robot, motion, closed)
+    response = simulate(robot, [world], [segment], h_max=PLANT_STEP, nthread=nthread, want_ee=want_ee)[0]
+    if response.diverged[0]:
+        raise UserError("the arm does not follow: the loop is unstable", expected="lower gains or a higher rate")
+    return segment, response
 
 
 def centre_of(robot: RobotModel) -> np.ndarray:
