@@ -9,8 +9,8 @@ from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import MOTIONS, motion
+from vispeg.identify.motions.rehearse import rehearsed
 from vispeg.identify.record import NOISE, centre_of, controller, record, servo
-from vispeg.identify.rehearse import rehearsed
 from vispeg.recordings.load import load
 from vispeg.robots.declared import declared
 from vispeg.robots.model import load as robot_load

@@ -17,7 +17,7 @@ from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.pictures.halves import Halves
 from vispeg.diagnosis.pictures.remainder import Left
 from vispeg.diagnosis.pictures.verdict import decide
-from vispeg.identify.look_motion import look_motion
+from vispeg.identify.motions.look_motion import look_motion
 from vispeg.identify.pictures.nuisance import Whitener
 from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.recording import Control, Recording

@@ -11,7 +11,7 @@ MEDIAN, LONGEST, ROOM = 110, 300, 20
 LONG: dict[str, int] = {}  # lower a number with every piece that moves out
 FULL = {
     "cli": 53, "learn": 36, "evaluation": 33, "diagnosis": 32, "effects/camera": 31, "recordings": 24,
-    "report": 24, "datasets": 24, "task": 23, "render": 23, "identify": 21, "sim": 21,
+    "report": 24, "datasets": 24, "task": 23, "render": 23, "sim": 21,
 }  # fmt: skip
 
 

@@ -9,7 +9,7 @@ import pytest
 from made import recording
 
 from vispeg.api.look import cameras_of, scene_of
-from vispeg.identify.look_motion import look_motion
+from vispeg.identify.motions.look_motion import look_motion
 from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.frames.camera import RecordedCamera
 from vispeg.recordings.frames.frames import Frames, RecordedFrame

@@ -12,7 +12,7 @@ from vispeg.api.look import cameras_of, look_of, record_look, scene_of
 from vispeg.cli.main import main
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
-from vispeg.identify.look_motion import LOOKS, look_motion
+from vispeg.identify.motions.look_motion import LOOKS, look_motion
 from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.frames.joints import joints_at
 from vispeg.recordings.load import load

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from vispeg.identify.excitation import MOTIONS, osc_targets
-from vispeg.identify.look_motion import ABOUT
+from vispeg.identify.motions.look_motion import ABOUT
 from vispeg.learn.record import PAIR, read_record
 from vispeg.learn.shipped import names, policy_folder
 from vispeg.task.peg.rig.expert import EXPERT

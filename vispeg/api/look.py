@@ -13,7 +13,7 @@ from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.formats.guard import is_file
-from vispeg.identify.look_motion import INSERTING, LOOKS, look_motion
+from vispeg.identify.motions.look_motion import INSERTING, LOOKS, look_motion
 from vispeg.identify.record import NOISE, centre_of, controller, record
 from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.recording import Recording
@@ -104,7 +104,7 @@ def record_look(
     Args:
         world: of a cell. Effects of the arm act on the motion, those of cameras, looks, fixture and grip on the
             pictures; none of them is told in the recording.
-        motion: one of `vispeg.identify.look_motion.LOOKS`.
+        motion: one of `vispeg.identify.motions.look_motion.LOOKS`.
         cameras: as their user believes them; `wrist_wide` of the cell at 320 x 240 px if none is given.
         fps: pictures a second of each camera.
         duration: s.

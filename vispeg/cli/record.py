@@ -1,8 +1,8 @@
 """Records a simulated robot: runs a model through a motion and writes a recording folder with sensor noise.
 
 MOTION is fourier, chirp, triangle, steps, sweep, mix, osc, or a CSV with time, q_cmd.* and (optional) dq_cmd.*, such as
-the next_experiment/samples.csv that `vispeg diagnose` writes. `--effects` hides more than the model file says. A named motion is made smaller
-where a joint would pass its speed limit, and what was done is said; a CSV is replayed as it stands.
+the next_experiment/samples.csv that `vispeg diagnose` writes. `--effects` hides more than the model file says. A named
+motion is made smaller where a joint would pass its speed limit, and that is said; a CSV is replayed as it stands.
 In a cell (MODEL is peg-cell, a world, or a model with `cell`) MOTION may also be free, press, slide, insert, rock, tap,
 insert-turned, hard-press, touch-datum, mix, expert (a whole insertion by the scripted policy) or a CSV with time and
 ee_cmd.*: the tool touches, the wrench is recorded, the task's own controller runs. Or it is look, look-tilt, look-roll,
@@ -81,8 +81,8 @@ class Args:
         from vispeg.api.record_cell import MOTIONS as CELL_MOTIONS
         from vispeg.core.errors import UserError
         from vispeg.core.seeds import stream
+        from vispeg.identify.motions.rehearse import rehearsed
         from vispeg.identify.record import centre_of, controller, record
-        from vispeg.identify.rehearse import rehearsed
         from vispeg.recordings.write import write
         from vispeg.robots.model import load
         from vispeg.task.belief import of_world
@@ -120,7 +120,8 @@ class Args:
         how = f"{runs}{motion.name}, {motion.time[-1]:.3g} s at {self.rate:g} Hz, {mode} control"
         values = {"samples": len(rec.time), "rate_hz": self.rate, "control": mode, "motion": motion.name}
         values |= {"recording": str(self.out), "robot": world.label, "repeat": self.repeat}
-        less = {j: round(float(s), 3) for j, s in zip(robot.joints, [] if share is None else share, strict=False) if s < 1}
+        shares = zip(robot.joints, [] if share is None else share, strict=False)
+        less = {joint: round(float(s), 3) for joint, s in shares if s < 1}
         said = ", ".join(f"{joint} {100 * s:.0f} %" for joint, s in less.items())
         lines = [f"{self.out}: {how}, {world.label}"]
         lines += [f"made smaller, so that no joint passes its speed limit: {said} of the motion"] if less else []
@@ -141,7 +142,7 @@ class Args:
     def _motion(self, robot):
         from vispeg.core.seeds import stream
         from vispeg.identify.excitation import motion
-        from vispeg.identify.replay import replay
+        from vispeg.identify.motions.replay import replay
         from vispeg.sim.compiled import compiled
 
         if Path(self.motion).suffix:

@@ -2,7 +2,7 @@
 
 Borders move by the projection alone, so their derivatives by each number of each effect come from finite differences
 without drawing. All numbers of a camera are free together with where the fixture stands; the robot's own repeatability
-moves each view anew. What motions leave in the dark: see `vispeg.identify.look_motion`.
+moves each view anew. What motions leave in the dark: see `vispeg.identify.motions.look_motion`.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from vispeg.api.look import cameras_of, look_of, scene_of
 from vispeg.core.effect import EffectInstance
-from vispeg.identify.look_motion import look_motion
+from vispeg.identify.motions.look_motion import look_motion
 from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.frames.frames import Frames, RecordedFrame
 from vispeg.recordings.recording import Control, Recording
