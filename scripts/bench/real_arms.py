@@ -15,10 +15,12 @@ import time
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from vispeg.api.inputs import read_inputs
+from vispeg.api.inputs import Inputs, read_inputs
+from vispeg.cli.convert import Args as Convert
 from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.base_parameters import base_parameters
 from vispeg.diagnosis.run import Diagnosis, diagnose
@@ -29,15 +31,22 @@ from vispeg.worlds.model_file import model_text
 from vispeg.worlds.words import parse
 from vispeg.worlds.world import World
 
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+
 
 @dataclass(frozen=True)
 class Arm:
-    """A robot's model and recordings below the data folder; `choice` is what a person would fit."""
+    """A robot's model and recordings below the data folder; `choice` is what a person would fit.
+
+    With `map`, the recordings are tables that are converted first, and model and map lie in the project's `docs`.
+    """
 
     model: str
     fitted: tuple[str, ...]
     held_out: tuple[str, ...]
     choice: tuple[str, ...] = ("coulomb_friction:each", "viscous_friction:each")
+    map: str = ""
+    seconds: float = 60.0  # of each recording
 
 
 ARMS = {
@@ -51,7 +60,30 @@ ARMS = {
         tuple(f"double-pendulum/val-{n}" for n in (143524, 143704)),
         ("coulomb_friction:each", "viscous_friction:each", "rotor_inertia:each"),
     ),
+    "so101": Arm(
+        "examples/so101/arm.xml",
+        ("so101/frequency_sweep.csv.gz", "so101/chirp_sweep.csv.gz", "so101/friction_gravity.csv.gz",
+         "so101/backlash_detection.csv.gz"),
+        ("so101/step_response.csv.gz", "so101/multisine.csv.gz"),
+        ("servo:each", "coulomb_friction:each", "command_delay:all"),
+        map="examples/so101/map.yaml",
+        seconds=12.0,
+    ),
 }  # fmt: skip
+
+
+def inputs(data: Path, arm: Arm) -> Inputs:
+    """The arm's model and recordings."""
+    if not arm.map:
+        fitted, held_out = ([data / name for name in names] for names in (arm.fitted, arm.held_out))
+        return read_inputs(data / arm.model, fitted, held_out, seconds=arm.seconds)
+    model = DOCS / arm.model
+    with TemporaryDirectory() as scratch:
+        folders = {name: Path(scratch) / Path(name).name.partition(".")[0] for name in (*arm.fitted, *arm.held_out)}
+        for name, folder in folders.items():
+            Convert(data / name, str(model), out=folder, map=DOCS / arm.map).run()
+        fitted, held_out = ([folders[name] for name in names] for names in (arm.fitted, arm.held_out))
+        return read_inputs(model, fitted, held_out, seconds=arm.seconds)
 
 
 def errors(evidence: Evidence, world: World) -> np.ndarray:
@@ -70,8 +102,7 @@ def _rms(evidence: Evidence, residuals: list[np.ndarray]) -> np.ndarray:
 
 def rows(data: Path, arm: Arm) -> tuple[list[tuple[str, np.ndarray, float]], Diagnosis, str]:
     """(way, errors, processor seconds) of each way, the diagnosis, and the errors' unit."""
-    fitted, held_out = ([data / name for name in names] for names in (arm.fitted, arm.held_out))
-    given = read_inputs(data / arm.model, fitted, held_out, seconds=60.0)
+    given = inputs(data, arm)
     world, fit, validate = given.world, given.fitted, given.held_out
     evidence, judged = evidence_for(world, fit), evidence_for(world, validate, h_max=1e-3)
     out = [("the model as given", errors(judged, world), 0.0)]

@@ -143,9 +143,11 @@ def test_proven_rivals_make_a_class_of_what_they_shake(toy):
     assert own.shaken == ("encoder_offset(joint1)",) and [r.label for r in own.rivals] == ["encoder_offset(joint1)"]
     state = State(fit.world, np.zeros((1, 1)), fit.residual)
     rival = SimpleNamespace(score=Score(other.probe, 0.0))
-    proven = SimpleNamespace(label="joint_bias(joint1)", equals=(rival,))
+    proven = SimpleNamespace(label="joint_bias(joint1)", equals=(rival,), tried=(rival,))
+    lost = SimpleNamespace(label="joint_bias(joint1)", equals=(), tried=(rival,))
     assert tentative(state, 0, [own], []) == {"joint_bias(joint1)"}, "a rival that was not tried may be the truth"
     assert not tentative(state, 0, [own], [proven]), "named, with its rival"
+    assert not tentative(state, 0, [own], [lost]), "named alone: the rival was fitted and lost"
 
 
 def test_a_name_must_win_where_nothing_was_fitted(toy):

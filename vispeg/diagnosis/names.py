@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 SURE = 0.3  # of the error left where it sits, that taking a named effect away must cost beside any other candidate
 SLACK = 0.2  # of the error left and of what an effect removed, by which a rival that is worth a fit may be worse
 ALIKE = 0.7  # of what an effect costs by itself, under which it must cost beside another for the two to be alike
-ASKED = 6  # candidates whose bounds are looked at
+ASKED = 6  # rivals, at most
 CORRELATED = 0.9  # of two effects' estimates, from which on neither is certain
 CLASS = 3  # proven rivals beyond which a class of effects says nothing
 
@@ -62,7 +62,7 @@ class Exchange:
         costs: rise of the squared residual without it, over the excess that is left where it sits; of the fitted and of
             the held-out recordings the lesser.
         shaken: labels of the candidates beside which it costs less than SURE; none where it costs less by itself.
-        rivals: candidates, with start values, that hardly do worse in its place; the best first.
+        rivals: candidates, with start values, that shake it or hardly do worse in its place; the best first.
     """
 
     label: str
@@ -108,29 +108,33 @@ def _exchange(fitted: Ground, held: Ground, both: _Both, model: list[int], k: in
         (other, other_held), (more, more_held) = both([*rest, c]), both([*model, c])
         weak = other - more < fitted.needed(k)
         if weak or other_held - min(left_held, more_held) < held.needed(k):
-            shaken.append(entries[c].placed.label)
+            shaken.append(c)
     near = left + SLACK * min(fitted.left(k), without - left)
-    promising = [c for c in asked if without - instead[c] < near or (c in alike and both([*rest, c])[1] < left_held)]
-    promising = sorted(promising, key=lambda c: -instead[c])[:ASKED]
-    first = {entries[c].key: c for c in reversed(promising)}  # of the guesses of one candidate the best
-    rivals = [c for c in first.values() if both([*rest, c])[0] < near or both([*rest, c])[1] < left_held][::-1]
-    placed = tuple(fitted.dictionary.placed([*rest, c])[-1] for c in rivals)
-    return Exchange(entries[k].placed.label, float(share), tuple(dict.fromkeys(shaken)), placed)
+    close = [c for c in asked if without - instead[c] < near]
+    close = [c for c in close if both([*rest, c])[0] < near]
+    better = [c for c in alike if both([*rest, c])[1] < left_held]
+    order = sorted({*close, *better, *shaken}, key=lambda c: -instead[c])
+    rivals = list({entries[c].key: c for c in reversed(order)}.values())[::-1]  # of one candidate's guesses the best
+    placed = tuple(fitted.dictionary.placed([*rest, c])[-1] for c in rivals[:ASKED])
+    labels = dict.fromkeys(entries[c].placed.label for c in shaken)
+    return Exchange(entries[k].placed.label, float(share), tuple(labels), placed)
 
 
 def tentative(state: State, given: int, exchanged: Sequence[Exchange], rivals: Sequence[Rivals]) -> frozenset[str]:
     """Labels of the effects after the first `given` that must not be named.
 
-    An effect is named where nothing shakes it; where only few proven rivals do, it is named with them.
+    An effect is named where nothing shakes it, or only what was fitted in its place and lost on held-out recordings;
+    where few proven rivals do, it is named with them.
     """
     proven = {r.label: {t.score.label for t in r.equals} for r in rivals}
+    tried = {r.label: {t.score.label for t in r.tried} for r in rivals}
     found = {e.label: e for e in exchanged}
     out = set()
     for index, placed in enumerate(state.world.effects[given:], given):
         label, own = placed.label, found.get(placed.label)
         equals = proven.get(label, set())
         at_bound = any(_at_bound(placed, name) for name in effect(placed.effect).magnitudes)
-        unsure = own is not None and (own.costs < SURE or bool(set(own.shaken) - equals))
+        unsure = own is not None and (own.costs < SURE or bool(set(own.shaken) - tried.get(label, set())))
         absent = state.fit is not None and not present(state.fit, index)
         if at_bound or unsure or absent or len(equals) > CLASS or _entangled(state, index):
             out.add(label)

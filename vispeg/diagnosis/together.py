@@ -33,10 +33,10 @@ def together(dictionary: Dictionary, most: int) -> Score | None:
     fixed = [k for k in dictionary.fitted if not dictionary.entries[k].straight]
     before = [k for k in dictionary.fitted if k not in fixed]
     chosen = list(before)
-    first = left = dictionary.crossed([*fixed, *chosen])
+    left = dictionary.crossed([*fixed, *chosen])
     while len(fixed) + len(chosen) < most:
         found = _best(dictionary, fixed, chosen, left)
-        if found is None or found[0] < _least(dictionary, found[1]) * left:
+        if found is None:
             break
         chosen.append(found[1])
         left = _exchanged(dictionary, fixed, chosen, left - found[0])
@@ -46,11 +46,12 @@ def together(dictionary: Dictionary, most: int) -> Score | None:
         return None
     members = dictionary.placed([*fixed, *chosen])
     out = tuple(dictionary.entries[k].placed for k in gone)
-    return Score(members[0], first - left, tuple(members[1:]), out)
+    gain = dictionary.loss([*fixed, *before])[0] - dictionary.loss([*fixed, *chosen])[0]  # as that of one effect is
+    return Score(members[0], gain, tuple(members[1:]), out)
 
 
 def _best(dictionary: Dictionary, fixed: list[int], chosen: list[int], left: float) -> tuple[float, int] | None:
-    """(gain, entry) of the best straight effect beside the chosen ones."""
+    """(gain, entry) of the best straight effect beside the chosen ones, of those that promise as much as they must."""
     gains = dictionary.gains([*fixed, *chosen])
     gains[[k for k, e in enumerate(dictionary.entries) if not e.straight]] = 0.0
     found = []
@@ -59,7 +60,7 @@ def _best(dictionary: Dictionary, fixed: list[int], chosen: list[int], left: flo
         signature = dictionary.entries[k].signature
         if signature is None or signature.possible(coefficients[-len(dictionary.entries[k].columns) :].tolist()):
             found.append((left - dictionary.crossed([*fixed, *chosen, k]), k))
-    found = [f for f in found if f[0] > 0]  # what helps its own fold may hurt the others
+    found = [f for f in found if f[0] >= _least(dictionary, f[1]) * left]  # what helps its own fold may hurt the others
     if not found:
         return None
     top = max(found)[0]
