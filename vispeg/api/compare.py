@@ -16,6 +16,7 @@ from vispeg.contact.run import compare_contact
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.diagnosis import compare as rooms
+from vispeg.diagnosis.schema import ComparisonRecord
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import SECONDS, choose
 from vispeg.report.live.arm import arm_arrays
@@ -100,7 +101,8 @@ def compare(
         some = [choose(r, seconds) for r in given.fitted] if cell else given.fitted
         result = rooms.compare(arm, some, nthread=threads, label=given.world.label)
         result.arrays.update(arm_arrays(arm, result.arrays["joints"]))
-    record, arrays = result.record | {"provenance": given.provenance(None)}, dict(result.arrays)
+    record: ComparisonRecord = {**result.record, "provenance": given.provenance(None)}
+    arrays = dict(result.arrays)
     looked = [rec for rec in given.fitted if rec.frames is not None]
     if looked and given.world.cell is None:
         said = (

@@ -8,14 +8,14 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import NotRequired, TypedDict
 
 import numpy as np
 
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.core.memory import release
-from vispeg.core.provenance import digest, here
+from vispeg.core.provenance import Provenance, digest, here
 from vispeg.recordings.load import load, needed
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.schema import Header
@@ -55,7 +55,7 @@ class Inputs:
     digests: tuple[Mapping[str, str], Mapping[str, str]]
     files: tuple[str | Path, ...]
 
-    def provenance(self, seed: int | None) -> dict[str, object]:
+    def provenance(self, seed: int | None) -> Provenance:
         """What is needed to repeat a result."""
         return here(seed, {**self.digests[0], **self.digests[1]})
 
@@ -181,8 +181,15 @@ def felt(recordings: Sequence[Recording]) -> bool:
     return all(rec.ft is not None for rec in recordings)
 
 
-def windows(cell: bool, seconds: float) -> dict[str, Any]:
-    """What `read_inputs` takes of a recording: windows of one of an arm, all of one of contact, its wrench included."""
+class Windows(TypedDict):
+    """How much of a recording `read_inputs` takes: seconds at most (0: all), and which signals (None: all)."""
+
+    seconds: float
+    signals: NotRequired[None]
+
+
+def windows(cell: bool, seconds: float) -> Windows:
+    """Windows of a recording of an arm; all of one of contact, its wrench included."""
     return {"seconds": 0.0, "signals": None} if cell else {"seconds": seconds}
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.core.provenance import digest, here
+from vispeg.core.provenance import Provenance, digest, here
 from vispeg.diagnosis.objects import diagnose_object
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.recordings.objects import ObjectRecording, load_object_recording
@@ -37,7 +37,7 @@ class Tosses:
 
     result: Diagnosis
     files: tuple[str | Path, ...]
-    provenance: dict[str, object]
+    provenance: Provenance
 
 
 def diagnose_tosses(

@@ -69,7 +69,7 @@ def play(jobs: Sequence[Job], folder: Path, workers: int, playing: Playing) -> l
         return runner.run(jobs, folder, workers, watch=watch)
 
 
-def stamped(values: Mapping[str, Any], seed: int, inputs: Iterable[Path]) -> dict[str, Any]:
+def stamped(values: Mapping[str, Any], seed: int, inputs: Iterable[Path]) -> Mapping[str, Any]:
     """The record with its provenance."""
     return {**values, "provenance": here(seed, {str(path): f"sha256:{digest(path)}" for path in inputs})}
 

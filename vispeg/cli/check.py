@@ -15,10 +15,10 @@ Example:
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import tyro
@@ -69,7 +69,7 @@ class Args:
                 (folder / "check.json").write_text(text, encoding="utf-8")
         return 0
 
-    def _examine(self, folder: Path | None) -> dict[str, Any]:
+    def _examine(self, folder: Path | None) -> Mapping[str, object]:
         """Checks, shows and draws one recording after the other, so that only one is in memory."""
         reports, heads, looked = [], [], []
         for number, path in enumerate(self.recordings, start=1):
@@ -87,7 +87,7 @@ class Args:
         record = {
             "format": "vispeg-check/1",
             "recordings": [
-                report.to_json() | ({"cameras": [c.to_json() for c in seen]} if seen else {})
+                {**report.to_json(), **({"cameras": [c.to_json() for c in seen]} if seen else {})}
                 for report, (seen, _) in zip(reports, looked, strict=True)
             ],
             "repeats": repeats(heads),
@@ -134,7 +134,7 @@ def head_of(rec: Recording) -> Recording:
     return replace(rec, tau=None, ft=None, frames=None, **cut)
 
 
-def repeats(recs: list[Recording]) -> list[dict[str, Any]]:
+def repeats(recs: list[Recording]) -> list[Mapping[str, object]]:
     """Groups of recordings that repeat one commanded motion, with the noise that they show (rad, one a joint)."""
     left, out = list(recs), []
     while left:

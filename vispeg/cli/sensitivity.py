@@ -45,33 +45,20 @@ class Args:
     @goes_on()
     def run(self) -> int:
         """Plays what is missing, writes the folder, prints a line a curve."""
-        from vispeg.api.playing import check_numbers
-        from vispeg.cli.evaluation import open_folder, play_all, write_result
-        from vispeg.core.errors import UserError
-        from vispeg.core.files import write_text_atomic
-        from vispeg.evaluation import sensitivity
-        from vispeg.evaluation.jobs import make_jobs, seeds_of
-        from vispeg.evaluation.players import ready
-        from vispeg.report.gap.sweep_page import render
-        from vispeg.task.world_file import load_world
+        from vispeg.api.stress.sensitivity import sensitivity
+        from vispeg.cli.progress import playing
+        from vispeg.report.summary import Line
 
-        check_numbers(self.episodes, self.workers)
-        if not self.sweep:
-            raise UserError("nothing to sweep", key="--sweep", expected="a sweep", choices=sensitivity.SWEEPS)
-        who, world = ready(self.policies), load_world(self.world)
-        sweeps = [sensitivity.sweep(text) for text in self.sweep]
-        sensitivity.refuse_unseen(sweeps, who)
-        out = open_folder(self.out, "sensitivity.json", self.overwrite, [world.path, *(e.path for e in who)])
-        settings = [s for what in sweeps for s in sensitivity.settings(self.world, world.name, what)]
-        jobs = make_jobs(who, settings, seeds_of(self.episodes, self.seed), out / "worlds")
-        episodes = play_all(jobs, out, self.workers, self.output.quiet)
-        found = []
-        for what in sweeps:
-            tags = {sensitivity.tag(what, v) for v in what.values}
-            found.append(sensitivity.summarise([e for e in episodes if e.configuration in tags], what))
-        values = {"format": sensitivity.FORMAT, "world": {"name": world.name, "hash": world.hash}, "sweeps": found}
-        values = write_result(out, "sensitivity.json", values, self.seed, [e.path for e in who if e.path.exists()])
-        page = write_text_atomic(out / "sensitivity.html", render(values), overwrite=True)
-        lines = [f"{s['label']}, {curve['policy']}: {curve['words']}" for s in found for curve in s["curves"]]
-        self.output.give(values, [*lines, str(page)])
+        result = sensitivity(
+            self.policies,
+            self.sweep,
+            self.world,
+            episodes=self.episodes,
+            seed=self.seed,
+            workers=self.workers,
+            out=self.out,
+            overwrite=self.overwrite,
+            playing=lambda jobs, folder: playing(jobs, folder, self.output.quiet),
+        )
+        self.output.give(result.record, [*result.summary, Line(str(self.out / result.page), path=True)])
         return 0

@@ -153,7 +153,7 @@ class Args:
             self._tell(train(config, out, show=not self.output.quiet), out, self.world, settings)
         return 0
 
-    def _settings(self) -> dict[str, Any]:
+    def _settings(self) -> Mapping[str, Any]:
         """Of the task, in place of the world's."""
         from vispeg.core.errors import UserError
 

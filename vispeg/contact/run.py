@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.inputs import touching
@@ -16,7 +15,7 @@ from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.record import candidates, correlations, effects, ladder, moved, screening, with_origin
 from vispeg.diagnosis.rivals import find_rivals
 from vispeg.diagnosis.run import Diagnosis
-from vispeg.diagnosis.schema import DiagnosisRecord
+from vispeg.diagnosis.schema import ComparisonRecord, DiagnosisRecord
 from vispeg.diagnosis.share import Share
 from vispeg.diagnosis.verdict import decide
 from vispeg.recordings.recording import Recording
@@ -96,8 +95,8 @@ def compare_contact(
     evidence = evidence_of(recordings, nthread)
     residual, predicted = evidence.residuals([world])[0], evidence.simulated([world])
     error = evidence.angle_rms(residual)
-    rows: list[dict[str, Any]] = channels(evidence, predicted)
-    record = {
+    rows = channels(evidence, predicted)
+    record: ComparisonRecord = {
         "format": "vispeg-compare/1",
         "evidence": "contact",
         "ladder": [{"model": label or world.label, "fit_error": None, "heldout_error": error, "unit": "N RMS"}],

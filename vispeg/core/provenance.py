@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 from vispeg import __version__
 from vispeg.core.errors import UserError
@@ -17,7 +17,16 @@ from vispeg.core.errors import UserError
 PACKAGES = ("mujoco", "numpy", "scipy", "cma")  # what numbers depend on
 
 
-def provenance(argv: Sequence[str], seed: int | None, inputs: Iterable[str | Path] = ()) -> dict[str, Any]:
+class Provenance(TypedDict):
+    """What is needed to repeat a result; see `provenance`."""
+
+    command: str
+    seed: int | None
+    versions: dict[str, str | None]
+    inputs: dict[str, str]
+
+
+def provenance(argv: Sequence[str], seed: int | None, inputs: Iterable[str | Path] = ()) -> Provenance:
     """What is needed to repeat a result, ready for JSON.
 
     Args:
@@ -35,7 +44,7 @@ def provenance(argv: Sequence[str], seed: int | None, inputs: Iterable[str | Pat
     return _stamp(argv, seed, {str(path): f"sha256:{digest(path)}" for path in inputs})
 
 
-def here(seed: int | None, digests: Mapping[str, str]) -> dict[str, Any]:
+def here(seed: int | None, digests: Mapping[str, str]) -> Provenance:
     """The provenance of what this process works out, from inputs whose digests are known.
 
     Its command is the one that the process was started with; `python` in a notebook or an interactive session.
@@ -44,8 +53,8 @@ def here(seed: int | None, digests: Mapping[str, str]) -> dict[str, Any]:
     return _stamp(["python"] if interactive else sys.argv, seed, digests)
 
 
-def _stamp(argv: Sequence[str], seed: int | None, digests: Mapping[str, str]) -> dict[str, Any]:
-    versions = {"vispeg": __version__, "python": platform.python_version()}
+def _stamp(argv: Sequence[str], seed: int | None, digests: Mapping[str, str]) -> Provenance:
+    versions: dict[str, str | None] = {"vispeg": __version__, "python": platform.python_version()}
     versions |= {name: _version(name) for name in PACKAGES}
     inputs = dict(sorted(digests.items()))
     return {"command": command_line(argv), "seed": seed, "versions": versions, "inputs": inputs}

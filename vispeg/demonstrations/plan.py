@@ -4,10 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 from vispeg.core.errors import UserError
-from vispeg.datasets.layout import Layout, colour_of, depth, depth_of, flag, number, numbers, parts, picture, truth_of
+from vispeg.datasets.layout import (
+    Feature,
+    Layout,
+    colour_of,
+    depth,
+    depth_of,
+    flag,
+    number,
+    numbers,
+    parts,
+    picture,
+    truth_of,
+)
 from vispeg.datasets.plan import Plan, shard_frames
 from vispeg.render.camera import Camera
 from vispeg.render.part_mesh import part_mesh
@@ -82,7 +93,7 @@ def scene_of(task: TaskConfig) -> Scene:
 def layout_of(file: WorldFile, task: TaskConfig, cameras: tuple[Camera, ...], labels: bool) -> Layout:
     """What every frame of a rendering holds."""
     observed, scene = Observation(registry.task_of(task).terms, task), scene_of(task)
-    features: dict[str, Any] = {
+    features: dict[str, Feature] = {
         "observation.state": numbers((*scene.joints, *TASK_STATE)),
         "observation.policy": numbers([f"policy{i}" for i in range(task.stack * observed.policy_size)]),
         truth_of(()): numbers([f"truth{i}" for i in range(observed.truth_size)]),

@@ -12,7 +12,6 @@ import json
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import count
-from typing import Any
 
 import numpy as np
 
@@ -69,7 +68,7 @@ class Take:
 
     frames: list[dict[str, np.ndarray]]
     clips: dict[str, Clip]
-    about: dict[str, Any]
+    about: dict[str, object]
 
 
 def shard(plan: Plan, layout: Layout, wanted: Shard) -> Iterator[Episode]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from vispeg.diagnosis.localise import maps, missing_torque, peaks, where_it_fails
+from vispeg.diagnosis.schema import ComparisonRecord, JointError, Lost
 from vispeg.diagnosis.subsets import subsets
 from vispeg.identify.channels import Item
 from vispeg.identify.evidence import Evidence
@@ -23,7 +23,7 @@ from vispeg.worlds.world import World
 class Comparison:
     """The record (compare.json) and the arrays behind its pictures."""
 
-    record: dict[str, Any]
+    record: ComparisonRecord
     arrays: dict[str, np.ndarray]
 
 
@@ -49,7 +49,7 @@ def compare(world: World, recordings: Sequence[Recording], *, nthread: int = 1, 
     drawn = maps(missing) if missing else {}
     unit = f"{evidence.unit} RMS"
     stated = all(("q" if evidence.unit == "rad" else "tau") in r.noise for r in recordings)
-    record = {
+    record: ComparisonRecord = {
         "format": "vispeg-compare/1",
         "ladder": [
             {
@@ -75,9 +75,9 @@ def compare(world: World, recordings: Sequence[Recording], *, nthread: int = 1, 
     return Comparison(record, arrays)
 
 
-def diverged(evidence: Evidence, world: World, predicted: Sequence[np.ndarray]) -> list[dict[str, Any]]:
+def diverged(evidence: Evidence, world: World, predicted: Sequence[np.ndarray]) -> list[Lost]:
     """Name of each item whose rollout left every bound, and the time at which it did, s from the item's start."""
-    out = []
+    out: list[Lost] = []
     for item, y in zip(evidence.items, predicted, strict=True):
         if not np.isfinite(y).all():
             response = simulate(item.robot, [world], [item.segment], h_max=evidence.h_max)[0]
@@ -94,16 +94,23 @@ def _error(pairs: Pairs) -> float | None:
     return float(np.sqrt(np.mean(np.square(joints)))) if joints else None
 
 
-def _joints(evidence: Evidence, pairs: Pairs) -> list[dict[str, Any]]:
+def _joints(evidence: Evidence, pairs: Pairs) -> list[JointError]:
     """Per joint: RMS error and noise, their ratio, and RMS torque error where torque was measured."""
-    out = []
+    out: list[JointError] = []
     for j, joint in enumerate(evidence.items[0].robot.joints):
         error, floor = _rms(pairs, j) if pairs else None, float(evidence.floors[j])
-        row: dict[str, Any] = {"joint": joint, "error": error, "floor": floor, "unit": f"{evidence.unit} RMS"}
-        row["times_floor"] = error / floor if error is not None and floor > 0 else None
-        for kind in ("torque", "load"):
-            if all(i.beside == kind for i in evidence.items):
-                row[f"{kind}_error"] = _rms(pairs, j + evidence.items[0].nj) if pairs else None
+        row: JointError = {
+            "joint": joint,
+            "error": error,
+            "floor": floor,
+            "unit": f"{evidence.unit} RMS",
+            "times_floor": error / floor if error is not None and floor > 0 else None,
+        }
+        beside = {i.beside for i in evidence.items}
+        if beside == {"torque"}:
+            row["torque_error"] = _rms(pairs, j + evidence.items[0].nj) if pairs else None
+        elif beside == {"load"}:
+            row["load_error"] = _rms(pairs, j + evidence.items[0].nj) if pairs else None
         out.append(row)
     return out
 

@@ -22,7 +22,7 @@ from vispeg.identify.restarts import Restarts
 from vispeg.identify.surface import line_searches, with_intervals
 from vispeg.recordings.objects import ObjectRecording
 from vispeg.robots.objects import ObjectModel
-from vispeg.worlds.model_file import placed_dict
+from vispeg.worlds.model_file import without_origin
 from vispeg.worlds.world import World
 
 WINDOWS = {"41 ms": 0.041, "162 ms": 0.162, "whole tosses": None}  # s
@@ -214,32 +214,32 @@ def windows(
     sigma: np.ndarray,
     seed: int,
     nthread: int,
-) -> list[dict[str, Any]]:
+) -> list[Mapping[str, object]]:
     """What each length of window says: errors of both models on the held-out tosses, and each parameter's profile."""
     rows = []
     rng = np.random.default_rng([seed, 41])
     for label, seconds in WINDOWS.items():
         judged = Restarts(held_out, model, seconds, sigma=sigma, nthread=nthread)
-        row: dict[str, Any] = {"window": label, "count": sum(len(w.first) for w in judged.items)}
+        row: dict[str, object] = {"window": label, "count": sum(len(w.first) for w in judged.items)}
         for name, world in (("before", before), ("after", after)):
             distance, turn = judged.errors(world)
             row[name] = {"median_m": float(np.median(distance)), "median_rad": float(np.median(turn)),
                          "rms_m": float(np.sqrt(np.mean(distance**2)))}  # fmt: skip
         evidence = Restarts(fitted, model, seconds, sigma=sigma, nthread=nthread)
-        row["parameters"] = []
+        parameters: list[Mapping[str, object]] = []
         for e in after.effects[len(before.effects) :]:
             for name in effect(e.effect).magnitudes:
                 got: Profile = profile(evidence, after, e, name, rng)
-                row["parameters"].append({
+                parameters.append({
                     "parameter": got.label, "best": got.best, "low": got.low, "high": got.high, "told": got.told,
                     "profile": {"value": got.values.tolist(), "error": got.error.tolist()},
                 })  # fmt: skip
-        rows.append(row)
+        rows.append({**row, "parameters": parameters})
     return rows
 
 
 def _effect(e: EffectInstance, others: Sequence[EffectInstance]) -> FoundEffect:
-    entry: Any = {k: v for k, v in placed_dict(e).items() if k != "origin"}
+    entry: Any = without_origin(e)
     return entry | {"indistinguishable_from": [{"effect": o.effect, "where": o.where} for o in others]}
 
 

@@ -72,11 +72,11 @@ def _example(folder: Path) -> Path:
 
 
 @enrol(FORMAT, _example)
-def _resumed(file: Path) -> dict[str, Any]:
+def _resumed(file: Path) -> dict[str, object]:
     return Progress(file, "example").answers
 
 
-def _read(file: Path, key: str) -> dict[str, Any]:
+def _read(file: Path, key: str) -> dict[str, object]:
     with as_written(file, "vispeg diagnose", "remove it to begin anew"):
         data = PROGRESS.read(file)
         return dict(data["answers"]) if data["key"] == key else {}

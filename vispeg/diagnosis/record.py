@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from vispeg.identify.channels import UNITS
 from vispeg.identify.evidence import Evidence
 from vispeg.recordings.quality import quantization
 from vispeg.recordings.recording import Recording
-from vispeg.worlds.model_file import placed_dict
+from vispeg.worlds.model_file import without_origin
 from vispeg.worlds.world import World
 
 
@@ -59,13 +60,19 @@ def effects(world: World, given: int, rivals: Sequence[Rivals], fitted: World) -
     by_label = {r.label: r for r in rivals}
     out = []
     for e in world.effects[given:]:
-        entry = {k: v for k, v in placed_dict(e).items() if k != "origin"}
+        placed = without_origin(e)
+        params: dict[str, dict[str, object]] = {name: {**values} for name, values in placed["params"].items()}
         for name, v in next(f for f in fitted.effects if f.label == e.label).params.items():
             if v.low is not None and v.high is not None:
-                entry["params"][name]["statistical"] = [float(v.low), float(v.high)]
+                params[name]["statistical"] = [float(v.low), float(v.high)]
         equals = by_label[e.label].equals if e.label in by_label else ()
-        entry["indistinguishable_from"] = [{"effect": t.score.key[0], "where": t.score.key[1]} for t in equals]
-        out.append(entry)
+        others = [{"effect": t.score.key[0], "where": t.score.key[1]} for t in equals]
+        entry = {
+            **placed,
+            "params": params,
+            "indistinguishable_from": others,
+        }
+        out.append(cast("FoundEffect", entry))
     return out
 
 

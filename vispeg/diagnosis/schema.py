@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NotRequired, TypedDict
+from typing import NotRequired, TypedDict
+
+from vispeg.core.provenance import Provenance
 
 
 class Place(TypedDict):
@@ -16,7 +18,7 @@ class Place(TypedDict):
 class FoundEffect(Place):
     """An effect that was added, with its values (as in a model file) and what cannot be told from it."""
 
-    params: dict[str, dict[str, Any]]
+    params: Mapping[str, Mapping[str, object]]
     indistinguishable_from: list[Place]
     partial: NotRequired[bool]
     tentative: NotRequired[bool]
@@ -143,11 +145,52 @@ class Told(TypedDict):
     recordings: Recordings
 
 
+class Lost(TypedDict):
+    """A recording whose rollout left every bound, and when, s from its start."""
+
+    recording: str
+    time_s: float
+
+
+class JointError(TypedDict):
+    """RMS error of one joint and its noise, their ratio; RMS torque error where torque or load was measured."""
+
+    joint: str
+    error: float | None
+    floor: float
+    unit: str
+    times_floor: float | None
+    torque_error: NotRequired[float | None]
+    load_error: NotRequired[float | None]
+
+
+class ComparisonRecord(TypedDict):
+    """compare.json. Keys that are not required are of robots in joint or torque space, of contact, or of pictures."""
+
+    format: str
+    ladder: list[Rung]
+    noise_floor: NoiseFloor
+    chi2: NotRequired[float]
+    joints: NotRequired[list[JointError]]
+    diverged: NotRequired[list[Lost]]
+    where_it_fails: NotRequired[list[Failure]]
+    residual_peaks: NotRequired[list[Peak]]
+    recordings: Recordings
+    windows: NotRequired[Sequence[Mapping[str, object]]]
+    notes: list[str]
+    evidence: NotRequired[str]
+    phases: NotRequired[Sequence[Mapping[str, object]]]
+    channels: NotRequired[list[Channel]]
+    views: NotRequired[Mapping[str, object]]
+    pictures: NotRequired[Mapping[str, object]]
+    provenance: NotRequired[Provenance]
+
+
 class DiagnosisRecord(Told):
     """The record. Keys that are not required are of robots in joint or torque space, or of free objects."""
 
     format: str
-    unexplained: dict[str, Any] | None
+    unexplained: Mapping[str, object] | None
     next_experiment: NextMotion | None
     candidates: list[Candidate]
     notes: list[str]

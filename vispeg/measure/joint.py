@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -42,7 +41,7 @@ class Joint:
     strokes: Sequence[Stroke] = ()
     results: Sequence[Quantity] = ()
     notes: Sequence[str] = ()
-    details: dict[str, Any] = field(default_factory=dict)
+    details: Mapping[str, object] = field(default_factory=dict)
 
 
 def measure(traces: Sequence[Trace], rng: np.random.Generator) -> Joint:
@@ -62,7 +61,7 @@ def measure(traces: Sequence[Trace], rng: np.random.Generator) -> Joint:
     steps.refuse_drift(found, names)
     results: list[Quantity] = []
     notes: list[str] = []
-    details: dict[str, Any] = {}
+    details: dict[str, object] = {}
     loop: list[Quantity] = []
     lost_motion.summarise(strokes, traces, loop, notes, details, rng)
     found = _resolved(found, loop, notes)
@@ -163,7 +162,7 @@ def _over_sizes(
     return propagate(name, unit, lambda *x: sum(x), inputs, rng, repeats=repeats)  # type: ignore[arg-type]
 
 
-def _held_out(found: Sequence[Step], traces: Sequence[Trace], notes: list[str], details: dict[str, Any]) -> None:
+def _held_out(found: Sequence[Step], traces: Sequence[Trace], notes: list[str], details: dict[str, object]) -> None:
     """The error on the steps of the middle size, simulated with a servo from the others alone."""
     sizes = steps.sizes(found)
     if len(sizes) < 3:
@@ -188,7 +187,7 @@ def _bode(
     points: Sequence[Point],
     results: list[Quantity],
     notes: list[str],
-    details: dict[str, Any],
+    details: dict[str, object],
     rng: np.random.Generator,
 ) -> None:
     """The Bode table, and the bandwidth of the amplitude with the most frequencies."""

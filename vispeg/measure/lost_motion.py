@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -21,7 +20,7 @@ def summarise(
     traces: Sequence[Trace],
     results: list[Quantity],
     notes: list[str],
-    details: dict[str, Any],
+    details: dict[str, object],
     rng: np.random.Generator,
 ) -> None:
     """Adds lost motion, friction and backlash to `results`, remarks to `notes`, the table of strokes to `details`."""

@@ -26,7 +26,7 @@ class Outcome:
     details: Mapping[str, Any] = field(default_factory=dict)
 
 
-def by_place(values: np.ndarray, place: np.ndarray | None) -> dict[str, Any]:
+def by_place(values: np.ndarray, place: np.ndarray | None) -> Mapping[str, object]:
     """The mean, spread and number of readings at each place, for the file's `details`."""
     if place is None:
         return {}

@@ -33,7 +33,7 @@ class CellBelief:
         """Whether it is left to each recording to say what stands there."""
         return self == CellBelief(PEG_CELL)
 
-    def plain(self) -> str | dict[str, Any]:
+    def plain(self) -> str | Mapping[str, object]:
         """As a file states it: the world's name alone where that is all."""
         rest = {"task": dict(self.task), "robot": self.robot, "effects": [dict(e) for e in self.effects]}
         rest = {key: value for key, value in rest.items() if value}

@@ -76,7 +76,7 @@ class CheckReport:
     warnings: tuple[str, ...]
     contact: ContactCheck | None = None
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> Mapping[str, object]:
         """Plain data for JSON; what is not finite becomes None."""
         return _finite(asdict(self))
 

@@ -6,7 +6,6 @@ import warnings
 from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -194,7 +193,7 @@ def _robot(robot: str, folder: Path, file: Path) -> str:
 def _control(section: ControlSection, rate_hz: float, nj: int, file: Path) -> Control:
     """Checks the gains against the mode: one a joint for position, six for osc."""
     size = {"position": nj, "osc": 6}.get(section.mode)
-    gains: dict[str, Any] = {}
+    gains: dict[str, np.ndarray | None] = {}
     for name in ("kp", "kd"):
         value = getattr(section, name)
         if value is None and size is not None:

@@ -187,7 +187,7 @@ def write_object(recording: ObjectRecording, folder: Path | str, overwrite: bool
     Raises:
         UserError: the folder exists already or cannot be written.
     """
-    head: dict[str, Any] = {"format": FORMAT, "object": recording.name_of, "rate_hz": float(recording.rate_hz)}
+    head: dict[str, object] = {"format": FORMAT, "object": recording.name_of, "rate_hz": float(recording.rate_hz)}
     head |= {"noise": {k: float(v) for k, v in recording.noise.items()}} if recording.noise else {}
     head |= {"motion": recording.motion, "notes": recording.notes}
     names = ["time", "episode", *POSE_COLUMNS, *RATE_COLUMNS]

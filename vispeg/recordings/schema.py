@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -25,7 +26,7 @@ CellWord = BeforeValidator(lambda value: _named_cell(value) if isinstance(value,
 OneOutcome = BeforeValidator(lambda value: [value] if isinstance(value, dict) else value)
 
 
-def _named_cell(word: str) -> dict[str, Any] | None:
+def _named_cell(word: str) -> Mapping[str, object] | None:
     """A world's name or path in place of a mapping; `none` for no cell."""
     return None if word == "none" else {"world": word}
 
@@ -88,9 +89,9 @@ class CellSection(_Section):
     """What stands in the cell as the user believes it, in the words of a world file."""
 
     world: str = ""
-    task: dict[str, Any] = {}
-    robot: dict[str, Any] | str | None = None
-    effects: list[dict[str, Any]] = []
+    task: dict[str, object] = {}
+    robot: dict[str, object] | str | None = None
+    effects: list[dict[str, object]] = []
 
 
 class CellOf(_Section):
@@ -172,7 +173,7 @@ def header_from(data: Any, file: Path) -> Header:
     return header
 
 
-def plain(section: BaseModel) -> dict[str, Any]:
+def plain(section: BaseModel) -> Mapping[str, Any]:
     """What is given of a section, without keys that this version does not know."""
     return section.model_dump(exclude_none=True, include=set(type(section).model_fields))
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -64,7 +64,7 @@ class Chosen:
         )
 
 
-def records(recordings: Sequence[Recording]) -> list[dict[str, Any]]:
+def records(recordings: Sequence[Recording]) -> list[Mapping[str, object]]:
     """What was chosen, for a record; empty where every recording is used whole."""
     return [{"recording": r.name} | asdict(r.chosen) | {"said": r.chosen.said(r.name)} for r in recordings if r.chosen]
 

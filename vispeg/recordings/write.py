@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -93,8 +93,8 @@ def _write_parquet(file: Path, columns: dict[str, np.ndarray]) -> None:
     pq.write_table(pa.table({name: np.ascontiguousarray(values) for name, values in columns.items()}), file)
 
 
-def _header(rec: Recording, folder: Path) -> dict[str, Any]:
-    head: dict[str, Any] = {
+def _header(rec: Recording, folder: Path) -> Mapping[str, object]:
+    head: dict[str, object] = {
         "format": FORMAT,
         "robot": _robot(rec.robot, folder),
         "joints": list(rec.joints),
@@ -116,8 +116,8 @@ def _header(rec: Recording, folder: Path) -> dict[str, Any]:
     return head | {"motion": rec.motion, "notes": rec.notes}
 
 
-def _outcome(one: Outcome) -> dict[str, Any]:
-    head: dict[str, Any] = {"episode": int(one.episode), "success": bool(one.success)}
+def _outcome(one: Outcome) -> Mapping[str, object]:
+    head: dict[str, object] = {"episode": int(one.episode), "success": bool(one.success)}
     head |= {"category": one.category} if one.category else {}
     numbers = {"peak_force_n": one.peak_force, "depth_m": one.depth}
     return head | {key: float(value) for key, value in numbers.items() if value is not None}
@@ -130,8 +130,8 @@ def _robot(robot: str, folder: Path) -> str:
     return relative if "/" in relative or "." in relative else robot
 
 
-def _control(control: Control) -> dict[str, Any]:
-    out: dict[str, Any] = {"mode": control.mode, "rate_hz": float(control.rate_hz)}
+def _control(control: Control) -> Mapping[str, object]:
+    out: dict[str, object] = {"mode": control.mode, "rate_hz": float(control.rate_hz)}
     out["gravity_compensation"] = control.gravity_compensation
     out |= {name: _plain(gains) for name in ("kp", "kd") if (gains := getattr(control, name)) is not None}
     if control.nullspace is not None:

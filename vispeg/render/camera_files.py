@@ -97,7 +97,7 @@ def save_cameras(
     return write_text_atomic(path, text, overwrite=overwrite)
 
 
-def to_record(camera: Camera) -> dict[str, Any]:
+def to_record(camera: Camera) -> Mapping[str, object]:
     """A camera as plain JSON or YAML values."""
     values = {key: getattr(camera, key) for key in FIELDS}
     return {key: list(value) if isinstance(value, tuple) else value for key, value in values.items()}
@@ -140,7 +140,7 @@ def _from_matrix(record: Mapping[str, Any], path: str | Path) -> Camera:
     )
 
 
-def _checked(path: str | Path, values: dict[str, Any]) -> Camera:
+def _checked(path: str | Path, values: Mapping[str, Any]) -> Camera:
     try:
         return Camera(**values)
     except UserError as error:
@@ -174,7 +174,7 @@ def _opencv(camera: Camera) -> str:
 
 
 def _ros(camera: Camera) -> str:
-    def matrix(values: np.ndarray) -> dict[str, Any]:
+    def matrix(values: np.ndarray) -> Mapping[str, object]:
         return {"rows": values.shape[0], "cols": values.shape[1], "data": values.ravel().tolist()}
 
     record = {

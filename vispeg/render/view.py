@@ -6,6 +6,7 @@ where a frustum is handed over.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -43,7 +44,7 @@ class View:
         out[:3, :3], out[:3, 3] = self.rot, self.pos
         return out
 
-    def frustum(self) -> dict[str, Any]:
+    def frustum(self) -> Mapping[str, Any]:
         """MuJoCo's description of the view: fields of an MjvGLCamera, which realise fx, fy, cx, cy as they are."""
         place = {"pos": self.pos, "forward": self.rot[:, 2], "up": -self.rot[:, 1]}
         return {**{k: v.astype(np.float32) for k, v in place.items()}, **_optics(self.camera)[0]}
@@ -55,7 +56,7 @@ class View:
 
 
 @lru_cache(maxsize=256)
-def _optics(c: Camera) -> tuple[dict[str, Any], np.ndarray]:
+def _optics(c: Camera) -> tuple[Mapping[str, float], np.ndarray]:
     """What does not change when a camera moves: its frustum, and the inward normals (5, 3) of its sides and front."""
     left, right = -(c.cx + 0.5) / c.fx * NEAR, (c.width - 0.5 - c.cx) / c.fx * NEAR
     frustum = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, get_args
+from typing import Any, TypedDict, get_args
 
 from vispeg.core.effect import Effect, Family
 from vispeg.core.params import Param
@@ -32,9 +32,31 @@ def places(kind: Effect, robot: Any) -> str:
     return f"{targets[0]} ... {targets[-1]}, all" if len(targets) > 2 else ", ".join([*targets, "all"])
 
 
-def describe(kind: Effect, robot: Any) -> dict[str, Any]:
+class ParamEntry(TypedDict):
+    """A parameter of an effect; `null` is None for one that only shapes another."""
+
+    unit: str
+    low: float
+    high: float
+    null: float | None
+    typical: float
+    doc: str
+
+
+class EffectEntry(TypedDict):
+    """An effect in the catalogue."""
+
+    name: str
+    family: str
+    summary: str
+    description: str
+    where: list[str]
+    params: dict[str, ParamEntry]
+
+
+def describe(kind: Effect, robot: Any) -> EffectEntry:
     """The effect for JSON: name, kind, summary, description, where, parameters."""
-    params = {}
+    params: dict[str, ParamEntry] = {}
     for name, p in kind.params.items():
         null = None if p.shape else p.null
         params[name] = {"unit": p.unit, "low": p.low, "high": p.high, "null": null, "typical": p.start, "doc": p.doc}

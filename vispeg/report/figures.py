@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from io import StringIO
@@ -49,7 +49,7 @@ class Shape:
 
 WIDE, NARROW = Shape("wide", 8.4, 9.0), Shape("narrow", 3.6, 9.0)
 
-STYLE: dict[str, Any] = {
+STYLE: Mapping[str, object] = {
     "font.family": "DejaVu Sans",  # comes with matplotlib; wider than the system fonts that replace it, so all fits
     "axes.titlelocation": "left",
     "axes.labelcolor": MUTED,

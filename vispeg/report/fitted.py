@@ -5,27 +5,47 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
 from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.intervals import widened
+from vispeg.diagnosis.schema import Correlations, Rung
 from vispeg.identify.calibrate import Calibration, labels, strong_pairs
 from vispeg.identify.evidence import Evidence
 from vispeg.recordings.windows import records
 from vispeg.report import words
 from vispeg.report.summary import Block, Line, print_summary
 from vispeg.report.terminal import effects_table, ladder_table
-from vispeg.worlds.model_file import placed_dict
+from vispeg.worlds.model_file import PlacedRecord, without_origin
 from vispeg.worlds.world import World
 
 HOPELESS = 5e5  # noise variances: where most readings are counted at the cap of a diverged rollout
 
 
+class FitRecord(TypedDict):
+    """fit.json; see docs/formats.md."""
+
+    format: str
+    method: str
+    converged: bool
+    effects: list[PlacedRecord]
+    ladder: list[Rung]
+    noise_floor: Mapping[str, object]
+    chi2: float
+    starts: list[Mapping[str, float]]
+    correlations: Correlations
+    hardly_told_apart: list[Mapping[str, object]]
+    at_bound: list[str]
+    unidentifiable: list[str]
+    windows: list[Mapping[str, object]]
+    notes: list[str]
+
+
 def fit_record(
     given: World, found: Calibration, free: Sequence[int], evidence: Evidence, judged: Evidence | None
-) -> tuple[dict[str, Any], World]:
+) -> tuple[FitRecord, World]:
     """What fit.json says, and the fitted world with where its values come from.
 
     Args:
@@ -47,18 +67,18 @@ def fit_record(
     unit, floor = f"{evidence.unit} RMS", (judged or evidence).floor
     effects = _honest(fit.world, free, before, after)
     for i in free:
-        origin: dict[str, Any] = {"fitted_on": [r.name for r in evidence.recordings]}
+        origin: dict[str, object] = {"fitted_on": [r.name for r in evidence.recordings]}
         if judged is not None:
             origin |= {"validated_on": [r.name for r in judged.recordings]}
             origin |= {"heldout_error_before": held[0], "heldout_error_after": held[1]}
         effects[i] = replace(effects[i], origin=origin)
     final = replace(fit.world, effects=tuple(effects))
     names = labels(fit)
-    record = {
+    record: FitRecord = {
         "format": "vispeg-fit/1",
         "method": found.method,
         "converged": bool(fit.converged),
-        "effects": [{k: v for k, v in placed_dict(final.effects[i]).items() if k != "origin"} for i in free],
+        "effects": [without_origin(final.effects[i]) for i in free],
         "ladder": [
             {"model": label, "fit_error": f, "heldout_error": h, "unit": unit}
             for label, f, h in zip(("given", "fitted"), fitted, held, strict=True)

@@ -35,11 +35,11 @@ class Record:
     sheet: bytes | None = None
     robot: bytes | None = None
 
-    def rows(self, key: str) -> list[dict[str, Any]]:
+    def rows(self, key: str) -> list[Mapping[str, Any]]:
         """The list of mappings under `key`; empty where it is absent or null."""
         return rows(self.values, key)
 
-    def mapping(self, key: str) -> dict[str, Any]:
+    def mapping(self, key: str) -> Mapping[str, Any]:
         """The mapping under `key`; empty where it is absent or null."""
         value = self.values.get(key)
         return value if isinstance(value, dict) else {}
@@ -50,13 +50,13 @@ class Record:
         return number(self.mapping("noise_floor").get("value"))
 
 
-def rows(values: Mapping[str, Any], key: str) -> list[dict[str, Any]]:
+def rows(values: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
     """The mappings in the list under `key`; empty where it is absent or null."""
     value = values.get(key)
     return [row for row in value if isinstance(row, dict)] if isinstance(value, list) else []
 
 
-def params_of(effect: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+def params_of(effect: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
     """An effect's parameters, name -> {value, low, high, unit}; a bare number stands for its value."""
     params = effect.get("params")
     pairs = params.items() if isinstance(params, dict) else ()
@@ -98,7 +98,7 @@ def load_record(out: Path) -> Record:
     raise UserError("nothing to report on", file=out, expected="a folder with diagnosis.json or compare.json")
 
 
-def _read(path: Path) -> dict[str, Any]:
+def _read(path: Path) -> Mapping[str, Any]:
     values = read_json(path, finite=False)
     if not isinstance(values, dict):
         raise UserError("is not a record", file=path, expected="a mapping", got=type(values).__name__)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World
 
 
-def write_diagnosis(folder: Path, record: dict[str, Any], world: World, arrays: dict[str, np.ndarray]) -> None:
+def write_diagnosis(folder: Path, record: Mapping[str, object], world: World, arrays: Mapping[str, np.ndarray]) -> None:
     """Writes `diagnosis.json`, `evidence.npz`, `model.yaml`, `report.html` and the next motion into an empty folder."""
     write_json(folder / "diagnosis.json", record)
     (folder / "model.yaml").write_text(model_text(world), encoding="utf-8")
@@ -23,25 +24,25 @@ def write_diagnosis(folder: Path, record: dict[str, Any], world: World, arrays: 
     write_report(folder)
 
 
-def write_comparison(folder: Path, record: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+def write_comparison(folder: Path, record: Mapping[str, object], arrays: Mapping[str, np.ndarray]) -> None:
     """Writes `compare.json`, `evidence.npz` and `report.html` into an empty folder."""
     write_json(folder / "compare.json", record)
     _write_arrays(folder / "evidence.npz", arrays)
     write_report(folder)
 
 
-def write_json(path: Path, record: dict[str, Any]) -> None:
+def write_json(path: Path, record: Mapping[str, object]) -> None:
     """Writes a record into a folder that is not finished yet; what is not finite becomes null."""
     path.write_text(json.dumps(finite(record), indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
-def _write_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
+def _write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     # of two like predictions, what lies between them would be rounding
-    named: dict[str, Any] = {k: v if k.startswith("next/") else _compact(v) for k, v in arrays.items()}
-    np.savez_compressed(path, **named)
+    named = {k: v if k.startswith("next/") else _compact(v) for k, v in arrays.items()}
+    np.savez_compressed(path, **named)  # pyright: ignore[reportArgumentType]
 
 
-def _write_motion(folder: Path, arrays: dict[str, np.ndarray]) -> None:
+def _write_motion(folder: Path, arrays: Mapping[str, np.ndarray]) -> None:
     """The commanded motion as a table that `vispeg record --motion FILE` and a robot can replay."""
     folder.mkdir()
     joints = [str(j) for j in arrays["joints"]]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import TypedDict
 
 import mujoco
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from vispeg.robots.model import Tool, load
 
 
-def declared(robot: str, tool: Tool) -> dict[str, Any] | None:
+def declared(robot: str, tool: Tool) -> Mapping[str, object] | None:
     """`tool` in RECORDING.md's form: kg, m and kg m^2 about the centre of mass, along the flange's axes.
 
     The bodies of a named tool are joined by Steiner's theorem; products of inertia, which the form cannot state, are
@@ -23,7 +24,15 @@ def declared(robot: str, tool: Tool) -> dict[str, Any] | None:
     return {**carried(load(robot, tool=tool).compile()), "name": tool}
 
 
-def carried(model: mujoco.MjModel) -> dict[str, Any]:
+class Carried(TypedDict):
+    """Mass (kg), centre of mass (3,) m and diagonal inertia about it (3,) kg m^2, along the flange's axes."""
+
+    mass_kg: float
+    com_m: list[float]
+    inertia_kgm2: list[float]
+
+
+def carried(model: mujoco.MjModel) -> Carried:
     """What hangs at the flange of a compiled arm with a body `tool`, in the same form without a name."""
     root = model.body("tool").id
     parts = []

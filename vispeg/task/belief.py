@@ -59,7 +59,7 @@ def believed(cell: CellBelief | None, file: str | Path | None = None) -> Believe
         world = load_world(named)
     except UserError as error:
         raise UserError(str(error), file=at, key="cell.world") from error
-    told: dict[str, Any] = {**world.task, **cell.task}
+    told = {**world.task, **cell.task}
     try:
         if cell.robot is not None:
             told["robot"] = declared(cell.robot, Path(at or "."))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -41,7 +41,7 @@ def spaces(config: TaskConfig, obs_mode: str, cameras: Sequence[Any]) -> tuple[g
 
 
 def world_of(
-    world: World | RandomizedWorld | str | Path | None, given: dict[str, Any], arguments: Iterable[str] | None = None
+    world: World | RandomizedWorld | str | Path | None, given: Mapping[str, Any], arguments: Iterable[str] | None = None
 ) -> tuple[RandomizedWorld, TaskConfig, WorldFile | None]:
     """A world, the task it states with `given` on top, and its file (None for a World object).
 

@@ -25,7 +25,7 @@ from vispeg.task.registry import config_of, digest_of, task_of
 from vispeg.task.world_robot import declared, identity
 from vispeg.worlds.entry import entry_dict, ranged
 from vispeg.worlds.identified import Identified, ranges_of
-from vispeg.worlds.model_file import placed_dict
+from vispeg.worlds.model_file import without_origin
 from vispeg.worlds.places import MANY
 from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
 from vispeg.worlds.world import World
@@ -59,9 +59,9 @@ class WorldFile:
 
     name: str
     world: RandomizedWorld
-    task: dict[str, Any]
-    cameras: dict[str, Any]
-    renderer: dict[str, Any]
+    task: Mapping[str, Any]
+    cameras: Mapping[str, Any]
+    renderer: Mapping[str, Any]
     hash: str
     path: Path
 
@@ -135,7 +135,7 @@ def world_hash(
     base, ranges = (world, ()) if isinstance(world, World) else (world.base, world.ranges)
     config = task if isinstance(task, TaskConfig) else config_of(task or {})
     entries = [{k: v for k, v in entry_dict(r).items() if k != "source"} for r in ranges]
-    fixed = [{k: v for k, v in placed_dict(e).items() if k != "origin"} for e in base.effects]
+    fixed = [without_origin(e) for e in base.effects]
     seen = {n: _digest(c) if isinstance(c, str) else c for n, c in (cameras or {}).items()}
     told = {k: v for k, v in asdict(config).items() if k not in LATER or getattr(config, k) != getattr(type(config), k)}
     robot = identity(config.robot.model)
@@ -158,7 +158,7 @@ def world_text(file: WorldFile) -> str:
     return yaml.safe_dump(data | {"effects": entries}, sort_keys=False, allow_unicode=True)
 
 
-def _fixed(e: EffectInstance) -> dict[str, Any]:
+def _fixed(e: EffectInstance) -> Mapping[str, object]:
     return {"effect": e.effect, "where": e.where, "params": {k: v.value for k, v in e.params.items()}}
 
 
@@ -240,7 +240,7 @@ def _typed(value: Any, kind: type, path: Path, key: str) -> Any:
     return value
 
 
-def _cameras(given: Any, path: Path) -> dict[str, Any]:
+def _cameras(given: Any, path: Path) -> Mapping[str, Any]:
     """Camera files are named from the world file's folder; a mapping is checked by whoever builds the camera."""
     out = {}
     for name, camera in _typed(given, Mapping, path, "cameras").items():
@@ -253,7 +253,7 @@ def _cameras(given: Any, path: Path) -> dict[str, Any]:
     return out
 
 
-def _renderer(given: Any, path: Path) -> dict[str, Any]:
+def _renderer(given: Any, path: Path) -> Mapping[str, Any]:
     for key, value in _typed(given, Mapping, path, "renderer").items():
         if key not in RENDERER:
             raise UserError("unknown key", file=path, key=f"renderer.{key}", got=key, choices=RENDERER)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from vispeg.robots.declare import RobotConfig
 from vispeg.robots.model import SUFFIXES
 
 
-def declared(given: Any, file: Path) -> dict[str, Any]:
+def declared(given: Any, file: Path) -> Mapping[str, Any]:
     """What a world file's `robot` says, as a task's setting; a path is seen from the world file's folder.
 
     Raises:

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -277,8 +277,15 @@ def _progress(given: Inputs, out: Path) -> Progress:
     raise UserError("holds too many results", file=out, expected="another --out")
 
 
-def _read(part: Path) -> dict[str, Any]:
-    """The key of the search that a folder belongs to, and its steps; empty where it is nobody's."""
+class _Search(TypedDict):
+    """The key of the search that a folder belongs to, and its steps."""
+
+    key: str
+    steps: list[list[str]]
+
+
+def _read(part: Path) -> _Search:
+    """What a folder says of its search; empty where it is nobody's."""
     try:
         data = json.loads((part / STEPS).read_text(encoding="utf-8"))
         return {"key": str(data["key"]), "steps": [[str(word) for word in step] for step in data["steps"]]}

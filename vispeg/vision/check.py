@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -71,7 +71,7 @@ class CameraCheck:
     speed: tuple[float, float] | None = None
     told: tuple[Told, ...] = ()
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> Mapping[str, object]:
         """Plain data."""
         return asdict(self)
 
@@ -96,7 +96,7 @@ def check_frames(
         if mine is None:
             continue
         looked = _thinned(mine)
-        values = _clock(mine) | _light(looked) | _depth(looked)
+        values = {**_clock(mine), **_light(looked), **_depth(looked)}
         if scene is not None and frames is not None and frames.cameras[name].pose is not None:
             values |= _views(rec, looked, scene)
         out.append(CameraCheck(name, len(mine), mine[0].camera.mount, **values))
@@ -108,7 +108,7 @@ def _thinned(frames: Frames) -> Frames:
     return frames.some(np.unique(np.linspace(0, len(frames) - 1, min(MOST, len(frames))).astype(int)))
 
 
-def _clock(frames: Frames) -> dict[str, Any]:
+def _clock(frames: Frames) -> Mapping[str, Any]:
     times, episodes = frames.times, frames.episodes
     steps = np.diff(times)[np.diff(episodes) == 0]
     period = float(np.median(steps)) if len(steps) else 0.0
@@ -122,7 +122,7 @@ def _clock(frames: Frames) -> dict[str, Any]:
     return {"rate_hz": 1 / period if period > 0 else 0.0, "lost": lost, "repeated": repeated, "jitter_s": jitter}
 
 
-def _light(frames: Frames) -> dict[str, Any]:
+def _light(frames: Frames) -> Mapping[str, Any]:
     pictures = [rgb for frame in frames if (rgb := frame.rgb) is not None]
     if not pictures:
         return {}
@@ -135,7 +135,7 @@ def _light(frames: Frames) -> dict[str, Any]:
     }
 
 
-def _depth(frames: Frames) -> dict[str, Any]:
+def _depth(frames: Frames) -> Mapping[str, Any]:
     depths = [depth for frame in frames if (depth := frame.depth) is not None]
     if not depths:
         return {}
@@ -145,7 +145,7 @@ def _depth(frames: Frames) -> dict[str, Any]:
     return {"fill_rate": fill, "near": low, "far": high}
 
 
-def _views(rec: Recording, frames: Frames, scene: Scene) -> dict[str, Any]:
+def _views(rec: Recording, frames: Frames, scene: Scene) -> Mapping[str, Any]:
     """What the views of one camera are like, from the borders that the nominal cell has in them."""
     name, camera = frames[0].camera.name, camera_of(frames[0].camera)
     q = joints_at(rec, frames.times, frames.episodes)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from statistics import NormalDist
 from typing import Any
 
@@ -92,26 +93,26 @@ def parse(raw: Any, file: str | None = None, key: str | None = None) -> float | 
     """
     if isinstance(raw, (int, float)) and not isinstance(raw, bool) and math.isfinite(raw):
         return float(raw)
-    where: dict[str, Any] = {"file": file, "key": key}
+    refused = partial(UserError, file=file, key=key)
     if not isinstance(raw, Mapping) or len(raw) != 1:
-        raise UserError("not a value", **where, expected="a number or a distribution", got=raw, choices=KINDS)
+        raise refused("not a value", expected="a number or a distribution", got=raw, choices=KINDS)
     ((kind, given),) = raw.items()
     if kind not in KINDS:
-        raise UserError("unknown distribution", **where, got=kind, choices=KINDS)
+        raise refused("unknown distribution", got=kind, choices=KINDS)
     numbers: list[Any] = list(given) if isinstance(given, (list, tuple)) else [None]
     ok = len(numbers) > 0 and all(
         isinstance(x, (int, float)) and not isinstance(x, bool) and math.isfinite(x) for x in numbers
     )
     if not ok or (kind != "choice" and len(numbers) != 2):
         expected = "numbers" if kind == "choice" else "two numbers"
-        raise UserError(f"{kind} takes {expected}", **where, got=given)
+        raise refused(f"{kind} takes {expected}", got=given)
     try:
         if kind == "choice":
             return Choice(tuple(map(float, numbers)))
         cls = {"uniform": Uniform, "log_uniform": LogUniform, "normal": Normal}[kind]
         return cls(float(numbers[0]), float(numbers[1]))
     except UserError as error:
-        raise UserError(str(error), **where) from error
+        raise refused(str(error)) from error
 
 
 def written(value: float | Distribution) -> Any:

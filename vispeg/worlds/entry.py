@@ -69,9 +69,9 @@ def ranged(entry: Any, model: Any, file: Path, key: str) -> RandomizedEffect:
     )
 
 
-def entry_dict(r: RandomizedEffect) -> dict[str, Any]:
+def entry_dict(r: RandomizedEffect) -> Mapping[str, object]:
     """The entry of a RandomizedEffect, for YAML and for hashing."""
-    out: dict[str, Any] = {"effect": r.effect, "where": r.where}
+    out: dict[str, object] = {"effect": r.effect, "where": r.where}
     out["params"] = {name: written(value) for name, value in r.params.items()}
     out |= {"chance": r.chance} if r.chance != 1.0 else {}
     out |= {"group": r.group, "rho": r.rho} if r.group else {}

@@ -164,7 +164,7 @@ def is_measurement(path: str | Path) -> bool:
 
 def measurement_text(measurement: Measurement) -> str:
     """The file; `load_measurement` of it gives the measurement back."""
-    data: dict[str, Any] = {"format": FORMAT, "protocol": measurement.protocol, "of": measurement.of}
+    data: dict[str, object] = {"format": FORMAT, "protocol": measurement.protocol, "of": measurement.of}
     data |= {"robot": measurement.robot} if measurement.robot else {}
     data["results"] = [_plain(asdict(one)) for one in measurement.results]
     data["effects"] = [placed_dict(one) for one in measurement.effects]
@@ -191,7 +191,7 @@ def _text(value: Any, path: str | Path, key: str) -> str:
     return value
 
 
-def _mapping(value: Any, path: str | Path, key: str) -> dict[str, Any]:
+def _mapping(value: Any, path: str | Path, key: str) -> Mapping[str, Any]:
     if not isinstance(value, dict):
         raise UserError("is of another kind", file=path, key=key, expected="a mapping", got=value)
     return value

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NotRequired, TypedDict
 
 import yaml
 
@@ -130,17 +130,40 @@ def _value(value: Any, param: Any, file: Path, key: str) -> Value:
     return Value(numbers["value"], low, high)
 
 
-def placed_dict(placed: EffectInstance) -> dict[str, Any]:
+class PlacedRecord(TypedDict):
+    """An effect as a model file has it: parameter -> value, and low, high and unit where there are."""
+
+    effect: str
+    where: str
+    params: dict[str, dict[str, float | str]]
+    partial: NotRequired[bool]
+    tentative: NotRequired[bool]
+    origin: NotRequired[Mapping[str, object]]
+
+
+def placed_dict(placed: EffectInstance) -> PlacedRecord:
     """The YAML/JSON form of a placed effect."""
     params = {}
     for name, v in placed.params.items():
-        entry: dict[str, Any] = {"value": float(v.value)}
+        entry: dict[str, float | str] = {"value": float(v.value)}
         if v.low is not None and v.high is not None:
             entry |= {"low": float(v.low), "high": float(v.high)}
         params[name] = {**entry, "unit": effect(placed.effect).params[name].unit}
-    out: dict[str, Any] = {"effect": placed.effect, "where": placed.where, "params": params}
-    out |= {mark: True for mark in MARKS if getattr(placed, mark)}
-    return {**out, "origin": dict(placed.origin)} if placed.origin else out
+    out: PlacedRecord = {"effect": placed.effect, "where": placed.where, "params": params}
+    if placed.partial:
+        out["partial"] = True
+    if placed.tentative:
+        out["tentative"] = True
+    if placed.origin:
+        out["origin"] = dict(placed.origin)
+    return out
+
+
+def without_origin(placed: EffectInstance) -> PlacedRecord:
+    """The same without where its values come from."""
+    out = placed_dict(placed)
+    out.pop("origin", None)
+    return out
 
 
 def model_text(world: World) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import MutableMapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -55,7 +55,7 @@ def _low_pass(length: float) -> np.ndarray:
     return (kernel / np.linalg.norm(kernel)).astype(np.float32)
 
 
-def begins(state: dict[str, Any], frame) -> np.ndarray:
+def begins(state: MutableMapping[str, Any], frame) -> np.ndarray:
     """Which images (n,) open an episode: the first ever, and those whose time is before that of the one before.
 
     To be asked once a frame.
@@ -67,7 +67,7 @@ def begins(state: dict[str, Any], frame) -> np.ndarray:
 
 
 def persistent(
-    state: dict[str, Any],
+    state: MutableMapping[str, Any],
     frame,
     rows: np.ndarray,
     rng: Sequence[np.random.Generator],

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -107,10 +107,10 @@ def read_cameras(file: Path) -> tuple[dict[str, RecordedCamera], list[str]]:
     return cameras, unknown
 
 
-def camera_entry(camera: RecordedCamera) -> dict[str, Any]:
+def camera_entry(camera: RecordedCamera) -> Mapping[str, object]:
     """What `cameras.yaml` says of a camera, plain values."""
-    out: dict[str, Any] = {key: getattr(camera, key) for key in ("width", "height", "fx", "fy", "cx", "cy")}
-    out = {key: int(value) if key in ("width", "height") else float(value) for key, value in out.items()}
+    out: dict[str, object] = {"width": int(camera.width), "height": int(camera.height)}
+    out |= {key: float(getattr(camera, key)) for key in ("fx", "fy", "cx", "cy")}
     out |= {"distortion": [float(k) for k in camera.distortion], "depth_unit_m": float(camera.depth_unit)}
     if camera.mount is not None and camera.pose is not None:
         out[f"{camera.mount}_T_camera"] = np.asarray(camera.pose, float).tolist()

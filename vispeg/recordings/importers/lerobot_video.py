@@ -83,7 +83,7 @@ def _keys(wanted: Sequence[str], kinds: Mapping[str, Any], root: Path) -> list[s
 
 def _where(root: Path, pattern: str, key: str, episode: int, chunk: int) -> tuple[Path, float]:
     """The video of an episode, and when in it the episode begins, s."""
-    words: dict[str, Any] = {"video_key": key, "episode_index": episode, "episode_chunk": episode // chunk}
+    words: dict[str, str | int] = {"video_key": key, "episode_index": episode, "episode_chunk": episode // chunk}
     start = 0.0
     if "{file_index" in pattern:
         row = _episode(root, key, episode)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import NotRequired, TypedDict
 
 import numpy as np
 
@@ -19,31 +20,53 @@ COVER = 0.5  # of width and of height
 PER_UNIT = np.array([1e3] * 3 + [180 / np.pi] * 3)  # m to mm, rad to deg
 
 
-def record(found: Calibration, board: Board, missed: dict[str, str]) -> dict[str, Any]:
+class ViewRow(TypedDict):
+    """A picture: corners, reprojection px with a free board pose and through the robot, misfit of the flange's pose."""
+
+    file: str
+    corners: int
+    reprojection_px: float
+    through_robot_px: NotRequired[float]
+    misfit: NotRequired[float]
+
+
+class CalibrationRecord(TypedDict):
+    """results.json, provenance aside; see docs/formats.md."""
+
+    format: str
+    board: Mapping[str, object]
+    images: Mapping[str, object]
+    intrinsics: Mapping[str, object]
+    hand_eye: Mapping[str, object] | None
+    views: list[ViewRow]
+    notes: list[str]
+
+
+def record(found: Calibration, board: Board, missed: dict[str, str]) -> CalibrationRecord:
     """What results.json holds, provenance aside: SI and degrees as the names say, intervals as half widths.
 
     Args:
         missed: names of the pictures that were not used, and why.
     """
-    out: dict[str, Any] = {
+    described: dict[str, object] = {"kind": board.kind, "pattern": board.pattern, "square_m": board.square}
+    if board.kind == "charuco":
+        described |= {"marker_m": board.marker, "dictionary": board.dictionary, "legacy": board.legacy}
+    return {
         "format": FORMAT,
-        "board": {"kind": board.kind, "pattern": board.pattern, "square_m": board.square},
+        "board": described,
         "images": {"used": len(found.views), "left_out": missed},
         "intrinsics": _intrinsics(found),
         "hand_eye": _hand_eye(found),
         "views": views(found),
         "notes": notes(found, missed),
     }
-    if board.kind == "charuco":
-        out["board"] |= {"marker_m": board.marker, "dictionary": board.dictionary, "legacy": board.legacy}
-    return out
 
 
-def views(found: Calibration) -> list[dict[str, Any]]:
+def views(found: Calibration) -> list[ViewRow]:
     """One record a view: corners, reprojection px with a free board pose and through the robot, misfit."""
-    out = []
+    out: list[ViewRow] = []
     for number, (view, error) in enumerate(zip(found.views, found.fit_pixels, strict=True)):
-        row: dict[str, Any] = {"file": view.name, "corners": len(view.ids), "reprojection_px": float(error)}
+        row: ViewRow = {"file": view.name, "corners": len(view.ids), "reprojection_px": float(error)}
         if found.hand_eye is not None:
             row["through_robot_px"] = float(found.hand_eye.pixels[number])
             row["misfit"] = float(found.hand_eye.misfit[number])
@@ -83,9 +106,9 @@ def notes(found: Calibration, missed: dict[str, str]) -> list[str]:
     return out
 
 
-def _intrinsics(found: Calibration) -> dict[str, Any]:
+def _intrinsics(found: Calibration) -> Mapping[str, object]:
     half, fit = found.intrinsics_half, found.intrinsics
-    out: dict[str, Any] = {"width": found.camera.size[0], "height": found.camera.size[1], "fitted": fit is not None}
+    out: dict[str, object] = {"width": found.camera.size[0], "height": found.camera.size[1], "fitted": fit is not None}
     out["values"] = dict(zip(NAMES, found.camera.values.tolist(), strict=True))
     if half is not None and fit is not None:
         out["half_width_95"] = dict(zip(NAMES, half.tolist(), strict=True))
@@ -94,7 +117,7 @@ def _intrinsics(found: Calibration) -> dict[str, Any]:
     return out
 
 
-def _hand_eye(found: Calibration) -> dict[str, Any] | None:
+def _hand_eye(found: Calibration) -> Mapping[str, object] | None:
     eye, half = found.hand_eye, found.hand_eye_half
     if eye is None or half is None:
         return None

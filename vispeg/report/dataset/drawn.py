@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -28,7 +27,7 @@ def drawn(worlds: Sequence[Mapping[str, Mapping[str, float]]]) -> Mapping[str, o
         for label, params in world.items():
             for name, value in params.items():
                 found[label, name].append(float(value))
-    effects: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    effects: dict[str, list[dict[str, str]]] = defaultdict(list)
     fixed = []
     for (label, name), values in sorted(found.items()):
         kind, _, place = label.rstrip(")").partition("(")

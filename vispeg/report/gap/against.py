@@ -12,7 +12,7 @@ TITLE = "One against another"
 
 def context(values: Mapping[str, Any]) -> Mapping[str, object]:
     """Rows by world."""
-    worlds: dict[str, list[dict[str, Any]]] = {}
+    worlds: dict[str, list[Mapping[str, object]]] = {}
     for row in values["comparisons"]:
         needed = f"; {row['needed']} pairs would" if row["needed"] else ""
         shown = {
@@ -26,5 +26,7 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object]:
         }
         worlds.setdefault(row["world"], []).append(shown)
     return {
-        "worlds": [{"name": w, "rows": rows, "differ": sum(r["certain"] for r in rows)} for w, rows in worlds.items()]
+        "worlds": [
+            {"name": w, "rows": rows, "differ": sum(bool(r["certain"]) for r in rows)} for w, rows in worlds.items()
+        ]
     }

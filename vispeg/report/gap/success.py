@@ -105,7 +105,7 @@ def _rates(values: Mapping[str, Any]) -> dict[tuple[str, str], Any]:
     return {(r["policy"], r["world"]): r["success"] for r in values["success"] if not r["control"]}
 
 
-def _fill(style: Style) -> dict[str, Any]:
+def _fill(style: Style) -> Mapping[str, Any]:
     return {"facecolor": style.colour, "hatch": style.hatch, "edgecolor": GROUND, "linewidth": 0}
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -33,7 +33,7 @@ def context(record: Record) -> Mapping[str, object]:
 
 def effect_rows(record: Record, key: str = "effects") -> list[dict[str, str]]:
     """The effects under `key` as rows of a table, one a parameter."""
-    return [{"effect": label(e), **row} for e in record.rows(key) for row in _effect(e)["params"] or [_NOTHING]]
+    return [{"effect": label(e), **row} for e in record.rows(key) for row in _params(e) or [_NOTHING]]
 
 
 def in_part(record: Record, effect: Mapping[str, Any]) -> bool:
@@ -41,17 +41,20 @@ def in_part(record: Record, effect: Mapping[str, Any]) -> bool:
     return bool(effect.get("partial")) or effect in record.rows("partial")
 
 
-_NOTHING = dict.fromkeys(("param", "value", "interval", "unit", "bound"), "")
+_NOTHING: dict[str, str] = dict.fromkeys(("param", "value", "interval", "unit", "bound"), "")
 
 
-def _effect(effect: Mapping[str, Any]) -> dict[str, Any]:
-    name = str(effect.get("effect"))
+def _params(effect: Mapping[str, Any]) -> list[dict[str, str]]:
+    return [_row(str(effect.get("effect")), param, p) for param, p in params_of(effect).items()]
+
+
+def _effect(effect: Mapping[str, Any]) -> Mapping[str, object]:
+    params = _params(effect)
     others = [effect_words.named(other) for other in rows(effect, "indistinguishable_from")]
-    params = [_row(name, param, p) for param, p in params_of(effect).items()]
     return {
         "words": words.one_of(effect),
         "label": label(effect),
-        "what": effect_words.what(name),
+        "what": effect_words.what(str(effect.get("effect"))),
         "rivals": words.join(others, "or"),
         "params": params,
         "remarks": any(row["remark"] for row in params),
@@ -80,7 +83,15 @@ def remark(value: float | None, low: float | None, high: float | None, param: Pa
     return "; ".join(found)
 
 
-def correlations(record: Record) -> dict[str, Any]:
+class Correlations(TypedDict):
+    """Rows of (text, colour) of a matrix, and pairs of labels with a strong correlation, as text."""
+
+    labels: list[str]
+    rows: list[list[tuple[str, str]]]
+    strong: list[tuple[str, str, str]]
+
+
+def correlations(record: Record) -> Correlations:
     """Correlation matrix as rows of (text, colour), and the pairs that the data hardly tell apart."""
     given = record.mapping("correlations")
     names = [str(name) for name in given.get("labels") or []]
@@ -96,7 +107,7 @@ def correlations(record: Record) -> dict[str, Any]:
     return {"labels": names, "rows": shown, "strong": strong}
 
 
-def _row(effect: str, name: str, p: dict[str, Any]) -> dict[str, str]:
+def _row(effect: str, name: str, p: Mapping[str, Any]) -> dict[str, str]:
     known = bounds_of(effect, name)
     given = str(p.get("unit") or (known.unit if known else ""))
     value, between, unit = scaled(p.get("value"), p.get("low"), p.get("high"), given)
@@ -121,7 +132,7 @@ def _row(effect: str, name: str, p: dict[str, Any]) -> dict[str, str]:
     }
 
 
-def _moved(row: dict[str, Any]) -> dict[str, str]:
+def _moved(row: Mapping[str, Any]) -> dict[str, str]:
     known = bounds_of(str(row.get("effect")), str(row.get("param")))
     return {
         "effect": label(row),

@@ -60,6 +60,6 @@ def _marks(record: Record) -> list[dict[str, str]]:
     return found
 
 
-def _source(floor: dict[str, Any]) -> str:
+def _source(floor: Mapping[str, Any]) -> str:
     source = floor.get("from")
     return {"repeats": "from repeats", "stated noise": "from stated noise"}.get(str(source), str(source or ""))

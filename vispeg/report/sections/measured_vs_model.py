@@ -158,7 +158,7 @@ def _residuals(ax: Any, trace: Trace, j: int, points: int) -> None:
     ax.set_title(f"RMS {text}", loc="right", color=MEASURED, pad=3)
 
 
-def _row(trace: Trace) -> dict[str, Any]:
+def _row(trace: Trace) -> Mapping[str, object]:
     cells = []
     for j in range(trace.measured.shape[1]):
         before = rms(trace.before[:, j] - trace.measured[:, j])

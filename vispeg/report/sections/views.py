@@ -35,24 +35,25 @@ def _row(arrays: Mapping[str, np.ndarray], name: str) -> Mapping[str, object] | 
     if name + "measured" not in arrays:
         return None
     measured = arrays[name + "measured"]
-    out: dict[str, Any] = {"title": str(arrays[name + "title"]), "colour": [], "depth": []}
+    colours: list[Mapping[str, str]] = []
+    depths: list[Mapping[str, str]] = []
     for word, said in (("measured", "measured"), ("before", "as believed"), ("after", "as found")):
         if name + word in arrays:
-            out["colour"].append({"src": _png(arrays[name + word]), "said": said})
+            colours.append({"src": _png(arrays[name + word]), "said": said})
     for word, colour, said in (("before", DARK, "off, as believed"), ("after", LIGHT, "off, as found")):
         if name + f"along_{word}" in arrays:
-            out["colour"].append({"src": _png(_drawn(measured, arrays, name, word, colour)), "said": said})
+            colours.append({"src": _png(_drawn(measured, arrays, name, word, colour)), "said": said})
     if name + "depth" in arrays:
         from vispeg.render.image_kinds import depth_picture
 
         depth = arrays[name + "depth"]
         for word, said in (("depth", "measured"), ("depth_before", "as believed"), ("depth_after", "as found")):
             if name + word in arrays:
-                out["depth"].append({"src": _png(depth_picture(arrays[name + word])), "said": said})
+                depths.append({"src": _png(depth_picture(arrays[name + word])), "said": said})
         for word, said in (("depth_before", "off, as believed"), ("depth_after", "off, as found")):
             if name + word in arrays:
-                out["depth"].append({"src": _png(_difference(depth, arrays[name + word])), "said": said})
-    return out
+                depths.append({"src": _png(_difference(depth, arrays[name + word])), "said": said})
+    return {"title": str(arrays[name + "title"]), "colour": colours, "depth": depths}
 
 
 def _drawn(
@@ -89,7 +90,7 @@ def _difference(measured: np.ndarray, modelled: np.ndarray) -> np.ndarray:
     return np.clip(out, 0, 255).astype(np.uint8)
 
 
-def _maps(values: dict[str, Any], arrays: Mapping[str, np.ndarray]) -> list[Mapping[str, Any]]:
+def _maps(values: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> list[Mapping[str, Any]]:
     out = []
     for k, row in enumerate(values.get("projection") or []):
         if f"projection/{k}/shift" not in arrays:

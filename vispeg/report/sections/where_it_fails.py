@@ -33,7 +33,7 @@ def context(record: Record) -> Mapping[str, object]:
     }
 
 
-def _share(row: dict[str, Any]) -> dict[str, str]:
+def _share(row: Mapping[str, Any]) -> dict[str, str]:
     share = number(row.get("share"))
     return {"share": _percent(share), "bar": bar(share, BEFORE) if share is not None else ""}
 

@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
@@ -32,6 +32,13 @@ class Line:
     why: str
 
 
+class Stated(TypedDict, total=False):
+    """Keys of recording.yaml that a file's columns say something about."""
+
+    joints: list[str]
+    torque_sensor: str
+
+
 @dataclass
 class Proposal:
     """A map to be confirmed.
@@ -49,7 +56,7 @@ class Proposal:
     file: Path
     lines: list[Line]
     joints: list[str]
-    recording: dict[str, Any]
+    recording: Stated
     dialect: Dialect
     doubts: list[str] = field(default_factory=list)
     unused: dict[str, str] = field(default_factory=dict)

@@ -12,9 +12,9 @@ from vispeg.recordings.table import Dialect
 MANY = 12  # unused columns that are listed one by one
 
 
-def data(proposal: Proposal) -> dict[str, Any]:
+def data(proposal: Proposal) -> dict[str, object]:
     """The map as plain data, as `importers.mapping.map_from` takes it."""
-    out: dict[str, Any] = {}
+    out: dict[str, object] = {}
     if proposal.dialect != Dialect():
         out["table"] = {"separator": proposal.dialect.separator, "decimal": proposal.dialect.decimal}
     for line in proposal.lines:

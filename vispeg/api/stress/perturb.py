@@ -1,0 +1,94 @@
+"""`vispeg perturb`: policies at hard positions, still and pushed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from vispeg.api.playing import Playing, check_numbers, folders, play, silent, stamped
+from vispeg.api.stress.result import Stressed, listed
+from vispeg.core.errors import UserError
+from vispeg.evaluation import perturb as pushed
+from vispeg.evaluation.folder import workplace
+from vispeg.evaluation.jobs import Pushes, make_jobs, seeds_of
+from vispeg.evaluation.players import ready
+from vispeg.report.gap import words
+from vispeg.report.gap.perturb_page import render
+from vispeg.report.summary import Block
+from vispeg.report.tables import Column, Sheet
+from vispeg.task.registry import config_of, task_of
+from vispeg.task.world_file import load_world
+
+HEADS = ("policy", "position", "still", "pushed", "lost by the push")
+
+
+class PerturbResult(Stressed):
+    """Success at every position, still and pushed on the same seeds, and what the push costs; see `Played`."""
+
+    command = holds = "perturb"
+
+    @property
+    def summary(self) -> list[Block]:
+        """A row a policy and position."""
+        rows = [
+            [r["policy"], r["position"], *(_cell(r[k]) for k in ("still", "pushed", "cost"))]
+            for r in self.record["rows"]
+        ]
+        return [Sheet([Column(head) for head in HEADS], rows)]
+
+    def _render(self) -> str:
+        return render(self.record)
+
+
+def perturb(
+    policies: str | Path | Sequence[str | Path],
+    world: str | Path = "randomized",
+    *,
+    episodes: int = 40,
+    force: tuple[float, float] = (20.0, 60.0),
+    duration: float = 0.2,
+    positions: str | Path | None = None,
+    task: Mapping[str, Any] | None = None,
+    seed: int = 0,
+    workers: int = 1,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    playing: Playing = silent,
+) -> PerturbResult:
+    """Plays policies at the hard positions of the world's task, or at those of a file.
+
+    Args:
+        policies, task, seed, workers, out, overwrite, playing: as in `vispeg.evaluate`.
+        world: a built-in world's name or a world file.
+        episodes: trials a position, still and pushed each.
+        force: N, range of the pushes.
+        duration: s, of a push.
+        positions: a file `format: vispeg-positions/1`; the task's own list where not given.
+
+    Raises:
+        UserError: as `vispeg.evaluate`; a push or a list of positions that cannot be.
+    """
+    check_numbers(episodes, workers)
+    if not 0 <= force[0] <= force[1] or not duration > 0:
+        raise UserError("not a push", key="--force", expected="low <= high, a duration above 0", got=force)
+    who, file = ready(listed(policies)), load_world(world)
+    hard = pushed.positions(None if positions is None else Path(positions), task_of(config_of(file.task)))
+    read = [file.path, *([Path(positions)] if positions is not None else []), *(e.path for e in who)]
+    with workplace(out, "perturb.json", overwrite, read) as place:
+        settings = pushed.settings(str(world), file.name, hard, Pushes(force, duration))
+        settings = [replace(s, task={**s.task, **(task or {})}) for s in settings]
+        ends = play(make_jobs(who, settings, seeds_of(episodes, seed), place / "worlds"), place, workers, playing)
+        about = {"world": {"name": file.name, "hash": file.hash}, "force": force, "duration": duration}
+        record = stamped({**pushed.summarise(ends), **about}, seed, folders(who))
+        result = PerturbResult(record, tuple(ends), (), tuple(read))
+        if out is not None:
+            result._write(place)
+    return result
+
+
+def _cell(e: Mapping[str, Any] | None) -> str:
+    if e is None:
+        return "-"
+    return words.lost(e) if e["low"] < 0 else words.rate(e)

@@ -1,0 +1,34 @@
+"""What stress tests share: a result with a page of its own."""
+
+from __future__ import annotations
+
+import json
+from abc import abstractmethod
+from collections.abc import Sequence
+from pathlib import Path
+
+from vispeg.api.playing import Played
+from vispeg.core.files import write_text_atomic
+
+
+class Stressed(Played):
+    """Episodes of a stress test and what they say; see `Played`."""
+
+    @property
+    def page(self) -> str:
+        """The file name of the page."""
+        return f"{self.command}.html"
+
+    @abstractmethod
+    def _render(self) -> str:
+        """The page."""
+
+    def _write(self, folder: Path) -> None:
+        text = json.dumps(self.record, indent=1, allow_nan=False) + "\n"
+        write_text_atomic(folder / f"{self.command}.json", text, overwrite=True)
+        write_text_atomic(folder / self.page, self._render(), overwrite=True)
+
+
+def listed(policies: str | Path | Sequence[str | Path]) -> list[str]:
+    """One policy or several, as text."""
+    return [str(p) for p in ([policies] if isinstance(policies, str | Path) else policies)]

@@ -1,0 +1,80 @@
+"""`vispeg sensitivity`: success against one parameter of one effect."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from vispeg.api.playing import Playing, check_numbers, folders, play, silent, stamped
+from vispeg.api.stress.result import Stressed, listed
+from vispeg.core.errors import UserError
+from vispeg.evaluation import sensitivity as swept
+from vispeg.evaluation.folder import workplace
+from vispeg.evaluation.jobs import make_jobs, seeds_of
+from vispeg.evaluation.players import ready
+from vispeg.report.gap.sweep_page import render
+from vispeg.report.summary import Block, Line
+from vispeg.task.world_file import load_world
+
+
+class SensitivityResult(Stressed):
+    """A curve for every sweep and policy, and the value from which success is lower; see `Played`."""
+
+    command = holds = "sensitivity"
+
+    @property
+    def summary(self) -> list[Block]:
+        """A line a curve."""
+        return [
+            Line(f"{s['label']}, {curve['policy']}: {curve['words']}", path=True)
+            for s in self.record["sweeps"]
+            for curve in s["curves"]
+        ]
+
+    def _render(self) -> str:
+        return render(self.record)
+
+
+def sensitivity(
+    policies: str | Path | Sequence[str | Path],
+    sweeps: Sequence[str],
+    world: str | Path = "nominal",
+    *,
+    episodes: int = 100,
+    seed: int = 0,
+    workers: int = 1,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    playing: Playing = silent,
+) -> SensitivityResult:
+    """Plays policies in a world with one parameter of one effect at each of several values, on the same seeds.
+
+    Args:
+        policies, seed, workers, out, overwrite, playing: as in `vispeg.evaluate`.
+        sweeps: names of `vispeg.evaluation.sensitivity.SWEEPS`, or EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,...
+        world: a built-in world's name or a world file.
+        episodes: of every value.
+
+    Raises:
+        UserError: as `vispeg.evaluate`; no sweep, one that cannot be, or one that only images show with a policy that
+            sees none.
+    """
+    check_numbers(episodes, workers)
+    if not sweeps:
+        raise UserError("nothing to sweep", key="--sweep", expected="a sweep", choices=swept.SWEEPS)
+    who, file = ready(listed(policies)), load_world(world)
+    asked = [swept.sweep(text) for text in sweeps]
+    swept.refuse_unseen(asked, who)
+    read = [file.path, *(e.path for e in who)]
+    with workplace(out, "sensitivity.json", overwrite, read) as place:
+        settings = [s for what in asked for s in swept.settings(str(world), file.name, what)]
+        ends = play(make_jobs(who, settings, seeds_of(episodes, seed), place / "worlds"), place, workers, playing)
+        curves = []
+        for what in asked:
+            tags = {swept.tag(what, v) for v in what.values}
+            curves.append(swept.summarise([e for e in ends if e.configuration in tags], what))
+        about = {"format": swept.FORMAT, "world": {"name": file.name, "hash": file.hash}, "sweeps": curves}
+        result = SensitivityResult(stamped(about, seed, folders(who)), tuple(ends), (), tuple(read))
+        if out is not None:
+            result._write(place)
+    return result

@@ -1,0 +1,119 @@
+"""`vispeg suite`: named configurations in the training world and in a target, over versions of a policy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from vispeg.api.playing import Playing, check_numbers, folders, play, silent, stamped
+from vispeg.api.stress.result import Stressed, listed
+from vispeg.core.errors import UserError
+from vispeg.evaluation import suite as suites
+from vispeg.evaluation.entrants import Entrant, refuse_trained_on
+from vispeg.evaluation.folder import workplace
+from vispeg.evaluation.jobs import make_jobs, seeds_of
+from vispeg.evaluation.measured import Trials, read_csv
+from vispeg.evaluation.players import ready
+from vispeg.evaluation.schema.suite import Configuration
+from vispeg.report.gap import words
+from vispeg.report.gap.suite_page import render
+from vispeg.report.summary import Block, Line
+from vispeg.report.tables import Column, Sheet
+from vispeg.task.world_file import WorldFile, load_world
+
+ROBOT = "robot"  # the name of a measured target
+
+
+class SuiteResult(Stressed):
+    """Success of each configuration in both worlds, and the health of the training world; see `Played`."""
+
+    command = holds = "suite"
+
+    @property
+    def alarm(self) -> bool:
+        """Whether success fell beyond doubt, or the training world ranks configurations otherwise than the target."""
+        return self.record["health"]["status"] == "alarm"
+
+    @property
+    def summary(self) -> list[Block]:
+        """A row a configuration, the health, and notes on a robot's records."""
+        values = self.record
+        heads = ("policy", "configuration", values["train"], values["target"])
+        rows = [
+            [r["policy"], r["configuration"], words.rate(r["train"]), words.rate(r["target"])] for r in values["rows"]
+        ]
+        said = [values["health"]["words"], *values["notes"]]
+        return [Sheet([Column(head) for head in heads], rows), *(Line(text, path=True) for text in said)]
+
+    def _render(self) -> str:
+        return render([self.record], [])
+
+
+def suite(
+    policies: str | Path | Sequence[str | Path],
+    train: str | Path = "randomized",
+    target: str | Path | None = None,
+    *,
+    measured: str | Path | None = None,
+    configurations: str | Path | None = None,
+    version: str = "",
+    fine_tuned: bool = False,
+    episodes: int = 20,
+    seed: int = 0,
+    workers: int = 1,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    playing: Playing = silent,
+) -> SuiteResult:
+    """Plays one version of policies in every configuration, in the training world and in the target.
+
+    Args:
+        policies, seed, workers, out, overwrite, playing: as in `vispeg.evaluate`.
+        train, target: built-in worlds' names or world files.
+        measured: CSV of a real robot's trials in place of a target.
+        configurations: a file `format: vispeg-suite/1`; the package's list where not given.
+        version: its name; that of `out` where not given.
+        fine_tuned: allow policies that were trained or fine-tuned in the target.
+        episodes: of a configuration and world.
+
+    Raises:
+        UserError: as `vispeg.evaluate`; not exactly one target, the training world as target, a configuration that no
+            world can have, a policy that was trained in the target.
+    """
+    check_numbers(episodes, workers)
+    if (target is None) == (measured is None):
+        raise UserError("no target", expected="either --target WORLD or --measured CSV")
+    who = ready(listed(policies))
+    chosen = suites.configurations(None if configurations is None else Path(configurations))
+    files = {str(w): load_world(w) for w in (train, target) if w is not None}
+    hashes = {file.name: file.hash for file in files.values()} | ({ROBOT: ""} if measured is not None else {})
+    names = list(hashes)
+    if len(names) < 2:
+        raise UserError("training world and target are the same", got=names[0])
+    if target is not None and not fine_tuned:
+        _refuse(who, files[str(target)], files[str(train)])
+    trials = _measured(measured, who, chosen)
+    given = [Path(p) for p in (measured, configurations) if p is not None]
+    read = [*given, *(f.path for f in files.values()), *(e.path for e in who)]
+    with workplace(out, "suite.json", overwrite, read) as place:
+        settings = suites.settings(chosen, {file.name: w for w, file in files.items()})
+        jobs = make_jobs(who, settings, seeds_of(episodes, seed), place / "worlds")
+        ends = [*play(jobs, place, workers, playing), *trials.episodes]
+        called = version or ("" if out is None else Path(out).resolve().name)
+        about = {**suites.summarise(ends, names[0], names[1], called, hashes), "notes": [*trials.notes]}
+        result = SuiteResult(stamped(about, seed, folders(who)), tuple(ends), (), tuple(read))
+        if out is not None:
+            result._write(place)
+    return result
+
+
+def _refuse(who: Sequence[Entrant], target: WorldFile, train: WorldFile) -> None:
+    refuse_trained_on(who, target.name, target.hash, target.path, training=train.path)
+
+
+def _measured(csv: str | Path | None, who: Sequence[Entrant], chosen: Sequence[Configuration]) -> Trials:
+    """A real robot's trials of these policies in these configurations; none without a file."""
+    seeds: dict[str, set[int]] = {}
+    for e in who:
+        seeds.setdefault(e.name, set()).add(e.train_seed)
+    return Trials() if csv is None else read_csv(Path(csv), ROBOT, seeds, [c["name"] for c in chosen])
