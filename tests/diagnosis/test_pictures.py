@@ -124,3 +124,28 @@ def test_whitening_is_the_inverse_root_of_the_covariance():
     root = whiten(np.eye(30))
     assert np.allclose(root @ covariance @ root, np.eye(30), atol=1e-9)
     assert np.isclose(whiten.logdet, np.linalg.slogdet(covariance)[1])
+
+
+def test_two_recordings_that_disagree_widen_an_interval_to_their_own_spread():
+    from vispeg.diagnosis.pictures.spread import widened
+    from vispeg.identify.fit import Fit
+    from vispeg.identify.space import Space
+
+    world = CELL.add(EffectInstance.of("focal_error", WRIST, fx=0.01, fy=0.02))
+    space = Space(world, [0])
+    fit = Fit(world, np.zeros(0), np.zeros((0, 2)), space, space.start, np.full(2, 0.01), np.eye(2))
+    there = replace(fit, u=fit.u + [0.002, 0.2])
+    wide = widened(fit, there, 1000)
+    assert wide.sigma == pytest.approx([0.01, 0.2 / np.sqrt(2)])
+    fy = wide.world.effects[0].params["fy"]
+    assert fy.high - fy.low == pytest.approx(2 * 1.962 * wide.sigma[1] * space.axes[1].unit, rel=2e-3)
+    assert fy.value == 0.02
+
+
+@pytest.mark.slow
+def test_a_depth_camera_s_scale_is_named_and_nothing_else():
+    result = diagnosed(EffectInstance.of("depth_scale", WRIST, factor=1.02))
+    assert result.record["verdict"] == "identified"
+    (found,) = result.world.effects
+    assert found.label == f"depth_scale({WRIST})"
+    assert found.params["factor"].low <= 1.02 <= found.params["factor"].high

@@ -106,11 +106,12 @@ def test_a_step_is_found_where_it_is():
     """A synthetic edge at a known place, blurred and noisy: no bias, and an error as stated."""
     from scipy.special import erf
 
+    from vispeg.effects.common.light import to_srgb
     from vispeg.vision.borders import Borders
 
     rng = np.random.default_rng(0)
     n, at = 60, 40.3
-    column = 100 + 40 * erf((np.arange(80) - at) / np.sqrt(2) / 0.6)
+    column = 255 * to_srgb(0.25 + 0.18 * erf((np.arange(80) - at) / np.sqrt(2) / 0.6))  # a pixel holds a mean of light
     picture = np.repeat(np.tile(column, (3 * n, 1))[..., None], 3, 2) + rng.normal(scale=3.0, size=(3 * n, 80, 3))
     picture = np.clip(np.rint(picture), 0, 255).astype(np.uint8)
     assert noise_of_picture(picture) == pytest.approx(3.0, rel=0.15)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.accept import equal
-from vispeg.diagnosis.judge import present
+from vispeg.diagnosis.judge import Judge, present
 from vispeg.diagnosis.screen import Score
 from vispeg.diagnosis.search import Search
 from vispeg.diagnosis.state import State, Trial
@@ -86,12 +86,12 @@ def _without(search: Search, state: State, placed: EffectInstance, given: int) -
     return State(world, loss, residual, fit, state.first, state.steps, cross=cross)
 
 
-def _merely_richer(search: Search, trial: Trial, state: State, label: str) -> bool:
+def merely_richer(judge: Judge, trial: Trial, state: State, label: str) -> bool:
     """Whether a rival contains the chosen effect as a special case and is not better for it."""
     name, where = label.rstrip(")").split("(")
     kind = effect(trial.score.placed.effect)
     nested = name in kind.contains and trial.score.placed.where == where
-    return nested and search.judge.gain(state.loss, trial.loss).z < 3.0
+    return nested and judge.gain(state.loss, trial.loss).z < 3.0
 
 
 def _compare(search: Search, state: State, label: str, trials: list[Trial], without: float) -> Rivals:
@@ -102,6 +102,6 @@ def _compare(search: Search, state: State, label: str, trials: list[Trial], with
         if equal(search.judge, t.loss, state.loss, without)
         and present(t.fit, len(t.fit.world.effects) - 1)
         and t.gain.relative > 0
-        and not _merely_richer(search, t, state, label)
+        and not merely_richer(search.judge, t, state, label)
     ]
     return Rivals(label, tuple(t.bare for t in equals), tuple(t.bare for t in others))

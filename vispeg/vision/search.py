@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vispeg.effects.common.light import to_linear
 from vispeg.vision.borders import Borders
 
+TO_LINEAR = to_linear(np.arange(256, dtype=np.float32) / 255)  # light of each 8-bit sRGB value
 STEP = 0.25  # px between samples of a profile
 BESIDE = (-1.0, 0.0, 1.0)  # px along the border that are averaged
 SMOOTH = 1.0  # px, sigma of the derivative of a Gaussian that steps are looked for with
@@ -60,16 +62,30 @@ def search(picture: np.ndarray, borders: Borders, window: float = 8.0, noise: fl
     strength = np.where(score[rows, best] > 0, size[rows, best], 0.0)
     apart = np.abs(s - s[best][:, None]) > 1.5 * SMOOTH
     second = np.where(apart, score, 0.0).max(1) / np.maximum(score[rows, best], 1e-9)
-    left, middle, right = (size[rows, np.clip(best + k, 0, len(s) - 1)] for k in (-1, 0, 1))
-    bend = left - 2 * middle + right
-    shift = np.where(bend < 0, 0.5 * (left - right) / np.minimum(bend, -1e-12), 0.0)
     grain = (
         noise * np.linalg.norm(_kernel(SMOOTH)) * np.sqrt(STEP * 3 / len(BESIDE))
     )  # samples closer than a pixel are not apart
     good = strength > max(LEAST, TIMES * grain)
-    along = np.where(good, s[best] + STEP * np.clip(shift, -1, 1), np.nan)
+    along = np.where(good, s[best] + _finer(picture, borders, s[best]), np.nan)
     sigma = np.hypot(FLOOR, SMOOTH * grain / np.maximum(strength, 1e-9))
     return Displacements(along, strength, np.where(good, sigma, np.nan), np.where(good, second, np.nan))
+
+
+def _finer(picture: np.ndarray, borders: Borders, middle: np.ndarray) -> np.ndarray:
+    """(n,) px from `middle` (n,) px along the normals to the steepest place of the light there, within a pixel.
+
+    A pixel that a border crosses holds the mean of both sides' light: its code value, which is no light, would put the
+    border towards the darker side.
+    """
+    light, half = TO_LINEAR[picture], int(np.ceil(3 * SMOOTH / STEP))
+    near = round(1 / STEP)
+    s = np.arange(-near - half, near + half + 1) * STEP
+    size, rows = steps_along(profiles(light, borders, s, middle), SMOOTH), np.arange(len(borders))
+    best = np.clip(size.argmax(1), 1, 2 * near - 1)
+    left, centre, right = (size[rows, best + k] for k in (-1, 0, 1))
+    bend = left - 2 * centre + right
+    shift = np.where(bend < 0, 0.5 * (left - right) / np.minimum(bend, -1e-12), 0.0)
+    return STEP * (best - near + np.clip(shift, -1, 1))
 
 
 def noise_of_picture(picture: np.ndarray) -> float:

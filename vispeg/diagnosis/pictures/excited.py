@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from vispeg.core.effect import EffectInstance, effect
-from vispeg.diagnosis.pictures.search import LEAST_PX, PictureSearch
+from vispeg.diagnosis.pictures.search import PictureSearch
 from vispeg.worlds.world import World
 
 # pairs that look alike in one kind of motion, and the motion in which they do not
@@ -29,7 +29,7 @@ def not_excited(search: PictureSearch, world: World) -> list[dict]:
         kind = effect(name)
         typical = EffectInstance.of(name, where, **{k: kind.params[k].start for k in kind.magnitudes})
         size = search.judged.change(world.add(typical), world)
-        if size < LEAST_PX:
+        if size < search.least:
             out.append({"effect": name, "where": where, "typical_px": round(size, 3)})
     return out
 

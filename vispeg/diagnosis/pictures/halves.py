@@ -15,6 +15,7 @@ from vispeg.identify.fit import Fit
 from vispeg.identify.pictures.evidence import BorderEvidence
 from vispeg.worlds.world import World
 
+Borders = tuple[BorderEvidence, BorderEvidence]  # to fit, and to judge on
 WRONG = 2.0  # times their uncertainty that the halves may differ by
 LEAST = 0.25  # px: no less counts as a difference, whatever the halves promise
 
@@ -32,12 +33,12 @@ class Halves:
         return self.difference > max(WRONG * self.uncertainty, LEAST)
 
 
-def compare_halves(search: PictureSearch, world: World, given: int) -> Halves | None:
+def compare_halves(search: PictureSearch, borders: Borders, world: World, given: int) -> Halves | None:
     """The world's effects fitted to every other view and to the rest; None where nothing was fitted."""
     if len(world.effects) <= given:
         return None
-    fits = [search.fits([world], given, search.evidence.part(k, 2))[0] for k in (0, 1)]
-    judged = search.judged
+    evidence, judged = borders
+    fits = [search.fits([world], given, evidence.part(k, 2))[0] for k in (0, 1)]
     spread = sum(uncertainty(judged, f) ** 2 for f in fits)
     return Halves(judged.change(fits[0].world, fits[1].world), float(np.sqrt(spread)))
 

@@ -12,8 +12,10 @@ from vispeg.diagnosis.pictures.halves import compare_halves
 from vispeg.diagnosis.pictures.projection import projections
 from vispeg.diagnosis.pictures.remainder import left_over
 from vispeg.diagnosis.pictures.search import PictureSearch
+from vispeg.diagnosis.pictures.sensors import sensor_search
 from vispeg.diagnosis.pictures.show import shown_pictures
-from vispeg.diagnosis.pictures.verdict import decide
+from vispeg.diagnosis.pictures.spread import confirmed
+from vispeg.diagnosis.pictures.verdict import decide, with_sensor
 from vispeg.diagnosis.record import candidates, correlations, effects, screening, with_origin
 from vispeg.diagnosis.rivals import Rivals
 from vispeg.diagnosis.run import Diagnosis
@@ -59,31 +61,43 @@ def diagnose_pictures(
     say("fitting what moves the borders")
     state = search.run(world)
     rivals = search.rivals(state, given)
-    halves = compare_halves(search, state.world, given)
+    halves = compare_halves(search, (evidence, judged), state.world, given)
+    state = confirmed(search, state, given)
     cameras = list({s.camera.name: s.camera for s in (*mine, *theirs)}.values())
     say("looking for what is left")
     with Predictor(scene, cameras) as predictor:
         wide = [[(s, gather(predictor, s, state.world, WIDE)) for s in some] for some in (mine, theirs)]
-        left = left_over(wide[0], wide[1], list(scene.parts))
-        drawn = shown_pictures(predictor, theirs, world, state.world, judged, seed)
+    left = left_over(wide[0], wide[1], list(scene.parts))
     before, after, lost = judged.error(world), judged.error(state.world), _lost(wide[1])
-    verdict = decide(before, after, len(state.world.effects) - given, rivals, left, halves, lost)
+    of_borders = decide(before, after, len(state.world.effects) - given, rivals, left, halves, lost)
+    sensed = []
+    if of_borders.verdict != "unexplained":  # where things do not stand where they are drawn, no sensor can be told
+        sensed = sensor_search(scene, (mine, theirs), (evidence, judged), world, state.world, say)
+    verdict, rivals = with_sensor(of_borders, sensed), [*rivals, *(r for s in sensed for r in s.rivals)]
+    fitted_world = state.world.add(*(e for s in sensed for e in s.added))
     final = with_origin(replace(state.world, cell=world.cell), given, fitted, held_out, before, after, verdict.partial)
+    for s in sensed:
+        told = with_origin(s.state.world, given, fitted, held_out, s.errors[0], s.errors[1], verdict.partial)
+        final = final.add(*told.effects[given:])
+    with Predictor(scene, cameras) as predictor:
+        drawn = shown_pictures(predictor, theirs, world, final, judged, seed)
     maps = projections(judged.geometry, world, final, state.fit)
     floor = judged.floor
     record: DiagnosisRecord = {
         "format": "vispeg-diagnosis/1",
         "verdict": verdict.verdict,
         "reason": verdict.reason,
-        "effects": effects(final, given, rivals, state.world),
+        "effects": effects(final, given, rivals, fitted_world),
         "ladder": _ladder(evidence, judged, world, state),
         "noise_floor": {"value": floor, "unit": "px RMS", "from": evidence.floor_from},
         "where_it_fails": [],
         "residual_peaks": [],
         "unexplained": verdict.unexplained,
-        "channels": [_channel(judged, world, state.world)],
+        "channels": [_channel(judged, world, state.world), *(s.channel for s in sensed)],
         "next_experiment": _next(state, rivals, given),
-        "candidates": candidates(state, rivals, given),
+        "candidates": [
+            c for x in (state, *(s.state for s in sensed)) for c in candidates(x, rivals if x is state else (), given)
+        ],
         "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in screening(state)],
         "correlations": correlations(state),
@@ -98,6 +112,7 @@ def diagnose_pictures(
             "projection": [p.as_dict() for p in maps],
             "halves": None if halves is None else {"px": halves.difference, "uncertainty_px": halves.uncertainty},
             "remainder": [{"input": x.input, "where": x.where, "share": x.share, "px": x.size} for x in left],
+            "sensor": [s.as_dict() for s in sensed],
             "not_excited": not_excited(search, state.world),
         },
     }

@@ -10,18 +10,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from vispeg.core.effect import OPTICAL, REGISTRY, EffectInstance, effect
+from vispeg.core.params import Param
 from vispeg.diagnosis.accept import equal, ranked
 from vispeg.diagnosis.judge import Judge, present
-from vispeg.diagnosis.rivals import Rivals
+from vispeg.diagnosis.rivals import Rivals, merely_richer
 from vispeg.diagnosis.screen import Score
 from vispeg.diagnosis.state import State, Trial
 from vispeg.identify.fit import Fit, fit_job
 from vispeg.identify.pictures.evidence import BorderEvidence
+from vispeg.identify.pictures.sensor import SensorEvidence
 from vispeg.identify.pool import run_together
 from vispeg.worlds.world import World
 
-# An effect has to move the borders by more than looks shift them (0.1 px), and by more than they scatter:
-LEAST_PX = 0.15
+Pictured = BorderEvidence | SensorEvidence
 LEAST_SHARE = 0.01  # of the squared error that an effect so far removed: what its form leaves is not another effect
 
 
@@ -33,11 +34,11 @@ class PictureSearch:
         say: is told what is being done.
     """
 
-    def __init__(self, evidence: BorderEvidence, judged: BorderEvidence, say: Callable[[str], None] = lambda _: None):
+    def __init__(self, evidence: Pictured, judged: Pictured, say: Callable[[str], None] = lambda _: None):
         self.evidence, self.judged, self.say = evidence, judged, say
         self.judge = Judge(judged)
         self.least_share = LEAST_SHARE
-        self.least = max(LEAST_PX, evidence.floor)
+        self.least = evidence.least_change
 
     def places(self, world: World) -> list[tuple[str, str]]:
         """Every effect that the pictures can show, at every place that the world has it not at yet."""
@@ -73,6 +74,8 @@ class PictureSearch:
     def step(self, state: State, given: int, places: Sequence[tuple[str, str]] | None = None) -> list[Trial]:
         """Fits every place's effect beside what was accepted and judges all; those that pass come first."""
         places = self.places(state.world) if places is None else list(places)
+        if not places:
+            return []
         worlds = [state.world.add(self._start(name, where)) for name, where in places]
         fits = self.fits(worlds, given)
         losses = self.judge.losses([f.world for f in fits])
@@ -84,11 +87,12 @@ class PictureSearch:
         for t in ranked(self, state, trials, len(places)):  # type: ignore[arg-type]
             size = self.shift(t.fit.world, t.fit.world.effects[-1])
             small = not t.rejected and size < self.least
-            why = f"moves the picture by {size:.2f} px only, under {self.least:.2f} px" if small else t.rejected
+            changes = f"changes the pictures by {size:.2f} {self.evidence.changes_in}, under {self.least:.2f}"
+            why = changes if small else t.rejected
             out.append(replace(t, rejected=why))
         return sorted(out, key=lambda t: bool(t.rejected))
 
-    def fits(self, worlds: Sequence[World], given: int, evidence: BorderEvidence | None = None) -> list[Fit]:
+    def fits(self, worlds: Sequence[World], given: int, evidence: Pictured | None = None) -> list[Fit]:
         """Fits everything after the first `given` effects of each world."""
         chosen = self.evidence if evidence is None else evidence
         jobs = [fit_job(chosen, w, range(given, len(w.effects)), iterations=12) for w in worlds]
@@ -109,7 +113,10 @@ class PictureSearch:
             equals = [
                 t
                 for t in trials
-                if equal(self.judge, t.loss, state.loss, without) and present(t.fit, -1) and t.gain.relative > 0
+                if equal(self.judge, t.loss, state.loss, without)
+                and present(t.fit, -1)
+                and t.gain.relative > 0
+                and not merely_richer(self.judge, t, state, placed.label)
             ]
             out.append(Rivals(placed.label, tuple(equals), tuple(trials)))
         return out
@@ -145,5 +152,12 @@ class PictureSearch:
             if (e.effect, e.where) == (name, where):
                 return EffectInstance.of(name, where, **{k: v.value for k, v in e.params.items()})
         return EffectInstance.of(
-            name, where, **{k: p.start / 10 for k, p in effect(name).params.items() if not p.shape}
+            name, where, **{k: _near_null(p) for k, p in effect(name).params.items() if not p.shape}
         )
+
+
+def _near_null(param: Param) -> float:
+    """A value between null and a typical size, near null."""
+    if param.scale == "log":
+        return param.null * (param.start / param.null) ** 0.1
+    return param.null + (param.start - param.null) / 10

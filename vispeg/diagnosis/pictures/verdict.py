@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from vispeg.diagnosis.pictures.halves import Halves
 from vispeg.diagnosis.pictures.remainder import VISIBLE, Left
+from vispeg.diagnosis.pictures.sensors import Sensed
 from vispeg.diagnosis.remainder import CONVINCING
 from vispeg.diagnosis.rivals import Rivals
 from vispeg.diagnosis.verdict import Verdict
@@ -55,3 +56,17 @@ def decide(
     if names:
         return Verdict("ambiguous", f"these views cannot tell {', '.join(names)} from other effects")
     return Verdict("identified", f"held-out borders moved from {before:.2f} to {after:.2f} px from their edges")
+
+
+def with_sensor(borders: Verdict, sensed: Sequence[Sensed]) -> Verdict:
+    """The verdict on borders, with what the same pictures say of the sensor."""
+    found = [s for s in sensed if s.added]
+    if borders.verdict == "unexplained" or not found:
+        return borders
+    names = sorted(r.label for s in found for r in s.rivals if r.equals)
+    if names or borders.verdict == "ambiguous":
+        text = f"these views cannot tell {', '.join(names)} from other effects" if names else borders.reason
+        return Verdict("ambiguous", text)
+    falls = [f"{s.kind} from {s.errors[0]:.1f} to {s.errors[1]:.1f} times its scatter" for s in found]
+    said = [borders.reason] if borders.verdict == "identified" else []
+    return Verdict("identified", "; ".join([*said, f"held-out figures of {' and of '.join(falls)}"]))

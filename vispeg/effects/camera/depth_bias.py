@@ -21,6 +21,7 @@ class DepthBias(CameraEffect):
 
     name = "depth_bias"
     channel = "depth"
+    contains = ("depth_scale",)
     order = 34
     params = {
         "scale": Param(0.0, -0.1, 0.1, "1", start=0.01, doc="relative error of every distance"),

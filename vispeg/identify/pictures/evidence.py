@@ -24,8 +24,12 @@ from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 
 FIXED = np.array([1e-3, 1e-3, 1e-3, 5e-3, 5e-3, 5e-3])  # m, rad: how well fixture and grip are known
-EDGE_BIAS = 0.1  # px by which light and shadow shift all edges between two parts that face one way
+# px by which light and shadow shift the edges between two parts: all of them, those that face one way, and those in
+# one picture; measured between Filament's pictures in looks of S and the borders of the model
+EDGE_BIAS, EDGE_BIAS_HERE = 0.1, 0.05
 ROBOT = (0.0, *np.geomspace(3e-5, 4e-3, 15).tolist())  # rad, each joint in each frame: sizes that are tried
+LEAST_PX = 0.15
+LOOSE = 2e-3  # rad of a joint in a frame, where only the rest matters
 SMALL = 1e-4  # m, rad: steps of derivatives
 PENALTY = 1e3  # noise units of a point that a world puts behind the camera
 
@@ -91,6 +95,13 @@ class BorderEvidence(Evidence):
         """Pixels."""
         return "px"
 
+    changes_in = "px"
+
+    @property
+    def least_change(self) -> float:
+        """How many px an effect has to move the borders by: more than looks shift them, and more than they scatter."""
+        return max(LEAST_PX, self.floor)
+
     def sees(self, kind: Effect) -> bool:
         """Whether an effect moves borders."""
         return shows(kind, "border")
@@ -120,13 +131,22 @@ class BorderEvidence(Evidence):
         return int(sum(i.valid.sum() for i in self.items))
 
     def blocks(self, seconds: float = 0.0) -> np.ndarray:
-        """The image of every residual entry, in the order of `residuals`: errors within an image hang together."""
+        """The image of every residual entry, in the order of `residuals`: errors within an image hang together.
+
+        Whatever the `seconds`, a test of single moments (above 0) takes each part in an image by itself: what moves all
+        of an image alike, the robot's error, is whitened.
+        """
         out, start = [], 0
         for item in self.items:
-            out.append(item.points.frame + start)
+            part = item.points.parts[:, 0] if seconds else np.zeros(len(item.points.frame), int)
+            out.append(np.column_stack([item.points.frame + start, part]))
             start += len(item.sight)
-        _, numbered = np.unique(np.concatenate(out), return_inverse=True)
-        return numbered
+        _, numbered = np.unique(np.concatenate(out), axis=0, return_inverse=True)
+        return numbered.ravel()
+
+    def tells(self, difference: np.ndarray) -> np.ndarray:
+        """(n,) bool: a block whose squared residuals differ by less than one reading's tells nothing."""
+        return np.abs(difference) > 1.0
 
     @property
     def scene(self) -> Scene:
@@ -140,6 +160,18 @@ class BorderEvidence(Evidence):
             good = item.valid[:, 0] & np.isfinite(a - b)
             square, weight = square + float(np.sum((a - b)[good] ** 2)), weight + float(good.sum())
         return float(np.sqrt(square / max(weight, 1.0)))
+
+    def postures(self, world: World) -> list[np.ndarray]:
+        """Per item, (frames, nj) rad to add to the measured angles: the robot's most likely errors in a world."""
+        out, nj = [], len(self.scene.joints)
+        for item, away, (common, joints) in zip(self.items, self.misplaced(world), self._columns, strict=True):
+            columns = np.concatenate([common, max(self.robot, 1e-6) * joints], axis=1)
+            r = _weighted(item, away)
+            unknown = np.linalg.solve(columns.T @ columns + np.eye(columns.shape[1]), columns.T @ r)
+            frames, posture = np.unique(item.points.frame), np.zeros((len(item.sight), nj))
+            posture[frames] = self.robot * unknown[common.shape[1] :].reshape(-1, nj)
+            out.append(posture)
+        return out
 
     def part(self, first: int, step: int) -> BorderEvidence:
         """The evidence of every `step`-th frame from `first` on."""
@@ -198,6 +230,27 @@ def _weighted(item: Item, away: np.ndarray) -> np.ndarray:
     return np.clip(r / item.sigma[0], -PENALTY, PENALTY) * np.sqrt(item.trust) * item.valid[:, 0]
 
 
+def _edges(p: Points, scale: np.ndarray, away: np.ndarray) -> list[np.ndarray]:
+    """Columns (n,): what one standard deviation of each edge bias does, in units of the noise.
+
+    Edges that even the freest model leaves away from their borders are known as badly as that: `away` (n,) is what it
+    leaves, `scale` (n,) a pixel, both in those units.
+    """
+    facing = np.round(np.arctan2(p.normal[:, 1], p.normal[:, 0]) / (np.pi / 2)).astype(int) % 4
+    one_way, out = np.column_stack([p.parts, facing]), []
+    for labels in (p.parts, one_way):
+        for rows in _alike(labels):
+            left = abs(scale[rows] @ away[rows]) / max(scale[rows] @ scale[rows], 1e-9)
+            out.append(rows * max(EDGE_BIAS, left) * scale)
+    return out + [rows * EDGE_BIAS_HERE * scale for rows in _alike(np.column_stack([one_way, p.frame]))]
+
+
+def _alike(labels: np.ndarray) -> list[np.ndarray]:
+    """(n,) bool for each different row of some labels (n, k): where it stands."""
+    kinds, kind = np.unique(labels, axis=0, return_inverse=True)
+    return [kind.ravel() == k for k in range(len(kinds))]
+
+
 def _nuisances(geometry: Geometry, item: Item, world: World) -> tuple[np.ndarray, np.ndarray]:
     """What one standard deviation of each common unknown (n, k), and one rad of each joint in each frame, do."""
     p, sight, scene = item.points, item.sight, geometry.scene
@@ -216,13 +269,13 @@ def _nuisances(geometry: Geometry, item: Item, world: World) -> tuple[np.ndarray
             shift = np.broadcast_to(step, p.local.shape) if axis < 3 else np.cross(step, p.local)
             there = replace(p, local=p.local + np.where(rows, shift, 0))
             common.append(effect_of(pixels(geometry, sight, world, there)) * FIXED[axis])
-    facing = np.round(np.arctan2(p.normal[:, 1], p.normal[:, 0]) / (np.pi / 2)).astype(int) % 4
-    kinds, kind = np.unique(np.column_stack([p.parts, facing]), axis=0, return_inverse=True)
-    common += [(kind.ravel() == k) * EDGE_BIAS * scale for k in range(len(kinds))]
     _, at = np.unique(p.frame, return_inverse=True)
     nj = len(scene.joints)
     joints = np.zeros((len(p.frame), (int(at.max(initial=-1)) + 1) * nj))
     for j in range(nj):
         moved = pixels(geometry, sight, world, p, SMALL * np.eye(nj)[j])
         joints[np.arange(len(at)), at * nj + j] = effect_of(moved)
-    return np.stack(common, 1) if common else np.zeros((len(p.frame), 0)), joints
+    away = np.nan_to_num(misplacement(geometry, sight, world, p)) * scale
+    posture = np.linalg.solve(joints.T @ joints + np.eye(joints.shape[1]) / LOOSE**2, joints.T @ away)
+    common += _edges(p, scale, away - joints @ posture)
+    return np.stack(common, 1), joints

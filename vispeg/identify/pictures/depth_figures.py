@@ -1,0 +1,113 @@
+"""Depth pictures in figures: scale and lean by distance, scatter, holes, and what happens beside borders."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vispeg.core.effect import Effect
+from vispeg.identify.channels import shows
+from vispeg.identify.pictures.figure import NEVER, Figure
+from vispeg.identify.pictures.shots import Shot
+from vispeg.vision.depth import depth_residual
+from vispeg.worlds.world import World
+
+NEARER = np.array([0.0, 0.12, 0.18, 0.25, 0.35, 0.5, 0.8])  # m: edges of the bins of distance; beyond is no cell
+STEP = 0.03  # m by which the far side of a border lies behind for near things to grow over it
+REACH = 8  # px beside a border
+FEW = 60  # pixels that a figure needs
+ORDINARY = (3e-4, 1e-3)  # m and 1/m: scatter s0 + s1 z^2 of a good stereo camera, told apart from none by nothing
+
+TABLE = (
+    *(Figure(f"error, bin {k}", 1e-3, 4e-3) for k in range(len(NEARER) - 1)),
+    *(Figure(f"lean {way}", 3e-4, 1e-3) for way in ("across", "down")),
+    *(Figure(f"scatter, bin {k}", 0.05, 0.35) for k in range(len(NEARER) - 1)),
+    Figure("holes", 5e-3, 0.015),
+    Figure("run of a hole", 0.5, NEVER),
+    *(Figure(f"near part at {k + 1} px", 0.03, 0.15) for k in range(REACH)),
+    *(Figure(f"holes at {k + 1} px", 0.1, NEVER) for k in range(REACH)),
+)
+
+
+class DepthFigures:
+    """Figures of the frames that have depth."""
+
+    table = TABLE
+
+    def __init__(self, shots: Sequence[Shot]):
+        self.shots = [s for s in shots if s.depth is not None]
+        self.measured = np.array([depth_figures(s.depth, s) for s in self.shots if s.depth is not None])
+
+    def modelled(self, world: World) -> np.ndarray:
+        """Figures of the predicted depth after a world's effects on depth."""
+        return np.array([depth_figures(s.sensed(world, of_depth)[1], s) for s in self.shots])
+
+
+def of_depth(kind: Effect) -> bool:
+    """Whether an effect is one of depth."""
+    return shows(kind, "depth")
+
+
+def depth_figures(picture: np.ndarray, shot: Shot) -> np.ndarray:
+    """Figures (as in `TABLE`) of one depth picture (H, W) m, measured or modelled."""
+    seen, found = shot.seen, depth_residual(picture, shot.seen)
+    kind, z = np.digitize(seen.depth, NEARER), seen.depth
+    inside = found.interior & (kind < len(NEARER))
+    good = inside & np.isfinite(found.error)
+    apart = np.full(picture.shape, np.nan)
+    apart[:, 1:] = np.abs(found.error[:, 1:] - found.error[:, :-1])
+    apart[~good] = np.nan
+    error, scatter = [], []
+    for k in range(1, len(NEARER)):
+        rows = good & (kind == k)
+        enough = rows.sum() >= FEW
+        error.append(float(np.median(found.error[rows] / z[rows])) if enough else np.nan)
+        steps = apart[rows & np.isfinite(apart)]
+        least = ORDINARY[0] + ORDINARY[1] * float(np.median(z[rows])) ** 2 if enough else 0.0
+        # half the difference of two independent readings has their standard deviation times 0.954 as median
+        scatter.append(
+            float(np.log(np.hypot(np.median(steps) / 0.954, least))) if enough and len(steps) >= FEW else np.nan
+        )
+    lost = inside & (picture <= 0)
+    starts = int((lost[:, 1:] & ~lost[:, :-1]).sum())
+    holes = [
+        lost.sum() / inside.sum() if inside.sum() >= FEW else np.nan,
+        lost.sum() / starts if starts > 5 else np.nan,
+    ]
+    return np.concatenate([error, _lean(found.error, good, shot), scatter, holes, _beside(picture, seen.depth)])
+
+
+def _lean(error: np.ndarray, good: np.ndarray, shot: Shot) -> np.ndarray:
+    """(2,) m by which the error grows from the optical axis to 45 degrees right of it and below it, scale taken out."""
+    some = np.zeros(good.shape, bool)
+    some[::3, ::3] = True
+    some &= good
+    if some.sum() < FEW:
+        return np.full(2, np.nan)
+    rays, e, z = shot.seen.eye.rays()[some], error[some].astype(float), shot.seen.depth[some].astype(float)
+    design = np.column_stack([rays[:, :2], z, np.ones(len(z))])
+    design, keep = design - design.mean(0) * [1, 1, 1, 0], np.ones(len(z), bool)
+    for _ in range(3):
+        slope, *_ = np.linalg.lstsq(design[keep], e[keep], rcond=None)
+        off = np.abs(e - design @ slope)
+        keep = off <= 4 * max(float(np.median(off)), 1e-6)
+    return slope[:2]
+
+
+def _beside(picture: np.ndarray, true: np.ndarray) -> np.ndarray:
+    """(2 REACH,) shares that read the near part, and of holes, by distance from a border on its far side."""
+    import cv2
+
+    far = np.where(true > 0, true, 8.0).astype(np.float32)
+    grown, front = np.ones((3, 3), np.uint8), far
+    near, done = np.full((2, REACH), np.nan), np.zeros(far.shape, bool)
+    for px in range(REACH):
+        front = cv2.erode(front, grown)
+        band = (far - front > STEP) & ~done & (true > 0) & (front < NEARER[-1])
+        done |= band
+        if band.sum() >= FEW:
+            middle = (far + front) / 2
+            read, lost = (picture > 0) & (picture < middle), picture <= 0
+            near[:, px] = read[band].mean(), lost[band].mean()
+    return near.ravel()

@@ -1,0 +1,141 @@
+"""Colour pictures in figures: light, its fall-off, softness of borders at rest and in motion, noise.
+
+Colours and lights of a cell are not known. So of light only what does not depend on them counts: the fall-off compares
+one place of the room in several frames, softness is that of borders between parts, and noise is drawn on the measured
+picture itself, smoothed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vispeg.core.effect import Effect
+from vispeg.identify.channels import shows
+from vispeg.identify.pictures.figure import Figure
+from vispeg.identify.pictures.links import Links, links_of
+from vispeg.identify.pictures.shots import SEED, Shot
+from vispeg.vision.blur import softness
+from vispeg.vision.depth import depth_residual
+from vispeg.vision.predict import TO_LINEAR, through_sensor
+from vispeg.vision.search import search
+from vispeg.worlds.world import World
+
+LEVELS = np.array([8, 40, 90, 160, 245])  # code values: edges of the bins of brightness
+FEW = 60  # pixels that a figure needs
+EDGES = 30  # border points that a softness needs
+FAST = 100.0  # px/s along the normals that some borders must differ by, for blur of motion to show
+QUIET = 0.2  # quantile of local scatter: a texture is no noise
+GRAIN = 2.5  # code values, 1 sigma, of an ordinary camera's noise
+WINDOW = 3.0  # px
+NOISE = "rgb_noise"
+
+TABLE = (
+    Figure("light", 0.1, 0.3),  # octaves
+    Figure("red", 0.05, 0.15),
+    Figure("blue", 0.05, 0.15),
+    Figure("fall-off", 0.05, 0.25),
+    Figure("softness", 0.1, 0.35),  # px^2
+    Figure("smear", 3.0, 15.0),  # ms^2: the squared softness in px^2 over the squared speed in (px/ms)^2
+    *(Figure(f"noise, bin {k}", 0.1, 0.6) for k in range(len(LEVELS) - 1)),
+)
+
+
+class LightFigures:
+    """Figures of the frames that have colour.
+
+    Args:
+        shots: the frames.
+        lit: whether the predicted look is that of the room: only then does the level of light say anything.
+    """
+
+    table = TABLE
+
+    def __init__(self, shots: Sequence[Shot], lit: bool):
+        self.lit = lit
+        self.shots = [s for s in shots if s.rgb is not None]
+        pictures = [s.rgb for s in self.shots if s.rgb is not None]
+        self.links: Links = links_of(self.shots)
+        self.still = [_smooth(p) for p in pictures]
+        self.measured = self._figures(pictures, pictures)
+
+    def modelled(self, world: World) -> np.ndarray:
+        """Figures of the predicted pictures after a world's effects on light."""
+        pictures = [s.sensed(world, _of_light)[0] for s in self.shots]
+        return self._figures(pictures, self._noisy(world))
+
+    def _noisy(self, world: World) -> Sequence[np.ndarray]:
+        """The measured pictures, smoothed, with a world's noise in place of their own."""
+        noise = world.only(lambda e: e.effect == NOISE)
+        if not noise.effects:
+            return self.still
+        out = []
+        for shot, still in zip(self.shots, self.still, strict=True):
+            seen = type(shot.seen)(shot.seen.eye, shot.seen.q, still, shot.seen.depth, shot.seen.parts, shot.seen.pose)
+            out.append(through_sensor(noise, seen, SEED + shot.number)[0])
+        return out
+
+    def _figures(self, pictures: Sequence[np.ndarray], grain: Sequence[np.ndarray]) -> np.ndarray:
+        fall = self.links.slopes([TO_LINEAR[p][..., 1] for p in pictures])
+        rows = []
+        for shot, picture, rough, slope in zip(self.shots, pictures, grain, fall, strict=True):
+            gain = _gains(picture, shot) if self.lit else np.full(3, np.nan)
+            rows.append(np.concatenate([gain, [slope], _softness(picture, shot), _grain(rough, shot)]))
+        return np.array(rows)
+
+
+def _of_light(kind: Effect) -> bool:
+    return shows(kind, "light")
+
+
+def _smooth(picture: np.ndarray) -> np.ndarray:
+    import cv2
+
+    return cv2.GaussianBlur(picture, (0, 0), 2.0)
+
+
+def _gains(picture: np.ndarray, shot: Shot) -> np.ndarray:
+    """(3,) octaves of green, and of red and blue against green, over the prediction: medians over the room's parts."""
+    light, predicted = TO_LINEAR[picture], TO_LINEAR[shot.seen.rgb]
+    clear = shot.fixed & (picture.max(-1) < 252) & (predicted.min(-1) > 1e-3)
+    out = []
+    for part in np.unique(shot.seen.parts[clear]):
+        rows = clear & (shot.seen.parts == part)
+        if rows.sum() >= FEW:
+            octaves = np.median(np.log2(np.maximum(light[rows], 1e-4)) - np.log2(predicted[rows]), 0)
+            out.append([octaves[1], octaves[0] - octaves[1], octaves[2] - octaves[1]])
+    return np.median(out, 0) if out else np.full(3, np.nan)
+
+
+def _softness(picture: np.ndarray, shot: Shot) -> np.ndarray:
+    """(2,) px^2 of most borders' spread, and ms^2 by which it grows with the squared speed across the border."""
+    square = softness(picture, shot.borders, search(picture, shot.borders, WINDOW)) ** 2
+    good = np.isfinite(square)
+    if good.sum() < EDGES:
+        return np.full(2, np.nan)
+    speed = (shot.flow / 1e3) ** 2  # (px/ms)^2
+    slow, fast = (
+        good & rows for rows in (speed <= np.quantile(speed[good], 0.33), speed >= np.quantile(speed[good], 0.67))
+    )
+    apart = float(np.median(speed[fast]) - np.median(speed[slow]))
+    smear = (np.median(square[fast]) - np.median(square[slow])) / apart if apart > (FAST / 1e3) ** 2 else np.nan
+    return np.array([float(np.median(square[good])), float(smear)])
+
+
+def _grain(picture: np.ndarray, shot: Shot) -> np.ndarray:
+    """(levels,) log of the noise in code values in the quietest places, by brightness."""
+    import cv2
+
+    mask = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32) / 6
+    green = picture[..., 1].astype(np.float32)
+    local = np.sqrt(np.maximum(cv2.boxFilter(cv2.filter2D(green, -1, mask) ** 2, -1, (7, 7)), 0))
+    kind, inside = (
+        np.digitize(cv2.boxFilter(green, -1, (7, 7)), LEVELS),
+        depth_residual(shot.seen.depth, shot.seen).interior,
+    )
+    out = []
+    for k in range(1, len(LEVELS)):
+        rows = local[inside & (kind == k)]
+        out.append(float(np.log(np.hypot(np.quantile(rows, QUIET), GRAIN))) if len(rows) >= 10 * FEW else np.nan)
+    return np.array(out)

@@ -1,0 +1,93 @@
+"""One place of the room in several frames: what its light does between the middle of an image and the corners.
+
+The light that a matt place sends is the same wherever a camera looks from, so its fall towards the corners is the
+lens's own (Goldman, Vignette and exposure calibration and compensation, TPAMI 32(12), 2010).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vispeg.identify.pictures.shots import Shot
+from vispeg.vision.depth import depth_residual
+
+APART = 10  # px between the places that are taken from a frame
+SAME = (0.003, 0.01)  # m, and a share of the distance: within which a pixel shows the same place
+DARK, FULL = 0.003, 0.95  # linear light between which a pixel tells it
+LEAST = 40  # places of a frame
+
+
+@dataclass(frozen=True, eq=False)
+class Links:
+    """Sightings (n,) of places: number of the place, of the frame, pixel (n, 2), and 1 - cos^4 of the angle there."""
+
+    place: np.ndarray
+    frame: np.ndarray
+    pixel: np.ndarray
+    fall: np.ndarray
+    frames: int
+
+    def slopes(self, light: Sequence[np.ndarray]) -> np.ndarray:
+        """(frames,) octaves of light that each frame gains with each unit of `fall`; NaN where it shows too little.
+
+        Args:
+            light: of each frame, linear (H, W).
+        """
+        import cv2
+
+        out = np.full(self.frames, np.nan)
+        if not len(self.place):
+            return out
+        u, v = self.pixel.T
+        smooth = [cv2.boxFilter(x, -1, (5, 5)) for x in light]
+        level = np.array([smooth[f][b, a] for f, a, b in zip(self.frame, u, v, strict=True)])
+        good = (level > DARK) & (level < FULL)
+        octaves = np.log2(np.maximum(level, 1e-6))
+        e, x = (self._against_others(y, good) for y in (octaves, self.fall))
+        for f in range(self.frames):
+            rows = good & (self.frame == f) & np.isfinite(e)
+            if rows.sum() < LEAST:
+                continue
+            a, b = x[rows] - x[rows].mean(), e[rows] - np.median(e[rows])
+            keep = np.abs(b) < 1.0  # an octave is another shadow, not a lens
+            spread = float(a[keep] @ a[keep])
+            if spread > 0.003 * keep.sum():
+                out[f] = float(a[keep] @ b[keep]) / spread
+        return out
+
+    def _against_others(self, value: np.ndarray, good: np.ndarray) -> np.ndarray:
+        """(n,) each sighting's value less the mean of its place in the other frames; NaN where there is no other."""
+        n = int(self.place.max()) + 1
+        count = np.bincount(self.place, good, n)[self.place] - good
+        total = np.bincount(self.place, good * value, n)[self.place] - good * value
+        return np.where(count > 0, value - total / np.maximum(count, 1), np.nan)
+
+
+def links_of(shots: Sequence[Shot]) -> Links:
+    """Places of the room on a grid in each frame, and where the other frames show them."""
+    clear = [depth_residual(s.seen.depth, s.seen).interior & s.fixed for s in shots]
+    rows: list[np.ndarray] = []
+    start = 0
+    for s, inside in zip(shots, clear, strict=True):
+        height, width = inside.shape
+        v, u = np.mgrid[APART // 2 : height : APART, APART // 2 : width : APART].reshape(2, -1)
+        v, u = v[inside[v, u]], u[inside[v, u]]
+        points = s.seen.eye.rays()[v, u] * s.seen.depth[v, u, None]
+        room = points @ s.seen.pose[:3, :3].T + s.seen.pose[:3, 3]
+        for number, (other, free) in enumerate(zip(shots, clear, strict=True)):
+            here = (room - other.seen.pose[:3, 3]) @ other.seen.pose[:3, :3]
+            at = np.rint(np.nan_to_num(other.seen.eye.project(here), nan=-1)).astype(int)
+            inner = (at >= 0).all(1) & (at < [width, height]).all(1) & (here[:, 2] > 0)
+            a, b = np.where(inner[:, None], at, 0).T
+            near = np.abs(other.seen.depth[b, a] - here[:, 2]) < SAME[0] + SAME[1] * here[:, 2]
+            same = inner & near & free[b, a] & (other.seen.parts[b, a] == s.seen.parts[v, u])
+            index = np.flatnonzero(same)
+            rows.append(np.column_stack([index + start, np.full(len(index), number), at[index]]))
+        start += len(v)
+    table = np.concatenate(rows) if rows else np.zeros((0, 4), int)
+    secant = [np.sum(s.seen.eye.rays() ** 2, -1) for s in shots]  # squared, of each pixel's angle
+    fall = np.array([1 - 1 / secant[f][b, a] ** 2 for _, f, a, b in table])
+    return Links(table[:, 0], table[:, 1], table[:, 2:], fall, len(shots))

@@ -1,0 +1,190 @@
+"""A camera's sensor as evidence: figures of measured frames less those of rendered ones that passed through it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from vispeg.core.effect import Effect, effect
+from vispeg.identify.channels import shows
+from vispeg.identify.evidence import Evidence
+from vispeg.identify.pictures.depth_figures import DepthFigures
+from vispeg.identify.pictures.figure import Figures
+from vispeg.identify.pictures.light_figures import LightFigures
+from vispeg.identify.pictures.shots import Shot
+from vispeg.identify.pictures.sight import Sight
+from vispeg.robots.scene import Scene
+from vispeg.worlds.world import World
+
+Kind = Literal["depth", "light"]
+LEAST = 4  # frames
+WILD = 50.0  # of its scatter, beyond which a figure counts no more
+
+
+@dataclass(frozen=True, eq=False)
+class FigureItem:
+    """One sight's figures as a column.
+
+    Attributes:
+        sight, figures: what was photographed, and its figures.
+        each: (k,) by which a figure scatters from frame to frame.
+        kind: of channel.
+    """
+
+    sight: Sight
+    figures: Figures
+    each: np.ndarray
+    kind: Kind
+    beside = None
+    nj = 1
+
+    @property
+    def measured(self) -> np.ndarray:
+        """(n, 1) all frames' figures one after the other."""
+        return np.nan_to_num(self.figures.measured).reshape(-1, 1)
+
+    @cached_property
+    def valid(self) -> np.ndarray:
+        """(n, 1) bool."""
+        return np.isfinite(self.figures.measured).reshape(-1, 1)
+
+    @property
+    def sigma(self) -> np.ndarray:
+        """(1,) each figure is compared in units of its own scatter."""
+        return np.ones(1)
+
+    @property
+    def name(self) -> str:
+        """Of the recording."""
+        return self.sight.name
+
+
+class SensorEvidence(Evidence):
+    """Figures of depth or of light of some sights; everything stands where the borders found it.
+
+    Args:
+        scene: the cell.
+        items: sights with their figures.
+        kind: of channel.
+    """
+
+    least_gain, most_effects = 0.03, 4
+    floor_from = "scatter between frames"
+    settled = World()
+    least_change, changes_in = 1.0, "times what is ordinary"
+
+    def __init__(self, scene: Scene, items: Sequence[FigureItem], kind: Kind):
+        self._scene, self.items, self.kind = scene, list(items), kind
+        self.notes: list[str] = []
+        self.recordings = []
+        self._recent_figures: list[tuple[World, list[np.ndarray]]] = []
+
+    @property
+    def scene(self) -> Scene:
+        """The cell."""
+        return self._scene
+
+    @property
+    def unit(self) -> str:
+        """Figures have units of their own: multiples of their scatter are compared."""
+        return "times the scatter"
+
+    def sees(self, kind: Effect) -> bool:
+        """Whether an effect shows in this kind of figures."""
+        return shows(kind, self.kind)
+
+    def misplaced(self, world: World) -> list[np.ndarray]:
+        """Per item, (frames, figures) measured less modelled in units of the scatter; NaN where not known."""
+        for known, answer in self._recent_figures:
+            if known == world:
+                return answer
+        out = []
+        for item in self.items:
+            away = (item.figures.measured - item.figures.modelled(world)) / item.each
+            out.append(np.clip(away, -WILD, WILD))
+        self._recent_figures = [(world, out), *self._recent_figures[:15]]
+        return out
+
+    def residuals(self, worlds: Sequence[World]) -> list[np.ndarray]:
+        """Per world, all figures' residuals, flat; those that are not known 0."""
+        return [np.concatenate([np.nan_to_num(r).ravel() for r in self.misplaced(world)]) for world in worlds]
+
+    @property
+    def count(self) -> int:
+        """Number of figures."""
+        return int(sum(i.valid.sum() for i in self.items))
+
+    def blocks(self, seconds: float = 0.0) -> np.ndarray:
+        """The frame of every residual entry."""
+        shapes = [i.figures.measured.shape for i in self.items]
+        return np.repeat(np.arange(sum(s[0] for s in shapes)), np.concatenate([[s[1]] * s[0] for s in shapes]))
+
+    def change(self, one: World, other: World) -> float:
+        """The figure that differs most between two worlds on the whole, in multiples of what is ordinary."""
+        return max((abs(v) for v in self._apart(self.misplaced(one), self.misplaced(other)).values()), default=0.0)
+
+    def off(self, world: World) -> dict[str, float]:
+        """By name, by how much figures differ from a world's on the whole, in multiples of what is ordinary."""
+        return self._apart(self.misplaced(world), [np.zeros_like(m) for m in self.misplaced(world)])
+
+    def moves(self, one: World, other: World) -> dict[str, float]:
+        """By name, by how much figures differ between two worlds, in multiples of what is ordinary."""
+        return self._apart(self.misplaced(one), self.misplaced(other))
+
+    def _apart(self, one: Sequence[np.ndarray], other: Sequence[np.ndarray]) -> dict[str, float]:
+        out: dict[str, float] = {}
+        for item, a, b in zip(self.items, one, other, strict=True):
+            for k, figure in enumerate(item.figures.table):
+                apart = (a - b)[:, k][np.isfinite((a - b)[:, k])]
+                if len(apart) >= len(a) / 3:
+                    mean = float(np.median(apart) * item.each[k] / figure.ordinary)
+                    out[figure.name] = max(mean, out.get(figure.name, 0.0), key=abs)
+        return out
+
+    def error(self, world: World) -> float:
+        """RMS of the figures in units of their scatter."""
+        return float(np.sqrt(np.nanmean(np.concatenate([m.ravel() for m in self.misplaced(world)]) ** 2)))
+
+    @property
+    def floor(self) -> float:
+        """1: the scatter itself."""
+        return 1.0
+
+    @property
+    def floors(self) -> np.ndarray:
+        """(1,) the same."""
+        return np.ones(1)
+
+
+def sensor_evidence(
+    scene: Scene, shots: Sequence[tuple[Sight, Sequence[Shot]]], kind: Kind, world: World
+) -> SensorEvidence | None:
+    """The figures of some sights' frames, or None where too few frames have such a picture.
+
+    Args:
+        scene: the cell.
+        shots: of each sight.
+        kind: of channel.
+        world: with the sensor that the model states, and with looks if they are stated too.
+    """
+    lit = any(effect(e.effect).family == "appearance" for e in world.effects)
+    items = []
+    for sight, some in shots:
+        has = [s for s in some if (s.depth if kind == "depth" else s.rgb) is not None]
+        if len(has) < LEAST:
+            continue
+        figures = DepthFigures(has) if kind == "depth" else LightFigures(has, lit)
+        items.append(FigureItem(sight, figures, _scatter(figures, world), kind))
+    return SensorEvidence(scene, items, kind) if items else None
+
+
+def _scatter(figures: Figures, world: World) -> np.ndarray:
+    """(k,) by which each figure's difference from the prediction scatters between frames; its floor at least."""
+    away = figures.measured - figures.modelled(world)
+    columns = (c[np.isfinite(c)] for c in away.T)
+    scatter = [1.4826 * float(np.median(np.abs(c - np.median(c)))) if len(c) else 1.0 for c in columns]
+    return np.maximum(scatter, [f.floor for f in figures.table])
