@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 from vispeg.api.look import cameras_of, scene_of
 from vispeg.core.effect import REGISTRY, EffectInstance, effect
 from vispeg.identify.channels import shows
-from vispeg.identify.look_motion import look_motion
+from vispeg.identify.motions.look_motion import look_motion
 from vispeg.identify.pictures.sensor import SensorEvidence, sensor_evidence
 from vispeg.identify.pictures.shots import Shot, shots_of
 from vispeg.identify.pictures.sight import Sight

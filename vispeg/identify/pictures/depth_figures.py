@@ -1,4 +1,4 @@
-"""Depth pictures in figures: scale and lean by distance, scatter, holes, and what happens beside borders."""
+"""Depth pictures in figures: scale and lean by distance, scatter, missing readings, and what happens beside borders."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ TABLE = (
     *(Figure(f"error, bin {k}", 1e-3, 4e-3) for k in range(len(NEARER) - 1)),
     *(Figure(f"lean {way}", 3e-4, 1e-3) for way in ("across", "down")),
     *(Figure(f"scatter, bin {k}", 0.05, 0.35) for k in range(len(NEARER) - 1)),
-    Figure("holes", 5e-3, 0.015),
-    Figure("run of a hole", 0.5, NEVER),
+    Figure("missing", 5e-3, 0.015),
+    Figure("run of missing", 0.5, NEVER),
     *(Figure(f"near part at {k + 1} px", 0.03, 0.15) for k in range(REACH)),
-    *(Figure(f"holes at {k + 1} px", 0.1, NEVER) for k in range(REACH)),
+    *(Figure(f"missing at {k + 1} px", 0.1, NEVER) for k in range(REACH)),
 )
 
 
@@ -71,11 +71,11 @@ def depth_figures(picture: np.ndarray, shot: Shot) -> np.ndarray:
         )
     lost = inside & (picture <= 0)
     starts = int((lost[:, 1:] & ~lost[:, :-1]).sum())
-    holes = [
+    gone = [
         lost.sum() / inside.sum() if inside.sum() >= FEW else np.nan,
         lost.sum() / starts if starts > 5 else np.nan,
     ]
-    return np.concatenate([error, _lean(found.error, good, shot), scatter, holes, _beside(picture, seen.depth)])
+    return np.concatenate([error, _lean(found.error, good, shot), scatter, gone, _beside(picture, seen.depth)])
 
 
 def _lean(error: np.ndarray, good: np.ndarray, shot: Shot) -> np.ndarray:
@@ -96,7 +96,7 @@ def _lean(error: np.ndarray, good: np.ndarray, shot: Shot) -> np.ndarray:
 
 
 def _beside(picture: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """(2 REACH,) shares that read the near part, and of holes, by distance from a border on its far side."""
+    """(2 REACH,) shares that read the near part, and that read nothing, by distance from a border on its far side."""
     import cv2
 
     far = np.where(true > 0, true, 8.0).astype(np.float32)
