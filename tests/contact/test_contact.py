@@ -11,9 +11,12 @@ from pressed import SCENE, recorded
 
 from vispeg.contact.hand import AXES, grasp, hand
 from vispeg.contact.inputs import touching
+from vispeg.contact.noise import louder
+from vispeg.contact.nuisance import PLACE, Nuisance
 from vispeg.contact.path import jacobian
-from vispeg.contact.profile import looked_for, places, profile, tries
+from vispeg.contact.profile import Probe, idle, looked_for, places, probed, profile, strongest, tries
 from vispeg.contact.run import compare_contact, diagnose_contact, evidence_of
+from vispeg.contact.search import SURE
 from vispeg.core.effect import STAGES, EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
@@ -23,7 +26,8 @@ from vispeg.recordings.cell import WrenchSensor
 from vispeg.worlds.world import World
 
 FIXTURE = EffectInstance.of("fixture_compliance", "fixture", z=3e-5)
-FRICTION = EffectInstance.of("contact_friction", "peg", scale=1.7)
+FRICTION = EffectInstance.of("contact_friction", "peg", scale=1.7)  # it sticks: no more than its least can be told
+SLIPPERY = EffectInstance.of("contact_friction", "peg", scale=0.7)
 
 
 def upto(rec, seconds):
@@ -53,11 +57,13 @@ def test_the_jacobian_of_the_hand_is_mujoco_s():
 
 
 def test_the_right_model_stands_at_the_floor_and_a_wrong_one_does_not():
-    assert chi2([recorded()]) < 1.3
-    for effect_, wrong in ((FIXTURE, 3.0), (FRICTION, 10.0)):
-        hidden = [recorded((effect_,))]
-        nominal, right = chi2(hidden), chi2(hidden, World().add(effect_))
-        assert nominal > wrong and right < 0.4 * nominal
+    """By the squared residual itself: a drop of 30 is more than five standard deviations of the floor."""
+    right = chi2([recorded()])
+    assert right < 1.3
+    for effect_, wrong in ((FIXTURE, 50.0), (FRICTION, 2000.0)):
+        evidence = evidence_of([recorded((effect_,))])
+        before, after = (float(r @ r) for r in evidence.residuals([World(), World().add(effect_)]))
+        assert before - after > wrong and after < 0.3 * before
 
 
 def test_what_happens_in_the_arm_does_not_leak_into_contact():
@@ -82,12 +88,14 @@ def test_frames_and_signs_of_the_sensor_are_undone():
     np.testing.assert_allclose(touching(other).wrench, rec.ft, atol=1e-12)
 
 
-@pytest.mark.parametrize("hidden", [FIXTURE, FRICTION], ids=lambda e: e.effect)
+@pytest.mark.parametrize("hidden", [FIXTURE, SLIPPERY], ids=lambda e: e.effect)
 def test_a_fit_finds_what_is_hidden_inside_its_interval(hidden):
-    """`fit --effects contact_friction:peg` works on contact, and gives way for truth."""
+    """As a search fits it: from the best size of its profile, without the parameters that gain nothing there."""
     evidence = evidence_of([recorded((hidden,)), recorded((hidden,), 1, True)])
-    start = EffectInstance.of(hidden.effect, hidden.where, **({"z": 1e-5} if hidden is FIXTURE else {"scale": 1.2}))
-    (fit,) = run_together([fit_job(evidence, World().add(start), [0], iterations=5)], evidence.residuals)
+    probes = probed(evidence, World(), [(hidden.effect, hidden.where)])
+    evidence.absent = idle(probes)
+    start = World().add(strongest(probes)[0].placed)
+    (fit,) = run_together([fit_job(evidence, start, [0], iterations=6)], evidence.residuals)
     name = "z" if hidden is FIXTURE else "scale"
     got, true = fit.world.effects[0].params[name], hidden.params[name].value
     assert got.low <= true <= got.high
@@ -110,6 +118,47 @@ def test_a_profile_ranks_the_class_first_and_names_what_nothing_excites():
     air = evidence_of([upto(recorded(), 0.7)])
     assert all(s.gain == -np.inf for s in profile(air, World(), asked)), "in free air nothing of contact shows"
     assert len(tries("fixture_compliance", "fixture")) == 10
+
+
+def test_what_sensors_leave_open_is_whitened_by_the_root_of_its_covariance():
+    """`I - U diag(1 - 1/sqrt(1 + s^2)) U'` is the inverse root of `I + A A'`: whitened draws of it have variance 1."""
+    rng = stream(3, "nuisance")
+    columns = rng.standard_normal((60, 4)) * [0.5, 2.0, 10.0, 0.01]
+    left = Nuisance.of(columns)
+    root = np.stack([left.whitened(e.reshape(10, 6)).ravel() for e in np.eye(60)])
+    np.testing.assert_allclose(root @ (np.eye(60) + columns @ columns.T) @ root, np.eye(60), atol=3e-3)
+
+
+def test_a_height_within_the_kinematics_trust_is_no_evidence_and_one_beyond_it_is():
+    """Higher by half of what kinematics are good to, a cell stays at the floor; ten times that costs ten times more."""
+    rec = recorded()
+    evidence = evidence_of([rec])
+    heights = [World().add(EffectInstance.of("hole_offset", "fixture", z=z)) for z in (0.0, PLACE / 2, 10 * PLACE)]
+    level, within, beyond = (float(r @ r) for r in evidence.residuals(heights))
+    assert within < 0.5 * evidence.count and beyond - level > max(10 * SURE, 10 * (within - level))
+
+
+def test_noise_beyond_what_is_stated_is_heard_at_rest_and_named():
+    """Stated 0.1 N: with 0.25 N more in quadrature both halves hear it, without it neither does."""
+    rec, rng = recorded(), stream(5, "louder")
+    more = np.repeat([0.25, 0.0], 3) * rng.standard_normal((2, *rec.ft.shape))
+    plain = evidence_of([rec]).items
+    loud = [evidence_of([replace(rec, ft=rec.ft + m)]).items for m in more]
+    (placed,) = louder(World(), *loud)
+    force = placed.params["force"]
+    assert force.low <= 0.25 <= force.high and force.high - force.low < 0.1
+    assert placed.params["torque"].value == 0.0
+    assert not louder(World(), plain, plain) and not louder(World(), loud[0], plain)
+    assert not louder(World().add(placed), *loud), "the model has it"
+
+
+def test_a_parameter_that_gains_nothing_beside_the_best_of_its_effect_is_idle():
+    def probe(name, value, gain):
+        return Probe(EffectInstance.of("hole_offset", "fixture", **{name: value}), name, gain)
+
+    probes = [probe("x", 1e-3, 100.0), probe("x", -1e-3, -50.0), probe("y", 1e-3, 10.0), probe("z", 1e-3, -np.inf)]
+    assert idle(probes) == {("hole_offset", "z")}
+    assert idle([probe("x", 1e-3, -5.0), probe("y", 1e-3, -9.0)]) == {("hole_offset", "y")}
 
 
 def test_a_comparison_says_axis_and_phase():

@@ -8,13 +8,14 @@ squares, Golub and Van Loan 1980, An analysis of the total least squares problem
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from vispeg.contact.drive import Driven, drive
 from vispeg.contact.floors import floors
-from vispeg.contact.hand import grasp, hand
+from vispeg.contact.hand import Grasp, grasp, hand
+from vispeg.contact.nuisance import Nuisance, nuisance
 from vispeg.contact.path import Path, along
 from vispeg.contact.phases import Phases, phases
 from vispeg.contact.sensor import hand_world, readings, trusted
@@ -23,9 +24,11 @@ from vispeg.core.effect import Effect, effect
 from vispeg.core.errors import UserError
 from vispeg.identify.channels import Channel, Item
 from vispeg.identify.evidence import PENALTY, Evidence
+from vispeg.recordings.cell import WrenchSensor
 from vispeg.recordings.recording import Control, Recording
 from vispeg.robots.scene import Scene
 from vispeg.sim.segment import Segment
+from vispeg.sim.touch import Touch, touch
 from vispeg.worlds.world import World
 
 BLOCK = 0.04  # s: of solver chatter a median over it leaves little
@@ -61,7 +64,9 @@ class ContactItem(Item):
     phase: Phases = None  # type: ignore[assignment]
     source: Touching = None  # type: ignore[assignment]
     hand: Scene = None  # type: ignore[assignment]
+    grasp: Grasp = None  # type: ignore[assignment]
     floor: np.ndarray = None  # type: ignore[assignment]  (m, 6)
+    nuisance: Nuisance | None = None
 
     @property
     def nj(self) -> int:
@@ -89,7 +94,8 @@ class ContactEvidence(Evidence):
 
     least_gain = 0.02
     most_effects = 6
-    correlated = 6.0  # blocks: cross-talk and form errors last as long as a contact does
+    decisive = 60.0
+    correlated = 6.0  # blocks: form errors last as long as a contact does
 
     def __init__(self, touching: Sequence[Touching], *, nthread: int = 1):
         self.recordings, self.nthread = [t.recording for t in touching], nthread
@@ -99,7 +105,7 @@ class ContactEvidence(Evidence):
         self.items: list[ContactItem] = []
         for t in touching:
             one = hands.setdefault(id(t.scene), hand(t.scene, self.hold))
-            self.items += _items(t, one, SECONDS / len(touching), nthread)
+            self.items += _items(t, one, SECONDS / len(touching), self.hold, nthread)
         self.notes: list[str] = []
         self.absent: set[tuple[str, str]] = set()
         self.floor_from = "simulated repeats with the stated noise"
@@ -116,17 +122,18 @@ class ContactEvidence(Evidence):
         return (name in kind.sizes or not kind.sizes) and (kind.name, name) not in self.absent
 
     def nudge(self, kind: Effect, name: str) -> float | None:
-        """A third of the smallest size that is tried: what chatters is rougher than its usual step."""
+        """The smallest size that is tried: where contacts come and go, a shorter step shows the roughness alone."""
         p = kind.params[name]
         if name not in kind.sizes:
             return None
         size = np.abs(np.log(kind.sizes[name]) if p.scale == "log" else np.array(kind.sizes[name]) - p.null)
-        return float(size.min()) / 3.0
+        return float(size.min())
 
     @staticmethod
-    def whiten(item: Item, predicted: np.ndarray) -> np.ndarray:
+    def whiten(item: ContactItem, predicted: np.ndarray) -> np.ndarray:  # type: ignore[override]
         """Whitened residual (m, 6), its square growing as its amount beyond `FAR` (Huber's loss)."""
         r = Evidence.whiten(item, predicted)
+        r = r if item.nuisance is None else item.nuisance.whitened(r)
         size = np.abs(r)
         return np.where(size > FAR, np.sign(r) * np.sqrt(FAR * np.maximum(2 * size - FAR, 0.0)), r)
 
@@ -203,10 +210,12 @@ def _alike(worlds: Sequence[World]) -> list[np.ndarray]:
     return [np.array(rows) for rows in groups.values()]
 
 
-def _items(t: Touching, one: Scene, seconds: float, nthread: int) -> list[ContactItem]:
+def _items(t: Touching, one: Scene, seconds: float, hold: Grasp, nthread: int) -> list[ContactItem]:
     rec = t.recording
     number = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
-    out = [_item(t, one, np.flatnonzero(number == n), seconds, nthread) for n in np.unique(number)]
+    felt = touch(replace(rec, wrench=rec.wrench or WrenchSensor()), t.scene)
+    assert felt is not None  # `touching` refused a recording without a wrench
+    out = [_item(t, felt, one, np.flatnonzero(number == n), seconds, hold, nthread) for n in np.unique(number)]
     out = [i for i in out if i is not None]
     if not out:
         raise UserError(
@@ -215,10 +224,12 @@ def _items(t: Touching, one: Scene, seconds: float, nthread: int) -> list[Contac
     return out
 
 
-def _item(t: Touching, one: Scene, rows: np.ndarray, seconds: float, nthread: int) -> ContactItem | None:
+def _item(
+    t: Touching, felt: Touch, one: Scene, rows: np.ndarray, seconds: float, hold: Grasp, nthread: int
+) -> ContactItem | None:
     rec = t.recording
     path = along(t.scene, rec, t.wrench, rows, H_MAX)
-    phase = phases(t.scene, path, BLOCK)
+    phase = phases(t.scene, felt, path, BLOCK)
     if phase is None:
         return None
     phase = thinned(phase, seconds)
@@ -229,7 +240,7 @@ def _item(t: Touching, one: Scene, rows: np.ndarray, seconds: float, nthread: in
     )
     measured = phase.medians(path.wrench[None])[0]
     sigma = np.ones_like(measured)
-    item = ContactItem(rec, segment, t.scene, (), path, phase, t, one, sigma)
+    item = ContactItem(rec, segment, t.scene, (), path, phase, t, one, hold, sigma)
     sigma = floors(item, nthread)
     valid = np.isfinite(measured) & phase.valid[:, None]
     force, torque = slice(0, 3), slice(3, 6)
@@ -237,7 +248,8 @@ def _item(t: Touching, one: Scene, rows: np.ndarray, seconds: float, nthread: in
         Channel("force", measured[:, force], sigma[:, force], valid[:, force]),
         Channel("moment", measured[:, torque], sigma[:, torque], valid[:, torque]),
     )
-    return ContactItem(rec, segment, t.scene, channels, path, phase, t, one, sigma)
+    item = ContactItem(rec, segment, t.scene, channels, path, phase, t, one, hold, sigma)
+    return replace(item, nuisance=nuisance(item))
 
 
 __all__ = ["PENALTY", "ContactEvidence", "ContactItem", "Touching", "driven", "predicted"]

@@ -2,7 +2,7 @@
 
 A drive of the nominal hand leaves a path and a wrench that agree exactly. With the recording's noise put on both they
 are driven again: what then is corrected is noise, not the model. To it comes `FORM`, what another integrator and
-another law of contact leave of the right model, and `SHARE` of the wrench for cross-talk.
+another law of contact leave of the right model. What sensors leave open beyond that is in `vispeg.contact.nuisance`.
 """
 
 from __future__ import annotations
@@ -13,19 +13,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vispeg.contact.drive import drive
+from vispeg.contact.noise import noise
 from vispeg.contact.path import PATH_HZ
 from vispeg.contact.phases import NAMES
 from vispeg.contact.sensor import REACH, hand_world, readings
 from vispeg.core.seeds import stream
 from vispeg.recordings.differentiate import smooth
-from vispeg.recordings.noise import highpass_sigma, noise_of
+from vispeg.recordings.noise import noise_of
 from vispeg.worlds.world import World
 
 if TYPE_CHECKING:
     from vispeg.contact.evidence import ContactItem
 
-FORM = dict(zip(NAMES, (0.05, 0.07, 0.25, 0.25, 2.0), strict=True))  # N
-SHARE, LEVER, DRIFT = 0.006, 0.1, 0.3  # of the contact force, m, N: by how much a sensor's zero may wander
+FORM = dict(zip(NAMES, (0.1, 0.07, 0.25, 0.25, 2.0), strict=True))  # N
+LEVER, DRIFT = 0.1, 0.3  # m, of a torque against a force; N, by how much a sensor's zero may wander between starts
 
 
 def floors(item: ContactItem, nthread: int) -> np.ndarray:
@@ -37,7 +38,7 @@ def floors(item: ContactItem, nthread: int) -> np.ndarray:
     rng = stream(0, "contact floor")
     place, rate = _noisy(once.place[0], path.time, path.clock, float(np.mean(noise_of(rec)["q"])) * REACH, rng)
     read = wrench[0] - once.zero + np.nan_to_num(once.correction[0])
-    sigma = wrench_noise(item)
+    sigma = noise(item)
     read = read + sigma * rng.standard_normal(read.shape)
     again = replace(path, place=place, rate=rate)
     left = phase.medians(drive(item.hand, again, [world], read[None], phase.rest, phase.windows, nthread).correction)[0]
@@ -48,18 +49,8 @@ def floors(item: ContactItem, nthread: int) -> np.ndarray:
             form = FORM[name] * np.repeat([1.0, LEVER], 3)
             seen = np.sqrt(np.mean(left[used] ** 2, axis=0)) if used.any() else 0.0
             out[rows] = np.hypot(seen, form)
-    out = np.hypot(out, SHARE * phase.force[:, None] * np.repeat([1.0, LEVER], 3))
     out[phase.resting] = np.repeat([DRIFT, DRIFT * LEVER], 3)
     return out
-
-
-def wrench_noise(item: ContactItem) -> np.ndarray:
-    """(6,) white noise of the readings, N and N m: stated, or seen while the hand rests."""
-    noise = item.recording.noise
-    if "ft" in noise:
-        torque = float(noise.get("ft_torque", 0.05 * noise["ft"]))
-        return np.repeat([float(noise["ft"]), torque], 3)
-    return highpass_sigma(item.path.wrench[item.phase.rest])
 
 
 def _noisy(place: np.ndarray, time: np.ndarray, clock: np.ndarray, sigma: float, rng) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Blocks of a path in time, and the phase of contact that each is in."""
+"""Blocks of a path in time, and the phase of contact that each is in, as `vispeg.sim.touch` tells them by samples."""
 
 from __future__ import annotations
 
@@ -8,12 +8,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vispeg.contact.path import Path
-from vispeg.recordings.regimes import REGIMES
+from vispeg.recordings.regimes import IMPACT, REGIMES
 from vispeg.robots.scene import Scene
+from vispeg.sim.touch import Touch
 
 NAMES = REGIMES
-_, PRESS, SLIDE, WITHIN, IMPACT = range(len(NAMES))
-TOUCH, SLIDES, INSIDE, HIT, AFTER = 2.0, 3e-3, 1e-3, 0.01, 0.05  # N, m/s, m, m/s at a make, s after it
 SHORTEST, LONGEST = 0.3, 1.0  # s at the start in free air: what is needed, what is used for the sensor's zero
 STILL = 0.01  # m/s
 PRESSED = 8.0  # N beyond the declared tool's weight at the start, that only a contact can be
@@ -29,7 +28,7 @@ class Phases:
         resting: (m,) bool: at rest in free air at the start, where the sensor's zero is taken.
         rest: these of the path's samples.
         size: samples a block.
-        force: (m,) N, contact force.
+        contact: (m, 6) N, N m: what the surroundings exert on the tool, flange axes and origin.
         used: (m,) bool: blocks that are driven, and long enough to have forgotten how a window began.
         windows: of the path's samples that are driven.
     """
@@ -39,10 +38,15 @@ class Phases:
     resting: np.ndarray
     rest: slice
     size: int
-    force: np.ndarray
+    contact: np.ndarray
     used: np.ndarray
     windows: tuple[slice, ...]
     names: tuple[str, ...] = NAMES
+
+    @property
+    def force(self) -> np.ndarray:
+        """(m,) N, length of the contact force."""
+        return np.linalg.norm(self.contact[:, :3], axis=1)
 
     @property
     def valid(self) -> np.ndarray:
@@ -63,40 +67,27 @@ class Phases:
         return np.clip(np.searchsorted(clock, self.time), 0, len(clock) - 1)
 
 
-def phases(scene: Scene, path: Path, block: float) -> Phases | None:
-    """Those of a path; None where it does not begin in free air."""
+def phases(scene: Scene, touch: Touch, path: Path, block: float) -> Phases | None:
+    """Those of a path along which the tool touched what `touch` says; None where it does not begin in free air."""
     size = max(1, round(block / path.step))
     m = len(path.time) // size
-    turn = Rotation.from_quat(path.frame, scalar_first=True) * Rotation.from_euler("XYZ", path.place[:, 3:])
-    tip = path.origin + Rotation.from_quat(path.frame, scalar_first=True).apply(path.place[:, :3])
-    tip = tip + turn.apply([0.0, 0.0, scene.tip]) - np.array(scene.target)
-    velocity = np.gradient(tip, path.step, axis=0)
-    weight = _tool_mass(scene) * turn.inv().apply(np.array(scene.spec().option.gravity))
-    start = path.wrench[: max(1, int(0.1 / path.step)), :3].mean(axis=0) + weight[0]
-    if np.linalg.norm(start) > PRESSED:
-        return None
-    contact = path.wrench[:, :3] + weight - start
-    force = np.median(np.linalg.norm(contact, axis=1)[: m * size].reshape(m, size), axis=1)
-    speed = np.median(np.linalg.norm(velocity, axis=1)[: m * size].reshape(m, size), axis=1)
-    lateral = np.median(np.hypot(*velocity[:, :2].T)[: m * size].reshape(m, size), axis=1)
-    depth = np.median(-tip[: m * size, 2].reshape(m, size), axis=1)
-    beside = np.median(np.hypot(*tip[:, :2].T)[: m * size].reshape(m, size), axis=1)
-    touching = force > TOUCH
-    code = np.zeros(m, int)
-    code[touching] = PRESS
-    code[touching & (lateral > SLIDES)] = SLIDE
-    code[(depth > INSIDE) & (beside < scene.config.diameter)] = WITHIN
-    made = np.flatnonzero(touching[1:] & ~touching[:-1] & (speed[:-1] > HIT)) + 1
-    for k in made:
-        code[k - 1 : k + max(1, round(AFTER / block))] = IMPACT
-    first = int(np.argmax(touching)) if touching.any() else m
-    still = int(np.argmax(speed > STILL)) if (speed > STILL).any() else m
+    at = path.rows[np.clip(np.searchsorted(path.clock, path.time[: m * size]), 0, len(path.clock) - 1)]
+    regime, speed = touch.regime[at].reshape(m, size), np.linalg.norm(touch.velocity[at], axis=1).reshape(m, size)
+    counts = np.stack([(regime == k).sum(axis=1) for k in range(len(NAMES))], axis=1)
+    code = np.where(counts[:, IMPACT] > 0, IMPACT, counts.argmax(axis=1))
+    axes = Rotation.from_quat(touch.flange[at, 3:], scalar_first=True).inv()
+    contact = np.concatenate([axes.apply(touch.contact[at, part]) for part in (slice(0, 3), slice(3, 6))], axis=1)
+    touching, moving = touch.touching[at].reshape(m, size).any(axis=1), np.median(speed, axis=1) > STILL
+    first, still = (int(np.argmax(flag)) if flag.any() else m for flag in (touching, moving))
     blocks = min(first - 1, still, round(LONGEST / block))
-    if blocks * block < SHORTEST:
+    begin = path.wrench[: max(1, int(0.1 / path.step)), :3].mean(axis=0)
+    weight = _tool_mass(scene) * axes[0].apply(np.array(scene.spec().option.gravity))
+    if np.linalg.norm(begin + weight) > PRESSED or blocks * block < SHORTEST:
         return None
     time = (np.arange(m) + 0.5) * size * path.step
-    all_of_it = np.ones(m, bool), (slice(0, m * size),)
-    return Phases(time, code, np.arange(m) < blocks, slice(0, blocks * size), size, force, *all_of_it)
+    everything = np.ones(m, bool), (slice(0, m * size),)
+    middle = np.median(contact.reshape(m, size, 6), axis=1)
+    return Phases(time, code, np.arange(m) < blocks, slice(0, blocks * size), size, middle, *everything)
 
 
 def _tool_mass(scene: Scene) -> float:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.inputs import touching
+from vispeg.contact.noise import louder
 from vispeg.contact.record import arrays, channels, not_excited, phase_errors, separating, where_it_fails
 from vispeg.contact.search import ContactSearch
 from vispeg.diagnosis.compare import Comparison
@@ -52,9 +53,11 @@ def diagnose_contact(
     rivals = find_rivals(search, state, given, say) if len(state.world.effects) > given else []
     after_held = judged.residuals([state.world])[0]
     before, after = judge.mean(judge.loss(before_held)), judge.mean(state.loss)
-    verdict = decide(before, after, len(state.world.effects) - given, rivals, [])
+    noise = louder(world, evidence.items, judged.items)
+    found = state.world.add(*noise)
+    verdict = decide(before, after, len(found.effects) - given, rivals, [])
     final = with_origin(
-        widened(state.world, given, before, after),
+        widened(state.world, given, before, after).add(*noise),
         given,
         fitted,
         held_out,
@@ -69,7 +72,7 @@ def diagnose_contact(
         "evidence": "contact",
         "verdict": verdict.verdict,
         "reason": verdict.reason,
-        "effects": effects(final, given, rivals, state.world),
+        "effects": effects(final, given, rivals, found),
         "ladder": ladder(evidence, judged, state, before_fit, before_held),
         "noise_floor": {"value": judged.floor, "unit": "N RMS", "from": judged.floor_from},
         "where_it_fails": where_it_fails(judged, predicted),

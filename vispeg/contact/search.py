@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from vispeg.contact.evidence import ContactEvidence
-from vispeg.contact.profile import places, profile
+from vispeg.contact.profile import Probe, idle, places, probed, strongest
 from vispeg.core.effect import EffectInstance, Value, effect
 from vispeg.diagnosis.localise import MissingTorque
 from vispeg.diagnosis.screen import Score
@@ -22,7 +22,7 @@ from vispeg.worlds.world import World
 
 SINGLES, PAIRED = 5, 3  # effects that are fitted at a step, and those of them whose pairs are
 NONE = -1e300  # the gain of what changes nothing, as JSON can say it
-ENOUGH = 0.7  # held-out floor variances below which nothing is looked for
+SURE = 30.0  # drop of the squared whitened residual below which an effect is not looked at: five standard deviations
 WORTH = 0.2  # of the best one's gain that another must have in the profile to be fitted
 
 
@@ -37,8 +37,10 @@ class ContactSearch(Search):
         return []
 
     def worth_it(self, state: State, given: int) -> bool:
-        """Whether enough is left: floors count cross-talk that a good sensor does not have, so some is left below 1."""
-        return self.judge.mean(state.loss) > ENOUGH and len(state.world.effects) - given < self.evidence.most_effects
+        """Always, up to so many effects: floors count errors that a good sensor does not have, and effects show below
+        1 floor variance; what is not sure fails in `step`.
+        """
+        return len(state.world.effects) - given < self.evidence.most_effects
 
     def fits(
         self,
@@ -54,11 +56,12 @@ class ContactSearch(Search):
 
     def step(self, state: State, given: int) -> list[Trial]:
         """Profiles the library, fits the best and, where none of them reaches the floor, their pairs."""
-        where = places(self.evidence, state.world)
-        scores = self.profiled(state.world, where)
-        state.screening = scores
+        where, has = places(self.evidence, state.world), {e.effect for e in state.world.effects}
+        probes = self.probed(state.world, where)
+        scores = state.screening = strongest(probes)
+        self.evidence.absent = {a for a in self.evidence.absent if a[0] in has} | idle(probes)
         need = max(self.evidence.least_gain * self.judge.mean(state.loss), self.least_share * state.scale)
-        scores = [s for s in scores if s.gain / self.evidence.count >= PROMISE * need]
+        scores = [s for s in scores if s.gain >= max(SURE, PROMISE * need * self.evidence.count)]
         short = [s for i, s in enumerate(scores[:SINGLES]) if i < 2 or s.gain > WORTH * scores[0].gain]
         if not short:
             return []
@@ -92,24 +95,31 @@ class ContactSearch(Search):
 
     def silent(self, world: World) -> list[tuple[str, str]]:
         """Effects of which no size shows in the recordings."""
-        return [s.key for s in self.profiled(world, places(self.evidence, world)) if s.gain == -np.inf]
+        return [s.key for s in strongest(self.probed(world, places(self.evidence, world))) if s.gain == -np.inf]
 
-    def profiled(self, world: World, where: Sequence[tuple[str, str]]) -> list[Score]:
-        """`profile`, remembered."""
+    def probed(self, world: World, where: Sequence[tuple[str, str]]) -> list[Probe]:
+        """`vispeg.contact.profile.probed`, remembered."""
 
         def work_out() -> list:
-            scores = profile(self.evidence, world, where)
-            return [[*s.key, {k: v.value for k, v in s.placed.params.items()}, max(s.gain, NONE)] for s in scores]
+            return [
+                [p.placed.effect, p.placed.where, p.name, p.placed.params[p.name].value, max(p.gain, NONE)]
+                for p in probed(self.evidence, world, where)
+            ]
 
         question = ["contact profile", model_text(world), [list(p) for p in where]]
         answer = self.progress.recall(question, work_out)  # also asked twice in one run: what is silent, what is best
-        gains = [gain if gain > NONE else -np.inf for *_, gain in answer]
-        return [Score(EffectInstance.of(n, at, **v), gain) for (n, at, v, _), gain in zip(answer, gains, strict=True)]
+        return [
+            Probe(EffectInstance.of(n, at, **{name: value}), name, gain if gain > NONE else -np.inf)
+            for n, at, name, value, gain in answer
+        ]
 
     def instead(self, state: State, placed: EffectInstance) -> tuple[list[Score], int]:
-        """The best of the others."""
+        """The best of those that were fitted beside it when it came in, and of those that it is hard to tell from."""
         where = [p for p in places(self.evidence, state.world) if p != (placed.effect, placed.where)]
-        return [s for s in self.profiled(state.world, where)[:PAIRED] if s.gain > 0], len(where)
+        beside = {t.score.key for taken, trials in state.steps if taken.score.has(placed) for t in trials}
+        alike = {*effect(placed.effect).told_from, *(n for n, _ in where if placed.effect in effect(n).told_from)}
+        near = [p for p in where if p in beside or p[0] in alike]
+        return [s for s in strongest(self.probed(state.world, near))[:PAIRED] if s.gain > 0], len(where)
 
     def _grow(self, state: State, placed: EffectInstance, given: int) -> None:
         """No effect of contact is a richer form of another."""

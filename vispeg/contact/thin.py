@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from vispeg.contact.phases import NAMES, Phases
+from vispeg.recordings.regimes import IMPACT
 
 CHUNK, LEAD = 12, 3  # blocks that are chosen at once; blocks after which a window has forgotten its start
-SHARES = dict(zip(NAMES, (0.15, 0.3, 0.35, 0.5, 0.2), strict=True))  # weights of phases that are there
+SHARES = dict(zip(NAMES, (0.15, 0.3, 0.35, 0.5, 0.0), strict=True))  # weights of phases that are there
 
 
 def thinned(phase: Phases, seconds: float) -> Phases:
@@ -21,12 +22,14 @@ def thinned(phase: Phases, seconds: float) -> Phases:
         chosen = np.arange(m) >= first
     else:
         chosen = _chosen(phase.code, first, int(seconds / block / CHUNK))
+    chosen &= phase.code != IMPACT  # known up to some Hz, a path makes another blow of it, in which a grip may slip
     driven = np.zeros(m, bool)
     used = chosen.copy()
     for start in np.flatnonzero(chosen & ~np.r_[False, chosen[:-1]]):
-        driven[max(start - LEAD, 0) : start] = True
-        if start < LEAD:
-            used[start : start + LEAD] = False
+        before = phase.code[max(start - LEAD, 0) : start]
+        lead = int(np.argmin(np.r_[before[::-1] != IMPACT, False]))
+        driven[start - lead : start] = True
+        used[start : start + LEAD - lead] = False
     driven |= chosen
     edges = np.flatnonzero(np.diff(np.r_[0, driven.astype(int), 0]))
     windows = tuple(slice(a * phase.size, b * phase.size) for a, b in zip(edges[::2], edges[1::2], strict=True))

@@ -92,7 +92,8 @@ def equal(judge: Judge, loss: np.ndarray, best: np.ndarray, without: float = 1.0
     """
     gain = judge.gain(loss, best)
     excess = max(judge.mean(best) - 1.0, 0.0)
-    return gain.mean <= max(TIE * (excess + 0.3), LEAST_SHARE * (without - 1.0)) or gain.z < 2.0
+    hardly = gain.mean <= max(TIE * (excess + 0.3), LEAST_SHARE * (without - 1.0))
+    return hardly or (gain.z < 2.0 and not judge.apart(gain))
 
 
 def _alike(a: EffectInstance, b: EffectInstance) -> bool:

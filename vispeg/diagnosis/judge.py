@@ -13,6 +13,7 @@ from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit
 from vispeg.worlds.world import World
 
+PLAIN = 0.2  # share of the error that a gain must remove to be one by its size alone
 CAP = 1e7  # squared whitened residual beyond which a reading counts no more: one wild row must not decide
 
 
@@ -75,6 +76,10 @@ class Judge:
                         own = effect(e.effect).reading_noise(sigma, {k: v.value for k, v in e.params.items()})
                         more += ((own / sigma) ** 2 - 1.0) * item.valid[:, j].sum()
         return float(1.0 + more / max(self.size.sum(), 1))
+
+    def apart(self, gain: Gain) -> bool:
+        """Whether a gain tells two worlds apart by its size alone, however few the blocks of time are that it is in."""
+        return gain.relative >= PLAIN and gain.mean * self.size.sum() >= self.evidence.decisive
 
     def gain(self, before: np.ndarray, after: np.ndarray, crossed: tuple[np.ndarray, np.ndarray] | None = None) -> Gain:
         """Improvement from one loss to another; cross-fitted losses, where there are some, are tested with them."""

@@ -71,6 +71,9 @@ class Evidence(Freedom):
         """Whether an effect leaves a trace in some channel of this evidence."""
         return any(shows(kind, channel) for channel in {c.kind for i in self.items for c in i.channels})
 
+    decisive = (
+        np.inf
+    )  # drop of the squared whitened residual that no chance makes, where errors that hang together count
     correlated = 1.0  # readings in a row whose floor is one and the same error
 
     def tells(self, difference: np.ndarray) -> np.ndarray:

@@ -22,6 +22,7 @@ PATH = (3e-5, 1.1e-4)  # m: standard deviation of the flange's position error al
 WAVE = (0.06, 0.15)  # m: over which it changes
 EE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
+ASTRAY = 0.3  # m from its commanded path, which only a plant that diverged is
 TOGETHER = 160  # recordings simulated at once
 
 
@@ -55,15 +56,20 @@ def make(root: Path, chosen: list[Case], say=print) -> None:
 
 
 def record(wanted: list[tuple[Case, str, Path]]) -> None:
-    """Simulates recordings of one name together and writes them."""
+    """Simulates recordings of one name together and writes them; RuntimeError, at last, where a plant diverged."""
     name = wanted[0][1]
     pos, rot = path(SETS[name])
     n = len(wanted)
     truths = [case.truth for case, *_ in wanted]
     limit = LIMIT.get(name, 25.0)
     log = run(truths, np.tile(pos, (n, 1, 1)), np.tile(rot, (n, 1, 1, 1)), np.full(n, limit))
+    bad = [i for i in range(n) if not np.abs(log.pos[i] - pos).max() <= ASTRAY]  # NaN is astray, too
     for i, (case, _, folder) in enumerate(wanted):
+        if i in bad:
+            continue
         write(folder, name, limit, signals(log, i, case.truth, case.seed, case.name, name), (pos, rot))
+    if bad:
+        raise RuntimeError(f"{name} diverged: {', '.join(wanted[i][0].name for i in bad)}")
 
 
 def signals(log: Log, row: int, truth: Truth, seed: int, case: str, name: str) -> dict[str, np.ndarray]:

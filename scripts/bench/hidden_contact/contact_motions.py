@@ -36,7 +36,7 @@ def _insert(depths: tuple[float, ...], far: float, yaw: float = 0.0) -> list[Poi
 def _rock(deep: float, angle: float) -> list[Point]:
     turns = ((angle, 0), (-angle, 0), (0, angle), (0, -angle), (0, 0))
     return [(0.4, 0, 0, 4, 0, 0, 0), (0.5, 0, 0, -deep, 0, 0, 0),
-            *((0.35, 0, 0, -deep, a, b, 0) for a, b in turns), (0.4, 0, 0, 8, 0, 0, 0)]  # fmt: skip
+            *((0.6, 0, 0, -deep, a, b, 0) for a, b in turns), (0.4, 0, 0, 8, 0, 0, 0)]  # fmt: skip
 
 
 def _tap(x: float, y: float) -> list[Point]:
@@ -52,7 +52,7 @@ MOTIONS: dict[str, list[Point]] = {
     "slide": [*_slide(5, 18), *_slide(8, 12)],
     "insert": _insert((12.0, 20.0), 5.0),
     "insert-turned": [(0.9, 0, 0, 12, 0, 0, 90), *_insert((14.0,), 5.0, 90.0), (0.7, 0, 0, 12, 0, 0, 0)],
-    "rock": _rock(18.0, 13.0),
+    "rock": _rock(18.0, 10.6),
     "hard-press": [
         (0.3, 32, 0, 3, 0, 0, 0),
         (0.5, 32, 0, -55, 0, 0, 0),
@@ -61,11 +61,11 @@ MOTIONS: dict[str, list[Point]] = {
     ],
     "tap": _tap(30, 0),
     "touch-datum": [
-        (0.5, 64, 0, 4, 0, 0, 0),
-        (0.5, 64, 0, -46, 0, 0, 0),
-        (0.3, 64, 0, -55, 0, 0, 0),
-        (0.2, 64, 0, -55, 0, 0, 0),
-        (0.5, 64, 0, 4, 0, 0, 0),
+        (0.7, 104, 0, 4, 0, 0, 0),  # so far out that the fingers stay clear of the fixture
+        (0.6, 104, 0, -46, 0, 0, 0),
+        (0.3, 104, 0, -55, 0, 0, 0),
+        (0.2, 104, 0, -55, 0, 0, 0),
+        (0.6, 104, 0, 4, 0, 0, 0),
     ],
 }
 # what a case records: three recordings to fit and one to judge on

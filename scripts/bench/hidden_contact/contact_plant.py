@@ -28,7 +28,9 @@ HOLD = 120.0  # N: the grip's friction along the peg
 LAG = 0.004  # s, least: dashpot over spring of a peg that gives way in the fingers
 FIXTURE = np.array([0.6] * 3 + [1.5e-3] * 2)  # kg, kg m^2: what moves where the fixture gives way
 SLACK = 500.0  # N s/m: what brakes a loose peg
-FELT, FELT_GIVING = 3.0, 0.6  # kg that a contact feels, of a fixture that gives way: makes the damping's step implicit
+# kg that contacts feel on planes and across the peg, and of a fixture that gives way: makes the damping's step implicit
+FELT, FELT_GIVING = np.array([3.0, 0.3]), np.array([0.6, 0.2])
+ACROSS = (GROUP != 0).astype(int)
 STIFF, DAMP = 1e6, 148.0  # N/m, s/m: the nominal contact; damping for a restitution of 0.135 at 50 mm/s
 
 
@@ -160,9 +162,9 @@ class Plant:
         self.yielded, self.yielding = np.zeros((n, 5)), np.zeros((n, 5))  # of the fixture
         self.peg = np.zeros((n, 5))  # in the fingers
         felt = self.k[:, None] * np.array([1.0] * 3 + [1.6e-3] * 2)  # a contact's stiffness there, levers of 40 mm
-        self.lag = np.maximum(LAG, 1.5 * FINE * self.grasp * felt)
-        self.felt = np.where(self.give.any(axis=1), FELT_GIVING, FELT)
-        self.borne = np.zeros(n)  # N, what the contacts carried lately
+        self.lag = np.maximum(LAG, 3.0 * FINE * self.grasp * felt)  # two contacts at once bear on it
+        self.felt = np.where(self.give.any(axis=1)[:, None], FELT_GIVING, FELT)
+        self.borne = np.zeros((n, 2))  # N, what the contacts on planes and across the peg carried lately
         self.bristle = np.zeros((n, 3, 3))  # row, group, hole axes
         self.load, self.force, self.tip = np.zeros((n, 6)), np.zeros((n, 3)), np.zeros((n, 3))
         self.command = np.zeros((n, 6))
@@ -245,10 +247,10 @@ class Plant:
         soft = np.where(self.shape.pad > 0, 0.02, 1.0)[:, None] * np.where(GROUP == 0, 1.0, 0.0) + (GROUP != 0)
         k = self.k[:, None] * SHARE * soft
         pressed = k * np.maximum(depth, 0.0)
-        ahead = h * self.chi[:, None] / self.felt[:, None]  # damping by the speed that the step ends with
-        damped = np.maximum(1 + self.chi[:, None] * rate + ahead * self.borne[:, None], 0.0)
-        size = pressed * damped / (1 + ahead * pressed.sum(axis=1, keepdims=True))
-        self.borne += 0.3 * (size.sum(axis=1) - self.borne)
+        ahead = h * self.chi[:, None] / self.felt  # damping by the speed that the step ends with
+        damped = np.maximum(1 + self.chi[:, None] * rate + (ahead * self.borne)[:, ACROSS], 0.0)
+        size = pressed * damped / (1 + ahead * _by_way(pressed))[:, ACROSS]
+        self.borne += 0.3 * (_by_way(size) - self.borne)
         self.stored = 0.5 * np.sum(np.where(depth > 0, k * depth**2, 0.0), axis=1)
         normal = size[..., None] * normals
         total = normal.sum(axis=1)
@@ -329,6 +331,11 @@ class Plant:
         height = self.m * (self.pos + lever)[:, 2] - self.m0 * (self.pos + lever0)[:, 2]
         moving = 0.5 * np.einsum("ni,nij,nj->n", motion, np.linalg.inv(self.inverse), motion)
         return moving + self.stored + 9.81 * height
+
+
+def _by_way(size: np.ndarray) -> np.ndarray:
+    """Sums (n, 2) of contacts (n, k): on planes, across the peg."""
+    return np.stack([size[:, ACROSS == 0].sum(axis=1), size[:, ACROSS == 1].sum(axis=1)], axis=1)
 
 
 def _rpy(angles: np.ndarray) -> np.ndarray:

@@ -1,0 +1,72 @@
+"""Noise of the wrench as it reads at rest, against what a recording states: more of it is an effect of the sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vispeg.core.effect import EffectInstance, Value
+from vispeg.recordings.cell import wrench_noise
+from vispeg.recordings.noise import highpass_sigma
+from vispeg.worlds.world import World
+
+if TYPE_CHECKING:
+    from vispeg.contact.evidence import ContactItem
+
+LOUDER = 1.15  # of what is stated, below which noise is taken to be that: stated figures are rounded
+SPREAD = 1.6  # of a standard deviation from the median of fourth differences, over one from as many readings themselves
+PARTS = {"force": slice(0, 3), "torque": slice(3, 6)}
+
+
+def heard(item: ContactItem) -> tuple[np.ndarray, np.ndarray]:
+    """White noise of each channel (6,) while the hand rests, N and N m, and its standard error."""
+    rest = item.path.rows[item.path.clock < item.path.time[item.phase.rest.stop - 1]]
+    seen = highpass_sigma(item.source.wrench[rest])
+    return seen, SPREAD * seen / np.sqrt(2 * len(rest))
+
+
+def noise(item: ContactItem) -> np.ndarray:
+    """(6,) N, N m: as stated, or as heard where that is clearly more or nothing is stated."""
+    seen, error = heard(item)
+    stated = wrench_noise(item.recording.noise)
+    if stated is None:
+        return seen
+    return np.where(_louder([item])[0], np.maximum(seen, stated), stated)
+
+
+def louder(world: World, fitted: Sequence[ContactItem], held_out: Sequence[ContactItem]) -> tuple[EffectInstance, ...]:
+    """`wrench_noise` beside what is stated, where `world` has none and fitted and held-out recordings hear more."""
+    items = [[i for i in group if wrench_noise(i.recording.noise) is not None] for group in (fitted, held_out)]
+    if not all(items) or any(e.effect == "wrench_noise" for e in world.effects):
+        return ()
+    more, seen, error, stated = _louder(items[0])
+    more = more & _louder(items[1])[0]
+    params = {}
+    for name, part in PARTS.items():
+        if more[part].any():
+            middle, wide = seen[part].mean(), 1.96 * error[part].mean() / np.sqrt(3)
+            levels = np.maximum(np.array([middle, middle - wide, middle + wide]) ** 2 - stated[part].mean() ** 2, 0.0)
+            params[name] = Value(*np.sqrt(levels).tolist())
+    placed = EffectInstance.of("wrench_noise", "flange")
+    return (replace(placed, params={**placed.params, **params}),) if params else ()
+
+
+def _louder(items: Sequence[ContactItem]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Which channels' halves are (6,) louder than stated by more than `LOUDER` and chance; heard, its error, stated."""
+    values = [heard(i) for i in items]
+    seen = np.sqrt(np.mean([s**2 for s, _ in values], axis=0))
+    error = np.sqrt(np.sum([e**2 for _, e in values], axis=0)) / len(values)
+    stated = np.sqrt(np.mean([np.square(_stated(i)) for i in items], axis=0))
+    more = np.zeros(6, bool)
+    for part in PARTS.values():
+        low = seen[part].mean() - 3.0 * error[part].mean() / np.sqrt(3)
+        more[part] = low > LOUDER * stated[part].mean()
+    return more, seen, error, stated
+
+
+def _stated(item: ContactItem) -> np.ndarray:
+    stated = wrench_noise(item.recording.noise)
+    return np.full(6, np.inf) if stated is None else stated
