@@ -61,7 +61,10 @@ def _page(out) -> _Page:
     assert all(ref.startswith("#") and ref[1:] in page.ids for ref in page.refs)
     shown = re.sub(r"<script[^>]*>.*?</script>", "", text, flags=re.S)
     assert not re.search(r"https?://|@import|url\((?!#)", shown)
-    assert "script" not in page.tags or "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script" in text
+    assert (
+        "script" not in page.tags
+        or "default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'; script" in text
+    )
     return page
 
 

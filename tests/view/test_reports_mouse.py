@@ -110,3 +110,39 @@ def test_the_arm_is_drawn_and_turns_and_paper_has_figures_in_place_of_charts(ope
     page.emulate_media(media="print")
     assert page.locator("[data-traces] + .paper").is_visible()
     assert not page.locator("[data-traces] .plots").is_visible()
+
+
+def test_two_policies_on_the_same_seeds(chromium, tmp_path):
+    from vispeg.evaluation.gap import gap
+    from vispeg.evaluation.records import Episode
+    from vispeg.report.gap.build import render
+
+    name, played = "<b>rgb</b>", []
+    for policy, lost in (("depth", {0, 1}), (name, {1, 2, 3})):
+        for world in ("S", "V"):
+            for seed in range(10):
+                ok = seed not in lost or world == "S"
+                played.append(Episode(policy, "depth", 0, world, world, seed, ok, "success" if ok else "jam", 2.5, 9.0))
+    (tmp_path / "gap.html").write_text(render(gap(played, worlds=["S", "V"]), played=played))
+    page = chromium.new_page(viewport={"width": 400, "height": 800}, color_scheme="dark")
+    page.on("pageerror", lambda error: pytest.fail(str(error)))
+    page.goto((tmp_path / "gap.html").as_uri())
+    counts = page.locator("[data-counts]")
+    said = "both succeed in 6, only the first in 2, only the second in 1, neither in 1"
+    assert said in counts.inner_text() and name in counts.inner_text()
+    page.locator("[data-squares] button").nth(0).click()
+    for _ in range(3):
+        page.keyboard.press("ArrowRight")
+    shown = page.locator("[data-episode]").inner_text()
+    assert (
+        shown.startswith("Seed 3.")
+        and "depth in V: success (2.5 s, at most 9 N)" in shown
+        and f"{name} in V: jam" in shown
+    )
+    page.locator("[data-world-of='0']").select_option(label="S")
+    assert "only the first in 3" in counts.inner_text() and "neither in 0" in counts.inner_text()
+    rows = page.locator(".bars-list li:visible")
+    assert rows.count() == 4
+    page.locator("[data-toggles]").get_by_label(name).uncheck()
+    assert rows.count() == 2 and page.evaluate("document.documentElement.scrollWidth") == 400
+    page.close()

@@ -46,6 +46,11 @@ def day(name: str) -> str:
     return COLOURS[name][0]
 
 
+def name_of(colour: str) -> str:
+    """The name of a colour on white, `#rrggbb`."""
+    return _NAMES[colour]
+
+
 def themed(text: str) -> str:
     """The drawing with every colour that has a name as a variable; others stay."""
     return _HEX.sub(lambda found: f"var(--{_NAMES[found[0]]})" if found[0] in _NAMES else found[0], text)

@@ -7,10 +7,24 @@ from pathlib import Path
 from typing import Any
 
 from vispeg.core.files import write_text_atomic
+from vispeg.evaluation.records import Episode
+from vispeg.evaluation.records import read as read_episodes
+from vispeg.evaluation.runner import EPISODES
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.guard import MB, as_written
 from vispeg.formats.json_data import read_json
-from vispeg.report.gap import against, controls, factors, failures, headline, measured, pairs, prediction, success
+from vispeg.report.gap import (
+    against,
+    controls,
+    episodes,
+    factors,
+    failures,
+    headline,
+    measured,
+    pairs,
+    prediction,
+    success,
+)
 from vispeg.report.gap.page import page
 
 FORMAT = "vispeg-gap/1"
@@ -19,9 +33,13 @@ KINDS = {"gap": "transfer gap", "evaluate": "evaluation"}  # command, also the s
 
 
 def render(
-    values: Mapping[str, Any], media: Sequence[Mapping[str, Any]] = (), folder: Path = Path(), command: str = "gap"
+    values: Mapping[str, Any],
+    media: Sequence[Mapping[str, Any]] = (),
+    folder: Path = Path(),
+    command: str = "gap",
+    played: Sequence[Episode] = (),
 ) -> str:
-    """The page as text; `media` as `pairs.context` takes it, `command` one of KINDS."""
+    """The page as text; `media` as `pairs.context` takes it, `command` one of KINDS, `played` its episodes."""
     sections: list[tuple[str, str, Mapping[str, Any]]] = [("headline", headline.TITLE, headline.context(values))]
     if (found := controls.context(values)) is not None:
         sections.append(("controls", controls.TITLE, found))
@@ -30,6 +48,8 @@ def render(
     sections.append(("success", success.TITLE, success.context(values)))
     if values["comparisons"]:
         sections.append(("against", against.TITLE, against.context(values)))
+    if (paired := episodes.context(values, played, media)) is not None:
+        sections.append(("episodes", episodes.TITLE, paired))
     if values["prediction"]:
         sections.append(("prediction", prediction.TITLE, prediction.context(values)))
     failed = failures.context(values)
@@ -67,5 +87,7 @@ def read(out: Path, command: str = "gap") -> str:
     path, listed = out / f"{command}.json", out / "media.json"
     values = GAP.read(path)
     media = read_json(listed) if listed.exists() else []
+    kept = out / EPISODES
+    played = read_episodes(kept) if kept.exists() else []
     with as_written(path, f"vispeg {command}"):
-        return render(values, media, out, command)
+        return render(values, media, out, command, played)

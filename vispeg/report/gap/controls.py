@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from vispeg.report.gap import words
+from vispeg.report.gap import bars, words
+from vispeg.report.gap.colours import of_policies, ordered
 
 TITLE = "Do the images matter?"
 
@@ -15,15 +16,17 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object] | None:
     rates = {(r["policy"], r["world"], r["control"]): r["success"] for r in values["success"]}
     kinds = [c for c in words.CONTROLS if c and any(k == c for _, _, k in rates)]
     kinds += sorted({k for _, _, k in rates if k and k not in words.CONTROLS})
-    tables = []
+    order, tables = ordered(values["policies"]), []
+    styles, number = of_policies(order), {p["name"]: i for i, p in enumerate(order)}
     for world in dict.fromkeys(w for _, w, k in rates if k):
         rows = []
-        for policy in values["policies"]:
+        for policy in order:
             cells = [rates.get((policy["name"], world, kind)) for kind in kinds]
             own = rates.get((policy["name"], world, ""))
             if any(cells) and own:
-                texts = ["-" if e is None else words.rate(e) for e in cells]
-                rows.append({"policy": policy["name"], "own": words.rate(own), "cells": texts})
+                name, style = policy["name"], styles[policy["name"]]
+                drawn = [e and bars.bar(name, number[name], e, style) for e in (own, *cells)]
+                rows.append({"policy": name, "number": number[name], "cells": drawn})
         tables.append({"world": world, "rows": rows})
     blind = [
         f"{p['name']} sees nothing and has {words.rate(rates[p['name'], w, ''])} in {w}"

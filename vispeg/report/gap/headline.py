@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from vispeg.report.gap import success, words, worlds
+from vispeg.report.gap import bars, words, worlds
 from vispeg.report.gap.colours import of_policies
 
 TITLE = "The gap"
@@ -37,7 +37,7 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object]:
         "figures": figures[:MOST],
         "target": target or reference,
         "reference": reference,
-        "picture": success.picture(values),
+        "bars": bars.context(values),
         "worlds": worlds.about(values),
         "outlined": any(p.second for p in of_policies(values["policies"]).values()),
     }

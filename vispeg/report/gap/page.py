@@ -6,6 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from vispeg.report import page as shared
+from vispeg.report.gap import bars, episodes
+
+SCRIPTS = {"headline": bars.SCRIPTS, "episodes": episodes.SCRIPTS}  # template -> what answers the mouse in it
 
 
 def page(title: str, kind: str, sections: Sequence[tuple[str, str, Mapping[str, Any]]]) -> str:
@@ -17,5 +20,8 @@ def page(title: str, kind: str, sections: Sequence[tuple[str, str, Mapping[str, 
         sections: (template's name in templates/gap, heading, what the template shows), in order; the first has no
             heading.
     """
-    made = [shared.Section(f"{t}-{i}", heading, f"gap/{t}", values) for i, (t, heading, values) in enumerate(sections)]
+    made = [
+        shared.Section(f"{t}-{i}", heading, f"gap/{t}", values, SCRIPTS.get(t, ()))
+        for i, (t, heading, values) in enumerate(sections)
+    ]
     return shared.page(title, kind, made)

@@ -1,0 +1,57 @@
+"""Success as bars that the page draws itself: text for every reader, nine policies legible on a phone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from vispeg.report.gap import words, worlds
+from vispeg.report.gap.colours import Style, of_policies, ordered
+from vispeg.report.palette import name_of
+
+SCRIPTS = ("gap/toggles.js",)
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A rate with its 95 % interval, per cent of a bar's length; `number` is the policy's place in the order."""
+
+    name: str
+    number: int
+    value: float
+    low: float
+    high: float
+    percent: str
+    text: str
+    colour: str
+    second: bool
+
+
+def bar(name: str, number: int, e: Mapping[str, Any], style: Style) -> Bar:
+    """The bar of an estimate `e` (value, low, high, n)."""
+    value, low, high = (round(100 * float(e[k]), 1) for k in ("value", "low", "high"))
+    text = f"{name}: {words.rate(e)}, 95 % interval, {e['n']} episodes"
+    return Bar(name, number, value, low, high, f"{value:.0f} %", text, name_of(style.colour), style.second)
+
+
+def policies(values: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """(name, colour) of every policy, those that see the same side by side."""
+    styles = of_policies(ordered(values["policies"]))
+    return [(name, name_of(style.colour)) for name, style in styles.items()]
+
+
+def context(values: Mapping[str, Any]) -> Mapping[str, object]:
+    """A panel a world with a bar a policy."""
+    order = ordered(values["policies"])
+    styles = of_policies(order)
+    rates = {(r["policy"], r["world"]): r["success"] for r in values["success"] if not r["control"]}
+    panels = []
+    for world in (w["name"] for w in values["worlds"]):
+        rows = [
+            bar(p["name"], i, rates[p["name"], world], styles[p["name"]])
+            for i, p in enumerate(order)
+            if (p["name"], world) in rates
+        ]
+        panels.append({"name": world, "caption": worlds.caption(world, values), "rows": rows})
+    return {"panels": panels, "policies": policies(values)}
