@@ -16,7 +16,6 @@ from vispeg.formats.json_data import read_json
 from vispeg.report.gap import (
     against,
     controls,
-    episodes,
     factors,
     failures,
     headline,
@@ -26,6 +25,7 @@ from vispeg.report.gap import (
     success,
 )
 from vispeg.report.gap.page import page
+from vispeg.report.live import episodes
 
 FORMAT = "vispeg-gap/1"
 GAP = Format(FORMAT, "a gap's record", language="json", most=64 * MB)

@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from vispeg.report import page as shared
-from vispeg.report.gap import bars, episodes
+from vispeg.report.gap import bars
+from vispeg.report.live import episodes
 
 SCRIPTS = {"headline": bars.SCRIPTS, "episodes": episodes.SCRIPTS}  # template -> what answers the mouse in it
 
