@@ -37,6 +37,16 @@ def test_known_friction_comes_back_and_the_held_out_error_falls(vispeg, rigs, tm
     assert model.effects[0].params["torque"].value == pytest.approx(torque["value"])
     assert model.effects[0].origin["validated_on"] == ["friction2"]
     assert not (tmp_path / "f.part").exists()
+    page = (tmp_path / "f" / "report.html").read_text(encoding="utf-8")
+    assert "Held-out error falls" in page and "friction2" in page and "data-traces" in page
+
+
+def test_a_fit_that_nothing_was_held_out_from_says_so_on_its_page(vispeg, rigs, tmp_path):
+    rec = ["--recording", rigs["friction"], "--quiet", "--iterations", "1"]
+    assert vispeg("fit", "iiwa14", *rec, "--effects", "coulomb_friction:joint4", "--out", "f")[0] == 0
+    page = (tmp_path / "f" / "report.html").read_text(encoding="utf-8")
+    assert "Error on the fitted recordings falls" in page and "only others (--validate) judge a model" in page
+    assert "held-out" not in page[page.index("<main>") : page.index("</main>")].lower()
 
 
 def test_all_is_one_value_and_each_is_seven(vispeg, rigs, tmp_path):

@@ -193,7 +193,7 @@ def test_an_existing_report_is_kept(run, diagnosis):
 
 
 def test_what_cannot_be_read_is_named(tmp_path, run, diagnosis, evidence):
-    with pytest.raises(UserError, match=r"diagnosis\.json or compare\.json"):
+    with pytest.raises(UserError, match=r"diagnosis\.json, compare\.json or fit\.json"):
         write_report(tmp_path / "nowhere")
     arrays = evidence(n=50, recordings=1, nj=7)
     with pytest.raises(UserError, match=r"evidence\.npz: 0/after: has the wrong shape"):

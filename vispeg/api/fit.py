@@ -7,12 +7,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from vispeg.api.inputs import Model, Reading, Source, of_cell, read_inputs, silent, windows
 from vispeg.api.pictures import border_evidence_of, photographed
 from vispeg.api.result import Result
 from vispeg.contact.run import evidence_of
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
+from vispeg.diagnosis.record import arrays
 from vispeg.identify.calibrate import ITERATIONS, Method, calibrate
 from vispeg.identify.checkpoint import Checkpoint, Trace
 from vispeg.identify.evidence import Evidence
@@ -20,8 +23,9 @@ from vispeg.identify.inverse import evidence_for
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import SECONDS
 from vispeg.report.fitted import fit_record, fit_summary
+from vispeg.report.live.arm import arm_arrays
 from vispeg.report.summary import Block
-from vispeg.report.write import finite, write_json
+from vispeg.report.write import finite, write_fit
 from vispeg.task.belief import robot_of_world
 from vispeg.worlds.model_file import model_text
 from vispeg.worlds.words import parse
@@ -39,12 +43,14 @@ class FitResult(Result):
         world: the model with the fitted values and their 95 % intervals.
         effects: the fitted ones of `world`.
         sources: what was read.
+        arrays: measured and predicted values of joints behind the report, as in evidence.npz.
     """
 
     record: Mapping[str, Any]
     world: World
     effects: tuple[EffectInstance, ...] = ()
     sources: tuple[str | Path, ...] = ()
+    arrays: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
     _checkpoint: Checkpoint | None = field(default=None, repr=False)
     holds = "fit"
 
@@ -54,14 +60,14 @@ class FitResult(Result):
         return fit_summary(self.record)
 
     def save(self, out: str | Path, *, overwrite: bool = False) -> Path:
-        """Writes fit.json and model.yaml; see `Result.save`."""
+        """Writes fit.json, evidence.npz, model.yaml and report.html; see `Result.save`."""
         path = super().save(out, overwrite=overwrite)
         if self._checkpoint is not None:
             self._checkpoint.remove()
         return path
 
     def _write(self, folder: Path) -> None:
-        write_json(folder / "fit.json", dict(self.record))
+        write_fit(folder, self.record, self.arrays)
         (folder / "model.yaml").write_text(model_text(self.world), encoding="utf-8")
 
 
@@ -125,7 +131,12 @@ def fit(
     result = calibrate(evidence, world, free, seed=seed, **options)
     record, final = fit_record(given.world, result, free, evidence, judged)
     record = finite(record | {"provenance": stamp})
-    return FitResult(record, final, tuple(final.effects[i] for i in free), given.files, checkpoint)
+    drawn = {}
+    if world.cell is None:
+        judge = evidence if judged is None else judged
+        drawn = arrays(judge, judge.simulated([given.world, final]))
+        drawn |= arm_arrays(given.world, drawn["joints"])
+    return FitResult(record, final, tuple(final.effects[i] for i in free), given.files, drawn, checkpoint)
 
 
 def _evidence(world: World, recordings: Sequence[Recording], threads: int) -> Evidence | None:

@@ -1,7 +1,8 @@
 """Fits the parameters of named effects to recordings, with 95 % intervals.
 
 Effects are EFFECT:WHERE; WHERE `all` fits one value for all places, `each` one for each. Without --effects, those in
-the model file are fitted. Writes OUT/fit.json and OUT/model.yaml. A fit that was stopped goes on with --resume.
+the model file are fitted. Writes OUT/fit.json, OUT/model.yaml, OUT/report.html and, of joints, OUT/evidence.npz. A fit
+that was stopped goes on with --resume.
 
 `--protocol paper` fits link masses, joint damping and the direction of gravity by CMA-ES to the flange's path in short
 sub-trajectories of one recording under operational space control (`vispeg record --motion osc`), with

@@ -1,4 +1,4 @@
-"""Builds the HTML report of a finished diagnosis or comparison again, from its record and evidence.
+"""Builds the HTML report of a finished diagnosis, comparison or fit again, from its record and evidence.
 
 Example:
     vispeg report out/rig-a --overwrite
@@ -19,7 +19,7 @@ class Args:
     """Arguments of `vispeg report`."""
 
     out: Positional[Path]
-    """Folder that `vispeg diagnose` or `vispeg compare` wrote (diagnosis.json or compare.json, evidence.npz)."""
+    """Folder that `vispeg diagnose`, `vispeg compare` or `vispeg fit` wrote."""
     overwrite: bool = False
     """Replace a report.html that is there already."""
     output: Told = Output()

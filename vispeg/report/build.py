@@ -1,4 +1,4 @@
-"""Builds the one self-contained HTML file of a finished diagnosis or comparison."""
+"""Builds the one self-contained HTML file of a finished diagnosis, comparison or fit."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ from vispeg.formats.format import enrol
 from vispeg.formats.guard import as_written
 from vispeg.report.page import Section, page
 from vispeg.report.record import Record, load_record
-from vispeg.report.sections import COMPARE, CONTACT, CONTACT_COMPARE, DIAGNOSIS, OBJECT, VIEWS
+from vispeg.report.sections import COMPARE, CONTACT, CONTACT_COMPARE, DIAGNOSIS, FIT, OBJECT, VIEWS
+
+KINDS = {"diagnosis": "diagnosis", "compare": "comparison", "fit": "fit"}  # of a record -> what it is
 
 
 def write_report(out: Path, *, overwrite: bool = False) -> Path:
-    """Reads OUT/diagnosis.json (or OUT/compare.json) and OUT/evidence.npz, writes OUT/report.html; returns its path.
+    """Reads the record in OUT (see `load_record`) and OUT/evidence.npz, writes OUT/report.html; returns its path.
 
     Raises:
         UserError: no record in `out`, a file that cannot be read, or a report there already while `overwrite` is False.
@@ -69,13 +71,13 @@ def render(record: Record) -> str:
     values, contact = record.values, record.values.get("evidence") == "contact"
     diagnosis = OBJECT if values.get("object") else VIEWS if values.get("views") else CONTACT if contact else DIAGNOSIS
     compare = CONTACT_COMPARE if contact else COMPARE
-    for name in diagnosis if record.kind == "diagnosis" else compare:
+    for name in {"diagnosis": diagnosis, "compare": compare, "fit": FIT}[record.kind]:
         module = import_module(f"vispeg.report.sections.{name}")
         values = module.context(record)
         if values is not None:  # else nothing to show
             live = () if values.get("still") else ("SCRIPTS", "STYLES")
             scripts, styles = (getattr(module, n, ()) if n in live else () for n in ("SCRIPTS", "STYLES"))
             sections.append(Section(name, module.TITLE, f"sections/{name}", values, scripts, styles))
-    kind = "diagnosis" if record.kind == "diagnosis" else "comparison"
+    kind = KINDS[record.kind]
     verdict = record.values.get("verdict") if record.kind == "diagnosis" else None
     return page(f"vispeg {kind}" + (f": {verdict}" if verdict else ""), kind, sections)

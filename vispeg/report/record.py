@@ -23,13 +23,13 @@ class Record:
     """A finished run, ready to be shown.
 
     Attributes:
-        kind: "diagnosis" or "compare".
+        kind: "diagnosis", "compare" or "fit".
         values: the JSON record; keys may be absent or null, and every reader here copes with that.
         evidence: the arrays.
         sheet, robot: PNG of a contact sheet and of the robot beside the record; None where there is none.
     """
 
-    kind: Literal["diagnosis", "compare"]
+    kind: Literal["diagnosis", "compare", "fit"]
     values: Mapping[str, Any]
     evidence: Evidence
     sheet: bytes | None = None
@@ -85,17 +85,27 @@ def still(image: np.ndarray) -> str:
 
 
 def load_record(out: Path) -> Record:
-    """Reads OUT/diagnosis.json, or OUT/compare.json where there is none, with OUT/evidence.npz.
+    """Reads OUT/diagnosis.json, else OUT/compare.json, else OUT/fit.json, with OUT/evidence.npz.
 
     Raises:
         UserError: neither file is there, or one of them cannot be read.
     """
-    for kind in ("diagnosis", "compare"):
+    for kind in ("diagnosis", "compare", "fit"):
         path = out / f"{kind}.json"
         if path.is_file():
             drawn = [(out / name).read_bytes() if (out / name).is_file() else None for name in (SHEET, ROBOT)]
-            return Record(kind, _read(path), load_evidence(out / "evidence.npz"), *drawn)
-    raise UserError("nothing to report on", file=out, expected="a folder with diagnosis.json or compare.json")
+            values = _read(path) if kind != "fit" else _judged(_read(path))
+            return Record(kind, values, load_evidence(out / "evidence.npz"), *drawn)
+    raise UserError("nothing to report on", file=out, expected="a folder with diagnosis.json, compare.json or fit.json")
+
+
+def _judged(values: Mapping[str, Any]) -> Mapping[str, Any]:
+    """A fit's record as its page shows it: where nothing was held out, its errors are those of what was fitted."""
+    ladder = rows(values, "ladder")
+    if any(number(row.get("heldout_error")) is not None for row in ladder):
+        return values
+    shown = [{**row, "heldout_error": row.get("fit_error"), "fit_error": None} for row in ladder]
+    return {**values, "ladder": shown, "judged": "fitted"}
 
 
 def _read(path: Path) -> Mapping[str, Any]:

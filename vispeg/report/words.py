@@ -63,6 +63,8 @@ def ladder_ends(values: Mapping[str, Any]) -> tuple[float | None, float | None, 
 
 def error_name(values: Mapping[str, Any]) -> str:
     """What the ladder's errors are: a comparison fits nothing, so nothing is held out from it."""
+    if values.get("judged") == "fitted":
+        return "Error on the fitted recordings"
     return "Model error" if values.get("format") == "vispeg-compare/1" else "Held-out error"
 
 

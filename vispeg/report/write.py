@@ -31,6 +31,14 @@ def write_comparison(folder: Path, record: Mapping[str, object], arrays: Mapping
     write_report(folder)
 
 
+def write_fit(folder: Path, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
+    """Writes `fit.json`, `report.html` and, of joints, `evidence.npz` into an empty folder."""
+    write_json(folder / "fit.json", dict(record))
+    if arrays:
+        _write_arrays(folder / "evidence.npz", dict(arrays))
+    write_report(folder)
+
+
 def write_json(path: Path, record: Mapping[str, object]) -> None:
     """Writes a record into a folder that is not finished yet; what is not finite becomes null."""
     path.write_text(json.dumps(finite(record), indent=1, allow_nan=False) + "\n", encoding="utf-8")

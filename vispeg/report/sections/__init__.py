@@ -20,6 +20,7 @@ DIAGNOSIS = (
     "provenance",
 )
 COMPARE = ("headline", "explore", "where_it_fails", "measured_vs_model", "maps", "pictures", "provenance")
+FIT = ("headline", "found", "doubts", "measured_vs_model", "provenance")
 OBJECT = ("headline", "found", "restarts", "candidates", "confusions", "next_experiment", "provenance")
 VIEWS = ("headline", "found", "views", "candidates", "confusions", "next_experiment", "provenance")
 CONTACT = ("headline", "found", "wrench", "where_it_fails", "candidates", "confusions", "next_experiment", "provenance")

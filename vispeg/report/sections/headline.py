@@ -21,8 +21,10 @@ def context(record: Record) -> Mapping[str, object]:
     floor = record.mapping("noise_floor")
     figures = [(words.error_name(values), quantity(last, unit), words.against_floor(last, record.floor))]
     if len(record.rows("ladder")) > 1:
-        figures.insert(0, ("Before", quantity(first, unit), "held-out error"))
-        figures[1] = ("After", figures[1][1], words.against_floor(last, record.floor) or "held-out error")
+        name = words.error_name(values)
+        name = name[0].lower() + name[1:]
+        figures.insert(0, ("Before", quantity(first, unit), name))
+        figures[1] = ("After", figures[1][1], words.against_floor(last, record.floor) or name)
     if record.floor is not None:
         figures.append(("Noise floor", quantity(record.floor, str(floor.get("unit") or unit)), _source(floor)))
     return {
@@ -35,11 +37,18 @@ def context(record: Record) -> Mapping[str, object]:
         "ladder": ladder_rows(record),
         "fitted": any(number(row.get("fit_error")) is not None for row in record.rows("ladder")),
         "reason": str(values.get("reason") or "").rstrip("."),
-        "judged": "Recordings" if record.kind == "compare" else "Held-out recordings",
+        "judged": _judged(record),
         "robot": "" if record.robot is None else data_link(record.robot),
         "marks": _marks(record),
         "floor_unit_differs": bool(floor.get("unit")) and floor.get("unit") != unit and bool(unit),
     }
+
+
+def _judged(record: Record) -> str:
+    """What the ladder's errors are of."""
+    if record.values.get("judged") == "fitted":
+        return "Fitted recordings"
+    return "Recordings" if record.kind == "compare" else "Held-out recordings"
 
 
 def _marks(record: Record) -> list[dict[str, str]]:

@@ -48,7 +48,7 @@ def context(record: Record) -> Mapping[str, object]:
         "table": [_row(t) for t in traces],
         "joints": joints,
         "hidden": len(record.evidence.traces) - len(ordered),
-        "held_out": record.kind == "diagnosis",
+        "held_out": record.kind == "diagnosis" or (record.kind == "fit" and record.values.get("judged") != "fitted"),
     }
 
 

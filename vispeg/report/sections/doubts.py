@@ -1,0 +1,16 @@
+"""Each reason not to trust a fitted value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from vispeg.report.fitted import doubts
+from vispeg.report.record import Record
+
+TITLE = "What to doubt"
+
+
+def context(record: Record) -> Mapping[str, object] | None:
+    """The reasons, in words; None without one."""
+    found = doubts(record.values)
+    return {"doubts": found} if found else None
