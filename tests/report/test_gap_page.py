@@ -238,6 +238,22 @@ def test_the_smaller_pages_stand_alone_too():
     alone(suite_page.render([version, {**version, "version": "v2"}], suite.regressions(runs, runs)))
 
 
+def test_the_smaller_pages_speak_in_words():
+    """No dimensionless unit 1, no crowned weakest of equals, a sentence after a policy's name."""
+    what = sensitivity.SWEEPS["friction"]
+    tag = sensitivity.tag
+    sweep = [e for v in what.values for e in episodes(worlds={"S": 1.0}, configuration=tag(what, v))]
+    html = sweep_page.render({"sweeps": [sensitivity.summarise(sweep, what)]})
+    assert "Contact friction: scale" in html and "contact_friction.scale, 1<" not in html and "to 3 1" not in html
+    kinds = [f"{place}{side}" for place in ("anywhere", "edge") for side in ("", ", pushed")]
+    places = [e for c in kinds for e in episodes(worlds={"S": 1.0 if c != "edge" else 0.0}, configuration=c)]
+    more = {"force": (20, 60), "duration": 0.2}
+    html = perturb_page.render({**perturb.summarise(places), **more})
+    assert "depth: weakest edge: 0 %" in html and "once an episode<" in html
+    alike = [replace(e, success=True) for e in places]
+    assert "still, in every position" in perturb_page.render({**perturb.summarise(alike), **more})
+
+
 def test_text_has_no_negative_zero_and_no_false_certainty():
     assert words.lost({"value": -0.001, "low": -0.004, "high": 0.12}) == "0 (0 to 12)"
     assert words.p_value(0.0000001) == "< 0.001" and words.p_value(None) == "-"

@@ -171,9 +171,10 @@ def summarise(episodes: Sequence[Episode], what: Sweep) -> SweepRecord:
 
 
 def _words(points: Sequence[SweepPoint], nearest: SweepPoint | None, what: Sweep) -> str:
+    unit = "" if what.unit == "1" else f" {what.unit}"
     if nearest is not None:
-        return f"lower from {nearest['value']:g} {what.unit} on (or nearer: between the values tried)"
+        return f"lower from {nearest['value']:g}{unit} on (or nearer: between the values tried)"
     verdicts = [q["verdict"] for q in points if "verdict" in q]
     if verdicts and all(v == "equal" for v in verdicts):
-        return f"holds over {min(what.values):g} to {max(what.values):g} {what.unit}"
+        return f"holds over {min(what.values):g} to {max(what.values):g}{unit}"
     return CANNOT_TELL + ": no value is lower beyond doubt, and not all are equal within the margin"

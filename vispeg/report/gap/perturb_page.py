@@ -19,16 +19,24 @@ def render(values: Mapping[str, Any]) -> str:
     lines, sections = [], []
     for i, policy in enumerate(policies):
         rows = [r for r in values["rows"] if r["policy"] == policy]
-        worst = min((r for r in rows if r["still"]), key=lambda r: r["still"]["value"])
-        lines.append(f"{policy} is weakest at: {worst['position']}, {words.rate(worst['still'])} still")
+        lines.append(f"{policy}: {_weakest([r for r in rows if r['still']])}")
         shown = [[r["position"], _rate(r["still"]), _rate(r["pushed"]), _cost(r), r["verdict"] or "-"] for r in rows]
         heads = ("position", "still", "pushed", "lost by the push, points", "verdict")
         sections.append(table_page.table(policy, heads, shown, picture=picture(rows, f"positions{i}")))
     low, high = values["force"]
-    text = f"Pushes of {low:g} to {high:g} N for {values['duration']:g} s, from any side, once an episode."
+    text = f"Pushes of {low:g} to {high:g} N for {values['duration']:g} s, from any side, once an episode"
     return page(
         "vispeg perturb", "perturbations", [table_page.title(text, lines), *sections, table_page.origin(values)]
     )
+
+
+def _weakest(rows: list[Any]) -> str:
+    """Where fewest succeed that are not pushed, all such positions; no place where they are all alike."""
+    worst = min(rows, key=lambda r: r["still"]["value"])["still"]
+    there = [r["position"] for r in rows if r["still"]["value"] == worst["value"]]
+    if len(there) == len(rows) > 1:
+        return f"{words.rate(worst)} still, in every position"
+    return f"weakest {', '.join(there)}: {words.rate(worst)} still"
 
 
 def _rate(e: Mapping[str, Any] | None) -> str:

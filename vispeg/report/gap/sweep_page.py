@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from vispeg.report import effect_words
 from vispeg.report.figures import MUTED, Shape, chart, legend, new_figure, quiet
 from vispeg.report.gap import table_page, words
 from vispeg.report.gap.colours import of_policies
@@ -16,17 +17,27 @@ if TYPE_CHECKING:
 
 def render(values: Mapping[str, Any]) -> str:
     """The page of a `vispeg-sensitivity/1` record."""
-    lines = [f"{s['label']}, {c['policy']}: {c['words']}" for s in values["sweeps"] for c in s["curves"]]
+    lines = [f"{_title(s)}, {c['policy']}: {c['words']}" for s in values["sweeps"] for c in s["curves"]]
     sections = [table_page.title("How far off may it be", lines)]
     for i, sweep in enumerate(values["sweeps"]):
-        heads = (f"{sweep['label']}, {sweep['unit']}", *(c["policy"] for c in sweep["curves"]))
+        heads = (_axis(sweep), *(c["policy"] for c in sweep["curves"]))
         points = [p["value"] for p in sweep["curves"][0]["points"]]
         rows = [[f"{v:g}", *(_cell(c["points"][j]) for c in sweep["curves"])] for j, v in enumerate(points)]
         text = "Lines: success on the same seeds at every value. Bands: 95 % intervals. Dashed: nothing changed."
         note = "lower: below the success at the dashed value, by McNemar with Holm's correction and by the interval."
         picture = curves(sweep, f"sweep{i}")
-        sections.append(table_page.table(sweep["label"], heads, rows, picture=picture, caption=text, note=note))
+        sections.append(table_page.table(_title(sweep), heads, rows, picture=picture, caption=text, note=note))
     return page("vispeg sensitivity", "sensitivity", [*sections, table_page.origin(values)])
+
+
+def _title(sweep: Mapping[str, Any]) -> str:
+    """`Contact friction: scale` of the label `contact_friction.scale`."""
+    return f"{effect_words.title(sweep['effect'])}: {', '.join(sweep['params'])}"
+
+
+def _axis(sweep: Mapping[str, Any]) -> str:
+    """What is swept, as `--sweep` takes it, and its unit."""
+    return sweep["label"] + (f", {sweep['unit']}" if sweep["unit"] not in ("", "1") else "")
 
 
 def _cell(point: Mapping[str, Any]) -> str:
@@ -50,7 +61,7 @@ def _figure(sweep: Mapping[str, Any], shape: Shape) -> Figure:
         ax.fill_between(x, low, high, color=style.colour, alpha=0.18, linewidth=0)
         ax.plot(x, mid, color=style.colour, linestyle=style.line, marker="o", markersize=4)
     ax.axvline(sweep["null"], color=MUTED, linestyle=(0, (4, 2)), linewidth=1)
-    ax.set(ylim=(-2, 102), ylabel="success, %", xlabel=f"{sweep['label']}, {sweep['unit']}")
+    ax.set(ylim=(-2, 102), ylabel="success, %", xlabel=_axis(sweep))
     quiet(ax)
     legend(figure, {name: (s.colour, s.line) for name, s in styles.items()})
     return figure
