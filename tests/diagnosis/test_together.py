@@ -9,7 +9,7 @@ from scipy.optimize import lsq_linear
 from vispeg.core.effect import EffectInstance, searchable
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.dictionary import Dictionary
-from vispeg.diagnosis.names import SURE, Ground, exchanges, tentative
+from vispeg.diagnosis.names import SURE, Ground, exchanges, open_ended, tentative
 from vispeg.diagnosis.screen import Score
 from vispeg.diagnosis.signatures import Signature
 from vispeg.diagnosis.state import State
@@ -168,6 +168,15 @@ def test_a_name_must_win_where_nothing_was_fitted(toy):
     (own,) = exchanges(before, after)
     assert own.costs > SURE and own.shaken == ("joint_bias(joint1)",)
     assert [r.label for r in own.rivals] == ["joint_bias(joint1)"], "and is to be fitted in its place"
+
+
+def test_a_value_at_its_bound_is_no_name():
+    """A gain of .5, as far as it goes, stands for something else; one of .9, or no friction left, does not."""
+    at, inside = (EffectInstance.of("torque_gain", f"joint{k}", gain=g) for k, g in ((1, 0.5), (2, 0.9)))
+    least = EffectInstance.of("coulomb_friction", "joint3", torque=1e-4)
+    state = State(World().add(at, inside, least), np.zeros((1, 1)), np.zeros(1))
+    assert open_ended(state, 0) == {"torque_gain(joint1)"}
+    assert not open_ended(state, 1), "what was given is not asked"
 
 
 def test_only_effects_that_grow_in_proportion_are_proposed():

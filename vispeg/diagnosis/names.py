@@ -120,6 +120,19 @@ def _exchange(fitted: Ground, held: Ground, both: _Both, model: list[int], k: in
     return Exchange(entries[k].placed.label, float(share), tuple(labels), placed)
 
 
+def open_ended(state: State, given: int) -> frozenset[str]:
+    """Labels of the effects after the first `given` with a value at its bound, or an interval that includes null.
+
+    Something else pushes a value there: such an effect is not named, whatever the verdict.
+    """
+    out = set()
+    for index, placed in enumerate(state.world.effects[given:], given):
+        at_bound = any(_at_bound(placed, name) for name in effect(placed.effect).magnitudes)
+        if at_bound or (state.fit is not None and not present(state.fit, index)):
+            out.add(placed.label)
+    return frozenset(out)
+
+
 def tentative(state: State, given: int, exchanged: Sequence[Exchange], rivals: Sequence[Rivals]) -> frozenset[str]:
     """Labels of the effects after the first `given` that must not be named.
 
@@ -129,14 +142,12 @@ def tentative(state: State, given: int, exchanged: Sequence[Exchange], rivals: S
     proven = {r.label: {t.score.label for t in r.equals} for r in rivals}
     tried = {r.label: {t.score.label for t in r.tried} for r in rivals}
     found = {e.label: e for e in exchanged}
-    out = set()
+    out = set(open_ended(state, given))
     for index, placed in enumerate(state.world.effects[given:], given):
         label, own = placed.label, found.get(placed.label)
         equals = proven.get(label, set())
-        at_bound = any(_at_bound(placed, name) for name in effect(placed.effect).magnitudes)
         unsure = own is not None and (own.costs < SURE or bool(set(own.shaken) - tried.get(label, set())))
-        absent = state.fit is not None and not present(state.fit, index)
-        if at_bound or unsure or absent or len(equals) > CLASS or _entangled(state, index):
+        if unsure or len(equals) > CLASS or _entangled(state, index):
             out.add(label)
     return frozenset(out)
 

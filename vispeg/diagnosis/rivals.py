@@ -11,11 +11,10 @@ from vispeg.diagnosis.judge import Judge, present
 from vispeg.diagnosis.screen import Score
 from vispeg.diagnosis.search import Search
 from vispeg.diagnosis.state import State, Trial
+from vispeg.diagnosis.together import usual
 
 EXCHANGES = 3  # at most
-BETTER = (
-    0.01  # share of the held-out error that a rival must remove in addition, to come in the place of what it rivals
-)
+BETTER = 0.01  # of the held-out error, that a rival must remove to come in; none for what every arm has in that joint
 MOST = 3  # rivals of one of many effects that are fitted
 
 
@@ -32,18 +31,23 @@ def settled(search: Search, state: State, given: int, say: Callable[[str], None]
     """Rivals of what was accepted, after those of them that are better on held-out data have taken its place."""
     rivals = find_rivals(search, state, given, say) if len(state.world.effects) > given else []
     for _ in range(EXCHANGES):
-        tried = [(t, r) for r in rivals for t in r.equals if len(state.world.effects) - given > 1]
-        if not tried:
+        better = [(t, r) for r in rivals for t in r.equals if _better(search, state, t, r.label)]
+        if not better or len(state.world.effects) - given < 2:
             break
-        trial, rival = min(tried, key=lambda at: float(at[0].loss.sum()))
-        if search.judge.gain(state.loss, trial.loss).relative < BETTER:
-            break
+        trial, rival = min(better, key=lambda at: float(at[0].loss.sum()))
         out = next(e for e in state.world.effects if e.label == rival.label)
         say(f"{trial.score.label} comes in the place of {out.label}")
         swapped = replace(trial, score=replace(trial.score, out=(out,)))
         search.take(state, swapped, [swapped], given)
         rivals = find_rivals(search, state, given, say)
     return rivals
+
+
+def _better(search: Search, state: State, rival: Trial, label: str) -> bool:
+    """Whether a rival belongs in the place of the effect `label`."""
+    (own,) = [e for e in state.world.effects if e.label == label]
+    least = 0.0 if usual(rival.score.placed, own) else BETTER
+    return search.judge.gain(state.loss, rival.loss).relative >= least
 
 
 def find_rivals(search: Search, state: State, given: int, say: Callable[[str], None]) -> list[Rivals]:

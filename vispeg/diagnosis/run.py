@@ -12,7 +12,7 @@ from vispeg.diagnosis.intervals import widened
 from vispeg.diagnosis.judge import Judge
 from vispeg.diagnosis.localise import maps, missing_torque, peaks, where_it_fails
 from vispeg.diagnosis.motionless import refuse_motionless
-from vispeg.diagnosis.names import tentative
+from vispeg.diagnosis.names import open_ended, tentative
 from vispeg.diagnosis.next_experiment import next_experiment
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.record import (
@@ -95,7 +95,7 @@ def diagnose(
         least = base_parameters(evidence, judged, world)
     mark = None if least is None else _mean_square(judged, least)
     verdict = decide(before, after, len(state.world.effects) - given, rivals, depends, floor, mark)
-    unsure = frozenset[str]()
+    unsure = open_ended(state, given)
     if verdict.partial and state.fit is not None:
         say("asking which names are certain")
         unsure = tentative(state, given, search.exchanges(state), rivals)

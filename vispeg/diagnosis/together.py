@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vispeg.core.effect import effect
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.dictionary import Dictionary
 from vispeg.diagnosis.screen import Score
 
@@ -66,8 +66,9 @@ def _best(dictionary: Dictionary, fixed: list[int], chosen: list[int], left: flo
     top = max(found)[0]
     equal = [f for f in found if f[0] >= (1 - TIE) * top]
     best = min(equal, key=lambda f: (dictionary.entries[f[1]].size, -f[0]))
-    usual = [f for f in found if _usual(dictionary, f[1], best[1]) and f[0] >= PRIOR * best[0]]
-    return max(usual, default=best)
+    placed = [e.placed for e in dictionary.entries]
+    common = [f for f in found if usual(placed[f[1]], placed[best[1]]) and f[0] >= PRIOR * best[0]]
+    return max(common, default=best)
 
 
 def _least(dictionary: Dictionary, k: int) -> float:
@@ -75,9 +76,8 @@ def _least(dictionary: Dictionary, k: int) -> float:
     return LINK if effect(placed.effect).family == "body" and placed.where != "base" else LEAST
 
 
-def _usual(dictionary: Dictionary, k: int, other: int) -> bool:
-    """Whether k is what every arm has in a joint, and the other sits in the same joint and is not."""
-    a, b = dictionary.entries[k].placed, dictionary.entries[other].placed
+def usual(a: EffectInstance, b: EffectInstance) -> bool:
+    """Whether a is what every arm has in a joint, and b sits in the same joint and is not."""
     return a.where == b.where and bool(effect(a.effect).common) and not effect(b.effect).common
 
 
@@ -91,7 +91,8 @@ def _exchanged(dictionary: Dictionary, fixed: list[int], chosen: list[int], left
             found = _best(dictionary, fixed, rest, without)
             if found is None or dictionary.entries[found[1]].key == dictionary.entries[k].key:
                 continue
-            worth = found[0] * (PRIOR if _usual(dictionary, k, found[1]) else 1.0)
+            other = dictionary.entries[found[1]].placed
+            worth = found[0] * (PRIOR if usual(dictionary.entries[k].placed, other) else 1.0)
             if without - found[0] < BETTER * left and worth > without - left:
                 chosen[chosen.index(k)], left, moved = found[1], without - found[0], True
         if not moved:
