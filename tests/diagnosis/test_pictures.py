@@ -114,6 +114,8 @@ def test_halves_that_differ_by_more_than_they_promise_are_a_model_error():
     assert decide(2.0, 0.2, 1, [], left, Halves(0.6, 0.09), 0.1).verdict == "unexplained"
     assert decide(2.0, 2.0, 0, [], [Left("part", 0.6, 3.0, "fixture")], None, 0.1).verdict == "unexplained"
     assert decide(0.2, 0.2, 0, [], left, None, 0.1).verdict == "adequate"
+    moved = [Left("part", 0.08, 1.8, "fixture")]  # most of a moved part's edges are no longer near its borders
+    assert decide(0.2, 0.2, 0, [], moved, None, 0.1).verdict == "unexplained"
 
 
 def test_whitening_is_the_inverse_root_of_the_covariance():

@@ -11,6 +11,7 @@ from vispeg.diagnosis.remainder import CONVINCING
 from vispeg.diagnosis.rivals import Rivals
 from vispeg.diagnosis.verdict import Verdict
 
+MARKED, LARGE = 0.03, 1.0  # share, and px: of several times what pictures without such a fault leave
 LOST = 0.5  # share of the predicted borders without an edge near, from which on the pictures show something else
 
 
@@ -33,7 +34,7 @@ def decide(
         halves: whether two halves of the views agree.
         lost: share of predicted borders that the held-out pictures have no edge at.
     """
-    convincing = [x for x in left if x.share >= CONVINCING and x.size >= VISIBLE]
+    convincing = [x for x in left if _convinces(x)]
     on = [{"input": x.input, "joint": x.where, "share": round(x.share, 3), "px": round(x.size, 2)} for x in convincing]
     if convincing:
         top = convincing[0]
@@ -56,6 +57,11 @@ def decide(
     if names:
         return Verdict("ambiguous", f"these views cannot tell {', '.join(names)} from other effects")
     return Verdict("identified", f"held-out borders moved from {before:.2f} to {after:.2f} px from their edges")
+
+
+def _convinces(x: Left) -> bool:
+    """A share that counts, or a shift that nothing else makes: many edges of a moved part are no longer near it."""
+    return (x.share >= CONVINCING and x.size >= VISIBLE) or (x.share >= MARKED and x.size >= LARGE)
 
 
 def with_sensor(borders: Verdict, sensed: Sequence[Sensed]) -> Verdict:

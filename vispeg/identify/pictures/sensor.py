@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from vispeg.core.effect import Effect, effect
+from vispeg.effects.common.disparity import PARAMS
 from vispeg.identify.channels import shows
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.pictures.depth_figures import DepthFigures
@@ -96,6 +97,10 @@ class SensorEvidence(Evidence):
     def sees(self, kind: Effect) -> bool:
         """Whether an effect shows in this kind of figures."""
         return shows(kind, self.kind)
+
+    def frees(self, kind: Effect, name: str) -> bool:
+        """All but a stereo pair's own measures, which its data sheet states and its errors do not tell."""
+        return name not in PARAMS
 
     def misplaced(self, world: World) -> list[np.ndarray]:
         """Per item, (frames, figures) measured less modelled in units of the scatter; NaN where not known."""

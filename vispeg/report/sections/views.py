@@ -14,6 +14,7 @@ TITLE = "Pictures, measured and rendered"
 SHOWN = 4.0  # times that misplacements are drawn long
 DARK, LIGHT = (216, 27, 96), (0, 150, 136)  # of edges: before, after
 LEAST = 0.5  # px of misplacement that is drawn
+ODD = 0.8  # times the ordinary, from which on a figure of the sensor is shown
 AWAY = 12.0  # mm, the difference of depth that is drawn full red or blue
 
 
@@ -27,8 +28,20 @@ def context(record: Record) -> Mapping[str, object] | None:
         "values": values,
         "rows": [row for k in range(8) if (row := _row(arrays, f"view/{k}/"))],
         "maps": _maps(values, arrays),
+        "sensor": _sensor(values),
+        "odd": ODD,
         "channels": record.rows("channels"),
     }
+
+
+def _sensor(values: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The kinds of pictures some of whose figures are out of the ordinary, with those figures."""
+    out = []
+    for row in values.get("sensor") or []:
+        figures = [f for f in row["figures"] if max(abs(f["before"]), abs(f["after"])) > ODD]
+        if figures:
+            out.append({"kind": row["kind"], "figures": figures})
+    return out
 
 
 def _row(arrays: Mapping[str, np.ndarray], name: str) -> Mapping[str, object] | None:
