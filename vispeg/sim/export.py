@@ -73,7 +73,7 @@ def to_mjcf(world: World, meshes: str = "meshes") -> Exported:
             files[name] = file
     spec.compile()
     left_out = tuple(e for e in world.effects if e not in native)
-    return Exported(_headed(_relative(spec.to_xml(), files), left_out), native, left_out, files)
+    return Exported(listed(left_out) + _relative(spec.to_xml(), files), native, left_out, files)
 
 
 def is_native(kind: Effect) -> bool:
@@ -147,11 +147,11 @@ def _relative(xml: str, files: dict[str, Path]) -> str:
     return xml
 
 
-def _headed(xml: str, left_out: tuple[EffectInstance, ...]) -> str:
-    """The text with a comment that says what the model has and this file has not."""
+def listed(left_out: tuple[EffectInstance, ...], who: str = "MuJoCo") -> str:
+    """A comment that says what the model has and a file has not; empty where it has all."""
     lines = []
     for e in left_out:
         values = ", ".join(f"{k} {v.value:g} {effect(e.effect).params[k].unit}" for k, v in e.params.items())
         lines.append(f"  {e.label}: {values}".replace("--", "- -"))
-    comment = "\n".join(["Effects of the model that MuJoCo has no element for:", *lines])
-    return f"<!-- {comment} -->\n{xml}" if left_out else xml
+    comment = "\n".join([f"Effects of the model that {who} has no element for:", *lines])
+    return f"<!-- {comment} -->\n" if left_out else ""

@@ -1,0 +1,116 @@
+"""An exported URDF has the dynamics of the model that it comes from, and says what it could not hold."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from vispeg.api.urdf import fits, to_urdf
+from vispeg.core.effect import EffectInstance, searchable
+from vispeg.core.errors import UserError
+from vispeg.core.seeds import stream
+from vispeg.robots.model import load
+from vispeg.sim.export import compiled_with
+from vispeg.worlds.world import World
+
+ROBOT = load("iiwa14")
+OFFSET = """
+<mujoco><compiler angle="radian"/><worldbody><body name="base"><geom type="box" size="0.1 0.1 0.1"/>
+  <body name="a" pos="0.1 0 0.2" euler="0.3 0.2 -0.5"><joint name="j1" axis="0 1 0" pos="0.05 0.02 -0.1" range="-2 1"/>
+    <inertial pos="0.1 0 -0.2" mass="2" fullinertia="0.03 0.025 0.02 0.002 0.001 -0.003"/>
+    <geom type="sphere" size="0.05"/>
+    <body name="b" pos="0.3 0 0.1"><joint name="j2" axis="0.6 0 0.8" pos="0 0.1 0"/>
+      <inertial pos="0 0.05 0" mass="1" diaginertia="0.01 0.01 0.02"/><geom type="cylinder" size="0.03 0.1"/>
+      <site name="flange"/></body></body></body></worldbody></mujoco>
+"""
+
+
+def read(made, folder):
+    for name, file in made.meshes.items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_bytes(file.read_bytes())
+    (folder / "arm.urdf").write_text(made.xml)
+    return mujoco.MjModel.from_xml_path(str(folder / "arm.urdf"))
+
+
+def torques(model, q, dq, ddq):
+    """Inverse dynamics without rotors' inertia, (nv,)."""
+    model.dof_armature[:] = 0.0
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
+    mujoco.mj_inverse(model, data)
+    return data.qfrc_inverse.copy()
+
+
+def same_dynamics(world, folder):
+    made = to_urdf(world)
+    theirs, (ours, _) = read(made, folder), compiled_with(World(world.robot, world.tool, made.native))
+    assert [theirs.joint(i).name for i in range(theirs.njnt)] == [ours.joint(i).name for i in range(ours.njnt)]
+    assert np.allclose(theirs.dof_damping, ours.dof_damping) and np.allclose(
+        theirs.dof_frictionloss, ours.dof_frictionloss
+    )
+    for model in (theirs, ours):
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_CONTACT
+    rng = stream(0, "urdf")
+    for _ in range(5):
+        state = rng.uniform(-1, 1, (3, ours.nv)) * [[1.0], [2.0], [5.0]]
+        assert np.allclose(torques(theirs, *state), torques(ours, *state), atol=1e-6)
+    return made
+
+
+NATIVE = [
+    n
+    for n, k in searchable().items()
+    if k.family in ("joint", "body")
+    and fits(EffectInstance.of(n, k.targets(ROBOT)[-1], **{p: v.start for p, v in k.params.items()}))
+]
+
+
+def test_friction_damping_and_masses_are_what_a_urdf_holds():
+    assert {"coulomb_friction", "viscous_friction", "payload", "link_mass"} <= set(NATIVE)
+    assert not {"rotor_inertia", "gravity_direction", "stribeck_friction", "backlash"} & set(NATIVE)
+
+
+@pytest.mark.parametrize("name", NATIVE)
+def test_the_arm_with_an_effect_moves_as_the_model_does(name, tmp_path):
+    kind = searchable()[name]
+    placed = EffectInstance.of(name, kind.targets(ROBOT)[-1], **{p: v.start for p, v in kind.params.items()})
+    made = same_dynamics(World(effects=(placed,)), tmp_path)
+    assert made.native == (placed,) and not made.left_out and len(made.meshes) > 7
+
+
+def test_joints_beside_the_bodys_origin_and_turned_bodies(tmp_path):
+    (tmp_path / "arm.xml").write_text(OFFSET)
+    made = same_dynamics(World(str(tmp_path / "arm.xml")), tmp_path)
+    assert 'lower="-2" upper="1"' in made.xml and 'type="continuous"' in made.xml
+
+
+def test_what_urdf_cannot_say_is_named_and_two_joints_in_a_body_are_refused(tmp_path):
+    backlash = EffectInstance.of(
+        "backlash", "joint2", **{k: p.start for k, p in searchable()["backlash"].params.items()}
+    )
+    assert to_urdf(World(effects=(backlash,))).left_out == (backlash,)
+    two = OFFSET.replace('<joint name="j2"', '<joint name="j3" axis="1 0 0"/><joint name="j2"')
+    (tmp_path / "two.xml").write_text(two)
+    with pytest.raises(UserError, match="b: has no URDF.*2 joints"):
+        to_urdf(World(str(tmp_path / "two.xml")))
+
+
+def test_the_command_writes_the_file_its_meshes_and_what_is_not_in_it(tmp_path, capsys):
+    from vispeg.cli.export import Args
+    from vispeg.worlds.model_file import model_text
+
+    effects = (
+        EffectInstance.of("coulomb_friction", "joint4", torque=1.2),
+        EffectInstance.of("rotor_inertia", "joint1"),
+    )
+    (tmp_path / "m.yaml").write_text(model_text(World(effects=effects)))
+    assert Args(str(tmp_path / "m.yaml"), tmp_path / "arm.urdf", "urdf").run() == 0
+    said = capsys.readouterr().out
+    assert "in it: coulomb_friction(joint4)" in said and "URDF has no element for it: rotor_inertia(joint1)" in said
+    text = (tmp_path / "arm.urdf").read_text()
+    assert (
+        'friction="1.2"' in text and "rotor_inertia(joint1)" in text and (tmp_path / "arm-meshes/link1.stl").is_file()
+    )
+    assert load(tmp_path / "arm.urdf").joints == ROBOT.joints, "it can be read again"
+    with pytest.raises(UserError, match=r"a name that ends in \.urdf"):
+        Args("iiwa14", tmp_path / "arm.xml", "urdf").run()

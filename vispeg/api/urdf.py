@@ -1,0 +1,170 @@
+"""A world's arm as URDF: links, shapes, joints with limits, damping and dry friction; what URDF cannot say is named."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree as xml
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.errors import UserError
+from vispeg.robots.model import RobotModel, load
+from vispeg.sim.export import compiled_with, is_native, listed
+from vispeg.worlds.world import World
+
+HOLDS = {
+    "dof_frictionloss",
+    "dof_damping",
+    "body_mass",
+    "body_ipos",
+    "body_iquat",
+    "body_inertia",
+}  # of the model's fields
+KINDS = {int(mujoco.mjtJoint.mjJNT_HINGE): "revolute", int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic"}
+G = mujoco.mjtGeom
+
+
+@dataclass(frozen=True)
+class Urdf:
+    """A URDF.
+
+    Attributes:
+        xml: the text; files of meshes are named relative to its folder.
+        native: effects that are numbers of it.
+        left_out: those that URDF has no element for.
+        rotors: joint -> rotor inertia of the model, kg m2, which URDF has no element for.
+        meshes: name in the text -> file to copy there.
+    """
+
+    xml: str
+    native: tuple[EffectInstance, ...]
+    left_out: tuple[EffectInstance, ...]
+    rotors: Mapping[str, float]
+    meshes: Mapping[str, Path]
+
+
+def fits(placed: EffectInstance) -> bool:
+    """Whether all that an effect does is a number of a URDF."""
+    kind = effect(placed.effect)
+    return is_native(kind) and bool(kind.writes) and set(kind.writes) <= HOLDS
+
+
+def to_urdf(world: World, meshes: str = "meshes") -> Urdf:
+    """The arm of a world with its effects.
+
+    Args:
+        world: robot, tool and effects with values.
+        meshes: folder beside the text that shall hold the meshes.
+
+    Raises:
+        UserError: a body with several joints, or a joint that neither turns nor slides.
+    """
+    robot = load(world.robot, tool=world.tool)
+    native = tuple(e for e in world.effects if fits(e))
+    model, _ = compiled_with(World(world.robot, world.tool, native))
+    spec, files = robot.spec(), dict[str, Path]()
+    root, shift = xml.Element("robot", name=Path(world.robot).stem), _anchors(model)
+    for b in range(model.nbody):
+        link = xml.SubElement(root, "link", name=_name(model, b))
+        if model.body_mass[b] > 0:
+            _inertial(link, model, b, shift[b])
+        if b:
+            _shapes(link, spec, model.body(b).name, shift[b], meshes, files)
+    for b in range(1, model.nbody):
+        _joint(root, model, robot, b, shift)
+    left_out = tuple(e for e in world.effects if e not in native)
+    rotors = {n: float(a) for n in robot.joints if (a := model.dof_armature[model.joint(n).dofadr[0]]) > 0}
+    xml.indent(root)
+    text = '<?xml version="1.0"?>\n' + listed(left_out, "URDF") + xml.tostring(root, encoding="unicode") + "\n"
+    return Urdf(text, native, left_out, rotors, files)
+
+
+def _anchors(model: mujoco.MjModel) -> np.ndarray:
+    """(nbody, 3) from each body's frame to its link's, which in URDF lies on the joint's axis."""
+    for b in range(model.nbody):
+        kinds = [int(model.jnt_type[j]) for j in range(model.njnt) if model.jnt_bodyid[j] == b]
+        if len(kinds) > 1 or any(kind not in KINDS for kind in kinds):
+            got = f"{len(kinds)} joints" if len(kinds) > 1 else str(mujoco.mjtJoint(kinds[0]))
+            raise UserError("has no URDF", key=_name(model, b), expected="at most one hinge or slide a body", got=got)
+    out = np.zeros((model.nbody, 3))
+    out[model.jnt_bodyid] = model.jnt_pos
+    return out
+
+
+def _name(model: mujoco.MjModel, b: int) -> str:
+    return model.body(b).name or f"body{b}"
+
+
+def _origin(parent: xml.Element, pos: np.ndarray, quat: np.ndarray) -> None:
+    rpy = Rotation.from_quat(quat, scalar_first=True).as_euler("xyz")
+    xml.SubElement(parent, "origin", xyz=_numbers(pos), rpy=_numbers(rpy))
+
+
+def _numbers(values: np.ndarray) -> str:
+    return " ".join(f"{float(v):.12g}" for v in values)
+
+
+def _inertial(link: xml.Element, model: mujoco.MjModel, b: int, shift: np.ndarray) -> None:
+    inertial = xml.SubElement(link, "inertial")
+    _origin(inertial, model.body_ipos[b] - shift, np.array([1.0, 0.0, 0.0, 0.0]))
+    xml.SubElement(inertial, "mass", value=f"{model.body_mass[b]:.12g}")
+    turn = Rotation.from_quat(model.body_iquat[b], scalar_first=True).as_matrix()
+    full = turn @ np.diag(model.body_inertia[b]) @ turn.T
+    names = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+    xml.SubElement(inertial, "inertia", {name: f"{full[at]:.12g}" for name, at in names.items()})
+
+
+def _shapes(
+    link: xml.Element, spec: mujoco.MjSpec, body: str, shift: np.ndarray, meshes: str, files: dict[str, Path]
+) -> None:
+    """Visual shapes as the robot's own file has them; of kinds that URDF knows."""
+    base = Path(spec.modelfiledir or ".") / (spec.meshdir or "")
+    for geom in spec.body(body).geoms:
+        shape, size = xml.Element("geometry"), geom.size
+        if geom.type == G.mjGEOM_MESH:
+            mesh = spec.mesh(geom.meshname)
+            file = base / mesh.file
+            name = f"{meshes}/{mesh.name or file.stem}{file.suffix}"
+            files[name] = file
+            xml.SubElement(shape, "mesh", filename=name, scale=_numbers(mesh.scale))
+        elif geom.type == G.mjGEOM_BOX:
+            xml.SubElement(shape, "box", size=_numbers(2 * size))
+        elif geom.type == G.mjGEOM_SPHERE:
+            xml.SubElement(shape, "sphere", radius=f"{size[0]:.12g}")
+        elif geom.type == G.mjGEOM_CYLINDER:
+            xml.SubElement(shape, "cylinder", radius=f"{size[0]:.12g}", length=f"{2 * size[1]:.12g}")
+        else:
+            continue
+        visual = xml.SubElement(link, "visual")
+        _origin(visual, geom.pos - shift, geom.quat)
+        visual.append(shape)
+
+
+def _joint(root: xml.Element, model: mujoco.MjModel, robot: RobotModel, b: int, shift: np.ndarray) -> None:
+    parent = int(model.body_parentid[b])
+    moved = [j for j in range(model.njnt) if model.jnt_bodyid[j] == b]
+    kind = KINDS[int(model.jnt_type[moved[0]])] if moved else "fixed"
+    limited = bool(moved) and bool(model.jnt_limited[moved[0]])
+    name = model.joint(moved[0]).name if moved else f"{_name(model, b)}_fixed"
+    kind = "continuous" if kind == "revolute" and not limited else kind
+    joint = xml.SubElement(root, "joint", name=name, type=kind)
+    turned = Rotation.from_quat(model.body_quat[b], scalar_first=True).apply(shift[b])
+    _origin(joint, model.body_pos[b] + turned - shift[parent], model.body_quat[b])
+    xml.SubElement(joint, "parent", link=_name(model, parent))
+    xml.SubElement(joint, "child", link=_name(model, b))
+    if not moved:
+        return
+    j, dof = moved[0], int(model.jnt_dofadr[moved[0]])
+    xml.SubElement(joint, "axis", xyz=_numbers(model.jnt_axis[j]))
+    values = {"damping": model.dof_damping[dof], "friction": model.dof_frictionloss[dof]}
+    xml.SubElement(joint, "dynamics", {key: f"{value:.12g}" for key, value in values.items()})
+    low, high = model.jnt_range[j] if limited else (-np.pi, np.pi)
+    at = robot.joints.index(name) if name in robot.joints else None
+    most = {"effort": robot.torque_limit, "velocity": robot.velocity_limit}
+    ends = {key: 0.0 if at is None or not np.isfinite(v[at]) else float(v[at]) for key, v in most.items()}
+    xml.SubElement(joint, "limit", {k: f"{v:.12g}" for k, v in {"lower": low, "upper": high, **ends}.items()})
