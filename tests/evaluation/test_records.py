@@ -9,7 +9,7 @@ from vispeg.core.errors import UserError
 from vispeg.evaluation.measured import read_csv
 from vispeg.evaluation.records import Episode, append, read, read_all
 
-ONE = Episode("p", "depth", 0, "S", "abc", 7, True, "success", 3.2, 21.5, 0.0004, 0.02, force_profile=(0.0, 3.25))
+ONE = Episode("p", "depth", 0, "S", "abc", 7, True, "success", 3.2, 21.5, 0.0004, 0.02, force_profile=(0.0, 10 / 3))
 
 
 def test_what_is_written_is_read_again(tmp_path):

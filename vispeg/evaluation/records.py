@@ -67,7 +67,7 @@ class Episode:
         """One line; NaN becomes null."""
         row = {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in asdict(self).items()}
         if self.force_profile is not None:
-            row["force_profile"] = [round(float(f), 3) for f in self.force_profile]
+            row["force_profile"] = [float(f) for f in self.force_profile]
         return json.dumps(row, allow_nan=False)
 
 
