@@ -1,5 +1,8 @@
 """The commands as a user calls them: render, check, show; and mistakes, one line each."""
 
+import re
+
+import numpy as np
 import pytest
 
 from vispeg.cli.main import main
@@ -19,8 +22,11 @@ def test_render_check_show_and_mistakes(tmp_path, monkeypatch, capsys):
     assert "4 frames in 1 episode<" in page and "Contrast guard" in page and "wrist_crop" in page
     assert "in the worst, of all frames." in page
     monkeypatch.setattr(build, "SAMPLED", 3)
-    assert "in the worst, of 3 frames looked at, spread over all 4." in build.render(Dataset("d"))
+    assert "in the worst, of 3 frames looked at, spread over all 4." in build.render(
+        Dataset("d"), np.zeros((8, 8, 3), np.uint8)
+    )
     assert (tmp_path / "d-page/contact-sheet.png").stat().st_size > 1000
+    assert not re.findall(r'(?:src|href)="(?!data:|#)[^"]*"', page), "the page needs no file beside it"
     data = bytearray((tmp_path / "d/data/chunk-000/file-000.parquet").read_bytes())
     (tmp_path / "d/data/chunk-000/file-000.parquet").write_bytes(data[:-100])
     capsys.readouterr()

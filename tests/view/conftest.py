@@ -52,13 +52,15 @@ def rigs(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="session")
 def reports(rigs, tmp_path_factory):
-    """Name -> page of a diagnosis, a comparison and a gap."""
+    """Name -> page of a diagnosis, a comparison, a fit and a gap."""
     out = tmp_path_factory.mktemp("reports")
     arm, (a, b, c) = rigs / "arm.xml", (rigs / name for name in ("rig-a", "rig-b", "rig-c"))
     vispeg.compare(arm, c, threads=1).save(out / "compared")
     vispeg.diagnose(arm, [a, b], c, threads=1).save(out / "found")
+    vispeg.fit(arm, [a, b], ["coulomb_friction:shoulder"], c, iterations=3, threads=1).save(out / "fitted")
     vispeg.gap("expert", worlds=["nominal", "searching"], episodes=2, controls=()).save(out / "gap")
-    pages = {"comparison": "compared/report.html", "diagnosis": "found/report.html", "gap": "gap/gap.html"}
+    pages = {"comparison": "compared/report.html", "diagnosis": "found/report.html", "fit": "fitted/report.html"}
+    pages["gap"] = "gap/gap.html"
     return {name: out / page for name, page in pages.items()}
 
 

@@ -20,6 +20,7 @@ from vispeg.render.contrast import TRIES
 from vispeg.report.dataset.drawn import drawn, histogram
 from vispeg.report.dataset.pictures import chosen, depth_range, embedded, part_picture, sheet, views
 from vispeg.report.page import Section, page
+from vispeg.report.record import still
 
 PAGE, SHEET = "index.html", "contact-sheet.png"
 SAMPLED = 60  # frames that figures about pictures are taken from
@@ -44,18 +45,19 @@ def write(dataset: str | Path, out: str | Path, tiles: int = 36, *, overwrite: b
     if not data.cameras:
         raise UserError("does not say what its cameras are, so there is nothing to show", file=dataset)
     with new_folder(out, overwrite=overwrite, holds="page", inputs=(dataset,)) as folder:
-        (folder / SHEET).write_bytes(encode(np.ascontiguousarray(sheet(data, tiles))))
-        (folder / PAGE).write_text(render(data), encoding="utf-8")
+        drawn_sheet = np.ascontiguousarray(sheet(data, tiles))
+        (folder / SHEET).write_bytes(encode(drawn_sheet))
+        (folder / PAGE).write_text(render(data, drawn_sheet), encoding="utf-8")
     return Path(out) / PAGE
 
 
-def render(data: Dataset | Stored) -> str:
-    """The page as text; it shows the contact sheet beside it."""
+def render(data: Dataset | Stored, contact_sheet: np.ndarray) -> str:
+    """The page as text, with the contact sheet (H, W, 3) uint8 in it."""
     worlds = [e.get(f"{OWN}world") or {} for e in data.episodes]
     labels = any(k.startswith("label.parts.") for k in data.features)
     sections = [
         Section("headline", "", "dataset/headline", headline(data)),
-        Section("sheet", "Contact sheet", "dataset/sheet", {"sheet": SHEET, "labels": labels}),
+        Section("sheet", "Contact sheet", "dataset/sheet", {"sheet": still(contact_sheet), "labels": labels}),
         Section("cameras", "Cameras", "dataset/cameras", cameras(data)),
     ]
     if any(f"{OWN}redraws" in e for e in data.episodes):

@@ -47,10 +47,11 @@ def drawn(worlds: Sequence[Mapping[str, Mapping[str, float]]]) -> Mapping[str, o
 
 def histogram(values: Sequence[float], bins: int = BINS) -> str:
     """Bars as SVG, from the least to the greatest value; counts of an interval each, the tallest of full height."""
-    counts, _ = np.histogram(values, bins=bins)
+    counts, ends = np.histogram(values, bins=bins)
     tall, step = max(int(counts.max()), 1), WIDTH / bins
     bars = "".join(
-        f'<rect x="{i * step:.1f}" y="{HEIGHT - h:.1f}" width="{step - 1:.1f}" height="{h:.1f}"/>'
+        f'<rect x="{i * step:.1f}" y="{HEIGHT - h:.1f}" width="{step - 1:.1f}" height="{h:.1f}">'
+        f"<title>{plain(ends[i])} to {plain(ends[i + 1])}: {n}</title></rect>"
         for i, n in enumerate(counts)
         if (h := n / tall * HEIGHT) > 0
     )
