@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from vispeg.core.effect import OPTICAL, REGISTRY, EffectInstance, effect
-from vispeg.core.params import Param
 from vispeg.diagnosis.accept import equal, ranked
 from vispeg.diagnosis.judge import Judge, present
 from vispeg.diagnosis.rivals import Rivals, merely_richer
@@ -147,17 +146,8 @@ class PictureSearch:
             state.world, state.loss, state.residual, state.fit = rest.world, rest.loss, rest.residual, rest.fit
 
     def _start(self, name: str, where: str) -> EffectInstance:
-        """Where a fit of an effect starts: where the alignment put it, or near null."""
+        """Where a fit of an effect starts: where the alignment put it, or a typical size."""
         for e in self.evidence.settled.effects:
             if (e.effect, e.where) == (name, where):
                 return EffectInstance.of(name, where, **{k: v.value for k, v in e.params.items()})
-        return EffectInstance.of(
-            name, where, **{k: _near_null(p) for k, p in effect(name).params.items() if not p.shape}
-        )
-
-
-def _near_null(param: Param) -> float:
-    """A value between null and a typical size, near null."""
-    if param.scale == "log":
-        return param.null * (param.start / param.null) ** 0.1
-    return param.null + (param.start - param.null) / 10
+        return EffectInstance.of(name, where, **{k: p.start for k, p in effect(name).params.items() if not p.shape})
