@@ -5,7 +5,7 @@ motor gain, bias and limit. A URDF holds masses, centres and inertias, damping a
 and listed in the file's first lines with their values. Meshes are copied beside it.
 
 Example:
-    vispeg export runs/peg-depth/20261121-0900_s0/checkpoints/best --out policy.onnx
+    vispeg export runs/depth/20261121-0900_s0/checkpoints/best --out policy.onnx
     vispeg export found/model.yaml --to mjcf --out arm.xml
     vispeg export found/model.yaml --to urdf --out arm.urdf
 """

@@ -3,8 +3,8 @@
 Writes a policy's folder with finetune.json (success in the target before and after) in it.
 
 Example:
-    vispeg finetune runs/peg-depth/best --world dev --teacher expert --demos 100 --out tuned
-    vispeg finetune runs/peg-depth/best --world dev --dataset demos --out tuned
+    vispeg finetune runs/depth/best --world dev --teacher expert --demos 100 --out tuned
+    vispeg finetune runs/depth/best --world dev --dataset demos --out tuned
 """
 
 from __future__ import annotations

@@ -12,15 +12,16 @@ def cell_value(what: Literal["mass", "friction"], part: str, world: str) -> floa
         UserError: an unknown world or part, or a part without the value.
     """
     from vispeg.core.errors import UserError
-    from vispeg.effects.common.parts import BODIES, TOUCHING, shapes
+    from vispeg.effects.common.parts import body_of, held, shapes, touching
     from vispeg.task.registry import config_of, task_of
     from vispeg.task.world_file import load_world
 
-    parts = TOUCHING if what == "friction" else ("peg",)
+    config = config_of(load_world(world).task)
+    scene = task_of(config).cell(config)
+    parts = touching(scene) if what == "friction" else held(scene)
     if part not in parts:
         raise UserError(f"has no {what} that an effect scales", key="--where", got=part, choices=parts)
-    config = config_of(load_world(world).task)
-    model = task_of(config).cell(config).compile()
+    model = scene.compile()
     if what == "mass":
-        return float(model.body(BODIES[part]).mass[0])
+        return float(model.body(body_of(part)).mass[0])
     return float(model.geom_friction[shapes(model, part), 0].max())

@@ -21,6 +21,7 @@ from vispeg.render.picture import Backend, Picture
 from vispeg.render.pristine import Pristine
 from vispeg.render.view import View, parent_of, view_of
 from vispeg.render.warp import Warp
+from vispeg.robots.scene import Scene
 
 BACKENDS = ("auto", "classic", "raycast", "filament")
 BackendName = Literal["auto", "classic", "raycast", "filament"]
@@ -103,6 +104,8 @@ class Renderer:
         self.data = mujoco.MjData(self.model)
         self.pristine = Pristine(self.model)
         self.labels, self.shadows = labels, shadows
+        named = model if isinstance(model, Scene) else Scene  # a compiled model: the names of the usual cell
+        self._posed = (named.tip_site, named.goal), (named.held, named.fixture)
         self._table = part_table(self.model, parts)
         self._uploaded = self.model.tex_data.copy()
         self._backend: Backend | None = None
@@ -197,7 +200,7 @@ class Renderer:
             picture = warp(picture)
         if not self.labels or picture.ids is None:
             return Shot(picture.rgb, picture.depth, view.matrix)
-        found = poses(self.model, self.data, view)
+        found = poses(self.model, self.data, view, *self._posed)
         return Shot(picture.rgb, picture.depth, view.matrix, self._table[picture.ids], _normals(picture, view), found)
 
     def _pinhole(self, camera: Camera) -> Camera:

@@ -1,4 +1,4 @@
-"""The contrast guard: a look is drawn again until peg, fixture, hole and background can be told apart.
+"""The contrast guard: a look is drawn again until held part, fixture, its mouth and background can be told apart.
 
 Colours are compared as CIELAB means over the pixels of each of them (CIE 15:2004, D65), their distance being CIE76's.
 A look is also refused when one of them is hardly seen at all, or is nearly all black or white: then there is nothing
@@ -29,12 +29,11 @@ from vispeg.worlds.world import World
 if TYPE_CHECKING:
     from vispeg.robots.scene import Scene
 
-PARTS = {"peg": ("peg",), "fixture": ("fixture",), "background": ("table", "wall", "floor")}
-PAIRS = (("peg", "fixture"), ("peg", "background"), ("fixture", "background"), ("hole", "rim"))
+BACKGROUND, BEHIND, RIM = "background", ("table", "wall", "floor"), "rim"
 TRIES = 20
 TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])  # IEC 61966-2-1
 DARK, BRIGHT = 6.0, 98.0  # L*: darker or brighter pixels show no shape
-DEEP, FLAT = 2e-3, 0.5e-3  # m: how far below the mouth the hole's inside begins, and how level its rim is
+DEEP, FLAT = 2e-3, 0.5e-3  # m: how far below the mouth its inside begins, and how level its rim is
 
 
 @dataclass(frozen=True)
@@ -42,8 +41,8 @@ class Rule:
     """When pictures are good enough.
 
     Attributes:
-        distance: CIE76 distance that peg, fixture and background must keep from each other.
-        mouth: the same between the hole's inside and its rim, where both are seen.
+        distance: CIE76 distance that what is held, the fixture and the background must keep from each other.
+        mouth: the same between the mouth's inside and its rim, where both are seen.
         pixels: how many pixels of each part must show, in all pictures together.
         lost: the greatest share of a part's pixels that may be black or white.
     """
@@ -62,7 +61,7 @@ def lab(rgb: np.ndarray) -> np.ndarray:
 
 
 def contrast(shots: Mapping[str, Shot], cameras: Sequence[Camera], scene: Scene, rule: Rule | None = None) -> float:
-    """How well peg, fixture, hole and background can be told apart, 0 to 1; 1 is good enough.
+    """How well what is held, the fixture, its mouth and the background can be told apart, 0 to 1; 1 is good enough.
 
     The least of: distances over the rule's, pixels seen over the rule's, and shares of pixels that show something.
 
@@ -75,36 +74,38 @@ def contrast(shots: Mapping[str, Shot], cameras: Sequence[Camera], scene: Scene,
     rule = rule or Rule()
     found = measure(shots, cameras, scene)
     score = 1.0
-    for name in PARTS:
+    for name in (scene.held, scene.fixture, BACKGROUND):
         own = found[name]
         if not len(own):
             return 0.0
         kept = float(np.mean((own[:, 0] > DARK) & (own[:, 0] < BRIGHT)))
         score = min(score, len(own) / rule.pixels, kept / (1 - rule.lost))
-    for a, b in PAIRS:
+    pairs = ((scene.held, scene.fixture), (scene.held, BACKGROUND), (scene.fixture, BACKGROUND), (scene.goal, RIM))
+    for a, b in pairs:
         if len(found[a]) and len(found[b]):
             apart = float(np.linalg.norm(found[a].mean(axis=0) - found[b].mean(axis=0)))
-            score = min(score, apart / (rule.mouth if a == "hole" else rule.distance))
+            score = min(score, apart / (rule.mouth if a == scene.goal else rule.distance))
     return score
 
 
 def measure(shots: Mapping[str, Shot], cameras: Sequence[Camera], scene: Scene) -> dict[str, np.ndarray]:
-    """CIELAB colours (n, 3) of the pixels of peg, fixture, background, the hole's inside and its rim."""
+    """CIELAB colours (n, 3) of the pixels of held part, fixture, background, the mouth's inside and its rim."""
     number = {part: i for i, part in enumerate(scene.parts, start=1)}
     radius = scene.config.apothem + scene.config.chamfer
-    out: dict[str, list[np.ndarray]] = {name: [] for name in (*PARTS, "hole", "rim")}
+    shown = {scene.held: (scene.held,), scene.fixture: (scene.fixture,), BACKGROUND: BEHIND}
+    out: dict[str, list[np.ndarray]] = {name: [] for name in (*shown, scene.goal, RIM)}
     for camera in cameras:
         shot = shots[camera.name]
         if shot.segmentation is None or shot.poses is None:
             raise ValueError("contrast needs a renderer with labels")
-        colour, pose = lab(shot.rgb), shot.poses["hole"]
-        for name, members in PARTS.items():
+        colour, pose = lab(shot.rgb), shot.poses[scene.goal]
+        for name, members in shown.items():
             out[name].append(colour[np.isin(shot.segmentation, [number[m] for m in members])])
-        at = (camera.points(shot.depth) - pose[:3, 3]) @ pose[:3, :3]  # in the hole's frame
-        own = shot.segmentation == number["fixture"]
+        at = (camera.points(shot.depth) - pose[:3, 3]) @ pose[:3, :3]  # in the goal's frame
+        own = shot.segmentation == number[scene.fixture]
         reach, height = np.hypot(at[..., 0], at[..., 1]), at[..., 2]
-        out["hole"].append(colour[own & (reach < radius) & (height < -DEEP)])
-        out["rim"].append(colour[own & (reach < 3 * radius) & (np.abs(height) < FLAT)])
+        out[scene.goal].append(colour[own & (reach < radius) & (height < -DEEP)])
+        out[RIM].append(colour[own & (reach < 3 * radius) & (np.abs(height) < FLAT)])
     return {name: np.concatenate(found) for name, found in out.items()}
 
 

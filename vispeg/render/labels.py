@@ -12,7 +12,6 @@ from vispeg.render.camera import Camera
 from vispeg.render.view import View
 
 Parts = Mapping[str, Sequence[str]]
-SITES, BODIES = ("peg_tip", "hole"), ("peg", "fixture")  # of the cell, whose poses are labels
 
 
 def part_table(model: mujoco.MjModel, parts: Parts | None) -> np.ndarray:
@@ -61,15 +60,13 @@ def _step(points: np.ndarray, depth: np.ndarray, axis: int) -> np.ndarray:
     return np.moveaxis(step, 0, axis)
 
 
-def poses(model: mujoco.MjModel, data: mujoco.MjData, view: View) -> dict[str, np.ndarray]:
-    """(4, 4) poses in the camera's OpenCV axes, m, of what the model has of `SITES` and `BODIES`.
-
-    `peg` is the peg's body, `peg_tip` the middle of its end with z out of the peg; `fixture` is the fixture's body,
-    `hole` the middle of the hole's mouth with z out of it. `data` has its kinematics done.
-    """
+def poses(
+    model: mujoco.MjModel, data: mujoco.MjData, view: View, sites: Sequence[str], bodies: Sequence[str]
+) -> dict[str, np.ndarray]:
+    """(4, 4) poses in the camera's OpenCV axes, m, of what the model has of these; `data` has its kinematics done."""
     out = {}
-    kinds = ((SITES, mujoco.mjtObj.mjOBJ_SITE, data.site_xpos, data.site_xmat),)
-    kinds += ((BODIES, mujoco.mjtObj.mjOBJ_BODY, data.xpos, data.xmat),)
+    kinds = ((sites, mujoco.mjtObj.mjOBJ_SITE, data.site_xpos, data.site_xmat),)
+    kinds += ((bodies, mujoco.mjtObj.mjOBJ_BODY, data.xpos, data.xmat),)
     for names, kind, pos, axes in kinds:
         for name in names:
             i = mujoco.mj_name2id(model, kind, name)

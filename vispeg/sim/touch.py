@@ -36,7 +36,7 @@ class Touch:
         wrench: (n, 6) N, N m: what the flange exerts on the tool, flange axes and origin; as read, zero not taken off.
         contact: (n, 6) N, N m: what the surroundings exert on the tool, torque about the flange's origin.
         flange: (n, 7) m and w x y z.
-        tip: (n, 3) m, the tip in the believed hole's frame (z out of it); in the base frame where there is no hole.
+        tip: (n, 3) m, the tip in the believed goal's frame (z out of it); in the base frame where there is no goal.
         velocity: (n, 3) m/s of the tip, in the same axes.
         regime: (n,) numbers of `vispeg.recordings.regimes.REGIMES`.
         threshold: contact force that counts as a touch, N.
@@ -69,7 +69,7 @@ def touch(rec: Recording, robot: RobotModel, thresholds: Thresholds | None = Non
 
     Args:
         rec: with `ft`.
-        robot: the believed cell (a Scene), or the arm with its declared tool, which has no hole and ends at the flange.
+        robot: the believed cell (a Scene), or the arm with its declared tool, which has no goal and ends at the flange.
         thresholds: of the regimes; the force is raised to what the noise allows.
     """
     if rec.ft is None:

@@ -40,7 +40,7 @@ class RandomizedEffect:
 
     @property
     def label(self) -> str:
-        """`contact_friction(peg)`."""
+        """`contact_friction(gripper)`."""
         return f"{self.effect}({self.where})"
 
     def draw(self, seed: int, where: str, level: float = 1.0) -> EffectInstance | None:
@@ -110,5 +110,5 @@ class RandomizedWorld:
 
     @property
     def label(self) -> str:
-        """`nominal + contact_friction(peg)`; what is drawn stands by its name."""
+        """`nominal + contact_friction(gripper)`; what is drawn stands by its name."""
         return " + ".join(["nominal", *(e.label for e in self.entries)])

@@ -1,7 +1,8 @@
 """Distractors: up to five things that lie on the table, to be seen and not to be touched.
 
-Kinds, sizes, colours and places follow from `seed` alone: flat enough (at most 6 cm) and far enough from the hole
-(`KEEP_OUT`, outside the fixture) to stay clear of gripper and peg. A place that overlaps another thing is drawn again.
+Kinds, sizes, colours and places follow from `seed` alone: flat enough (at most 6 cm) and far enough from the goal
+(`KEEP_OUT`, outside the fixture) to stay clear of the gripper and what it holds. A place that overlaps another thing is
+drawn again.
 Native mechanism: `geom_pos`, `geom_quat`, `geom_size`, `geom_rgba` of the scene's parked geoms, with the bounds that
 ray casting goes by (`geom_rbound`, `geom_aabb`) and `geom_sameframe` cleared so that their turn counts.
 """
@@ -16,8 +17,8 @@ from vispeg.core.seeds import stream
 from vispeg.effects.common.appearance import SEEDS, SceneLook
 from vispeg.effects.common.colour import rgb_of_hsv
 
-KEEP_OUT = 0.09  # m, from the hole's axis to the nearest point of a thing
-AREA = np.array([[0.35, 0.90], [-0.35, 0.35]])  # m, of the table around the hole, x and y in the base frame
+KEEP_OUT = 0.09  # m, from the goal's axis to the nearest point of a thing
+AREA = np.array([[0.35, 0.90], [-0.35, 0.35]])  # m, of the table around the goal, x and y in the base frame
 TRIES = 50
 G = mujoco.mjtGeom
 
@@ -36,11 +37,11 @@ class Distractors(SceneLook):
     def write(self, fields, p):
         model = fields.model
         geoms = [model.geom(name).id for name in fields.scene.parts["distractors"]]
-        hole = model.body("fixture").pos[:2]
+        goal = model.body(fields.scene.fixture).pos[:2]
         count = np.rint(p["count"][:, 0]).astype(int)
         for row in np.flatnonzero(count):
             rng = stream(int(p["seed"][row, 0]), "distractors")
-            taken: list[tuple[np.ndarray, float]] = [(hole, KEEP_OUT)]
+            taken: list[tuple[np.ndarray, float]] = [(goal, KEEP_OUT)]
             for g in rng.permutation(geoms)[: count[row]]:
                 half = rng.uniform((0.012, 0.012, 0.008), (0.04, 0.04, 0.03)) * p["size"][row, 0]
                 half[2] = min(half[2], 0.03)

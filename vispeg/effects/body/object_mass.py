@@ -1,4 +1,4 @@
-"""Object mass: the peg, or a free object, weighs `scale` times nominal, its shape unchanged.
+"""Object mass: what the gripper holds, or a free object, weighs `scale` times nominal, its shape unchanged.
 
 Native mechanism: `body_mass` and `body_inertia` of the body, both in proportion (uniform density).
 """
@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
-from vispeg.effects.common.parts import in_scene
+from vispeg.effects.common.parts import held
 
 
 class ObjectMass(Effect):
-    """A heavier or lighter peg or object."""
+    """A heavier or lighter object."""
 
     name = "object_mass"
     family = "body"
@@ -24,7 +24,7 @@ class ObjectMass(Effect):
     told_from = {"tool_mass": "free", "wrench_bias": "free"}
 
     def targets(self, model):
-        return [*in_scene(model, "peg"), *getattr(model, "free", ())]
+        return [*held(model), *getattr(model, "free", ())]
 
     def write(self, fields, p):
         for column, name in enumerate(self.targets(fields.robot)):

@@ -2,8 +2,8 @@
 
 Two touching shapes of equal priority share one contact: MuJoCo takes the greater friction of the two and the mean of
 their solver parameters. A shape of higher priority has its own way in both (MuJoCo 4.0 manual, Modeling, Contact
-parameters). In the cell that is the peg, so an effect at `peg` is felt wherever the peg touches, one at another part
-where the gripper touches it.
+parameters). In the cell that is what the gripper holds, so an effect at it is felt wherever it touches, one at another
+part where the gripper touches that.
 """
 
 from __future__ import annotations
@@ -13,13 +13,23 @@ from typing import Any
 import mujoco
 import numpy as np
 
-BODIES = {"peg": "peg", "fixture": "fixture", "gripper": "tool"}  # the table stands in the world itself
-TOUCHING = ("peg", "fixture", "gripper", "table")
+HAND, TABLE = "gripper", "table"
 
 
 def touching(model: Any) -> list[str]:
     """Parts of a Scene that have collision shapes, a free object by its name; [] for an arm alone."""
-    return [*(part for part in TOUCHING if part in getattr(model, "parts", ())), *getattr(model, "free", ())]
+    there = (model.held, model.fixture, HAND, TABLE) if hasattr(model, "parts") else ()
+    return [*(part for part in there if part in model.parts), *getattr(model, "free", ())]
+
+
+def held(model: Any) -> list[str]:
+    """What the gripper of a Scene holds; [] for an arm alone."""
+    return [model.held] if hasattr(model, "parts") else []
+
+
+def body_of(part: str) -> str:
+    """The body of a part; the table is no body, it stands in the world itself."""
+    return "tool" if part == HAND else part
 
 
 def in_scene(model: Any, *places: str) -> list[str]:
@@ -27,13 +37,18 @@ def in_scene(model: Any, *places: str) -> list[str]:
     return list(places) if hasattr(model, "parts") else []
 
 
+def named(model: Any, name: str) -> list[str]:
+    """The part or site of that name where a Scene has it for what is held, what it goes into, or the goal; else []."""
+    return [name] if hasattr(model, "parts") and name in (model.held, model.fixture, model.goal) else []
+
+
 def shapes(model: mujoco.MjModel, part: str) -> np.ndarray:
     """Ids (n,) of a part's geoms that can touch something; the table is a shape of the world itself."""
     collides = (model.geom_contype | model.geom_conaffinity) != 0
-    if part == "table":
+    if part == TABLE:
         geom = model.geom(part).id
         return np.array([geom]) if collides[geom] else np.empty(0, int)
-    return np.flatnonzero(collides & (model.geom_bodyid == model.body(BODIES.get(part, part)).id))
+    return np.flatnonzero(collides & (model.geom_bodyid == model.body(body_of(part)).id))
 
 
 def changed(fields: Any, p: np.ndarray, null: float) -> list[tuple[tuple[np.ndarray, ...], np.ndarray]]:

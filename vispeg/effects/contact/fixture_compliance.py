@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from vispeg.core.effect import Effect
 from vispeg.effects.common import springs
-from vispeg.effects.common.parts import in_scene
+from vispeg.effects.common.parts import named
 
 MASS, INERTIA = 0.5, (1e-3, 1e-3, 1e-3)  # kg, kg m^2: what moves with it, beside what the springs bring
 
@@ -33,7 +33,7 @@ class FixtureCompliance(Effect):
     told_from = {"contact_stiffness": "hard-press", "peg_grasp_compliance": "insert-turned"}
 
     def targets(self, model):
-        return in_scene(model, "fixture")
+        return named(model, "fixture")
 
     def build(self, spec):
         body = spec.body("fixture")

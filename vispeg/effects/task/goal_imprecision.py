@@ -10,7 +10,7 @@ import numpy as np
 
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
-from vispeg.effects.common.parts import in_scene
+from vispeg.effects.common.parts import named
 
 
 class GoalImprecision(Effect):
@@ -23,7 +23,7 @@ class GoalImprecision(Effect):
     }
 
     def targets(self, model):
-        return in_scene(model, "hole")
+        return named(model, "hole")
 
     def believe(self, goal, p):
         return goal + np.stack([p[axis][:, 0] for axis in "xyz"], axis=1)

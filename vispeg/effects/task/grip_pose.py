@@ -11,7 +11,7 @@ import numpy as np
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
 from vispeg.effects.common.inertia import rotation
-from vispeg.effects.common.parts import in_scene
+from vispeg.effects.common.parts import named
 from vispeg.effects.task.hole_tilt import turned
 
 
@@ -35,7 +35,7 @@ class GripPose(Effect):
     told_from = {"hole_offset": "touch-datum", "hole_tilt": "insert-turned"}
 
     def targets(self, model):
-        return in_scene(model, "peg")
+        return named(model, "peg")
 
     def write(self, fields, p):
         shift = np.stack([p[axis][:, 0] for axis in "xyz"], axis=1)

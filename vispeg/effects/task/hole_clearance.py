@@ -11,7 +11,7 @@ import numpy as np
 
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
-from vispeg.effects.common.parts import in_scene
+from vispeg.effects.common.parts import named
 
 
 class HoleClearance(Effect):
@@ -28,7 +28,7 @@ class HoleClearance(Effect):
 
     def targets(self, model):
         own = hasattr(model, "config") and model.config.hole_mesh  # a user's block has no ring of walls to move
-        return [] if own else in_scene(model, "fixture")
+        return [] if own else named(model, "fixture")
 
     def write(self, fields, p):
         pos, model = fields["geom_pos"], fields.model

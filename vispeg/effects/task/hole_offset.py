@@ -10,7 +10,7 @@ import numpy as np
 
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
-from vispeg.effects.common.parts import in_scene
+from vispeg.effects.common.parts import named
 
 
 class HoleOffset(Effect):
@@ -28,7 +28,7 @@ class HoleOffset(Effect):
     told_from = {"grip_pose": "insert-turned"}
 
     def targets(self, model):
-        return in_scene(model, "fixture")
+        return named(model, "fixture")
 
     def write(self, fields, p):
         fields["body_pos"][:, fields.model.body("fixture").id] += np.stack([p[axis][:, 0] for axis in "xyz"], axis=1)

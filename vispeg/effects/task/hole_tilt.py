@@ -10,7 +10,7 @@ import numpy as np
 
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
-from vispeg.effects.common.parts import in_scene
+from vispeg.effects.common.parts import named
 
 
 def turned(quat: np.ndarray, angles: np.ndarray) -> np.ndarray:
@@ -39,7 +39,7 @@ class HoleTilt(Effect):
     told_from = {"grip_pose": "insert-turned"}
 
     def targets(self, model):
-        return in_scene(model, "fixture")
+        return named(model, "fixture")
 
     def write(self, fields, p):
         angles = np.stack([p[k][:, 0] for k in ("roll", "pitch", "yaw")], axis=1)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from vispeg.core.effect import Effect
 from vispeg.effects.common import springs
-from vispeg.effects.common.parts import in_scene
+from vispeg.effects.common.parts import named
 
 GRIP = 0.125  # m above the flange: the middle of the fingers' overlap with the peg
 
@@ -33,7 +33,7 @@ class PegGraspCompliance(Effect):
     told_from = {"fixture_compliance": "insert-turned"}
 
     def targets(self, model):
-        return in_scene(model, "peg")
+        return named(model, "peg")
 
     def build(self, spec):
         springs.add(spec, "peg", "peg_grasp", tuple(self.params), (0.0, 0.0, GRIP))

@@ -1,0 +1,87 @@
+"""A task of a user's own whose bodies, sites and joints are called otherwise: effects find them, pictures show them."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vispeg.core.effect import effect
+from vispeg.task.registry import config_of, task_of
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "docs/examples/snap_fit"
+WORLD = """format: vispeg-world/1
+name: rod
+task: {name: "rod:Rod"}
+effects:
+  - {effect: contact_friction, where: rod, params: {scale: {uniform: [0.9, 1.1]}}}
+  - {effect: object_mass, where: rod, params: {scale: {uniform: [0.9, 1.1]}}}
+  - {effect: gripper_slip, where: rod, params: {grip: {uniform: [0.9, 1.1]}}}
+  - {effect: distractors, params: {count: 3, size: 1.0, seed: 4}}
+"""
+
+
+MODULE = '''"""The example's task in a cell in which nothing is called as in the package's."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+from snap_fit import SnapFit
+
+
+@lru_cache
+def renamed(scene):
+    spec = scene.spec()
+    for element, name in (
+        (spec.body("peg"), "rod"),
+        (spec.body("fixture"), "socket"),
+        (spec.site("hole"), "mouth"),
+        (spec.site("peg_tip"), "end"),
+        (spec.joint("peg_slip"), "rod_slip"),
+    ):
+        element.name = name
+    parts = {{"peg": "rod", "fixture": "socket"}.get(name, name): geoms for name, geoms in scene.parts.items()}
+    names = {"held": "rod", "fixture": "socket", "goal": "mouth", "tip_site": "end", "slip": "rod_slip"}
+    return replace(scene, build=spec.copy, parts=parts, **names)
+
+
+class Rod(SnapFit):
+    label = "rod"
+
+    def cell(self, config, cameras=None):
+        return renamed(super().cell(config, cameras))
+'''
+
+
+@pytest.fixture
+def rod(monkeypatch, tmp_path):
+    """The task's name; its module is where processes of the renderer find it too."""
+    (tmp_path / "rod.py").write_text(MODULE)
+    for folder in (EXAMPLE, tmp_path):
+        monkeypatch.syspath_prepend(str(folder))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(EXAMPLE), str(tmp_path), os.environ.get("PYTHONPATH", "")]))
+    return "rod:Rod"
+
+
+def test_effects_act_on_the_parts_by_the_names_of_their_cell(rod):
+    config = config_of({"name": rod})
+    scene = task_of(config).cell(config)
+    assert effect("object_mass").targets(scene) == ["rod"] == effect("gripper_slip").targets(scene)
+    assert effect("contact_friction").targets(scene)[:2] == ["rod", "socket"]
+    for name in ("hole_offset", "hole_tilt", "grip_pose"):  # of the first task's cell: no place in this one
+        assert not effect(name).targets(scene)
+
+
+def test_it_is_played_and_rendered(rod, tmp_path):
+    import vispeg
+    from vispeg.datasets.read import Dataset
+
+    world = tmp_path / "rod.yaml"
+    world.write_text(WORLD)
+    played = vispeg.evaluate("expert", world, episodes=3)
+    assert all(e.success for e in played.episodes)
+    vispeg.render_dataset(tmp_path / "frames", world, frames=4, size=64)
+    data = Dataset(tmp_path / "frames")
+    assert {"rod", "socket"} <= set(data.parts) and {"label.rod", "label.mouth"} <= set(data.features)
+    shown = np.unique(data.episode(0)["label.parts.wrist_wide"])
+    assert 1 + data.parts.index("rod") in shown and 1 + data.parts.index("socket") in shown
