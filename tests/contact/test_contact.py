@@ -16,8 +16,8 @@ from vispeg.contact.nuisance import PLACE, Nuisance
 from vispeg.contact.path import jacobian
 from vispeg.contact.profile import Probe, idle, looked_for, places, probed, profile, strongest, tries
 from vispeg.contact.run import compare_contact, diagnose_contact, evidence_of
-from vispeg.contact.search import SURE
-from vispeg.core.effect import STAGES, EffectInstance, effect
+from vispeg.contact.search import SURE, spanning
+from vispeg.core.effect import STAGES, EffectInstance, Value, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.identify.fit import fit_job
@@ -150,6 +150,15 @@ def test_noise_beyond_what_is_stated_is_heard_at_rest_and_named():
     assert placed.params["torque"].value == 0.0
     assert not louder(World(), plain, plain) and not louder(World(), loud[0], plain)
     assert not louder(World().add(placed), *loud), "the model has it"
+
+
+def test_intervals_of_two_ways_to_fit_are_joined_and_values_stay():
+    def world(*z):
+        placed = EffectInstance.of("fixture_compliance", "fixture")
+        return World().add(replace(placed, params={**placed.params, "z": Value(*z)}))
+
+    joined = spanning(world(2e-5, 1e-5, 3e-5), world(4e-5, 2e-5, 5e-5)).effects[0].params
+    assert joined["z"] == Value(2e-5, 1e-5, 5e-5) and joined["x"].low is None
 
 
 def test_a_parameter_that_gains_nothing_beside_the_best_of_its_effect_is_idle():

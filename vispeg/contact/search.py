@@ -23,6 +23,7 @@ from vispeg.worlds.world import World
 SINGLES, PAIRED = 5, 3  # effects that are fitted at a step, and those of them whose pairs are
 NONE = -1e300  # the gain of what changes nothing, as JSON can say it
 SURE = 30.0  # drop of the squared whitened residual below which an effect is not looked at: five standard deviations
+WIDE = (1.0, 0.35)  # of a derivative's step: how far about a fit is searched
 WORTH = 0.2  # of the best one's gain that another must have in the profile to be fitted
 
 
@@ -86,7 +87,23 @@ class ContactSearch(Search):
         if tuple(effects) != state.world.effects:
             (fit,) = self.fits([replace(state.world, effects=tuple(effects))], given)
             state.take(fit, self.judge.losses([fit.world])[0])
-            state.cross = self.cross.loss_of(fit, fit.residual)
+        assert state.fit is not None
+        (fit,) = self.fits([self.searched(state.fit)], given, iterations=1)
+        fit = replace(fit, world=spanning(fit.world, state.fit.world))
+        state.take(fit, self.judge.losses([fit.world])[0])
+        state.cross = self.cross.loss_of(fit, fit.residual)
+
+    def searched(self, fit: Fit) -> World:
+        """The best world of searches along each coordinate about a fit: derivatives over wide steps miss its foot."""
+        u, least = fit.u.copy(), float(fit.residual @ fit.residual)
+        low, high = fit.space.bounds
+        for share in WIDE:
+            for i, step in enumerate(share * fit.space.steps(u)):
+                tries = [np.clip(u + k * step * np.eye(len(u))[i], low, high) for k in (-1.0, -0.5, 0.5, 1.0)]
+                costs = [float(r @ r) for r in self.evidence.residuals([fit.space.at(v) for v in tries])]
+                if min(costs) < least:
+                    u, least = tries[int(np.argmin(costs))], min(costs)
+        return fit.space.at(u)
 
     def pairs(self, trials: Sequence[Trial]) -> list[Score]:
         """The pairs of the best effects, each at the value that it had alone."""
@@ -123,6 +140,19 @@ class ContactSearch(Search):
 
     def _grow(self, state: State, placed: EffectInstance, given: int) -> None:
         """No effect of contact is a richer form of another."""
+
+
+def spanning(world: World, other: World) -> World:
+    """A world whose intervals hold those of another with the same effects: where two ways to fit differ, both count."""
+    effects = []
+    for mine, its in zip(world.effects, other.effects, strict=True):
+        params = dict(mine.params)
+        for name, v in params.items():
+            low, high = its.params[name].low, its.params[name].high
+            if v.low is not None and v.high is not None and low is not None and high is not None:
+                params[name] = Value(v.value, min(v.low, low), max(v.high, high))
+        effects.append(replace(mine, params=params))
+    return replace(world, effects=tuple(effects))
 
 
 def _fitted(trial: Trial) -> EffectInstance:

@@ -9,7 +9,7 @@ import numpy as np
 from vispeg.contact.phases import NAMES, Phases
 from vispeg.recordings.regimes import IMPACT
 
-CHUNK, LEAD = 12, 3  # blocks that are chosen at once; blocks after which a window has forgotten its start
+CHUNK, LEAD = 30, 3  # blocks that are chosen at once; blocks after which a window has forgotten its start
 SHARES = dict(zip(NAMES, (0.15, 0.3, 0.35, 0.5, 0.0), strict=True))  # weights of phases that are there
 
 
