@@ -6,8 +6,10 @@ import pytest
 
 from vispeg.cli.check import limits_of
 from vispeg.core.assets import assets
+from vispeg.diagnosis.run import diagnose
 from vispeg.recordings.check import check
 from vispeg.recordings.load import load
+from vispeg.worlds.world import World
 
 RIGS = ("rig-a", "rig-b", "rig-c")
 
@@ -46,6 +48,15 @@ def test_truth_explains_the_bundled_recordings_of_another_program(vispeg, tmp_pa
     assert errors[1] < 0.01 * errors[0]
 
 
+def test_a_diagnosis_names_what_is_hidden_and_nothing_beside_it():
+    """The demo's search, with neither pictures nor advice: several at a time are no better than the true two."""
+    folder = assets() / "recordings"
+    a, b, c = ([load(folder / name)] for name in RIGS)
+    found = diagnose(World("iiwa14"), [*a, *b], c, nthread=1, plan_next=False)
+    assert found.record["verdict"] == "identified"
+    assert named(found.record) == {("coulomb_friction", "joint4"), ("payload", "flange")}
+
+
 def test_demo_refuses_before_it_works(refused, tmp_path):
     (tmp_path / "vispeg-demo").mkdir()
     (tmp_path / "vispeg-demo" / "mine").write_text("mine")
@@ -63,12 +74,15 @@ def test_demo_finds_what_is_hidden(vispeg, tmp_path):
     assert "the robot and its cell: vispeg-demo/robot.png" in out
     page = (tmp_path / "vispeg-demo" / "report.html").read_text()
     assert page.index('class="robot"') < page.index("<dl") and page.count('class="mark"') == 2
-    found = {(e["effect"], e["where"]): e["params"] for e in record["effects"]}
-    assert set(found) == {("coulomb_friction", "joint4"), ("payload", "flange")}
-    torque = found["coulomb_friction", "joint4"]["torque"]
-    assert torque["low"] <= 1.2 <= torque["high"]
-    mass = found["payload", "flange"]["mass"]
-    assert mass["low"] <= 0.6 <= mass["high"]
+    assert named(record) == {("coulomb_friction", "joint4"), ("payload", "flange")}
     assert {"report.html", "model.yaml", "compared", "robot.png", "contact-sheet.png"} <= {
         p.name for p in (tmp_path / "vispeg-demo").iterdir()
     }
+
+
+def named(record):
+    """(effect, where) of what a record names; the true friction and mass lie within their intervals."""
+    found = {(e["effect"], e["where"]): e["params"] for e in record["effects"]}
+    torque, mass = found["coulomb_friction", "joint4"]["torque"], found["payload", "flange"]["mass"]
+    assert torque["low"] <= 1.2 <= torque["high"] and mass["low"] <= 0.6 <= mass["high"]
+    return set(found)

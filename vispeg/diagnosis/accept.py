@@ -21,6 +21,7 @@ LEAST_SHARE = 0.001  # of what the effects so far typically removed that a later
 CLEAR = 0.8  # share of the held-out squared error that no mere refinement removes
 REFINEMENT = 0.03  # of what an effect of the same kind at the same place removed: no model of friction is exact
 DISCOVERIES = 0.01  # rate of false discoveries over all places screened (Benjamini and Hochberg)
+ALONE = 0.8  # share of the held-out squared error from which on one effect comes alone, before several at a time
 # An effect that acts at times (a torque limit), or beside another that is missing too, gains in few blocks of time:
 DECISIVE = 0.5  # share of the held-out squared error that chance does not remove, so that blocks need pass at 5 % only
 CORRELATED = 0.9  # of two effects' estimates, from which on a candidate that explains as much is preferred
@@ -54,7 +55,7 @@ def ranked(search: Search, state: State, trials: list[Trial], tested: int) -> li
         out.append(Trial(t.score, t.fit, t.loss, t.gain, why))
     passed = sorted((t for t in out if not t.rejected), key=lambda t: float(t.loss.sum()))
     if passed:
-        best = passed[0]
+        best = next((t for t in passed if not t.score.beside and t.gain.relative >= ALONE), passed[0])
         alike = [t for t in passed if equal(search.judge, t.loss, best.loss, search.judge.mean(state.loss))]
         first = min(alike, key=lambda t: (doubtful(t), parameters(t.fit.world), float(t.loss.sum())))
         passed.remove(first)
