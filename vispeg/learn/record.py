@@ -37,8 +37,6 @@ def _example_of_two(folder: Path) -> Path:
     return path.parent
 
 
-@enrol(PAIR.name, _example_of_two)
-@enrol(NETWORK.name, _example)
 class Net(TypedDict):
     """Widths of a network's layers and of its memory (0: none)."""
 
@@ -58,6 +56,8 @@ class PolicyRecord(TypedDict):
     within: NotRequired[float]
 
 
+@enrol(PAIR.name, _example_of_two)
+@enrol(NETWORK.name, _example)
 def read_record(folder: Path) -> PolicyRecord:
     """The content of a policy's policy.json, of one network or of two; `format` says which.
 
