@@ -35,6 +35,7 @@ def test_late_frames_are_the_ones_of_that_time():
     assert shown(episode("camera_delay", 6, delay=0.04)) == [0, 1, 2, 3, 4, 5]  # nearest in time
     assert shown(episode("camera_delay", 6, delay=0.05)) == [0, 0, 1, 2, 3, 4]  # as near: the earlier
     assert shown(episode("camera_delay", 6, step=0.02, delay=0.06)) == [0, 0, 0, 0, 1, 2]
+    assert shown(episode("camera_delay", 4, delay=-0.1)) == [0, 1, 2, 3]  # nobody has a frame of what comes
 
 
 def test_lost_frames_repeat_the_last_one_delivered():

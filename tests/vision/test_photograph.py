@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,11 +17,14 @@ from vispeg.identify.motions.look_motion import LOOKS, look_motion
 from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.frames.joints import joints_at
 from vispeg.recordings.load import load
+from vispeg.recordings.recording import Control, Recording
 from vispeg.vision.borders import borders_of
+from vispeg.vision.compare import compare_frames
 from vispeg.vision.eye import camera_of
-from vispeg.vision.photograph import Shutter, _exposed, photograph
+from vispeg.vision.photograph import photograph
 from vispeg.vision.predict import Predictor
 from vispeg.vision.search import search
+from vispeg.vision.shutter import Shutter, exposed
 from vispeg.worlds.model_file import load_model
 from vispeg.worlds.world import World
 
@@ -54,12 +58,44 @@ def test_a_late_camera_sees_the_past(stage):
     assert not np.array_equal(prompt[0].rgb, prompt[1].rgb)
 
 
+def test_a_camera_whose_joint_log_lags_sees_what_comes(stage):
+    ahead = taken(stage, [5.0], EffectInstance.of("camera_delay", "wrist_wide", delay=-0.08))[0]
+    assert np.array_equal(ahead.depth, taken(stage, [5.08])[0].depth)
+
+
+@pytest.mark.parametrize(
+    "placed",
+    [
+        EffectInstance.of("rolling_shutter", "wrist_wide", readout=0.12),
+        EffectInstance.of("motion_blur", "wrist_wide", exposure=0.12, length=0.0, angle=0.0),
+        EffectInstance.of("camera_delay", "wrist_wide", delay=-0.08),
+        EffectInstance.of("depth_scale", "wrist_wide", factor=1.05),
+        EffectInstance.of("vignetting", "wrist_wide", amount=1.4),
+    ],
+    ids=lambda e: e.effect,
+)
+def test_a_model_that_states_an_effect_predicts_its_pictures(placed, stage):
+    """Photographs of a world against the world itself and against the nominal one: the stated effect is no error."""
+    scene, _, path = stage
+    cameras = cameras_of(["wrist_wide"], scene_of(CELL), (160, 120))
+    time = np.arange(0.0, 16.0, 0.01)
+    frames = photograph(scene, cameras, CELL.add(placed), path, np.array([5.0, 5.6]), 0, backend="raycast", finer=1)
+    rec = Recording(Path("look"), "iiwa14", scene.joints, 100.0, Control(), time, path(time), frames=frames)
+    stated, plain = (compare_frames(rec, scene, w, backend="raycast") for w in (World().add(placed), World()))
+    for one, other in zip(stated, plain, strict=True):
+        errors = [(one.border_rms, other.border_rms, 0.6), (one.depth_rms, other.depth_rms, 0.1)]
+        errors.append((one.light_rms, other.light_rms, 0.1))
+        assert all(a < least for a, _, least in errors), errors
+        assert any(b > 2 * a for a, b, _ in errors), errors
+
+
 def test_each_row_of_a_rolling_shutter_has_its_time(stage):
     """The first and the last strip are those of pictures taken at their times; without readout nothing changes."""
     scene, cameras, path = stage
     with Predictor(scene, cameras, "raycast") as predictor:
         shutter = Shutter(0.01, 0.4, 0.0)
-        rgb, depth = _exposed(predictor, "wrist_wide", shutter, path, 5.0)
+        seen = exposed(predictor, "wrist_wide", shutter, path, 5.0)
+        rgb, depth = seen.rgb, seen.depth
         strips, _ = shutter.moments()
         assert np.mean(strips) == pytest.approx(-0.01) and np.ptp(strips) == pytest.approx(0.4 * 7 / 8)
         for rows, strip in ((slice(0, 6), strips[0]), (slice(42, 48), strips[-1])):

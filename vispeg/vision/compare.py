@@ -3,26 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.recordings.frames.frames import RecordedFrame
 from vispeg.recordings.frames.joints import joints_at
 from vispeg.recordings.recording import Recording
 from vispeg.render.backend import BackendName
 from vispeg.robots.scene import Scene
-from vispeg.vision.borders import Borders, borders_of
+from vispeg.vision.borders import Borders
 from vispeg.vision.depth import DepthQuality, DepthResidual, depth_quality, depth_residual
-from vispeg.vision.eye import camera_of, delay_of
+from vispeg.vision.eye import camera_of
 from vispeg.vision.photometry import LightResidual, light_residual
-from vispeg.vision.predict import Predictor, Seen
+from vispeg.vision.predict import Predictor, Seen, through_sensor
 from vispeg.vision.search import Displacements, search
+from vispeg.vision.shutter import DRAWN, Path, Shutter, exposed_borders
 from vispeg.worlds.world import World
 
 WINDOW = 8.0  # px
 FLAT = "table"
+CHANCE = (
+    "depth_dropout",
+    "depth_noise",
+    "depth_temporal",
+    "disparity_noise",
+    "dropped_frames",
+    "lateral_jitter",
+    "occlusion",
+    "rgb_noise",
+)  # what is new in every frame or episode: no prediction has it
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,24 +133,37 @@ def compare_frames(
         raise UserError("has no frames", file=rec.path)
     frames = rec.frames
     cameras = [camera_of(frames.cameras[name]) for name in frames.names]
-    delays = np.array([delay_of(world, frame.camera.name) for frame in frames])
-    angles = joints_at(rec, frames.times - delays, frames.episodes)
+    shutters = {camera.name: Shutter.of(world, camera.name) for camera in cameras}
     done: list[Compared] = []
     with Predictor(scene, cameras, backend) as predictor:
         predictor.see(world)
-        for i, (frame, q) in enumerate(zip(frames, angles, strict=True)):
-            if np.isfinite(q).all():
-                done.append(compare_one(rec.name, frame, predictor, q))
+        for i, frame in enumerate(frames):
+            shutter, path = shutters[frame.camera.name], _path(rec, frame.episode)
+            if np.isfinite(path(frame.time + shutter.span)).all():
+                done.append(compare_one(rec.name, frame, predictor, shutter, path))
             told((i + 1) / len(frames))
     if not done:
         raise UserError("no frame lies where the joint angles are known", file=rec.path)
     return done
 
 
-def compare_one(recording: str, frame: RecordedFrame, predictor: Predictor, q: np.ndarray) -> Compared:
-    """One frame against what a predictor draws at measured joint angles q (nj,) rad, in its present world."""
-    seen = predictor.draw(frame.camera.name, q)
-    borders = borders_of(seen, predictor.geometry)
+def _path(rec: Recording, episode: int) -> Path:
+    """Times (n,) s of an episode -> measured angles (n, nj) rad, NaN where they are not known."""
+    return lambda time: joints_at(rec, time, np.full(len(time), episode))
+
+
+def compare_one(recording: str, frame: RecordedFrame, predictor: Predictor, shutter: Shutter, path: Path) -> Compared:
+    """One frame against what a predictor draws along measured joint angles, in its present world.
+
+    Args:
+        recording: name.
+        frame: as measured.
+        predictor: of the cell.
+        shutter: of the frame's camera.
+        path: times (n,) s -> measured angles (n, nj) rad.
+    """
+    drawn, borders = exposed_borders(predictor, frame.camera.name, shutter, path, frame.time)
+    seen = _delivered(predictor.world, drawn)
     rgb, depth = frame.rgb, frame.depth
     residual = None if depth is None else depth_residual(depth, seen)
     flat = 1 + list(predictor.scene.parts).index(FLAT) if FLAT in predictor.scene.parts else None
@@ -152,6 +177,15 @@ def compare_one(recording: str, frame: RecordedFrame, predictor: Predictor, q: n
         None if depth is None or residual is None else depth_quality(depth, seen, residual, flat),
         None if rgb is None else light_residual(rgb, seen),
     )
+
+
+def _delivered(world: World, seen: Seen) -> Seen:
+    """The picture after what the world's sensor does to it alike in every frame: no noise, nothing that is lost."""
+    steady = world.only(lambda e: effect(e.effect).family == "camera" and e.effect not in (*DRAWN, *CHANCE))
+    if not steady.effects:
+        return seen
+    rgb, depth = through_sensor(steady, seen, 0, bend=False)
+    return replace(seen, rgb=rgb, depth=depth)
 
 
 def summary(compared: Sequence[Compared]) -> list[dict[str, object]]:

@@ -7,59 +7,28 @@ made from one still picture: the cell is drawn at the moments that the camera sa
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
-from vispeg.effects.common.light import to_linear
 from vispeg.recordings.frames.frames import Frames, RecordedFrame
 from vispeg.render.backend import BackendName
 from vispeg.render.camera import Camera
 from vispeg.render.pipeline import Pipeline
 from vispeg.robots.scene import Scene
-from vispeg.vision.eye import recorded_of, values_of
-from vispeg.vision.predict import Predictor, encoded
+from vispeg.vision.eye import recorded_of
+from vispeg.vision.predict import Predictor, Seen
+from vispeg.vision.shutter import DRAWN, Path, Shutter, exposed
 from vispeg.worlds.places import acts_on
 from vispeg.worlds.split import optical
 from vispeg.worlds.world import World
 
-DRAWN = ("camera_delay", "rolling_shutter", "lens_distortion")  # in the picture before its sensor gets it
-BANDS, EXPOSURES = 8, 5  # strips of a rolling shutter, moments of an open one
 FINER = 3  # rays a pixel in each direction
 DEPTH_UNIT = 1e-4  # m
 SENSES = "encoder_offset"  # what joints read, not where they are
-
-Path = Callable[[np.ndarray], np.ndarray]
-
-
-@dataclass(frozen=True)
-class Shutter:
-    """When a camera of a world looks.
-
-    Attributes:
-        delay: s from the middle of the exposure to the stamp.
-        readout: s from the first row to the last.
-        exposure: s that it is open.
-    """
-
-    delay: float
-    readout: float
-    exposure: float
-
-    @classmethod
-    def of(cls, world: World, camera: str) -> Shutter:
-        """That of a camera in a world."""
-        taken = (("camera_delay", "delay"), ("rolling_shutter", "readout"), ("motion_blur", "exposure"))
-        return cls(*(values_of(world, name, camera).get(param, 0.0) for name, param in taken))
-
-    def moments(self) -> tuple[np.ndarray, np.ndarray]:
-        """Times, before the stamp is added, of each strip of rows (k,) and of each look within the exposure (m,), s."""
-        strips = self.readout * ((np.arange(BANDS) + 0.5) / BANDS - 0.5) if self.readout else np.zeros(1)
-        looks = self.exposure * ((np.arange(EXPOSURES) + 0.5) / EXPOSURES - 0.5) if self.exposure else np.zeros(1)
-        return strips - self.delay, looks
 
 
 def photograph(
@@ -96,39 +65,12 @@ def photograph(
             shutter, sensor = Shutter.of(world, camera.name), _sensor(world, camera)
             recorded = recorded_of(camera, DEPTH_UNIT)
             for i, time in enumerate(times):
-                rgb, depth = _exposed(predictor, camera.name, shutter, path, float(time))
-                rgb, depth = _sensed(sensor, camera, rgb, depth, float(time), stream(seed, "frames", camera.name, i))
+                seen = exposed(predictor, camera.name, shutter, path, float(time))
+                rgb, depth = _sensed(sensor, camera, seen, float(time), stream(seed, "frames", camera.name, i))
                 frames.append(RecordedFrame(float(time), recorded, rgb, depth))
                 told((k * len(times) + i + 1) / (len(cameras) * len(times)))
     frames.sort(key=lambda frame: frame.time)
     return Frames({frame.camera.name: frame.camera for frame in frames}, tuple(frames))
-
-
-def _exposed(
-    predictor: Predictor, camera: str, shutter: Shutter, path: Path, time: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Colour (H, W, 3) uint8 and depth (H, W) float32 m of one frame, each strip of rows at its own time."""
-    strips, looks = shutter.moments()
-    colours, depths = [], []
-    for strip in strips:
-        light, depth = None, None
-        for number, q in enumerate(path(time + strip + looks)):
-            seen = predictor.draw(camera, q)
-            if number == len(looks) // 2:
-                depth = seen.depth
-            if len(looks) == 1:
-                colours.append(seen.rgb)
-                break
-            part = to_linear(seen.rgb.astype(np.float32) / 255)
-            light = part if light is None else light + part
-        if light is not None:
-            colours.append(encoded(light / len(looks)))
-        depths.append(depth)
-    if len(strips) == 1:
-        return colours[0], depths[0]
-    rows = np.minimum(np.arange(len(colours[0])) * len(strips) // len(colours[0]), len(strips) - 1)
-    columns = np.arange(len(rows))
-    return np.stack(colours)[rows, columns], np.stack(depths)[rows, columns]
 
 
 def _sensor(world: World, camera: Camera) -> Pipeline:
@@ -146,13 +88,13 @@ def _still(placed: EffectInstance, camera: str) -> EffectInstance:
 
 
 def _sensed(
-    sensor: Pipeline, camera: Camera, rgb: np.ndarray, depth: np.ndarray, time: float, rng: np.random.Generator
+    sensor: Pipeline, camera: Camera, seen: Seen, time: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     frame = Frame(
-        rgb=rgb[None].astype(np.float32) / 255,
-        depth=depth[None].copy(),
+        rgb=seen.rgb[None].astype(np.float32) / 255,
+        depth=seen.depth[None].copy(),
         K=camera.K[None],
-        truth=depth[None],
+        truth=seen.depth[None],
         velocity=np.zeros((1, 6)),
         time=np.array([time]),
     )

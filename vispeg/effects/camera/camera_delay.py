@@ -3,6 +3,10 @@
 Of the frames that were rendered, the one nearest in time to `time - delay`, an earlier one where two are as near;
 when an episode begins, its first. Cameras are exposed, read out and transferred in 20 to 120 ms, so a renderer that
 gives frames far apart in time shows latency in whole steps only.
+
+A delay below 0 is of recordings: the joint log's clock lags the camera's, so that a picture shows where the arm will be
+read to be in a moment. A renderer has no later frame to give: it delivers the newest, and there the readings lag by the
+effect `sensor_delay`.
 """
 
 from __future__ import annotations
@@ -20,7 +24,11 @@ class CameraDelay(CameraEffect):
     name = "camera_delay"
     channel = "border"
     order = 85
-    params = {"delay": Param(0.0, 0.0, 0.5, "s", start=0.06, doc="from what happens to its image's arrival")}
+    params = {
+        "delay": Param(
+            0.0, -0.1, 0.5, "s", start=0.06, doc="from what happens to its image's arrival; below 0 the joint log lags"
+        )
+    }
 
     def image(self, state, frame, p, rng):
         opening = begins(state, frame)

@@ -19,7 +19,7 @@ from vispeg.vision.predict import Predictor
 from vispeg.worlds.world import World
 
 CAMERA = ("camera_offset", "focal_error", "principal_point_error", "lens_distortion", "camera_delay")
-DELAYS = np.arange(0.0, 0.1201, 0.01)  # s
+DELAYS = np.arange(-0.06, 0.1201, 0.01)  # s; below 0 the joint log lags the camera
 WINDOWS = (8.0, 8.0, 5.0, 3.0)  # px
 LOOSE = 6.0  # typical sizes that the weak prior allows
 TUKEY = 4.685  # of the noise, beyond which an edge belongs to something else
