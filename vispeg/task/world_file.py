@@ -178,7 +178,7 @@ def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> str:
     if "robot" in task:
         raise UserError("not a key of the task", file=path, key="task.robot", expected="`robot` beside `task`")
     if data.get("robot") is not None:
-        task = {**task, "robot": declared(data["robot"], path)}
+        task = {**task, "robot": declared(data["robot"], path, parts.task.get("robot", {}))}
     config_of({**{k: v for k, v in parts.task.items() if k == "name"}, **task}, str(path))
     parts.task |= task
     parts.cameras |= _cameras(_given(data, "cameras", {}), path)
@@ -187,9 +187,12 @@ def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> str:
     if data.get("model") is not None:
         for r in ranges_of(Identified.of(data["model"], path), config.robot.model):
             _replace(parts, r, path, "model")
+    entries = _typed(_given(data, "effects", []), list, path, "effects")
+    if not entries:
+        return name  # its robot is not looked for: a file on top of this one may name another
     scene = task_of(config).cell(config)
     seen: set[tuple[str, str]] = set()
-    for i, entry in enumerate(_typed(_given(data, "effects", []), list, path, "effects")):
+    for i, entry in enumerate(entries):
         r = ranged(entry, scene, path, f"effects[{i}]")
         if (r.effect, r.where) in seen:
             raise UserError(f"{r.label} is given twice", file=path, key=f"effects[{i}]")
