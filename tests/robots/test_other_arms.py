@@ -54,6 +54,25 @@ def test_a_world_says_its_robot_and_reads_back(world, tmp_path):
     assert load_world(again).hash == file.hash and file.hash != load_world("nominal").hash
 
 
+@pytest.mark.parametrize("name", CHAINS)
+def test_an_arm_of_the_users_own_stands_on_the_world_of_its_name(tmp_path, monkeypatch, name):
+    monkeypatch.delenv("MENAGERIE_ROOT", raising=False)
+    monkeypatch.setattr("vispeg.robots.menagerie._downloaded", lambda folder: None)
+    write(tmp_path, "arm", CHAINS[name])
+    robot = {"model": "arm.xml", "flange": "attachment_site", "flange_pos": [0, 0, 0], "flange_quat": [1, 0, 0, 0]}
+    (tmp_path / "own.yaml").write_text(yaml.safe_dump({"format": "vispeg-world/1", "base": name, "robot": robot}))
+    task = load_world(tmp_path / "own.yaml").task  # without an arm of that name at hand
+    assert task["guard_velocity"] == 1.0 and task["robot"]["velocity_limit"] == pytest.approx(SPEED[name], rel=1e-3)
+    other = {"format": "vispeg-world/1", "base": "own.yaml", "robot": "iiwa14"}
+    (tmp_path / "other.yaml").write_text(yaml.safe_dump(other))
+    assert load_world(tmp_path / "other.yaml").task["robot"] == {}  # a name alone is another robot, with its own limits
+    home = home_of(arm(tmp_path, name), (0.6, 0.0, 0.265), (0.0, 1.0, 0.0, 0.0)).tolist()
+    below = {"format": "vispeg-world/1", "base": "own.yaml", "robot": {"home": home}}
+    (tmp_path / "home.yaml").write_text(yaml.safe_dump(below))
+    placed = load_world(tmp_path / "home.yaml").task["robot"]
+    assert placed["model"] == task["robot"]["model"] and placed["home"] == home
+
+
 def arm(tmp_path, name):
     return load(write(tmp_path, name, CHAINS[name]), "meg50+peg16")
 
