@@ -17,7 +17,7 @@ def declared(given: Any, file: Path, base: Mapping[str, Any]) -> Mapping[str, An
     """What a world file's `robot` says, as a task's setting; a path is seen from the world file's folder.
 
     Args:
-        given: a name or path alone, which is another robot, or a mapping, whose keys replace those of `base` one by one.
+        given: a name or path alone, which is another robot; or a mapping, whose keys replace those of `base` singly.
         file: the world file.
         base: the same setting of the files that this one is based on; empty where they have none.
 
