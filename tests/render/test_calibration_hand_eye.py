@@ -10,8 +10,9 @@ from scipy.spatial.transform import Rotation
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.render.calibration import Board, View, calibrate
+from vispeg.render.calibration.board_scale import scaled
 from vispeg.render.calibration.hand_eye import solve
-from vispeg.render.calibration.results import notes
+from vispeg.render.calibration.results import notes, record
 
 
 def off(found, truth=X):
@@ -151,3 +152,25 @@ def test_what_disagrees_is_said():
     assert any("times as large: --square?" in line for line in notes(found, {}))
     found = calibrate(views, BOARD, camera=LENS, flange=np.roll(arm, 1, axis=0))
     assert any("disagree" in line for line in notes(found, {}))
+
+
+@pytest.mark.parametrize("mount", ["flange", "base"])
+def test_a_board_of_another_size_is_an_effect_of_its_own(mount):
+    """5 % larger than it is said to be: named, its interval holds, the place mends; a true size has no name."""
+    held, false = [], 0
+    for seed in range(4):
+        rng = stream(seed, "board scale", mount)
+        views, poses = seen(rng, 8)
+        arm = flange(poses, mount, rng, (5e-4, 1e-3))
+        honest = calibrate(views, BOARD, camera=LENS, flange=arm, mount=mount).board_scale
+        assert honest is not None
+        false += honest.named
+        small = scaled(BOARD, 1 / 1.05)
+        found = calibrate(views, small, camera=LENS, flange=arm, mount=mount)
+        scale = found.board_scale
+        assert scale is not None and found.hand_eye is not None and scale.named
+        held.append(abs(scale.value - 1.05) < scale.half)
+        (effect,) = record(found, small, {})["effects"]
+        assert effect["effect"] == "board_scale" and effect["square_m"] == pytest.approx(BOARD.square, rel=0.02)
+        assert np.linalg.norm(off(scale.larger.camera)[:3]) < np.linalg.norm(off(found.hand_eye.camera)[:3])
+    assert false == 0 and np.mean(held) >= 0.75

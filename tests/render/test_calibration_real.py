@@ -9,7 +9,7 @@ import pytest
 from vispeg.render.calibration import Board, calibrate, detect, read_poses
 from vispeg.render.calibration.hand_eye import solve
 from vispeg.render.calibration.known import read_intrinsics
-from vispeg.render.calibration.results import notes
+from vispeg.render.calibration.results import notes, record
 
 SHARED = Path(os.environ.get("VISPEG_SHARED", Path(__file__).resolve().parents[3] / "shared"))
 IMAGES = SHARED / "data" / "franka-handeye"
@@ -46,6 +46,9 @@ def test_the_robots_motion_doubts_the_stated_square(views):
     larger = solve(views, Board("chessboard", 9, 6, 0.0268), camera, flange, "flange")
     assert stated.hand_eye is not None
     assert any("times as large: --square?" in line for line in notes(stated, {}))
+    (named,) = record(stated, BOARD, {})["effects"]
+    assert named["effect"] == "board_scale" and named["params"]["factor"]["value"] == pytest.approx(1.134, abs=2e-3)
+    assert named["params"]["factor"]["low"] > 1.05 and named["robot_error_mm"][1] < 0.3 * named["robot_error_mm"][0]
     assert larger.scatter < 0.6 * stated.hand_eye.scatter and abs(larger.scale[0] - 1) < larger.scale[1]
 
 

@@ -19,6 +19,7 @@ def calibration_summary(results: Mapping[str, Any]) -> list[Block]:
     views = [[row["file"], str(row["corners"]), *(f"{row[key]:.2f}" for key in keys)] for row in results["views"]]
     numbers = [Column(head) for head in ("what", "value", "95 %", "unit")]
     blocks: list[Block] = [Sheet(numbers, _numbers(results)), Sheet(columns, views), Line(_line(results), path=True)]
+    blocks += [Line(_effect(e)) for e in results.get("effects", [])]
     return blocks + [Line(f"  ! {note}", path=True) for note in results["notes"]]
 
 
@@ -38,6 +39,15 @@ def _numbers(results: Mapping[str, Any]) -> list[list[str]]:
             rows.append([f"turn about its {axis}", "", f"+- {DEGREES * width:.2g}", "deg"])
         rows.append(["quaternion wxyz", " ".join(f"{value:.4f}" for value in eye["quat_wxyz"]), "", ""])
     return rows
+
+
+def _effect(found: Mapping[str, Any]) -> str:
+    """What an effect is, and what a calibration that has it would be."""
+    (name, v), (before, after) = *found["params"].items(), found["board_scatter_mm"]
+    value = f"{found['effect']}({found['where']}): {name} {v['value']:.3f} [{v['low']:.3f}, {v['high']:.3f}]"
+    return (
+        f"{value}; with --square {found['square_m']:.4g} the board's origin scatters {after:.1f} mm, not {before:.1f}"
+    )
 
 
 def _line(results: Mapping[str, Any]) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.render.calibration.board import Board
+from vispeg.render.calibration.board_scale import BoardScale, board_scale
 from vispeg.render.calibration.detect import View
 from vispeg.render.calibration.hand_eye import HandEye, Mount, check_motion, solve
 from vispeg.render.calibration.intervals import half_widths, leave_out
@@ -46,6 +47,7 @@ class Calibration:
             the camera's. Given intrinsics count as exact.
         views: the views used, with one numbering of corners.
         fit_pixels: RMS reprojection of each view, its board pose free, px, shape (n,).
+        board_scale: how large the robot's motion says that the board is; None without poses, or with too few.
     """
 
     camera: Intrinsics
@@ -56,6 +58,7 @@ class Calibration:
     hand_eye_half: np.ndarray | None
     views: tuple[View, ...]
     fit_pixels: np.ndarray
+    board_scale: BoardScale | None = None
 
     def to_camera(self, name: str) -> Camera:
         """The project's camera: on its mount, or at the base's origin without poses. Raises UserError for a lens that
@@ -113,6 +116,7 @@ def calibrate(
     inner, outer = _half_widths(views, board, camera, fit, distortion, flange, mount, whole)
     if inner is not None and (inner[:2] / camera.focal).max() > LOOSE:
         raise undetermined(f"fx {camera.focal[0]:.4g} +- {inner[0]:.2g} px")
+    scale = None if whole is None or flange is None else board_scale(views, board, camera, flange, mount, whole)
     return Calibration(
         camera,
         fit,
@@ -122,6 +126,7 @@ def calibrate(
         outer,
         tuple(views),
         np.array([view_error(view, board, camera, pose) for view, pose in zip(views, seen, strict=True)]),
+        scale,
     )
 
 

@@ -8,6 +8,7 @@ from typing import NotRequired, TypedDict
 import numpy as np
 
 from vispeg.render.calibration.board import Board
+from vispeg.render.calibration.board_scale import BoardEffect, as_effect
 from vispeg.render.calibration.calibrate import Calibration
 from vispeg.render.calibration.intrinsics import NAMES
 from vispeg.render.calibration.rigid import quaternion
@@ -38,6 +39,7 @@ class CalibrationRecord(TypedDict):
     images: Mapping[str, object]
     intrinsics: Mapping[str, object]
     hand_eye: Mapping[str, object] | None
+    effects: list[BoardEffect]
     views: list[ViewRow]
     notes: list[str]
 
@@ -57,9 +59,15 @@ def record(found: Calibration, board: Board, missed: dict[str, str]) -> Calibrat
         "images": {"used": len(found.views), "left_out": missed},
         "intrinsics": _intrinsics(found),
         "hand_eye": _hand_eye(found),
+        "effects": _effects(found, board),
         "views": views(found),
         "notes": notes(found, missed),
     }
+
+
+def _effects(found: Calibration, board: Board) -> list[BoardEffect]:
+    scale, stated = found.board_scale, found.hand_eye
+    return [] if scale is None or stated is None or not scale.named else [as_effect(scale, board, stated)]
 
 
 def views(found: Calibration) -> list[ViewRow]:
@@ -91,9 +99,10 @@ def notes(found: Calibration, missed: dict[str, str]) -> list[str]:
         if (robot > DISAGREE).any():
             told = f"poses and images disagree by {robot[0]:.1f} mm and {robot[1]:.1f} deg"
             out.append(f"{told}: poses of other images, or taken while moving?")
-        scale, std = found.hand_eye.scale
-        if abs(scale - 1) > max(ODD * std, 0.01):
-            out.append(f"by the robot's motion the board is {scale:.3f} +- {1.96 * std:.2g} times as large: --square?")
+        scale = found.board_scale
+        if scale is not None and scale.named:
+            within = f"[{scale.value - scale.half:.3f}, {scale.value + scale.half:.3f}]"
+            out.append(f"by the robot's motion the board is {scale.value:.3f} {within} times as large: --square?")
         spread = np.ptp(np.stack([x[:3, 3] for x in found.hand_eye.methods.values()]), axis=0).max()
         if found.hand_eye_half is not None and spread > 3 * found.hand_eye_half[:3].max():
             out.append(f"closed-form methods differ by {1e3 * spread:.1f} mm: turn the flange farther")
@@ -132,7 +141,9 @@ def _hand_eye(found: Calibration) -> Mapping[str, object] | None:
             "pos_m": eye.board[:3, 3].tolist(),
             "quat_wxyz": quaternion(eye.board).tolist(),
         },
-        "board_scale_by_robot": {"value": eye.scale[0], "half_width_95": 1.96 * eye.scale[1]},
+        "board_scale_by_robot": None
+        if found.board_scale is None
+        else {"value": found.board_scale.value, "half_width_95": found.board_scale.half},
         "board_scatter_mm": 1e3 * eye.scatter,
         "robot_error": {"mm": 1e3 * float(eye.robot[0]), "deg": float(np.degrees(eye.robot[1]))},
         "through_robot_px": float(np.sqrt(np.mean(eye.pixels**2))),
