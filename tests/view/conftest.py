@@ -9,6 +9,8 @@ import pytest
 from loops import drive, recorded
 
 import vispeg
+from vispeg.cli.check import Args as Check
+from vispeg.cli.output import Output
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.recordings.write import write
@@ -52,7 +54,7 @@ def rigs(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="session")
 def reports(rigs, tmp_path_factory):
-    """Name -> page of a diagnosis, a comparison, a fit and a gap."""
+    """Name -> page of a diagnosis, a comparison, a fit, a gap and a check."""
     out = tmp_path_factory.mktemp("reports")
     arm, (a, b, c) = rigs / "arm.xml", (rigs / name for name in ("rig-a", "rig-b", "rig-c"))
     vispeg.compare(arm, c, threads=1).save(out / "compared")
@@ -60,7 +62,8 @@ def reports(rigs, tmp_path_factory):
     vispeg.fit(arm, [a, b], ["coulomb_friction:shoulder"], c, iterations=3, threads=1).save(out / "fitted")
     vispeg.gap("expert", worlds=["nominal", "searching"], episodes=2, controls=()).save(out / "gap")
     pages = {"comparison": "compared/report.html", "diagnosis": "found/report.html", "fit": "fitted/report.html"}
-    pages["gap"] = "gap/gap.html"
+    Check((a, b), out=out / "checked", output=Output(quiet=True)).run()
+    pages |= {"gap": "gap/gap.html", "check": "checked/report.html"}
     return {name: out / page for name, page in pages.items()}
 
 

@@ -13,7 +13,7 @@ RUN = """async () => (await axe.run()).violations.map(v =>
     ({id: v.id, impact: v.impact, nodes: v.nodes.map(n => n.html.slice(0, 160))}))"""
 
 
-@pytest.mark.parametrize("name", ["comparison", "diagnosis", "fit", "gap"])
+@pytest.mark.parametrize("name", ["comparison", "diagnosis", "fit", "gap", "check"])
 @pytest.mark.parametrize(("scheme", "width"), [("light", 1440), ("dark", 400)])
 def test_axe_has_no_serious_finding(chromium, reports, name, scheme, width):
     page = chromium.new_page(viewport={"width": width, "height": 800}, color_scheme=scheme)

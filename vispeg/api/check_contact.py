@@ -10,12 +10,14 @@ from vispeg.recordings.contact_check import ContactCheck, Touched, examine
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel, load
 from vispeg.robots.scene import Scene
-from vispeg.sim.touch import touch
+from vispeg.sim.touch import Touch, touch
 from vispeg.task.belief import believed
 
 
-def check_contact(rec: Recording) -> ContactCheck | None:
-    """What a recording with a wrench shows of contact; None without a wrench, or where nothing says how to read it.
+def check_contact(rec: Recording) -> tuple[ContactCheck, Touch] | None:
+    """What a recording with a wrench shows of contact, and the contact along it.
+
+    None without a wrench, or where nothing says how to read it.
 
     Raises:
         UserError: a cell, robot or tool that cannot be built.
@@ -40,4 +42,4 @@ def check_contact(rec: Recording) -> ContactCheck | None:
     tilt = np.arccos(np.clip(axis @ axis[0], -1.0, 1.0))
     yaw = np.unwrap(np.arctan2(side[:, 1], side[:, 0]))
     hole = isinstance(robot, Scene)
-    return examine(Touched(rec.time, episode, found.regime, found.force, found.velocity, tilt, yaw, hole))
+    return examine(Touched(rec.time, episode, found.regime, found.force, found.velocity, tilt, yaw, hole)), found

@@ -9,18 +9,17 @@ Exits 0 when the recordings can be used, whatever it warns about; 2 with one lin
 
 Example:
     vispeg check rig-a rig-b
-    vispeg check rig-a --out checked
+    vispeg check rig-a slide-a --out checked
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import tyro
 
 from vispeg.api.check_contact import check_contact
@@ -29,6 +28,7 @@ from vispeg.cli.output import Output, Told
 from vispeg.cli.reading import size_of, told
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
+from vispeg.core.provenance import here
 from vispeg.recordings.check import SIGNALS, CheckReport, check
 from vispeg.recordings.contact_check import said, together
 from vispeg.recordings.load import load
@@ -39,7 +39,7 @@ from vispeg.recordings.recording import Recording
 from vispeg.recordings.schema import Header
 
 if TYPE_CHECKING:
-    from vispeg.report.tables import Sheet
+    from vispeg.report.checked.examined import Examined
 
 HEAD = 20_000  # rows of each recording that are held against the others'
 
@@ -51,7 +51,7 @@ class Args:
     recordings: tyro.conf.Positional[tuple[Path, ...]]
     """Recording folders."""
     out: Path | None = None
-    """Folder for check.json and a picture of each recording."""
+    """Folder for report.html, check.json and a picture of each recording."""
     overwrite: bool = False
     """Replace OUT if it exists."""
     output: Told = Output()
@@ -63,26 +63,36 @@ class Args:
         if self.out is None:
             self._examine(None)
         else:
+            from vispeg.report.checked.page import render
+
             with new_folder(self.out, self.overwrite, holds="check", inputs=self.recordings) as folder:
-                record = self._examine(folder)
+                record, examined = self._examine(folder)
                 text = json.dumps(record, indent=2, allow_nan=False) + "\n"
                 (folder / "check.json").write_text(text, encoding="utf-8")
+                page = render(examined, record["repeats"], here(None, {})["command"])
+                (folder / "report.html").write_text(page, encoding="utf-8")
+            self.output.line(f"report: {self.out / 'report.html'}")
         return 0
 
-    def _examine(self, folder: Path | None) -> Mapping[str, object]:
+    def _examine(self, folder: Path | None) -> tuple[Mapping[str, Any], list[Examined]]:
         """Checks, shows and draws one recording after the other, so that only one is in memory."""
-        reports, heads, looked = [], [], []
+        if folder is not None:
+            from vispeg.report.checked.examined import examined
+        reports, heads, looked, pages = [], [], [], []
         for number, path in enumerate(self.recordings, start=1):
             with told(f"reading {path}", size_of(path), self.output.quiet) as share:
                 rec = load(path, _signals, share)
             limits = limits_of(rec)
             with told(f"examining {path}", quiet=self.output.quiet) as share:
-                reports.append(replace(check(rec, limits, share), contact=check_contact(rec)))
+                contact, touched = check_contact(rec) or (None, None)
+                reports.append(replace(check(rec, limits, share), contact=contact))
             heads.append(head_of(rec))
             looked.append((check_frames.examine(rec, self.output.quiet), rec.cell is not None))
             if folder is not None:
                 name = "check.png" if len(self.recordings) == 1 else f"check-{number}-{rec.name}.png"
-                (folder / name).write_bytes(plot(rec, reports[-1], limits))
+                drawing = plot(rec, reports[-1], limits)
+                (folder / name).write_bytes(drawing)
+                pages.append(examined(rec, reports[-1], limits, looked[-1][0], touched, drawing))
             del rec
         record = {
             "format": "vispeg-check/1",
@@ -94,7 +104,7 @@ class Args:
         }
         if self.output.json:
             self.output.give(record, [])
-            return record
+            return record, pages
         for report, (seen, stated) in zip(reports, looked, strict=True):
             show(report)
             check_frames.show(seen, stated)
@@ -103,7 +113,7 @@ class Args:
             print("together:", *said(touched[0], together(touched)), sep="\n  ")
         for found in record["repeats"]:
             print(f"repeats of one motion: {', '.join(found['recordings'])}; noise of q", *_short(found["noise_q"]))
-        return record
+        return record, pages
 
 
 def _signals(header: Header) -> tuple[str, ...]:
@@ -150,6 +160,7 @@ def show(report: CheckReport) -> None:
     """Two tables for a person, and what is to be said."""
     from rich.markup import escape
 
+    from vispeg.report.checked import tables
     from vispeg.report.tables import terminal
 
     clock = report.timing
@@ -161,49 +172,13 @@ def show(report: CheckReport) -> None:
         f"{clock.episodes} episode{'s' * (clock.episodes != 1)}, {gaps}",
         soft_wrap=True,
     )
-    console.print(_motion_table(report))
+    console.print(tables.motion(report))
     console.print()
-    console.print(_signal_table(report))
+    console.print(tables.signals(report))
     for line in said(report.contact) if report.contact is not None else ():
         console.print(f"  {escape(line)}", soft_wrap=True)
     for line in report.warnings:
         console.print(f"  [yellow]![/yellow] {escape(line)}", soft_wrap=True)
-
-
-def _motion_table(report: CheckReport) -> Sheet:
-    """Where each joint went, how fast, how often it turned back, and how far it was off its command."""
-    heads = ["lowest\nrad", "highest\nrad", "top speed\nrad/s", "reversals\n"]
-    tracked = any(joint.tracking_rms is not None for joint in report.joints)
-    heads += ["off its command\ndeg RMS", "at most\ndeg"] if tracked else []
-    rows = []
-    for joint in report.joints:
-        motion = joint.excitation
-        off = ["-" if x is None else f"{np.degrees(x):.2f}" for x in (joint.tracking_rms, joint.tracking_worst)]
-        row = [f"{joint.low:+.2f}", f"{joint.high:+.2f}", f"{motion.peak_speed:.2f}", str(motion.reversals)]
-        rows.append([joint.name, *row, *(off if tracked else ())])
-    return _sheet(heads, rows)
-
-
-def _signal_table(report: CheckReport) -> Sheet:
-    """The largest torque, the noise, and how well dry friction could be told with it."""
-    heads = ["largest torque\nN m", "angle noise\nrad", "torque noise\nN m", "dry friction known to\nN m (1 sigma)"]
-    rows = []
-    for joint in report.joints:
-        friction = (joint.excitation.sigma or {}).get("coulomb")
-        rows.append([joint.name, *_cells(joint.peak_torque, joint.noise_q, joint.noise_tau, friction)])
-    return _sheet(heads, rows)
-
-
-def _sheet(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Sheet:
-    from vispeg.report.tables import Column, Sheet
-
-    return Sheet([Column("joint\n"), *(Column(head, right=True) for head in heads)], rows)
-
-
-def _cells(*values: float | None) -> list[str]:
-    from vispeg.report.quantities import plain
-
-    return ["-" if value is None else plain(value, 2) for value in values]
 
 
 def _short(values: list[float]) -> list[str]:

@@ -28,7 +28,7 @@ def plot(rec: Recording, report: CheckReport, limits: Limits | None = None) -> b
     matplotlib.use("Agg")
     from matplotlib.figure import Figure
 
-    time = _laid_out(rec)
+    time = laid_out(rec)
     torque, torque_name = (rec.tau, "measured") if rec.tau is not None else (rec.tau_cmd, "commanded")
     nj = len(rec.joints)
     figure = Figure(figsize=(13, 0.8 + 1.35 * nj), dpi=110, layout="constrained")
@@ -85,7 +85,7 @@ def _thin(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return time[rows], values[rows]
 
 
-def _laid_out(rec: Recording) -> np.ndarray:
+def laid_out(rec: Recording) -> np.ndarray:
     """Time (n,) s from zero on, running on over episodes."""
     step = np.diff(rec.time)
     step[~within_episode(rec)] = 1.0 / rec.rate_hz

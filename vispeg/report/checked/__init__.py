@@ -1,0 +1,1 @@
+"""The page of `vispeg check`: recordings before anybody fits to them."""

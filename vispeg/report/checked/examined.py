@@ -1,0 +1,177 @@
+"""One examined recording as the page shows it: signals thinned, a picture for paper, some frames, and no more.
+
+The samples themselves can go as soon as this is made, so that recordings are examined one after the other.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vispeg.recordings.check import CheckReport, smoothed
+from vispeg.recordings.frames.frames import RecordedFrame
+from vispeg.recordings.plot import MOST_GAPS, laid_out
+from vispeg.recordings.quality import Limits, saturated
+from vispeg.recordings.recording import Recording
+from vispeg.recordings.spikes import without
+from vispeg.render.image_kinds import depth_picture
+from vispeg.report.live.traces import MOST, Track, thinned, thinned_time
+from vispeg.report.record import still
+from vispeg.sim.touch import Touch
+from vispeg.vision.check import CameraCheck
+
+FRAMES, HEIGHT = 4, 150  # pictures of a camera; px
+PAPER = 60  # quality of the picture for paper, of 100
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A frame of a camera as `data:` links: colour, depth from `near` to `far` m; "" where there is none."""
+
+    camera: str
+    time: float
+    colour: str
+    depth: str
+
+
+@dataclass(frozen=True)
+class Examined:
+    """A recording for the page.
+
+    Attributes:
+        name: as people call it.
+        report: what `check` found.
+        cameras: what it found of each camera; stated: whether the recording says what stands in the cell.
+        signals: angle, command, speed and torque of the joints; gaps as bands, bad readings as values of their own.
+        contact: the wrench over time, stretches of contact as bands; None without one.
+        frames: some pictures of each camera.
+        paper: all joints as a still picture, a `data:` link.
+    """
+
+    name: str
+    report: CheckReport
+    cameras: tuple[CameraCheck, ...]
+    stated: bool
+    signals: Track
+    contact: Track | None
+    frames: tuple[Frame, ...]
+    paper: str
+
+
+def examined(
+    rec: Recording,
+    report: CheckReport,
+    limits: Limits | None,
+    cameras: Sequence[CameraCheck],
+    touched: Touch | None,
+    drawing: bytes,
+) -> Examined:
+    """What the page keeps of a recording; `drawing` is the PNG of `vispeg.recordings.plot`.
+
+    Raises:
+        UserError: a damaged picture among the frames.
+    """
+    return Examined(
+        name=rec.name,
+        report=report,
+        cameras=tuple(cameras),
+        stated=rec.cell is not None,
+        signals=_signals(rec, report, limits),
+        contact=None if touched is None else _contact(rec, touched),
+        frames=_frames(rec),
+        paper=_lighter(drawing),
+    )
+
+
+def _signals(rec: Recording, report: CheckReport, limits: Limits | None) -> Track:
+    """What was recorded of each joint. A bad reading stands in `bad` and in no line, a clipped torque in both."""
+    time, period = laid_out(rec), 1.0 / report.timing.rate_hz
+    bad = np.full(rec.q.shape, np.nan)
+    good, speed = rec.q.copy(), np.empty(rec.q.shape)
+    for j, joint in enumerate(report.joints):
+        rows = [spike.row for spike in joint.spikes]
+        bad[rows, j] = rec.q[rows, j]
+        good[:, j] = without(rec.q[:, j], joint.spikes)
+        speed[:, j] = smoothed(rec, j, report.timing, joint.spikes)[1]
+    arrays = {"q": good, "speed": speed}
+    if np.isfinite(bad).any():
+        arrays["bad"] = bad
+    if rec.q_cmd is not None:
+        arrays |= {"q_cmd": rec.q_cmd, "off": rec.q_cmd - good}
+    for name in ("tau", "tau_cmd"):
+        values = getattr(rec, name)
+        if values is None:
+            continue
+        arrays[name] = values
+        tops = np.full(len(rec.joints), np.inf) if limits is None else limits.torque
+        clipped = np.stack([saturated(values[:, j], period, float(tops[j])) for j in range(values.shape[1])], axis=1)
+        if clipped.any():
+            arrays[f"{name}_clipped"] = np.where(clipped, values, np.nan)
+    longest = sorted(report.timing.gaps, key=lambda gap: -gap.seconds)[:MOST_GAPS]
+    return _track(rec.name, time, arrays, [(float(time[gap.row]), float(time[gap.row + 1])) for gap in longest])
+
+
+def _contact(rec: Recording, touched: Touch) -> Track:
+    """The wrench as it was read and what is left of it for the contact, by axis; contact as bands."""
+    time = laid_out(rec)
+    arrays = {
+        "force": touched.wrench[:, :3],
+        "torque": touched.wrench[:, 3:],
+        "contact": touched.contact[:, :3],
+    }
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], touched.touching.astype(np.int8), [0]])))
+    bands = [(float(time[a]), float(time[min(b, len(time) - 1)])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return _track(rec.name, time, arrays, sorted(bands, key=lambda band: band[0] - band[1])[:MOST_GAPS])
+
+
+def _track(name: str, time: np.ndarray, arrays: dict[str, np.ndarray], bands: Sequence[tuple[float, float]]) -> Track:
+    """At most MOST samples, with the least and the greatest of every stretch."""
+    return Track(name, thinned_time(time, MOST), {k: thinned(v, MOST) for k, v in arrays.items()}, bands)
+
+
+def _frames(rec: Recording) -> tuple[Frame, ...]:
+    """Frames of each camera, from all over the recording."""
+    if rec.frames is None:
+        return ()
+    made = []
+    for name in rec.frames.names:
+        mine = rec.frames.of(name)
+        rows = np.unique(np.linspace(0, len(mine) - 1, min(FRAMES, len(mine))).astype(int))
+        depths = [depth for i in rows if (depth := mine[int(i)].depth) is not None]
+        readings = np.concatenate([d[d > 0] for d in depths]) if depths else np.zeros(0)
+        limits = tuple(np.percentile(readings, [2, 85]).tolist()) if len(readings) else (0.0, 1.0)
+        made += [_frame(mine[int(i)], limits[0], max(limits[1], limits[0] + 1e-3)) for i in rows]
+    return tuple(made)
+
+
+def _frame(frame: RecordedFrame, near: float, far: float) -> Frame:
+    rgb, depth = frame.rgb, frame.depth
+    colour = "" if rgb is None else still(_small(rgb))
+    return Frame(
+        frame.camera.name,
+        frame.time,
+        colour,
+        "" if depth is None else still(_small(depth_picture(depth, near, far))),
+    )
+
+
+def _small(image: np.ndarray) -> np.ndarray:
+    """A picture at most HEIGHT px high, in its proportions."""
+    import cv2
+
+    if image.shape[0] <= HEIGHT:
+        return image
+    width = max(1, round(image.shape[1] * HEIGHT / image.shape[0]))
+    return cv2.resize(image, (width, HEIGHT), interpolation=cv2.INTER_AREA)
+
+
+def _lighter(png: bytes) -> str:
+    """A PNG as WebP, a third of its size, as a `data:` link."""
+    import cv2
+
+    image = np.asarray(cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR))
+    data = cv2.imencode(".webp", image, [cv2.IMWRITE_WEBP_QUALITY, PAPER])[1]
+    return "data:image/webp;base64," + base64.b64encode(data.tobytes()).decode()

@@ -1,0 +1,208 @@
+"""The page of examined recordings: what is to be said of them, their signals, what they excite."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from vispeg.recordings.check import CheckReport, JointCheck
+from vispeg.recordings.check_words import FLAT
+from vispeg.recordings.contact_check import FORCES, WORDS, ContactCheck, said, together
+from vispeg.recordings.excitation import PARAMETERS, UNITS
+from vispeg.report.checked import tables
+from vispeg.report.checked.examined import Examined
+from vispeg.report.live.traces import SCRIPTS, STYLES, Line, Panel, widget
+from vispeg.report.page import Section, page
+from vispeg.report.quantities import plain
+from vispeg.vision.check import warnings_of
+
+PARAMETER_WORDS = dict(
+    zip(
+        PARAMETERS,
+        ("dry friction", "viscous friction", "inertia", "gravity, sine", "gravity, cosine", "constant torque"),
+        strict=True,
+    )
+)
+SIGNALS = (
+    Panel(
+        "angle",
+        "rad",
+        (
+            Line("measured", "q", "ink", width=1.6),
+            Line("commanded", "q_cmd", "before", dash=True),
+            Line("bad reading", "bad", "red", dots=True),
+        ),
+    ),
+    Panel("off its command", "rad", (Line("commanded − measured", "off", "before"),), shown=False),
+    Panel("speed", "rad/s", (Line("speed", "speed", "after"),), shown=False),
+    Panel(
+        "torque",
+        "N m",
+        (
+            Line("measured", "tau", "ink"),
+            Line("commanded", "tau_cmd", "before", dash=True),
+            Line("saturated", "tau_clipped", "red", dots=True),
+            Line("command saturated", "tau_cmd_clipped", "wine", dots=True),
+        ),
+    ),
+)
+WRENCH = (
+    Panel("contact force", "N", (Line("on the tool, base axes", "contact", "ink"),)),
+    Panel("force as read", "N", (Line("flange on tool, flange axes", "force", "after"),), shown=False),
+    Panel("torque as read", "N m", (Line("flange on tool, flange axes", "torque", "after"),), shown=False),
+)
+
+
+def render(checked: Sequence[Examined], repeats: Sequence[Mapping[str, object]], command: str) -> str:
+    """The whole page as text.
+
+    Args:
+        checked: one or more recordings.
+        repeats: groups that repeat one motion, {recordings, noise_q} as in check.json.
+        command: the command that made it.
+    """
+    sections = [
+        Section("headline", "", "check/headline", _headline(checked)),
+        Section("signals", "What was recorded", "check/signals", _signals(checked), SCRIPTS, STYLES),
+        Section("excites", "What the motion can tell", "check/excites", _excites(checked)),
+    ]
+    if any(one.report.contact is not None for one in checked):
+        section = Section("contact", "Contact", "check/contact", _contact(checked), SCRIPTS, STYLES)
+        sections.append(section)
+    if any(one.cameras for one in checked):
+        sections.append(Section("cameras", "Cameras", "check/cameras", _cameras(checked)))
+    sections.append(Section("origin", "Origin", "check/origin", _origin(checked, repeats, command)))
+    return page("vispeg check: " + ", ".join(one.name for one in checked), "check", sections)
+
+
+def lines_of(one: Examined) -> list[str]:
+    """Every sentence of warning on a recording."""
+    unstated = "state `cell:` in recording.yaml to know what these frames tell of their cameras"
+    seen = [line for camera in one.cameras for line in warnings_of(camera)]
+    return [*one.report.warnings, *seen, *([unstated] if one.cameras and not one.stated else ())]
+
+
+def _headline(checked: Sequence[Examined]) -> Mapping[str, object]:
+    counts = [len(lines_of(one)) for one in checked]
+    names = ", ".join(one.name for one in checked) if len(checked) < 4 else f"{len(checked)} recordings"
+    total = sum(counts)
+    title = f"{names}: {total} warning{'s' * (total != 1)}" if total else f"{names}: no warning"
+    clocks = [one.report.timing for one in checked]
+    lost = sum(gap.samples for clock in clocks for gap in clock.gaps)
+    bad = sum(len(joint.spikes) for one in checked for joint in one.report.joints)
+    clipped = sum(n for one in checked for joint in one.report.joints for n in joint.saturated.values())
+    figures = [
+        ("recorded", f"{sum(clock.duration_s for clock in clocks):.1f} s", ""),
+        ("samples lost in gaps", str(lost), ""),
+        ("bad readings", str(bad), ""),
+        ("saturated readings", str(clipped), ""),
+    ]
+    return {
+        "title": title,
+        "figures": figures,
+        "recordings": [
+            {"name": one.name, "clock": _clock(one.report), "lines": lines_of(one)} for one in checked
+        ],
+    }  # fmt: skip
+
+
+def _clock(report: CheckReport) -> str:
+    clock = report.timing
+    jitter = plain(1e3 * clock.jitter if clock.jitter * clock.rate_hz > 1e-6 else 0.0)
+    return (
+        f"{report.robot.rsplit('/', 1)[-1]}, {report.mode} control, {clock.duration_s:.1f} s at {clock.rate_hz:.4g} Hz "
+        f"(jitter {jitter} ms), {_several(clock.episodes, 'episode')}, {_several(len(clock.gaps), 'gap')}"
+    )
+
+
+def _several(count: int, what: str) -> str:
+    return f"{count} {what}{'s' * (count != 1)}"
+
+
+def _signals(checked: Sequence[Examined]) -> Mapping[str, object]:
+    """Charts for those that have the same joints, and two tables a recording."""
+    groups: dict[tuple[str, ...], list[Examined]] = {}
+    for one in checked:
+        groups.setdefault(tuple(joint.name for joint in one.report.joints), []).append(one)
+    return {
+        "plots": [
+            widget(joints, SIGNALS, [one.signals for one in group], [True] * len(joints))
+            for joints, group in groups.items()
+        ],
+        "recordings": [
+            {"name": one.name, "paper": one.paper, "sheets": [tables.motion(one.report), tables.signals(one.report)]}
+            for one in checked
+        ],
+    }  # fmt: skip
+
+
+def _excites(checked: Sequence[Examined]) -> Mapping[str, object]:
+    return {
+        "heads": [PARAMETER_WORDS[name] for name in PARAMETERS],
+        "weak": f"{100 * FLAT:g} %",
+        "recordings": [{"name": one.name, "rows": [_told(j) for j in one.report.joints]} for one in checked],
+    }
+
+
+def _told(joint: JointCheck) -> Mapping[str, object]:
+    """A joint's row: for each parameter its share, and the 1 sigma that the torque's noise leaves on it."""
+    moved, cells = joint.excitation, []
+    for name, unit in zip(PARAMETERS, UNITS, strict=True):
+        share = moved.identifiability[name]
+        sigma = (moved.sigma or {}).get(name)
+        cells.append(
+            {
+                "share": f"{100 * share:.2g} %",
+                "strength": round(100 * float(np.sqrt(share))),
+                "weak": share < FLAT,
+                "sigma": f"±{plain(sigma, 2)} {unit.replace('m^2', 'm²')}"
+                if sigma is not None and np.isfinite(sigma)
+                else "",
+            }
+        )
+    return {"name": joint.name, "still": moved.condition is None, "cells": cells}
+
+
+def _contact(checked: Sequence[Examined]) -> Mapping[str, object]:
+    found = [one for one in checked if one.report.contact is not None]
+    reports = [one.report.contact for one in found if one.report.contact is not None]
+    tracks = [one.contact for one in found if one.contact is not None]
+    edges = ["0", *(f"{f:g}" for f in FORCES)]
+    all_told = said(reports[0], together(reports)) if len(reports) > 1 else []
+    return {
+        "plot": widget(("x", "y", "z"), WRENCH, tracks, [True] * 3) if tracks else None,
+        "heads": [*(f"{a}–{b} N" for a, b in pairwise(edges)), f"over {edges[-1]} N"],
+        "recordings": [
+            {"name": one.name, "lines": said(c), "rows": _regimes(c)} for one, c in zip(found, reports, strict=True)
+        ],
+        "together": all_told,
+    }
+
+
+def _regimes(contact: ContactCheck) -> list[Mapping[str, object]]:
+    """Time in each regime and how it is spread over contact forces."""
+    return [
+        {
+            "name": WORDS[name],
+            "seconds": plain(seconds),
+            "cells": [plain(s, 2) if s > 0 else "" for s in contact.forces.get(name, (0.0,) * (len(FORCES) + 1))],
+        }
+        for name, seconds in contact.seconds.items()
+        if seconds > 0
+    ]
+
+
+def _cameras(checked: Sequence[Examined]) -> Mapping[str, object]:
+    return {
+        "recordings": [
+            {"name": one.name, "frames": one.frames, "sheets": tables.cameras(one.cameras)}
+            for one in checked
+            if one.cameras
+        ]
+    }
+
+
+def _origin(checked: Sequence[Examined], repeats: Sequence[Mapping[str, object]], command: str) -> Mapping[str, object]:
+    return {"command": command, "repeats": repeats, "recordings": [one.report.recording for one in checked]}

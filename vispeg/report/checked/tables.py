@@ -1,0 +1,84 @@
+"""What `check` has to say as tables: for the terminal and for the page alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vispeg.recordings.check import CheckReport
+from vispeg.report.effect_words import unit
+from vispeg.report.quantities import plain
+from vispeg.report.tables import Column, Sheet
+from vispeg.vision.check import CameraCheck
+
+
+def motion(report: CheckReport) -> Sheet:
+    """Where each joint went, how fast, how often it turned back, and how far it was off its command."""
+    heads = ["lowest\nrad", "highest\nrad", "top speed\nrad/s", "reversals\n"]
+    tracked = any(joint.tracking_rms is not None for joint in report.joints)
+    heads += ["off its command\ndeg RMS", "at most\ndeg"] if tracked else []
+    rows = []
+    for joint in report.joints:
+        moved = joint.excitation
+        off = ["-" if x is None else f"{np.degrees(x):.2f}" for x in (joint.tracking_rms, joint.tracking_worst)]
+        low, high = (f"{x:+.2f}".replace("-", "−") for x in (joint.low, joint.high))
+        rows.append([joint.name, low, high, f"{moved.peak_speed:.2f}", str(moved.reversals), *(off if tracked else ())])
+    return _by_joint(heads, rows)
+
+
+def signals(report: CheckReport) -> Sheet:
+    """The largest torque, the noise, and how well dry friction could be told with it."""
+    heads = ["largest torque\nN m", "angle noise\nrad", "torque noise\nN m", "dry friction known to\nN m (1 sigma)"]
+    rows = []
+    for joint in report.joints:
+        friction = (joint.excitation.sigma or {}).get("coulomb")
+        values = (joint.peak_torque, joint.noise_q, joint.noise_tau, friction)
+        rows.append([joint.name, *("-" if value is None else plain(value, 2) for value in values)])
+    return _by_joint(heads, rows)
+
+
+def cameras(checks: Sequence[CameraCheck]) -> list[Sheet]:
+    """The clock, light and depth of each camera, its views, and how well each number of its errors would be known."""
+    if not checks:
+        return []
+    made = []
+    for heads, cells in (
+        (["frames", "1/s", "lost", "repeated", "saturated\n%", "black\n%", "soft\npx", "depth\n% read"], _pictures),
+        (["depth\nm", "covered\n%", "distance\nm", "tilt\ndeg", "roll\ndeg", "speed\nm/s"], _views),
+    ):
+        columns = [Column("camera"), *(Column(head, right=True) for head in heads)]
+        made.append(Sheet(columns, [[c.camera, *cells(c)] for c in checks]))
+    told = [c for c in checks if c.told]
+    if told:
+        columns = [Column("would tell, 1 sigma"), *(Column(c.camera, right=True) for c in told)]
+        rows = [
+            [
+                f"{row[0].effect}.{row[0].parameter}",
+                *(f"{t.sigma:.2g} {unit(t.unit)}".strip() + ("" if t.told else " !") for t in row),
+            ]
+            for row in zip(*(c.told for c in told), strict=True)
+        ]
+        made.append(Sheet(columns, rows))
+    return made
+
+
+def _by_joint(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Sheet:
+    return Sheet([Column("joint\n"), *(Column(head, right=True) for head in heads)], rows)
+
+
+def _pictures(c: CameraCheck) -> list[str]:
+    lost = [str(c.frames), f"{c.rate_hz:.3g}", str(c.lost), str(c.repeated)]
+    light = [None if share is None else 100 * share for share in (c.saturated, c.dark)]
+    return [*lost, *(_some(".0f", share) for share in light), _some(".1f", c.softness), _some(".0f", c.fill_rate)]
+
+
+def _views(c: CameraCheck) -> list[str]:
+    covered = None if c.coverage is None else 100 * c.coverage
+    near, far = c.distance or (None, None)
+    rest = [_some(".0f", c.tilt), _some(".0f", c.roll), _some(".2f", None if c.speed is None else c.speed[0])]
+    return [_some(".2f", c.near, c.far), _some(".0f", covered), _some(".2f", near, far), *rest]
+
+
+def _some(form: str, *values: float | None) -> str:
+    return "-" if None in values else "–".join(f"{v:{form}}" for v in values if v is not None)
