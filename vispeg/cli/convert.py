@@ -16,10 +16,9 @@ and ranges. Units that cannot be true (200 kHz, angles far outside the joints' r
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Any, Literal
+from typing import Literal
 
 import tyro
 
@@ -28,14 +27,7 @@ from vispeg.cli.reading import told
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.recordings.columns import SIGNALS
-from vispeg.recordings.frames.camera import RecordedCamera
-from vispeg.recordings.importers.mapping import FACTORS, ColumnMap, map_from, read_map
-from vispeg.recordings.importers.plausible import doubts
-from vispeg.recordings.quality import Limits
-from vispeg.recordings.recording import Recording
-from vispeg.recordings.write import write
-
-TABLES, BAGS = (".csv", ".csv.gz", ".parquet"), (".bag", ".db3", ".mcap")
+from vispeg.recordings.importers.mapping import ColumnMap, map_from
 
 
 @dataclass(frozen=True)
@@ -84,58 +76,61 @@ class Args:
 
     def run(self) -> int:
         """Writes the recording and says what is in it."""
-        from vispeg.robots.model import load as load_robot
+        from vispeg.api.recording.convert import convert, placed
+        from vispeg.recordings.importers.rosbag import Topics
         from vispeg.robots.objects import is_object
 
         if not self.source.exists():
             raise UserError("does not exist", file=self.source)
-        robot = str(Path(self.robot).expanduser().resolve()) if Path(self.robot).suffix else self.robot
-        if is_object(robot):
-            return self._object(robot)
+        if is_object(placed(self.robot)):
+            return self._object()
         for flag in ("rate_hz", "episodes"):
             if getattr(self, flag) is not None:
                 raise UserError(f"--{flag.replace('_', '-')} is for a free object's tosses", file=self.source)
-        model = load_robot(robot)
-        limits = Limits(model.range, model.velocity_limit, model.torque_limit)
-        mapping = self._guessed(model.joints, limits) if self.guess else read_map(self.map, model.joints)
-        if mapping is None:
+        mapping = self._guessed() if self.guess else self.map
+        if self.guess and mapping is None:
             return 0
-        if self.out is None:
-            raise UserError("no folder to write to", key="--out", expected="--out FOLDER")
-        with TemporaryDirectory() as scratch:
-            rec = self._read(robot, model.joints, mapping, Path(scratch))
-            self._refuse_units(rec, model.joints, limits, mapping)
-            write(rec, self.out, self.overwrite, self.table, inputs=(self.source, self.map, self.cameras))
-        found = ", ".join(name for name in SIGNALS if getattr(rec, name) is not None)
+        with told(f"reading {self.source}", self.source.stat().st_size) as share:
+            rec = convert(
+                self.source,
+                self.robot,
+                self._out(),
+                mapping=mapping,
+                topics=Topics(self.topic, self.command_topic, self.pose_topic, self.wrench_topic, self.images),
+                cameras=self.cameras,
+                torque_sensor=self.torque_sensor,
+                insist=self.insist,
+                table=self.table,
+                overwrite=self.overwrite,
+                told=share,
+            )
+        signals = [name for name in SIGNALS if getattr(rec, name) is not None]
         shape = {"samples": len(rec.time), "joints": list(rec.joints), "rate_hz": rec.rate_hz}
         frames = 0 if rec.frames is None else len(rec.frames)
-        record = {"recording": str(self.out), **shape, "signals": found.split(", "), "frames": frames}
-        line = f"{self.out}: {len(rec.time)} samples of {len(rec.joints)} joints at {rec.rate_hz:g} Hz: {found}"
+        line = f"{self.out}: {len(rec.time)} samples of {len(rec.joints)} joints at {rec.rate_hz:g} Hz: "
+        line += ", ".join(signals)
         line += f"; {frames} frames of {', '.join(rec.frames.names)}" if rec.frames is not None else ""
-        self.output.give(record, [line])
+        self.output.give({"recording": str(self.out), **shape, "signals": signals, "frames": frames}, [line])
         return 0
 
-    def _object(self, source: str) -> int:
-        """The same of a free object's tosses."""
-        from vispeg.recordings.importers.objects import import_object
-        from vispeg.recordings.objects import write_object
-        from vispeg.robots.objects import load_object
-
+    def _out(self) -> Path:
         if self.out is None:
             raise UserError("no folder to write to", key="--out", expected="--out FOLDER")
-        if self.source.suffix.lower() != ".npz":
-            expected = "an .npz archive with `state` and `start`; a table is a recording already, see docs/formats.md"
-            raise UserError("is nothing that can be converted", file=self.source, expected=expected)
-        if self.rate_hz is not None and not 1 <= self.rate_hz <= 100_000:
-            raise UserError("is no rate", key="--rate-hz", expected="1 to 100000 samples a second", got=self.rate_hz)
-        name = load_object(source).name
-        rec = import_object(self.source, name, self.rate_hz, *self._span())
-        write_object(rec, self.out, self.overwrite, inputs=(self.source, source))
-        count = len(rec.tosses)
-        record = {"recording": str(self.out), "object": name, "samples": len(rec.time), "episodes": count}
-        self.output.give(
-            record, [f"{self.out}: {count} tosses of {name}, {len(rec.time)} samples at {rec.rate_hz:g} Hz"]
+        return self.out
+
+    def _object(self) -> int:
+        """The same of a free object's tosses."""
+        from vispeg.api.recording.convert import convert_object
+
+        first, last = self._span()
+        out = self._out()
+        rec = convert_object(
+            self.source, self.robot, out, rate_hz=self.rate_hz, first=first, last=last, overwrite=self.overwrite
         )
+        count = len(rec.tosses)
+        record = {"recording": str(out), "object": rec.name_of, "samples": len(rec.time), "episodes": count}
+        line = f"{out}: {count} tosses of {rec.name_of}, {len(rec.time)} samples at {rec.rate_hz:g} Hz"
+        self.output.give(record, [line])
         return 0
 
     def _span(self) -> tuple[int, int | None]:
@@ -146,20 +141,15 @@ class Args:
             raise UserError("is no range", key="--episodes", expected="FIRST:LAST, such as 0:285", got=self.episodes)
         return int(first or 0), int(last) if last else None
 
-    def _guessed(self, joints: tuple[str, ...], limits: Limits) -> ColumnMap | None:
+    def _guessed(self) -> ColumnMap | None:
         """The proposed map if it is to be used now: shown, saved or asked about as the arguments say."""
-        from vispeg.recordings.importers.guess.source import guess
+        from vispeg.api.recording.convert import propose
         from vispeg.recordings.importers.guess.words import advice, data, text
+        from vispeg.robots.model import load
 
         if self.map is not None:
             raise UserError("a map is given already", key="--guess", expected="--guess or --map, not both")
-        if not self.source.name.lower().endswith(TABLES):
-            expected = f"a table ({', '.join(TABLES)}); archives and bags name their signals themselves"
-            raise UserError("cannot be guessed", file=self.source, key="--guess", expected=expected)
-        proposal = guess(self.source, joints, limits)
-        if self.torque_sensor is not None:
-            proposal.recording["torque_sensor"] = self.torque_sensor
-            proposal.doubts[:] = [doubt for doubt in proposal.doubts if not doubt.startswith("torque_sensor")]
+        proposal = propose(self.source, self.robot, self.torque_sensor)
         shown = text(proposal)
         self.output.line(shown.rstrip("\n"))
         for line in advice(proposal):
@@ -175,7 +165,7 @@ class Args:
             map_file = None if self.save_map is None else str(self.save_map)
             self.output.give({"recording": None, "map": map_file, "proposal": data(proposal)}, [])
             return None
-        return map_from(data(proposal), self.source, joints)
+        return map_from(data(proposal), self.source, load(self.robot).joints)
 
     def _confirmed(self) -> bool:
         if self.yes:
@@ -187,67 +177,3 @@ class Args:
             return True
         self.output.line("nothing written; --save-map FILE keeps the map to be mended")
         return False
-
-    def _refuse_units(self, rec: Recording, joints: tuple[str, ...], limits: Limits, mapping: ColumnMap) -> None:
-        """Raises UserError where the units cannot be true, with the likely one, unless the user insists."""
-        order = [joints.index(joint) for joint in rec.joints if joint in joints]
-        if len(order) != len(rec.joints) or self.insist:
-            return
-        own = Limits(limits.range[order], limits.velocity[order], limits.torque[order])
-        angles = [origin for target, origin in mapping.columns.items() if target.partition(".")[0] == "q"]
-        found = doubts(rec, own, any(abs(origin.factor) == FACTORS["deg"] for origin in angles))
-        if not found:
-            return
-        first, likely = found[0], {doubt.likely: None for doubt in found if doubt.likely}
-        unit = f" (likely {' or '.join(likely)})" if likely else ""
-        where = self.map or self.source
-        expected = f"the right unit in {'the map' if self.map or self.guess else 'a map'}{unit}, or --insist"
-        raise UserError(f"a unit cannot be true: {first.said}", file=where, key=first.key, expected=expected)
-
-    def _known(self) -> dict[str, RecordedCamera]:
-        """What --cameras says, by name."""
-        if self.cameras is None:
-            return {}
-        from vispeg.render.camera_files import load_cameras
-        from vispeg.vision.eye import recorded_of
-
-        return {camera.name: recorded_of(camera) for camera in load_cameras(self.cameras)}
-
-    def _read(self, robot: str, joints: tuple[str, ...], mapping: ColumnMap, scratch: Path) -> Recording:
-        name = self.source.name.lower()
-        header: dict[str, Any] = {"torque_sensor": mapping.recording.get("torque_sensor", "none")}
-        if self.torque_sensor is not None:
-            header["torque_sensor"] = self.torque_sensor
-            mapping = replace(mapping, recording={**mapping.recording, "torque_sensor": self.torque_sensor})
-        if name.endswith(BAGS) or (self.source / "metadata.yaml").is_file():
-            return self._bag(robot, joints, mapping, header, scratch)
-        for flag in ("topic", "command_topic", "pose_topic", "wrench_topic"):
-            if getattr(self, flag) is not None:
-                raise UserError(f"--{flag.replace('_', '-')} is for bags", file=self.source)
-        if name.endswith(TABLES):
-            from vispeg.recordings.importers.table import import_table
-
-            with told(f"reading {self.source}", self.source.stat().st_size) as share:
-                rec = import_table(self.source, robot, joints, mapping, share, **header)
-            if not self.images:
-                return rec
-            from vispeg.recordings.importers.lerobot_video import import_video
-
-            return replace(rec, frames=import_video(self.source, rec, self.images, self._known(), scratch))
-        if self.images:
-            raise UserError("--images is for bags and LeRobot tables", file=self.source)
-        if name.endswith(".npz"):
-            from vispeg.recordings.importers.npz import import_npz
-
-            return import_npz(self.source, robot, joints, mapping, **header)
-        choices = (*TABLES, ".npz", *BAGS, "a ROS 2 bag's folder")
-        kind = self.source.suffix.lower() or self.source.name
-        raise UserError("is nothing that can be converted", file=self.source, got=kind, choices=choices)
-
-    def _bag(
-        self, robot: str, joints: tuple[str, ...], mapping: ColumnMap, header: dict[str, Any], scratch: Path
-    ) -> Recording:
-        from vispeg.recordings.importers.rosbag import Topics, import_rosbag
-
-        topics = Topics(self.topic, self.command_topic, self.pose_topic, self.wrench_topic, self.images)
-        return import_rosbag(self.source, robot, joints, mapping, topics, scratch, self._known(), **header)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -10,6 +12,19 @@ PLATEAU_S = 0.01  # an extreme held exactly for this long is no peak
 AT_LIMIT = 0.99
 MIN_PLATEAU = 5
 NOISE_OF_TEXT = 1e-8  # relative to the largest value: coarser steps are a sensor's, finer ones the file's
+
+
+class Limited(Protocol):
+    """A robot that states its limits, in the order of its joints."""
+
+    @property
+    def joints(self) -> tuple[str, ...]: ...  # noqa: D102
+    @property
+    def range(self) -> np.ndarray: ...  # noqa: D102
+    @property
+    def velocity_limit(self) -> np.ndarray: ...  # noqa: D102
+    @property
+    def torque_limit(self) -> np.ndarray: ...  # noqa: D102
 
 
 @dataclass(frozen=True)
@@ -25,6 +40,12 @@ class Limits:
     range: np.ndarray
     velocity: np.ndarray
     torque: np.ndarray
+
+    @classmethod
+    def of(cls, robot: Limited, joints: Sequence[str] | None = None) -> Limits:
+        """A robot's limits, of these of its joints and in their order; of all in its own order where not given."""
+        order = [robot.joints.index(joint) for joint in (robot.joints if joints is None else joints)]
+        return cls(robot.range[order], robot.velocity_limit[order], robot.torque_limit[order])
 
 
 def saturated(values: np.ndarray, dt: float, limit: float = np.inf) -> np.ndarray:

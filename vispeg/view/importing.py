@@ -10,22 +10,19 @@ from typing import Any
 import numpy as np
 import yaml
 
+from vispeg.api.recording.convert import placed, propose
 from vispeg.core.errors import UserError
 from vispeg.core.files import refuse, write_text_atomic
 from vispeg.recordings.columns import SIGNALS
-from vispeg.recordings.importers.guess.source import guess
 from vispeg.recordings.importers.guess.words import advice, data
 from vispeg.recordings.importers.mapping import FACTORS, ColumnMap, map_from, read_map
-from vispeg.recordings.importers.npz import import_npz
 from vispeg.recordings.importers.plausible import doubts
-from vispeg.recordings.importers.rosbag import Topics, import_rosbag
-from vispeg.recordings.importers.table import import_table
+from vispeg.recordings.importers.source import is_table, read_source
 from vispeg.recordings.quality import Limits
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.write import write
 from vispeg.robots.model import load
 
-TABLES = (".csv", ".csv.gz", ".parquet")
 MOST = 2000  # samples of the look
 
 
@@ -74,9 +71,8 @@ class Importer:
             raise UserError("does not exist", file=source)
         self.tell("say", f"reading {source.name}")
         found = Proposed((), {}, {}, ())
-        if source.name.lower().endswith(TABLES):
-            model = load(robot)
-            proposal = guess(source, model.joints, Limits(model.range, model.velocity_limit, model.torque_limit))
+        if is_table(source):
+            proposal = propose(source, robot)
             lines = tuple((line.target, line.column, line.unit or "", line.why) for line in proposal.lines)
             units = {target.partition(".")[0]: unit for target, _, unit, _ in lines if unit in FACTORS}
             remarks = (*proposal.doubts, *advice(proposal))
@@ -92,7 +88,7 @@ class Importer:
         there = {name: getattr(rec, name)[every] for name in SIGNALS if getattr(rec, name) is not None}
         signals = {name: value for name, value in there.items() if value.ndim == 2}
         degrees = str(columns.get(f"q.{rec.joints[0]}", {})).find("deg") >= 0
-        said = doubts(rec, _limits(model, rec), degrees)
+        said = doubts(rec, Limits.of(model, rec.joints), degrees)
         lines = tuple(f"{d.key}: {d.said}" + (f" (likely {d.likely})" if d.likely else "") for d in said)
         self.tell("look", Look(rec.time[every], tuple(rec.joints), signals, rec.rate_hz, len(rec.time), lines))
 
@@ -108,17 +104,5 @@ class Importer:
         return str(out)
 
 
-def _limits(model: Any, rec: Recording) -> Limits:
-    order = [model.joints.index(joint) for joint in rec.joints]
-    return Limits(model.range[order], model.velocity_limit[order], model.torque_limit[order])
-
-
 def _read(source: Path, robot: str, mapping: ColumnMap) -> Recording:
-    name, joints = source.name.lower(), load(robot).joints
-    robot = str(Path(robot).expanduser().resolve()) if Path(robot).suffix else robot
-    header = {"torque_sensor": mapping.recording.get("torque_sensor", "none")}
-    if name.endswith(TABLES):
-        return import_table(source, robot, joints, mapping, **header)
-    if name.endswith(".npz"):
-        return import_npz(source, robot, joints, mapping, **header)
-    return import_rosbag(source, robot, joints, mapping, Topics(None, None, None, None), **header)
+    return read_source(source, placed(robot), load(robot).joints, mapping)

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
-from vispeg.recordings.quality import Limits
+from vispeg.core.errors import UserError
+from vispeg.recordings.importers.mapping import FACTORS, ColumnMap
+from vispeg.recordings.quality import Limited, Limits
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.timing import within_episode
 
@@ -135,3 +138,25 @@ def _torque(rec: Recording, limits: Limits) -> Doubt | None:
         said = f"torques are up to {float(np.max(peak)):.3g} times what the joints can do"
         return Doubt("tau", said, "mNm")
     return None
+
+
+def refuse_units(rec: Recording, robot: Limited, mapping: ColumnMap, file: Path, stated: str) -> None:
+    """Raises UserError where units cannot be true, with the likely ones; a joint that is not the robot's tells nothing.
+
+    Args:
+        rec: what the units made of a log.
+        robot: whose limits say what can be true.
+        mapping: with the units.
+        file: that the error names.
+        stated: where the units should be put right, such as `the map`.
+    """
+    if not set(rec.joints) <= set(robot.joints):
+        return
+    angles = [origin for target, origin in mapping.columns.items() if target.partition(".")[0] == "q"]
+    said = doubts(rec, Limits.of(robot, rec.joints), any(abs(origin.factor) == FACTORS["deg"] for origin in angles))
+    if not said:
+        return
+    likely = list(dict.fromkeys(doubt.likely for doubt in said if doubt.likely))
+    unit = f" (likely {' or '.join(likely)})" if likely else ""
+    expected = f"the right unit in {stated}{unit}, or --insist"
+    raise UserError(f"a unit cannot be true: {said[0].said}", file=file, key=said[0].key, expected=expected)

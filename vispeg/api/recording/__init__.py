@@ -1,0 +1,1 @@
+"""Recordings: made in simulation, converted from a log, checked."""

@@ -1,0 +1,143 @@
+"""Logs become recording folders: what `vispeg convert` does, from Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Literal
+
+from vispeg.core.errors import UserError
+from vispeg.recordings.frames.camera import RecordedCamera
+from vispeg.recordings.importers.guess.propose import Proposal
+from vispeg.recordings.importers.guess.source import guess
+from vispeg.recordings.importers.mapping import ColumnMap, read_map
+from vispeg.recordings.importers.objects import import_object
+from vispeg.recordings.importers.plausible import refuse_units
+from vispeg.recordings.importers.rosbag import Topics
+from vispeg.recordings.importers.source import TABLES, is_table, read_source
+from vispeg.recordings.objects import ObjectRecording, write_object
+from vispeg.recordings.quality import Limits
+from vispeg.recordings.recording import Recording
+from vispeg.recordings.write import write
+from vispeg.render.camera_files import load_cameras
+from vispeg.robots.model import load
+from vispeg.robots.objects import load_object
+from vispeg.vision.eye import recorded_of
+
+
+def propose(source: Path, robot: str, torque_sensor: str | None = None) -> Proposal:
+    """A map for a table of unknown names, with a reason for each column.
+
+    Raises:
+        UserError: no table, or one in which no column can be the time or the angles; no such robot.
+    """
+    if not is_table(source):
+        expected = f"a table ({', '.join(TABLES)}); archives and bags name their signals themselves"
+        raise UserError("cannot be guessed", file=source, key="--guess", expected=expected)
+    model = load(robot)
+    proposal = guess(source, model.joints, Limits.of(model))
+    if torque_sensor is not None:
+        proposal.recording["torque_sensor"] = torque_sensor
+        proposal.doubts[:] = [doubt for doubt in proposal.doubts if not doubt.startswith("torque_sensor")]
+    return proposal
+
+
+def convert(
+    source: str | Path,
+    robot: str,
+    out: str | Path,
+    *,
+    mapping: ColumnMap | Path | None = None,
+    topics: Topics | None = None,
+    cameras: Path | None = None,
+    torque_sensor: Literal["joint", "motor", "none"] | None = None,
+    insist: bool = False,
+    table: Literal["csv", "parquet"] = "csv",
+    overwrite: bool = False,
+    told: Callable[[float], None] = lambda share: None,
+) -> Recording:
+    """A log as a recording folder.
+
+    Args:
+        source: see `read_source`.
+        robot: a name, or a path to an MJCF or URDF.
+        out: the folder.
+        mapping: names and units, or the YAML file with them; the recording format's own names where not given.
+        topics: of a bag.
+        cameras: a camera file with what the source does not say of its cameras.
+        torque_sensor: what measured torque is: behind the gear (joint) or from the current (motor).
+        insist: take the stated units even where they cannot be true.
+        table: format of the samples.
+        overwrite: replace `out`.
+        told: is told which share of a table is read.
+
+    Raises:
+        UserError: naming the file and what is wrong in it; `out` is there.
+    """
+    source, robot = Path(source), placed(robot)
+    if not source.exists():
+        raise UserError("does not exist", file=source)
+    model = load(robot)
+    columns = mapping if isinstance(mapping, ColumnMap) else read_map(mapping, model.joints)
+    with TemporaryDirectory() as scratch:
+        rec = read_source(
+            source,
+            robot,
+            model.joints,
+            columns,
+            topics=topics,
+            cameras=_cameras(cameras),
+            torque_sensor=torque_sensor,
+            scratch=Path(scratch),
+            told=told,
+        )
+        if not insist:
+            file = mapping if isinstance(mapping, Path) else source
+            refuse_units(rec, model, columns, file, "a map" if mapping is None else "the map")
+        read = [source, mapping if isinstance(mapping, Path) else None, cameras]
+        write(rec, Path(out), overwrite, table, inputs=read)
+    return rec
+
+
+def convert_object(
+    source: str | Path,
+    robot: str,
+    out: str | Path,
+    *,
+    rate_hz: float | None = None,
+    first: int = 0,
+    last: int | None = None,
+    overwrite: bool = False,
+) -> ObjectRecording:
+    """A free object's tosses, an .npz archive, as a recording folder.
+
+    Args:
+        source: the archive, see `import_object`.
+        robot: the path of the object's model.
+        out: the folder.
+        rate_hz: samples a second of an archive without `time`.
+        first, last: the tosses taken, `last` not included.
+        overwrite: replace `out`.
+
+    Raises:
+        UserError: no archive, or one of something else; a rate that cannot be; `out` is there.
+    """
+    source, robot = Path(source), placed(robot)
+    if source.suffix.lower() != ".npz":
+        expected = "an .npz archive with `state` and `start`; a table is a recording already, see docs/formats.md"
+        raise UserError("is nothing that can be converted", file=source, expected=expected)
+    if rate_hz is not None and not 1 <= rate_hz <= 100_000:
+        raise UserError("is no rate", key="--rate-hz", expected="1 to 100000 samples a second", got=rate_hz)
+    rec = import_object(source, load_object(robot).name, rate_hz, first, last)
+    write_object(rec, Path(out), overwrite, inputs=(source, robot))
+    return rec
+
+
+def placed(robot: str) -> str:
+    """A robot's name, or the absolute path of its file: a recording may be read from another folder."""
+    return str(Path(robot).expanduser().resolve()) if Path(robot).suffix else robot
+
+
+def _cameras(file: Path | None) -> Mapping[str, RecordedCamera]:
+    return {} if file is None else {camera.name: recorded_of(camera) for camera in load_cameras(file)}

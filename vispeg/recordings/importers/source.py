@@ -1,0 +1,81 @@
+"""Any log as a recording, by the importer that its name asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+
+from vispeg.core.errors import UserError
+from vispeg.recordings.frames.camera import RecordedCamera
+from vispeg.recordings.importers.mapping import ColumnMap
+from vispeg.recordings.importers.rosbag import Topics
+from vispeg.recordings.recording import Recording
+
+TABLES, BAGS = (".csv", ".csv.gz", ".parquet"), (".bag", ".db3", ".mcap")
+FLAGS = {"joints": "--topic", "command": "--command-topic", "pose": "--pose-topic", "wrench": "--wrench-topic"}
+
+
+def is_table(source: Path) -> bool:
+    """Whether a log's columns have names that a map may give."""
+    return source.name.lower().endswith(TABLES)
+
+
+def read_source(
+    source: Path,
+    robot: str,
+    joints: Sequence[str],
+    mapping: ColumnMap,
+    *,
+    topics: Topics | None = None,
+    cameras: Mapping[str, RecordedCamera] | None = None,
+    torque_sensor: str | None = None,
+    scratch: Path | None = None,
+    told: Callable[[float], None] = lambda share: None,
+) -> Recording:
+    """The recording that a table, an archive or a ROS bag makes.
+
+    Args:
+        source: a .csv, .csv.gz, .parquet, .npz, .bag, .db3 or .mcap file, or the folder of a ROS 2 bag.
+        robot: a name or a path.
+        joints: the robot's.
+        mapping: names and units.
+        topics: of a bag; `images` also names the videos of a LeRobot table.
+        cameras: what the source does not say of its cameras, by name.
+        torque_sensor: what measured torque is, in place of what the map says.
+        scratch: where pictures lie until the recording is written.
+        told: is told which share of a table is read.
+
+    Raises:
+        UserError: nothing that can be converted; topics or images for another kind of log; as the importers.
+    """
+    if torque_sensor is not None:
+        mapping = replace(mapping, recording={**mapping.recording, "torque_sensor": torque_sensor})
+    header = {"torque_sensor": mapping.recording.get("torque_sensor", "none")}
+    name, topics = source.name.lower(), topics or Topics()
+    if name.endswith(BAGS) or (source / "metadata.yaml").is_file():
+        from vispeg.recordings.importers.rosbag import import_rosbag
+
+        return import_rosbag(source, robot, joints, mapping, topics, scratch, cameras, **header)
+    for field in fields(topics):
+        if field.name in FLAGS and getattr(topics, field.name) is not None:
+            raise UserError(f"{FLAGS[field.name]} is for bags", file=source)
+    if is_table(source):
+        from vispeg.recordings.importers.table import import_table
+
+        rec = import_table(source, robot, joints, mapping, told, **header)
+        if not topics.images or scratch is None:
+            return rec
+        from vispeg.recordings.importers.lerobot_video import import_video
+
+        return replace(rec, frames=import_video(source, rec, topics.images, cameras or {}, scratch))
+    if topics.images:
+        raise UserError("--images is for bags and LeRobot tables", file=source)
+    if name.endswith(".npz"):
+        from vispeg.recordings.importers.npz import import_npz
+
+        return import_npz(source, robot, joints, mapping, **header)
+    choices = (*TABLES, ".npz", *BAGS, "a ROS 2 bag's folder")
+    raise UserError(
+        "is nothing that can be converted", file=source, got=source.suffix.lower() or source.name, choices=choices
+    )
