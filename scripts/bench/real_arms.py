@@ -1,37 +1,41 @@
 """Real arms: held-out error of the given model, of a diagnosis, of effects that a person chose, and of least squares.
 
-    python scripts/bench/real_arms.py DATA [--only panda] [--out table.md] [--models FOLDER]
+    python scripts/bench/real_arms.py DATA --work FOLDER [--only panda] [--out tables.md]
 
-DATA holds one folder a robot, each with recordings in the project's format. A row is one way to a model, each fitted on
-the same recordings and judged on the same others; `fit` is what `vispeg fit` makes of Coulomb and viscous friction in
-every joint, `least squares` all inertial parameters with friction and bias (torques only; it is no model).
+DATA holds one folder a robot, each with recordings in the project's format or tables to convert. A row is one way to a
+model, each fitted on the same recordings and judged on the same others; `diagnose` and `fit` are the commands of those
+names, `least squares` is of all inertial parameters with friction and bias (torques only; it is no model).
+
+FOLDER keeps the rows, the commands' results (FOLDER/panda/diagnose/report.html) and where each stands: a run that was
+killed goes on, and what is there is not worked out again. Processor seconds are those of all its runs.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import time
 import warnings
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from vispeg.api.diagnose import diagnose
+from vispeg.api.fit import fit
 from vispeg.api.inputs import Inputs, read_inputs
 from vispeg.cli.convert import Args as Convert
-from vispeg.core.effect import EffectInstance
+from vispeg.core.files import write_text_atomic
 from vispeg.diagnosis.base_parameters import base_parameters
-from vispeg.diagnosis.run import Diagnosis, diagnose
-from vispeg.identify.calibrate import calibrate
-from vispeg.identify.evidence import Evidence, robot_of
+from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import TorqueEvidence, evidence_for
-from vispeg.worlds.model_file import model_text
-from vispeg.worlds.words import parse
+from vispeg.worlds.model_file import load_model
 from vispeg.worlds.world import World
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
+FRICTION = ("coulomb_friction:each", "viscous_friction:each")
 
 
 @dataclass(frozen=True)
@@ -44,13 +48,15 @@ class Arm:
     model: str
     fitted: tuple[str, ...]
     held_out: tuple[str, ...]
-    choice: tuple[str, ...] = ("coulomb_friction:each", "viscous_friction:each")
+    choice: tuple[str, ...] = FRICTION
     map: str = ""
     seconds: float = 60.0  # of each recording
 
 
 ARMS = {
-    "panda": Arm("panda/panda.urdf", ("panda/fit",), ("panda/validate",)),
+    "panda": Arm(
+        "panda/panda.urdf", ("panda/fit",), ("panda/validate",), (*FRICTION, "link_mass:each", "link_com:each")
+    ),
     "kuka-lwr4": Arm(
         "kuka-lwr4/kuka_lwr4.urdf", ("kuka-lwr4/run-1", "kuka-lwr4/run-2"), ("kuka-lwr4/run-3",)
     ),
@@ -58,7 +64,7 @@ ARMS = {
         "double-pendulum/dp.xml",
         tuple(f"double-pendulum/fit-{n}" for n in (143339, 143601, 144115)),
         tuple(f"double-pendulum/val-{n}" for n in (143524, 143704)),
-        ("coulomb_friction:each", "viscous_friction:each", "rotor_inertia:each"),
+        (*FRICTION, "rotor_inertia:each"),
     ),
     "so101": Arm(
         "examples/so101/arm.xml",
@@ -72,24 +78,90 @@ ARMS = {
 }  # fmt: skip
 
 
-def inputs(data: Path, arm: Arm) -> Inputs:
-    """The arm's model and recordings."""
-    if not arm.map:
-        fitted, held_out = ([data / name for name in names] for names in (arm.fitted, arm.held_out))
-        return read_inputs(data / arm.model, fitted, held_out, seconds=arm.seconds)
-    model = DOCS / arm.model
-    with TemporaryDirectory() as scratch:
-        folders = {name: Path(scratch) / Path(name).name.partition(".")[0] for name in (*arm.fitted, *arm.held_out)}
-        for name, folder in folders.items():
-            Convert(data / name, str(model), out=folder, map=DOCS / arm.map).run()
-        fitted, held_out = ([folders[name] for name in names] for names in (arm.fitted, arm.held_out))
-        return read_inputs(model, fitted, held_out, seconds=arm.seconds)
+class Clock:
+    """Processor seconds of a piece of work over all the processes that it took."""
+
+    def __init__(self, file: Path):
+        self.file = file
+        self.before = json.loads(file.read_text()) if file.is_file() else 0.0
+        self.begin = time.process_time()
+
+    def __call__(self, *_: object) -> float:
+        """Keeps and returns them."""
+        seconds = self.before + time.process_time() - self.begin
+        write_text_atomic(self.file, json.dumps(seconds), overwrite=True)
+        return seconds
 
 
-def errors(evidence: Evidence, world: World) -> np.ndarray:
-    """(nj + 1,) RMS error of each joint's principal channel, and of all."""
-    pairs = zip(evidence.items, evidence.simulated([world]), strict=True)
-    return _rms(evidence, [i.measured[:, : i.nj] - y[0][:, : i.nj] for i, y in pairs])
+class Bench:
+    """One arm, and its rows in a folder of their own."""
+
+    def __init__(self, data: Path, work: Path, name: str):
+        self.arm, self.work = ARMS[name], work / name
+        self.work.mkdir(parents=True, exist_ok=True)
+        self.model = (DOCS if self.arm.map else data) / self.arm.model
+        self.fitted, self.held_out = (
+            [self._recording(data / name) for name in names] for names in (self.arm.fitted, self.arm.held_out)
+        )
+        given: Inputs = read_inputs(self.model, self.fitted, self.held_out, seconds=self.arm.seconds)
+        self.world = given.world
+        self.evidence = evidence_for(given.world, given.fitted)
+        self.judged = evidence_for(given.world, given.held_out, h_max=1e-3)
+
+    def _recording(self, source: Path) -> Path:
+        if not self.arm.map:
+            return source
+        out = self.work / "recordings" / source.name.partition(".")[0]
+        if not out.is_dir():
+            Convert(source, str(self.model), out=out, map=DOCS / self.arm.map).run()
+        return out
+
+    def errors(self, world: World) -> np.ndarray:
+        """(nj + 1,) RMS error of each joint's principal channel, and of all."""
+        pairs = zip(self.judged.items, self.judged.simulated([world]), strict=True)
+        return _rms(self.judged, [i.measured[:, : i.nj] - y[0][:, : i.nj] for i, y in pairs])
+
+    def rows(self) -> list[dict]:
+        """Each way's name, errors and processor seconds, and what it has to say."""
+        given = {"way": "the model as given", "errors": self.errors(self.world).tolist(), "seconds": 0.0}
+        rows = [given, self._row("diagnose", self._diagnosed), self._row("fit", self._fit)]
+        if isinstance(self.evidence, TorqueEvidence) and isinstance(self.judged, TorqueEvidence):
+            rows.append(self._row("least-squares", partial(self._least_squares, self.evidence, self.judged)))
+        return rows
+
+    def _row(self, way: str, work_out) -> dict:
+        file = self.work / f"{way}.json"
+        if not file.is_file():
+            clock = Clock(self.work / f"{way}.seconds.json")
+            row = work_out(clock)
+            write_text_atomic(file, json.dumps(row | {"seconds": clock()}))
+        return json.loads(file.read_text())
+
+    def _diagnosed(self, clock: Clock) -> dict:
+        def say(text: str) -> None:
+            print(f"{clock():7.1f} s  {text}", file=sys.stderr, flush=True)
+
+        recordings = {"seconds": self.arm.seconds, "threads": 1, "part": self.work / "diagnose.part"}
+        result = diagnose(self.model, self.fitted, self.held_out, say=say, **recordings)
+        out = result.save(self.work / "diagnose", overwrite=True)
+        record = json.loads((out / "diagnosis.json").read_text())
+        found = {key: record[key] for key in ("verdict", "reason", "effects")}
+        return {"way": "`diagnose`", "errors": self._saved(out)} | found
+
+    def _fit(self, clock: Clock) -> dict:
+        options = {"seconds": self.arm.seconds, "threads": 1, "part": self.work / "fit.part", "resume": True}
+        result = fit(self.model, self.fitted, self.arm.choice, self.held_out, watch=clock, **options)
+        out = result.save(self.work / "fit", overwrite=True)
+        ways = ", ".join(text.removesuffix(":each") for text in self.arm.choice)
+        return {"way": f"`fit` of {ways}", "errors": self._saved(out)}
+
+    def _least_squares(self, evidence: TorqueEvidence, judged: TorqueEvidence, clock: Clock) -> dict:
+        left = _rms(judged, base_parameters(evidence, judged, self.world))
+        return {"way": "least squares of base parameters", "errors": left.tolist()}
+
+    def _saved(self, out: Path) -> list[float]:
+        """Errors of the model that was written: a next command would start from it."""
+        return self.errors(load_model(out / "model.yaml")).tolist()
 
 
 def _rms(evidence: Evidence, residuals: list[np.ndarray]) -> np.ndarray:
@@ -100,48 +172,25 @@ def _rms(evidence: Evidence, residuals: list[np.ndarray]) -> np.ndarray:
     return np.sqrt(np.append(joints / np.maximum(count, 1), joints.sum() / max(count.sum(), 1)))
 
 
-def rows(data: Path, arm: Arm) -> tuple[list[tuple[str, np.ndarray, float]], Diagnosis, str]:
-    """(way, errors, processor seconds) of each way, the diagnosis, and the errors' unit."""
-    given = inputs(data, arm)
-    world, fit, validate = given.world, given.fitted, given.held_out
-    evidence, judged = evidence_for(world, fit), evidence_for(world, validate, h_max=1e-3)
-    out = [("the model as given", errors(judged, world), 0.0)]
-    begin = time.process_time()
-    found = diagnose(world, fit, validate, nthread=1, plan_next=False, say=lambda text: print(text, file=sys.stderr))
-    out.append(("`diagnose`", errors(judged, found.world), time.process_time() - begin))
-    begin = time.process_time()
-    chosen: list[EffectInstance] = [e for text in arm.choice for e in parse(text, robot_of(fit[0]))]
-    person = calibrate(
-        evidence, world.add(*chosen), range(len(world.effects), len(world.effects) + len(chosen)), seed=0
-    )
-    ways = ", ".join(text.removesuffix(":each") for text in arm.choice)
-    out.append((f"`fit` of {ways} in every joint", errors(judged, person.fit.world), time.process_time() - begin))
-    if isinstance(evidence, TorqueEvidence) and isinstance(judged, TorqueEvidence):
-        begin = time.process_time()
-        left = _rms(judged, base_parameters(evidence, judged, world))
-        out.append(("least squares of base parameters", left, time.process_time() - begin))
-    return out, found, judged.unit
-
-
-def table(name: str, arm: Arm, data: Path, models: Path | None) -> str:
-    """One robot's table as Markdown, and its model file where a folder for it is given."""
-    found, diagnosis, unit = rows(data, arm)
-    joints = found[0][1].size - 1
-    lines = [f"### {name}, RMS on {', '.join(arm.held_out)}, {unit}", ""]
+def table(name: str, bench: Bench) -> str:
+    """One robot's tables as Markdown."""
+    rows = bench.rows()
+    joints = len(rows[0]["errors"]) - 1
+    lines = [f"### {name}, RMS on {', '.join(bench.arm.held_out)}, {bench.judged.unit}", ""]
     lines.append("| model | " + " | ".join(f"J{j + 1}" for j in range(joints)) + " | all | processor, s |")
     lines.append("|" + "---|" * (joints + 3))
-    for way, error, seconds in found:
-        lines.append(f"| {way} | " + " | ".join(f"{e:.3g}" for e in error) + f" | {seconds:.0f} |")
-    record = diagnosis.record
-    lines += ["", f"`{record['verdict']}`: {record['reason']}.", "", "| effect | where | parameter | value | 95 % |"]
-    lines.append("|" + "---|" * 5)
+    for row in rows:
+        errors = " | ".join(f"{e:.3g}" for e in row["errors"])
+        lines.append(f"| {row['way']} | {errors} | {row['seconds']:.0f} |")
+    record = rows[1]
+    lines += ["", f"`{record['verdict']}`: {record['reason']}.", ""]
+    lines += ["| effect | where | parameter | value | 95 % | |", "|" + "---|" * 6]
     for e in record["effects"]:
+        others = ", ".join(f"{o['effect']}({o['where']})" for o in e["indistinguishable_from"])
+        doubt = "tentative" if e.get("tentative") else f"or {others}" if others else ""
         for key, p in e["params"].items():
-            span = f"{p['low']:.3g} to {p['high']:.3g}" if "low" in p else "–"
-            lines.append(f"| {e['effect']} | {e['where']} | {key} | {p['value']:.3g} {p['unit']} | {span} |")
-    if models is not None:
-        models.mkdir(parents=True, exist_ok=True)
-        (models / f"{name}.yaml").write_text(model_text(diagnosis.world), encoding="utf-8")
+            span = f"{p['low']:.3g} to {p['high']:.3g}" if "low" in p else "-"
+            lines.append(f"| {e['effect']} | {e['where']} | {key} | {p['value']:.3g} {p['unit']} | {span} | {doubt} |")
     return "\n".join(lines) + "\n"
 
 
@@ -149,17 +198,17 @@ def main() -> None:
     """Prints the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path)
+    parser.add_argument("--work", type=Path, required=True, help="folder that keeps rows and results")
     parser.add_argument("--only", nargs="*", choices=sorted(ARMS), default=sorted(ARMS))
     parser.add_argument("--out", type=Path, default=None, help="also write the tables there")
-    parser.add_argument("--models", type=Path, default=None, help="folder for the models that were found")
     args = parser.parse_args()
     warnings.filterwarnings("ignore", category=UserWarning)
     done = []
     for name in args.only:
-        done.append(table(name, ARMS[name], args.data, args.models))
+        done.append(table(name, Bench(args.data, args.work, name)))
         print(done[-1], flush=True)
     if args.out is not None:
-        args.out.write_text("\n".join(done), encoding="utf-8")
+        write_text_atomic(args.out, "\n".join(done), overwrite=True)
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from vispeg.api.inputs import Inputs, Model, Reading, Source, felt, of_cell, rea
 from vispeg.api.objects import diagnose_tosses, object_world
 from vispeg.api.pictures import photographed
 from vispeg.api.result import Result
+from vispeg.api.stress.remainder import Price
 from vispeg.contact.picture import worst_moment
 from vispeg.contact.run import diagnose_contact
 from vispeg.core.effect import EffectInstance
@@ -86,6 +87,9 @@ def diagnose(
     seconds: float = SECONDS,
     seed: int = 0,
     threads: int = 2,
+    policies: str | Path | Sequence[str | Path] = (),
+    cell: str | Path = "nominal",
+    episodes: int = 100,
     part: str | Path | None = None,
     say: Callable[[str], None] = lambda text: None,
     reading: Reading = silent,
@@ -102,26 +106,34 @@ def diagnose(
         seconds: of a longer recording, the windows that show the most, this long in all; 0 uses all of it.
         seed: of whatever is drawn.
         threads: of the simulation.
+        policies: folders, or `expert`, that play the cell with the identified model and then with what is left
+            unexplained; `record["cost"]` is what that costs them.
+        cell: their world, a built-in name or a file.
+        episodes: of each policy, with and without what is left.
         part: a folder that keeps what is worked out until the result is saved: with the same arguments and folder, a
             diagnosis that was stopped goes on.
         say: is told what is being done.
         reading: shows how far a recording is read.
 
     Raises:
-        UserError: a model or a recording that cannot be read or compared, or in which nothing moves.
+        UserError: a model or a recording that cannot be read or compared, or in which nothing moves; a policy that
+            cannot be played, or whose cell has another robot.
     """
-    thing = object_world(model)
+    thing, asked = object_world(model), bool(policies)
     if thing is not None:
+        if asked:
+            raise UserError("no policy plays with an object alone", key="--policy", expected="a robot's model")
         if not isinstance(baseline, Sequence) or len(baseline):
             raise UserError("an object has no baseline", key="--baseline", expected="two diagnoses, one of each state")
         tosses = diagnose_tosses(thing, recordings, validate, seed, threads, say)
         record = finite({**tosses.result.record, "provenance": tosses.provenance})
         found = tosses.result.world.effects[len(thing.effects) :]
         return DiagnosisResult(record, tosses.result.world, {}, found, tosses.files, None)
-    cell = of_cell(model)
-    if cell and (not isinstance(baseline, Sequence) or len(baseline)):
+    contact = of_cell(model)
+    if contact and (not isinstance(baseline, Sequence) or len(baseline)):
         raise UserError("a cell has no baseline", key="--baseline", expected="two diagnoses, one of each state")
-    given = read_inputs(model, recordings, validate, **windows(cell, seconds), reading=reading)
+    given = read_inputs(model, recordings, validate, **windows(contact, seconds), reading=reading)
+    price = Price.of(policies, cell, episodes, given.world) if asked else None
     before = _before(model, baseline, seconds, reading)
     stamp = given.provenance(seed)
     progress = None if part is None else progress_of(given, seconds, seed, Path(part), before)
@@ -129,7 +141,7 @@ def diagnose(
     options = {"seed": seed, "nthread": threads, "say": say, "progress": progress}
     if before is None and given.world.cell is not None and photographed(given.fitted, given.held_out):
         result = pictures.diagnose(given.world, given.fitted, given.held_out, seed=seed, say=say)
-    elif before is None and cell and felt((*given.fitted, *given.held_out)):
+    elif before is None and contact and felt((*given.fitted, *given.held_out)):
         of_contact = {"nthread": threads, "say": say, "progress": progress}
         result = diagnose_contact(given.world, given.fitted, given.held_out, **of_contact)
         result.arrays.update(worst_moment(result.arrays, given.held_out))
@@ -140,7 +152,13 @@ def diagnose(
         result = diagnose_change(given.world, was, given.fitted, given.held_out, **options)
     if "joints" in result.arrays:
         result.arrays.update(arm_arrays(given.world, result.arrays["joints"]))
-    record = finite({**result.record, "provenance": stamp})
+    left = result.record.get("remainder", [])
+    paid = {}
+    if price is not None:
+        folder = None if part is None else Path(part) / "policy"
+        paid["cost"] = price.paid(result.world, left, seed=seed, part=folder, say=say)
+        stamp["inputs"] |= {e.name: e.digest for e in price.who}
+    record = finite({**result.record, **paid, "provenance": stamp})
     effects = result.world.effects[len(result.world.effects) - len(record["effects"]) :]
     files = given.files if before is None else (*given.files, *before.files)
     return DiagnosisResult(record, result.world, result.arrays, effects, files, progress)

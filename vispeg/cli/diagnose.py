@@ -7,8 +7,12 @@ where it stood when the same command is given again: what it had worked out lies
 With --baseline, what changed since those recordings is sought: a payload, what a repair did. What the baseline lacks is
 found first and stands in the model; `effects` is the difference.
 
+With --policy, a policy then plays its cell with the identified model, and again with every value drawn from its
+interval and the torque that stays unexplained played back: what is left costs so many points of success.
+
 Example:
     vispeg diagnose iiwa14 --recording rig-a --recording rig-b --validate rig-c --out found
+    vispeg diagnose iiwa14 --recording rig-a --recording rig-b --validate rig-c --policy runs/peg/best --out found
     vispeg diagnose iiwa14 --baseline empty-a --baseline empty-b --recording loaded-a --validate loaded-b --out change
 """
 
@@ -38,6 +42,12 @@ class Args:
     """A recording to judge on, never fitted; give the flag once for each."""
     baseline: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
     """A recording of the same robot as it was before; two or more, the last one is judged on."""
+    policy: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
+    """A policy's folder, or `expert`, to say what the remainder costs it; give the flag once for each."""
+    world: str = "nominal"
+    """The cell that it plays in: a built-in world's name or a world file."""
+    episodes: int = 100
+    """Its episodes, with and without the remainder each."""
     seconds: float = SECONDS
     """Of a longer recording, the windows that show the most, this long in all; 0 uses all of it."""
     seed: int = 0
@@ -61,6 +71,7 @@ class Args:
         inputs = (*model_files(self.model), *self.recording, *self.validate, *self.baseline)
         with reserved(self.out, self.overwrite, holds="diagnosis", inputs=inputs), stages(self.output.quiet) as say:
             options = {"seconds": self.seconds, "seed": self.seed, "threads": self.threads, "say": say}
+            options |= {"policies": self.policy, "cell": self.world, "episodes": self.episodes}
             part, reading = self.out.with_name(self.out.name + ".part"), shown(self.output.quiet)
             sides = (self.recording, self.validate)
             result = diagnose(self.model, *sides, baseline=self.baseline, part=part, reading=reading, **options)

@@ -197,6 +197,7 @@ class DiagnosisRecord(Told):
     where_it_fails: NotRequired[list[Failure]]
     residual_peaks: NotRequired[list[Peak]]
     remainder: NotRequired[list[Remainder]]
+    cost: NotRequired[Mapping[str, object]]
     channels: NotRequired[list[Channel]]
     screening: NotRequired[list[Screened]]
     correlations: NotRequired[Correlations | None]

@@ -72,6 +72,7 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
     out += [Line(f"note: {row['said']}") for row in diagnosis.get("windows") or ()]
     if diagnosis.get("verdict"):
         out.append(Line(f"next: {words.onward(diagnosis)}"))
+        out += [Line(said) for said in words.paid(diagnosis)]
         if price := words.price(diagnosis):
             out.append(Line(f"what the remainder costs a policy: {price}"))
     return out

@@ -141,11 +141,27 @@ def baseline(values: Mapping[str, Any]) -> str:
     return f"Before and after: {had} ({before.get('verdict')}). Changed since: what is listed as found."
 
 
+def paid(values: Mapping[str, Any]) -> list[str]:
+    """What the remainder costs each policy that played; none where none did."""
+    cost = values.get("cost")
+    if not isinstance(cost, Mapping):
+        return []
+    world, lines = (cost.get("world") or {}).get("name"), []
+    for row in rows(cost, "policies"):
+        lost, low, high = (100 * (number(row["cost"].get(key)) or 0.0) for key in ("value", "low", "high"))
+        before, after = (f"{100 * (number(row[key].get('value')) or 0.0):.0f} %" for key in ("identified", "left"))
+        text = f"what is left costs {row['policy']} {lost:.0f} points of success [{low:.0f}, {high:.0f}]"
+        lines.append(f"{text}: {before} with the identified model, {after} with the rest, in {world}")
+    return lines
+
+
 def price(values: Mapping[str, Any]) -> str:
-    """The command that says what the remainder costs a policy; empty where none is left.
+    """The command that says what the remainder costs a policy; empty where none is left, or where that is known.
 
     It names the joints whose missing torque is the greatest share of the torque that they needed.
     """
+    if values.get("cost"):
+        return ""
     left = [
         (number(r.get("rms")) or 0.0, number(r.get("needed")) or 0.0, r.get("joint")) for r in rows(values, "remainder")
     ]

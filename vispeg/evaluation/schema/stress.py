@@ -106,3 +106,23 @@ class ExploitRecord(TypedDict):
     format: str
     margin: float
     policies: list[ExploitRow]
+
+
+class Priced(TypedDict):
+    """A policy with the identified model and with what that leaves open; the cost on the same seeds."""
+
+    policy: str
+    modality: str
+    identified: Interval
+    left: Interval
+    cost: Interval
+    p: float
+    verdict: str
+
+
+class RemainderCost(TypedDict):
+    """`cost` in diagnosis.json: the cell, episodes of each policy in each of the two, and a row a policy."""
+
+    world: dict[str, str]
+    episodes: int
+    policies: list[Priced]

@@ -35,6 +35,7 @@ def context(record: Record) -> Mapping[str, object]:
         "file": str(following.get("file") or ""),
         "command": again(record) if proposed else VALIDATE,
         "price": words.price(record.values),
+        "paid": words.paid(record.values),
         "onward": words.onward(record.values),
         "picture": motion_picture(motion, record.evidence) if motion is not None else "",
         "seconds": plain(motion.time[-1] - motion.time[0]) if motion is not None and motion.time.size else "",

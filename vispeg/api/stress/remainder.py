@@ -1,0 +1,96 @@
+"""What a diagnosis leaves open, in points of success: a policy plays the cell with the identified model and with the
+rest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from shutil import rmtree
+
+from vispeg.api.playing import check_numbers, play
+from vispeg.api.stress.result import listed
+from vispeg.core.errors import UserError
+from vispeg.evaluation import remainder, runner
+from vispeg.evaluation.entrants import Entrant
+from vispeg.evaluation.folder import workplace
+from vispeg.evaluation.jobs import Job, make_jobs, seeds_of
+from vispeg.evaluation.players import ready
+from vispeg.evaluation.schema.stress import RemainderCost
+from vispeg.task.world_file import WorldFile, load_world
+from vispeg.worlds.world import World
+
+
+@dataclass(frozen=True)
+class Price:
+    """Who plays what, read and checked before a diagnosis begins.
+
+    Attributes:
+        who: the policies.
+        world: the cell.
+        episodes: of each policy, with the identified model and with what is left.
+    """
+
+    who: tuple[Entrant, ...]
+    world: WorldFile
+    episodes: int
+
+    @classmethod
+    def of(cls, policies: str | Path | Sequence[str | Path], world: str | Path, episodes: int, model: World) -> Price:
+        """Reads policies and cell.
+
+        Args:
+            policies: folders, NAME=FOLDER, names of shipped policies, or `expert`.
+            world: a built-in world's name or a world file.
+            episodes: of each policy in each of the two settings.
+            model: what is diagnosed.
+
+        Raises:
+            UserError: one that cannot be played, or the model is of another robot than the cell's.
+        """
+        check_numbers(episodes, 1)
+        file = load_world(world)
+        cell = file.world.base.robot
+        if model.robot != cell:
+            message = f"the policy's cell has another robot than the recordings: {file.name} has {cell}"
+            raise UserError(message, key="--policy", expected=f"a model of {cell}, or --world", got=model.robot)
+        return cls(tuple(ready(listed(policies))), file, episodes)
+
+    def paid(
+        self,
+        found: World,
+        left: Sequence[Mapping[str, object]],
+        *,
+        seed: int,
+        part: Path | None,
+        say: Callable[[str], None],
+    ) -> RemainderCost:
+        """Plays; what `part` has is not played again, and it is gone at the end.
+
+        Args:
+            found: the identified model.
+            left: a diagnosis' `remainder`.
+            seed: of the episodes.
+            part: a folder for the episodes; None keeps none.
+            say: is told how far it is.
+
+        Raises:
+            UserError: the cell has no place for an effect of the model.
+        """
+        with workplace(part, "price.json", inputs=[e.path for e in self.who]) as place:
+            settings = remainder.settings(self.world, found, left, place / "worlds")
+            jobs = make_jobs(self.who, settings, seeds_of(self.episodes, seed), place / "worlds")
+            ends = play(jobs, place, 1, lambda jobs, folder: _told(jobs, say))
+            rows = remainder.summarise(ends)
+        if part is not None:
+            rmtree(part)
+        about = {"name": self.world.name, "hash": self.world.hash}
+        return {"world": about, "episodes": self.episodes, "policies": rows}
+
+
+@contextmanager
+def _told(jobs: Sequence[Job], say: Callable[[str], None]) -> Iterator[runner.Watch]:
+    names = ", ".join(dict.fromkeys(job.entrant.name for job in jobs))
+    say(f"{names} plays with the identified model, and with what is left")
+    yield lambda new, done, total: say(f"{names}: {done} of {total} episodes")
