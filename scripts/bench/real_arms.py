@@ -86,11 +86,13 @@ class Clock:
         self.before = json.loads(file.read_text()) if file.is_file() else 0.0
         self.begin = time.process_time()
 
-    def __call__(self, *_: object) -> float:
-        """Keeps and returns them."""
-        seconds = self.before + time.process_time() - self.begin
-        write_text_atomic(self.file, json.dumps(seconds), overwrite=True)
-        return seconds
+    def keep(self) -> None:
+        """Writes them, for the next process."""
+        write_text_atomic(self.file, json.dumps(self()), overwrite=True)
+
+    def __call__(self) -> float:
+        """So far."""
+        return self.before + time.process_time() - self.begin
 
 
 class Bench:
@@ -139,6 +141,7 @@ class Bench:
 
     def _diagnosed(self, clock: Clock) -> dict:
         def say(text: str) -> None:
+            clock.keep()
             print(f"{clock():7.1f} s  {text}", file=sys.stderr, flush=True)
 
         recordings = {"seconds": self.arm.seconds, "threads": 1, "part": self.work / "diagnose.part"}
@@ -150,7 +153,8 @@ class Bench:
 
     def _fit(self, clock: Clock) -> dict:
         options = {"seconds": self.arm.seconds, "threads": 1, "part": self.work / "fit.part", "resume": True}
-        result = fit(self.model, self.fitted, self.arm.choice, self.held_out, watch=clock, **options)
+        watch = {"watch": lambda start, trace: clock.keep()}
+        result = fit(self.model, self.fitted, self.arm.choice, self.held_out, **options, **watch)
         out = result.save(self.work / "fit", overwrite=True)
         ways = ", ".join(text.removesuffix(":each") for text in self.arm.choice)
         return {"way": f"`fit` of {ways}", "errors": self._saved(out)}

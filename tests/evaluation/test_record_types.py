@@ -4,11 +4,12 @@ from dataclasses import replace
 
 from typed_record import mistakes
 
-from vispeg.evaluation import exploit, gap, perturb, sensitivity, suite
+from vispeg.evaluation import gap, suite
 from vispeg.evaluation.example import episodes
 from vispeg.evaluation.schema.gap import GapRecord
 from vispeg.evaluation.schema.stress import ExploitRecord, PushRecord, SweepRecord
 from vispeg.evaluation.schema.suite import SuiteRecord, VersionChange
+from vispeg.evaluation.stress import exploit, perturb, sensitivity
 
 
 def test_a_gap_with_factors_and_a_robot():

@@ -7,12 +7,13 @@ import pytest
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.evaluation import exploit, perturb, sensitivity, suite
+from vispeg.evaluation import suite
 from vispeg.evaluation.decide import CANNOT_TELL
 from vispeg.evaluation.fall import beyond_doubt, fall
 from vispeg.evaluation.intervals import wilson
 from vispeg.evaluation.overlay import overlay
 from vispeg.evaluation.records import Episode
+from vispeg.evaluation.stress import exploit, perturb, sensitivity
 
 
 def wins(world, configuration, count, n=40, policy="a", force=20.0, profile=None):

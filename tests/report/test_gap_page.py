@@ -12,9 +12,10 @@ import pytest
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.evaluation import exploit, perturb, sensitivity, suite
+from vispeg.evaluation import suite
 from vispeg.evaluation.gap import gap
 from vispeg.evaluation.records import Episode
+from vispeg.evaluation.stress import exploit, perturb, sensitivity
 from vispeg.evaluation.video import write_image, write_video
 from vispeg.report.gap import exploit_page, perturb_page, suite_page, sweep_page, words
 from vispeg.report.gap.build import render, write

@@ -12,7 +12,7 @@ interval and the torque that stays unexplained played back: what is left costs s
 
 Example:
     vispeg diagnose iiwa14 --recording rig-a --recording rig-b --validate rig-c --out found
-    vispeg diagnose iiwa14 --recording rig-a --recording rig-b --validate rig-c --policy runs/peg/best --out found
+    vispeg diagnose iiwa14 --recording rig-a --recording rig-b --validate rig-c --policy runs/best --out found
     vispeg diagnose iiwa14 --baseline empty-a --baseline empty-b --recording loaded-a --validate loaded-b --out change
 """
 

@@ -25,6 +25,7 @@ from vispeg.evaluation.decide import CANNOT_TELL, decide
 from vispeg.evaluation.fall import beyond_doubt, fall
 from vispeg.evaluation.intervals import Estimate
 from vispeg.evaluation.jobs import Setting
+from vispeg.evaluation.lists import HERE, read_list
 from vispeg.evaluation.overlay import Change
 from vispeg.evaluation.ranks import FEWEST, predict
 from vispeg.evaluation.records import Episode, check_worlds
@@ -39,7 +40,6 @@ from vispeg.evaluation.schema.suite import (
     VersionChange,
 )
 from vispeg.evaluation.significance import holm, mcnemar
-from vispeg.evaluation.stress import HERE, read_list
 from vispeg.evaluation.table import Cell, Table
 from vispeg.formats.format import Format, copy, enrol
 from vispeg.task.registry import config_of, task_of

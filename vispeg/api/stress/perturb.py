@@ -10,10 +10,10 @@ from typing import Any
 from vispeg.api.playing import Playing, check_numbers, folders, play, silent, stamped
 from vispeg.api.stress.result import Stressed, listed
 from vispeg.core.errors import UserError
-from vispeg.evaluation import perturb as pushed
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import Pushes, make_jobs, seeds_of
 from vispeg.evaluation.players import ready
+from vispeg.evaluation.stress import perturb as pushed
 from vispeg.report.gap import words
 from vispeg.report.gap.perturb_page import render
 from vispeg.report.summary import Block

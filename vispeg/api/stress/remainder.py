@@ -12,12 +12,13 @@ from shutil import rmtree
 from vispeg.api.playing import check_numbers, play
 from vispeg.api.stress.result import listed
 from vispeg.core.errors import UserError
-from vispeg.evaluation import remainder, runner
+from vispeg.evaluation import runner
 from vispeg.evaluation.entrants import Entrant
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import Job, make_jobs, seeds_of
 from vispeg.evaluation.players import ready
 from vispeg.evaluation.schema.stress import RemainderCost
+from vispeg.evaluation.stress import remainder
 from vispeg.task.world_file import WorldFile, load_world
 from vispeg.worlds.world import World
 

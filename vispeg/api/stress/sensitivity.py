@@ -8,10 +8,10 @@ from pathlib import Path
 from vispeg.api.playing import Playing, check_numbers, folders, play, silent, stamped
 from vispeg.api.stress.result import Stressed, listed
 from vispeg.core.errors import UserError
-from vispeg.evaluation import sensitivity as swept
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import make_jobs, seeds_of
 from vispeg.evaluation.players import ready
+from vispeg.evaluation.stress import sensitivity as swept
 from vispeg.report.gap.sweep_page import render
 from vispeg.report.summary import Block, Line
 from vispeg.task.world_file import load_world
@@ -51,7 +51,7 @@ def sensitivity(
 
     Args:
         policies, seed, workers, out, overwrite, playing: as in `vispeg.evaluate`.
-        sweeps: names of `vispeg.evaluation.sensitivity.SWEEPS`, or EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,...
+        sweeps: names of `vispeg.evaluation.stress.sensitivity.SWEEPS`, or EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,...
         world: a built-in world's name or a world file.
         episodes: of every value.
 

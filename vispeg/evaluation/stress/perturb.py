@@ -17,10 +17,10 @@ from vispeg.core.errors import UserError
 from vispeg.evaluation.crossed import difference, rate
 from vispeg.evaluation.decide import decide
 from vispeg.evaluation.jobs import Pushes, Setting
+from vispeg.evaluation.lists import read_list
 from vispeg.evaluation.overlay import Change
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.schema.stress import HardPosition, PushRecord, PushRow
-from vispeg.evaluation.stress import read_list
 from vispeg.evaluation.table import Cell, Table
 from vispeg.formats.format import Format, copy, enrol
 from vispeg.task.contract import Task
