@@ -86,7 +86,7 @@ class Clock:
         self.before = json.loads(file.read_text()) if file.is_file() else 0.0
         self.begin = time.process_time()
 
-    def keep(self) -> None:
+    def keep(self, *_: object) -> None:
         """Writes them, for the next process."""
         write_text_atomic(self.file, json.dumps(self()), overwrite=True)
 
@@ -152,9 +152,17 @@ class Bench:
         return {"way": "`diagnose`", "errors": self._saved(out)} | found
 
     def _fit(self, clock: Clock) -> dict:
-        options = {"seconds": self.arm.seconds, "threads": 1, "part": self.work / "fit.part", "resume": True}
-        watch = {"watch": lambda start, trace: clock.keep()}
-        result = fit(self.model, self.fitted, self.arm.choice, self.held_out, **options, **watch)
+        result = fit(
+            self.model,
+            self.fitted,
+            self.arm.choice,
+            self.held_out,
+            seconds=self.arm.seconds,
+            threads=1,
+            part=self.work / "fit.part",
+            resume=True,
+            watch=clock.keep,
+        )
         out = result.save(self.work / "fit", overwrite=True)
         ways = ", ".join(text.removesuffix(":each") for text in self.arm.choice)
         return {"way": f"`fit` of {ways}", "errors": self._saved(out)}
