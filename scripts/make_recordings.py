@@ -27,7 +27,7 @@ from folder import write as write_csv  # noqa: E402
 from hidden import Hide  # noqa: E402
 from loop import RATE, Run, simulate  # noqa: E402
 
-from vispeg.cli.check import limits_of  # noqa: E402
+from vispeg.api.recording.check import limits_of  # noqa: E402
 from vispeg.core.files import new_folder  # noqa: E402
 from vispeg.core.seeds import stream  # noqa: E402
 from vispeg.identify.excitation import motion  # noqa: E402

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from vispeg.cli.check import limits_of
+from vispeg.api.recording.check import limits_of
 from vispeg.core.assets import assets
 from vispeg.diagnosis.run import diagnose
 from vispeg.recordings.check import check

@@ -15,11 +15,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Line:
-    """A sentence; `head` stands before it in bold, and with `path` it is not broken over two lines."""
+    """A sentence; `head` stands before it in bold, and with `path` it is not broken over two lines.
+
+    A `warning` is set in, behind a coloured exclamation mark.
+    """
 
     text: str
     head: str = ""
     path: bool = False
+    warning: bool = False
 
 
 Block = Line | Sheet
@@ -33,8 +37,9 @@ def print_summary(blocks: Iterable[Block], console: Console | None = None) -> No
     for block in blocks:
         if isinstance(block, Line):
             head = f"{block.head}: " if block.head else ""
-            text = Text(head, style="bold").append(block.text, style="not bold")
-            console.print(text, soft_wrap=block.path)
+            text = Text("  ! ", style="yellow") if block.warning else Text()
+            text.append(head, style="bold").append(block.text, style="none")
+            console.print(text, soft_wrap=block.path or block.warning)
         else:
             console.print(block)
 

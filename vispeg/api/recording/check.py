@@ -1,0 +1,198 @@
+"""Recordings are checked before anybody fits to them: what `vispeg check` does, from Python."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypedDict
+
+from vispeg.api.check_contact import check_contact
+from vispeg.api.result import Result
+from vispeg.core.errors import UserError
+from vispeg.core.files import new_folder
+from vispeg.core.provenance import here
+from vispeg.recordings.check import SIGNALS, CheckReport
+from vispeg.recordings.check import check as examine
+from vispeg.recordings.contact_check import said, together
+from vispeg.recordings.load import load
+from vispeg.recordings.noise import noise_from_repeats, same_motion
+from vispeg.recordings.plot import plot
+from vispeg.recordings.quality import Limits
+from vispeg.recordings.recording import Recording
+from vispeg.recordings.schema import Header
+from vispeg.report.checked.examined import Examined, examined
+from vispeg.report.checked.page import render
+from vispeg.report.checked.summary import camera_blocks, recording_blocks
+from vispeg.report.summary import Block, Line
+from vispeg.robots.model import load as load_robot
+from vispeg.task.belief import believed
+from vispeg.vision.check import CameraCheck, check_frames
+
+HEAD = 20_000  # rows of each recording that are held against the others'
+Share = Callable[[float], None]
+Watch = Callable[[str, Path], AbstractContextManager[Share]]
+
+
+class Repeated(TypedDict):
+    """Recordings that repeat one commanded motion, by their folders, and the noise that they show, rad, a joint."""
+
+    recordings: list[str]
+    noise_q: list[float]
+
+
+@dataclass(frozen=True)
+class Checks(Result):
+    """What recordings are like.
+
+    Attributes:
+        reports: of each recording.
+        cameras: of each recording, what was found of its cameras; empty without frames.
+        stated: of each recording, whether it says in which cell it was made.
+        repeats: which of them repeat one motion.
+        pages: of each recording, what its page shows; empty where nothing was drawn.
+        drawings: file name -> PNG of each recording, likewise.
+        sources: the folders.
+    """
+
+    reports: Sequence[CheckReport]
+    cameras: Sequence[Sequence[CameraCheck]]
+    stated: Sequence[bool]
+    repeats: Sequence[Repeated]
+    pages: Sequence[Examined]
+    drawings: Mapping[str, bytes]
+    sources: Sequence[Path]
+    holds = "check"
+
+    @property
+    def record(self) -> Mapping[str, object]:
+        """All of it, as check.json holds it."""
+        entries = [
+            {**report.to_json(), **({"cameras": [c.to_json() for c in cameras]} if cameras else {})}
+            for report, cameras in zip(self.reports, self.cameras, strict=True)
+        ]
+        return {"format": "vispeg-check/1", "recordings": entries, "repeats": list(self.repeats)}
+
+    @property
+    def summary(self) -> list[Block]:
+        """Two tables a recording, more where there are pictures, and what is to be said."""
+        blocks = list[Block]()
+        for report, cameras, stated in zip(self.reports, self.cameras, self.stated, strict=True):
+            blocks += [*recording_blocks(report), *camera_blocks(cameras, stated)]
+        touched = [report.contact for report in self.reports if report.contact is not None]
+        if len(touched) > 1:
+            blocks += [Line("together:"), *(Line(f"  {line}") for line in said(touched[0], together(touched)))]
+        for group in self.repeats:
+            noise = " ".join(f"{value:.2g}" for value in group["noise_q"])
+            text = f"repeats of one motion: {', '.join(group['recordings'])}; noise of q {noise}"
+            blocks.append(Line(text, path=True))
+        return blocks
+
+    def _write(self, folder: Path) -> None:
+        text = json.dumps(self.record, indent=2, allow_nan=False) + "\n"
+        (folder / "check.json").write_text(text, encoding="utf-8")
+        for name, drawing in self.drawings.items():
+            (folder / name).write_bytes(drawing)
+        if self.pages:
+            page = render(self.pages, self.repeats, here(None, {})["command"])
+            (folder / "report.html").write_text(page, encoding="utf-8")
+
+
+def check(
+    recordings: Sequence[str | Path],
+    *,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    watch: Watch = lambda what, path: nullcontext(lambda share: None),
+) -> Checks:
+    """Examines recording folders, one after the other, so that only one is in memory.
+
+    Args:
+        recordings: folders.
+        out: for report.html, check.json and a picture of each recording; nothing is drawn without it.
+        overwrite: replace `out`.
+        watch: opened with what goes on and the recording; it gives what is told the share that is done.
+
+    Raises:
+        UserError: a recording cannot be used; `out` is there.
+    """
+    paths = [Path(path) for path in recordings]
+    if not paths:
+        raise UserError("no recording given", expected="vispeg check FOLDER [FOLDER ...]")
+    if out is None:
+        return _examined(paths, False, watch)
+    with new_folder(out, overwrite, holds=Checks.holds, inputs=paths) as folder:
+        checks = _examined(paths, True, watch)
+        checks._write(folder)
+    return checks
+
+
+def limits_of(rec: Recording) -> Limits:
+    """The robot's limits in the recording's joint order. Raises UserError for a joint that the robot does not have."""
+    file = rec.path / "recording.yaml"
+    try:
+        robot = load_robot(rec.robot)
+    except UserError as error:  # a name or a file that a line of this recording gave
+        raise UserError(str(error), file=file, key="robot") from error
+    for joint in rec.joints:
+        if joint not in robot.joints:
+            raise UserError("the robot has no such joint", file=file, key="joints", got=joint, choices=robot.joints)
+    return Limits.of(robot, rec.joints)
+
+
+def _examined(paths: Sequence[Path], drawn: bool, watch: Watch) -> Checks:
+    reports, heads, cameras, stated = [], [], [], []
+    pages, drawings = list[Examined](), dict[str, bytes]()
+    for number, path in enumerate(paths, start=1):
+        with watch("reading", path) as share:
+            rec = load(path, _signals, share)
+        limits = limits_of(rec)
+        with watch("examining", path) as share:
+            contact, touched = check_contact(rec) or (None, None)
+            reports.append(replace(examine(rec, limits, share), contact=contact))
+        heads.append(_head(rec))
+        cameras.append(_cameras(rec, watch))
+        stated.append(rec.cell is not None)
+        if drawn:
+            name = "check.png" if len(paths) == 1 else f"check-{number}-{rec.name}.png"
+            drawings[name] = plot(rec, reports[-1], limits)
+            pages.append(examined(rec, reports[-1], limits, cameras[-1], touched, drawings[name]))
+        del rec
+    return Checks(reports, cameras, stated, _repeats(heads), pages, drawings, paths)
+
+
+def _signals(header: Header) -> tuple[str, ...]:
+    """What is looked at: the wrench only where it is said how to read it."""
+    return (*SIGNALS, "ft") if header.wrench is not None or header.cell is not None else SIGNALS
+
+
+def _cameras(rec: Recording, watch: Watch) -> list[CameraCheck]:
+    """The frames of a recording, checked against the cell that it states; none where it has no frames."""
+    if rec.frames is None:
+        return []
+    scene = None if rec.cell is None else believed(rec.cell, rec.path / "recording.yaml").scene
+    if scene is not None:
+        same = scene.joints == tuple(rec.joints)
+        scene = replace(scene, cameras=tuple(rec.frames.names)) if same else None
+    with watch("looking at the frames of", rec.path) as share:
+        return check_frames(rec, scene, share)
+
+
+def _head(rec: Recording) -> Recording:
+    """The first rows of a recording, copied, so that the rest can go: as many as repeats need to show their noise."""
+    arrays = ("time", "q", "q_cmd", "tau_cmd", "episode")
+    cut = {name: value[:HEAD].copy() for name in arrays if (value := getattr(rec, name)) is not None}
+    return replace(rec, tau=None, ft=None, frames=None, **cut)
+
+
+def _repeats(recs: Sequence[Recording]) -> list[Repeated]:
+    left, out = list(recs), list[Repeated]()
+    while left:
+        group = [left[0], *(rec for rec in left[1:] if same_motion(left[0], rec))]
+        left = [rec for rec in left if not any(rec is other for other in group)]
+        if len(group) > 1:
+            noise = noise_from_repeats(group, "q").tolist()
+            out.append({"recordings": [str(rec.path) for rec in group], "noise_q": noise})
+    return out

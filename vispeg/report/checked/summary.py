@@ -1,0 +1,38 @@
+"""What `check` has to say of a recording, as lines and tables for a terminal and a notebook."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from vispeg.recordings.check import CheckReport
+from vispeg.recordings.contact_check import said
+from vispeg.report.checked import tables
+from vispeg.report.summary import Block, Line
+from vispeg.vision.check import CameraCheck, warnings_of
+
+NO_CELL = "state `cell:` in recording.yaml to know what these frames tell of their cameras (`cell: nominal`)"
+
+
+def recording_blocks(report: CheckReport) -> list[Block]:
+    """Clock and gaps, two tables of the joints, what contact tells, and the warnings."""
+    clock = report.timing
+    gaps = f"{len(clock.gaps)} gap{'s' * (len(clock.gaps) != 1)}"
+    head = (
+        f"{report.robot}, {report.mode} control, {clock.duration_s:.1f} s at {clock.rate_hz:.1f} Hz "
+        f"(jitter {1e3 * clock.jitter:.3g} ms), {clock.episodes} episode{'s' * (clock.episodes != 1)}, {gaps}"
+    )
+    blocks: list[Block] = [Line(head, head=report.recording, path=True)]
+    blocks += [tables.motion(report), Line(""), tables.signals(report)]
+    contact = [] if report.contact is None else said(report.contact)
+    return [*blocks, *(Line(f"  {line}", path=True) for line in contact), *map(_warning, report.warnings)]
+
+
+def camera_blocks(checks: Sequence[CameraCheck], stated: bool) -> list[Block]:
+    """Tables of the cameras and their warnings; `stated`: whether the recording says what stands in the cell."""
+    blocks = [block for sheet in tables.cameras(checks) for block in (Line(""), sheet)]
+    blocks += [_warning(line) for c in checks for line in warnings_of(c)]
+    return [*blocks, *([_warning(NO_CELL)] if checks and not stated else [])]
+
+
+def _warning(text: str) -> Block:
+    return Line(text, warning=True)
