@@ -17,7 +17,7 @@ from vispeg.cli.main import available
 from vispeg.core.extras import EXTRAS
 
 ROOT = Path(__file__).parents[2]
-MODULES = {"stable_baselines3": "stable-baselines3"}  # whose packages have other names
+MODULES = {"stable_baselines3": "stable-baselines3", "rerun": "rerun-sdk"}  # whose packages have other names
 
 WORKS = """
 record iiwa14 --motion fourier --duration 0.5 --seed 1 --out rig-a
@@ -66,6 +66,10 @@ perturb depth-S --out pushed-2
     "video": "convert set/data.parquet --robot iiwa14 --images wrist --cameras set/wrist.yaml --insist --out filmed",
     "cluster": "render --world nominal --frames 2 --engine ray --out cluster",
     "view": "view",
+    "viz": """
+compare iiwa14 --recording rig-a --rerun compared.rrd --out compared
+evaluate expert --rerun judged.rrd --out judged
+""",
     "meshes": "evaluate expert --world own.yaml --episodes 1 --videos 0 --out meshes",
 }
 

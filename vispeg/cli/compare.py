@@ -32,6 +32,8 @@ class Args:
     """Of a longer recording, the windows that show the most, this long in all; 0 uses all of it."""
     threads: int = 2
     """Threads of the simulation."""
+    rerun: Path | None = None
+    """A file FILE.rrd for the Rerun viewer: the measured arm and the model's, every joint over time."""
     overwrite: bool = False
     """Replace OUT if it is there."""
     output: Told = Output()
@@ -42,12 +44,20 @@ class Args:
         from vispeg.api.inputs import model_files
         from vispeg.cli.reading import shown
         from vispeg.core.files import reserved
+        from vispeg.report.evidence import EVIDENCE, load_evidence
+        from vispeg.report.rrd.comparison import write_comparison
+        from vispeg.report.rrd.stream import check_target
         from vispeg.report.terminal import report_line
 
+        if self.rerun is not None:
+            check_target(self.rerun, self.overwrite)
         inputs = (*model_files(self.model), *self.recording)
         with reserved(self.out, self.overwrite, holds="comparison", inputs=inputs):
             options = {"seconds": self.seconds, "threads": self.threads}
             result = compare(self.model, self.recording, reading=shown(self.output.quiet), **options)
             result.save(self.out, overwrite=self.overwrite)
-        self.output.give(result.record, [*result.summary, report_line(self.out)])
+        if self.rerun is not None:
+            write_comparison(self.rerun, f"compare {self.model}", load_evidence(self.out / EVIDENCE))
+        lines = [] if self.rerun is None else [f"rerun: {self.rerun}"]
+        self.output.give(result.record, [*result.summary, report_line(self.out), *lines])
         return 0

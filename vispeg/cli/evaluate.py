@@ -12,13 +12,19 @@ Example:
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import tyro
 
 from vispeg.cli.output import Output, Told
 from vispeg.core.interrupt import goes_on
+
+if TYPE_CHECKING:
+    from vispeg.evaluation.entrants import Entrant
+    from vispeg.evaluation.records import Episode
 
 
 @dataclass(frozen=True)
@@ -43,6 +49,8 @@ class Args:
     """Another number takes other episodes."""
     workers: int = 1
     """Processes."""
+    rerun: Path | None = None
+    """A file FILE.rrd for the Rerun viewer: of each policy one episode in 3D, a failure where there is one."""
     overwrite: bool = False
     """Replace OUT's result."""
     output: Told = Output()
@@ -54,9 +62,12 @@ class Args:
         from vispeg.cli.evaluation import at_clearance
         from vispeg.cli.progress import playing
         from vispeg.evaluation.entrants import entrants
+        from vispeg.report.rrd.stream import check_target
         from vispeg.report.summary import Line
         from vispeg.task.world_file import load_world
 
+        if self.rerun is not None:
+            check_target(self.rerun, self.overwrite)
         who, world = entrants(self.policies), load_world(self.world)
         task = at_clearance(who, world, self.clearance)
         out = self.out or Path("evaluated") / f"{'+'.join(dict.fromkeys(e.name for e in who))}-{world.name}"
@@ -73,5 +84,20 @@ class Args:
             overwrite=self.overwrite,
             playing=lambda jobs, folder: playing(jobs, folder, self.output.quiet),
         )
-        self.output.give(result.record, [*result.summary, Line(str(out / "evaluate.html"), path=True)])
+        pages = [Line(str(out / "evaluate.html"), path=True)]
+        if self.rerun is not None:
+            self._show(who, task, result.episodes, self.rerun)
+            pages.append(Line(f"rerun: {self.rerun}", path=True))
+        self.output.give(result.record, [*result.summary, *pages])
         return 0
+
+    def _show(self, who: Sequence[Entrant], task: Mapping[str, Any], episodes: Sequence[Episode], file: Path) -> None:
+        """Plays one episode of each policy again, the first failure or else the first, and writes the file."""
+        from vispeg.report.rrd.episode import played, write_episodes
+
+        shown = []
+        for e in who:
+            own = [x for x in episodes if (x.policy, x.train_seed, x.control) == (e.name, e.train_seed, "")]
+            seed = next((x.seed for x in own if not x.success), own[0].seed)
+            shown += played(e, self.world, task, [seed], e.name)
+        write_episodes(file, f"evaluate {' '.join(self.policies)}", shown)

@@ -2,7 +2,7 @@
 
 Example:
     vispeg play runs/peg-depth/20261121-0900_s0/checkpoints/best --episodes 3 --out films
-    vispeg play state-3mm --world P --seed 7 --out films
+    vispeg play state-3mm --world P --seed 7 --rerun seed-7.rrd --out films
 """
 
 from __future__ import annotations
@@ -33,6 +33,8 @@ class Args:
     """How many episodes."""
     seed: int = 0
     """Seed of the first; the next ones count up."""
+    rerun: Path | None = None
+    """A file FILE.rrd for the Rerun viewer with the same episodes in 3D: forces, what the policy sees and estimates."""
     overwrite: bool = False
     """Replace OUT if it is there."""
     output: Told = Output()
@@ -42,9 +44,12 @@ class Args:
         from vispeg.core.errors import UserError
         from vispeg.learn.coarse_to_fine import open_policy
         from vispeg.learn.envs import home
+        from vispeg.report.rrd.stream import check_target
 
         if self.episodes < 1:
             raise UserError("must be at least 1", key="episodes", got=self.episodes)
+        if self.rerun is not None:
+            check_target(self.rerun, self.overwrite)
         policy = open_policy(self.policy)
         world, clearance = self.world or home(policy), self.clearance
         if self.world is None and clearance is None:
@@ -56,7 +61,16 @@ class Args:
         for film in films(self.policy, world, settings, seeds, out, self.overwrite):
             made.append(film)
             self.output.line(film.line)
-        self.output.give({"policy": str(self.policy), "world": world, "films": [asdict(film) for film in made]}, [])
+        record = {"policy": str(self.policy), "world": world, "films": [asdict(film) for film in made]}
+        if self.rerun is not None:
+            from vispeg.evaluation.entrants import entrant
+            from vispeg.report.rrd.episode import played, write_episodes
+
+            shown = played(entrant(str(self.policy)), world, settings, seeds)
+            write_episodes(self.rerun, f"play {self.policy}", shown)
+            self.output.line(f"rerun: {self.rerun}")
+            record["rerun"] = str(self.rerun)
+        self.output.give(record, [])
         return 0
 
 

@@ -15,6 +15,7 @@ EXTRAS = {
     "video": ("av",),
     "cluster": ("ray",),
     "view": ("viser", "websockets"),
+    "viz": ("rerun",),
 }
 
 

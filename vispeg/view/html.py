@@ -15,7 +15,7 @@ from vispeg.view.standing import Field, Standing, Tried
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-    from vispeg.view.episode import Moment
+    from vispeg.evaluation.moments import Moment
     from vispeg.view.importing import Look, Proposed
 
 

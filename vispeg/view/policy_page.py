@@ -11,10 +11,11 @@ import numpy as np
 
 from vispeg.api.catalogue import policies, worlds
 from vispeg.core.provenance import command_line
+from vispeg.evaluation.moments import Moment
 from vispeg.robots.furniture import COLOURS
 from vispeg.view import html
 from vispeg.view.drawing import Drawing
-from vispeg.view.episode import Episodes, Moment
+from vispeg.view.episode import Episodes
 from vispeg.view.job import Job
 from vispeg.view.place import Page, Place
 
