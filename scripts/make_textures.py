@@ -96,6 +96,40 @@ SURFACES: tuple[Callable[[RNG], np.ndarray], ...] = (
     terrazzo,
 )
 ENVIRONMENTS = ("atrium", "hall", "loft", "workshop")  # one seed each
+TRAINING, ROWS = 20, 64  # panoramas that training worlds cycle through, and rows of each
+
+
+def room(rng: RNG, rows: int = ROWS) -> np.ndarray:
+    """A room that never was, (rows, 2 rows, 3) linear light: walls, rows of windows or none, rows of lamps, benches.
+
+    Light of windows is 5 to 40 times that of walls, of lamps 10 to 60 times.
+    """
+    zenith, azimuth = np.meshgrid(np.arange(rows) + 0.5, np.arange(2 * rows) + 0.5, indexing="ij")
+    zenith, azimuth = zenith * np.pi / rows, azimuth * np.pi / rows
+    walls = rng.choice([3, 4, 4, 5])
+    side = np.floor((azimuth + rng.uniform(0, 2 * np.pi)) / (2 * np.pi) * walls).astype(int) % walls
+    across = (azimuth * walls / (2 * np.pi)) % 1.0
+    tones = rng.uniform(0.15, 0.9, (walls, 1)) * (1 - rng.uniform(0, 0.5, (walls, 3)))
+    out = tones[side]
+    edge = rng.uniform(0.35, 0.75)  # rad from the zenith, where the ceiling ends
+    out[zenith < edge] = rng.uniform(0.3, 0.9) * (1 - rng.uniform(0, 0.2, 3))
+    out[zenith > rng.uniform(1.9, 2.4)] = rng.uniform(0.03, 0.35) * (1 - rng.uniform(0, 0.6, 3))
+    daylight = rng.uniform(5, 40) * np.array([rng.uniform(0.7, 1.0), 0.95, rng.uniform(0.8, 1.25)])
+    for wall in np.flatnonzero(rng.random(walls) < 0.45):
+        panes, high = rng.integers(1, 5), rng.uniform(0.25, 0.5)
+        glass = (side == wall) & (np.abs(zenith - rng.uniform(1.1, 1.4)) < high) & ((across * panes) % 1.0 > 0.2)
+        out[glass] = daylight
+    for wall in np.flatnonzero(rng.random(walls) < 0.6):
+        top, part = rng.uniform(1.4, 1.9), rng.uniform(0.1, 0.9)
+        out[(side == wall) & (zenith > top) & (np.abs(across - 0.5) < part / 2)] = rng.uniform(0.02, 0.5, 3)
+    lamps, wide = rng.integers(0, 7), rng.uniform(0.03, 0.1)
+    warm = rng.uniform(10, 60) * np.array([1.0, rng.uniform(0.75, 0.98), rng.uniform(0.5, 1.0)])
+    for k in range(lamps):
+        near = np.abs(zenith - (0.12 + 0.9 * edge * k / max(lamps, 1))) < wide
+        out[near & ((azimuth * rng.integers(1, 4) / np.pi) % 1.0 < rng.uniform(0.3, 0.9))] = warm
+    if not lamps and not (out > 2).any():
+        out[zenith < 0.3] = warm
+    return out.astype(np.float32)
 
 
 def ramp(t: np.ndarray, dark: tuple[float, ...], light: tuple[float, ...]) -> np.ndarray:
@@ -124,6 +158,10 @@ def main() -> None:
     for name in ENVIRONMENTS:
         panorama = procedural(stream(0, "environment", name))
         path = args.out / "environments" / f"{name}.hdr"
+        write_bytes_atomic(path, encoded(panorama, ".hdr"), overwrite=args.overwrite)
+    for k in range(TRAINING):
+        panorama = room(stream(0, "environment", "training", k))
+        path = args.out / "environments" / "training" / f"room-{k + 1:02d}.hdr"
         write_bytes_atomic(path, encoded(panorama, ".hdr"), overwrite=args.overwrite)
 
 

@@ -242,6 +242,47 @@ def test_what_ships_can_be_read():
         assert _images.environment(path).shape == (128, 256, 3)
 
 
+def test_panoramas_for_training_are_none_of_those_for_judging(tmp_path, monkeypatch):
+    """20 that ship and differ from each other; of a user's folder those below `training/`, all where it has no such."""
+    training, judging = (_images.images(_images.ENVIRONMENTS, t) for t in (True, False))
+    assert len(training) == 20 and len(judging) == 4 and not set(training) & set(judging)
+    colours = np.array([_images.environment(p).mean(axis=(0, 1)) for p in training])
+    assert np.abs(colours[:, None] - colours).max(-1)[~np.eye(20, dtype=bool)].min() > 0.01
+    monkeypatch.setenv(_images.FOLDER, str(tmp_path))
+    (tmp_path / "a.hdr").write_bytes(judging[0].read_bytes())
+    assert len(_images.images(_images.ENVIRONMENTS, True)) == 1, "there are no others"
+    (tmp_path / "training").mkdir()
+    (tmp_path / "training" / "b.hdr").write_bytes(training[0].read_bytes())
+    assert [p.name for p in _images.images(_images.ENVIRONMENTS, True)] == ["b.hdr"]
+    assert [p.name for p in _images.images(_images.ENVIRONMENTS)] == ["a.hdr"]
+
+
+def test_a_training_world_cycles_through_its_panoramas():
+    from vispeg.task.world_file import load_world
+
+    world, scene = load_world("S-environments").world, SCENE
+    drawn = [e for k in range(120) for e in world.sample(k, scene).effects if e.effect == "environment"]
+    assert len(drawn) == 120 and all(e.params["pick"].value > 1 for e in drawn)
+    picks = {int(20 * (e.params["pick"].value - 1)) for e in drawn}
+    assert len(picks) == 20
+    one, other = (
+        written([EffectInstance.of("environment", "scene", amount=1.0, pick=t)]).model.tex_data.copy()
+        for t in (0.3, 1.3)
+    )
+    assert not np.array_equal(one, other)
+
+
+@pytest.mark.parametrize(("name", "metres", "degrees"), [("article", 0.1, 10), ("article-narrow", 0.03, 5)])
+def test_the_articles_camera_is_drawn_from_its_ranges(name, metres, degrees):
+    """One offset of each camera, from end to end as stated."""
+    from vispeg.task.world_file import load_world
+
+    (r,) = [r for r in load_world(name).world.ranges if r.effect == "camera_offset"]
+    for axis in ("x", "y", "z", "rx", "ry", "rz"):
+        end = metres if len(axis) == 1 else np.radians(degrees)
+        np.testing.assert_allclose([r.params[axis].at(0.0), r.params[axis].at(1.0)], [-end, end], rtol=1e-4)
+
+
 def png_of(width: int, height: int) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + struct.pack(">I4sII", 13, b"IHDR", width, height) + bytes(40)
 

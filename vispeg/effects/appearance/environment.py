@@ -23,7 +23,15 @@ class Environment(SceneLook):
     params = {
         "amount": Param(0.0, 0.0, 1.0, "1", start=1.0, doc="of the panorama over the nominal sky"),
         "light": Param(0.0, 0.0, 1.0, "1", start=0.5, doc="of its colour in the ambient light"),
-        "pick": Param(0.0, 0.0, 1.0, "1", start=0.0, shape=True, doc="which panorama: share of the sorted list"),
+        "pick": Param(
+            0.0,
+            0.0,
+            2.0,
+            "1",
+            start=0.0,
+            shape=True,
+            doc="which panorama: share of the sorted list; above 1 of that for training",
+        ),
         "turn": Param(0.0, -np.pi, np.pi, "rad", start=0.0, shape=True, doc="about the vertical"),
         "exposure": Param(0.0, -3.0, 3.0, "1", start=0.0, shape=True, doc="stops brighter"),
     }
@@ -32,7 +40,8 @@ class Environment(SceneLook):
     def write(self, fields, p):
         value = {name: v[:, 0] for name, v in p.items()}
         for row in np.flatnonzero((value["amount"] != 0) | (value["light"] != 0)):
-            panorama = environment(picked(ENVIRONMENTS, float(value["pick"][row])))
+            pick = float(value["pick"][row])
+            panorama = environment(picked(ENVIRONMENTS, pick - 1 if pick > 1 else pick, training=pick > 1))
             if value["amount"][row]:
                 texture = pixels(fields, int(row), "sky")
                 seen = look_up(panorama, directions(texture.shape[1]), float(value["turn"][row]))

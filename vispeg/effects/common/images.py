@@ -2,7 +2,8 @@
 
 `VISPEG_TEXTURES` names a folder of the user's; without it, `textures/user/` of a checkout counts where it holds images
 of the kind asked for, and what `scripts/make_textures.py` made otherwise. Files are counted in the order of their names
-below that folder, so a look that was drawn once stays the same as long as the folder does.
+below that folder, so a look that was drawn once stays the same as long as the folder does. Where a folder has both,
+what lies below a subfolder `training/` is for worlds that policies learn in, the rest for others.
 """
 
 from __future__ import annotations
@@ -16,14 +17,18 @@ import numpy as np
 from vispeg.core.assets import PACKAGE
 from vispeg.core.errors import UserError
 
-FOLDER = "VISPEG_TEXTURES"
+FOLDER, TRAINING = "VISPEG_TEXTURES", "training"
 PICTURES, ENVIRONMENTS = (".png", ".jpg", ".jpeg"), (".hdr",)
 PIXELS = 40_000_000  # no larger image is read
 RADIANCE = (b"#?RADIANCE", b"#?RGBE")
 
 
-def images(endings: tuple[str, ...]) -> tuple[Path, ...]:
+def images(endings: tuple[str, ...], training: bool = False) -> tuple[Path, ...]:
     """The images with one of these file name endings, sorted.
+
+    Args:
+        endings: lower case, with their dots.
+        training: those below `training/` if there are any, else those elsewhere; all where a folder has not both.
 
     Raises:
         UserError: the folder that `VISPEG_TEXTURES` names is none or has no such image; or the installation lacks its.
@@ -33,21 +38,21 @@ def images(endings: tuple[str, ...]) -> tuple[Path, ...]:
         folder = Path(named).expanduser()
         if not folder.is_dir():
             raise UserError(f"{FOLDER} does not name a folder", file=named)
-        found = _below(folder, endings)
+        found = _below(folder, endings, training)
         if not found:
             raise UserError(f"no image in the folder that {FOLDER} names", file=named, expected=" ".join(endings))
         return found
     for root in (PACKAGE / "_textures", PACKAGE.parent / "textures"):
-        user = _below(root / "user", endings) if root.is_dir() else ()
-        found = user or (_below(root, endings) if root.is_dir() else ())
+        user = _below(root / "user", endings, training) if root.is_dir() else ()
+        found = user or (_below(root, endings, training) if root.is_dir() else ())
         if found:
             return found
     raise UserError("the textures folder is missing; install vispeg again", file=PACKAGE)
 
 
-def picked(endings: tuple[str, ...], share: float) -> Path:
+def picked(endings: tuple[str, ...], share: float, training: bool = False) -> Path:
     """The image at `share` (0 to 1) of the sorted list."""
-    found = images(endings)
+    found = images(endings, training)
     return found[min(int(share * len(found)), len(found) - 1)]
 
 
@@ -75,7 +80,7 @@ def picture(path: Path, size: int) -> np.ndarray:
     return cv2.resize(np.ascontiguousarray(square), (size, size), interpolation=way).astype(np.float32) / 255
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=32)
 def environment(path: Path, rows: int = 128) -> np.ndarray:
     """A Radiance .hdr's linear light, (rows, 2 rows, 3) float32 RGB; its top row is the zenith.
 
@@ -100,9 +105,11 @@ def refuse_huge(path: Path, area: int) -> None:
         raise UserError("is too large for a texture", file=path, expected=f"at most {PIXELS:,} pixels", got=area)
 
 
-def _below(folder: Path, endings: tuple[str, ...]) -> tuple[Path, ...]:
-    found = (p for p in folder.rglob("*") if p.suffix.lower() in endings and p.is_file())
-    return tuple(sorted(found, key=lambda p: p.relative_to(folder).as_posix()))
+def _below(folder: Path, endings: tuple[str, ...], training: bool) -> tuple[Path, ...]:
+    every = (p for p in folder.rglob("*") if p.suffix.lower() in endings and p.is_file())
+    found = sorted(every, key=lambda p: p.relative_to(folder).as_posix())
+    mine = [p for p in found if (TRAINING in p.relative_to(folder).parts[:-1]) == training]
+    return tuple(mine or found)
 
 
 def _head(path: Path) -> bytes:
