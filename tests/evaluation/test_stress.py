@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.evaluation import suite
@@ -14,6 +15,9 @@ from vispeg.evaluation.intervals import wilson
 from vispeg.evaluation.overlay import overlay
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.stress import exploit, perturb, sensitivity
+from vispeg.robots.scene import build
+from vispeg.worlds.model_file import model_text
+from vispeg.worlds.world import World
 
 
 def wins(world, configuration, count, n=40, policy="a", force=20.0, profile=None):
@@ -194,6 +198,30 @@ def test_a_sweep_is_read_and_always_has_the_null_value():
     }.items():
         with pytest.raises(UserError, match=words):
             sensitivity.sweep(text)
+
+
+def test_what_a_diagnosis_named_is_swept_from_nothing_to_its_value(tmp_path):
+    offset = EffectInstance.of("camera_offset", "wrist_wide", x=0.004, rz=-0.01)
+    scale = EffectInstance.of("depth_scale", "external", factor=1.05)
+    file = tmp_path / "model.yaml"
+    file.write_text(model_text(World("iiwa14").add(offset, scale)))
+    one, other = sensitivity.sweeps(str(file))
+    assert one.where == "wrist_wide" and one.values == (0.0, 1.0) and one.label == "camera_offset(wrist_wide)"
+    assert one.at(1.0) == {p: v.value for p, v in offset.params.items()} and set(one.at(0.0).values()) == {0.0}
+    assert other.at(0.0) == {"factor": 1.0} and other.at(1.0) == {"factor": 1.05} and other.null == 0.0
+    (null, found) = sensitivity.settings("S", "S", other)
+    made = [overlay(s.world, s.configuration, tmp_path, s.changes, s.task).world for s in (null, found)]
+    drawn = [[e for e in w.sample(3, build()).effects if e.effect == "depth_scale"] for w in made]
+    assert [e.params["factor"].value for some in drawn for e in some if e.where == "external"] == [1.0, 1.05]
+    counts = {0.0: 40, 1.0: 20}
+    record = sensitivity.summarise(
+        [e for v, n in counts.items() for e in wins("S", sensitivity.tag(other, v), n)], other
+    )
+    (curve,) = record["curves"]
+    assert curve["points"][1]["cost"]["value"] == 0.5 and record["unit"] == "times the value found"
+    (tmp_path / "bare.yaml").write_text(model_text(World("iiwa14")))
+    with pytest.raises(UserError, match="no effect to take away"):
+        sensitivity.sweeps(str(tmp_path / "bare.yaml"))
 
 
 def test_every_named_sweep_can_be_built(tmp_path):

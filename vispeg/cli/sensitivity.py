@@ -1,11 +1,13 @@
 """Success against one parameter of one effect, as a curve with bands: how wrong may a camera be, how late a command.
 
 SWEEP is focal-length, camera-shift, camera-turn, depth-noise, light, latency, image-latency, encoder-noise, force-bias,
-force-noise, friction, or EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,... What only images show is swept with policies that
-see. Writes OUT/sensitivity.json and OUT/sensitivity.html.
+force-noise, friction, or EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,... Or it is a model file that a diagnosis wrote:
+what each effect in it costs, success without it and with it. What only images show is swept with policies that see.
+Writes OUT/sensitivity.json and OUT/sensitivity.html.
 
 Example:
     vispeg sensitivity runs/depth/best --world S --sweep focal-length --episodes 200 --out focal
+    vispeg sensitivity depth-S --world S --sweep found/model.yaml --out cost
     vispeg sensitivity runs/d/best runs/r/best --sweep "camera_offset@wrist_wide.x=0,0.005,0.02" --out shift
 """
 

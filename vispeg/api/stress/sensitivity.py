@@ -51,7 +51,8 @@ def sensitivity(
 
     Args:
         policies, seed, workers, out, overwrite, playing: as in `vispeg.evaluate`.
-        sweeps: names of `vispeg.evaluation.stress.sensitivity.SWEEPS`, or EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,...
+        sweeps: names of `vispeg.evaluation.stress.sensitivity.SWEEPS`, or EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,...,
+            or a model file, such as a diagnosis writes: success without and with each of its effects.
         world: a built-in world's name or a world file.
         episodes: of every value.
 
@@ -63,7 +64,7 @@ def sensitivity(
     if not sweeps:
         raise UserError("nothing to sweep", key="--sweep", expected="a sweep", choices=swept.SWEEPS)
     who, file = ready(listed(policies)), load_world(world)
-    asked = [swept.sweep(text) for text in sweeps]
+    asked = [what for text in sweeps for what in swept.sweeps(str(text))]
     swept.refuse_unseen(asked, who)
     read = [file.path, *(e.path for e in who)]
     with workplace(out, "sensitivity.json", overwrite, read) as place:

@@ -22,6 +22,7 @@ from vispeg.evaluation.records import Episode
 from vispeg.evaluation.schema.stress import Curve, SweepPoint, SweepRecord
 from vispeg.evaluation.significance import holm, mcnemar
 from vispeg.evaluation.table import Cell, Table
+from vispeg.worlds.model_file import load_model
 
 FORMAT = "vispeg-sensitivity/1"
 
@@ -33,27 +34,42 @@ class Sweep:
     Attributes:
         effect, where: as in Change.
         params: parameters that take the value together (fx and fy of a focal length).
-        values: in the parameter's unit.
+        values: in the parameter's unit; of what was found, where `found` says what the parameters are at 1.
+        found: what a model file says of `params`; empty for values of one parameter's own.
     """
 
     effect: str
     params: tuple[str, ...]
     values: tuple[float, ...]
     where: str = "*"
+    found: tuple[float, ...] = ()
+
+    def at(self, value: float) -> dict[str, float]:
+        """The parameters at one of the values."""
+        if not self.found:
+            return dict.fromkeys(self.params, value)
+        nulls = [effect(self.effect).params[p].null for p in self.params]
+        return {p: n + value * (f - n) for p, n, f in zip(self.params, nulls, self.found, strict=True)}
 
     @property
     def unit(self) -> str:
         """Of the values."""
+        if self.found:
+            return "times the value found"
         return effect(self.effect).params[self.params[0]].unit
 
     @property
     def null(self) -> float:
         """The value at which the effect vanishes."""
+        if self.found:
+            return 0.0
         return effect(self.effect).params[self.params[0]].null
 
     @property
     def label(self) -> str:
-        """`focal_error.fx,fy`."""
+        """`focal_error.fx,fy`; `focal_error(wrist_wide)` of what was found."""
+        if self.found:
+            return f"{self.effect}({self.where})"
         return f"{self.effect}.{','.join(self.params)}"
 
 
@@ -100,6 +116,22 @@ def sweep(text: str) -> Sweep:
     return Sweep(name, params, values, where or "*")
 
 
+def sweeps(text: str) -> list[Sweep]:
+    """As `sweep`, or a model file, such as a diagnosis writes: each of its effects, without it and at its value.
+
+    Raises:
+        UserError: as `sweep`; a model file without effects.
+    """
+    if not text.lower().endswith((".yaml", ".yml")) or "=" in text:
+        return [sweep(text)]
+    found = load_model(text).effects
+    if not found:
+        raise UserError("has no effect to take away", file=text, expected="a model that a diagnosis wrote")
+    return [
+        Sweep(e.effect, tuple(e.params), (0.0, 1.0), e.where, tuple(v.value for v in e.params.values())) for e in found
+    ]
+
+
 def refuse_unseen(sweeps: Iterable[Sweep], who: Iterable[Entrant]) -> None:
     """Raises UserError for a sweep of what is only seen with a policy that sees nothing: its curve is a line."""
     for what in sweeps:
@@ -115,10 +147,7 @@ def refuse_unseen(sweeps: Iterable[Sweep], who: Iterable[Entrant]) -> None:
 
 def settings(world: str, name: str, what: Sweep) -> list[Setting]:
     """One setting a value; at null too the effect is set, so that the world's own range of it is gone everywhere."""
-    return [
-        Setting(world, name, tag(what, v), (Change(what.effect, dict.fromkeys(what.params, v), what.where),))
-        for v in what.values
-    ]
+    return [Setting(world, name, tag(what, v), (Change(what.effect, what.at(v), what.where),)) for v in what.values]
 
 
 def tag(what: Sweep, value: float) -> str:
