@@ -14,7 +14,7 @@ SEPARATE = {
     frozenset({"principal_point_error", "camera_offset"}): "rolls of 90 degrees about the optical axis, with tilts",
     frozenset({"focal_error", "lens_distortion"}): "views with the fixture near the image's edges and corners",
     frozenset({"camera_delay", "camera_offset"}): "the same path both ways, at two speeds",
-    frozenset({"camera_delay", "rolling_shutter"}): "fast motion up and down the image, both ways",
+    frozenset({"camera_delay", "rolling_shutter"}): "look-fast: fast motion up and down the image, both ways",
     frozenset({"camera_delay", "encoder_offset"}): "the same path both ways, at two speeds",
     frozenset({"encoder_offset", "camera_offset"}): "the fixture seen with the wrist joints turned both ways",
     frozenset({"depth_scale", "depth_bias"}): "a flat part at distances that differ by a factor of two",

@@ -50,23 +50,22 @@ TILT = (Part("tip", 0.3, 2), Part("lean", 0.35, 3, 0.13))
 ROLL = (Part("roll", 0.7, 2, 0.4),)
 APPROACH = (Part("rise", 0.09, 2, 0.0),)
 SIDEWAYS = (Part("along", 0.04, 4), Part("across", 0.05, 5, 0.2))
+FAST_SIDEWAYS = (Part("along", 0.06, 9), Part("across", 0.06, 8, 0.2))
 LOOKS: dict[str, tuple[Part, ...]] = {
     "look": (*TILT, *ROLL, *APPROACH, *SIDEWAYS),
     "look-tilt": TILT,
     "look-roll": ROLL,
     "look-approach": APPROACH,
     "look-sideways": SIDEWAYS,
-    "look-and-insert": (*TILT, *ROLL, *APPROACH, *SIDEWAYS),
+    "look-fast": (*FAST_SIDEWAYS, Part("rise", 0.04, 3), Part("roll", 0.5, 2, 0.4)),
 }
-INSERTING = "look-and-insert"
-INSERT_SHARE, DEEP = 0.3, 0.012  # of the duration; m below the mouth that the tip goes
 ABOUT = {
     "look": "tilt, roll, approach and sideways at once, about the goal: what a camera is calibrated from",
     "look-tilt": "the hand tilts about the goal",
     "look-roll": "the hand turns about its own axis",
     "look-approach": "the hand comes near and goes away",
     "look-sideways": "the hand moves sideways past the fixture and back",
-    "look-and-insert": "look, then the held part into the goal and out again",
+    "look-fast": "the same more than twice as fast, turned both ways: shows a late camera and a rolling shutter",
 }
 
 
@@ -104,7 +103,7 @@ def look_motion(name: str, scene: Scene, rate_hz: float, duration: float) -> Mot
     spline = CubicSpline(knots, q, bc_type="clamped")
     time = np.arange(round(duration * rate_hz)) / rate_hz
     motion = Motion(name, time, spline(time), spline(time, 1))
-    _check(motion, scene, name != INSERTING, duration)
+    _check(motion, scene, duration)
     return motion
 
 
@@ -118,25 +117,20 @@ def _down(scene: Scene, home: np.ndarray) -> Rotation:
 def _poses(name: str, scene: Scene, time: np.ndarray, grown: float, down: Rotation) -> tuple[Rotation, np.ndarray]:
     """Orientation and place (n, 3) m of the flange in the base, of a motion of `grown` times its size."""
     total = float(time[-1])
-    looking = total * (1 - INSERT_SHARE) if name == INSERTING else total
     at = {freedom: np.zeros(len(time)) for freedom in FREEDOMS}
-    eased = np.clip(np.minimum(time, looking - time) / EASE, 0.0, 1.0)
+    eased = np.clip(np.minimum(time, total - time) / EASE, 0.0, 1.0)
     weight = smoothstep(eased)[1]
     for part in LOOKS[name]:
-        angle = 2 * np.pi * (part.cycles * np.clip(time / looking, 0.0, 1.0) + part.phase)
+        angle = 2 * np.pi * (part.cycles * np.clip(time / total, 0.0, 1.0) + part.phase)
         wave = 1 - np.cos(angle) if part.freedom == "rise" else np.sin(angle)
         at[part.freedom] = at[part.freedom] + grown * part.size * weight * wave
-    height = np.full(len(time), HEIGHT)
-    if name == INSERTING:
-        share = (time - looking) / (total - looking)  # down in the first half, up in the second
-        height += grown * (-DEEP - HEIGHT) * smoothstep(np.clip(np.minimum(share, 1 - share) / 0.45, 0.0, 1.0))[1]
     about = Rotation.from_euler("xy", np.stack([at["lean"], at["tip"]], 1))
     mouth = np.array(scene.target)
-    above = np.stack([at["along"], at["across"], height + at["rise"] + scene.tip], 1)
+    above = np.stack([at["along"], at["across"], HEIGHT + at["rise"] + scene.tip], 1)
     return about * down * Rotation.from_euler("z", at["roll"][:, None]), mouth + about.apply(above)
 
 
-def _check(motion: Motion, scene: Scene, free: bool, duration: float) -> None:
+def _check(motion: Motion, scene: Scene, duration: float) -> None:
     """Raises UserError where the motion is too fast for the joints, or touches what stands in the cell."""
     share = np.abs(motion.dq_cmd).max(axis=0) / (FAST * np.asarray(scene.velocity_limit))
     if share.max() > 1:
@@ -145,7 +139,7 @@ def _check(motion: Motion, scene: Scene, free: bool, duration: float) -> None:
     model = scene.compile()
     data, places = mujoco.MjData(model), [model.joint(j).qposadr[0] for j in scene.joints]
     every = max(1, round(0.05 / (motion.time[1] - motion.time[0])))
-    for row in range(0, len(motion.time) if free else 0, every):
+    for row in range(0, len(motion.time), every):
         data.qpos[places] = motion.q_cmd[row]
         mujoco.mj_kinematics(model, data)
         mujoco.mj_collision(model, data)
