@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from vispeg.api.fit import fit
 from vispeg.api.look import cameras_of, look_of, scene_of
-from vispeg.api.pictures import diagnose
+from vispeg.api.rooms.pictures import diagnose
 from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.pictures.halves import Halves
 from vispeg.diagnosis.pictures.remainder import Left

@@ -58,9 +58,12 @@ def test_each_motion_excites_what_it_is_for(touches):
         ("hard-press", PRESS, 0.4),
         ("tap", IMPACT, 0.01),
         ("touch-datum", PRESS, 0.2),
+        ("look-and-insert", HOLE, 0.1),
     ):
         assert share[name][regime] > least, name
     assert all(share["mix"][r] > 0.002 for r in (PRESS, SLIDE, HOLE, IMPACT))
+    look = share["look-and-insert"]
+    assert look[0] > 0.5, "most of it is seen from free air"
     forces = {name: t.force for name, (_, t) in touches.items()}
     steady = {name: np.quantile(f, 0.99) for name, f in forces.items()}
     assert 22 < steady["press"] < 30 and 105 < steady["hard-press"] < 120

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from vispeg.api.look import cameras_of, look_of, record_look, scene_of
+from vispeg.api.record_cell import record_in_cell
 from vispeg.cli.main import main
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
@@ -18,6 +19,7 @@ from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.frames.joints import joints_at
 from vispeg.recordings.load import load
 from vispeg.recordings.recording import Control, Recording
+from vispeg.task.belief import believed
 from vispeg.vision.borders import borders_of
 from vispeg.vision.compare import compare_frames
 from vispeg.vision.eye import camera_of
@@ -134,6 +136,20 @@ def test_motions_are_fit_for_a_robot(name, stage):
     assert ((motion.q_cmd > scene.range[:, 0]) & (motion.q_cmd < scene.range[:, 1])).all()
     turns = np.diff(np.sign(motion.dq_cmd), axis=0) != 0
     assert turns.sum(axis=0).max() >= (1 if name == "look-approach" else 3), "back and forth"
+
+
+def test_a_motion_that_touches_is_photographed_where_the_arm_is():
+    """Beside its wrench: pictures of the true arm, not of what its encoders read."""
+    plant = load_model("peg-cell").add(EffectInstance.of("encoder_offset", "joint4", offset=0.01))
+    cameras = cameras_of(["wrist_wide"], scene_of(plant), SMALL)
+    options = {"rate_hz": 250.0, "cameras": cameras, "fps": 0.4, "backend": "raycast"}
+    rec = record_in_cell(plant, "tap", {}, **options)
+    assert rec.ft is not None and np.isfinite(rec.ft).all() and rec.frames is not None and len(rec.frames) >= 2
+    scene = replace(believed(rec.cell).scene, cameras=("wrist_wide",))
+    right, wrong = (compare_frames(rec, scene, w, backend="raycast") for w in (plant, World()))
+    assert max(c.depth_rms for c in right) < 1.0 < min(c.depth_rms for c in wrong), "mm"
+    with pytest.raises(UserError, match="pictures of one run"):
+        record_in_cell(plant, "tap", {}, repeat=2, cameras=cameras)
 
 
 def test_too_fast_a_look_is_refused(stage):

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from vispeg.api import pictures
-from vispeg.api.inputs import Inputs, Model, Reading, Source, felt, of_cell, read_inputs, silent, windows
+from vispeg.api.inputs import Inputs, Model, Reading, Source, of_cell, read_inputs, silent, windows
 from vispeg.api.objects import diagnose_tosses, object_world
-from vispeg.api.pictures import photographed
 from vispeg.api.result import Result
+from vispeg.api.rooms import pictures
+from vispeg.api.rooms.cell import diagnose_rooms, readable
 from vispeg.api.stress.remainder import Price
 from vispeg.contact.picture import worst_moment
 from vispeg.contact.run import diagnose_contact
@@ -21,6 +21,7 @@ from vispeg.core.errors import UserError
 from vispeg.diagnosis import run
 from vispeg.diagnosis.change import diagnose_change
 from vispeg.diagnosis.progress import Progress
+from vispeg.diagnosis.rooms.conduct import RoomName
 from vispeg.diagnosis.schema import DiagnosisRecord
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import SECONDS
@@ -91,6 +92,7 @@ def diagnose(
     cell: str | Path = "nominal",
     episodes: int = 100,
     part: str | Path | None = None,
+    rooms: Sequence[RoomName] = (),
     say: Callable[[str], None] = lambda text: None,
     reading: Reading = silent,
 ) -> DiagnosisResult:
@@ -112,6 +114,8 @@ def diagnose(
         episodes: of each policy, with and without what is left.
         part: a folder that keeps what is worked out until the result is saved: with the same arguments and folder, a
             diagnosis that was stopped goes on.
+        rooms: of a cell, where the cause is looked for: `joints`, `contact`, `pictures`; where none is named, in all
+            if the recordings have joint torques, a wrench and pictures, else in that of the pictures or the wrench.
         say: is told what is being done.
         reading: shows how far a recording is read.
 
@@ -139,9 +143,13 @@ def diagnose(
     progress = None if part is None else progress_of(given, seconds, seed, Path(part), before)
     say("going on" if progress is not None and progress.resumed else "simulating")
     options = {"seed": seed, "nthread": threads, "say": say, "progress": progress}
-    if before is None and given.world.cell is not None and photographed(given.fitted, given.held_out):
+    looking = _rooms(rooms, given) if contact and before is None else ()
+    if len(looking) > 1:
+        both = given.fitted, given.held_out
+        result = diagnose_rooms(looking, given.world, *both, seconds=seconds, seed=seed, nthread=threads, say=say)
+    elif before is None and looking == ("pictures",):
         result = pictures.diagnose(given.world, given.fitted, given.held_out, seed=seed, say=say)
-    elif before is None and contact and felt((*given.fitted, *given.held_out)):
+    elif before is None and looking == ("contact",):
         of_contact = {"nthread": threads, "say": say, "progress": progress}
         result = diagnose_contact(given.world, given.fitted, given.held_out, **of_contact)
         result.arrays.update(worst_moment(result.arrays, given.held_out))
@@ -150,8 +158,10 @@ def diagnose(
     else:
         was = (*before.fitted, *before.held_out)
         result = diagnose_change(given.world, was, given.fitted, given.held_out, **options)
-    if "joints" in result.arrays:
-        result.arrays.update(arm_arrays(given.world, result.arrays["joints"]))
+    for at in ("", "room/joints/"):
+        if f"{at}joints" in result.arrays:
+            drawn = arm_arrays(given.world, result.arrays[f"{at}joints"])
+            result.arrays.update({f"{at}{key}": value for key, value in drawn.items()})
     left = result.record.get("remainder", [])
     paid = {}
     if price is not None:
@@ -162,6 +172,20 @@ def diagnose(
     effects = result.world.effects[len(result.world.effects) - len(record["effects"]) :]
     files = given.files if before is None else (*given.files, *before.files)
     return DiagnosisResult(record, result.world, result.arrays, effects, files, progress)
+
+
+def _rooms(asked: Sequence[RoomName], given: Inputs) -> tuple[RoomName, ...]:
+    """Where to look: as asked, or in every room if the recordings have something for all; `joints` where for no other.
+
+    Raises:
+        UserError: a room asked for that the recordings have nothing for.
+    """
+    can = readable(given.fitted, given.held_out)
+    for name in asked:
+        if name not in can:
+            raise UserError("the recordings have nothing for this room", key="--rooms", got=name, choices=can)
+    usual: tuple[RoomName, ...] = can if {"pictures", "contact"} <= set(can) else can[-1:]
+    return tuple(name for name in can if name in (asked or usual))
 
 
 def progress_of(given: Inputs, seconds: float, seed: int, part: Path, before: Inputs | None = None) -> Progress:

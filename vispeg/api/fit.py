@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from vispeg.api.inputs import Model, Reading, Source, of_cell, read_inputs, silent, windows
-from vispeg.api.pictures import border_evidence_of, photographed
 from vispeg.api.result import Result
+from vispeg.api.rooms.pictures import border_evidence_of, photographed
 from vispeg.contact.run import evidence_of
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError

@@ -13,9 +13,10 @@ from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.formats.guard import is_file
-from vispeg.identify.motions.look_motion import INSERTING, LOOKS, look_motion
+from vispeg.identify.motions.look_motion import LOOKS, look_motion
 from vispeg.identify.record import NOISE, centre_of, controller, record
 from vispeg.recordings.cell import CellBelief
+from vispeg.recordings.frames.frames import Frames
 from vispeg.recordings.recording import Recording
 from vispeg.render.backend import BackendName
 from vispeg.render.camera import Camera
@@ -28,7 +29,8 @@ from vispeg.vision.photograph import photograph
 from vispeg.worlds.split import of_arm
 from vispeg.worlds.world import World
 
-DURATION, INSERT_DURATION = 16.0, 24.0  # s
+DURATION = 16.0  # s
+LATEST = 0.5  # s at either end without pictures: what a late camera shows lies within the motion
 MOST = 5000  # frames
 
 
@@ -120,24 +122,55 @@ def record_look(
     """
     cameras = cameras or cameras_of(["wrist_wide"], scene_of(world), (320, 240))
     scene = scene_of(world, cameras)
-    duration = duration or (INSERT_DURATION if motion == INSERTING else DURATION)
-    if not 0 < fps <= rate_hz or fps * duration * len(cameras) > MOST:
-        expected = f"above 0, and at most {MOST} pictures in all"
-        raise UserError("no such rate of pictures", key="--fps", expected=expected, got=fps)
+    duration = duration or DURATION
+    refuse_rate(fps, rate_hz, duration, cameras)
     path = look_motion(motion, scene, rate_hz, duration)
     arm = replace(of_arm(world), cell=None)
     truth: list[np.ndarray] = []
     control = controller(scene.nominal, "position", rate_hz, centre_of(scene.nominal))
     rng = stream(seed, "record", "noise")
     rec = record(arm, path, control, noise, rng, torque_sensor="joint", name=name, watch=truth.append)
-    curve = CubicSpline(rec.time, truth[0])
-    latest = 0.5  # s at either end without pictures: what a late camera shows lies within the motion
-    times = np.arange(latest, rec.time[-1] - latest, 1 / fps)
-    # a camera's clock is not the controller's: stamps lie anywhere between two samples
-    times = times + rng.uniform(0, 0.5 / rate_hz, len(times))
-    frames = photograph(scene, cameras, world, curve, times, seed, backend=backend, shadows=shadows, told=told)
+    options = {"seed": seed, "backend": backend, "shadows": shadows, "told": told}
+    frames = taken(world, scene, cameras, rec, truth[0], fps, rng, **options)
     cell = CellBelief(DEFAULT) if world.cell is None or world.cell.open else world.cell
     return replace(rec, frames=frames, cell=cell, motion=motion)
 
 
-__all__ = ["LOOKS", "cameras_of", "look_of", "record_look", "scene_of"]
+def refuse_rate(fps: float, rate_hz: float, duration: float, cameras: Sequence[Camera]) -> None:
+    """Raises UserError for pictures that nobody can take, or too many of them."""
+    if not 0 < fps <= rate_hz or fps * duration * len(cameras) > MOST:
+        expected = f"above 0, and at most {MOST} pictures in all"
+        raise UserError("no such rate of pictures", key="--fps", expected=expected, got=fps)
+
+
+def taken(
+    world: World,
+    scene: Scene,
+    cameras: Sequence[Camera],
+    rec: Recording,
+    truth: np.ndarray,
+    fps: float,
+    rng: np.random.Generator,
+    *,
+    seed: int,
+    backend: BackendName = "auto",
+    shadows: bool = False,
+    told: Callable[[float], None] = lambda share: None,
+) -> Frames:
+    """Pictures of a recorded motion, `fps` a second of each camera.
+
+    Args:
+        world, scene, cameras: what is photographed.
+        rec: its samples.
+        truth: (n, nj) rad, where the joints were at its samples.
+        fps: pictures a second.
+        rng: of the stamps: a camera's clock is not the controller's, they lie anywhere between two samples.
+        seed, backend, shadows, told: as for `record_look`.
+    """
+    times = np.arange(LATEST, rec.time[-1] - LATEST, 1 / fps)
+    times = times + rng.uniform(0, 0.5 / rec.rate_hz, len(times))
+    curve = CubicSpline(rec.time, truth)
+    return photograph(scene, cameras, world, curve, times, seed, backend=backend, shadows=shadows, told=told)
+
+
+__all__ = ["LOOKS", "cameras_of", "look_of", "record_look", "refuse_rate", "scene_of", "taken"]

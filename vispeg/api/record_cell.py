@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from vispeg.api.inputs import read_model
+from vispeg.api.look import refuse_rate, scene_of, taken
+from vispeg.core.effect import OPTICAL, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.identify.excitation import MOTIONS as JOINT
 from vispeg.identify.excitation import motion as excitation
 from vispeg.recordings.columns import columns_of
 from vispeg.recordings.recording import Recording
+from vispeg.render.backend import BackendName
+from vispeg.render.camera import Camera
 from vispeg.robots.model import load
 from vispeg.task.belief import believed
 from vispeg.task.peg.rig import table
@@ -61,14 +66,34 @@ def record_in_cell(
     torque_sensor: Literal["joint", "none"] = "joint",
     repeat: int = 1,
     label: str = "simulated",
+    cameras: Sequence[Camera] = (),
+    fps: float = 3.0,
+    backend: BackendName = "auto",
+    told: Callable[[float], None] = lambda share: None,
 ) -> Recording:
-    """A recording of a world with a cell; see `record_cell`. `expert` is a whole episode under the scripted policy."""
+    """A recording of a world with a cell; see `record_cell`. `expert` is a whole episode under the scripted policy.
+
+    With `cameras` there are pictures too: `fps` a second of each, drawn by `backend`; `told` is told which share
+    of them is taken. They show the arm where it was; what gives way in grip and fixture is too small to be drawn.
+
+    Raises:
+        UserError: as `record_cell`, and for pictures of `expert` or of several runs.
+    """
     rng = stream(seed, "record", "noise")
+    if cameras and (name == EXPERT or repeat > 1):
+        raise UserError("pictures of one run of a motion only", key="--cameras", got=[c.name for c in cameras])
     options = {"rate_hz": rate_hz, "torque_sensor": torque_sensor, "repeat": repeat, "name": label}
     if name == EXPERT:
         return record_expert(world, seed, noise, rng, **options)
     made = cell_motion(world, name, rate_hz=rate_hz, seed=seed, force_limit=force_limit)
-    return record_cell(world, made, noise, rng, **options)
+    if not cameras:
+        return record_cell(world, made, noise, rng, **options)
+    refuse_rate(fps, rate_hz, float(made.time[-1]), cameras)
+    truth: list[np.ndarray] = []
+    felt = world.only(lambda e: effect(e.effect).family not in OPTICAL)
+    rec = record_cell(felt, made, noise, rng, **options, watch=truth.append)
+    seen = {"seed": seed, "backend": backend, "told": told}
+    return replace(rec, frames=taken(world, scene_of(world, cameras), cameras, rec, truth[0], fps, rng, **seen))
 
 
 def names(space: str | None = None) -> list[str]:

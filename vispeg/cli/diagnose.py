@@ -10,6 +10,9 @@ found first and stands in the model; `effects` is the difference.
 With --policy, a policy then plays its cell with the identified model, and again with every value drawn from its
 interval and the torque that stays unexplained played back: what is left costs so many points of success.
 
+Recordings of a cell with joint torques, a wrench and pictures are looked at in three rooms, one after the other and
+again where one has named what another has to know: one record, one page, a verdict of each room and one of all.
+
 Example:
     vispeg diagnose iiwa14 --recording rig-a --recording rig-b --validate rig-c --out found
     vispeg diagnose iiwa14 --recording rig-a --recording rig-b --validate rig-c --policy runs/best --out found
@@ -20,6 +23,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import tyro
 
@@ -48,6 +52,8 @@ class Args:
     """The cell that it plays in: a built-in world's name or a world file."""
     episodes: int = 100
     """Its episodes, with and without the remainder each."""
+    rooms: tuple[Literal["joints", "contact", "pictures"], ...] = ()
+    """Of a cell, where the cause is looked for; where not given, in all that the recordings have something for."""
     seconds: float = SECONDS
     """Of a longer recording, the windows that show the most, this long in all; 0 uses all of it."""
     seed: int = 0
@@ -72,6 +78,7 @@ class Args:
         with reserved(self.out, self.overwrite, holds="diagnosis", inputs=inputs), stages(self.output.quiet) as say:
             options = {"seconds": self.seconds, "seed": self.seed, "threads": self.threads, "say": say}
             options |= {"policies": self.policy, "cell": self.world, "episodes": self.episodes}
+            options["rooms"] = self.rooms
             part, reading = self.out.with_name(self.out.name + ".part"), shown(self.output.quiet)
             sides = (self.recording, self.validate)
             result = diagnose(self.model, *sides, baseline=self.baseline, part=part, reading=reading, **options)

@@ -5,8 +5,9 @@ the next_experiment/samples.csv that `vispeg diagnose` writes. `--effects` hides
 motion is made smaller where a joint would pass its speed limit, and that is said; a CSV is replayed as it stands.
 In a cell (MODEL is peg-cell, a world, or a model with `cell`) MOTION may also be free, press, slide, insert, rock, tap,
 insert-turned, hard-press, touch-datum, mix, expert (a whole insertion by the scripted policy) or a CSV with time and
-ee_cmd.*: the tool touches, the wrench is recorded, the task's own controller runs. Or it is look, look-tilt, look-roll,
-look-approach, look-sideways or look-and-insert: cameras take pictures on the way.
+ee_cmd.*: the tool touches, the wrench is recorded, the task's own controller runs; with `--cameras` pictures are taken.
+Or it is look, look-tilt, look-roll, look-approach, look-sideways or look-fast: cameras take pictures, nothing touches.
+look-and-insert is both.
 
 Example:
     vispeg record iiwa14 --motion fourier --effects coulomb_friction:joint4:torque=1.2 --seed 1 --out rig-a
@@ -37,7 +38,7 @@ class Args:
     out: Path
     """Folder of the recording."""
     duration: float | None = None
-    """Seconds; 5 (osc: 9, look: 16, look-and-insert: 24) where not given. A CSV file has its own."""
+    """Seconds; 5 (osc: 9, look: 16) where not given. A CSV file has its own."""
     rate: float = 500.0
     """Control ticks and samples a second."""
     control: Literal["position", "torque", "osc", "servo"] | None = None
@@ -61,15 +62,15 @@ class Args:
     table: Literal["csv", "parquet"] = "csv"
     """Format of the samples."""
     cameras: tuple[str, ...] = ()
-    """look: cameras of the cell (wrist_wide, wrist_crop, external), or camera files; wrist_wide where not given."""
+    """In a cell: wrist_wide, wrist_crop, external, or camera files; a look has wrist_wide where none is given."""
     size: str = "320x240"
-    """look: width and height of the cell's cameras, px."""
+    """Pictures: width and height of the cell's cameras, px."""
     fps: float = 3.0
-    """look: pictures a second of each camera."""
+    """Pictures: pictures a second of each camera."""
     look: str | None = None
-    """look: how the cell looks, WORLD/SEED as in S/3: what that world draws; the plain cell where not given."""
+    """Pictures: how the cell looks, WORLD/SEED as in S/3: what that world draws; the plain cell where not given."""
     renderer: Literal["auto", "classic", "raycast", "filament"] = "auto"
-    """look: what draws the pictures."""
+    """Pictures: what draws the pictures."""
     seed: int = 0
     """Seed of the motion and of the noise."""
     overwrite: bool = False
@@ -94,7 +95,7 @@ class Args:
             raise UserError("nothing to record", key="--repeat", expected="1 or more", got=self.repeat)
         if self.out.exists() and not self.overwrite and (not self.out.is_dir() or any(self.out.iterdir())):
             raise UserError("exists already; name another or pass --overwrite", file=self.out)
-        if self.motion.startswith("look") and not Path(self.motion).suffix:
+        if self.motion.startswith("look") and not Path(self.motion).suffix and self.motion not in CELL_MOTIONS:
             from vispeg.cli.record_look import run
 
             return run(self)

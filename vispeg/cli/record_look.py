@@ -23,7 +23,7 @@ def run(args: Args) -> int:
     _refuse(args)
     world = load_model(args.model)
     names = [name for text in args.cameras or ("wrist_wide",) for name in text.split(",") if name]
-    cameras = cameras_of(names, scene_of(world), _size(args.size))
+    cameras = cameras_of(names, scene_of(world), size_of(args.size))
     scene = scene_of(world, cameras)
     looks = () if args.look is None else look_of(args.look, scene)
     hidden = world.add(*(placed for text in args.effects for placed in parse(text, scene)))
@@ -65,7 +65,7 @@ def _refuse(args: Args) -> None:
             raise UserError(f"a motion that looks has no {key}", key=key, got=value)
 
 
-def _size(text: str) -> tuple[int, int]:
+def size_of(text: str) -> tuple[int, int]:
     """Width and height in px of `320x240`."""
     width, x, height = text.partition("x")
     good = x and width.isdigit() and height.isdigit() and len(width) < 5 and len(height) < 5

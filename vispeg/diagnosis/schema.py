@@ -22,6 +22,7 @@ class FoundEffect(Place):
     indistinguishable_from: list[Place]
     partial: NotRequired[bool]
     tentative: NotRequired[bool]
+    room: NotRequired[str]
 
 
 class Rung(TypedDict):
@@ -186,6 +187,14 @@ class ComparisonRecord(TypedDict):
     provenance: NotRequired[Provenance]
 
 
+class RoomRecord(TypedDict):
+    """What one room of several said: its name, the other rooms' effects that it was given, and its own record."""
+
+    room: str
+    given: list[Place]
+    record: Mapping[str, object]
+
+
 class DiagnosisRecord(Told):
     """The record. Keys that are not required are of robots in joint or torque space, or of free objects."""
 
@@ -212,3 +221,4 @@ class DiagnosisRecord(Told):
     phases: NotRequired[Sequence[Mapping[str, object]]]
     views: NotRequired[Mapping[str, object]]
     not_excited: NotRequired[list[NotExcited]]
+    rooms: NotRequired[list[RoomRecord]]

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from vispeg.core.files import write_text_atomic
 from vispeg.formats.format import enrol
 from vispeg.formats.guard import as_written
+from vispeg.report.evidence import Evidence
 from vispeg.report.page import Section, page
 from vispeg.report.record import Record, load_record
-from vispeg.report.sections import COMPARE, CONTACT, CONTACT_COMPARE, DIAGNOSIS, FIT, OBJECT, VIEWS
+from vispeg.report.sections import COMPARE, CONTACT, CONTACT_COMPARE, DIAGNOSIS, FIT, OBJECT, ROOMS, SHARED, VIEWS, room
 
 KINDS = {"diagnosis": "diagnosis", "compare": "comparison", "fit": "fit"}  # of a record -> what it is
 
@@ -67,17 +70,42 @@ def read(out: Path) -> str:
 
 def render(record: Record) -> str:
     """The whole page as text: no link that leaves it, no request."""
-    sections = []
+    rooms = record.rows("rooms")
+    sections = _sections(record, ROOMS if rooms else _names(record))
+    for said in rooms:
+        sections += _room(record, said)
+    sections += _sections(record, ("provenance",)) if rooms else []
+    kind = KINDS[record.kind]
+    verdict = record.values.get("verdict") if record.kind == "diagnosis" else None
+    return page(f"vispeg {kind}" + (f": {verdict}" if verdict else ""), kind, sections)
+
+
+def _names(record: Record) -> tuple[str, ...]:
+    """The sections that a record of one kind of evidence is shown in."""
     values, contact = record.values, record.values.get("evidence") == "contact"
     diagnosis = OBJECT if values.get("object") else VIEWS if values.get("views") else CONTACT if contact else DIAGNOSIS
     compare = CONTACT_COMPARE if contact else COMPARE
-    for name in {"diagnosis": diagnosis, "compare": compare, "fit": FIT}[record.kind]:
+    return {"diagnosis": diagnosis, "compare": compare, "fit": FIT}[record.kind]
+
+
+def _sections(record: Record, names: Sequence[str], room: str = "") -> list[Section]:
+    """Those of the named sections that have something to show; those of a room say whose they are."""
+    out = []
+    for name in names:
         module = import_module(f"vispeg.report.sections.{name}")
         values = module.context(record)
         if values is not None:  # else nothing to show
             live = () if values.get("still") else ("SCRIPTS", "STYLES")
             scripts, styles = (getattr(module, n, ()) if n in live else () for n in ("SCRIPTS", "STYLES"))
-            sections.append(Section(name, module.TITLE, f"sections/{name}", values, scripts, styles))
-    kind = KINDS[record.kind]
-    verdict = record.values.get("verdict") if record.kind == "diagnosis" else None
-    return page(f"vispeg {kind}" + (f": {verdict}" if verdict else ""), kind, sections)
+            title = f"{room.capitalize()}: {module.TITLE[0].lower()}{module.TITLE[1:]}" if room else module.TITLE
+            anchor = f"{room}-{name}" if room else name
+            out.append(Section(anchor, title, f"sections/{name}", values, scripts, styles))
+    return out
+
+
+def _room(record: Record, said: Mapping[str, Any]) -> list[Section]:
+    """What a room has to show: its verdict, and the sections of its kind of evidence."""
+    name = str(said.get("room"))
+    own = Record("diagnosis", said.get("record") or {}, record.evidence.rooms.get(name, Evidence()))
+    first = Section(f"room-{name}", name.capitalize(), "sections/room", room.context(own, name))
+    return [first, *_sections(own, [n for n in _names(own) if n not in SHARED], name)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -106,6 +106,7 @@ class Evidence:
     worst: bytes | None = None  # a picture of the cell at the worst moment, PNG
     worst_moment: str = ""
     arm: Mapping[str, np.ndarray] = field(default_factory=dict)  # `vispeg.report.live.arm`
+    rooms: Mapping[str, Evidence] = field(default_factory=dict)  # of a diagnosis over several rooms, each one's own
 
 
 def _example(folder: Path) -> Path:
@@ -132,7 +133,13 @@ def load_evidence(path: Path) -> Evidence:
         return Evidence()
     arrays = read_arrays(path)
     with as_written(path, "vispeg diagnose"):
-        return _Reader(path, arrays).evidence()
+        rooms: dict[str, dict[str, np.ndarray]] = {}
+        for key, value in arrays.items():
+            if key.startswith("room/") and key.count("/") > 1:
+                _, name, own = key.split("/", 2)
+                rooms.setdefault(name, {})[own] = value
+        each = {name: _Reader(path, own).evidence() for name, own in rooms.items()}
+        return replace(_Reader(path, arrays).evidence(), rooms=each)
 
 
 class _Reader:

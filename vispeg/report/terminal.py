@@ -11,6 +11,7 @@ from vispeg.report.ladder import ladder_rows
 from vispeg.report.quantities import fold, interval, quantity
 from vispeg.report.record import Record, rows
 from vispeg.report.sections.found import correlations, effect_rows
+from vispeg.report.sections.rooms import room_row
 from vispeg.report.summary import Block, Line, print_summary
 from vispeg.report.tables import Column, Sheet
 
@@ -49,6 +50,14 @@ def restarts_table(diagnosis: Mapping[str, Any]) -> Sheet:
     return Sheet(columns, cells, keys=2)
 
 
+def rooms_table(diagnosis: Mapping[str, Any]) -> Sheet:
+    """What each of several rooms says."""
+    columns = [Column("Rooms"), Column("Verdict"), *(Column(head, right=True) for head in ("Before", "After", "Floor"))]
+    found = [room_row(said) for said in rows(diagnosis, "rooms")]
+    keys = ("room", "verdict", "before", "after", "floor")
+    return Sheet(columns, [[row[key] for key in keys] for row in found], keys=1)
+
+
 def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
     """The verdict in words, both tables, what cannot be told apart, and what to do next."""
     out: list[Block] = []
@@ -57,6 +66,8 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
     if before := words.baseline(diagnosis):
         out.append(Line(before))
     out += [Line(words.fall(diagnosis)), ladder_table(diagnosis)]
+    if diagnosis.get("rooms"):
+        out.append(rooms_table(diagnosis))
     if diagnosis.get("effects"):
         out.append(effects_table(diagnosis))
         if any(effect.get("partial") for effect in rows(diagnosis, "effects")):

@@ -25,3 +25,5 @@ OBJECT = ("headline", "found", "restarts", "candidates", "confusions", "next_exp
 VIEWS = ("headline", "found", "views", "candidates", "confusions", "next_experiment", "provenance")
 CONTACT = ("headline", "found", "wrench", "where_it_fails", "candidates", "confusions", "next_experiment", "provenance")
 CONTACT_COMPARE = ("headline", "wrench", "where_it_fails", "pictures", "provenance")
+ROOMS = ("headline", "rooms", "found", "next_experiment")  # of several rooms; then what each of them shows
+SHARED = ("headline", "found", "next_experiment", "provenance")  # sections that a page of several rooms has once

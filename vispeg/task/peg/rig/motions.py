@@ -19,6 +19,7 @@ from vispeg.task.peg.rig.path import Frame, Path, commands, quarter
 
 OVER = 0.03  # m: the tip over the fixture in free air
 NEAR = 0.0015  # m over a surface, from where it is approached slowly
+LOOK, LOOKS = 0.06, 14  # m of the tip over the hole about which a look moves, and the views that it moves through
 AIR = 1.1  # s in free air that every motion begins with
 
 
@@ -130,6 +131,11 @@ def insert(place: Place, yaw: float = 0.0) -> Path:
     path = place.begin()
     if yaw:
         path.to(1.2, yaw=yaw)
+    return _inserted(path, place)
+
+
+def _inserted(path: Path, place: Place) -> Path:
+    """The insertion itself, from free air over the hole."""
     angle = place.rng.uniform(0, 2 * np.pi)
     x, y = 0.6 * place.clearance * np.cos(angle), 0.6 * place.clearance * np.sin(angle)
     path.to(0.6, tip=(x, y, 0.004)).to(0.8, tip=(x, y, -0.004)).to(0.3, tip=(0, 0, -0.004))
@@ -216,6 +222,25 @@ def mix(place: Place) -> Path:
     return path.to(0.2)
 
 
+def look_and_insert(place: Place) -> Path:
+    """Looks about the hole from all sides, then goes in as `insert` does: for joints, wrench and cameras at once.
+
+    The hand tilts, rolls, approaches and moves sideways at once, each both ways and at changing speed, the hole kept in
+    sight of a camera on the hand: turns leave the hole's mouth where it is.
+    """
+    path = place.begin(LOOK)
+    path.to(0.3, pivot=-LOOK)
+    free_side = float(np.sign(quarter(place.scene)))
+    for k in range(LOOKS):
+        a, b = 2 * np.pi * (np.array([2, 3]) * (k + 1) / LOOKS + place.rng.uniform(-0.03, 0.03))
+        side = (place.vary(0.04) * np.sin(2 * a), place.vary(0.045) * np.cos(b), LOOK + place.vary(0.08) * (k % 2))
+        lean = (place.vary(0.33) * np.sin(b), place.vary(0.3) * np.sin(a), 0.0)
+        roll = free_side * place.vary(0.5) * float(1.4 + np.sin(a - 0.7))
+        path.to(place.vary(1.0, 0.25), tip=side, turn=lean, yaw=roll, pivot=-side[2])
+    path.to(1.0, tip=(0.0, 0.0, LOOK), turn=(0.0, 0.0, 0.0), yaw=0.0, pivot=-LOOK).to(0.2).to(0.1, pivot=0.0)
+    return _inserted(path, place)
+
+
 def _down(path: Path, x: float, y: float, force: float) -> None:
     """Goes over (x, y) and onto the fixture there, slowly, until it is pressed with `force`."""
     path.to(0.6, tip=(x, y, 0.006)).to(0.3, tip=(x, y, NEAR))
@@ -239,6 +264,7 @@ PATHS: dict[str, Callable[[Place], Path]] = {
     "tap": tap,
     "touch-datum": touch_datum,
     "mix": mix,
+    "look-and-insert": look_and_insert,
 }
 ROOM = 1.25  # the controller's force limit over the greatest force that is asked for
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Literal
@@ -58,6 +58,7 @@ def record_cell(
     name: str = "simulated",
     h_max: float = STEP,
     nthread: int = 1,
+    watch: Callable[[np.ndarray], None] = lambda true: None,
 ) -> Recording:
     """Drives a world with a cell through a motion and reads its sensors.
 
@@ -73,6 +74,7 @@ def record_cell(
         name: what the recording is called.
         h_max: greatest physics step, s.
         nthread: threads of the simulation.
+        watch: is shown the true joint angles (n, nj) rad of a run, which only a bystander (a camera) can see.
 
     Raises:
         UserError: the arm does not follow, or the world has no cell.
@@ -84,7 +86,8 @@ def record_cell(
     ran = run(found.scene, [plant], control, motion.ee_cmd, q, np.zeros_like(q), h_max=h_max, nthread=nthread)
     if ran.diverged[0]:
         raise UserError("the arm does not follow: the loop is unstable", expected="smaller effects or a higher rate")
-    outcome = _outcome(found, ran) if motion.name.startswith(("insert", "mix")) else ()
+    watch(ran.true[0])
+    outcome = _outcome(found, ran) if motion.name.startswith(("insert", "look", "mix")) else ()
     rec = recording(found, world, control, ran, motion.ee_cmd, motion.time, name, motion.name, outcome)
     return with_noise(rec, noise, rng, torque_sensor, repeat)
 

@@ -30,6 +30,7 @@ class Ran:
         ft: (.., 6) N, N m: what the flange exerts on the tool, in the flange's frame.
         tip: (.., 3) m, true place of the tip in the true hole's frame.
         touch: (..,) N, greatest true contact force of the tick that ends there.
+        true: (.., nj) rad, where the joints are, which only a bystander (a camera) can see; NaN where nobody looked.
         diverged: (nworld,) bool.
     """
 
@@ -39,6 +40,7 @@ class Ran:
     ft: np.ndarray
     tip: np.ndarray
     touch: np.ndarray
+    true: np.ndarray
     diverged: np.ndarray
 
 
@@ -47,6 +49,7 @@ class Reader:
 
     def __init__(self, ticks: int, nsim: int, nj: int):
         self.q, self.dq, self.tau = (np.zeros((ticks, nsim, nj)) for _ in range(3))
+        self.true = np.full((ticks, nsim, nj), np.nan)
         self.ft, self.tip, self.touch = np.zeros((ticks, nsim, 6)), np.zeros((ticks, nsim, 3)), np.zeros((ticks, nsim))
 
     def tick(self, k: int, cell: Cell, q: np.ndarray, dq: np.ndarray, felt: np.ndarray) -> None:
@@ -62,10 +65,8 @@ class Reader:
 
     def ran(self, diverged: np.ndarray, ticks: int | None = None) -> Ran:
         """All of it, worlds first."""
-        q, dq, tau, ft, tip, touch = (
-            np.swapaxes(p[:ticks], 0, 1) for p in (self.q, self.dq, self.tau, self.ft, self.tip, self.touch)
-        )
-        return Ran(q, dq, tau, ft, tip, touch, diverged)
+        kept = (self.q, self.dq, self.tau, self.ft, self.tip, self.touch, self.true)
+        return Ran(*(np.swapaxes(p[:ticks], 0, 1) for p in kept), diverged=diverged)
 
 
 def run(
@@ -107,6 +108,7 @@ def run(
         for k in range(n):
             cell.read()
             now, rate = cell.measure()
+            reader.true[k] = cell.x.q
             cell.advance(law.command(k, now, rate), nsub)
             reader.tick(k, cell, now, rate, cell.felt())
     bad |= cell.unstable() | ~np.isfinite(reader.q).all(axis=(0, 2))

@@ -1,0 +1,189 @@
+"""Several rooms, one diagnosis: each looks again with what the others named that concerns it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vispeg.api.rooms.cell import _carrying, _read_right, _seen, readable
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.errors import UserError
+from vispeg.diagnosis.rooms.conduct import Room, conduct, joined
+from vispeg.diagnosis.run import Diagnosis
+from vispeg.recordings.cell import CellBelief
+from vispeg.recordings.recording import Control, Recording
+from vispeg.report.build import write_report
+from vispeg.report.terminal import diagnosis_summary
+from vispeg.report.write import write_diagnosis
+from vispeg.task.belief import believed
+from vispeg.worlds.world import World
+
+ARM = World("iiwa14", "meg50+peg16", cell=CellBelief("nominal"))
+OFFSET = EffectInstance.of("encoder_offset", "joint6", offset=0.004)
+CAMERA = EffectInstance.of("camera_offset", "wrist_wide", x=0.004)
+FRICTION = EffectInstance.of("contact_friction", "peg", scale=1.7)
+HOLE = EffectInstance.of("hole_offset", "fixture", x=0.002)
+
+
+def answer(world: World, found: tuple[EffectInstance, ...], unit: str, verdict: str = "", error: float = 1.0):
+    """What a room says that names `found` beside its model."""
+    rungs = [("nominal", 8.0), *((f"+ {e.label}", error) for e in found)]
+    listed = [
+        {"effect": e.effect, "where": e.where, "params": {k: {"value": v.value} for k, v in e.params.items()}}
+        | {"indistinguishable_from": []}
+        for e in found
+    ]
+    record = {
+        "format": "vispeg-diagnosis/1",
+        "verdict": verdict or ("identified" if found else "adequate"),
+        "reason": f"in {unit}",
+        "effects": listed,
+        "ladder": [{"model": m, "fit_error": e, "heldout_error": e, "unit": f"{unit} RMS"} for m, e in rungs],
+        "noise_floor": {"value": 1.0, "unit": f"{unit} RMS", "from": "stated noise"},
+        "unexplained": {"depends_on": [], "text": "much is left"} if verdict == "unexplained" else None,
+        "next_experiment": None,
+        "candidates": [],
+        "channels": [
+            {"channel": unit, "joint": "a", "floor": 1.0, "before": 8.0, "after": error, "unit": f"{unit} RMS"}
+        ],
+        "recordings": {"fit": ["a"], "validate": ["b"]},
+        "notes": [f"a note in {unit}"],
+    }
+    return Diagnosis(record, world.add(*found), {"unit": np.array(unit)})  # type: ignore[arg-type]
+
+
+class Rooms:
+    """Three rooms that say what was written for them, and remember what they were asked."""
+
+    def __init__(self, joints=(), pictures=(), contact=()):
+        self.asked: list[tuple[str, tuple[str, ...]]] = []
+        heeds = {"joints": lambda e: False, "pictures": _seen, "contact": lambda e: e.name == "encoder_offset"}
+        said = {"joints": joints, "pictures": pictures, "contact": contact}
+        self.rooms = [Room(name, heeds[name], self._answer(name, said[name])) for name in said]  # type: ignore[arg-type]
+
+    def _answer(self, name, said):
+        def diagnose(world: World) -> Diagnosis:
+            given = tuple(e.label for e in world.effects)
+            self.asked.append((name, given))
+            told = said(given) if callable(said) else said
+            verdict = "unexplained" if any(e.partial for e in told) else ""
+            return answer(world, tuple(e for e in told if e.label not in given), name, verdict)
+
+        return diagnose
+
+    def run(self) -> Diagnosis:
+        return joined(conduct(self.rooms, ARM, lambda text: None), ARM)
+
+
+def test_rooms_that_have_nothing_to_tell_each_other_look_once():
+    rooms = Rooms(pictures=(CAMERA,), contact=(FRICTION,))
+    found = rooms.run()
+    assert [name for name, _ in rooms.asked] == ["joints", "pictures", "contact"]
+    assert [e.label for e in found.world.effects] == [CAMERA.label, FRICTION.label] and found.world.cell == ARM.cell
+    assert found.record["verdict"] == "identified"
+    assert [e["room"] for e in found.record["effects"]] == ["pictures", "contact"]
+    assert [r["room"] for r in found.record["rooms"]] == ["joints", "pictures", "contact"]
+    assert {"room/joints/unit", "room/pictures/unit", "room/contact/unit"} == set(found.arrays)
+
+
+def test_none_of_them_finds_anything_where_nothing_is():
+    found = Rooms().run()
+    assert found.record["verdict"] == "adequate" and not found.record["effects"] and found.world == ARM
+
+
+def test_an_arms_error_is_no_cameras_and_no_holes():
+    """Each room would blame its own; given what the joints named, none does."""
+    rooms = Rooms(
+        joints=(OFFSET,),
+        pictures=lambda given: () if OFFSET.label in given else (CAMERA,),
+        contact=lambda given: () if OFFSET.label in given else (HOLE,),
+    )
+    found = rooms.run()
+    assert [e.label for e in found.world.effects] == [OFFSET.label]
+    assert found.record["rooms"][1]["given"] == [{"effect": "encoder_offset", "where": "joint6"}]
+
+
+def test_a_room_looks_again_with_what_a_later_one_named():
+    """A hole that the wrench finds elsewhere stands elsewhere in the pictures, too."""
+    moved = replace(CAMERA, partial=True)
+    rooms = Rooms(pictures=lambda given: () if HOLE.label in given else (moved,), contact=(HOLE,))
+    found = rooms.run()
+    assert rooms.asked[3:] == [("pictures", (HOLE.label,))]
+    assert [e.label for e in found.world.effects] == [HOLE.label] and found.record["verdict"] == "identified"
+
+
+def test_nobody_builds_on_what_is_not_certain():
+    rooms = Rooms(joints=(replace(OFFSET, partial=True),))
+    found = rooms.run()
+    assert all(OFFSET.label not in given for _, given in rooms.asked)
+    assert found.record["verdict"] == "unexplained" and found.record["unexplained"]
+
+
+def test_the_page_and_the_terminal_have_every_room(tmp_path):
+    found = Rooms(pictures=(CAMERA,), contact=(FRICTION,)).run()
+    record = {**found.record, "provenance": {"command": "", "seed": 0, "versions": {}, "inputs": {}}}
+    write_diagnosis(tmp_path, record, found.world, {})
+    write_report(tmp_path, overwrite=True)
+    page = (tmp_path / "report.html").read_text()
+    for name in ("joints", "pictures", "contact"):
+        assert f'id="room-{name}"' in page
+    assert "camera_offset<wbr>(wrist_wide)" in page and "contact_friction<wbr>(peg)" in page
+    said = [block for block in diagnosis_summary(record) if "rooms" in str(block).lower()]
+    assert said
+
+
+def test_what_the_encoders_misread_is_taken_off():
+    scene = believed(ARM.cell).scene
+    rec = Recording(Path("r"), "iiwa14", scene.joints, 100.0, Control(), np.arange(4) / 100, np.ones((4, 7)))
+    q = _read_right(rec, ARM.add(OFFSET, CAMERA)).q
+    assert np.allclose(q[:, 5], 1 - 0.004) and np.allclose(np.delete(q, 5, 1), 1.0) and (rec.q == 1).all()
+
+
+def test_what_the_wrench_weighed_is_what_the_arm_carries():
+    from vispeg.robots.declared import carried
+
+    scene = believed(ARM.cell).scene
+    tool = {**carried(scene.nominal.compile())}
+    rec = Recording(Path("r"), "iiwa14", scene.joints, 100.0, Control(), np.arange(4) / 100, np.ones((4, 7)), tool=tool)
+    rec = replace(rec, cell=ARM.cell)
+    assert _carrying(rec, ARM.add(OFFSET)) is rec
+    heavy = _carrying(rec, ARM.add(EffectInstance.of("tool_mass", "gripper", mass=0.3)))
+    assert heavy.tool["mass_kg"] == pytest.approx(tool["mass_kg"] + 0.3, abs=1e-6)
+    assert heavy.tool["com_m"] != tool["com_m"]
+
+
+def test_rooms_are_those_that_the_recordings_can_be_read_in():
+    time = np.arange(4) / 100
+    bare = Recording(
+        Path("r"), "iiwa14", tuple(f"joint{k}" for k in range(1, 8)), 100.0, Control(), time, np.ones((4, 7))
+    )
+    assert readable([bare]) == ()
+    felt = replace(bare, ft=np.zeros((4, 6)))
+    assert readable([felt]) == ("contact",) and readable([felt], [bare]) == ()
+    moved = replace(felt, tau=np.zeros((4, 7)), torque_sensor="joint")
+    assert readable([moved]) == ("joints", "contact")
+
+
+@pytest.mark.parametrize("name", ["hole_offset", "hole_tilt", "grip_pose", "encoder_offset"])
+def test_what_moves_a_picture_is_heeded_by_it(name):
+    assert _seen(effect(name))
+
+
+@pytest.mark.parametrize("name", ["contact_friction", "contact_stiffness", "payload", "camera_offset", "tool_mass"])
+def test_what_does_not_is_not(name):
+    assert not _seen(effect(name))
+
+
+def test_a_room_without_evidence_is_refused():
+    from vispeg.api.diagnose import diagnose
+
+    time = np.arange(400) / 100
+    q = np.cumsum(np.random.default_rng(0).normal(size=(400, 7)), 0) * 1e-3
+    joints = tuple(f"joint{k}" for k in range(1, 8))
+    a = Recording(Path("a"), "iiwa14", joints, 100.0, Control("position", 100.0), time, q, q_cmd=q)
+    b = replace(a, path=Path("b"), q=q + 1e-3)
+    with pytest.raises(UserError, match="nothing for this room"):
+        diagnose("peg-cell", a, b, rooms=("pictures",))

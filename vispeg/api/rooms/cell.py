@@ -1,0 +1,125 @@
+"""Recordings with joint torques, a wrench and pictures: one diagnosis over the rooms that can read them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
+
+from vispeg.api.inputs import felt
+from vispeg.api.rooms import pictures
+from vispeg.contact.picture import worst_moment
+from vispeg.contact.run import diagnose_contact
+from vispeg.core.effect import ARM, Effect, effect
+from vispeg.diagnosis import run
+from vispeg.diagnosis.rooms.conduct import Room, RoomName, conduct, joined
+from vispeg.diagnosis.run import Diagnosis
+from vispeg.recordings.recording import Recording
+from vispeg.recordings.windows import choose
+from vispeg.render.look import Fields
+from vispeg.robots.declared import carried
+from vispeg.task.belief import believed
+from vispeg.worlds.places import values
+from vispeg.worlds.split import of_arm
+from vispeg.worlds.world import World
+
+READINGS = "encoder_offset"  # what moves every prediction that starts from measured angles
+STANDS = {"body_pos", "body_quat"}  # fields by which fixture and held part stand elsewhere
+HEAVY = {"body_mass", "body_ipos"}  # ... and by which the hand carries something else
+
+
+def readable(*groups: Sequence[Recording]) -> tuple[RoomName, ...]:
+    """The rooms that all recordings have something for."""
+    recordings = [rec for group in groups for rec in group]
+    out: list[RoomName] = []
+    if all(
+        rec.control.mode != "unknown" or (rec.tau is not None and rec.torque_sensor != "none") for rec in recordings
+    ):
+        out.append("joints")
+    if pictures.photographed(recordings):
+        out.append("pictures")
+    if felt(recordings):
+        out.append("contact")
+    return tuple(out)
+
+
+def diagnose_rooms(
+    rooms: Collection[RoomName],
+    world: World,
+    fitted: Sequence[Recording],
+    held_out: Sequence[Recording],
+    *,
+    seconds: float,
+    seed: int = 0,
+    nthread: int = 2,
+    say: Callable[[str], None] = lambda text: None,
+) -> Diagnosis:
+    """Names what a cell's model lacks, the cause looked for in every room.
+
+    Joints come first and cameras before contact: what the arm reads wrong moves pictures and the hand's path alike, and
+    a goal that the wrench finds elsewhere is looked at again.
+
+    Args:
+        rooms: that look, of `readable`.
+        world: of a cell.
+        fitted, held_out: the recordings.
+        seconds: of a longer recording that the joints' room uses; 0 uses all.
+        seed, nthread, say: as for `diagnose`.
+
+    Raises:
+        UserError: recordings that a room cannot compare.
+    """
+    both = fitted, held_out
+
+    def joints(given: World) -> Diagnosis:
+        arm = replace(of_arm(given).only(lambda e: effect(e.effect).searchable), cell=None)
+        some = [[choose(_carrying(rec, given), seconds) for rec in group] for group in both]
+        return run.diagnose(arm, *some, seed=seed, nthread=nthread, say=say, plan_next=False)
+
+    def seen(given: World) -> Diagnosis:
+        return pictures.diagnose(given, *both, seed=seed, say=say)
+
+    def touched(given: World) -> Diagnosis:
+        some = [[_read_right(rec, given) for rec in group] for group in both]
+        found = diagnose_contact(given.only(lambda e: e.effect != READINGS), *some, nthread=nthread, say=say)
+        found.arrays.update(worst_moment(found.arrays, some[1]))
+        return found
+
+    every = (
+        Room("joints", lambda e: e.name == READINGS or _heavy(e), joints),
+        Room("pictures", _seen, seen),
+        Room("contact", lambda e: e.name == READINGS, touched),
+    )
+    return joined(conduct([r for r in every if r.name in rooms], world, say), world)
+
+
+def _heavy(kind: Effect) -> bool:
+    """Whether an effect changes what the hand carries, and a wrench alone names it."""
+    return kind.family in ARM and not kind.searchable and bool(kind.writes & HEAVY)
+
+
+def _seen(kind: Effect) -> bool:
+    """Whether an effect that no camera has moves what a camera sees."""
+    return kind.name == READINGS or (kind.family in ("task", "contact") and bool(kind.writes & STANDS))
+
+
+def _read_right(rec: Recording, world: World) -> Recording:
+    """The recording with its joints' angles where they are, as far as the model says what encoders misread."""
+    q = rec.q.copy()
+    for e in world.effects:
+        if e.effect == READINGS:
+            rows = range(len(rec.joints)) if e.where == "all" else [rec.joints.index(e.where)]
+            q[:, list(rows)] -= e.params["offset"].value
+    return replace(rec, q=q)
+
+
+def _carrying(rec: Recording, world: World) -> Recording:
+    """The recording with the load that the model's cell says it carried, where that is not what it declares."""
+    heavy = [e for e in world.effects if _heavy(effect(e.effect))]
+    if not heavy:
+        return rec
+    scene = believed(rec.cell, rec.path / "recording.yaml").scene
+    model = scene.compile()
+    for e in heavy:
+        kind = effect(e.effect)
+        kind.write(Fields(model, scene), values(kind, [(e,)], scene))
+    return replace(rec, tool={**(rec.tool or {}), **carried(model)})

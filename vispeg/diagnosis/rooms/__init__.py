@@ -1,0 +1,1 @@
+"""One diagnosis over several rooms, each with what the others named."""

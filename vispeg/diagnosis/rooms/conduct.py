@@ -1,0 +1,132 @@
+"""One diagnosis over several rooms: joints, contact and pictures each look for the cause with what the others named.
+
+A room searches its own evidence among its own effects, as it does alone. What it names beyond doubt and another room
+heeds (an encoder's offset moves what a camera predicts; a goal that stands elsewhere, too) is part of that room's model
+when it looks again. So no evidence is searched for an effect that another has shown, and none is weighed against it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, cast
+
+from vispeg.core.effect import Effect, EffectInstance, effect
+from vispeg.diagnosis.run import Diagnosis
+from vispeg.diagnosis.schema import DiagnosisRecord, RoomRecord
+from vispeg.worlds.world import World
+
+RoomName = Literal["joints", "contact", "pictures"]
+ROUNDS = 3  # each room anew while the others have news for it
+FIRM = ("identified", "ambiguous")  # verdicts whose effects other rooms may build on
+ORDER = ("unexplained", "ambiguous", "identified", "adequate")  # the first that any room says is said of all
+
+
+@dataclass(frozen=True)
+class Room:
+    """One kind of evidence.
+
+    Attributes:
+        name: of the room.
+        heeds: whether an effect that another room named changes what this one predicts.
+        diagnose: a model -> what this room says of the recordings under it.
+    """
+
+    name: RoomName
+    heeds: Callable[[Effect], bool]
+    diagnose: Callable[[World], Diagnosis]
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a room said, and the other rooms' effects that it was given."""
+
+    room: Room
+    diagnosis: Diagnosis
+    given: tuple[EffectInstance, ...]
+
+    @property
+    def added(self) -> tuple[EffectInstance, ...]:
+        """The effects that it named."""
+        effects = self.diagnosis.world.effects
+        return effects[len(effects) - len(self.diagnosis.record["effects"]) :]
+
+    @property
+    def firm(self) -> tuple[EffectInstance, ...]:
+        """Those that another room may build on."""
+        sure = self.diagnosis.record["verdict"] in FIRM
+        return tuple(e for e in self.added if sure and not e.partial and not e.tentative)
+
+
+def conduct(rooms: Sequence[Room], world: World, say: Callable[[str], None]) -> list[Said]:
+    """Asks room after room, and again while another has named what a room heeds; what each said last, in their order.
+
+    Args:
+        rooms: those that can read the recordings.
+        world: the user's model.
+        say: is told what is being done.
+    """
+    said: dict[str, Said] = {}
+    for _ in range(ROUNDS):
+        news = False
+        for room in rooms:
+            others = [s for name, s in said.items() if name != room.name]
+            given = tuple(e for s in others for e in s.firm if room.heeds(effect(e.effect)))
+            if room.name in said and _alike(said[room.name].given, given):
+                continue
+            beside = f", with {', '.join(e.label for e in given)} as others found them" if given else ""
+            say(f"{room.name}{beside}")
+            said[room.name], news = Said(room, room.diagnose(world.add(*given)), given), True
+        if not news:
+            break
+    return [said[room.name] for room in rooms]
+
+
+def _alike(a: Sequence[EffectInstance], b: Sequence[EffectInstance]) -> bool:
+    """Whether two lists of effects are the same but for what other values of theirs were fitted beside."""
+    return {e.label for e in a} == {e.label for e in b}
+
+
+def joined(said: Sequence[Said], world: World) -> Diagnosis:
+    """One record and one model of what the rooms said; arrays of a room lie under `room/NAME/`.
+
+    The verdict is the gravest of theirs. The ladder is that of the room whose error fell the most.
+    """
+    added: dict[str, EffectInstance] = {}
+    listed: list[Any] = []
+    for s in said:
+        for e, row in zip(s.added, s.diagnosis.record["effects"], strict=True):
+            if e.label not in added:
+                added[e.label] = e
+                listed.append({**row, "room": s.room.name})
+    records = [s.diagnosis.record for s in said]
+    lead = max(records, key=_fall)
+    rest = [r for r in records if r["unexplained"]]
+    record = {
+        "format": "vispeg-diagnosis/1",
+        "verdict": min((r["verdict"] for r in records), key=ORDER.index),
+        "reason": "; ".join(f"{s.room.name}: {s.diagnosis.record['reason']}" for s in said),
+        "effects": listed,
+        "ladder": lead["ladder"],
+        "noise_floor": lead["noise_floor"],
+        "unexplained": rest[0]["unexplained"] if rest else None,
+        "next_experiment": next((r["next_experiment"] for r in records if r["next_experiment"]), None),
+        "candidates": [c for r in records for c in r["candidates"]],
+        "recordings": lead["recordings"],
+        "channels": [c for r in records for c in r.get("channels", [])],
+        "remainder": [left for r in records for left in r.get("remainder", [])],
+        "notes": [f"{s.room.name}: {note}" for s in said for note in s.diagnosis.record["notes"]],
+        "rooms": [_row(s) for s in said],
+    }
+    arrays = {f"room/{s.room.name}/{key}": v for s in said for key, v in s.diagnosis.arrays.items()}
+    return Diagnosis(cast("DiagnosisRecord", record), world.add(*added.values()), arrays)
+
+
+def _row(s: Said) -> RoomRecord:
+    given = [{"effect": e.effect, "where": e.where} for e in s.given]
+    return cast("RoomRecord", {"room": s.room.name, "given": given, "record": s.diagnosis.record})
+
+
+def _fall(record: Mapping[str, Any]) -> float:
+    first, last = (record["ladder"][at]["heldout_error"] for at in (0, -1))
+    return (first / last if first and last else 1.0) if record["effects"] else 0.0

@@ -1,0 +1,22 @@
+"""One room of a diagnosis over several: its verdict and the fall of its error, before what only it shows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from vispeg.report import words
+from vispeg.report.figures import chart
+from vispeg.report.ladder import ladder_figure
+from vispeg.report.record import Record
+
+
+def context(record: Record, room: str) -> Mapping[str, object]:
+    """Verdict, the fall of the error in words and in a picture, the reason."""
+    values = record.values
+    drawn = chart(lambda shape: ladder_figure(record, shape), f"ladder-{room}", words.fall(values))
+    return {
+        "verdict": str(values.get("verdict") or ""),
+        "fall": words.fall(values),
+        "reason": str(values.get("reason") or "").rstrip("."),
+        "picture": drawn if len(record.rows("ladder")) > 1 else "",
+    }

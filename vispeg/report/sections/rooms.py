@@ -1,0 +1,35 @@
+"""What each room of a diagnosis over joints, contact and pictures says: its verdict, its error, what it was given."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from vispeg.report import words
+from vispeg.report.quantities import quantity
+from vispeg.report.record import Record, label, rows
+
+TITLE = "Rooms"
+
+
+def context(record: Record) -> Mapping[str, object] | None:
+    """A row a room; None where there is only one."""
+    said = record.rows("rooms")
+    return {"rooms": [room_row(r) for r in said]} if said else None
+
+
+def room_row(said: Mapping[str, Any]) -> dict[str, str]:
+    """Room, verdict, held-out error before and after, noise floor, effects named, effects of others."""
+    own = said.get("record") or {}
+    before, after, unit = words.ladder_ends(own)
+    floor = own.get("noise_floor") or {}
+    return {
+        "room": str(said.get("room", "?")),
+        "verdict": str(own.get("verdict", "")),
+        "before": quantity(before, unit),
+        "after": quantity(after, unit),
+        "floor": quantity(floor.get("value"), str(floor.get("unit") or unit)),
+        "named": ", ".join(label(e) for e in rows(own, "effects")),
+        "given": ", ".join(label(e) for e in rows(said, "given")),
+        "reason": str(own.get("reason") or ""),
+    }
