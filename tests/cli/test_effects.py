@@ -17,7 +17,7 @@ def test_every_effect_is_listed_with_its_parameters(vispeg):
     listed = {line.split()[0] for line in out.splitlines() if line.strip()}
     assert set(REGISTRY) <= listed
     code, out, _ = vispeg("effects", "--json")
-    found = {row["name"]: row for row in json.loads(out)}
+    found = {row["name"]: row for row in json.loads(out)["effects"]}
     assert set(found) == set(REGISTRY)
     for name, row in found.items():
         assert row["summary"] and row["description"] and row["where"]

@@ -31,11 +31,14 @@ def test_lists(vispeg, command, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     code, out, _ = vispeg(command)
     assert code == 0 and max(map(len, out.splitlines())) <= 80
-    rows = json.loads(vispeg(command, "--json")[1])
+    (key, rows), *others = json.loads(vispeg(command, "--json")[1]).items()
+    assert key == command and not others
     assert len(rows) >= 5 and all(row["name"] in out and len(row["about"]) > 10 for row in rows)
     family = rows[0]["family"]
-    assert json.loads(vispeg(command, "--family", family, "--json")[1]) == [r for r in rows if r["family"] == family]
-    (one,) = (r for r in json.loads(vispeg(command, "--search", rows[-1]["name"], "--json")[1]) if r == rows[-1])
+    some = json.loads(vispeg(command, "--family", family, "--json")[1])
+    assert some == {command: [r for r in rows if r["family"] == family]}
+    named = json.loads(vispeg(command, "--search", rows[-1]["name"], "--json")[1])[command]
+    assert named.count(rows[-1]) == 1
     code, out, err = vispeg(command, "--family", "nonesuch")
     assert code == 2 and f"choices: {', '.join(sorted({r['family'] for r in rows}))}" in err
 
@@ -52,10 +55,10 @@ def test_what_is_listed_can_be_named():
 
 
 def test_effects_by_family_and_by_words(vispeg):
-    rows = json.loads(vispeg("effects", "--family", "drive", "--json")[1])
+    rows = json.loads(vispeg("effects", "--family", "drive", "--json")[1])["effects"]
     assert {r["name"] for r in rows} == {n for n, e in REGISTRY.items() if e.family == "drive"}
     assert {"stribeck_friction"} <= {
-        r["name"] for r in json.loads(vispeg("effects", "--search", "Stribeck", "--json")[1])
+        r["name"] for r in json.loads(vispeg("effects", "--search", "Stribeck", "--json")[1])["effects"]
     }
     assert vispeg("effects", "payload", "--search", "x")[0] == 2
 

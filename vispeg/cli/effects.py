@@ -59,7 +59,8 @@ class Args:
         if self.where is not None:
             place(chosen[0], self.where, models[0])
         if self.output.json:
-            self.output.give([describe(kind, m) for kind, m in zip(chosen, models, strict=True)], [])
+            entries = [describe(kind, m) for kind, m in zip(chosen, models, strict=True)]
+            self.output.give({"effects": entries}, [])
         elif self.name is None:
             print_catalogue(chosen, models)
         else:

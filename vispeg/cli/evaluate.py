@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import tyro
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.trials import Played, Trials
 from vispeg.core.interrupt import goes_on
 
 if TYPE_CHECKING:
@@ -45,29 +45,21 @@ class Args:
     """Diametral clearance in mm in place of the world's."""
     videos: int = 4
     """Failures of each policy that are filmed; 0 for none."""
-    seed: int = 0
-    """Another number takes other episodes."""
-    workers: int = 1
-    """Processes."""
     rerun: Path | None = None
     """A file FILE.rrd for the Rerun viewer: of each policy one episode in 3D, a failure where there is one."""
-    overwrite: bool = False
-    """Replace OUT's result."""
-    output: Told = Output()
+    trials: Played = Trials()
 
     @goes_on()
     def run(self) -> int:
         """Plays what is missing, writes the folder, prints the table."""
         from vispeg.api.evaluate import evaluate
         from vispeg.cli.evaluation import at_clearance
-        from vispeg.cli.progress import playing
         from vispeg.evaluation.entrants import entrants
         from vispeg.report.rrd.stream import check_target
-        from vispeg.report.summary import Line
         from vispeg.task.world_file import load_world
 
         if self.rerun is not None:
-            check_target(self.rerun, self.overwrite)
+            check_target(self.rerun, self.trials.overwrite)
         who, world = entrants(self.policies), load_world(self.world)
         task = at_clearance(who, world, self.clearance)
         out = self.out or Path("evaluated") / f"{'+'.join(dict.fromkeys(e.name for e in who))}-{world.name}"
@@ -78,17 +70,13 @@ class Args:
             controls=self.controls,
             task=task,
             videos=self.videos,
-            seed=self.seed,
-            workers=self.workers,
-            out=out,
-            overwrite=self.overwrite,
-            playing=lambda jobs, folder: playing(jobs, folder, self.output.quiet),
+            **self.trials.options(out),
         )
-        pages = [Line(str(out / "evaluate.html"), path=True)]
+        others = []
         if self.rerun is not None:
             self._show(who, task, result.episodes, self.rerun)
-            pages.append(Line(f"rerun: {self.rerun}", path=True))
-        self.output.give(result.record, [*result.summary, *pages])
+            others.append(f"rerun: {self.rerun}")
+        self.trials.give(result, out / "evaluate.html", *others)
         return 0
 
     def _show(self, who: Sequence[Entrant], task: Mapping[str, Any], episodes: Sequence[Episode], file: Path) -> None:

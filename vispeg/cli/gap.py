@@ -21,7 +21,7 @@ from pathlib import Path
 
 import tyro
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.trials import Played, Trials
 from vispeg.core.interrupt import goes_on
 
 
@@ -51,20 +51,12 @@ class Args:
     """Seeds of each policy filmed in the first world and the last, those that are lost on the way first; 0 for none."""
     fine_tuned: bool = False
     """Allow policies that were trained or fine-tuned in a target."""
-    seed: int = 0
-    """Another number takes other episodes."""
-    workers: int = 1
-    """Processes."""
-    overwrite: bool = False
-    """Replace OUT's result."""
-    output: Told = Output()
+    trials: Played = Trials()
 
     @goes_on()
     def run(self) -> int:
         """Plays what is missing, writes the folder, prints the gaps."""
         from vispeg.api.gap import gap
-        from vispeg.cli.progress import playing
-        from vispeg.report.summary import Line
 
         result = gap(
             self.policies,
@@ -77,11 +69,7 @@ class Args:
             robot=self.robot,
             videos=self.videos,
             fine_tuned=self.fine_tuned,
-            seed=self.seed,
-            workers=self.workers,
-            out=self.out,
-            overwrite=self.overwrite,
-            playing=lambda jobs, folder: playing(jobs, folder, self.output.quiet),
+            **self.trials.options(self.out),
         )
-        self.output.give(result.record, [*result.summary, Line(str(self.out / "gap.html"), path=True)])
+        self.trials.give(result, self.out / "gap.html")
         return 0

@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from vispeg.api.catalogue import Entry
 
 
-def show(entries: list[Entry], heading: str, family: str | None, text: str | None, output: Output) -> int:
-    """Prints those that were asked for. Raises UserError for a family that there is not."""
+def show(what: str, entries: list[Entry], heading: str, family: str | None, text: str | None, output: Output) -> int:
+    """Prints those that were asked for; in JSON under the key `what`. Raises UserError: there is no such family."""
     from vispeg.api.catalogue import search
     from vispeg.core.errors import UserError
     from vispeg.report.tables import Column, Sheet
@@ -22,5 +22,5 @@ def show(entries: list[Entry], heading: str, family: str | None, text: str | Non
     found = search(entries, text or "", family)
     columns = [Column("name"), Column(heading), Column("what it is", prose=True)]
     rows = [[entry.name, entry.family, entry.about] for entry in found]
-    output.give([entry.record for entry in found], [Sheet(columns, rows)] if rows else ["none"])
+    output.give({what: [entry.record for entry in found]}, [Sheet(columns, rows)] if rows else ["none"])
     return 0

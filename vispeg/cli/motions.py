@@ -51,7 +51,7 @@ class Args:
         if self.name is None:
             if self.out is not None:
                 raise UserError("which motion?", key="--out", expected="vispeg motions NAME --out FILE.csv")
-            return show(motions(), "space", self.family, self.search, self.output)
+            return show("motions", motions(), "space", self.family, self.search, self.output)
         return self._write(self.name)
 
     def _write(self, name: str) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,7 +22,7 @@ class Output:
     quiet: bool = False
     """Show no progress and no notes."""
 
-    def give(self, record: Mapping[str, object] | Sequence[object], text: Iterable[str | Block]) -> None:
+    def give(self, record: Mapping[str, object], text: Iterable[str | Block]) -> None:
         """Prints the record as JSON, or the lines and tables for a person."""
         if self.json:
             print(json.dumps(record, indent=1, allow_nan=False, default=str))

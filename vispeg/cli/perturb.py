@@ -14,7 +14,7 @@ from pathlib import Path
 
 import tyro
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.trials import Played, Trials
 from vispeg.core.interrupt import goes_on
 
 
@@ -38,22 +38,14 @@ class Args:
     """A list of your own, `format: vispeg-positions/1`."""
     clearance: float | None = None
     """Diametral clearance in mm in place of the world's."""
-    seed: int = 0
-    """Another number takes other episodes."""
-    workers: int = 1
-    """Processes."""
-    overwrite: bool = False
-    """Replace OUT's result."""
-    output: Told = Output()
+    trials: Played = Trials()
 
     @goes_on()
     def run(self) -> int:
         """Plays what is missing, writes the folder, prints the table."""
         from vispeg.api.stress.perturb import perturb
         from vispeg.cli.evaluation import at_clearance
-        from vispeg.cli.progress import playing
         from vispeg.evaluation.entrants import entrants
-        from vispeg.report.summary import Line
         from vispeg.task.world_file import load_world
 
         result = perturb(
@@ -64,11 +56,7 @@ class Args:
             duration=self.duration,
             positions=self.positions,
             task=at_clearance(entrants(self.policies), load_world(self.world), self.clearance),
-            seed=self.seed,
-            workers=self.workers,
-            out=self.out,
-            overwrite=self.overwrite,
-            playing=lambda jobs, folder: playing(jobs, folder, self.output.quiet),
+            **self.trials.options(self.out),
         )
-        self.output.give(result.record, [*result.summary, Line(str(self.out / result.page), path=True)])
+        self.trials.give(result, self.out / result.page)
         return 0

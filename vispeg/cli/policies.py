@@ -27,4 +27,4 @@ class Args:
         from vispeg.api.catalogue import policies
         from vispeg.cli.listing import show
 
-        return show(policies(), "sees", self.family, self.search, self.output)
+        return show("policies", policies(), "sees", self.family, self.search, self.output)

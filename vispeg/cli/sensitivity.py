@@ -18,7 +18,7 @@ from pathlib import Path
 
 import tyro
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.trials import Played, Trials
 from vispeg.core.interrupt import goes_on
 
 
@@ -36,31 +36,19 @@ class Args:
     """A built-in world's name or a world file."""
     episodes: int = 100
     """Episodes a value."""
-    seed: int = 0
-    """Another number takes other episodes."""
-    workers: int = 1
-    """Processes."""
-    overwrite: bool = False
-    """Replace OUT's result."""
-    output: Told = Output()
+    trials: Played = Trials()
 
     @goes_on()
     def run(self) -> int:
         """Plays what is missing, writes the folder, prints a line a curve."""
         from vispeg.api.stress.sensitivity import sensitivity
-        from vispeg.cli.progress import playing
-        from vispeg.report.summary import Line
 
         result = sensitivity(
             self.policies,
             self.sweep,
             self.world,
             episodes=self.episodes,
-            seed=self.seed,
-            workers=self.workers,
-            out=self.out,
-            overwrite=self.overwrite,
-            playing=lambda jobs, folder: playing(jobs, folder, self.output.quiet),
+            **self.trials.options(self.out),
         )
-        self.output.give(result.record, [*result.summary, Line(str(self.out / result.page), path=True)])
+        self.trials.give(result, self.out / result.page)
         return 0

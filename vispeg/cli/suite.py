@@ -21,6 +21,7 @@ from typing import Annotated
 import tyro
 
 from vispeg.cli.output import Output, Told
+from vispeg.cli.trials import Played, Trials
 from vispeg.core.interrupt import goes_on
 
 
@@ -46,20 +47,12 @@ class Run:
     """Allow policies that were trained or fine-tuned in the target."""
     episodes: int = 20
     """Episodes a configuration and world."""
-    seed: int = 0
-    """Another number takes other episodes."""
-    workers: int = 1
-    """Processes."""
-    overwrite: bool = False
-    """Replace OUT's result."""
-    output: Told = Output()
+    trials: Played = Trials()
 
     @goes_on()
     def run(self) -> int:
         """Plays what is missing, writes the folder, prints health and table; 1 on an alarm."""
         from vispeg.api.stress.suite import suite
-        from vispeg.cli.progress import playing
-        from vispeg.report.summary import Line
 
         result = suite(
             self.policies,
@@ -70,13 +63,9 @@ class Run:
             version=self.version,
             fine_tuned=self.fine_tuned,
             episodes=self.episodes,
-            seed=self.seed,
-            workers=self.workers,
-            out=self.out,
-            overwrite=self.overwrite,
-            playing=lambda jobs, folder: playing(jobs, folder, self.output.quiet),
+            **self.trials.options(self.out),
         )
-        self.output.give(result.record, [*result.summary, Line(str(self.out / "suite.html"), path=True)])
+        self.trials.give(result, self.out / "suite.html")
         return 1 if result.alarm else 0
 
 

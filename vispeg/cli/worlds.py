@@ -27,4 +27,4 @@ class Args:
         from vispeg.api.catalogue import worlds
         from vispeg.cli.listing import show
 
-        return show(worlds(), "kind", self.family, self.search, self.output)
+        return show("worlds", worlds(), "kind", self.family, self.search, self.output)

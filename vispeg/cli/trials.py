@@ -1,0 +1,72 @@
+"""Arguments of every command that plays episodes: which ones, in how many processes, and how the result is told."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Protocol, TypedDict
+
+import tyro
+
+from vispeg.cli.output import Output, Told
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from vispeg.api.playing import Playing
+    from vispeg.report.summary import Block
+
+
+class Options(TypedDict):
+    """What the functions that play episodes take beside what they play."""
+
+    seed: int
+    workers: int
+    out: Path
+    overwrite: bool
+    playing: Playing
+
+
+class Shown(Protocol):
+    """A result of theirs."""
+
+    @property
+    def record(self) -> Mapping[str, object]: ...  # noqa: D102
+    @property
+    def summary(self) -> Sequence[Block]: ...  # noqa: D102
+
+
+@dataclass(frozen=True)
+class Trials:
+    """Trials."""
+
+    seed: int = 0
+    """Seed of the episodes: the same seed, the same starts and draws of the world."""
+    workers: int = 1
+    """Processes."""
+    overwrite: bool = False
+    """Replace OUT's result."""
+    output: Told = Output()
+
+    def options(self, out: Path) -> Options:
+        """Of a function that plays episodes into this folder, with a bar for each policy."""
+        from vispeg.cli.progress import playing
+
+        return {
+            "seed": self.seed,
+            "workers": self.workers,
+            "out": out,
+            "overwrite": self.overwrite,
+            "playing": lambda jobs, folder: playing(jobs, folder, self.output.quiet),
+        }
+
+    def give(self, result: Shown, page: Path, *others: str) -> None:
+        """Prints a result, where its page lies, and what else was written."""
+        from vispeg.report.summary import Line
+
+        lines = [Line(text, path=True) for text in (str(page), *others)]
+        self.output.give(result.record, [*result.summary, *lines])
+
+
+Played = Annotated[Trials, tyro.conf.arg(name="")]
