@@ -35,6 +35,11 @@ class Param:
         """The value where the effect is not: null, or `start` for what only shapes it."""
         return self.start if self.shape else self.null
 
+    @property
+    def origin(self) -> float:
+        """What a size is counted from: null, or 0 for what only shapes the effect."""
+        return 0.0 if self.shape else self.null
+
     def __post_init__(self) -> None:
         if not self.low <= self.start <= self.high:
             raise ValueError(f"start {self.start} outside [{self.low}, {self.high}]")

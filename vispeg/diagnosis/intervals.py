@@ -29,7 +29,7 @@ def widened(world: World, given: int, before: float, after: float) -> World:
 def _wider(v: Value, p: Param, left: float) -> Value:
     if v.low is None or v.high is None:
         return v
-    null = 0.0 if p.shape else p.null
+    null = p.origin
     if p.scale == "log":
         half = np.hypot(np.log(v.high / v.low) / 2, left)
         ends = v.value * np.exp([-half, half])

@@ -61,13 +61,13 @@ def source(name: str) -> str:
 
 
 @cache
-def templates() -> Environment:
-    """The templates: what they are given is text unless it says that it is markup, and what is missing is an error."""
+def templates(room: str = "vispeg.report") -> Environment:
+    """A room's templates: what they are given is text unless it says that it is markup; what is missing is an error."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup, escape
 
     found = Environment(
-        loader=PackageLoader("vispeg.report", "templates"),
+        loader=PackageLoader(room, "templates"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

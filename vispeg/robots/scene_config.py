@@ -10,12 +10,11 @@ from vispeg.robots import hole, tools
 from vispeg.robots.declare import RobotConfig
 
 
-@dataclass(frozen=True)
-class SceneConfig:
-    """What the cell is built from; lengths in m unless named otherwise.
+@dataclass(frozen=True, kw_only=True)
+class PegGeometry:
+    """The peg, its hole and what holds it; lengths in m unless named otherwise.
 
     Attributes:
-        robot: the arm, its flange, its tool.
         clearance_mm: diameter of the hole less diameter of the peg (for a square: width less width), mm.
         shape: `round` or `square`.
         diameter: of the peg (its width, if square).
@@ -24,7 +23,6 @@ class SceneConfig:
         friction: sliding friction of the peg in the hole.
         fixture: position of the centre of the hole's mouth, base frame.
         block: half the width of the fixture.
-        solref: time constant (s) and damping ratio of the peg's contacts.
         peg_mesh, hole_mesh: mesh files instead of the built-in shapes, see `vispeg.robots.user_shapes`; a fixture
             from a file stands on the table at its `fixture`'s x and y.
         mesh_scale: m per unit of these files.
@@ -33,7 +31,6 @@ class SceneConfig:
         peg_density: of a peg from a file, kg/m^3.
     """
 
-    robot: RobotConfig = RobotConfig()
     clearance_mm: float = 3.0
     shape: str = "round"
     diameter: float = 0.016
@@ -42,13 +39,25 @@ class SceneConfig:
     friction: float = 0.3
     fixture: tuple[float, float, float] = (0.6, 0.0, 0.05)
     block: float = 0.05
-    solref: tuple[float, float] = (0.003, 1.0)
     peg_mesh: str = ""
     hole_mesh: str = ""
     mesh_scale: float = 1.0
     mesh_concavity: float = 0.02
     hole_origin: tuple[float, ...] = ()
     peg_density: float = tools.STEEL
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneConfig(PegGeometry):
+    """What the cell is built from; see PegGeometry for the shapes.
+
+    Attributes:
+        robot: the arm, its flange, its tool.
+        solref: time constant (s) and damping ratio of the peg's contacts.
+    """
+
+    robot: RobotConfig = RobotConfig()
+    solref: tuple[float, float] = (0.003, 1.0)
 
     def __post_init__(self) -> None:
         if self.shape not in ("round", "square"):

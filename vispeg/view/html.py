@@ -2,33 +2,23 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vispeg.report import words
+from vispeg.report.page import templates
 from vispeg.report.quantities import plain, prefix, quantity
 from vispeg.report.sections.maps import LABELS, SHADES
 from vispeg.view.standing import Field, Standing, Tried
 
 if TYPE_CHECKING:
-    from jinja2 import Environment
-
     from vispeg.evaluation.moments import Moment
     from vispeg.view.importing import Look, Proposed
 
 
-@cache
-def _templates() -> Environment:
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    loader = PackageLoader("vispeg.view", "templates")
-    return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-
-
 def _page(template: str, **values: object) -> str:
-    return _templates().get_template(f"{template}.html.j2").render(values)
+    return templates("vispeg.view").get_template(f"{template}.html.j2").render(values)
 
 
 def style() -> str:

@@ -102,9 +102,9 @@ def _measured(stated: Identified, robot: str) -> tuple[RandomizedEffect, ...]:
 def _ranged(placed: EffectInstance, stated: Identified) -> RandomizedEffect:
     one, params, constant = effect(placed.effect), {}, []
     for name, v in placed.params.items():
-        param, reference = one.params[name], 0.0 if one.params[name].shape else one.params[name].null
+        param = one.params[name]
         fitted = 0.0 if v.low is None or v.high is None else (v.high - v.low) / WIDTH
-        sd = float(np.hypot(stated.sd * fitted, stated.widen * abs(v.value - reference)))
+        sd = float(np.hypot(stated.sd * fitted, stated.widen * abs(v.value - param.origin)))
         params[name] = Normal(v.value, sd, param.low, param.high) if sd > 0 else v.value
         if v.low is None and sd == 0 and v.value != param.absent:
             constant.append(name)

@@ -6,19 +6,18 @@ from dataclasses import dataclass, fields
 from typing import ClassVar
 
 from vispeg.core.errors import UserError
-from vispeg.robots.scene import SceneConfig
+from vispeg.robots.scene_config import PegGeometry, SceneConfig
 from vispeg.task.config import TaskConfig
 from vispeg.task.peg.rewards import REWARDS
 from vispeg.task.rewards import Rewards
 
 
 @dataclass(frozen=True, kw_only=True)
-class PegConfig(TaskConfig):
-    """SI units unless the name says otherwise; see TaskConfig for what every task has.
+class PegConfig(PegGeometry, TaskConfig):
+    """SI units unless the name says otherwise; see TaskConfig for what every task has, PegGeometry for the shapes.
 
     Attributes:
-        clearance_mm, shape, diameter, depth, chamfer, friction, fixture, block, solref: the cell, see SceneConfig.
-        peg_mesh, hole_mesh, mesh_scale, mesh_concavity, hole_origin, peg_density: your own shapes, see SceneConfig.
+        solref: time constant (s) and damping ratio of the peg's contacts.
         success_depth: share of the hole's depth that the tip must reach.
         success_lateral: greatest distance of the tip from the hole's axis there, m; 0 for half the peg's diameter.
         success_force: greatest contact force there, N; 0 for `force_abort`.
@@ -28,21 +27,7 @@ class PegConfig(TaskConfig):
     rewards: ClassVar[Rewards] = REWARDS
 
     name: str = "peg"
-    clearance_mm: float = 3.0
-    shape: str = "round"
-    diameter: float = 0.016
-    depth: float = 0.025
-    chamfer: float = 0.001
-    friction: float = 0.3
-    fixture: tuple[float, float, float] = SceneConfig.fixture
-    block: float = SceneConfig.block
     solref: tuple[float, float] = (0.004, 1.0)
-    peg_mesh: str = ""
-    hole_mesh: str = ""
-    mesh_scale: float = 1.0
-    mesh_concavity: float = 0.02
-    hole_origin: tuple[float, ...] = ()
-    peg_density: float = 7850.0
     success_depth: float = 0.8
     success_lateral: float = 0.0
     success_force: float = 0.0
