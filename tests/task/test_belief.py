@@ -9,7 +9,7 @@ import pytest
 from vispeg.api.inputs import read_model
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
-from vispeg.recordings.cell import PEG_CELL, CellBelief
+from vispeg.recordings.cell import OPEN_CELL, CellBelief
 from vispeg.recordings.recording import Control, Recording
 from vispeg.robots.declared import declared
 from vispeg.task.belief import believed, cell_of
@@ -27,7 +27,7 @@ effects:
 
 
 def test_the_default_belief_is_the_task_s_own_cell():
-    for cell in (None, CellBelief(), CellBelief(PEG_CELL), CellBelief("nominal")):
+    for cell in (None, CellBelief(), CellBelief(OPEN_CELL), CellBelief("nominal")):
         found = believed(cell)
         assert found.scene.config == PegConfig().scene() and found.world == World("iiwa14")
     assert believed(None).scene is believed(CellBelief("nominal")).scene
@@ -66,7 +66,7 @@ def test_a_belief_that_cannot_be_names_its_file(cell, message):
 
 
 def test_peg_cell_is_the_cell_that_each_recording_states(tmp_path):
-    world, stated = read_model(PEG_CELL), CellBelief(task={"clearance_mm": 1.0})
+    world, stated = read_model(OPEN_CELL), CellBelief(task={"clearance_mm": 1.0})
     control = Control()
     rec = Recording(Path("r"), "iiwa14", ("joint1",), 500.0, control, np.zeros(2), np.zeros((2, 1)), cell=stated)
     assert cell_of(world, rec) == stated
@@ -78,7 +78,7 @@ def test_peg_cell_is_the_cell_that_each_recording_states(tmp_path):
 
 
 def test_a_model_file_of_a_cell_comes_back(tmp_path):
-    world = load_model(PEG_CELL).add(EffectInstance.of("contact_friction", "peg", scale=1.7))
+    world = load_model(OPEN_CELL).add(EffectInstance.of("contact_friction", "peg", scale=1.7))
     (tmp_path / "model.yaml").write_text(model_text(world))
     assert read_model(str(tmp_path / "model.yaml")) == world
     text = (tmp_path / "model.yaml").read_text()

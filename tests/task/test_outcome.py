@@ -5,7 +5,7 @@ import pytest
 
 from vispeg.control.laws import turned
 from vispeg.core.errors import UserError
-from vispeg.render.standard import HOLE, standard_cameras
+from vispeg.render.standard import GOAL, standard_cameras
 from vispeg.task.eyes import task_cameras
 from vispeg.task.peg.config import PegConfig
 from vispeg.task.peg.outcome import CATEGORIES, PegTrack
@@ -214,7 +214,7 @@ def test_the_fixture_stands_where_the_task_says():
     np.testing.assert_allclose(sim.believed, [place] * 2)
     np.testing.assert_allclose(sim.bodies(0)["fixture"][:3], place)
     (camera,) = task_cameras(sim.scene, sim.config, {})
-    np.testing.assert_allclose(np.subtract(camera.pos, standard_cameras()[2].pos), np.subtract(place, HOLE), atol=1e-12)
+    np.testing.assert_allclose(np.subtract(camera.pos, standard_cameras()[2].pos), np.subtract(place, GOAL), atol=1e-12)
     assert np.all(np.abs(sim.tip_in_goal()[:, :2]) < 0.021) and np.all(sim.tip_in_goal()[:, 2] > 0.019)
 
 

@@ -17,6 +17,7 @@ from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.diagnosis import compare as rooms
 from vispeg.diagnosis.schema import ComparisonRecord
+from vispeg.recordings.cell import OPEN_CELL
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import SECONDS, choose
 from vispeg.report.live.arm import arm_arrays
@@ -76,7 +77,7 @@ def compare(
 ) -> ComparisonResult:
     """Drives the model as the robot was driven and says how far it is off, at which joint, and when.
 
-    Where the model is of a cell (`peg-cell`) and a recording has frames, each is predicted at the measured angles: how
+    Where the model is of a cell and a recording has frames, each is predicted at the measured angles: how
     far borders, depth and colour are off is `record["pictures"]`.
 
     A model of a cell is compared by the wrench at the wrist: axis by axis, and phase by phase of contact.
@@ -106,7 +107,8 @@ def compare(
     looked = [rec for rec in given.fitted if rec.frames is not None]
     if looked and given.world.cell is None:
         said = (
-            f"{', '.join(rec.name for rec in looked)}: frames are compared where the model is of a cell, as peg-cell is"
+            f"{', '.join(rec.name for rec in looked)}: "
+            f"frames are compared where the model is of a cell, as {OPEN_CELL} is"
         )
         record["notes"] = [*record.get("notes", ()), said]
     elif looked:

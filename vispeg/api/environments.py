@@ -21,7 +21,7 @@ def make(
         world: a world, a built-in world's name (`vispeg worlds` lists them) or a world file.
         obs_mode: `state`, `proprio`, `depth`, `rgb` or `rgbd`.
         render_mode: `rgb_array` for pictures from outside.
-        settings: of the task, in place of the world's, such as `clearance_mm=1.0`; see `vispeg.task.config.TaskConfig`.
+        settings: of the task, in place of the world's, such as `steps=60`; see `vispeg.task.config.TaskConfig`.
 
     Raises:
         UserError: no such world, mode or setting.

@@ -56,8 +56,8 @@ def evaluate(
         policies: folders, names of policies that come with the package, `NAME=FOLDER`, or `expert`, the scripted one.
         world: a built-in world's name or a world file.
         episodes: of every policy.
-        controls: `shuffled`, `frozen`, `hole_fixed`: the same policies with their sight taken away in that way.
-        task: settings in place of the world's, such as `clearance_mm`.
+        controls: of `vispeg.evaluation.controls.CONTROLS`: the same policies with their sight taken away in that way.
+        task: settings in place of the world's, such as `steps`.
         videos: failures of each policy that are filmed; needs `out`.
         seed: another number plays other episodes.
         workers: processes.

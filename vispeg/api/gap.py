@@ -11,6 +11,7 @@ from vispeg.api.playing import Played, Playing, check_numbers, play, silent, sta
 from vispeg.core.errors import UserError
 from vispeg.evaluation import gap as gaps
 from vispeg.evaluation import stored
+from vispeg.evaluation.controls import CONTROLS
 from vispeg.evaluation.entrants import EXPERT, Entrant, refuse_trained_on
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import Job, Setting, make_jobs, seeds_of
@@ -24,7 +25,6 @@ from vispeg.report.tables import Column, Sheet
 from vispeg.task.world_file import WorldFile, load_world
 
 WORLDS = ("S", "V", "N", "P", "VNP")
-CONTROLS = ("shuffled", "frozen", "hole_fixed")
 
 
 class GapResult(Played):
@@ -89,7 +89,7 @@ def gap(
         worlds: built-in worlds' names or world files; the first is the training world. One that is named after others
             (VNP after V, N, P) is split into their shares.
         episodes: of every policy in every world.
-        controls: `shuffled`, `frozen`, `hole_fixed`.
+        controls: of `vispeg.evaluation.controls.CONTROLS`.
         control_worlds: those of `worlds` in which the controls are played; the first and the last where not given.
         records: files of episodes that are there already; they are not played again.
         measured: CSV of a real robot's trials.

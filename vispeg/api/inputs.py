@@ -196,7 +196,7 @@ def windows(cell: bool, seconds: float) -> Windows:
 def read_model(source: str) -> World:
     """The world of a model file, a robot's name or a path; its robot, its tool and its effects' places are there.
 
-    `peg-cell` is the cell that each recording states; the name or file of a world is the cell in it.
+    OPEN_CELL is the cell that each recording states; the name or file of a world is the cell in it.
 
     Raises:
         UserError: as `load_model`, and for a robot, tool or place that does not exist, with the file and key at fault.

@@ -104,7 +104,7 @@ class Args:
             raise UserError("has become no effect", file=self.effect, key="effects", expected="one or more")
         for placed in found.effects:
             if not effect(placed.effect).targets(robot):
-                expected = f"it in a world file of the peg task: `model: {self.effect}`"
+                expected = f"it in a world file: `model: {self.effect}`"
                 what = f"{placed.effect} acts on a scene, not on an arm alone"
                 raise UserError(what, file=self.effect, key="effects", expected=expected)
             place(effect(placed.effect), placed.where, robot)

@@ -1,7 +1,7 @@
 """Shows the main job on bundled recordings: what is this robot's model missing? About three minutes on two cores.
 
 Compares the nominal model with recordings, diagnoses on two of them, judges on the third, and writes a report that
-opens with a picture of the robot. Then renders a contact sheet of what policies are trained on: the peg task,
+opens with a picture of the robot. Then renders a contact sheet of what policies are trained on: the task,
 randomized, as its cameras deliver it.
 
 Example:

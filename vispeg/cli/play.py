@@ -44,6 +44,7 @@ class Args:
         from vispeg.core.errors import UserError
         from vispeg.learn.coarse_to_fine import open_policy
         from vispeg.learn.envs import home
+        from vispeg.learn.meta import made_for
         from vispeg.report.rrd.stream import check_target
 
         if self.episodes < 1:
@@ -51,10 +52,11 @@ class Args:
         if self.rerun is not None:
             check_target(self.rerun, self.overwrite)
         policy = open_policy(self.policy)
-        world, clearance = self.world or home(policy), self.clearance
-        if self.world is None and clearance is None:
-            clearance = (policy.meta.get("task") or {}).get("clearance_mm")
-        settings = {} if clearance is None else {"clearance_mm": clearance}
+        world, settings = self.world or home(policy), {}
+        if self.clearance is not None:
+            settings = {"clearance_mm": self.clearance}
+        elif self.world is None:
+            settings = dict(made_for(policy.meta))
         out = self.out or Path("films") / f"{self.policy.resolve().name}-{Path(world).stem}"
         seeds = [self.seed + k for k in range(self.episodes)]
         made = list[Film]()

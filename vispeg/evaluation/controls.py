@@ -2,7 +2,7 @@
 
 * `shuffled`: every episode sees the images of another one that runs beside it. A policy that looks must fail.
 * `frozen`: the first image for the whole episode. What is left is what one look is worth.
-* `hole_fixed`: the hole at its nominal place in every episode (a change of the world, see `HOLE_FIXED`). A policy that
+* `hole_fixed`: the hole at its nominal place in every episode (a change of the world, see `AT_NOMINAL`). A policy that
   succeeds only here has learnt a place, not to look.
 
 The fourth, a blind policy, is one of its own: modality `proprio`.
@@ -19,9 +19,10 @@ from vispeg.core.errors import UserError
 from vispeg.evaluation.overlay import Change
 from vispeg.render.image_kinds import kind_of
 
-CONTROLS = ("shuffled", "frozen", "hole_fixed")
+FIXED = "hole_fixed"
+CONTROLS = ("shuffled", "frozen", FIXED)
 ON_IMAGES = ("shuffled", "frozen")
-HOLE_FIXED = (Change("hole_offset", {"x": 0.0, "y": 0.0, "z": 0.0}),)
+AT_NOMINAL = (Change("hole_offset", {"x": 0.0, "y": 0.0, "z": 0.0}),)
 
 
 class Controlled:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from vispeg.core.seeds import stream
-from vispeg.evaluation.controls import HOLE_FIXED
+from vispeg.evaluation.controls import AT_NOMINAL, FIXED
 from vispeg.evaluation.entrants import Entrant
 from vispeg.evaluation.overlay import Change, overlay
 from vispeg.render.image_kinds import MODES
@@ -91,7 +91,7 @@ class Setting:
         configuration: as in Episode.
         changes, task: what is changed, see `overlay`.
         pushes: as in Job.
-        control: as in Job; `hole_fixed` adds its change.
+        control: as in Job; one that is a change of the world adds it.
     """
 
     world: str
@@ -115,7 +115,7 @@ def make_jobs(
     """
     jobs, seeing = [], {e.modality: has_eyes(e) for e in who}
     for s in settings:
-        changes = (*s.changes, *HOLE_FIXED) if s.control == "hole_fixed" else s.changes
+        changes = (*s.changes, *AT_NOMINAL) if s.control == FIXED else s.changes
         label = "-".join(part for part in (s.name, s.configuration, s.control) if part)
         made = overlay(s.world, label, folder, changes, s.task)
         for e in who:

@@ -46,7 +46,7 @@ def stage(who: Entrant, world: str, settings: Mapping[str, Any]) -> Iterator[tup
 
     Args:
         who: a policy, or the scripted one.
-        world: a name or a file; "" is the one that the policy was trained in, at its own clearance.
+        world: a name or a file; "" is the one that the policy was trained in, at the settings that it was made for.
         settings: of the task, in place of the world's.
 
     Raises:
@@ -60,12 +60,11 @@ def stage(who: Entrant, world: str, settings: Mapping[str, Any]) -> Iterator[tup
         policy = player(who, env.config)
     else:
         from vispeg.learn.envs import home, of_policy
+        from vispeg.learn.meta import made_for
 
         policy = player(who, None)
         at = world or home(policy)
-        given = dict(settings)
-        if not world and (clearance := (policy.meta.get("task") or {}).get("clearance_mm")) is not None:
-            given.setdefault("clearance_mm", clearance)
+        given = {**({} if world else made_for(policy.meta)), **settings}
         env = of_policy(policy, at)(1, given)
     try:
         yield env, policy, at

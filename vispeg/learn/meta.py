@@ -32,6 +32,12 @@ def clearance_of(meta: Mapping[str, Any]) -> float | None:
     return float(own) if isinstance(own, (int, float)) else None
 
 
+def made_for(meta: Mapping[str, Any]) -> Mapping[str, float]:
+    """Settings of the task that a policy was made for, where they may differ from those of its world."""
+    clearance = clearance_of(meta)
+    return {} if clearance is None else {"clearance_mm": clearance}
+
+
 class Origin(TypedDict, total=False):
     """World and task of an environment or a dataset, as a policy's record has them; empty where nothing is said.
 

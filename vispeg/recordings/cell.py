@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-PEG_CELL = "peg-cell"  # the cell that each recording states, the default one where it states none
+OPEN_CELL = "peg-cell"  # the cell that each recording states, the default one where it states none
 LEVER = 0.05  # m: a sensor's noise of torque over that of force, where only the latter is stated
 
 
@@ -31,7 +31,7 @@ class CellBelief:
     @property
     def open(self) -> bool:
         """Whether it is left to each recording to say what stands there."""
-        return self == CellBelief(PEG_CELL)
+        return self == CellBelief(OPEN_CELL)
 
     def plain(self) -> str | Mapping[str, object]:
         """As a file states it: the world's name alone where that is all."""

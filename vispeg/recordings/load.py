@@ -42,7 +42,7 @@ def _example(folder: Path) -> Path:
         "wrench": WrenchSensor(tared="weight"),
         "outcomes": (Outcome(True, 1, "success", 9.0),),
     }
-    rest["cell"] = CellBelief("nominal", {"clearance_mm": 2.0}, None, ({"effect": "hole_tilt", "where": "fixture"},))
+    rest["cell"] = CellBelief("nominal", {"friction": 0.2}, None, ({"effect": "contact_friction", "where": "fixture"},))
     rec = Recording(folder / "rig", "iiwa14", ("a", "b"), 100.0, control, time, q, tau=q, q_cmd=q, ee=ee, **rest)
     return write(rec, folder / "rig")
 

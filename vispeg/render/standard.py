@@ -1,4 +1,4 @@
-"""The cameras that the peg task is seen through: two on the flange, one beside the cell."""
+"""The cameras that a task is seen through: two on the flange, one beside the cell."""
 
 from __future__ import annotations
 
@@ -11,29 +11,29 @@ from vispeg.render.camera import Camera, looking_at
 SIZE = 64  # px, both sides
 MOUNT = (0.0, -0.10, 0.04)  # m, in the flange frame: beside the housing, where the fingers do not stand in the way
 WIDE_FOV, EXTERNAL_FOV = 75.0, 36.0  # deg, whole angle
-CROP_SCALE = 0.45e-3  # m a pixel at the peg's tip
-EXTERNAL = (0.14, -0.42, 0.26)  # m, from the hole, in the base frame
-TIP, HOLE = 0.185, (0.6, 0.0, 0.05)  # m: the peg's tip below the flange, the hole's mouth in the base frame
+CROP_SCALE = 0.45e-3  # m a pixel at the held part's tip
+EXTERNAL = (0.14, -0.42, 0.26)  # m, from the goal, in the base frame
+TIP, GOAL = 0.185, (0.6, 0.0, 0.05)  # m: the held part's tip below the flange, the goal in the base frame
 
 
-def standard_cameras(tip: float = TIP, hole: Sequence[float] = HOLE) -> tuple[Camera, Camera, Camera]:
+def standard_cameras(tip: float = TIP, goal: Sequence[float] = GOAL) -> tuple[Camera, Camera, Camera]:
     """`wrist_wide`, `wrist_crop` and `external`, 64 x 64 px each.
 
     Args:
-        tip: height of the peg's tip below the flange, m (a Scene's `tip`).
-        hole: (3,) nominal centre of the hole's mouth, base frame, m (a SceneConfig's `fixture`).
+        tip: height of the held part's tip below the flange, m (a Scene's `tip`).
+        goal: (3,) nominal place of the goal, base frame, m (a Scene's `target`).
 
     Returns:
-        The wide one has 75 degrees and looks at the peg's tip; the crop has the same optical centre and shows the tip
-        at 0.45 mm a pixel; the external one looks at the hole from the side.
+        The wide one has 75 degrees and looks at the tip; the crop has the same optical centre and shows the tip
+        at 0.45 mm a pixel; the external one looks at the goal from the side.
     """
     target, up = np.array([0.0, 0.0, tip]), np.array([0.0, 0.0, -1.0])
     quat = looking_at(np.array(MOUNT), target, up)
     wide = square("wrist_wide", focal_of(WIDE_FOV)).moved(parent="flange", pos=MOUNT, quat=quat)
     distance = float(np.linalg.norm(target - MOUNT))
     crop = wide.moved(name="wrist_crop", fx=distance / CROP_SCALE, fy=distance / CROP_SCALE)
-    pos = np.add(hole, EXTERNAL)
-    seen = looking_at(pos, np.asarray(hole, float), np.array([0.0, 0.0, 1.0]))
+    pos = np.add(goal, EXTERNAL)
+    seen = looking_at(pos, np.asarray(goal, float), np.array([0.0, 0.0, 1.0]))
     external = square("external", focal_of(EXTERNAL_FOV)).moved(pos=tuple(pos.tolist()), quat=seen)
     return wide, crop, external
 

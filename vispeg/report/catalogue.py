@@ -18,7 +18,7 @@ GROUP_WORDS = {
     "sensor": "what encoders and the wrist's force sensor make of the truth",
     "body": "masses, and how the base stands",
     "contact": "what touches, and how",
-    "task": "the peg, its grip and the hole: where they are, where they are believed to be",
+    "task": "what is held, its grip and the goal: where they are, where they are believed to be",
     "camera": "what a lens, a sensor and a codec make of a picture",
     "appearance": "colours, textures, lamps and surroundings",
 }

@@ -19,9 +19,9 @@ COLOURS: Mapping[str, tuple[float, float, float]] = {
     "floor": (0.30, 0.32, 0.35),
     "wall": (0.80, 0.82, 0.84),
     "fixture": (0.20, 0.42, 0.66),
-    "peg": (0.85, 0.55, 0.15),
     "gripper": (0.25, 0.26, 0.28),
 }
+HELD = (0.85, 0.55, 0.15)
 
 
 def draw(backend: BackendName = "auto") -> tuple[np.ndarray, dict[str, list[float]]]:
@@ -39,7 +39,7 @@ def draw(backend: BackendName = "auto") -> tuple[np.ndarray, dict[str, list[floa
     scene = build()
     with Renderer(scene, [camera], backend, shadows=True) as renderer:
         model, data = renderer.model, renderer.data
-        for name, colour in COLOURS.items():
+        for name, colour in {**COLOURS, **dict.fromkeys(scene.parts[scene.held], HELD)}.items():
             model.geom(name).rgba[:3] = colour
         posture = home(scene)
         shot = renderer.render(np.concatenate([posture, np.zeros(model.nq - len(posture))]))["cell"]

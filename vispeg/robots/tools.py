@@ -21,6 +21,7 @@ PEG_LENGTH, GRASP = 0.08, 0.105  # m: length of a peg, height of its top end abo
 GRIPPER = 0.7, 0.10  # kg in all, m: length of the housing
 FINGER_MASS, FINGER_SIZE = 0.04, (0.012, 0.020, 0.045)  # kg, m
 HOUSING = (0.080, 0.050, GRIPPER[1])  # m
+CELL = "meg50+peg16"  # what the arm of the default cell holds
 NAMES = ("none", "meg50", "meg50+peg40")
 KEYS = ("mass_kg", "com_m", "inertia_kgm2")
 BOX, CYLINDER = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER

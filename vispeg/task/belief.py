@@ -9,7 +9,7 @@ from typing import Any
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
-from vispeg.recordings.cell import PEG_CELL, CellBelief
+from vispeg.recordings.cell import OPEN_CELL, CellBelief
 from vispeg.recordings.recording import Recording
 from vispeg.robots.declared import carried
 from vispeg.robots.model import RobotModel, load
@@ -43,7 +43,7 @@ class Believed:
 
 
 def believed(cell: CellBelief | None, file: str | Path | None = None) -> Believed:
-    """Builds a belief; None and `peg-cell` stand for the default cell. The same belief gives the same scene.
+    """Builds a belief; None and OPEN_CELL stand for the default cell. The same belief gives the same scene.
 
     Args:
         cell: what is believed.
@@ -54,7 +54,7 @@ def believed(cell: CellBelief | None, file: str | Path | None = None) -> Believe
     """
     cell = cell or CellBelief()
     at = str(file) if file is not None else None
-    named = DEFAULT if cell.world in ("", PEG_CELL) else cell.world
+    named = DEFAULT if cell.world in ("", OPEN_CELL) else cell.world
     try:
         world = load_world(named)
     except UserError as error:
@@ -62,7 +62,7 @@ def believed(cell: CellBelief | None, file: str | Path | None = None) -> Believe
     told = {**world.task, **cell.task}
     try:
         if cell.robot is not None:
-            told["robot"] = declared(cell.robot, Path(at or "."))
+            told["robot"] = declared(cell.robot, Path(at or "."), {})
         config = config_of(told, at)
         scene = task_of(config).cell(config)
     except UserError as error:
@@ -91,7 +91,7 @@ def _effects(stated: tuple[Mapping[str, Any], ...], scene: Scene, file: str | No
 
 
 def cell_of(world: World, rec: Recording) -> CellBelief | None:
-    """The cell of a recording under a model: the model's, or where that leaves it open (`peg-cell`) the recording's.
+    """The cell of a recording under a model: the model's, or where that leaves it open (OPEN_CELL) the recording's.
 
     None where the model is of an arm alone.
     """

@@ -98,7 +98,7 @@ def _example(folder: Path) -> Path:
     base.write_text(world_text(own), encoding="utf-8")
     camera = {"external": {"width": 64, "height": 48, "fx": 60.0, "fy": 60.0, "cx": 31.5, "cy": 23.5}}
     late = {"effect": "command_delay", "params": {"delay": {"uniform": [0.0, 0.02]}}, "chance": 0.5}
-    more = {"name": "mine", "base": "base.yaml", "task": {"clearance_mm": 2.0}, "cameras": camera, "effects": [late]}
+    more = {"name": "mine", "base": "base.yaml", "task": {"force_limit": 20.0}, "cameras": camera, "effects": [late]}
     (folder / "world.yaml").write_text(yaml.safe_dump({"format": FORMAT, **more}), encoding="utf-8")
     return folder / "world.yaml"
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from vispeg.recordings.cell import OPEN_CELL
 from vispeg.recordings.frames.frames import Frames, RecordedFrame
 from vispeg.recordings.frames.joints import joints_at
 from vispeg.recordings.recording import Recording
@@ -256,4 +257,4 @@ def _advice(dark: Sequence[Told], mount: str | None) -> str:
         advice.append("with tilt and roll (look-tilt, look-roll)")
     if "lens_distortion" in names:
         advice.append("so that the fixture comes near the image's edges")
-    return f"move it {', '.join(advice)}; `vispeg record peg-cell --motion look` has all of it"
+    return f"move it {', '.join(advice)}; `vispeg record {OPEN_CELL} --motion look` has all of it"

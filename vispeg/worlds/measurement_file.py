@@ -121,9 +121,10 @@ class Measurement:
 def _example(folder: Path) -> Path:
     row = BudgetRow("angle at 3 places", "A", 0.011, 2.0, 1.09, 0.012)
     mu = Quantity("static_friction", 0.31, "1", 0.012, 2.0, 4.30265, 0.258, 0.362, "gum", (row,), 10)
-    friction = EffectInstance("contact_friction", "peg", {"scale": Value(1.03, 0.86, 1.21)}, {"measured": "friction"})
+    scale, origin = Value(1.03, 0.86, 1.21), {"measured": "friction"}
+    friction = EffectInstance("contact_friction", "fixture", {"scale": scale}, origin)
     path = folder / "measurement.yaml"
-    path.write_text(measurement_text(Measurement("friction", "peg", (mu,), (friction,))), encoding="utf-8")
+    path.write_text(measurement_text(Measurement("friction", "fixture", (mu,), (friction,))), encoding="utf-8")
     return path
 
 

@@ -14,13 +14,13 @@ from vispeg.core.errors import UserError
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.guard import is_file
 from vispeg.formats.typed import typed
-from vispeg.recordings.cell import PEG_CELL, CellBelief
+from vispeg.recordings.cell import OPEN_CELL, CellBelief
 from vispeg.recordings.load_cell import cell
 from vispeg.recordings.schema import CellOf
+from vispeg.robots import tools
 from vispeg.worlds.world import World
 
 FORMAT = "vispeg-model/1"
-PEG_TOOL = "meg50+peg16"  # what the arm of the default cell holds
 MODEL = Format(FORMAT, "a model", keys=("robot", "tool", "cell", "effects"))
 ENTRY = ("effect", "where", "params", "partial", "tentative", "origin")  # keys of one effect
 MARKS = ("partial", "tentative")
@@ -44,12 +44,12 @@ def _example(folder: Path) -> Path:
 @enrol(FORMAT, _example)
 def load_model(source: str | Path) -> World:
     """A World from a model file; a robot's name or a path to an MJCF or URDF gives that robot with no effects, and
-    `peg-cell` the cell that recordings state.
+    OPEN_CELL the cell that recordings state.
     """
     text = str(source)
     path = Path(text)
-    if text == PEG_CELL:
-        return World("iiwa14", PEG_TOOL, cell=CellBelief(PEG_CELL))
+    if text == OPEN_CELL:
+        return World("iiwa14", tools.CELL, cell=CellBelief(OPEN_CELL))
     if path.suffix.lower() not in (".yaml", ".yml"):
         return World(robot=text)
     data = MODEL.read(path)

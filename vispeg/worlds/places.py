@@ -39,7 +39,7 @@ def check(
     """
     targets = one.targets(model)
     if not targets:
-        expected = "a cell with what it acts on: a camera, a light, a part, a hole"
+        expected = "a cell with what it acts on: a camera, a light, a part, a fixture"
         raise UserError(f"{one.name} has no place here", file=file, key=key, expected=expected, got=where)
     if not isinstance(where, str) or where not in (*targets, *many):
         raise UserError(f"{one.name} has no such place", file=file, key=key, got=where, choices=[*targets, *many])
