@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from vispeg.cli.evaluation import at_clearance
 from vispeg.cli.main import main
+from vispeg.cli.trials import at_clearance
 from vispeg.core.assets import assets
 from vispeg.evaluation.entrants import entrants
 from vispeg.evaluation.records import read

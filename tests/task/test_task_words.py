@@ -14,7 +14,7 @@ ELSEWHERE = {
     "api/record_cell.py",
     "cli/combine.py",
     "cli/evaluate.py",
-    "cli/evaluation.py",
+    "cli/trials.py",
     "cli/exploit.py",
     "cli/gap.py",
     "cli/measure.py",

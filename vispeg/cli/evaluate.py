@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import tyro
 
-from vispeg.cli.trials import Played, Trials
+from vispeg.cli.trials import Played, Trials, at_clearance
 from vispeg.core.interrupt import goes_on
 
 if TYPE_CHECKING:
@@ -53,7 +53,6 @@ class Args:
     def run(self) -> int:
         """Plays what is missing, writes the folder, prints the table."""
         from vispeg.api.evaluate import evaluate
-        from vispeg.cli.evaluation import at_clearance
         from vispeg.evaluation.entrants import entrants
         from vispeg.report.rrd.stream import check_target
         from vispeg.task.world_file import load_world

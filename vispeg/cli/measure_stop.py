@@ -41,8 +41,9 @@ def enough(measurement: Measurement, out: Path, stop: Stop, quiet: bool) -> tupl
     Raises:
         UserError: unknown policies or world; an effect that has no place in the world.
     """
-    from vispeg.cli.evaluation import play_all
+    from vispeg.cli.progress import playing
     from vispeg.core.files import write_text_atomic
+    from vispeg.evaluation import runner
     from vispeg.evaluation.crossed import difference
     from vispeg.evaluation.folder import workplace
     from vispeg.evaluation.jobs import Setting, make_jobs, seeds_of
@@ -64,7 +65,8 @@ def enough(measurement: Measurement, out: Path, stop: Stop, quiet: bool) -> tupl
     rows: list[dict[str, Any]] = []
     with workplace(None, "stop.json") as folder:
         jobs = make_jobs(who, settings, seeds_of(episodes), folder / "worlds")
-        played = play_all(jobs, folder, stop.workers, quiet)
+        with playing(jobs, folder, quiet) as watch:
+            played = runner.run(jobs, folder, stop.workers, watch=watch)
         table = Table([replace(e, world=e.configuration, configuration="") for e in played])
         for e in measured:
             for policy in dict.fromkeys(one.policy for one in played):

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import tyro
 
-from vispeg.cli.trials import Played, Trials
+from vispeg.cli.trials import Played, Trials, at_clearance
 from vispeg.core.interrupt import goes_on
 
 
@@ -44,7 +44,6 @@ class Args:
     def run(self) -> int:
         """Plays what is missing, writes the folder, prints the table."""
         from vispeg.api.stress.perturb import perturb
-        from vispeg.cli.evaluation import at_clearance
         from vispeg.evaluation.entrants import entrants
         from vispeg.task.world_file import load_world
 
