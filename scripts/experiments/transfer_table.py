@@ -6,10 +6,10 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from vispeg.evaluation.crossed import rate
-from vispeg.evaluation.intervals import wilson
 from vispeg.evaluation.modalities import compare
 from vispeg.evaluation.records import Episode
+from vispeg.evaluation.statistics.crossed import rate
+from vispeg.evaluation.statistics.intervals import wilson
 from vispeg.evaluation.table import Cell, Table
 
 

@@ -133,7 +133,7 @@ def test_torch_items_are_the_frames(folder):
     pytest.importorskip("torch")
     import pickle
 
-    from vispeg.learn.dataset import Frames
+    from vispeg.learn.experience.dataset import Frames
 
     frames, data = Frames(folder), Dataset(folder)
     item = pickle.loads(pickle.dumps(frames))[7]  # as a loader's worker gets it

@@ -210,7 +210,7 @@ def test_a_recorded_episode_is_filmed_without_being_played_and_the_film_says_how
 def test_so_many_seeds_of_every_policy_are_filmed_and_those_that_are_lost_first(
     vispeg, tmp_path, played, monkeypatch, lost, filmed
 ):
-    from vispeg.evaluation.film import Clip
+    from vispeg.evaluation.films.film import Clip
 
     shots = []
 
@@ -218,8 +218,8 @@ def test_so_many_seeds_of_every_policy_are_filmed_and_those_that_are_lost_first(
         shots.append((job.entrant.name, job.world_name, seed - 1_000_000))
         return Clip(np.zeros((2, 16, 16, 3), np.uint8), None, "success", 1.0)
 
-    monkeypatch.setattr("vispeg.evaluation.media.film", shoot)
-    monkeypatch.setattr("vispeg.evaluation.media.write_video", lambda path, frames: path.with_suffix(".mp4"))
+    monkeypatch.setattr("vispeg.evaluation.films.media.film", shoot)
+    monkeypatch.setattr("vispeg.evaluation.films.media.write_video", lambda path, frames: path.with_suffix(".mp4"))
     played(lambda job, seed: job.world_name == "nominal" or seed - 1_000_000 not in lost)
     args = ("gap", "expert", "twin=expert", "--worlds", "nominal", "randomized", "--controls", "--episodes", "4")
     monkeypatch.setattr("vispeg.report.gap.pairs.data_uri", lambda folder, name: "data:")

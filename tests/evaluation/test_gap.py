@@ -9,13 +9,13 @@ from scipy.stats import fisher_exact
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.evaluation.attribution import attribute, joint_of
 from vispeg.evaluation.categories import part
-from vispeg.evaluation.decide import CANNOT_TELL, decide, gap_words
 from vispeg.evaluation.gap import gap
-from vispeg.evaluation.intervals import Estimate
 from vispeg.evaluation.modalities import compare
 from vispeg.evaluation.records import Episode
+from vispeg.evaluation.statistics.attribution import attribute, joint_of
+from vispeg.evaluation.statistics.decide import CANNOT_TELL, decide, gap_words
+from vispeg.evaluation.statistics.intervals import Estimate
 from vispeg.evaluation.table import Cell, Table
 
 WORLDS = {"S": 0.0, "V": -1.0, "N": -0.2, "P": -1.5, "VNP": -3.0}

@@ -7,8 +7,8 @@ import pytest
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.evaluation.crossed import Block, contrast, crossed_bootstrap, difference, rate, spread
-from vispeg.evaluation.intervals import Z, paired_difference, tango_score, unpaired_difference, wilson
+from vispeg.evaluation.statistics.crossed import Block, contrast, crossed_bootstrap, difference, rate, spread
+from vispeg.evaluation.statistics.intervals import Z, paired_difference, tango_score, unpaired_difference, wilson
 
 
 def pairs(a, b, c, d):

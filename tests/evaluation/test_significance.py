@@ -8,8 +8,8 @@ from scipy.stats import pearsonr, spearmanr
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.evaluation.ranks import mmrv, predict
-from vispeg.evaluation.significance import holm, mcnemar, pairs_needed
+from vispeg.evaluation.statistics.ranks import mmrv, predict
+from vispeg.evaluation.statistics.significance import holm, mcnemar, pairs_needed
 
 
 def outcomes(b, c, rest=20):

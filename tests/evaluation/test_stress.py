@@ -9,11 +9,11 @@ from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.evaluation import suite
-from vispeg.evaluation.decide import CANNOT_TELL
-from vispeg.evaluation.fall import beyond_doubt, fall
-from vispeg.evaluation.intervals import wilson
 from vispeg.evaluation.overlay import overlay
 from vispeg.evaluation.records import Episode
+from vispeg.evaluation.statistics.decide import CANNOT_TELL
+from vispeg.evaluation.statistics.fall import beyond_doubt, fall
+from vispeg.evaluation.statistics.intervals import wilson
 from vispeg.evaluation.stress import exploit, perturb, sensitivity
 from vispeg.robots.scene import build
 from vispeg.worlds.model_file import model_text

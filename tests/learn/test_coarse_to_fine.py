@@ -5,10 +5,10 @@ import pytest
 import torch
 
 from vispeg.core.errors import UserError
-from vispeg.learn.actor import Actor
 from vispeg.learn.coarse_to_fine import CoarseToFine, combine, open_policy
 from vispeg.learn.layout import Layout
 from vispeg.learn.modalities import modality
+from vispeg.learn.networks.actor import Actor
 from vispeg.learn.policy import NetPolicy, save
 
 STACK, FRAME, SCALE = 2, 15, 0.03

@@ -5,19 +5,19 @@ import torch
 from toy import Pointing, Reach
 
 from vispeg.core.errors import UserError
-from vispeg.learn import distill as distilling
-from vispeg.learn import finetune as tuning
-from vispeg.learn.actor import Actor
 from vispeg.learn.config import TrainConfig
 from vispeg.learn.device import device_of
-from vispeg.learn.distill import DistillSettings, demonstrations, distill
-from vispeg.learn.finetune import FinetuneSettings, finetune
+from vispeg.learn.experience.replay import mixed
 from vispeg.learn.layout import Layout
+from vispeg.learn.methods import distill as distilling
+from vispeg.learn.methods import finetune as tuning
+from vispeg.learn.methods.distill import DistillSettings, demonstrations, distill
+from vispeg.learn.methods.finetune import FinetuneSettings, finetune
+from vispeg.learn.methods.recipes import distilled
+from vispeg.learn.methods.rounds import keep_ring, kept_ring
 from vispeg.learn.modalities import modality
+from vispeg.learn.networks.actor import Actor
 from vispeg.learn.policy import load, save
-from vispeg.learn.recipes import distilled
-from vispeg.learn.replay import mixed
-from vispeg.learn.rounds import keep_ring, kept_ring
 from vispeg.learn.sb3_env import Sb3Env
 from vispeg.learn.settings import SacSettings
 

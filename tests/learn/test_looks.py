@@ -5,8 +5,8 @@ import pytest
 
 from vispeg.core.errors import UserError
 from vispeg.demonstrations.looks import looking, side_by_side
-from vispeg.learn.distill import DistillSettings, collect
-from vispeg.learn.rounds import keep_ring, kept_ring
+from vispeg.learn.methods.distill import DistillSettings, collect
+from vispeg.learn.methods.rounds import keep_ring, kept_ring
 from vispeg.learn.sb3_env import Sb3Env
 from vispeg.learn.teacher import teacher_of
 from vispeg.task.peg.env import PegInHoleVec

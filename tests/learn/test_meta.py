@@ -12,14 +12,14 @@ from vispeg.datasets.describe import INFO, RENDER, RENDER_FILE, VERSION
 from vispeg.datasets.layout import COUNTED
 from vispeg.datasets.lerobot import DATA
 from vispeg.evaluation.entrants import entrant, refuse_trained_on
-from vispeg.learn.actor import Actor
 from vispeg.learn.coarse_to_fine import combine
-from vispeg.learn.finetune import FinetuneSettings, finetune
+from vispeg.learn.experience.shown import made_in
 from vispeg.learn.layout import Layout
 from vispeg.learn.meta import interface, worlds
+from vispeg.learn.methods.finetune import FinetuneSettings, finetune
 from vispeg.learn.modalities import modality
+from vispeg.learn.networks.actor import Actor
 from vispeg.learn.policy import load, save
-from vispeg.learn.shown import made_in
 from vispeg.task.peg.config import PegConfig
 from vispeg.task.world_file import load_world, parts
 

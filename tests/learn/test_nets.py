@@ -5,10 +5,10 @@ import pytest
 import torch
 from torch import nn
 
-from vispeg.learn.actor import Actor
 from vispeg.learn.layout import Layout
 from vispeg.learn.modalities import modality, names
-from vispeg.learn.nets import Scale, random_shift, soft_update
+from vispeg.learn.networks.actor import Actor
+from vispeg.learn.networks.nets import Scale, random_shift, soft_update
 
 KINDS = {"depth": (1, 24, 24), "rgb": (3, 24, 24)}
 

@@ -12,9 +12,9 @@ from torch import nn
 from torch.nn import functional as F
 
 from vispeg.core.errors import UserError
-from vispeg.learn.actor import Actor
 from vispeg.learn.layout import Layout
 from vispeg.learn.modalities import modality, names
+from vispeg.learn.networks.actor import Actor
 from vispeg.learn.policy import META, WEIGHTS, NetPolicy, load, save
 
 SHAPES = {"depth": (1, 24, 24), "rgb": (3, 24, 24)}

@@ -7,7 +7,7 @@ from gymnasium import spaces
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.learn.replay import Replay, mixed
+from vispeg.learn.experience.replay import Replay, mixed
 from vispeg.render.image_kinds import STEP
 
 SPACE = spaces.Dict(

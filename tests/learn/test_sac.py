@@ -6,10 +6,10 @@ import torch
 from toy import Reach
 
 from vispeg.learn.evaluation import run_episodes, success_rate
+from vispeg.learn.methods.sac import AsymmetricSAC
 from vispeg.learn.modalities import Modality, blind, modality
+from vispeg.learn.networks.recurrent import latents
 from vispeg.learn.policy import NetPolicy
-from vispeg.learn.recurrent import latents
-from vispeg.learn.sac import AsymmetricSAC
 from vispeg.learn.sb3_env import Sb3Env
 from vispeg.learn.settings import SacSettings
 

@@ -34,7 +34,7 @@ def test_play_finetune_and_teachers_take_them(monkeypatch, tmp_path):
         (tmp_path / "finetune.json").write_text("{}")
         return tmp_path
 
-    monkeypatch.setattr("vispeg.learn.finetune.finetune", tuned)
+    monkeypatch.setattr("vispeg.learn.methods.finetune.finetune", tuned)
     assert main(["play", "depth-S", "--episodes", "1"]) == 0
     assert main(["finetune", "depth-S", "--world", "dev", "--out", "tuned"]) == 0
     assert asked == [("depth-S", "S"), "depth-S"]

@@ -14,8 +14,8 @@ from vispeg.datasets.episode import Recorder
 from vispeg.datasets.plan import Plan
 from vispeg.datasets.read import Dataset
 from vispeg.datasets.rendering import render
+from vispeg.learn.experience.shown import from_folder, successes
 from vispeg.learn.layout import Layout
-from vispeg.learn.shown import from_folder, successes
 from vispeg.render.camera import Camera
 from vispeg.render.image_kinds import STEP
 

@@ -15,8 +15,8 @@ from vispeg.datasets.plan import Plan
 from vispeg.datasets.rendering import render
 from vispeg.learn.config import TrainConfig, read_config
 from vispeg.learn.evaluation import run_episodes, success_rate
+from vispeg.learn.methods.rounds import Rounds
 from vispeg.learn.policy import load
-from vispeg.learn.rounds import Rounds
 from vispeg.learn.settings import SacSettings
 from vispeg.learn.train import SacRun, resume, train
 from vispeg.render.camera import Camera

@@ -9,12 +9,12 @@ from toy import STEP, Pointing, Reach
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.learn.actor import Actor
-from vispeg.learn.clone import CloneSettings, clone
-from vispeg.learn.distill import collect
-from vispeg.learn.finetune import FinetuneSettings, finetune
 from vispeg.learn.layout import Layout
+from vispeg.learn.methods.clone import CloneSettings, clone
+from vispeg.learn.methods.distill import collect
+from vispeg.learn.methods.finetune import FinetuneSettings, finetune
 from vispeg.learn.modalities import modality
+from vispeg.learn.networks.actor import Actor
 from vispeg.learn.policy import NetPolicy, load, save
 from vispeg.learn.sb3_env import Sb3Env
 from vispeg.learn.teacher import StateTeacher, Tare, knowing, teacher_of
@@ -257,6 +257,6 @@ def test_the_commands_defaults_are_the_settings(monkeypatch, tmp_path):
         (tmp_path / "finetune.json").write_text("{}")
         return tmp_path
 
-    monkeypatch.setattr("vispeg.learn.finetune.finetune_in_worlds", tuned)
+    monkeypatch.setattr("vispeg.learn.methods.finetune.finetune_in_worlds", tuned)
     assert main(["finetune", "depth-S", "--world", "dev", "--out", str(tmp_path / "x")]) == 0
     assert found == [FinetuneSettings()]

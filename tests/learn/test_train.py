@@ -15,12 +15,12 @@ from toy import STEP, Pointing, Reach
 
 from vispeg.core.errors import UserError
 from vispeg.learn.config import Stage, TrainConfig, read_config
-from vispeg.learn.curriculum import Curriculum, stages
-from vispeg.learn.distill import collect, demonstrations
 from vispeg.learn.evaluation import run_episodes, success_rate
+from vispeg.learn.methods.curriculum import Curriculum, stages
+from vispeg.learn.methods.distill import collect, demonstrations
+from vispeg.learn.methods.ranges import Opening
+from vispeg.learn.methods.recipes import distilled
 from vispeg.learn.policy import load
-from vispeg.learn.ranges import Opening
-from vispeg.learn.recipes import distilled
 from vispeg.learn.sb3_env import Sb3Env
 from vispeg.learn.settings import SacSettings
 from vispeg.learn.train import resume, train
@@ -161,7 +161,7 @@ def test_a_distillation_stops_once_its_target_was_reached_twice_and_stays_stoppe
     betas = {"steps": 160, "updates": 20, "betas": (1.0, 0.5, 0.0, 0.0)}
     c = config("depth", recipe="distill", target=0.0, distill=betas)
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr("vispeg.learn.recipes.shutil.rmtree", killed)
+        patch.setattr("vispeg.learn.methods.recipes.shutil.rmtree", killed)
         distilled(c, tmp_path / "run", make("depth"), False, Pointing())
     assert len(curve(tmp_path / "run")) == 2
     distilled(c, tmp_path / "run", make("depth"), False, Pointing())
@@ -255,7 +255,7 @@ def test_a_run_killed_before_its_first_checkpoint_is_no_dead_end(tmp_path, monke
 
     more = {} if recipe == "sac" else {"recipe": recipe, "teacher": "x", "distill": {"steps": 80, "updates": 10}}
     c, weights = config(steps=160, **more), []
-    monkeypatch.setattr("vispeg.learn.recipes.teacher_of", lambda *_: Pointing())
+    monkeypatch.setattr("vispeg.learn.methods.recipes.teacher_of", lambda *_: Pointing())
     monkeypatch.setattr(Reach, "config", None, raising=False)
     train(c, tmp_path / "whole", make("state"), show=False)
     for number, at in enumerate(("vispeg.learn.train.SacRun.evaluate", "vispeg.learn.train.SacRun.keep")):
@@ -284,7 +284,7 @@ import torch
 torch.manual_seed(7)
 from test_train import config, make
 from vispeg.learn import train
-from vispeg.learn.sac import AsymmetricSAC
+from vispeg.learn.methods.sac import AsymmetricSAC
 update, updates = AsymmetricSAC._update_critic, []
 
 def counted(self, batch):

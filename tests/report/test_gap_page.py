@@ -13,10 +13,10 @@ import pytest
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.evaluation import suite
+from vispeg.evaluation.films.video import write_image, write_video
 from vispeg.evaluation.gap import gap
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.stress import exploit, perturb, sensitivity
-from vispeg.evaluation.video import write_image, write_video
 from vispeg.report.gap import exploit_page, perturb_page, suite_page, sweep_page, words
 from vispeg.report.gap.build import render, write
 from vispeg.report.gap.headline import context
@@ -206,10 +206,10 @@ def test_a_picture_is_written_without_a_word(tmp_path, capfd):
 
 def test_a_video_that_cannot_be_made_says_why(tmp_path, monkeypatch):
     frames = np.zeros((2, 32, 48, 3), np.uint8)
-    monkeypatch.setattr("vispeg.evaluation.video.ffmpeg", lambda: None)
+    monkeypatch.setattr("vispeg.evaluation.films.video.ffmpeg", lambda: None)
     with pytest.raises(UserError, match=r"v\.mp4: no ffmpeg here"):
         write_video(tmp_path / "v", frames)
-    monkeypatch.setattr("vispeg.evaluation.video.ffmpeg", lambda: "false")
+    monkeypatch.setattr("vispeg.evaluation.films.video.ffmpeg", lambda: "false")
     with pytest.raises(UserError, match="ffmpeg failed"):
         write_video(tmp_path / "v", frames)
 

@@ -37,7 +37,7 @@ ELSEWHERE = {
     "evaluation/stress/perturb.py",
     "evaluation/stress/sensitivity.py",
     "learn/config.py",
-    "learn/curriculum.py",
+    "learn/methods/curriculum.py",
     "learn/meta.py",
     "recordings/cell.py",
     "recordings/contact_check.py",
@@ -68,13 +68,19 @@ def test_the_list_has_no_file_that_is_clean():
 def test_the_contract_and_what_learns_by_it_name_no_part_of_a_task():
     clean = ["task/contract.py", "task/terms.py", "task/rewards.py", "task/track.py", "task/standard_terms.py"]
     clean += ["task/standard_rewards.py", "task/simulation.py", "task/cell.py", "task/eyes.py", "task/env.py"]
-    clean += ["learn/teacher.py", "learn/sac.py", "learn/train.py", "learn/layout.py", "learn/actor.py"]
     clean += [
-        "learn/clone.py",
+        "learn/teacher.py",
+        "learn/methods/sac.py",
+        "learn/train.py",
+        "learn/layout.py",
+        "learn/networks/actor.py",
+    ]
+    clean += [
+        "learn/methods/clone.py",
         "learn/coarse_to_fine.py",
         "learn/play.py",
-        "learn/replay.py",
+        "learn/experience/replay.py",
         "demonstrations/stage.py",
     ]
-    clean += ["demonstrations/plan.py", "evaluation/arena.py", "evaluation/players.py", "evaluation/film.py"]
+    clean += ["demonstrations/plan.py", "evaluation/arena.py", "evaluation/players.py", "evaluation/films/film.py"]
     assert not speaking() & set(clean)

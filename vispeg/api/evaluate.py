@@ -8,9 +8,9 @@ from typing import Any
 
 from vispeg.api.playing import Played, Playing, check_numbers, folders, play, silent, stamped
 from vispeg.evaluation import gap as gaps
+from vispeg.evaluation.films.media import film_failures
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import Setting, make_jobs, seeds_of
-from vispeg.evaluation.media import film_failures
 from vispeg.evaluation.players import ready
 from vispeg.report.gap import words
 from vispeg.report.summary import Block, Line

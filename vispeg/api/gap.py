@@ -13,10 +13,10 @@ from vispeg.evaluation import gap as gaps
 from vispeg.evaluation import stored
 from vispeg.evaluation.controls import CONTROLS
 from vispeg.evaluation.entrants import EXPERT, Entrant, refuse_trained_on
+from vispeg.evaluation.films.media import film_seeds
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import Job, Setting, make_jobs, seeds_of
 from vispeg.evaluation.measured import Trials, read_csv
-from vispeg.evaluation.media import film_seeds
 from vispeg.evaluation.players import ready
 from vispeg.evaluation.records import read_all
 from vispeg.report.gap import words

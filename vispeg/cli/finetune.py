@@ -55,7 +55,7 @@ class Args:
     def run(self) -> int:
         """Fine-tunes and says what it brought."""
         from vispeg.formats.json_data import read_json
-        from vispeg.learn.finetune import FinetuneSettings, finetune_in_worlds
+        from vispeg.learn.methods.finetune import FinetuneSettings, finetune_in_worlds
 
         settings = FinetuneSettings(self.demos, self.updates, self.lr, known=self.known, episodes=self.episodes)
         out = finetune_in_worlds(

@@ -44,11 +44,11 @@ def enough(measurement: Measurement, out: Path, stop: Stop, quiet: bool) -> tupl
     from vispeg.cli.progress import playing
     from vispeg.core.files import write_text_atomic
     from vispeg.evaluation import runner
-    from vispeg.evaluation.crossed import difference
     from vispeg.evaluation.folder import workplace
     from vispeg.evaluation.jobs import Setting, make_jobs, seeds_of
     from vispeg.evaluation.overlay import Change
     from vispeg.evaluation.players import ready
+    from vispeg.evaluation.statistics.crossed import difference
     from vispeg.evaluation.table import Table
     from vispeg.task.world_file import load_world
     from vispeg.worlds.measurement_file import measurement_text

@@ -105,7 +105,7 @@ def films(
         overwrite: whether it may be replaced.
     """
     from vispeg.core.files import new_folder
-    from vispeg.evaluation.video import write_video
+    from vispeg.evaluation.films.video import write_video
     from vispeg.learn.coarse_to_fine import open_policy
     from vispeg.learn.envs import of_policy
     from vispeg.learn.play import play

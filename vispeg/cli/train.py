@@ -109,7 +109,7 @@ class Args:
     def _train(self) -> int:
         from vispeg.core.errors import UserError
         from vispeg.learn.config import TrainConfig
-        from vispeg.learn.curriculum import stages
+        from vispeg.learn.methods.curriculum import stages
         from vispeg.learn.modalities import modality, names
         from vispeg.learn.settings import defaults
         from vispeg.learn.train import train

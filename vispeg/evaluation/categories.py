@@ -18,9 +18,9 @@ from itertools import product
 import numpy as np
 from scipy.stats import fisher_exact, multivariate_hypergeom
 
-from vispeg.evaluation.decide import CANNOT_TELL
 from vispeg.evaluation.schema.gap import KindRow, PartingRecord
-from vispeg.evaluation.significance import ALPHA, holm
+from vispeg.evaluation.statistics.decide import CANNOT_TELL
+from vispeg.evaluation.statistics.significance import ALPHA, holm
 
 MOST_TABLES = 20_000  # up to here all tables of the margins are listed, beyond they are drawn
 

@@ -9,15 +9,10 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.evaluation import decide
-from vispeg.evaluation.attribution import attribute, joint_of
 from vispeg.evaluation.categories import part
-from vispeg.evaluation.crossed import difference, rate
 from vispeg.evaluation.entrants import EXPERT
-from vispeg.evaluation.intervals import unpaired_difference
 from vispeg.evaluation.measures import compare as compare_measures
 from vispeg.evaluation.modalities import Comparison, compare
-from vispeg.evaluation.ranks import FEWEST, FEWEST_POINTS, TWO_POINTS, Prediction, predict
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.schema.gap import (
     AttributionRow,
@@ -31,6 +26,11 @@ from vispeg.evaluation.schema.gap import (
     PredictionRow,
     SuccessRow,
 )
+from vispeg.evaluation.statistics import decide
+from vispeg.evaluation.statistics.attribution import attribute, joint_of
+from vispeg.evaluation.statistics.crossed import difference, rate
+from vispeg.evaluation.statistics.intervals import unpaired_difference
+from vispeg.evaluation.statistics.ranks import FEWEST, FEWEST_POINTS, TWO_POINTS, Prediction, predict
 from vispeg.evaluation.table import BLIND, Cell, Table
 
 FORMAT = "vispeg-gap/1"

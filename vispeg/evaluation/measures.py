@@ -11,10 +11,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import mannwhitneyu
 
-from vispeg.evaluation.decide import CANNOT_TELL
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.schema.gap import Measure
-from vispeg.evaluation.significance import ALPHA
+from vispeg.evaluation.statistics.decide import CANNOT_TELL
+from vispeg.evaluation.statistics.significance import ALPHA
 
 APART = 0.5  # of the simulated peak force
 UNITS = {"time": "s", "peak_force": "N"}

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vispeg.evaluation.crossed import difference
-from vispeg.evaluation.decide import CANNOT_TELL, Verdict, decide, needed
-from vispeg.evaluation.intervals import Estimate
-from vispeg.evaluation.significance import holm, mcnemar
+from vispeg.evaluation.statistics.crossed import difference
+from vispeg.evaluation.statistics.decide import CANNOT_TELL, Verdict, decide, needed
+from vispeg.evaluation.statistics.intervals import Estimate
+from vispeg.evaluation.statistics.significance import holm, mcnemar
 from vispeg.evaluation.table import Cell, Table
 
 
@@ -22,7 +22,7 @@ class Comparison:
         difference: success of `first` minus that of `second`, over training seeds where there are several.
         p: McNemar's exact p-value between these very networks (first training seed against first, and so on).
         p_holm: p after Holm's correction over all comparisons of the world.
-        verdict: see `vispeg.evaluation.decide`.
+        verdict: see `vispeg.evaluation.statistics.decide`.
         needed: paired episodes that could tell, where these cannot.
     """
 

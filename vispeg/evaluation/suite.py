@@ -5,7 +5,7 @@ After the practitioners' article: the correlation of success between simulation 
 healthy above 0.8 and an alarm below 0.6. A low correlation means that the training world no longer ranks situations
 as the target does, whatever the averages say. Where success hardly varies there is no correlation to speak of, and
 these data cannot tell. A correlation does not see a fall that is the same everywhere: one beyond doubt
-(`vispeg.evaluation.fall`) is an alarm whatever the correlation.
+(`vispeg.evaluation.statistics.fall`) is an alarm whatever the correlation.
 """
 
 from __future__ import annotations
@@ -20,14 +20,9 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.evaluation.crossed import difference, rate
-from vispeg.evaluation.decide import CANNOT_TELL, decide
-from vispeg.evaluation.fall import beyond_doubt, fall
-from vispeg.evaluation.intervals import Estimate
 from vispeg.evaluation.jobs import Setting
 from vispeg.evaluation.lists import HERE, read_list
 from vispeg.evaluation.overlay import Change
-from vispeg.evaluation.ranks import FEWEST, predict
 from vispeg.evaluation.records import Episode, check_worlds
 from vispeg.evaluation.schema.estimate import Interval
 from vispeg.evaluation.schema.suite import (
@@ -39,7 +34,12 @@ from vispeg.evaluation.schema.suite import (
     SuiteRow,
     VersionChange,
 )
-from vispeg.evaluation.significance import holm, mcnemar
+from vispeg.evaluation.statistics.crossed import difference, rate
+from vispeg.evaluation.statistics.decide import CANNOT_TELL, decide
+from vispeg.evaluation.statistics.fall import beyond_doubt, fall
+from vispeg.evaluation.statistics.intervals import Estimate
+from vispeg.evaluation.statistics.ranks import FEWEST, predict
+from vispeg.evaluation.statistics.significance import holm, mcnemar
 from vispeg.evaluation.table import Cell, Table
 from vispeg.formats.format import Format, copy, enrol
 from vispeg.task.registry import config_of, task_of

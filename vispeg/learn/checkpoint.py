@@ -16,8 +16,8 @@ from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.formats.guard import as_written
 from vispeg.formats.json_data import read_json
-from vispeg.learn.sac import AsymmetricSAC
-from vispeg.learn.tensors import adam, fill, wake, write
+from vispeg.learn.methods.sac import AsymmetricSAC
+from vispeg.learn.networks.tensors import adam, fill, wake, write
 
 
 class Counters(TypedDict):
@@ -29,7 +29,7 @@ class Counters(TypedDict):
         best: success and less force of the best policy so far.
         reached: evaluations in a row that reached the target.
         recent: success and category of the last training episodes.
-        ranges: see `vispeg.learn.ranges.Opening.state`.
+        ranges: see `vispeg.learn.methods.ranges.Opening.state`.
     """
 
     command: NotRequired[str]

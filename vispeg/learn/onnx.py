@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from vispeg.core.errors import UserError
 from vispeg.core.extras import missing, there
 from vispeg.core.files import write_bytes_atomic
-from vispeg.learn.actor import Actor
+from vispeg.learn.networks.actor import Actor
 from vispeg.learn.policy import NetPolicy
 from vispeg.render.image_kinds import RGB, kind_of
 

@@ -22,11 +22,11 @@ from vispeg.core.errors import UserError
 from vispeg.core.files import write_bytes_atomic, write_text_atomic
 from vispeg.formats.format import copy, enrol
 from vispeg.formats.guard import read_bytes
-from vispeg.learn.actor import Actor, State
 from vispeg.learn.layout import OFFSET_M, VECTOR, Layout
 from vispeg.learn.meta import observed
 from vispeg.learn.modalities import Modality
 from vispeg.learn.modalities import modality as modality_of
+from vispeg.learn.networks.actor import Actor, State
 from vispeg.learn.record import NETWORK, WEIGHTS, check_weights, read_record
 from vispeg.learn.shipped import META, policy_folder
 

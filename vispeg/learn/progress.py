@@ -18,7 +18,7 @@ from stable_baselines3.common.logger import Logger
 
 from vispeg.core.files import write_text_atomic
 from vispeg.formats.guard import MB, as_written, read_text
-from vispeg.learn.ranges import Opening
+from vispeg.learn.methods.ranges import Opening
 
 COLUMNS = (
     "steps",

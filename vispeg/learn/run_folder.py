@@ -12,7 +12,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.core.provenance import command_line
 from vispeg.learn.config import TrainConfig, read_config
-from vispeg.learn.rounds import ROUNDS
+from vispeg.learn.methods.rounds import ROUNDS
 
 BEGUN = "begun.json"
 FROZEN = 5_000  # critic updates before a distilled actor moves: critics that know nothing yet would spoil it

@@ -22,22 +22,22 @@ from vispeg.core.files import new_folder, recover
 from vispeg.core.lock import claimed
 from vispeg.core.provenance import command_line, provenance
 from vispeg.learn.checkpoint import Counters, load_state, restart_seed, save_state
-from vispeg.learn.clone import CloneSettings
 from vispeg.learn.config import TrainConfig, read_config
-from vispeg.learn.curriculum import Curriculum
 from vispeg.learn.device import device_of
 from vispeg.learn.envs import HELD_OUT, MakeEnv, describe, maker
 from vispeg.learn.evaluation import Outcome, run_episodes, success_rate
+from vispeg.learn.experience.shown import from_folder, made_in
 from vispeg.learn.meta import worlds
+from vispeg.learn.methods.clone import CloneSettings
+from vispeg.learn.methods.curriculum import Curriculum
+from vispeg.learn.methods.ranges import Opening
+from vispeg.learn.methods.rounds import ROUNDS, kept_ring
+from vispeg.learn.methods.sac import AsymmetricSAC
 from vispeg.learn.modalities import modality as modality_of
 from vispeg.learn.policy import NetPolicy, save
 from vispeg.learn.progress import Bar, Row, Table, Watch, failures, tensorboard
-from vispeg.learn.ranges import Opening
-from vispeg.learn.rounds import ROUNDS, kept_ring
 from vispeg.learn.run_folder import begin, begun_by, is_distilled, same_run
-from vispeg.learn.sac import AsymmetricSAC
 from vispeg.learn.sb3_env import Sb3Env
-from vispeg.learn.shown import from_folder, made_in
 from vispeg.worlds.randomized import RandomizedWorld
 
 DIVERGED = "diverged"  # folder of a run's episodes that stopped being finite, to be played again
@@ -261,7 +261,7 @@ def train(config: TrainConfig, folder: Path, make: MakeEnv | None = None, show: 
 
 def _begin(config: TrainConfig, folder: Path, make: MakeEnv | None, show: bool) -> Path:
     if config.recipe != "sac":
-        from vispeg.learn.recipes import distilled
+        from vispeg.learn.methods.recipes import distilled
 
         return distilled(config, folder, make, show)
     run = SacRun(config, folder, make, show)

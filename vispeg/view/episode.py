@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from vispeg.evaluation.entrants import entrant
-from vispeg.evaluation.moments import moments, stage
+from vispeg.evaluation.films.moments import moments, stage
 from vispeg.sim.compiled import compiled
 
 

@@ -13,7 +13,7 @@ from vispeg.report.sections.maps import LABELS, SHADES
 from vispeg.view.standing import Field, Standing, Tried
 
 if TYPE_CHECKING:
-    from vispeg.evaluation.moments import Moment
+    from vispeg.evaluation.films.moments import Moment
     from vispeg.view.importing import Look, Proposed
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from vispeg.api.catalogue import policies, worlds
 from vispeg.core.provenance import command_line
-from vispeg.evaluation.moments import Moment
+from vispeg.evaluation.films.moments import Moment
 from vispeg.robots.furniture import COLOURS
 from vispeg.view import html
 from vispeg.view.drawing import Drawing

@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import cast
 
 from vispeg.core.errors import UserError
-from vispeg.evaluation.crossed import difference, rate
-from vispeg.evaluation.decide import decide
 from vispeg.evaluation.jobs import Pushes, Setting
 from vispeg.evaluation.lists import read_list
 from vispeg.evaluation.overlay import Change
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.schema.stress import HardPosition, PushRecord, PushRow
+from vispeg.evaluation.statistics.crossed import difference, rate
+from vispeg.evaluation.statistics.decide import decide
 from vispeg.evaluation.table import Cell, Table
 from vispeg.formats.format import Format, copy, enrol
 from vispeg.task.contract import Task

@@ -15,12 +15,12 @@ import yaml
 
 from vispeg.core.effect import effect
 from vispeg.core.files import write_text_atomic
-from vispeg.evaluation.crossed import difference, rate
-from vispeg.evaluation.decide import decide
 from vispeg.evaluation.jobs import Setting
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.schema.stress import Priced
-from vispeg.evaluation.significance import mcnemar
+from vispeg.evaluation.statistics.crossed import difference, rate
+from vispeg.evaluation.statistics.decide import decide
+from vispeg.evaluation.statistics.significance import mcnemar
 from vispeg.evaluation.table import Cell, Table
 from vispeg.task.world_file import FORMAT, WorldFile
 from vispeg.worlds.model_file import model_text

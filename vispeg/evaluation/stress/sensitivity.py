@@ -12,15 +12,15 @@ from dataclasses import dataclass, replace
 
 from vispeg.core.effect import OPTICAL, effect
 from vispeg.core.errors import UserError
-from vispeg.evaluation.crossed import difference, rate
-from vispeg.evaluation.decide import CANNOT_TELL, decide
 from vispeg.evaluation.entrants import Entrant
-from vispeg.evaluation.intervals import Estimate
 from vispeg.evaluation.jobs import Setting, has_eyes
 from vispeg.evaluation.overlay import Change
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.schema.stress import Curve, SweepPoint, SweepRecord
-from vispeg.evaluation.significance import holm, mcnemar
+from vispeg.evaluation.statistics.crossed import difference, rate
+from vispeg.evaluation.statistics.decide import CANNOT_TELL, decide
+from vispeg.evaluation.statistics.intervals import Estimate
+from vispeg.evaluation.statistics.significance import holm, mcnemar
 from vispeg.evaluation.table import Cell, Table
 from vispeg.worlds.model_file import load_model
 

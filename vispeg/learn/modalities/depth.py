@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from vispeg.learn.modalities import Modality, enrol
-from vispeg.learn.nets import ConvEncoder
+from vispeg.learn.networks.nets import ConvEncoder
 
 NEAR_M, FAR_M = 0.0, 0.4  # what a wrist camera looks at; what lies beyond is background
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from torch import Tensor
 
 from vispeg.learn.modalities import Modality, enrol
-from vispeg.learn.nets import ConvEncoder
+from vispeg.learn.networks.nets import ConvEncoder
 
 
 class RgbEncoder(ConvEncoder):

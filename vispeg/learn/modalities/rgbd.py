@@ -5,7 +5,7 @@ from __future__ import annotations
 from vispeg.learn.modalities import Modality, enrol
 from vispeg.learn.modalities.depth import DepthEncoder
 from vispeg.learn.modalities.rgb import RgbEncoder
-from vispeg.learn.nets import ConvEncoder
+from vispeg.learn.networks.nets import ConvEncoder
 from vispeg.render.image_kinds import DEPTH, kind_of
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from vispeg.evaluation.decide import CANNOT_TELL
-from vispeg.evaluation.ranks import FEWEST, FEWEST_POINTS, TWO_POINTS
+from vispeg.evaluation.statistics.decide import CANNOT_TELL
+from vispeg.evaluation.statistics.ranks import FEWEST, FEWEST_POINTS, TWO_POINTS
 from vispeg.report.figures import MUTED, RULE, Shape, chart, new_figure, quiet
 from vispeg.report.gap.colours import of_policies
 

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from vispeg.evaluation.entrants import Entrant
-from vispeg.evaluation.moments import Moment, moments, stage
+from vispeg.evaluation.films.moments import Moment, moments, stage
 from vispeg.report.live.shapes import colour_of, shape_of, visible
 from vispeg.report.rrd.stream import Stream, entity, stream
 from vispeg.sim.compiled import compiled
@@ -39,7 +39,7 @@ def write_episodes(path: Path, title: str, episodes: Sequence[Shown]) -> Path:
 
 
 def played(who: Entrant, world: str, settings: Mapping[str, Any], seeds: Sequence[int], name: str = "") -> list[Shown]:
-    """Plays an episode a seed (see `vispeg.evaluation.moments.stage`); they are called `name` and their seed."""
+    """Plays an episode a seed (see `vispeg.evaluation.films.moments.stage`); they are called `name` and their seed."""
     shown = []
     with stage(who, world, settings) as (env, policy, at):
         for seed in seeds:

@@ -21,12 +21,12 @@ import torch
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.demonstrations.looks import looking, side_by_side
-from vispeg.learn.actor import Actor
 from vispeg.learn.checkpoint import restart_seed
-from vispeg.learn.clone import CloneSettings, clone
+from vispeg.learn.experience.replay import Replay
+from vispeg.learn.methods.clone import CloneSettings, clone
+from vispeg.learn.methods.rounds import RoundResult, Rounds
+from vispeg.learn.networks.actor import Actor
 from vispeg.learn.policy import NetPolicy
-from vispeg.learn.replay import Replay
-from vispeg.learn.rounds import RoundResult, Rounds
 from vispeg.learn.sb3_env import Sb3Env
 from vispeg.learn.teacher import Teacher
 

@@ -20,17 +20,17 @@ from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.core.provenance import command_line
 from vispeg.core.seeds import stream
-from vispeg.learn.clone import CloneSettings, clone
 from vispeg.learn.device import device_of
-from vispeg.learn.distill import collect, demonstrations
 from vispeg.learn.envs import HELD_OUT, MakeEnv, describe, home, of_policy
 from vispeg.learn.evaluation import run_episodes, success_rate
+from vispeg.learn.experience.replay import Replay
+from vispeg.learn.experience.shown import from_folder, made_in
 from vispeg.learn.meta import Origin, worlds
+from vispeg.learn.methods.clone import CloneSettings, clone
+from vispeg.learn.methods.distill import collect, demonstrations
 from vispeg.learn.policy import NetPolicy, load, save
-from vispeg.learn.replay import Replay
 from vispeg.learn.sb3_env import Sb3Env
 from vispeg.learn.settings import defaults
-from vispeg.learn.shown import from_folder, made_in
 from vispeg.learn.teacher import Teacher, teacher_of
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.stats import rankdata
 
 from vispeg.core.errors import UserError
-from vispeg.evaluation.intervals import LEVEL, Estimate
+from vispeg.evaluation.statistics.intervals import LEVEL, Estimate
 
 FEWEST = 8  # policies below which a correlation is not called one
 FEWEST_POINTS, TWO_POINTS = 3, "two points determine a line, so they correlate whatever they are"

@@ -20,13 +20,13 @@ from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.sac.policies import SACPolicy
 from torch import Tensor, nn
 
-from vispeg.learn.actor import Actor, State
-from vispeg.learn.critic import Critic
+from vispeg.learn.experience.replay import Batch, Images, Replay, mixed
 from vispeg.learn.layout import ESTIMATE, PRIVILEGED, VECTOR, Layout
 from vispeg.learn.modalities import Modality
-from vispeg.learn.nets import huber, soft_update
-from vispeg.learn.recurrent import draw, latents
-from vispeg.learn.replay import Batch, Images, Replay, mixed
+from vispeg.learn.networks.actor import Actor, State
+from vispeg.learn.networks.critic import Critic
+from vispeg.learn.networks.nets import huber, soft_update
+from vispeg.learn.networks.recurrent import draw, latents
 from vispeg.learn.settings import SacSettings
 
 MEASURED_ON = 4096  # transitions that set the input scales

@@ -25,7 +25,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from vispeg.core.errors import UserError
-from vispeg.evaluation.intervals import LEVEL, Estimate, Z, paired_difference, wilson
+from vispeg.evaluation.statistics.intervals import LEVEL, Estimate, Z, paired_difference, wilson
 
 
 @dataclass(frozen=True)

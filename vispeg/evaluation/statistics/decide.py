@@ -13,8 +13,8 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from vispeg.evaluation.intervals import Estimate, Z
-from vispeg.evaluation.significance import ALPHA, pairs_needed
+from vispeg.evaluation.statistics.intervals import Estimate, Z
+from vispeg.evaluation.statistics.significance import ALPHA, pairs_needed
 
 MARGIN = 0.05
 RULE = (

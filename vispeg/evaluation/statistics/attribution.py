@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.evaluation.crossed import Block, contrast, crossed_bootstrap
-from vispeg.evaluation.intervals import Estimate
+from vispeg.evaluation.statistics.crossed import Block, contrast, crossed_bootstrap
+from vispeg.evaluation.statistics.intervals import Estimate
 from vispeg.evaluation.table import Table
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from vispeg.evaluation.film import Clip, film
+from vispeg.evaluation.films.film import Clip, film
+from vispeg.evaluation.films.video import write_image, write_video
 from vispeg.evaluation.jobs import Job
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.runner import failures
 from vispeg.evaluation.schema.gap import Film, Side
-from vispeg.evaluation.video import write_image, write_video
 
 
 def film_seeds(

@@ -14,12 +14,12 @@ from typing import Any
 from vispeg.core.errors import UserError
 from vispeg.demonstrations.looks import check
 from vispeg.learn.config import TrainConfig
-from vispeg.learn.distill import DistillSettings, distill, imitate
 from vispeg.learn.envs import MakeEnv
+from vispeg.learn.experience.shown import from_folder
+from vispeg.learn.methods.distill import DistillSettings, distill, imitate
+from vispeg.learn.methods.rounds import ROUNDS, RoundResult, Rounds, keep_ring
 from vispeg.learn.progress import Bar, Table
-from vispeg.learn.rounds import ROUNDS, RoundResult, Rounds, keep_ring
 from vispeg.learn.run_folder import begin, settled
-from vispeg.learn.shown import from_folder
 from vispeg.learn.teacher import Teacher, teacher_of
 from vispeg.learn.train import SacRun, line
 

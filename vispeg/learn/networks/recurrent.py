@@ -10,8 +10,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from vispeg.learn.actor import Actor
-from vispeg.learn.replay import Batch, Images, Replay
+from vispeg.learn.experience.replay import Batch, Images, Replay
+from vispeg.learn.networks.actor import Actor
 
 PER_EPISODE = 32  # transitions of a batch that one episode stands for
 

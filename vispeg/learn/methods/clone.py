@@ -9,11 +9,11 @@ import numpy as np
 import torch
 
 from vispeg.core.errors import UserError
-from vispeg.learn.actor import Actor
+from vispeg.learn.experience.replay import Replay, mixed
 from vispeg.learn.layout import ESTIMATE, PRIVILEGED
-from vispeg.learn.nets import huber
-from vispeg.learn.recurrent import draw, latents
-from vispeg.learn.replay import Replay, mixed
+from vispeg.learn.networks.actor import Actor
+from vispeg.learn.networks.nets import huber
+from vispeg.learn.networks.recurrent import draw, latents
 
 
 @dataclass(frozen=True)

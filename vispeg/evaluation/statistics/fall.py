@@ -2,7 +2,7 @@
 
 The mean over configurations of the difference in success. Where both worlds were played on the same seeds, it is a
 contrast of the episodes: one number a network and seed, the mean over configurations, so that a seed that is hard in
-every configuration counts once (`vispeg.evaluation.crossed`). Where they were not, as with a robot's trials, Newcombe's
+every configuration counts once (see `crossed`). Where they were not, as with a robot's trials, Newcombe's
 intervals of the configurations are put together by the squares of their distances (G. Y. Zou, A. Donner, Statistics in
 Medicine 27 (2008) 1693); of several networks by the distances themselves, as what a network is, it is in all
 configurations.
@@ -18,10 +18,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vispeg.evaluation.crossed import Block, contrast, rate
-from vispeg.evaluation.decide import MARGIN
-from vispeg.evaluation.intervals import Estimate
 from vispeg.evaluation.records import Episode
+from vispeg.evaluation.statistics.crossed import Block, contrast, rate
+from vispeg.evaluation.statistics.decide import MARGIN
+from vispeg.evaluation.statistics.intervals import Estimate
 from vispeg.evaluation.table import Cell, Table
 
 Sides = Sequence[tuple[Sequence[Episode], Sequence[Episode]]]  # a configuration: episodes in the one world, the other

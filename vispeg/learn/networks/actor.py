@@ -12,7 +12,7 @@ from torch.nn import functional as F
 
 from vispeg.learn.layout import PRIVILEGED, VECTOR, Layout
 from vispeg.learn.modalities import Modality
-from vispeg.learn.nets import Scale, mlp, random_shift
+from vispeg.learn.networks.nets import Scale, mlp, random_shift
 
 LOG_STD = (-10.0, 2.0)
 State = tuple[Tensor, Tensor]  # an LSTM's hidden and cell state, (1, n, width) each

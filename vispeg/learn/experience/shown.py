@@ -13,10 +13,10 @@ from vispeg.core.errors import UserError
 from vispeg.datasets.episodes import OWN
 from vispeg.datasets.layout import colour_of, depth_of, truth_of
 from vispeg.datasets.read import Dataset
+from vispeg.learn.experience.replay import Replay
 from vispeg.learn.layout import PRIVILEGED, Layout
 from vispeg.learn.meta import Origin
 from vispeg.learn.modalities import modality as modality_of
-from vispeg.learn.replay import Replay
 from vispeg.render.image_kinds import DEPTH, GOAL_TOLD, camera_of, kind_of
 
 SUCCESS, REACHED = f"{OWN}success", "next.success"  # of an episode, as we write it, and of a step, as LeRobot's own do

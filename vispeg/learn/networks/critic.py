@@ -8,7 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from vispeg.learn.nets import Scale, mlp, random_shift
+from vispeg.learn.networks.nets import Scale, mlp, random_shift
 
 
 class Critic(nn.Module):

@@ -14,9 +14,9 @@ from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder, write_text_atomic
 from vispeg.formats.guard import as_written
 from vispeg.formats.json_data import read_json
-from vispeg.learn.actor import Actor
-from vispeg.learn.replay import Replay
-from vispeg.learn.tensors import adam, fill, wake, write
+from vispeg.learn.experience.replay import Replay
+from vispeg.learn.networks.actor import Actor
+from vispeg.learn.networks.tensors import adam, fill, wake, write
 
 ROUNDS = "rounds"  # of a distillation that is not finished, in the run's folder
 

@@ -1,0 +1,1 @@
+"""Intervals, tests and ranks: what episodes say, with how much doubt."""

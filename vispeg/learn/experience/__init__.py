@@ -1,0 +1,1 @@
+"""What a policy learns from: replay, demonstrations, datasets."""

@@ -1,0 +1,1 @@
+"""How a policy learns: reinforcement, imitation, both, by stages."""

@@ -1,0 +1,1 @@
+"""Actors, critics and what they are made of."""
