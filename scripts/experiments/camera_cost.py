@@ -19,11 +19,11 @@ from pathlib import Path
 from vispeg.api.playing import play, silent
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
-from vispeg.evaluation.crossed import difference, rate
 from vispeg.evaluation.jobs import Setting, make_jobs, seeds_of
 from vispeg.evaluation.overlay import Change
 from vispeg.evaluation.players import ready
-from vispeg.evaluation.significance import mcnemar
+from vispeg.evaluation.statistics.crossed import difference, rate
+from vispeg.evaluation.statistics.significance import mcnemar
 from vispeg.evaluation.table import Cell, Table
 from vispeg.worlds.model_file import load_model
 
