@@ -9,24 +9,27 @@ import numpy as np
 import pytest
 from pressed import SCENE, recorded
 
+from vispeg.contact.drive import hands
 from vispeg.contact.hand import AXES, grasp, hand
 from vispeg.contact.inputs import touching
+from vispeg.contact.likely import intervals
 from vispeg.contact.noise import louder
 from vispeg.contact.nuisance import PLACE, Nuisance
 from vispeg.contact.path import jacobian
 from vispeg.contact.profile import Probe, idle, looked_for, places, probed, profile, strongest, tries
 from vispeg.contact.run import compare_contact, diagnose_contact, evidence_of
-from vispeg.contact.search import SURE, spanning
+from vispeg.contact.search import SURE
 from vispeg.core.effect import STAGES, EffectInstance, Value, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.identify.fit import fit_job
+from vispeg.identify.fit import Fit, fit_job
 from vispeg.identify.pool import run_together
+from vispeg.identify.space import Freedom, Space
 from vispeg.recordings.cell import WrenchSensor
 from vispeg.worlds.world import World
 
 FIXTURE = EffectInstance.of("fixture_compliance", "fixture", z=3e-5)
-FRICTION = EffectInstance.of("contact_friction", "peg", scale=1.7)  # it sticks: no more than its least can be told
+FRICTION = EffectInstance.of("contact_friction", "peg", scale=1.7)  # it sticks: its least is told, and no greatest
 SLIPPERY = EffectInstance.of("contact_friction", "peg", scale=0.7)
 
 
@@ -39,6 +42,32 @@ def chi2(recordings, world=World()) -> float:  # noqa: B008
     evidence = evidence_of(recordings)
     (r,) = evidence.residuals([world])
     return float(r @ r / evidence.count)
+
+
+def linear_fit(placed, jacobian, rest, sigma) -> Fit:
+    space = Space(World().add(placed), [0], Only(("x", "y", "z")))
+    return Fit(space.world, rest, jacobian, space, space.start, sigma, np.eye(3), cost=float(np.mean(rest**2)))
+
+
+class Only(Freedom):
+    def __init__(self, names):
+        self.names = names
+
+    def frees(self, kind, name):
+        return name in self.names
+
+
+class Line:
+    """Evidence whose residual is a straight line about a fit."""
+
+    correlated = 6.0
+
+    def __init__(self, fit):
+        self.fit = fit
+
+    def residuals(self, worlds):
+        to = [Space(w, [0], self.fit.space.freedom).start for w in worlds]
+        return [self.fit.residual + self.fit.jacobian @ (u - self.fit.u) for u in to]
 
 
 def test_the_jacobian_of_the_hand_is_mujoco_s():
@@ -74,6 +103,16 @@ def test_what_happens_in_the_arm_does_not_leak_into_contact():
     assert chi2([upto(rubbed, 1.55)]) < 1.3, "while it presses: where it sticks and slips no two runs are alike"
 
 
+def test_contacts_of_the_hand_are_as_soft_as_those_of_the_arm():
+    """MuJoCo regularizes a contact by the inverse weights of its bodies: at the same force the same depth, to 0.1 %."""
+    item = evidence_of([recorded()]).items[0]
+    batch = hands(item.hand, item.source.scene, item.path, [World()])
+    whole = SCENE.compile()
+    for name in ("tool", "peg"):
+        hand_, arm = (m.body(name).id for m in (item.hand.compile(), whole))
+        np.testing.assert_allclose(batch.expand("body_invweight0")[0, hand_], whole.body_invweight0[arm], rtol=1e-3)
+
+
 def test_frames_and_signs_of_the_sensor_are_undone():
     """The same wrench read in another frame, as a reaction, about another point, gives the same evidence."""
     rec = recorded()
@@ -88,7 +127,7 @@ def test_frames_and_signs_of_the_sensor_are_undone():
     np.testing.assert_allclose(touching(other).wrench, rec.ft, atol=1e-12)
 
 
-@pytest.mark.parametrize("hidden", [FIXTURE, SLIPPERY], ids=lambda e: e.effect)
+@pytest.mark.parametrize("hidden", [FIXTURE, FRICTION, SLIPPERY], ids=("compliant", "rough", "slippery"))
 def test_a_fit_finds_what_is_hidden_inside_its_interval(hidden):
     """As a search fits it: from the best size of its profile, without the parameters that gain nothing there."""
     evidence = evidence_of([recorded((hidden,)), recorded((hidden,), 1, True)])
@@ -97,7 +136,7 @@ def test_a_fit_finds_what_is_hidden_inside_its_interval(hidden):
     start = World().add(strongest(probes)[0].placed)
     (fit,) = run_together([fit_job(evidence, start, [0], iterations=6)], evidence.residuals)
     name = "z" if hidden is FIXTURE else "scale"
-    got, true = fit.world.effects[0].params[name], hidden.params[name].value
+    got, true = intervals(evidence, fit)[0].effects[0].params[name], hidden.params[name].value
     assert got.low <= true <= got.high
     assert got.value == pytest.approx(true, rel=0.15)
 
@@ -152,13 +191,30 @@ def test_noise_beyond_what_is_stated_is_heard_at_rest_and_named():
     assert not louder(World().add(placed), *loud), "the model has it"
 
 
-def test_intervals_of_two_ways_to_fit_are_joined_and_values_stay():
-    def world(*z):
-        placed = EffectInstance.of("fixture_compliance", "fixture")
-        return World().add(replace(placed, params={**placed.params, "z": Value(*z)}))
+def test_an_interval_of_a_smooth_residual_is_what_its_derivatives_say():
+    """Linear residuals: ends where the squared residual rises by the quantile, in closed form, others moving along."""
+    rng = stream(6, "likely")
+    placed = EffectInstance.of("hole_offset", "fixture", x=1e-3, y=-1e-3, z=2e-3)
+    jacobian, noise = rng.standard_normal((400, 3)) * [3.0, 1.0, 30.0], rng.standard_normal(400)
+    noise -= jacobian @ np.linalg.lstsq(jacobian, noise, rcond=None)[0]
+    noise /= noise.std() / 0.9
+    inverse = np.linalg.inv(jacobian.T @ jacobian)
+    fit = linear_fit(placed, jacobian, noise, np.sqrt(6.0 * np.diag(inverse)))
+    world, best = intervals(Line(fit), fit)
+    half = np.sqrt(3.84 * 6.0 * np.diag(inverse)) * [a.unit for a in fit.space.axes]
+    for value, h in zip((world.effects[0].params[k] for k in "xyz"), half, strict=True):
+        assert value.high - value.value == pytest.approx(h, rel=1e-6)
+        assert value.value - value.low == pytest.approx(h, rel=1e-6)
+    np.testing.assert_array_equal(best, fit.u)
 
-    joined = spanning(world(2e-5, 1e-5, 3e-5), world(4e-5, 2e-5, 5e-5)).effects[0].params
-    assert joined["z"] == Value(2e-5, 1e-5, 5e-5) and joined["x"].low is None
+
+def test_what_sticks_is_told_a_least_friction_and_no_greatest():
+    """Peg and fixture stick from a scale of about 1.3 on: more friction changes nothing, no derivative says so."""
+    evidence = evidence_of([recorded((FRICTION,))])
+    start = World().add(replace(FRICTION, params={"scale": Value(1.5)}))
+    (fit,) = run_together([fit_job(evidence, start, [0], iterations=1)], evidence.residuals)
+    scale = intervals(evidence, fit)[0].effects[0].params["scale"]
+    assert 1.15 < scale.low < 1.45 and scale.high > 2.5
 
 
 def test_a_parameter_that_gains_nothing_beside_the_best_of_its_effect_is_idle():

@@ -39,6 +39,7 @@ class Driven:
 
 def drive(
     scene: Scene,
+    whole: Scene,
     path: Path,
     worlds: Sequence[World],
     wrench: np.ndarray,
@@ -50,6 +51,7 @@ def drive(
 
     Args:
         scene: a hand, see `vispeg.contact.hand`.
+        whole: the cell with its arm, whose contacts are as soft as these shall be.
         path: measured.
         worlds: with effects of contact and tool alone.
         wrench: (nworld, n, 6) what each world takes for the wrench on the tool, flange axes.
@@ -57,16 +59,7 @@ def drive(
         windows: of the path's samples, in their order.
         nthread: of the batch.
     """
-    active = activate(scene, worlds)
-    model = compiled(scene, (a.effect.name for a in active))
-    batch = mjb.Batch(model, len(worlds), nthread=nthread)
-    fields = Fields(batch, scene)
-    for a in active:
-        a.effect.write(fields, a.p)
-    batch.expand("opt.timestep")[:] = path.step
-    body = model.body(scene.base).id
-    batch.expand("body_pos")[:, body], batch.expand("body_quat")[:, body] = path.origin, path.frame
-    derive(batch, fields)
+    batch = hands(scene, whole, path, worlds, nthread)
     qpos, qvel, bias = batch.bind("qpos"), batch.bind("qvel"), batch.bind("qfrc_bias")
     qpos[:, :6], qvel[:, :6] = path.place[0], path.rate[0]
     batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
@@ -78,7 +71,7 @@ def drive(
         qpos[:, :6], qvel[:] = path.place[window.start], 0.0
         qvel[:, :6] = path.rate[window.start]
         n = window.stop - window.start
-        control = np.zeros((len(worlds), n, 12 + model.nv))
+        control = np.zeros((len(worlds), n, 12 + qvel.shape[1]))
         control[:, :, :6], control[:, :, 6:12] = path.place[window], path.rate[window]
         control[:, :, 12:18] = applied[:, window]
         out = batch.rollout(n, control, CONTROL, record=["actuator_force", "qpos"])
@@ -86,3 +79,29 @@ def drive(
         correction[:, window] = np.linalg.solve(path.jacobian[None, window], force[..., None])[..., 0]
         places[:, window] = out["qpos"][:, :, :6]
     return Driven(correction, zero, places)
+
+
+def hands(scene: Scene, whole: Scene, path: Path, worlds: Sequence[World], nthread: int = 1) -> mjb.Batch:
+    """A batch of hands, one a world, in the frame of a path's start; arguments as for `drive`.
+
+    MuJoCo regularizes a contact by the inverse weights of its bodies, so that without the arm behind it a tool would
+    sink in deeper and creep faster: its bodies are given the weights that they have on the arm. Source: MuJoCo 4.0
+    manual, Computation, Constraint solver, Parameters.
+    """
+    active = activate(scene, worlds)
+    parts = [a.effect.name for a in active]
+    model, behind = compiled(scene, parts), compiled(whole, parts)
+    batch = mjb.Batch(model, len(worlds), nthread=nthread)
+    fields = Fields(batch, scene)
+    for a in active:
+        a.effect.write(fields, a.p)
+    batch.expand("opt.timestep")[:] = path.step
+    body = model.body(scene.base).id
+    batch.expand("body_pos")[:, body], batch.expand("body_quat")[:, body] = path.origin, path.frame
+    derive(batch, fields)
+    weight, on_arm = batch.expand("body_invweight0"), {behind.body(b).name: b for b in range(behind.nbody)}
+    for b in range(1, model.nbody):
+        own, at = model.body_invweight0[b], on_arm.get(model.body(b).name)
+        if at is not None:
+            weight[:, b] *= np.divide(behind.body_invweight0[at], own, out=np.ones(2), where=own > 0)
+    return batch

@@ -187,7 +187,7 @@ def driven(item: ContactItem, worlds: Sequence[World], nthread: int = 1) -> Driv
     """Hands of worlds of one structure along one item's path."""
     own = [hand_world(item.source.believed, w) for w in worlds]
     wrench = np.stack([readings(item.path, item.hand, w) for w in own])
-    return drive(item.hand, item.path, own, wrench, item.phase.rest, item.phase.windows, nthread)
+    return drive(item.hand, item.source.scene, item.path, own, wrench, item.phase.rest, item.phase.windows, nthread)
 
 
 def predicted(item: ContactItem, out: Driven) -> np.ndarray:

@@ -2,7 +2,8 @@
 
 A drive of the nominal hand leaves a path and a wrench that agree exactly. With the recording's noise put on both they
 are driven again: what then is corrected is noise, not the model. To it comes `FORM`, what another integrator and
-another law of contact leave of the right model. What sensors leave open beyond that is in `vispeg.contact.nuisance`.
+another law of contact leave of the right model, and a share of how a contact chatters: blows that a path does not show
+push one way on the average. What sensors leave open beyond that is in `vispeg.contact.nuisance`.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from vispeg.contact.evidence import ContactItem
 
 FORM = dict(zip(NAMES, (0.1, 0.07, 0.25, 0.25, 2.0), strict=True))  # N
+LOOSE = 2  # blocks before and after a slide: when exactly a contact breaks loose no model says
+CHATTER = 0.1  # of the scatter of a block's readings beyond their noise
 LEVER, DRIFT = 0.1, 0.3  # m, of a torque against a force; N, by how much a sensor's zero may wander between starts
 
 
@@ -34,14 +37,16 @@ def floors(item: ContactItem, nthread: int) -> np.ndarray:
     path, phase, rec = item.path, item.phase, item.recording
     world = hand_world(item.source.believed, World())
     wrench = readings(path, item.hand, world)[None]
-    once = drive(item.hand, path, [world], wrench, phase.rest, phase.windows, nthread)
+    once = drive(item.hand, item.source.scene, path, [world], wrench, phase.rest, phase.windows, nthread)
     rng = stream(0, "contact floor")
     place, rate = _noisy(once.place[0], path.time, path.clock, float(np.mean(noise_of(rec)["q"])) * REACH, rng)
     read = wrench[0] - once.zero + np.nan_to_num(once.correction[0])
     sigma = noise(item)
     read = read + sigma * rng.standard_normal(read.shape)
     again = replace(path, place=place, rate=rate)
-    left = phase.medians(drive(item.hand, again, [world], read[None], phase.rest, phase.windows, nthread).correction)[0]
+    left = phase.medians(
+        drive(item.hand, item.source.scene, again, [world], read[None], phase.rest, phase.windows, nthread).correction
+    )[0]
     out = np.empty_like(left)
     for name in NAMES:
         rows, used = phase.of(name), phase.of(name) & phase.valid & ~phase.resting
@@ -49,6 +54,10 @@ def floors(item: ContactItem, nthread: int) -> np.ndarray:
             form = FORM[name] * np.repeat([1.0, LEVER], 3)
             seen = np.sqrt(np.mean(left[used] ** 2, axis=0)) if used.any() else 0.0
             out[rows] = np.hypot(seen, form)
+    breaks = ~phase.of("slide") & (np.convolve(phase.of("slide"), np.ones(2 * LOOSE + 1), "same") > 0)
+    out[breaks] = np.hypot(out[breaks], FORM["slide"] * np.repeat([1.0, LEVER], 3))
+    chatter = np.sqrt(np.maximum(phase.scatter(path.wrench) ** 2 - sigma**2, 0.0))
+    out = np.hypot(out, CHATTER * chatter)
     out[phase.resting] = np.repeat([DRIFT, DRIFT * LEVER], 3)
     return out
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from vispeg.contact.phases import NAMES
 from vispeg.recordings.regimes import Thresholds
 
 if TYPE_CHECKING:
@@ -25,6 +26,9 @@ DRIFT, CROSS, LEVER = 0.15, 0.01, 0.1  # N over a recording; share of another ch
 PLACE, TURN = 1e-4, 2e-4  # m, rad: by how much a robot's forward kinematics are off within a cell
 TOUCH = Thresholds().touch  # N, of contact that a place binds
 FAR = 0.02  # m over which that changes
+CHATTER = 0.1  # of the scatter of a slide's readings, by which they are off on the average
+BEFORE = 5  # blocks before a tip sticks, whose blows say where it came to stick
+STUCK = 0.005  # m/s, of a tip below which it sticks
 LEAST = 0.05  # score below which a direction is no nuisance
 
 
@@ -55,7 +59,7 @@ class Nuisance:
 
 def nuisance(item: ContactItem) -> Nuisance:
     """That of an item with its floor."""
-    columns = [*_drifts(item), *_mixtures(item), *_misplaced(item)]
+    columns = [*_drifts(item), *_mixtures(item), *_misplaced(item), *_stuck(item), *_chatters(item)]
     return Nuisance.of(np.stack([np.nan_to_num(np.where(item.valid, c / item.sigma, 0.0)).ravel() for c in columns], 1))
 
 
@@ -83,15 +87,13 @@ def _misplaced(item: ContactItem) -> list[np.ndarray]:
     it, `w (w' K^-1 w)^-1` times the way off along w, where w is the direction of the measured contact wrench.
     """
     path, phase = item.path, item.phase
-    turn = Rotation.from_quat(path.frame, scalar_first=True) * Rotation.from_euler("XYZ", path.place[:, 3:])
-    at = phase.rows(path.time)
+    at, axes = phase.rows(path.time), _turn(item).as_matrix()
     contact = phase.contact
     force = np.linalg.norm(contact[:, :3], axis=1)
     w = contact / np.maximum(force, TOUCH)[:, None]
     w[force < TOUCH] = 0.0
     gain = 1 / np.maximum(np.einsum("bi,i,bi->b", w, 1 / item.grasp.stiffness, w), 1e-12)
     held = w * gain[:, None]
-    axes = turn[at].as_matrix()
     off = np.concatenate([PLACE * np.einsum("bij,bj->bi", axes, w[:, :3]), TURN * w[:, 3:]], axis=1)
     place = path.place[at, :3]
     apart = np.sum((place[:, None] - place[None]) ** 2, axis=2)
@@ -101,6 +103,49 @@ def _misplaced(item: ContactItem) -> list[np.ndarray]:
     smooth = vector[:, some] * np.sqrt(value[some])
     out = [held * (off[:, a] * s)[:, None] for a in range(3) for s in smooth.T]
     return out + [held * off[:, a, None] for a in range(3, 6)]
+
+
+def _stuck(item: ContactItem) -> list[np.ndarray]:
+    """While a contact sticks: where exactly it came to stick, by its place or by the blows it ended with. The hand's
+    springs push along the surface by as much.
+    """
+    phase, turn = item.phase, _turn(item)
+    blows = np.linalg.norm(phase.scatter(item.path.wrench[:, :3]), axis=1)
+    sticks = (phase.code == NAMES.index("press")) & (phase.speed < STUCK)
+    edges = np.flatnonzero(np.diff(np.r_[0, sticks.astype(int), 0]))
+    out = []
+    for a, b in zip(edges[::2], edges[1::2], strict=True):
+        size = np.hypot(PLACE * item.grasp.stiffness[0], CHATTER * blows[max(a - BEFORE, 0) : a].max(initial=0.0))
+        for along in np.eye(3)[:2]:
+            push = np.zeros((len(phase.time), 3))
+            push[a:b] = turn[a:b].inv().apply(size * along)
+            out.append(_at_tip(item, push))
+    return out
+
+
+def _chatters(item: ContactItem) -> list[np.ndarray]:
+    """Where a slide chatters, its blows push against it and up, by the same share of their size all along."""
+    phase, turn = item.phase, _turn(item)
+    slides = (phase.code != NAMES.index("free")) & (phase.speed >= STUCK)
+    size = np.linalg.norm(phase.scatter(item.path.wrench[:, :3]), axis=1) * slides
+    force = turn.apply(phase.contact[:, :3])
+    up = np.array([0.0, 0.0, 1.0])
+    drag = force * (1 - up)
+    drag /= np.maximum(np.linalg.norm(drag, axis=1), TOUCH)[:, None]
+    pushes = [CHATTER * size[:, None] * way for way in (drag, np.tile(up, (len(size), 1)))]
+    return [_at_tip(item, turn.inv().apply(push)) for push in pushes]
+
+
+def _turn(item: ContactItem) -> Rotation:
+    """Of the flange in the base, block by block."""
+    path = item.path
+    angles = path.place[item.phase.rows(path.time), 3:]
+    return Rotation.from_quat(path.frame, scalar_first=True) * Rotation.from_euler("XYZ", angles)
+
+
+def _at_tip(item: ContactItem, push: np.ndarray) -> np.ndarray:
+    """(m, 6) wrench at the flange of forces (m, 3) N at the tool's tip, flange axes."""
+    return np.concatenate([push, np.cross([0.0, 0.0, item.source.scene.tip], push)], axis=1)
 
 
 def _units() -> np.ndarray:

@@ -28,6 +28,7 @@ class Phases:
         resting: (m,) bool: at rest in free air at the start, where the sensor's zero is taken.
         rest: these of the path's samples.
         size: samples a block.
+        speed: (m,) m/s of the tip.
         contact: (m, 6) N, N m: what the surroundings exert on the tool, flange axes and origin.
         used: (m,) bool: blocks that are driven, and long enough to have forgotten how a window began.
         windows: of the path's samples that are driven.
@@ -38,6 +39,7 @@ class Phases:
     resting: np.ndarray
     rest: slice
     size: int
+    speed: np.ndarray
     contact: np.ndarray
     used: np.ndarray
     windows: tuple[slice, ...]
@@ -62,6 +64,14 @@ class Phases:
         m = len(self.time)
         return np.median(values[:, : m * self.size].reshape(len(values), m, self.size, -1), axis=2)
 
+    def scatter(self, values: np.ndarray) -> np.ndarray:
+        """(m, k) of (n, k): standard deviation within each block about a straight line."""
+        m = len(self.time)
+        parts = values[: m * self.size].reshape(m, self.size, -1)
+        line = np.stack([np.ones(self.size), np.arange(self.size)], axis=1)
+        rest = parts - line @ (np.linalg.pinv(line) @ parts)
+        return np.sqrt((rest**2).sum(axis=1) / max(self.size - 2, 1))
+
     def rows(self, clock: np.ndarray) -> np.ndarray:
         """(m,) sample of a recording with this clock nearest to each block's middle."""
         return np.clip(np.searchsorted(clock, self.time), 0, len(clock) - 1)
@@ -77,7 +87,8 @@ def phases(scene: Scene, touch: Touch, path: Path, block: float) -> Phases | Non
     code = np.where(counts[:, IMPACT] > 0, IMPACT, counts.argmax(axis=1))
     axes = Rotation.from_quat(touch.flange[at, 3:], scalar_first=True).inv()
     contact = np.concatenate([axes.apply(touch.contact[at, part]) for part in (slice(0, 3), slice(3, 6))], axis=1)
-    touching, moving = touch.touching[at].reshape(m, size).any(axis=1), np.median(speed, axis=1) > STILL
+    speed = np.median(speed, axis=1)
+    touching, moving = touch.touching[at].reshape(m, size).any(axis=1), speed > STILL
     first, still = (int(np.argmax(flag)) if flag.any() else m for flag in (touching, moving))
     blocks = min(first - 1, still, round(LONGEST / block))
     begin = path.wrench[: max(1, int(0.1 / path.step)), :3].mean(axis=0)
@@ -87,7 +98,7 @@ def phases(scene: Scene, touch: Touch, path: Path, block: float) -> Phases | Non
     time = (np.arange(m) + 0.5) * size * path.step
     everything = np.ones(m, bool), (slice(0, m * size),)
     middle = np.median(contact.reshape(m, size, 6), axis=1)
-    return Phases(time, code, np.arange(m) < blocks, slice(0, blocks * size), size, middle, *everything)
+    return Phases(time, code, np.arange(m) < blocks, slice(0, blocks * size), size, speed, middle, *everything)
 
 
 def _tool_mass(scene: Scene) -> float:

@@ -7,8 +7,10 @@ from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
+from scipy import stats
 
 from vispeg.contact.evidence import ContactEvidence
+from vispeg.contact.likely import intervals
 from vispeg.contact.profile import Probe, idle, places, probed, strongest
 from vispeg.core.effect import EffectInstance, Value, effect
 from vispeg.diagnosis.localise import MissingTorque
@@ -23,7 +25,6 @@ from vispeg.worlds.world import World
 SINGLES, PAIRED = 5, 3  # effects that are fitted at a step, and those of them whose pairs are
 NONE = -1e300  # the gain of what changes nothing, as JSON can say it
 SURE = 30.0  # drop of the squared whitened residual below which an effect is not looked at: five standard deviations
-WIDE = (1.0, 0.35)  # of a derivative's step: how far about a fit is searched
 WORTH = 0.2  # of the best one's gain that another must have in the profile to be fitted
 
 
@@ -77,6 +78,8 @@ class ContactSearch(Search):
     def take(self, state: State, trial: Trial, trials: list[Trial], given: int) -> None:
         """Adds what a trial tried, and leaves out of it the parameters whose interval includes their absence."""
         super().take(state, trial, trials, given)
+        assert state.fit is not None
+        self._settle(state, state.fit, given)
         effects = list(state.world.effects)
         for i, placed in enumerate(effects):
             kind = effect(placed.effect)
@@ -86,24 +89,24 @@ class ContactSearch(Search):
                 effects[i] = placed.with_values(**{m: kind.params[m].null for m in gone})
         if tuple(effects) != state.world.effects:
             (fit,) = self.fits([replace(state.world, effects=tuple(effects))], given)
-            state.take(fit, self.judge.losses([fit.world])[0])
-        assert state.fit is not None
-        (fit,) = self.fits([self.searched(state.fit)], given, iterations=1)
-        fit = replace(fit, world=spanning(fit.world, state.fit.world))
+            self._settle(state, fit, given)
+
+    def _settle(self, state: State, fit: Fit, given: int) -> None:
+        """Takes a fit with intervals by the squared residual; where that is less beside it, from there."""
+        world, best = intervals(self.evidence, fit)
+        if np.any(best != fit.u):
+            (fit,) = self.fits([fit.space.at(best)], given, iterations=2)
+            world, _ = intervals(self.evidence, fit)
+        fit = replace(fit, world=world)
         state.take(fit, self.judge.losses([fit.world])[0])
         state.cross = self.cross.loss_of(fit, fit.residual)
 
-    def searched(self, fit: Fit) -> World:
-        """The best world of searches along each coordinate about a fit: derivatives over wide steps miss its foot."""
-        u, least = fit.u.copy(), float(fit.residual @ fit.residual)
-        low, high = fit.space.bounds
-        for share in WIDE:
-            for i, step in enumerate(share * fit.space.steps(u)):
-                tries = [np.clip(u + k * step * np.eye(len(u))[i], low, high) for k in (-1.0, -0.5, 0.5, 1.0)]
-                costs = [float(r @ r) for r in self.evidence.residuals([fit.space.at(v) for v in tries])]
-                if min(costs) < least:
-                    u, least = tries[int(np.argmin(costs))], min(costs)
-        return fit.space.at(u)
+    def shows(self, state: State, trial: Trial) -> bool:
+        """Whether a trial lowers the squared residual by more than chance; where contacts stick derivatives vanish."""
+        drop = float(state.residual @ state.residual - trial.fit.residual @ trial.fit.residual)
+        count = len([a for a in trial.fit.space.axes if a.index >= len(trial.fit.world.effects) - trial.score.count])
+        scale = self.evidence.correlated * max(1.0, trial.fit.cost)
+        return drop > scale * stats.chi2.isf(0.05, max(count, 1))
 
     def pairs(self, trials: Sequence[Trial]) -> list[Score]:
         """The pairs of the best effects, each at the value that it had alone."""
@@ -140,19 +143,6 @@ class ContactSearch(Search):
 
     def _grow(self, state: State, placed: EffectInstance, given: int) -> None:
         """No effect of contact is a richer form of another."""
-
-
-def spanning(world: World, other: World) -> World:
-    """A world whose intervals hold those of another with the same effects: where two ways to fit differ, both count."""
-    effects = []
-    for mine, its in zip(world.effects, other.effects, strict=True):
-        params = dict(mine.params)
-        for name, v in params.items():
-            low, high = its.params[name].low, its.params[name].high
-            if v.low is not None and v.high is not None and low is not None and high is not None:
-                params[name] = Value(v.value, min(v.low, low), max(v.high, high))
-        effects.append(replace(mine, params=params))
-    return replace(world, effects=tuple(effects))
 
 
 def _fitted(trial: Trial) -> EffectInstance:

@@ -10,7 +10,7 @@ from scipy import stats
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.bic import bic_gain
-from vispeg.diagnosis.judge import Judge, parameters, present
+from vispeg.diagnosis.judge import Judge, parameters
 from vispeg.diagnosis.state import State, Trial, without
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def ranked(search: Search, state: State, trials: list[Trial], tested: int) -> li
     level, out = threshold([t.gain.z for t in trials], tested), []
     for t in trials:
         why = ""
-        share = t.gain.mean / state.scale
+        share, absent = t.gain.mean / state.scale, not search.shows(state, t)
         stays = without(state.world, t.score.out).effects if not t.score.beside else ()
         alike = [e for e in stays if _alike(e, t.score.placed)]
         beside = max(alike, key=state.removed_by, default=None)
@@ -48,11 +48,11 @@ def ranked(search: Search, state: State, trials: list[Trial], tested: int) -> li
             why = f"held-out gain is {t.gain.z:.1f} standard errors, under {level:.1f}"
         elif search.judge.gain(state.loss, t.loss).z < HELD_OUT:
             why = "it does not show in the held-out recordings alone"
-        elif not any(present(t.fit, k) for k in range(-t.score.count, 0)):
+        elif absent:
             why = "its interval includes no effect"
         elif bic_gain(search.evidence, state.world, state.residual, t.fit) <= 0:
             why = "BIC with the effective sample size does not improve"
-        out.append(Trial(t.score, t.fit, t.loss, t.gain, why))
+        out.append(Trial(t.score, t.fit, t.loss, t.gain, why, absent))
     passed = sorted((t for t in out if not t.rejected), key=lambda t: float(t.loss.sum()))
     if passed:
         best = next((t for t in passed if not t.score.beside and t.gain.relative >= ALONE), passed[0])

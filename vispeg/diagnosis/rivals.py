@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.accept import equal
-from vispeg.diagnosis.judge import Judge, present
+from vispeg.diagnosis.judge import Judge
 from vispeg.diagnosis.screen import Score
 from vispeg.diagnosis.search import Search
 from vispeg.diagnosis.state import State, Trial
@@ -104,7 +104,7 @@ def _compare(search: Search, state: State, label: str, trials: list[Trial], with
         t
         for t in others
         if equal(search.judge, t.loss, state.loss, without)
-        and present(t.fit, len(t.fit.world.effects) - 1)
+        and not t.absent
         and t.gain.relative > 0
         and not merely_richer(search.judge, t, state, label)
     ]

@@ -164,6 +164,10 @@ class Search(Proposals):
             trials.append(Trial(s, f, loss, self.judge.gain(state.loss, loss, crossed)))
         return [t.bare if t.rejected else t for t in ranked(self, state, trials, tested)]
 
+    def shows(self, state: State, trial: Trial) -> bool:
+        """Whether an effect that a trial adds to `state` is there: its interval leaves out null."""
+        return any(present(trial.fit, k) for k in range(-trial.score.count, 0))
+
     def instead(self, state: State, placed: EffectInstance) -> tuple[list[Score], int]:
         """What might stand in the place of an effect that `state` is without, best first; how many were screened."""
         joints = self.evidence.items[0].robot.joints

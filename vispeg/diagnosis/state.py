@@ -18,13 +18,16 @@ from vispeg.worlds.world import World
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A fitted candidate: what was tried, how it did on held-out recordings, and why it was refused."""
+    """A fitted candidate: what was tried, how it did on held-out recordings, why it was refused, and whether what it
+    adds may be absent.
+    """
 
     score: Score
     fit: Fit
     loss: np.ndarray
     gain: Gain
     rejected: str = ""
+    absent: bool = False
 
     @property
     def bare(self) -> Trial:

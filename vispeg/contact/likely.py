@@ -1,0 +1,105 @@
+"""Intervals of fitted parameters by the squared residual itself, not by its derivatives.
+
+Where a contact sticks, a derivative by friction is zero: every greater value fits as well, a smaller one does not. An
+interval holds the values whose squared residual is within a quantile of the least, the others moving along as the
+derivatives say or staying: whichever reaches farther. Source: profile likelihood, Venzon and Moolgavkar 1988, A method
+for computing profile-likelihood-based confidence intervals, Applied Statistics 37(1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vispeg.contact.evidence import ContactEvidence
+from vispeg.core.effect import EffectInstance, Value
+from vispeg.identify.fit import Fit
+from vispeg.worlds.world import World
+
+QUANTILE = 3.84  # of chi squared with one degree of freedom: 95 %
+MOST = 4.0  # times the least scale: by how much recordings that disagree may stretch it
+ROUNDS = ((0.5, 1.0, 2.0), (4.0, 8.0), (16.0, 64.0))  # of a half interval by derivatives, until the residual rises
+FLAT = 1e-12
+
+
+@dataclass(frozen=True)
+class Ray:
+    """A straight way from a fit along which one coordinate goes to one side, and the others follow or stay.
+
+    Attributes:
+        axis: the coordinate.
+        direction: (naxis,) over the half interval by derivatives, with its sign.
+        rise: squared residual over the fit's at which the interval ends.
+    """
+
+    axis: int
+    direction: np.ndarray
+    rise: float
+
+
+def intervals(evidence: ContactEvidence, fit: Fit) -> tuple[World, np.ndarray]:
+    """The fitted world with these intervals, and the coordinates (naxis,) with the least residual on the way."""
+    base, best, least = float(fit.residual @ fit.residual), fit.u, 0.0
+    low, high = fit.space.bounds
+    rays = _rays(evidence, fit)
+    ways: list[list[tuple[float, float]]] = [[(0.0, 0.0)] for _ in rays]
+    for shares in ROUNDS:
+        going = [k for k, ray in enumerate(rays) if ways[k][-1][1] < ray.rise and not _ended(fit, ray, ways[k][-1][0])]
+        points = [(k, s, np.clip(fit.u + s * rays[k].direction, low, high)) for k in going for s in shares]
+        for (k, s, u), r in zip(points, evidence.residuals([fit.space.at(u) for *_, u in points]), strict=True):
+            rise = float(r @ r) - base
+            ways[k].append((s, rise))
+            if rise < least:
+                best, least = u, rise
+    effects: list[EffectInstance] = list(fit.world.effects)
+    for i, axis in enumerate(fit.space.axes):
+        ends = [fit.u[i]]
+        for ray, way in zip(rays, ways, strict=True):
+            if ray.axis == i:
+                ends.append(fit.u[i] + _end(way, ray.rise + least) * ray.direction[i])
+        values = [fit.space.backward(float(np.clip(e, low[i], high[i])), axis) for e in ends]
+        placed = effects[axis.index]
+        params = {**placed.params, axis.name: Value(values[0], min(values), max(values))}
+        effects[axis.index] = replace(placed, params=params)
+    return replace(fit.world, effects=tuple(effects)), best
+
+
+def _rays(evidence: ContactEvidence, fit: Fit) -> list[Ray]:
+    """Both ways along each coordinate, the others moving along and, as derivatives may mislead them, staying."""
+    n = len(fit.u)
+    info = fit.jacobian.T @ fit.jacobian
+    size = np.sqrt(np.maximum(np.diag(info), FLAT))
+    value, vector = np.linalg.eigh(info / np.outer(size, size))
+    inverse = (vector / np.maximum(value, 1e-8)) @ vector.T / np.outer(size, size)
+    least = evidence.correlated * max(1.0, fit.cost)
+    steps = np.abs(fit.space.steps(fit.u))
+    out = []
+    for i in range(n):
+        scale = float(np.clip(fit.sigma[i] ** 2 / inverse[i, i], least, MOST * least))
+        half = min(np.sqrt(QUANTILE * scale * inverse[i, i]), steps[i])
+        follow, stay = half * inverse[:, i] / inverse[i, i], half * np.eye(n)[i]
+        ways = (follow, stay) if n > 1 else (stay,)
+        out += [Ray(i, sign * way, QUANTILE * scale) for way in ways for sign in (-1.0, 1.0)]
+    return out
+
+
+def _ended(fit: Fit, ray: Ray, share: float) -> bool:
+    """Whether the coordinate has come to its bound."""
+    low, high = fit.space.bounds
+    at = fit.u[ray.axis] + share * ray.direction[ray.axis]
+    return bool(at <= low[ray.axis] or at >= high[ray.axis])
+
+
+def _end(way: Sequence[tuple[float, float]], rise: float) -> float:
+    """The share at which a way last comes to `rise`; that of its end, and of a bound after it, where it does not.
+
+    Between points the root of the rise is taken as straight, as it is where a residual is.
+    """
+    within = max(k for k, (_, r) in enumerate(way) if r <= max(rise, 0.0))
+    if within == len(way) - 1:
+        return 1e9
+    (a, before), (b, after) = way[within], way[within + 1]
+    before, level = np.sqrt(max(before, 0.0)), np.sqrt(max(rise, 0.0))
+    return float(a + (b - a) * np.clip((level - before) / max(np.sqrt(after) - before, FLAT), 0.0, 1.0))
