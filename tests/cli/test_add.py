@@ -48,3 +48,11 @@ def test_mistakes(refused, args, words):
 
 def test_out_must_be_a_model_file(refused):
     refused(["add", "iiwa14", "payload", "flange", "--out", "m.json"], "--out", ".yaml")
+
+
+def test_a_cell_has_its_cameras(vispeg, refused, tmp_path):
+    assert vispeg("add", "peg-cell", "depth_scale", "wrist_wide", "--set", "factor=1.01", "--out", "a.yaml")[0] == 0
+    assert vispeg("add", "a.yaml", "coulomb_friction", "joint4", "--set", "torque=1", "--out", "b.yaml")[0] == 0
+    (seen, felt) = load_model(tmp_path / "b.yaml").effects
+    assert seen.label == "depth_scale(wrist_wide)" and felt.label == "coulomb_friction(joint4)"
+    refused(["add", "b.yaml", "depth_scale", "wrist", "--out", "c.yaml"], "did you mean 'wrist_wide'")

@@ -52,7 +52,6 @@ class Args:
         from vispeg.core.effect import effect
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
-        from vispeg.robots.model import load
         from vispeg.worlds.model_file import load_model, model_text, placed_dict
 
         if self.out.suffix.lower() not in (".yaml", ".yml"):
@@ -60,7 +59,7 @@ class Args:
         world = read_model(self.model)
         if self.overwrite and self.out.is_file():
             load_model(self.out)  # what is no model is not replaced
-        robot = load(world.robot, tool=world.tool)
+        robot = _places(world)
         added = self._measured(world, robot) if _is_file(self.effect) else [self._typed(world, robot)]
         world = world.add(*added)
         if Path(world.robot).suffix:  # a model file names its robot relative to itself
@@ -109,6 +108,23 @@ class Args:
                 raise UserError(what, file=self.effect, key="effects", expected=expected)
             place(effect(placed.effect), placed.where, robot)
         return list(found.effects)
+
+
+def _places(world: World) -> RobotModel:
+    """What effects are placed on: the arm, or the cell with its own cameras and those that the model speaks of."""
+    from dataclasses import replace
+
+    from vispeg.core.effect import effect
+    from vispeg.render.standard import standard_cameras
+    from vispeg.robots.scene import Scene
+    from vispeg.task.belief import robot_of_world
+
+    robot = robot_of_world(world)
+    if not isinstance(robot, Scene):
+        return robot
+    seen = [e.where for e in world.effects if effect(e.effect).family == "camera"]
+    own = [camera.name for camera in standard_cameras(robot.tip, robot.target)]
+    return replace(robot, cameras=tuple(dict.fromkeys([*own, *seen])))
 
 
 def _is_file(text: str) -> bool:

@@ -107,23 +107,29 @@ def slide(place: Place) -> Path:
     """Slides a cross beside the hole, each line there and back, pressing with two forces; the tool leans sideways, so
     that a peg's flat end meets the fixture at one place of its rim and not now here, now there.
     """
-    path, reach, lean = place.begin(), 0.45 * place.aside, place.vary(0.07)
+    path, lean = place.begin(), place.vary(0.07)
     for force in (place.vary(8.0), place.vary(16.0)):
         for along in (0, 1):
-            a, b = [place.aside, place.aside], [place.aside, place.aside]
-            a[along], b[along] = -reach, reach
-            turn = [0.0, 0.0, 0.0]
-            turn[along] = lean
-            path.to(0.3, turn=tuple(turn))
-            _down(path, a[0], a[1], force)
-            seconds, drag = 2 * reach / place.vary(0.015), place.scene.config.friction * force
-            for end, sign in ((b, 1.0), (a, -1.0)):
-                push = [0.0, 0.0, -force]
-                push[along] = sign * drag
-                path.to(0.15, force=tuple(push)).to(seconds, "even", tip=(end[0], end[1], 0.0)).to(0.15)
-            path.to(0.15, force=(0, 0, -force))
-            _up(path)
+            _slid(path, place, force, along, lean)
     return path.to(0.2)
+
+
+def _slid(path: Path, place: Place, force: float, along: int, lean: float) -> None:
+    """One line of a slide, there and back, and up again."""
+    reach = 0.45 * place.aside
+    a, b = [place.aside, place.aside], [place.aside, place.aside]
+    a[along], b[along] = -reach, reach
+    turn = [0.0, 0.0, 0.0]
+    turn[along] = lean
+    path.to(0.3, turn=tuple(turn))
+    _down(path, a[0], a[1], force)
+    seconds, drag = 2 * reach / place.vary(0.015), place.scene.config.friction * force
+    for end, sign in ((b, 1.0), (a, -1.0)):
+        push = [0.0, 0.0, -force]
+        push[along] = sign * drag
+        path.to(0.15, force=tuple(push)).to(seconds, "even", tip=(end[0], end[1], 0.0)).to(0.15)
+    path.to(0.15, force=(0, 0, -force))
+    _up(path)
 
 
 def insert(place: Place, yaw: float = 0.0) -> Path:
@@ -223,7 +229,7 @@ def mix(place: Place) -> Path:
 
 
 def look_and_insert(place: Place) -> Path:
-    """Looks about the hole from all sides, then goes in as `insert` does: for joints, wrench and cameras at once.
+    """Looks about the hole from all sides, slides beside it, goes in as `insert` does: for joints, wrench and cameras.
 
     The hand tilts, rolls, approaches and moves sideways at once, each both ways and at changing speed, the hole kept in
     sight of a camera on the hand: turns leave the hole's mouth where it is.
@@ -238,7 +244,8 @@ def look_and_insert(place: Place) -> Path:
         roll = free_side * place.vary(0.5) * float(1.4 + np.sin(a - 0.7))
         path.to(place.vary(1.0, 0.25), tip=side, turn=lean, yaw=roll, pivot=-side[2])
     path.to(1.0, tip=(0.0, 0.0, LOOK), turn=(0.0, 0.0, 0.0), yaw=0.0, pivot=-LOOK).to(0.2).to(0.1, pivot=0.0)
-    return _inserted(path, place)
+    _slid(path, place, place.vary(12.0), int(place.rng.integers(2)), place.vary(0.07))
+    return _inserted(path.to(0.5, tip=(0.0, 0.0, OVER), turn=(0.0, 0.0, 0.0)), place)
 
 
 def _down(path: Path, x: float, y: float, force: float) -> None:
