@@ -1,68 +1,103 @@
-"""Dynamics transfer: policies of nominal, randomized, and identified + randomized physics in a plant they never saw.
+"""Dynamics transfer: four ways to train, judged in plants they never saw, paired over plants, seeds and episodes.
 
     python scripts/experiments/dynamics_transfer.py --seeds 1 2 3
+    python scripts/experiments/dynamics_transfer.py --plants 10 --seeds 1 2 3 --steps 32000 --ranges schedule
 
-The plant hides several effects at once. It is recorded and diagnosed (`vispeg record`, `vispeg diagnose`), and what the
-diagnosis writes becomes the third training world: fitted values as centres, their intervals as widths, and the ranges
-of `randomized` for all the rest. Every policy has the same budget, and its best checkpoint in its own training world is
-judged on the same held-out episodes there and in the plant. A command that was stopped goes on when given again; the
-results are written anew after every training seed.
+naive: nominal physics. randomized: physics drawn in every episode. identified: nominal physics and what a diagnosis of
+the plant named. identified+randomized: `randomized`, in which what was named takes the place of the ranges: fitted
+values as centres, their intervals as widths. Every plant hides several effects at once (`plants.py`); it is recorded
+and diagnosed (`vispeg record`, `vispeg diagnose`). Every policy has the same budget, and its best checkpoint in its own
+training world is judged on the same held-out episodes in the plant. With `--ranges schedule` the ranges open over the
+first half of the steps, for all alike: a world with what was identified is harder to learn from the first step on.
+
+A command that was stopped goes on when given again: recordings, diagnosis, runs and episodes are kept, and the results
+are written anew after every plant and training seed. naive and randomized are trained once for all plants.
 """
 
 from __future__ import annotations
 
-import shutil
+import resource
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 import arguments
 from evaluation import played
 from identification import identified_world, identify, told
+from over_plants import compared
+from over_plants import markdown as over
+from plants import hidden_plant
 from results import write_result
-from training import Variant, run_folder, trained
+from training import Budget, Variant, run_folder, trained
 from transfer_table import markdown, success_table
 
+from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
-from vispeg.task.world_file import BUILT_IN, load_world
+from vispeg.task.world_file import load_world
 
-PLANT = BUILT_IN / "parts" / "plant.yaml"
+NAIVE, RANDOMIZED, IDENTIFIED, BOTH = "naive", "randomized", "identified", "identified+randomized"
+BASES = {NAIVE: "searching", RANDOMIZED: "randomized"}
+
+
+def ways(model: Path, work: Path, number: int, stack: int, ranges: str) -> dict[str, Variant]:
+    """The run of each way for a plant; where nothing was named, the identified ones are those without."""
+    found = {way: Variant(f"ff-{way}-{ranges}", world, stack, ranges=ranges) for way, world in BASES.items()}
+    for way, base in ((IDENTIFIED, NAIVE), (BOTH, RANDOMIZED)):
+        try:
+            world = identified_world(model, BASES[base], work / f"{BASES[base]}-identified-{number}.yaml")
+        except UserError as error:
+            print(f"plant {number}: {error}", file=sys.stderr)
+            found[way] = found[base]
+            continue
+        found[way] = Variant(f"ff-{BASES[base]}-identified-{number}-{ranges}", str(world), stack, ranges=ranges)
+    return found
 
 
 def main() -> None:
-    """Identifies, trains, judges; writes dynamics_transfer.json and .md, the identified model and the world of it."""
-    given = arguments.parser(__doc__ or "").parse_args()
+    """Identifies, trains, judges; writes dynamics_transfer.json and .md after every plant and seed."""
+    parser = arguments.parser(__doc__ or "")
+    parser.add_argument("--plants", type=int, default=1, help="hidden plants, the bundled one first")
+    parser.add_argument("--ranges", default="full", choices=["full", "schedule", "adaptive"], help="how they open")
+    given = parser.parse_args()
     work, budget = given.runs / "dynamics_transfer", arguments.budget(given)
-    model = identify(PLANT, work / "identification")
-    identified = identified_world(model, "randomized", work / "identified.yaml")
     given.out.mkdir(parents=True, exist_ok=True)
-    shutil.copyfile(model, given.out / "dynamics_model.yaml")
-    shutil.copyfile(identified, given.out / "dynamics_identified.yaml")
-    variants = [
-        Variant("ff-nominal", "searching", given.stack),
-        Variant("ff-randomized", "randomized", given.stack),
-        Variant("ff-identified", str(identified), given.stack),
-    ]
-    worlds = [*(v.world for v in variants), str(PLANT)]
-    for done, seed in enumerate(given.seeds, 1):
-        for variant in variants:
-            trained(given.runs, variant, seed, budget)
-        seeds = given.seeds[:done]
-        episodes = []
-        for variant in variants:
-            policies = [(variant.name, run_folder(given.runs, variant, s)) for s in seeds]
-            home = [variant.world, str(PLANT)]
-            episodes += played(policies, home, given.episodes, work / f"episodes-{given.steps}")
-        plant = success_table(episodes, load_world(PLANT).name)
-        own = [success_table(episodes, load_world(v.world).name) for v in variants]
-        values = {"experiment": "dynamics_transfer", "diagnosis": told(model), "plant": plant, "own_world": own}
-        write_result(given.out / "dynamics_transfer.json", values, budget, seeds, worlds, [model])
-        write_text_atomic(given.out / "dynamics_transfer.md", text(plant, own), overwrite=True)
+    tables: dict[int, dict[str, Any]] = {}
+    about: dict[str, Any] = {}
+    for number in range(given.plants):
+        plant = hidden_plant(number, work)
+        model = identify(plant, work / f"identification-{number}")
+        spent(f"plant {number}: identified")
+        variants = ways(model, work, number, given.stack, given.ranges)
+        about[load_world(plant).name] = told(model)
+        for done, seed in enumerate(given.seeds, 1):
+            for variant in variants.values():
+                trained(given.runs, variant, seed, budget)
+            spent(f"plant {number}, seed {seed}: trained")
+            seeds = given.seeds[:done]
+            who = [(way, run_folder(given.runs, v, s)) for way, v in variants.items() for s in seeds]
+            episodes = played(who, [str(plant)], given.episodes, work / f"episodes-{number}-{given.steps}")
+            tables[number] = success_table(episodes, load_world(plant).name)
+            spent(f"plant {number}, seed {seed}: judged")
+            write(given.out, tables, about, budget, given.seeds)
 
 
-def text(plant: dict, own: list[dict]) -> str:
-    """The tables as Markdown."""
-    parts = ["In the plant:", markdown(plant), "Each in the world that it was trained in:"]
-    rows = [markdown(table).splitlines() for table in own]
-    parts.append("\n".join([*rows[0][:2], *(lines[2] for lines in rows)]) + "\n")
-    return "\n\n".join(part.rstrip("\n") for part in parts) + "\n"
+def write(out: Path, tables: Mapping[int, Any], about: Mapping[str, Any], budget: Budget, seeds: list[int]) -> None:
+    """What there is so far."""
+    done = list(tables.values())
+    pairs = [compared(done, BOTH, other) for other in (RANDOMIZED, IDENTIFIED, NAIVE)]
+    values = {"experiment": "dynamics_transfer", "diagnoses": about, "plants": done, "comparisons": pairs}
+    write_result(out / "dynamics_transfer.json", values, budget, seeds, BASES.values())
+    parts = [f"### {table['world']}\n\n{markdown(table)}" for table in done]
+    text = "\n".join([*parts, "### Over plants\n", *(over(pair) for pair in pairs)])
+    write_text_atomic(out / "dynamics_transfer.md", text, overwrite=True)
+
+
+def spent(what: str) -> None:
+    """Says on standard error what this call has cost so far, with its children."""
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    seconds = sum(u.ru_utime + u.ru_stime for u in used)
+    print(f"{seconds:8.0f} processor s  {what}", file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from vispeg.robots.model import load
 from vispeg.robots.scene import build
 from vispeg.task.world_file import FORMAT, load_world
 from vispeg.worlds.entry import entry_dict
-from vispeg.worlds.identified import ranges_of
+from vispeg.worlds.identified import Identified, ranges_of
 from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World
 
@@ -35,7 +35,8 @@ def arm_of(world: str | Path) -> World:
     arm = load(ROBOT, tool=TOOL)
     drawn = load_world(world).world.sample(seed=0, model=build())
     hidden = World(ROBOT, TOOL, tuple(e for e in drawn.effects if effect(e.effect).targets(arm)))
-    return hidden.add(EffectInstance.of("command_delay", "all", delay=LATENCY))
+    late = any(e.effect == "command_delay" for e in hidden.effects)
+    return hidden.add(EffectInstance.of("command_delay", "all", delay=LATENCY)) if late else hidden
 
 
 def identify(world: str | Path, folder: Path) -> Path:
@@ -68,7 +69,7 @@ def identified_world(model: Path, base: str, path: Path) -> Path:
     Raises:
         UserError: nothing was identified, so that the world would be its base under another name.
     """
-    entries = [entry_dict(r) for r in ranges_of(model, ROBOT)]
+    entries = [entry_dict(r) for r in ranges_of(Identified(model), ROBOT)]
     if not entries:
         raise UserError("the diagnosis named no effect, so there is nothing to train about", file=model)
     about = f"{base}, with what a diagnosis of the plant found: fitted values as centres, their intervals as widths."

@@ -26,6 +26,7 @@ class Variant:
         modality: what the policy sees.
         reward: of the task, see vispeg.task.peg.rewards.
         dof: directions that the policy moves.
+        ranges: how the world's ranges open, see TrainConfig.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Variant:
     modality: str = "state"
     reward: str = "shaped"
     dof: tuple[str, ...] = ("x", "y", "z")
+    ranges: str = "full"
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,7 @@ def configuration(variant: Variant, seed: int, budget: Budget) -> TrainConfig:
         target=NEVER_EARLY,
         settings=settings,
         sac=SacSettings(recurrent=variant.recurrent),
+        ranges=variant.ranges,
     )
 
 
