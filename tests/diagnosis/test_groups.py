@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from loops import ARM, drive, recorded
 
-from vispeg.core.effect import EffectInstance
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.seeds import stream
+from vispeg.diagnosis import proposals, rivals
 from vispeg.diagnosis.judge import Judge
+from vispeg.diagnosis.names import Exchange
 from vispeg.diagnosis.screen import groups
 from vispeg.diagnosis.search import Search
 from vispeg.identify.evidence import Evidence
@@ -46,9 +48,15 @@ def test_a_group_has_every_joint_once(recordings):
     assert not any(("coulomb_friction", "elbow") in g for g in groups(evidence, World(), {"friction"}))
 
 
-def test_friction_of_every_joint_is_named_with_its_size(recordings):
+@pytest.fixture(scope="module")
+def searched(recordings):
+    """A search that is done, and where it ended."""
     search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:], h_max=1e-3)))
-    state = search.run(World(recordings[0].robot))
+    return search, search.run(World(recordings[0].robot))
+
+
+def test_friction_of_every_joint_is_named_with_its_size(searched):
+    _, state = searched
     assert [best.score.label for best, _ in state.steps] == ["coulomb_friction + viscous_friction(each)"]
     found = {(e.effect, e.where): e.params for e in state.world.effects}
     assert set(found) == {(e.effect, e.where) for e in HIDDEN}
@@ -56,3 +64,48 @@ def test_friction_of_every_joint_is_named_with_its_size(recordings):
         for name, value in e.params.items():
             p = found[e.effect, e.where][name]
             assert p.value == pytest.approx(value.value, rel=0.02) and 0 < p.low < value.value * 1.02
+
+
+def start(name):
+    return {m: effect(name).params[m].start for m in effect(name).magnitudes}
+
+
+def test_rivals_fitted_side_by_side_are_those_fitted_one_after_the_other(searched, monkeypatch):
+    search, state = searched
+    names = ("rotor_inertia", "hysteresis", "joint_bias")
+    asked = [
+        Exchange(placed.label, 1.0, (), (EffectInstance.of(name, placed.where, **start(name)),))
+        for placed, name in zip(state.world.effects[1:], names, strict=True)
+    ]
+    monkeypatch.setattr(search, "exchanges", lambda state: asked)
+    together = rivals.find_rivals(search, state, 0, lambda text: None)
+    monkeypatch.setattr(rivals, "AT_ONCE", 1)
+    alone = rivals.find_rivals(search, state, 0, lambda text: None)
+    assert [r.label for r in together] == [e.label for e in state.world.effects]
+    assert [len(r.tried) for r in together] == [0, 1, 1, 1]
+    for a, b in zip(together, alone, strict=True):
+        assert [t.score.label for t in a.equals] == [t.score.label for t in b.equals]
+        for first, second in zip(a.tried, b.tried, strict=True):
+            assert first.rejected == second.rejected
+            np.testing.assert_allclose(first.loss, second.loss, rtol=1e-9)
+
+
+def test_signatures_beside_one_world_are_taken_once(searched, monkeypatch):
+    search, state = searched
+    places = [("joint_bias", "elbow"), ("rotor_inertia", "shoulder")]
+    missing, count, real = search.missing(state.world), [], proposals.signatures
+
+    def counted(evidence, world, residual, asked):
+        count.append(len(asked))
+        return real(evidence, world, residual, asked)
+
+    monkeypatch.setattr(proposals, "signatures", counted)
+    first = search.signatures(state.world, state.residual, places[:1], missing)
+    both = search.signatures(state.world, state.residual, places, missing)
+    assert both[0] is first[0] and count[0] >= 1 and count[1] >= 1 and len(both) == sum(count)
+    fewer = state.world.without("coulomb_friction", "elbow")
+    other = search.evidence.residuals([fewer])[0]
+    (beside,) = search.signatures(fewer, other, places[:1], missing)
+    assert not np.allclose(beside.columns, first[0].columns), "another world, other signatures"
+    again = search.signatures(state.world, state.residual, places[:1], missing)
+    np.testing.assert_array_equal(again[0].columns, first[0].columns)

@@ -11,6 +11,7 @@ from transfer_table import success_table
 from vispeg.core.effect import EffectInstance, Value
 from vispeg.evaluation.records import Episode
 from vispeg.task.world_file import load_world
+from vispeg.worlds.distribution import Normal
 from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World
 
@@ -42,6 +43,7 @@ def test_what_was_identified_becomes_a_world_with_its_values_as_centres(tmp_path
     file = load_world(identified_world(tmp_path / "model.yaml", "randomized", tmp_path / "made.yaml"))
     drawn = [r for r in file.world.ranges if (r.effect, r.where) == ("coulomb_friction", "joint4")]
     (torque,) = (r.params["torque"] for r in drawn)
+    assert isinstance(torque, Normal)
     assert torque.mean == pytest.approx(1.3) and torque.sd == pytest.approx(0.4 / 3.92, rel=1e-3)
     assert len(file.world.ranges) > 5  # those of `randomized` stay
 

@@ -49,12 +49,12 @@ class ContactSearch(Search):
         worlds: Sequence[World],
         given: int,
         *,
-        race: Race | None = None,
+        races: Sequence[Race] | None = None,
         iterations: int = 6,
         columns: Sequence[np.ndarray | None] | None = None,
     ) -> list[Fit]:
         """As for joints, but all derivatives anew: where another effect comes in, contacts come and go."""
-        return super().fits(worlds, given, race=race, iterations=min(iterations, 6))
+        return super().fits(worlds, given, races=races, iterations=min(iterations, 6))
 
     def step(self, state: State, given: int) -> list[Trial]:
         """Profiles the library, fits the best and, where none of them reaches the floor, their pairs."""

@@ -32,6 +32,7 @@ class Proposals:
     def __init__(self, evidence: Evidence, judge: Judge, progress: Progress):
         self.evidence, self.judge, self.progress = evidence, judge, progress
         self.cross = Cross(Judge(evidence))
+        self._beside, self._taken = "", {}  # a world as text, and the signatures that were taken beside it
 
     def missing(self, world: World) -> list[MissingTorque]:
         """Missing torque of every fitted segment under a world."""
@@ -100,7 +101,12 @@ class Proposals:
 
     def _ground(self, judge: Judge, world: World, fit: Fit, asked: Sequence[Probe]) -> Ground:
         """Signatures beside a fit on the evidence of a judge, and the excess that is left there; never 0."""
-        taken = signatures(judge.evidence, world, fit.residual, asked)
+        fitted = judge.evidence is self.evidence
+        taken = (
+            self._signatures(world, fit.residual, asked)
+            if fitted
+            else signatures(judge.evidence, world, fit.residual, asked)
+        )
         left, count = judge.loss(fit.residual).sum(axis=0), judge.size.sum(axis=0)
         floor, joints = judge.floor(world), judge.evidence.items[0].robot.joints
         over = {joint: (left[j], count[j]) for j, joint in enumerate(joints)} | {"": (left.sum(), count.sum())}
@@ -117,7 +123,17 @@ class Proposals:
         """Signatures at these places, each once, beside a world with this residual."""
         items = self.evidence.items
         asked = probes(list(dict.fromkeys(places)), items[0], joint_data(list(missing), items))
-        return signatures(self.evidence, world, residual, asked)
+        return self._signatures(world, residual, asked)
+
+    def _signatures(self, world: World, residual: np.ndarray, asked: Sequence[Probe]) -> list[Signature]:
+        """Signatures on the fitted evidence; those beside the world that was asked of last are not taken again."""
+        beside = model_text(world)
+        if beside != self._beside:
+            self._beside, self._taken = beside, {}
+        fresh = {str(_plain(p.placed)): p for p in asked if str(_plain(p.placed)) not in self._taken}
+        for key, signature in zip(fresh, signatures(self.evidence, world, residual, [*fresh.values()]), strict=True):
+            self._taken[key] = signature
+        return [self._taken[str(_plain(p.placed))] for p in asked]
 
     def _straight(self, world: World) -> list[tuple[str, str]]:
         everywhere = candidates(self.evidence, world, list(self.evidence.items[0].robot.joints))

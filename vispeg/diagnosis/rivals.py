@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from vispeg.core.effect import EffectInstance, effect
@@ -12,10 +12,12 @@ from vispeg.diagnosis.screen import Score
 from vispeg.diagnosis.search import Search
 from vispeg.diagnosis.state import State, Trial
 from vispeg.diagnosis.together import usual
+from vispeg.identify.fit import Fit
 
 EXCHANGES = 3  # at most
 BETTER = 0.01  # of the held-out error, that a rival must remove to come in; none for what every arm has in that joint
 MOST = 3  # rivals of one of many effects that are fitted
+AT_ONCE = 2**30  # bytes of derivatives that fits side by side may hold
 
 
 @dataclass(frozen=True)
@@ -56,38 +58,51 @@ def find_rivals(search: Search, state: State, given: int, say: Callable[[str], N
     if len(chosen) == 1 and len(state.steps) == 1:
         return [_compare(search, state, chosen[0].label, list(state.steps[0][1]), state.first)]
     if len(chosen) > search.few:
-        return [_proposed(search, state, placed, given, say) for placed in chosen]
+        return _proposed(search, state, given, say)
     out = []
     for placed in chosen:
         say(f"looking for rivals of {placed.label}")
-        reduced = _without(search, state, placed, given)
+        (reduced,) = _without(search, state, [placed], given)
         scores, tested = search.instead(reduced, placed)
         trials = search.try_all(reduced, scores, given, tested) if scores else []
         out.append(_compare(search, state, placed.label, trials, search.judge.mean(reduced.loss)))
     return out
 
 
-def _proposed(search: Search, state: State, placed: EffectInstance, given: int, say: Callable[[str], None]) -> Rivals:
-    """Rivals that linear algebra proposes in the place of one of many effects, each fitted and judged."""
-    (exchange,) = [e for e in search.exchanges(state) if e.label == placed.label]
-    if not exchange.rivals:
-        return Rivals(placed.label, (), ())
-    say(f"looking for rivals of {placed.label}")
-    reduced = _without(search, state, placed, given)
-    trials = search.try_all(reduced, [Score(r, 0.0) for r in exchange.rivals[:MOST]], given, len(exchange.rivals))
-    return _compare(search, state, placed.label, trials, search.judge.mean(reduced.loss))
+def _proposed(search: Search, state: State, given: int, say: Callable[[str], None]) -> list[Rivals]:
+    """Rivals that linear algebra proposes in the place of each of many effects, fitted and judged side by side."""
+    say("asking what may stand in the place of each effect")
+    asked = {e.label: e.rivals for e in search.exchanges(state) if e.rivals}
+    placed = [e for e in state.world.effects[given:] if e.label in asked]
+    size = 8 * state.residual.size * (1 + len(state.world.effects)) * (1 + 2 * MOST)  # bytes of derivatives, an effect
+    some, found = max(1, AT_ONCE // size), {}
+    for start in range(0, len(placed), some):
+        part = placed[start : start + some]
+        say(f"looking for rivals of {', '.join(e.label for e in part)}")
+        reduced = _without(search, state, part, given)
+        tries = [
+            (beside, [Score(r, 0.0) for r in asked[e.label][:MOST]], len(asked[e.label]))
+            for e, beside in zip(part, reduced, strict=True)
+        ]
+        for e, beside, own in zip(part, reduced, search.try_each(tries, given), strict=True):
+            found[e.label] = _compare(search, state, e.label, own, search.judge.mean(beside.loss))
+    return [found.get(e.label, Rivals(e.label, (), ())) for e in state.world.effects[given:]]
 
 
-def _without(search: Search, state: State, placed: EffectInstance, given: int) -> State:
-    """The state without one effect, the others fitted anew with the derivatives that they had."""
-    world, fit = state.world.without(placed.effect, placed.where), None
-    if len(world.effects) > given and state.fit is not None:
-        (fit,) = search.fits([world], given, iterations=5, columns=[state.derivatives([placed])])
-    residual = search.evidence.residuals([world])[0] if fit is None else fit.residual
-    world = world if fit is None else fit.world
-    cross = search.cross.loss_of(fit, residual)
-    loss = search.judge.losses([world])[0]
-    return State(world, loss, residual, fit, state.first, state.steps, cross=cross)
+def _without(search: Search, state: State, gone: Sequence[EffectInstance], given: int) -> list[State]:
+    """The state without each of these effects, the others fitted anew with the derivatives that they had."""
+    worlds = [state.world.without(e.effect, e.where) for e in gone]
+    fits: list[Fit | None] = [None] * len(gone)
+    if gone and len(worlds[0].effects) > given and state.fit is not None:
+        fits = [*search.fits(worlds, given, iterations=5, columns=[state.derivatives([e]) for e in gone])]
+    worlds = [world if fit is None else fit.world for world, fit in zip(worlds, fits, strict=True)]
+    bare = search.evidence.residuals(worlds) if None in fits else []
+    out = []
+    for k, (world, fit, loss) in enumerate(zip(worlds, fits, search.judge.losses(worlds), strict=True)):
+        residual = bare[k] if fit is None else fit.residual
+        cross = search.cross.loss_of(fit, residual)
+        out.append(State(world, loss, residual, fit, state.first, state.steps, cross=cross))
+    return out
 
 
 def merely_richer(judge: Judge, trial: Trial, state: State, label: str) -> bool:

@@ -153,16 +153,30 @@ class Search(Proposals):
 
     def try_all(self, state: State, scores: Sequence[Score], given: int, tested: int) -> list[Trial]:
         """Fits each score's effect jointly with what was accepted, and judges all on the held-out recordings."""
-        worlds = [without(state.world, s.out).add(*s.members) for s in scores]
-        self.say(f"fitting {', '.join(s.label for s in scores)}")
-        columns = [state.derivatives(s.out) for s in scores]
-        fits = self.fits(worlds, given, race=Race(), columns=columns)
-        losses = self.judge.losses([f.world for f in fits])
+        return self.try_each([(state, scores, tested)], given)[0]
+
+    def try_each(self, tries: Sequence[tuple[State, Sequence[Score], int]], given: int) -> list[list[Trial]]:
+        """The same for several (state, scores, places tested), all fitted side by side; a state's candidates race.
+
+        A rollout of many rows costs little more than one of a few.
+        """
+        flat = [(state, s) for state, scores, _ in tries for s in scores]
+        if not flat:
+            return [[] for _ in tries]
+        worlds = [without(state.world, s.out).add(*s.members) for state, s in flat]
+        self.say(f"fitting {', '.join(dict.fromkeys(s.label for _, s in flat))}")
+        races = [race for race, (_, scores, _) in ((Race(), t) for t in tries) for _ in scores]
+        fits = self.fits(worlds, given, races=races, columns=[state.derivatives(s.out) for state, s in flat])
         trials = []
-        for s, f, loss in zip(scores, fits, losses, strict=True):
+        for (state, s), f, loss in zip(flat, fits, self.judge.losses([f.world for f in fits]), strict=True):
             crossed = state.cross, self.cross.loss_of(f, f.residual)
             trials.append(Trial(s, f, loss, self.judge.gain(state.loss, loss, crossed)))
-        return [t.bare if t.rejected else t for t in ranked(self, state, trials, tested)]
+        out, at = [], 0
+        for state, scores, tested in tries:
+            own = ranked(self, state, trials[at : at + len(scores)], tested)
+            out.append([t.bare if t.rejected else t for t in own])
+            at += len(scores)
+        return out
 
     def shows(self, state: State, trial: Trial) -> bool:
         """Whether an effect that a trial adds to `state` is there: its interval leaves out null."""
@@ -181,30 +195,32 @@ class Search(Proposals):
         worlds: Sequence[World],
         given: int,
         *,
-        race: Race | None = None,
+        races: Sequence[Race] | None = None,
         iterations: int = 8,
         columns: Sequence[np.ndarray | None] | None = None,
     ) -> list[Fit]:
         """Fits everything after the first `given` effects of each world; where each ended is remembered.
 
-        With `columns`, one for each world, derivatives to the first coordinates are taken as an earlier fit had them.
+        With `races`, one for each world, what falls far behind in its race gives up. With `columns`, one for each, the
+        derivatives to the first coordinates are taken as an earlier fit had them.
         """
         fresh: list[Fit] = []
         held = [None] * len(worlds) if columns is None else list(columns)
+        raced = [None] * len(worlds) if races is None else list(races)
 
-        def job(world: World, own: np.ndarray | None, ended: tuple[Sequence[float], bool] | None = None):
-            free = range(given, len(world.effects))
-            options = {"race": race, "iterations": iterations, "ended": ended, "columns": own}
-            return fit_job(self.evidence, world, free, **options)
+        def job(k: int, ended: tuple[Sequence[float], bool] | None = None):
+            free = range(given, len(worlds[k].effects))
+            options = {"race": raced[k], "iterations": iterations, "ended": ended, "columns": held[k]}
+            return fit_job(self.evidence, worlds[k], free, **options)
 
         def work_out() -> list:
-            fresh.extend(run_together([job(w, c) for w, c in zip(worlds, held, strict=True)], self.evidence.residuals))
+            fresh.extend(run_together([job(k) for k in range(len(worlds))], self.evidence.residuals))
             return [[f.u.tolist(), f.converged] for f in fresh]
 
         quick = [None if c is None else c.shape[1] for c in held]
-        question = ["fits", [model_text(w) for w in worlds], given, race is not None, iterations, quick]
+        question = ["fits", [model_text(w) for w in worlds], given, races is not None, iterations, quick]
         known = self.progress.recall(question, work_out)
-        again = [job(w, h, (u, bool(c))) for w, h, (u, c) in zip(worlds, held, known, strict=True)]
+        again = [job(k, (u, bool(c))) for k, (u, c) in enumerate(known)]
         return fresh or run_together(again, self.evidence.residuals)
 
     def take(self, state: State, trial: Trial, trials: list[Trial], given: int) -> None:
@@ -234,7 +250,7 @@ class Search(Proposals):
         if not starts:
             return
         rest = state.world.without(simple.effect, simple.where)
-        fits = self.fits([rest.add(s) for s in starts], given, race=Race())
+        fits = self.fits([rest.add(s) for s in starts], given, races=[Race()] * len(starts))
         losses = self.judge.losses([f.world for f in fits])
         k = int(np.argmin([self.judge.mean(loss) for loss in losses]))
         gain = self.judge.gain(state.loss, losses[k])
