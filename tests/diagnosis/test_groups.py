@@ -9,8 +9,9 @@ from vispeg.core.seeds import stream
 from vispeg.diagnosis import proposals, rivals
 from vispeg.diagnosis.judge import Judge
 from vispeg.diagnosis.names import Exchange
-from vispeg.diagnosis.screen import groups
+from vispeg.diagnosis.screen import groups, screen
 from vispeg.diagnosis.search import Search
+from vispeg.diagnosis.signatures import Signature
 from vispeg.identify.evidence import Evidence
 from vispeg.robots.model import load
 from vispeg.worlds.world import World
@@ -109,3 +110,27 @@ def test_signatures_beside_one_world_are_taken_once(searched, monkeypatch):
     assert not np.allclose(beside.columns, first[0].columns), "another world, other signatures"
     again = search.signatures(state.world, state.residual, places[:1], missing)
     np.testing.assert_array_equal(again[0].columns, first[0].columns)
+
+
+def test_servos_are_asked_for_in_every_joint_at_once_each_with_its_best_guess():
+    rng = stream(1, "servos")
+    names, guesses = ("natural_frequency", "gain"), (10.0, 60.0)
+    taken = [
+        Signature(
+            EffectInstance.of("servo", where, natural_frequency=w, gain=0.98), names, rng.standard_normal((400, 2))
+        )
+        for where in ("shoulder", "elbow")
+        for w in guesses
+    ]
+    right = taken[1], taken[2]  # the fast shoulder, the slow elbow
+    wanted = [0.9, 0.5], [0.8, 0.7]
+    residual = sum(s.columns @ c for s, c in zip(right, wanted, strict=True)) + 0.1 * rng.standard_normal(400)
+    group = [("servo", "shoulder"), ("servo", "elbow")]
+    (found,) = screen(taken, residual, None, [], [group])
+    assert found.label == "servo(each)"
+    values = {e.where: {k: v.value for k, v in e.params.items()} for e in found.members}
+    assert (values["shoulder"]["natural_frequency"], values["elbow"]["natural_frequency"]) == (60.0, 10.0)
+    assert values["shoulder"]["gain"] == pytest.approx(1.0 - 0.02 * 0.5, abs=1e-3)
+    columns = np.concatenate([s.columns for s in right], axis=1)
+    left = residual - columns @ np.linalg.lstsq(columns, residual, rcond=None)[0]
+    assert found.gain == pytest.approx(residual @ residual - left @ left)

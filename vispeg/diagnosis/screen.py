@@ -100,30 +100,36 @@ def screen(
 
     `residual` and `jacobian` belong to the world beside which they were taken, on the same evidence.
     """
-    single = set(places)
+    single, grouped = set(places), {p for group in together for p in group}
     basis = _orthonormal(jacobian, len(residual))
     base = residual - basis @ (basis.T @ residual)
     best: dict[tuple[str, str], Score] = {}
-    last: dict[tuple[str, str], Signature] = {}
+    of: dict[tuple[str, str], tuple[float, Signature]] = {}  # of the guesses at one place the one that explains most
     for signature in taken:
-        last[signature.key] = signature
-        score = _score(signature, base, basis) if signature.key in single else None
-        if score is not None and (score.key not in best or score.gain > best[score.key].gain):
-            best[score.key] = score
-    tried = [_group_score([last[p] for p in group if p in last], base, basis) for group in together]
+        key = signature.key
+        score = _score(signature, base, basis) if key in single or key in grouped else None
+        gain = 0.0 if score is None else score.gain
+        if key not in of or gain > of[key][0]:
+            of[key] = gain, signature
+        if score is not None and key in single and (key not in best or gain > best[key].gain):
+            best[key] = score
+    tried = [_group_score([of[p][1] for p in group if p in of], base, basis) for group in together]
     return sorted([*best.values(), *(g for g in tried if g is not None)], key=lambda s: -s.gain)
 
 
 def _group_score(members: list[Signature], base: np.ndarray, basis: np.ndarray) -> Score | None:
-    """The score of effects of one magnitude each that are tried at once."""
-    members = [m for m in members if m.columns.shape[1] == 1 and np.linalg.norm(m.columns) > 1e-6]
+    """The score of effects that are tried at once, each with its magnitudes."""
+    members = [m for m in members if np.linalg.norm(m.columns[:, : len(m.names)]) > 1e-6]
     if len(members) < 2:
         return None
-    s = np.concatenate([m.columns for m in members], axis=1, dtype=float)
+    counts = [len(m.names) for m in members]
+    s = np.concatenate([m.columns[:, :n] for m, n in zip(members, counts, strict=True)], axis=1, dtype=float)
     s -= basis @ (basis.T @ s)
-    fit = lsq_linear(*_projected(s, base), bounds=np.concatenate([m.bounds for m in members], axis=1))
+    bounds = np.concatenate([m.bounds[:, :n] for m, n in zip(members, counts, strict=True)], axis=1)
+    fit = lsq_linear(*_projected(s, base), bounds=bounds)
     gain = float(base @ base - np.sum((base - s @ fit.x) ** 2))
-    values = [m.placed([c]) for m, c in zip(members, fit.x, strict=True)]
+    parts = np.split(fit.x, np.cumsum(counts)[:-1])
+    values = [m.probe.with_values(**_magnitudes(m, x)) for m, x in zip(members, parts, strict=True)]
     return Score(values[0], gain, tuple(values[1:])) if gain > 0 else None
 
 
