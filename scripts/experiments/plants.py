@@ -41,7 +41,8 @@ def hidden_plant(number: int, folder: Path) -> Path:
 def _arm(rng: np.random.Generator, strength: float) -> list[dict[str, Any]]:
     dry = rng.choice(7, size=rng.integers(3, 8), replace=False)
     out = [
-        _effect("coulomb_friction", JOINTS[j], torque=strength * float(DRY[j]) * rng.uniform(0.4, 1.0)) for j in sorted(dry)
+        _effect("coulomb_friction", JOINTS[j], torque=strength * float(DRY[j]) * rng.uniform(0.4, 1.0))
+        for j in sorted(dry)
     ]
     out += [_effect("viscous_friction", joint, damping=strength * rng.uniform(0.5, 2.5)) for joint in JOINTS]
     out.append(_effect("torque_gain", rng.choice(JOINTS), gain=1.0 + strength * rng.uniform(-0.06, 0.06)))
