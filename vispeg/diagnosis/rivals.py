@@ -41,6 +41,7 @@ def settled(search: Search, state: State, given: int, say: Callable[[str], None]
         say(f"{trial.score.label} comes in the place of {out.label}")
         swapped = replace(trial, score=replace(trial.score, out=(out,)))
         search.take(state, swapped, [swapped], given)
+        search.go_on(state, given)  # beside it, something else may pass
         rivals = find_rivals(search, state, given, say)
     return rivals
 

@@ -55,9 +55,13 @@ class Search(Proposals):
         """
         given = len(world.effects) if given is None else given
         state = self.start(world, given)
+        self.go_on(state, given)
+        return state
+
+    def go_on(self, state: State, given: int) -> None:
+        """Adds effects to a state until none earns its place."""
         while self.worth_it(state, given) and self.advance(state, given):
             pass
-        return state
 
     def start(self, world: World, given: int | None = None) -> State:
         """Where a search for what `world` lacks begins: what is open in it, after the first `given`, is fitted anew."""
