@@ -1,15 +1,19 @@
 """Noise that an OSC loop feeds back: the right model's error is what encoder noise and stirred motion make together."""
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
 
+from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
+from vispeg.diagnosis.judge import Judge
+from vispeg.diagnosis.verdict import FLOOR
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import motion
 from vispeg.identify.record import centre_of, controller, record
-from vispeg.identify.stirred import stirred
+from vispeg.identify.stirred import reading_noise, stirred
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import load
 from vispeg.sim.compiled import compiled
@@ -19,13 +23,16 @@ from vispeg.worlds.world import World
 NOISE = {"q": 2e-5, "dq": 1e-3, "tau": 0.2}
 
 
-def recorded(mode: str) -> Recording:
+NOMINAL = World()
+
+
+def recorded(mode: Literal["position", "torque", "osc"], world: World = NOMINAL, seed: int = 5) -> Recording:
     """3 s of the nominal arm, noise added after the loop."""
     robot = load("iiwa14")
     control = controller(robot, mode, 500.0, centre_of(robot))
     more = {"model": compiled(robot)} if mode == "osc" else {}
-    path = motion("osc" if mode == "osc" else "fourier", robot, 500.0, 3.0, stream(5, "stirred test"), **more)
-    return record(World(), path, control, NOISE, stream(6, "stirred test"))
+    path = motion("osc" if mode == "osc" else "fourier", robot, 500.0, 3.0, stream(seed, "stirred test"), **more)
+    return record(world, path, control, NOISE, stream(seed + 1, "stirred test"))
 
 
 def test_the_right_models_error_is_foretold():
@@ -50,3 +57,30 @@ def test_it_follows_from_the_noise():
     once, twice = (stirred(Evidence([replace(rec, noise={**NOISE, "dq": f * 1e-3})]), World()) for f in (1, 2))
     assert twice == pytest.approx(4 * once, rel=0.1)
     assert stirred(Evidence([recorded("position")]), World()) == 0.0
+
+
+def test_a_coarse_encoder_leaves_the_right_model_no_more_than_is_foretold():
+    """Under torque control the arm goes another way from each start within a step; friction that is missing shows."""
+    coarse = World().add(EffectInstance.of("encoder_quantization", "joint2", step=1.6e-3))
+    also = coarse.add(EffectInstance.of("coulomb_friction", "joint4", torque=0.2))
+    right, wrong = [], []
+    for seed in range(4):
+        for hidden, ratios in ((coarse, right), (also, wrong)):
+            judge = Judge(Evidence([recorded("torque", hidden, 10 + seed)], h_max=1e-3))
+            more = stirred(judge.evidence, coarse)
+            (loss,) = judge.losses([coarse])
+            ratios.append(judge.mean(loss) / (judge.floor(coarse) + more))
+            assert more > 0.5
+    assert np.sum(np.array(right) < FLOOR) >= 3 and max(right) < min(wrong)
+    assert np.all(np.array(wrong) > FLOOR)
+    fine = World().add(EffectInstance.of("encoder_quantization", "joint2", step=2e-5))
+    assert stirred(Evidence([recorded("torque")]), fine) == 0.0
+
+
+def test_readings_are_as_noisy_as_their_encoders_steps_make_them():
+    item = Evidence([recorded("position")]).items[0]
+    assert reading_noise(item, World()) == pytest.approx(item.sigma[:7])
+    own = reading_noise(item, World().add(EffectInstance.of("encoder_quantization", "joint2", step=1e-3)))
+    # a wide step d tips over with probability sigma sqrt(2 / pi) / d, and is then d off
+    assert own[1] ** 2 == pytest.approx(1e-3 * item.sigma[1] * np.sqrt(2 / np.pi), rel=0.02)
+    assert np.delete(own, 1) == pytest.approx(np.delete(item.sigma[:7], 1))

@@ -138,6 +138,10 @@ class Effect(ABC):
         """The wrench (n, 6) that there was, given what the sensor made of it every `period` s: `wrench` undone."""
         return reading
 
+    def resolution(self, p: Mapping[str, float]) -> float:
+        """Rad within which a reading does not tell the angle; 0 of what does not round."""
+        return 0.0
+
     def reading_noise(self, sigma: float, p: Mapping[str, float]) -> float:
         """RMS of a measured angle about what the right model reads, rad, where the sensor's own noise is `sigma`."""
         return sigma

@@ -11,6 +11,7 @@ from scipy import stats
 from vispeg.core.effect import effect
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit
+from vispeg.identify.stirred import reading_noise
 from vispeg.worlds.world import World
 
 PLAIN = 0.2  # share of the error that a gain must remove to be one by its size alone
@@ -69,12 +70,8 @@ class Judge:
         """Mean squared whitened residual of a world that is right: 1, and more where its encoders are coarse."""
         more = 0.0
         for item in self.evidence.items if self.evidence.unit == "rad" else ():
-            for j, joint in enumerate(item.recording.joints):
-                sigma = float(item.sigma[j])
-                for e in world.effects:
-                    if e.where in (joint, "all"):
-                        own = effect(e.effect).reading_noise(sigma, {k: v.value for k, v in e.params.items()})
-                        more += ((own / sigma) ** 2 - 1.0) * item.valid[:, j].sum()
+            own = reading_noise(item, world) / item.sigma[: item.nj]
+            more += float(((own**2 - 1.0) * item.valid[:, : item.nj].sum(axis=0)).sum())
         return float(1.0 + more / max(self.size.sum(), 1))
 
     def apart(self, gain: Gain) -> bool:

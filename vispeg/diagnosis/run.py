@@ -169,7 +169,8 @@ def _mean_square(judged: Evidence, residuals: list[np.ndarray]) -> float:
 def _stirred(fed_back: float) -> list[str]:
     if fed_back < 0.05:
         return []
-    text = f"noise fed back by the controller moves the arm by {np.sqrt(fed_back):.2g} times the encoders' noise"
+    moved = f"move the arm by {np.sqrt(fed_back):.2g} times the encoders' noise"
+    text = f"noise that is fed back, and where in a coarse encoder's step the arm began, {moved}"
     return [text + ": the right model too is that far off"]
 
 

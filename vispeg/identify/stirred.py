@@ -1,14 +1,18 @@
 """What noise alone does to a loop: readings that are fed back move the arm, and the right model cannot say which way.
 
 Operational space control feeds back velocities through the task-space inertia and holds its null space softly, so a
-milliradian a second of noise moves the arm by more than its encoders' noise. In joint servos the same is small.
+milliradian a second of noise moves the arm by more than its encoders' noise. In joint servos the same is small, but for
+encoders whose steps are wider than their noise: noise decides when a reading tips over, and where in its step the arm
+began is not known, so that under torque control, where nothing corrects it, it goes another way.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.seeds import stream
+from vispeg.identify.channels import Item
 from vispeg.identify.evidence import SOFT_STEP, Evidence
 from vispeg.recordings.noise import highpass_sigma, noise_of
 from vispeg.recordings.recording import Recording
@@ -16,31 +20,71 @@ from vispeg.sim.rollout import ReadingNoise, simulate
 from vispeg.worlds.world import World
 
 DRAWS, SHARE = 16, 0.9
+WIDER = 2.0  # times the noise: readings so much worse for their steps are coarse
 
 
 def stirred(evidence: Evidence, world: World) -> float:
-    """Mean squared motion, in noise variances, that noise in its feedback stirs up in `world`: 0 but under OSC.
+    """Mean squared motion, in noise variances, that noise in its feedback stirs up in `world`.
 
-    It comes on top of the 1 that the readings' own noise leaves. Draws of noise as large as the recordings state or
-    show differ widely, as a null space wanders slowly: what one in ten exceeds is given.
+    It comes on top of what the readings' own noise leaves (`reading_noise`), and is 0 but under OSC or where `world`
+    has an encoder that is coarser than its noise. Draws of noise as large as the recordings state or show differ
+    widely, as a null space wanders slowly: what one in ten exceeds is given; where encoders are coarse and each draw
+    begins elsewhere in their steps, the median, so that a floor so wide does not hide what is missing.
     """
-    total, count = np.zeros(DRAWS), 0
+    total, count, share = np.zeros(DRAWS), 0, SHARE
     for item in evidence.items:
         count += int(item.valid.sum())
-        if item.recording.control.mode != "osc":
+        sigma = item.sigma[: item.nj]
+        plain = reading_noise(item, world) / sigma
+        soft, coarse = item.recording.control.mode == "osc", bool(np.any(plain > WIDER))
+        if not soft and not coarse:
             continue
         scale = np.r_[0.0, np.ones(DRAWS)][:, None]
         noise = ReadingNoise(
-            scale * noise_of(item.recording)["q"], scale * _velocity_noise(item.recording), stream(0, "stirred")
+            scale * noise_of(item.recording)["q"],
+            scale * _velocity_noise(item.recording),
+            stream(0, "stirred"),
+            sensed=coarse,
         )
-        h_max = evidence.h_max * SOFT_STEP
-        response = simulate(
-            item.robot, [world] * (1 + DRAWS), [item.segment], h_max=h_max, along=True, reading_noise=noise
-        )[0]
-        moved = (response.q[1:] - response.q[:1]) / item.sigma[: item.nj]
-        total += np.where(item.valid[:, : item.nj], moved**2, 0.0).sum(axis=(1, 2))
+        h_max = evidence.h_max * (SOFT_STEP if soft else 1.0)
+        draws = [_begun(item, world, k) if coarse else world for k in range(DRAWS)]
+        share = 0.5 if coarse else share
+        options = {"h_max": h_max, "along": True, "reading_noise": noise}
+        (response,) = simulate(item.robot, [world, *draws], [item.segment], **options)
+        moved = (response.q[1:] - response.q[:1]) / sigma
+        known = plain**2 if coarse else 0.0  # what is sensed has the readings' own noise in it
+        total += np.where(item.valid[:, : item.nj], moved**2 - known, 0.0).sum(axis=(1, 2))
     total = total[np.isfinite(total)]  # a draw that throws the arm away is no measure of the rest
-    return float(np.quantile(total, SHARE)) / max(count, 1) if len(total) else 0.0
+    return max(float(np.quantile(total, share)), 0.0) / max(count, 1) if len(total) else 0.0
+
+
+def _begun(item: Item, world: World, draw: int) -> World:
+    """The world with each rounding encoder's zero somewhere in its step: the arm begins so far from its reading."""
+    rng = stream(draw, "begun")
+    for joint in item.recording.joints:
+        steps = [
+            effect(e.effect).resolution({name: value.value for name, value in e.params.items()})
+            for e in world.effects
+            if e.where in (joint, "all")
+        ]
+        if width := max(steps, default=0.0):
+            own = [e.params["offset"].value for e in world.effects if (e.effect, e.where) == ("encoder_offset", joint)]
+            offset = sum(own) + width * rng.uniform(-0.5, 0.5)
+            world = world.without("encoder_offset", joint) if own else world
+            world = world.add(EffectInstance.of("encoder_offset", joint, offset=offset))
+    return world
+
+
+def reading_noise(item: Item, world: World) -> np.ndarray:
+    """(nj,) rad, 1-sigma of angles as a world's encoders read them: the noise, and more where they are coarse."""
+    sigma = item.sigma[: item.nj]
+    squared = sigma**2  # a copy
+    for j, joint in enumerate(item.recording.joints):
+        for e in world.effects:
+            if e.where in (joint, "all"):
+                values = {name: value.value for name, value in e.params.items()}
+                squared[j] += effect(e.effect).reading_noise(float(sigma[j]), values) ** 2 - sigma[j] ** 2
+    return np.sqrt(squared)
 
 
 def _velocity_noise(rec: Recording) -> np.ndarray:

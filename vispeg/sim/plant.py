@@ -6,7 +6,7 @@ that of the half step, so velocities are corrected by half a step of acceleratio
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from mujoco import batch as mjb
@@ -109,9 +109,11 @@ class Plant:
         self.half = 0.5 * self.h * self.acc
         self.x.dq = self.qvel[:, self.vadr] + self.half
 
-    def measure(self) -> tuple[np.ndarray, np.ndarray]:
-        """What the encoders make of `x`: (nsim, nj) rad and rad/s."""
-        return self.loop.read(self.x.q, self.x.dq, self.x)
+    def measure(
+        self, noise: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]] = lambda q, dq: (q, dq)
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What the encoders make of `x`, with `noise` on it: (nsim, nj) rad and rad/s."""
+        return self.loop.read(*noise(self.x.q, self.x.dq), self.x)
 
     def forces(self, command: np.ndarray) -> Forces:
         """What the effects make of `command` (nsim, nj) N m in the step that comes; sets the dry friction."""

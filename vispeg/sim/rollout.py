@@ -47,11 +47,15 @@ class Response:
 
 @dataclass
 class ReadingNoise:
-    """White noise on what a controller reads: 1-sigma of angle and velocity, (nworld, nj), rad and rad/s."""
+    """White noise on what a controller reads: 1-sigma of angle and velocity, (nworld, nj), rad and rad/s.
+
+    With `sensed`, the sensors have it before they round, and responses hold what they make of it.
+    """
 
     q: np.ndarray
     dq: np.ndarray
     rng: np.random.Generator
+    sensed: bool = False
 
     def add(self, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """This tick's readings of q and dq (nsegment * nworld, nj)."""
@@ -84,7 +88,8 @@ def simulate(
         along: take the controller's nominal gravity to first order about the segment's measured motion, which is what
             candidates near the measurement need at a third less cost; exact otherwise.
         want_ee: also return flange poses.
-        reading_noise: what the controller reads on top of the encoders; responses hold only what it stirs up.
+        reading_noise: what the controller reads on top of the encoders; responses hold only what it stirs up, unless
+            it is `sensed`.
     """
     run = _Run(robot, worlds, segments, h_max, nthread, observer, along)
     with quiet(), np.errstate(all="ignore"):  # a diverging candidate is an answer, not news
@@ -133,11 +138,14 @@ class _Run:
         motor = np.zeros_like(q0)
         for k in range(ticks):
             plant.read()
-            out[0, k], out[1, k] = q, dq = plant.measure()
+            if noise is not None and noise.sensed:
+                out[0, k], out[1, k] = q, dq = plant.measure(noise.add)
+            else:
+                out[0, k], out[1, k] = q, dq = plant.measure()
             out[2, k], out[3, k] = plant.x.tau, motor
             if true_q is not None:
                 true_q[k] = plant.x.q
-            if noise is not None:
+            if noise is not None and not noise.sensed:
                 q, dq = noise.add(q, dq)
             command = self.controller.command(k, q, dq)
             hold = 0.0 if self.observer is None else self.observer.torque(k, q, dq)

@@ -27,6 +27,9 @@ class EncoderQuantization(Effect):
         step = np.where(p["step"] > 0, p["step"], 1.0)
         return np.where(p["step"] > 0, np.round(q / step) * step, q), dq
 
+    def resolution(self, p):
+        return float(p["step"])
+
     def reading_noise(self, sigma, p):
         """Noise tips readings over to the next step: sqrt(E[(Q(x + n) - Q(x))^2]) for n ~ N(0, sigma^2).
 
