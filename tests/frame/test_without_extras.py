@@ -70,6 +70,7 @@ perturb depth-S --out pushed-2
 compare iiwa14 --recording rig-a --rerun compared.rrd --out compared
 evaluate expert --rerun judged.rrd --out judged
 """,
+    "wandb": "train peg-state --wandb peg --out run-2",
     "meshes": "evaluate expert --world own.yaml --episodes 1 --videos 0 --out meshes",
 }
 

@@ -125,7 +125,11 @@ class Args:
         less = {joint: round(float(s), 3) for joint, s in shares if s < 1}
         said = ", ".join(f"{joint} {100 * s:.0f} %" for joint, s in less.items())
         lines = [f"{self.out}: {how}, {world.label}"]
-        lines += [f"made smaller, so that no joint passes its speed limit: {said} of the motion"] if less else []
+        lines += (
+            [f"made smaller, so that no joint passes its speed limit: {said} of the motion"]
+            if less and not self.output.quiet
+            else []
+        )
         self.output.give(values | ({"scaled": less} if less else {}), lines)
         return 0
 

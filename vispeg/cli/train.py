@@ -91,6 +91,8 @@ class Args:
     """Episodes of the best policy that are filmed at the end, where the run has no films yet."""
     device: Literal["cpu", "cuda", "auto"] = "cpu"
     """Where networks run."""
+    wandb: str | None = None
+    """A project of Weights & Biases that the curves are sent to as well (WANDB_MODE=offline keeps them in the run)."""
     out: Path | None = None
     """Folder of the run; runs/TASK/TIME_sSEED where not given."""
     resume: Path | None = None
@@ -101,9 +103,12 @@ class Args:
     def run(self) -> int:
         """Trains and says where the policy is."""
         from vispeg.core.errors import UserError
+        from vispeg.core.extras import require
 
         if self.films < 0:
             raise UserError("must not be negative", key="--films", got=self.films)
+        if self.wandb is not None:
+            require("wandb", "--wandb")
         return self._train() if self.resume is None else self._resume(self.resume)
 
     def _train(self) -> int:
@@ -147,6 +152,7 @@ class Args:
             device=self.device,
             threads=self.threads,
             ranges=self.ranges,
+            wandb=self.wandb or "",
         )
         out = self.out or Path("runs") / asked / f"{time.strftime('%Y%m%d-%H%M%S')}_s{self.seed}"
         with self._goes_on(out):

@@ -16,6 +16,7 @@ EXTRAS = {
     "cluster": ("ray",),
     "view": ("viser", "websockets"),
     "viz": ("rerun",),
+    "wandb": ("wandb",),
 }
 
 

@@ -160,7 +160,8 @@ def _correlation(rows: Sequence[SuiteRow]) -> tuple[Measures, str, str]:
     if min(x.std(), y.std()) < SPREAD or not math.isfinite(r.value):
         return measures, CANNOT_TELL, "success hardly varies over the configurations, so there is no correlation"
     status = "healthy" if r.value > HEALTHY else "alarm" if r.value < ALARM else "watch"
-    return measures, status, f"r = {r.value:.2f} ({r.low:.2f} to {r.high:.2f}) over {len(rows)} configurations"
+    numbers = f"r = {r.value:.2f} ({r.low:.2f} to {r.high:.2f})".replace("-", "−")
+    return measures, status, f"{numbers} over {len(rows)} configurations"
 
 
 def other_worlds(versions: Sequence[SuiteRecord]) -> list[str]:

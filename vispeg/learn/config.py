@@ -60,6 +60,7 @@ class TrainConfig:
         threads: of the physics and of the networks.
         ranges: how far draws may leave nominal in reinforcement: `full` is the whole ranges from the first step on,
             `schedule` opens them over the first half of the steps, `adaptive` each as the policy copes with it.
+        wandb: project of Weights & Biases that the curves are sent to; "" for none.
     """
 
     task: str
@@ -81,6 +82,7 @@ class TrainConfig:
     device: str = "cpu"
     threads: int = 1
     ranges: str = "full"
+    wandb: str = ""
 
     def __post_init__(self) -> None:
         for key in ("steps", "envs", "every", "episodes", "threads"):

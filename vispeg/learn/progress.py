@@ -14,7 +14,6 @@ from typing import NotRequired, TypedDict
 
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.logger import Logger
 
 from vispeg.core.files import write_text_atomic
 from vispeg.formats.guard import MB, as_written, read_text
@@ -156,16 +155,6 @@ class Bar:
             self.live.console.print(line, highlight=False)
         elif self.show:
             print(line, file=sys.stderr, flush=True)
-
-
-def tensorboard(folder: Path) -> Logger:
-    """A logger into TensorBoard files, or into nothing where TensorBoard is not installed."""
-    try:
-        from stable_baselines3.common.logger import TensorBoardOutputFormat
-
-        return Logger(str(folder), [TensorBoardOutputFormat(str(folder))])
-    except (ImportError, AssertionError):
-        return Logger(str(folder), [])
 
 
 def failures(categories: list[str]) -> str:

@@ -23,6 +23,7 @@ from vispeg.core.lock import claimed
 from vispeg.core.provenance import command_line, provenance
 from vispeg.learn.checkpoint import Counters, load_state, restart_seed, save_state
 from vispeg.learn.config import TrainConfig, read_config
+from vispeg.learn.curves import curves, record
 from vispeg.learn.device import device_of
 from vispeg.learn.envs import HELD_OUT, MakeEnv, describe, maker
 from vispeg.learn.evaluation import Outcome, run_episodes, success_rate
@@ -35,7 +36,7 @@ from vispeg.learn.methods.rounds import ROUNDS, kept_ring
 from vispeg.learn.methods.sac import AsymmetricSAC
 from vispeg.learn.modalities import modality as modality_of
 from vispeg.learn.policy import NetPolicy, save
-from vispeg.learn.progress import Bar, Row, Table, Watch, failures, tensorboard
+from vispeg.learn.progress import Bar, Row, Table, Watch, failures
 from vispeg.learn.run_folder import begin, begun_by, is_distilled, same_run
 from vispeg.learn.sb3_env import Sb3Env
 from vispeg.worlds.randomized import RandomizedWorld
@@ -125,7 +126,7 @@ class SacRun:
         c, model = self.config, self.model
         table = Table(self.folder / "progress.csv", model.num_timesteps)
         started = time.monotonic() - table.seconds
-        logger = tensorboard(self.folder / "tensorboard")
+        logger = curves(self.folder, c)
         model.set_logger(logger)
         with Bar(c.steps, self.show) as bar:
             watch = Watch(bar, self.recent, self.opening)
@@ -140,10 +141,7 @@ class SacRun:
                 row["train_success"], row["level"] = watch.success, level
                 table.add(row)  # first, because a row without its checkpoint is dropped again, and none is missing
                 self._note(row)
-                for name in ("success", "reward", "peak_force", "train_success", "level"):
-                    if (value := row.get(name)) is not None:
-                        logger.record(f"eval/{name}", value)
-                logger.dump(model.num_timesteps)
+                record(logger, row, "eval", model.num_timesteps)
                 bar.say(line(row))
                 self._restart()
         logger.close()

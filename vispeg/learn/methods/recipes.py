@@ -14,6 +14,7 @@ from typing import Any
 from vispeg.core.errors import UserError
 from vispeg.demonstrations.looks import check
 from vispeg.learn.config import TrainConfig
+from vispeg.learn.curves import curves, record
 from vispeg.learn.envs import MakeEnv
 from vispeg.learn.experience.shown import from_folder
 from vispeg.learn.methods.distill import DistillSettings, distill, imitate
@@ -62,6 +63,7 @@ def distilled(
         run.best, run.command = (before["best"][0], before["best"][1]), before["command"]
     reached = int(before.get("reached", 0))  # rounds in a row, as of SAC's own evaluations afterwards
     table = Table(folder / "progress.csv", 0, rounds.done)
+    logger = curves(folder, config)
     bar, started = Bar(len(settings.betas), show), time.monotonic() - table.seconds
 
     def tell(number: int, loss: float) -> RoundResult:
@@ -70,6 +72,7 @@ def distilled(
         row["updates"], row["stage"], row["actor_loss"] = (number + 1) * settings.updates, f"distill {number}", loss
         row["steps"] = (number + 1) * settings.steps if shown is None else 0
         table.add(row)
+        record(logger, row, "distill", row["updates"])
         bar.say(line(row))
         run.keep(row)
         reached = reached + 1 if row["success"] >= config.target else 0
@@ -83,6 +86,7 @@ def distilled(
             keep_ring(demos, folder / "demos")
             run.model.demos = demos
     run.model.new = False
+    logger.close()
     best = run.close() if config.recipe == "distill" else run.run()
     shutil.rmtree(folder / ROUNDS)
     return best

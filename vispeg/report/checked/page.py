@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from vispeg.recordings.check import CheckReport, JointCheck
+from vispeg.recordings.check import JointCheck
 from vispeg.recordings.check_words import FLAT
 from vispeg.recordings.contact_check import FORCES, WORDS, ContactCheck, said, together
 from vispeg.recordings.excitation import PARAMETERS, UNITS
@@ -103,22 +103,9 @@ def _headline(checked: Sequence[Examined]) -> Mapping[str, object]:
         "title": title,
         "figures": figures,
         "recordings": [
-            {"name": one.name, "clock": _clock(one.report), "lines": lines_of(one)} for one in checked
+            {"name": one.name, "clock": tables.clock(one.report), "lines": lines_of(one)} for one in checked
         ],
     }  # fmt: skip
-
-
-def _clock(report: CheckReport) -> str:
-    clock = report.timing
-    jitter = plain(1e3 * clock.jitter if clock.jitter * clock.rate_hz > 1e-6 else 0.0)
-    return (
-        f"{report.robot.rsplit('/', 1)[-1]}, {report.mode} control, {clock.duration_s:.1f} s at {clock.rate_hz:.4g} Hz "
-        f"(jitter {jitter} ms), {_several(clock.episodes, 'episode')}, {_several(len(clock.gaps), 'gap')}"
-    )
-
-
-def _several(count: int, what: str) -> str:
-    return f"{count} {what}{'s' * (count != 1)}"
 
 
 def _signals(checked: Sequence[Examined]) -> Mapping[str, object]:

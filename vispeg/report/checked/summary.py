@@ -15,13 +15,7 @@ NO_CELL = "state `cell:` in recording.yaml to know what these frames tell of the
 
 def recording_blocks(report: CheckReport) -> list[Block]:
     """Clock and gaps, two tables of the joints, what contact tells, and the warnings."""
-    clock = report.timing
-    gaps = f"{len(clock.gaps)} gap{'s' * (len(clock.gaps) != 1)}"
-    head = (
-        f"{report.robot}, {report.mode} control, {clock.duration_s:.1f} s at {clock.rate_hz:.1f} Hz "
-        f"(jitter {1e3 * clock.jitter:.3g} ms), {clock.episodes} episode{'s' * (clock.episodes != 1)}, {gaps}"
-    )
-    blocks: list[Block] = [Line(head, head=report.recording, path=True)]
+    blocks: list[Block] = [Line(tables.clock(report), head=report.recording, path=True)]
     blocks += [tables.motion(report), Line(""), tables.signals(report)]
     contact = [] if report.contact is None else said(report.contact)
     return [*blocks, *(Line(f"  {line}", path=True) for line in contact), *map(_warning, report.warnings)]

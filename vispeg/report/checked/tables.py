@@ -13,6 +13,20 @@ from vispeg.report.tables import Column, Sheet
 from vispeg.vision.check import CameraCheck
 
 
+def clock(report: CheckReport) -> str:
+    """Robot, controller, length and clock of a recording, in a line."""
+    found = report.timing
+    jitter = plain(1e3 * found.jitter if found.jitter * found.rate_hz > 1e-6 else 0.0)
+    return (
+        f"{report.robot.rsplit('/', 1)[-1]}, {report.mode} control, {found.duration_s:.1f} s at {found.rate_hz:.4g} Hz "
+        f"(jitter {jitter} ms), {_several(found.episodes, 'episode')}, {_several(len(found.gaps), 'gap')}"
+    )
+
+
+def _several(count: int, what: str) -> str:
+    return f"{count} {what}{'s' * (count != 1)}"
+
+
 def motion(report: CheckReport) -> Sheet:
     """Where each joint went, how fast, how often it turned back, and how far it was off its command."""
     heads = ["lowest\nrad", "highest\nrad", "top speed\nrad/s", "reversals\n"]
