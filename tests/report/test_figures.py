@@ -1,6 +1,7 @@
 """Figures keep what matters of the data and stay inside the page."""
 
 import re
+from io import StringIO
 
 import numpy as np
 import pytest
@@ -45,6 +46,23 @@ def test_svg_text_is_text_and_ids_are_its_own():
     used = re.findall(r"url\(#([^)]*)\)", text) + re.findall(r'href="#([^"]*)"', text)
     assert len(ids) == len(set(ids)) and all(i.startswith("mine-") for i in ids)
     assert used and set(used) <= set(ids)
+
+
+def test_a_curve_in_fewer_letters_is_the_same_to_a_twentieth_of_a_pixel():
+    with styled():
+        figure = new_figure(2.0)
+        time = np.linspace(0, 1, 400)
+        figure.add_subplot().plot(time, np.sin(60 * time) * np.exp(-time))
+        raw = StringIO()
+        figure.savefig(raw, format="svg", transparent=True)
+        text = svg(figure, "mine", "a curve")
+    full, short = (
+        max((re.findall(r"-?[\d.]+", d) for d in re.findall(r'\bd="([^"]*)"', t)), key=len)
+        for t in (raw.getvalue(), text)
+    )
+    assert len(full) == len(short) > 200
+    assert np.abs(np.array(full, float) - np.array(short, float)).max() <= 0.0501
+    assert len(text) < 0.6 * len(raw.getvalue())
 
 
 @pytest.mark.parametrize("top", [3.0, 3.01, 7.0, 40.0, 1e4])
