@@ -44,7 +44,7 @@ def test_calibrate_and_show(vispeg, images, tmp_path):
     code, out, _ = vispeg("camera", "show", "w/camera.yaml")
     assert code == 0 and "wrist" in out and "640x480" in out and "flange" in out
     code, out, _ = vispeg("camera", "show", "w/camera.yaml", "--json")
-    assert code == 0 and json.loads(out)[0]["fx"] == camera.fx
+    assert code == 0 and json.loads(out)["cameras"][0]["fx"] == camera.fx
 
 
 def test_given_intrinsics_and_json(vispeg, images, tmp_path):

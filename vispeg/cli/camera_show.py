@@ -48,5 +48,6 @@ class Show:
                     " ".join(f"{value:+.2f}" for value in camera.rotation[:, 2]),
                 ]
             )
-        self.output.give([to_record(camera) for camera in cameras], [Sheet([Column(head) for head in heads], rows)])
+        values = {"cameras": [to_record(camera) for camera in cameras]}
+        self.output.give(values, [Sheet([Column(head) for head in heads], rows)])
         return 0

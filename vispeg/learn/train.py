@@ -23,7 +23,8 @@ from vispeg.core.lock import claimed
 from vispeg.core.provenance import command_line, provenance
 from vispeg.learn.checkpoint import Counters, load_state, restart_seed, save_state
 from vispeg.learn.config import TrainConfig, read_config
-from vispeg.learn.curves import curves, record
+from vispeg.learn.curves.loggers import curves, record
+from vispeg.learn.curves.progress import Bar, Row, Table, Watch, failures
 from vispeg.learn.device import device_of
 from vispeg.learn.envs import HELD_OUT, MakeEnv, describe, maker
 from vispeg.learn.evaluation import Outcome, run_episodes, success_rate
@@ -36,7 +37,6 @@ from vispeg.learn.methods.rounds import ROUNDS, kept_ring
 from vispeg.learn.methods.sac import AsymmetricSAC
 from vispeg.learn.modalities import modality as modality_of
 from vispeg.learn.policy import NetPolicy, save
-from vispeg.learn.progress import Bar, Row, Table, Watch, failures
 from vispeg.learn.run_folder import begin, begun_by, is_distilled, same_run
 from vispeg.learn.sb3_env import Sb3Env
 from vispeg.worlds.randomized import RandomizedWorld

@@ -14,12 +14,12 @@ from typing import Any
 from vispeg.core.errors import UserError
 from vispeg.demonstrations.looks import check
 from vispeg.learn.config import TrainConfig
-from vispeg.learn.curves import curves, record
+from vispeg.learn.curves.loggers import curves, record
+from vispeg.learn.curves.progress import Bar, Table
 from vispeg.learn.envs import MakeEnv
 from vispeg.learn.experience.shown import from_folder
 from vispeg.learn.methods.distill import DistillSettings, distill, imitate
 from vispeg.learn.methods.rounds import ROUNDS, RoundResult, Rounds, keep_ring
-from vispeg.learn.progress import Bar, Table
 from vispeg.learn.run_folder import begin, settled
 from vispeg.learn.teacher import Teacher, teacher_of
 from vispeg.learn.train import SacRun, line

@@ -15,7 +15,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.extras import require
 from vispeg.core.files import write_text_atomic
 from vispeg.learn.config import TrainConfig
-from vispeg.learn.progress import Row
+from vispeg.learn.curves.progress import Row
 
 TOLD = ("success", "reward", "peak_force", "train_success", "level", "actor_loss")
 RUN_ID = "wandb.json"  # which run of Weights & Biases a folder is: a resumed one goes on there

@@ -1,0 +1,1 @@
+"""How a run tells where it is: its table, the terminal, TensorBoard, Weights & Biases."""
