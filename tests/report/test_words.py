@@ -6,6 +6,7 @@ import pytest
 
 from vispeg.report import effect_words, words
 from vispeg.report.quantities import interval, plain, quantity
+from vispeg.report.terminal import effects_table
 
 
 def _ladder(*held, floor=1e-4, **more):
@@ -95,6 +96,8 @@ def test_an_interval_sets_the_decimals_of_its_value():
     assert interval(1.3123, 1.224, 1.401) == ("1.312", "1.224 to 1.401")
     assert interval(1312.3, 1224.0, 1401.0) == ("1312", "1224 to 1401")
     assert interval(0.5, None, None) == ("0.5000", "")
+    assert interval(2.94e-5, 1.9e-5, 4.3e-5) == ("2.9e−5", "1.9e−5 to 4.3e−5")
+    assert interval(0.0, 0.0, 4.3e-5) == ("0", "0 to 4.3e−5")
 
 
 @pytest.mark.parametrize("count", [2, 5, 6, 16])
@@ -140,3 +143,13 @@ def test_a_direction_in_which_nothing_was_fitted_goes_unsaid():
     assert "z" in effect_words.size(row) and "roll" not in effect_words.size(row)
     row["params"]["z"]["value"] = 0.0
     assert "roll" in effect_words.size(row)
+
+
+def test_a_parameter_that_was_not_looked_for_has_no_row_beside_those_that_were():
+    z = {"value": 2.98e-5, "low": 1.79e-5, "high": 4.48e-5, "unit": "m/N"}
+    bare = {"value": 0.0, "unit": "m/N"}
+    placed = {"effect": "fixture_compliance", "where": "fixture", "params": {"x": bare, "z": z}}
+    (row,) = effects_table({"effects": [placed]}).rows
+    assert row[1:] == ["z", "3.0e−5", "1.8e−5 to 4.5e−5", "m/N"]
+    assert len(effects_table({"effects": [{**placed, "params": {"x": bare}}]}).rows) == 1
+    assert len(effects_table({"effects": [{**placed, "params": {"x": {**bare, "value": 1e-5}, "z": z}}]}).rows) == 2

@@ -57,10 +57,18 @@ def fold(ratio: float) -> str:
 
 
 def interval(value: Any, low: Any, high: Any) -> tuple[str, str]:
-    """(value, interval) as text, with decimals such that the interval's half-width keeps two digits."""
+    """(value, interval) as text, with decimals such that the interval's half-width keeps two digits.
+
+    Below 1e-4 all have the same power of ten.
+    """
     x, a, b = number(value), number(low), number(high)
     if x is None or a is None or b is None or not b > a:
         return plain(value, 4), "" if a is None or b is None else f"{plain(a, 4)} to {plain(b, 4)}"
+    power = math.floor(math.log10(max(abs(x), abs(a), abs(b))))
+    if power < -4:
+        value, span = interval(x * 10.0**-power, a * 10.0**-power, b * 10.0**-power)
+        ends = [f"{v}e−{-power}" if v.strip("−0.") else "0" for v in (value, *span.split(" to "))]
+        return ends[0], f"{ends[1]} to {ends[2]}"
     decimals = 1 - math.floor(math.log10((b - a) / 2))
     if decimals > 6 or max(abs(x), abs(a), abs(b)) >= 1e6:
         return plain(x, 4), f"{plain(a, 4)} to {plain(b, 4)}"

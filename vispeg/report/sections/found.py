@@ -45,7 +45,19 @@ _NOTHING: dict[str, str] = dict.fromkeys(("param", "value", "interval", "unit", 
 
 
 def _params(effect: Mapping[str, Any]) -> list[dict[str, str]]:
-    return [_row(str(effect.get("effect")), param, p) for param, p in params_of(effect).items()]
+    name, values = str(effect.get("effect")), params_of(effect)
+    fitted = any(_fitted(p) for p in values.values())
+    return [_row(name, k, p) for k, p in values.items() if _fitted(p) or not fitted or not _at_null(name, k, p)]
+
+
+def _fitted(p: Mapping[str, Any]) -> bool:
+    return number(p.get("low")) is not None and number(p.get("high")) is not None
+
+
+def _at_null(name: str, param: str, p: Mapping[str, Any]) -> bool:
+    """Whether a value is the one that changes nothing: beside fitted ones it was not looked for."""
+    known = bounds_of(name, param)
+    return known is not None and number(p.get("value")) == known.null
 
 
 def _effect(effect: Mapping[str, Any]) -> Mapping[str, object]:
