@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from vispeg.recordings.check_words import warnings_of
 from vispeg.recordings.contact_check import ContactCheck
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.excitation import Excitation, excitation
-from vispeg.recordings.noise import highpass_sigma
+from vispeg.recordings.noise import highpass_sigma, silent
 from vispeg.recordings.quality import Limits, quantization, saturated
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.spikes import Spike, spikes, without
@@ -19,7 +20,6 @@ from vispeg.recordings.timing import Timing, timing, within_episode
 
 SMOOTHING_HZ = 20.0
 OVER_ANGLE, OVER_SPEED, OVER_TORQUE = 1e-3, 1.02, 1.02  # rad; factors: beyond what noise can do
-SILENT_TAU = 1e-5  # share of the peak torque: no sensor is as quiet as this
 SIGNALS = ("tau", "tau_cmd", "q_cmd")  # beside q: all that is looked at here
 
 
@@ -91,7 +91,6 @@ def check(
         limits: the robot's limits in the order of `rec.joints`, or None where they are not known.
         told: is told which share of the joints has been examined.
     """
-    from vispeg.recordings.check_words import warnings_of
     from vispeg.recordings.importers.plausible import doubts
 
     clock, joints = timing(rec), []
@@ -154,11 +153,6 @@ def _joint(rec: Recording, j: int, clock: Timing, limits: Limits | None) -> Join
         noise_tau=sigma_tau,
         excitation=excitation(*motion, noise_tau=used),
     )
-
-
-def silent(sigma: float | None, peak: float | None) -> bool:
-    """Whether a torque signal shows less noise than any sensor has."""
-    return sigma is not None and peak is not None and sigma < SILENT_TAU * peak
 
 
 def _sigma(values: np.ndarray) -> float:

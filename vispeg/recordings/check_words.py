@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vispeg.recordings.check import JointCheck, silent
 from vispeg.recordings.importers.plausible import Doubt
+from vispeg.recordings.noise import silent
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.spikes import Spike
 from vispeg.recordings.timing import Timing
+
+if TYPE_CHECKING:
+    from vispeg.recordings.check import JointCheck
 
 SILENT_Q = 1e-7  # rad: no encoder is as quiet as this
 FLAT = 0.02  # least share of its own that a parameter's column needs to be told from the others

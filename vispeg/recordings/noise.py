@@ -11,6 +11,8 @@ from vispeg.recordings.cell import LEVER
 from vispeg.recordings.quality import quantization
 from vispeg.recordings.recording import Recording
 
+SILENT_TAU = 1e-5  # share of the peak torque: no sensor is as quiet as this
+
 
 def highpass_sigma(values: np.ndarray) -> np.ndarray:
     """1-sigma white noise of each column of (n, nj), from fourth differences: motion is smooth over five samples.
@@ -107,3 +109,8 @@ def same_motion(a: Recording, b: Recording) -> bool:
     commands = [(getattr(a, name), getattr(b, name)) for name in ("q_cmd", "tau_cmd", "ee_cmd")]
     given = [(x[:rows], y[:rows]) for x, y in commands if x is not None and y is not None]
     return bool(given) and all(np.allclose(x, y, rtol=0, atol=1e-6, equal_nan=True) for x, y in given)
+
+
+def silent(sigma: float | None, peak: float | None) -> bool:
+    """Whether a torque signal shows less noise than any sensor has."""
+    return sigma is not None and peak is not None and sigma < SILENT_TAU * peak

@@ -120,10 +120,16 @@ class BorderEvidence(Evidence):
                 return answer
         parts = []
         for item, away, whiten in zip(self.items, self.misplaced(world), self._whiten, strict=True):
-            parts.append(whiten(_weighted(item, away)))
+            parts.append(whiten(self.weighted(item, away)))
         out = np.concatenate(parts)
         self._recent = [(world, out), *self._recent[:15]]
         return out
+
+    @staticmethod
+    def weighted(item: Item, away: np.ndarray) -> np.ndarray:
+        """Misplacements (n,) in units of the noise, those that are not trusted 0."""
+        r = np.where(np.isnan(away) & np.isfinite(item.points.along), PENALTY, np.nan_to_num(away))
+        return np.clip(r / item.sigma[0], -PENALTY, PENALTY) * np.sqrt(item.trust) * item.valid[:, 0]
 
     @property
     def count(self) -> int:
@@ -166,7 +172,7 @@ class BorderEvidence(Evidence):
         out, nj = [], len(self.scene.joints)
         for item, away, (common, joints) in zip(self.items, self.misplaced(world), self._columns, strict=True):
             columns = np.concatenate([common, max(self.robot, 1e-6) * joints], axis=1)
-            r = _weighted(item, away)
+            r = self.weighted(item, away)
             unknown = np.linalg.solve(columns.T @ columns + np.eye(columns.shape[1]), columns.T @ r)
             frames, posture = np.unique(item.points.frame), np.zeros((len(item.sight), nj))
             posture[frames] = self.robot * unknown[common.shape[1] :].reshape(-1, nj)
@@ -209,7 +215,7 @@ class BorderEvidence(Evidence):
         """
         from vispeg.identify.pictures.fixed import slopes
 
-        residual = [_weighted(i, a) for i, a in zip(self.items, self.misplaced(self.settled), strict=True)]
+        residual = [self.weighted(i, a) for i, a in zip(self.items, self.misplaced(self.settled), strict=True)]
         fixed = slopes(self)
         best, most = ROBOT[0], -np.inf
         for size in ROBOT:
@@ -222,12 +228,6 @@ class BorderEvidence(Evidence):
             fit = -0.5 * (rest + sum(w.logdet for w in whiten) + np.linalg.slogdet(information)[1])
             best, most = (size, fit) if fit > most else (best, most)
         return best
-
-
-def _weighted(item: Item, away: np.ndarray) -> np.ndarray:
-    """Misplacements (n,) in units of the noise, those that are not trusted 0."""
-    r = np.where(np.isnan(away) & np.isfinite(item.points.along), PENALTY, np.nan_to_num(away))
-    return np.clip(r / item.sigma[0], -PENALTY, PENALTY) * np.sqrt(item.trust) * item.valid[:, 0]
 
 
 def _edges(p: Points, scale: np.ndarray, away: np.ndarray) -> list[np.ndarray]:

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
 def slopes(evidence: BorderEvidence) -> list[np.ndarray]:
     """Per item, derivatives (n, k) of the weighted misplacement to the free model's parameters, in typical sizes."""
-    from vispeg.identify.pictures.evidence import _weighted
-
     cameras = list(dict.fromkeys(i.sight.camera.name for i in evidence.items))
     world, free = free_world(evidence.settled, evidence.geometry.scene.joints, cameras)
     space = Space(world, free)
@@ -24,5 +22,6 @@ def slopes(evidence: BorderEvidence) -> list[np.ndarray]:
     here, columns = evidence.misplaced(space.at(u)), []
     for step, axis in zip(space.steps(u), np.eye(len(u)), strict=True):
         moved = evidence.misplaced(space.at(u + step * axis))
-        columns.append([_weighted(i, (m - h)) / step for i, m, h in zip(evidence.items, moved, here, strict=True)])
+        pairs = zip(evidence.items, moved, here, strict=True)
+        columns.append([evidence.weighted(i, (m - h)) / step for i, m, h in pairs])
     return [np.stack([c[i] for c in columns], 1) for i in range(len(evidence.items))]
