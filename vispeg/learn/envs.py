@@ -20,7 +20,7 @@ HELD_OUT = 2**31  # seeds from here on are never drawn by training, whose seeds 
 def maker(seen: Modality, world: str, sac: SacSettings, threads: int, dump: Path | None = None) -> MakeEnv:
     """Makes environments of a world's task in a modality; for a policy with a memory, without a stack.
 
-    Episodes that diverge leave themselves behind in `dump`.
+    An episode that diverges is written into `dump`, so that it can be played again.
     """
 
     def make(rows: int, settings: Mapping[str, Any]) -> VectorEnv:
