@@ -3,8 +3,10 @@
 import os
 import shutil
 from pathlib import Path
+from urllib.parse import urlparse
 
 import numpy as np
+import pressed
 import pytest
 from loops import drive, recorded
 
@@ -53,6 +55,30 @@ def rigs(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def touched(tmp_path_factory) -> Path:
+    """A folder with two recordings of contact in a cell whose fixture gives way by 30 um a newton."""
+    folder = tmp_path_factory.mktemp("touched")
+    hidden = EffectInstance.of("fixture_compliance", "fixture", z=3e-5)
+    write(pressed.recorded((hidden,)), folder / "press-a")
+    write(pressed.recorded((hidden,), 1, True), folder / "press-b")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def looked(tmp_path_factory) -> Path:
+    """A folder with two recordings of a wrist camera that sits 6 mm off."""
+    from vispeg.cli.main import main
+
+    folder = tmp_path_factory.mktemp("looked")
+    options = ["--motion", "look", "--effects", "camera_offset:wrist_wide:x=0.006", "--size", "128x96"]
+    options += ["--fps", "0.4", "--rate", "100", "--quiet"]
+    for seed in (1, 2):
+        again = ["--seed", str(seed), "--look", f"S/{seed + 3}", "--out", str(folder / f"look-{seed}")]
+        assert main(["record", "peg-cell", *options, *again]) == 0
+    return folder
+
+
+@pytest.fixture(scope="session")
 def reports(rigs, tmp_path_factory):
     """Name -> page of a diagnosis, a comparison, a fit, a gap and a check."""
     out = tmp_path_factory.mktemp("reports")
@@ -81,3 +107,43 @@ def chromium():
         browser = driver.chromium.launch(executable_path=path, args=options)
         yield browser
         browser.close()
+
+
+@pytest.fixture
+def page_of(chromium):
+    """Opens an app in a window; no request may leave the machine, and no script may fail."""
+    requests, errors, windows = [], [], []
+
+    def look(app, width=1000, height=560, **more):
+        window = chromium.new_page(viewport={"width": width, "height": height}, **more)
+        window.set_default_timeout(180_000)  # ms, on a busy machine
+        window.on("request", lambda request: requests.append(request.url))
+        window.on("websocket", lambda socket: requests.append(socket.url))
+        window.on("pageerror", lambda error: errors.append(str(error)))
+        window.goto(app.url)
+        windows.append(window)
+        return window
+
+    yield look
+    for window in windows:
+        window.close()
+    assert requests and not errors
+    hosts = {urlparse(url.removeprefix("blob:")).hostname for url in requests if not url.startswith("data:")}
+    assert hosts == {"127.0.0.1"}
+
+
+@pytest.fixture
+def served(tmp_path):
+    """Serves the page of some sources, with results in a folder of the test; ends it afterwards."""
+    from vispeg.view.app import App
+    from vispeg.view.opened import opened
+
+    made = []
+
+    def serve(*sources):
+        made.append(App(opened([str(s) for s in sources]), tmp_path / "out", port=8420, threads=1))
+        return made[-1]
+
+    yield serve
+    for app in made:
+        app.close()

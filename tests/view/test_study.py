@@ -7,8 +7,8 @@ import pytest
 
 from vispeg.api.diagnose import diagnose
 from vispeg.core.errors import UserError
-from vispeg.view.standing import Standing
-from vispeg.view.study import STEPS, Study
+from vispeg.view.diagnose.standing import Standing
+from vispeg.view.diagnose.study import STEPS, Study
 
 
 class Heard(list):
@@ -120,7 +120,8 @@ def test_a_recording_with_a_wrench_and_pictures_shows_both_at_the_moment(tmp_pat
     (track,) = heard.last("standing").tracks[:1]
     frames = rec.frames.of(rec.frames.names[0])
     assert rec.frames.names[0] in track.cameras
-    start = rec.time[made.against.items[0].segment.rows[0]]
+    assert track.measured is None and heard.last("standing").unit == "px"
+    start = made.subject.recorded(0)[1]
     made.picture(0, float(frames.times[2] - start) + 0.1, rec.frames.names[0])
     seen = heard.last("pictured")
     assert seen.time == pytest.approx(frames.times[2] - start)

@@ -8,6 +8,8 @@ Example:
     vispeg view rig-a rig-b rig-c --model arm.urdf
     vispeg view log.csv
     vispeg view depth-S randomized
+    vispeg view frames
+    vispeg view runs/peg-state
 """
 
 from __future__ import annotations
@@ -25,7 +27,8 @@ class Args:
     """Arguments of `vispeg view`."""
 
     sources: tyro.conf.Positional[tuple[str, ...]] = ()
-    """Recordings, folders of them, logs, a model, a world, or a policy; none opens an empty page."""
+    """Recordings, folders of them, logs, a model, a world, a policy, a dataset, or a training run; none opens an empty
+    page."""
     model: str | None = None
     """A model file, a robot's name, or a path to an MJCF or URDF; iiwa14 where none is named."""
     out: Path = Path("vispeg-view")
@@ -35,7 +38,7 @@ class Args:
     browser: bool = True
     """Open the browser."""
     dark: bool = False
-    """Light on dark."""
+    """Light on dark, whatever the system says."""
     native: bool = False
     """Show the model, with the effects that MuJoCo has elements for, in MuJoCo's own viewer instead."""
     threads: int = 2

@@ -58,22 +58,31 @@ class ContactSearch(Search):
 
     def step(self, state: State, given: int) -> list[Trial]:
         """Profiles the library, fits the best and, where none of them reaches the floor, their pairs."""
-        where, has = places(self.evidence, state.world), {e.effect for e in state.world.effects}
-        probes = self.probed(state.world, where)
-        scores = state.screening = strongest(probes)
-        self.evidence.absent = {a for a in self.evidence.absent if a[0] in has} | idle(probes)
+        scores, tested = self.scored(state), self.tested(state)
         need = max(self.evidence.least_gain * self.judge.mean(state.loss), self.least_share * state.scale)
         scores = [s for s in scores if s.gain >= max(SURE, PROMISE * need * self.evidence.count)]
         short = [s for i, s in enumerate(scores[:SINGLES]) if i < 2 or s.gain > WORTH * scores[0].gain]
         if not short:
             return []
-        trials = self.try_all(state, short, given, len(where))
+        trials = self.try_all(state, short, given, tested)
         best = min(trials, key=lambda t: float(t.loss.sum()))
         if len(trials) < 2 or self.judge.mean(best.loss) < FLOOR:
             return trials
         pairs = self.pairs(trials)
-        trials = trials + (self.try_all(state, pairs, given, len(where)) if pairs else [])
+        trials = trials + (self.try_all(state, pairs, given, tested) if pairs else [])
         return sorted(trials, key=lambda t: (bool(t.rejected), float(t.loss.sum())))
+
+    def scored(self, state: State) -> list[Score]:
+        """The best size of each effect beside a state; what no size of shows is not freed in the fits that follow."""
+        has = {e.effect for e in state.world.effects}
+        probes = self.probed(state.world, places(self.evidence, state.world))
+        state.screening = strongest(probes)
+        self.evidence.absent = {a for a in self.evidence.absent if a[0] in has} | idle(probes)
+        return state.screening
+
+    def tested(self, state: State) -> int:
+        """Every effect that is not in the world yet."""
+        return len(places(self.evidence, state.world))
 
     def take(self, state: State, trial: Trial, trials: list[Trial], given: int) -> None:
         """Adds what a trial tried, and leaves out of it the parameters whose interval includes their absence."""

@@ -13,6 +13,11 @@ from vispeg.datasets.stored import Stored
 from vispeg.formats.guard import is_file
 
 
+def holds_dataset(folder: Path) -> bool:
+    """Whether a folder looks like a dataset in one of the layouts that `open_dataset` reads."""
+    return is_file(folder / INFO) or is_file(folder / WHOLE) or any(folder.glob(f"*/*/{CAMERA}"))
+
+
 def open_dataset(folder: str | Path) -> Dataset | Stored:
     """The dataset in a folder. Raises UserError where there is none, or one that cannot be read."""
     path = Path(folder).expanduser()

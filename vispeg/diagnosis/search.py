@@ -113,6 +113,17 @@ class Search(Proposals):
             trials = self.step_at(state, given, rest, missing, len(near) + len(rest)) + trials
         return trials
 
+    def scored(self, state: State) -> list[Score]:
+        """The candidates beside a state, best first by the share of the fitted error that each promises to explain."""
+        missing = self.missing(state.world)
+        near, _, together = self.places(state, missing)
+        return self.screened(state.world, state.residual, state.fit, near, missing, together)
+
+    def tested(self, state: State) -> int:
+        """How many places share the level of the test where one of them is tried beside a state."""
+        near, rest, _ = self.places(state, self.missing(state.world))
+        return len(near) + len(rest)
+
     def places(
         self, state: State, missing: Sequence[MissingTorque]
     ) -> tuple[list[tuple[str, str]], list[tuple[str, str]], list[list[tuple[str, str]]]]:

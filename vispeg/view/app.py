@@ -11,11 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from vispeg.view import html
+from vispeg.view.colours import Colours
+from vispeg.view.data_page import DataPage
+from vispeg.view.diagnose.page import StudyPage
 from vispeg.view.import_page import ImportPage
 from vispeg.view.opened import Opened
-from vispeg.view.place import Page, Place
+from vispeg.view.place import ARM, Page, Place
 from vispeg.view.policy_page import PolicyPage
-from vispeg.view.study_page import StudyPage
+from vispeg.view.run_page import RunPage
 from vispeg.view.world_page import WorldPage
 
 HOST = "127.0.0.1"
@@ -30,7 +33,7 @@ class App:
         out: folder of results.
         port: to listen at; the next free one where it is taken.
         threads: of simulations.
-        dark: light on dark.
+        dark: light on dark, whatever the system says.
     """
 
     def __init__(self, opened: Opened, out: Path, *, port: int = 8080, threads: int = 2, dark: bool = False):
@@ -40,24 +43,24 @@ class App:
             self.server = viser.ViserServer(host=HOST, port=port, label="vispeg", verbose=False)
         self.url = f"http://{HOST}:{self.server.get_port()}"
         gui = self.server.gui
-        gui.configure_theme(show_share_button=False, show_logo=False, dark_mode=dark)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(370)
         gui.add_html(html.style())
-        camera = self.server.initial_camera
-        camera.position, camera.look_at = (1.7, -1.5, 1.1), (0.1, 0.0, 0.55)
         place = Place(self.server, out, threads)
-        titles = [kind.title for kind in (ImportPage, StudyPage, WorldPage, PolicyPage)]
+        place.look(ARM)
+        titles = [kind.title for kind in (ImportPage, StudyPage, WorldPage, PolicyPage, DataPage, RunPage)]
         self.chooser = gui.add_button_group("Page", titles)
         self.chooser.on_click(lambda _: self.show(str(self.chooser.value)))
-        self.dark = gui.add_checkbox("Dark", initial_value=dark)
-        self.dark.on_update(lambda _: self._themed())
+        self.colours = Colours(self.server, dark)
         self.study = StudyPage(place, opened.model, list(opened.recordings))
+        self.policies = PolicyPage(place, opened.policy, opened.world)
         self.pages: list[Page] = [
             ImportPage(place, opened.logs, opened.model, self._recorded),
             self.study,
             WorldPage(place, opened.world),
-            PolicyPage(place, opened.policy, opened.world),
+            self.policies,
+            DataPage(place, opened.dataset),
+            RunPage(place, opened.run, self._play),
         ]
         self.show(opened.page)
 
@@ -72,16 +75,17 @@ class App:
         self.study.add(folder)
         self.show(self.study.title)
 
+    def _play(self, policy: str) -> None:
+        """A run's checkpoint is to be played: the page of policies does it."""
+        self.show(self.policies.title)
+        self.policies.choose(policy)
+
     def close(self) -> None:
         """Ends the workers and the server."""
         for page in self.pages:
             page.close()
         with contextlib.redirect_stdout(io.StringIO()):
             self.server.stop()
-
-    def _themed(self) -> None:
-        gui = self.server.gui
-        gui.configure_theme(show_share_button=False, show_logo=False, dark_mode=bool(self.dark.value))
 
 
 @contextlib.contextmanager

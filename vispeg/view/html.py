@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,11 +12,16 @@ from vispeg.report import words
 from vispeg.report.page import templates
 from vispeg.report.quantities import plain, prefix, quantity
 from vispeg.report.sections.maps import LABELS, SHADES
-from vispeg.view.standing import Field, Standing, Tried
+from vispeg.view.diagnose.standing import Field, Standing, Tried
 
 if TYPE_CHECKING:
     from vispeg.evaluation.films.moments import Moment
+    from vispeg.view.frames import Frame, Holding
     from vispeg.view.importing import Look, Proposed
+    from vispeg.view.run_folder import Run
+
+
+AXES = {k: v for k, v in LABELS.items() if k != "frequency"} | {"contact": "phase of contact", "part": "part"}
 
 
 def _page(template: str, **values: object) -> str:
@@ -24,6 +31,14 @@ def _page(template: str, **values: object) -> str:
 def style() -> str:
     """The style of the pieces; once a page."""
     return _page("style")
+
+
+def window(target: str) -> str:
+    """What runs once a window, see window.js; it types into the field whose label is for `target`."""
+    templates = _templates()
+    assert templates.loader is not None
+    script, _, _ = templates.loader.get_source(templates, "window.js")
+    return _page("window", target=target, script=script)
 
 
 def note(text: str) -> str:
@@ -62,29 +77,31 @@ def ladder(standing: Standing) -> str:
 
 
 def heat(standing: Standing, axis: str, chosen: str, target: str) -> str:
-    """The map of one axis as buttons; a press types `JOINT TRACK TIME` into the field whose label is for `target`."""
+    """The map of one axis as buttons; a press types `COLUMN, TRACK TIME` into the field whose label is for `target`."""
     field = standing.maps[axis]
     top = max(float(np.nanmax(field.first, initial=3.0)), 3.0)
     rows = []
-    for j, joint in enumerate(standing.joints):
-        cells = [_cell(standing, field, j, i, top, joint) for i in range(field.now.shape[1])]
-        rows.append((joint, cells))
+    for j, column in enumerate(standing.columns):
+        cells = [_cell(standing, field, j, i, top, column) for i in range(field.now.shape[1])]
+        rows.append((column, cells))
     edges = [plain(0.0 if abs(e) < 1e-9 else e, 2) for e in field.edges]
-    ends = edges[0], edges[len(edges) // 2], edges[-1]
-    return _page("heat", rows=rows, ends=ends, label=LABELS[axis], chosen=chosen, target=target)
+    ends = field.labels or (edges[0], edges[len(edges) // 2], edges[-1])
+    words = {"shows": standing.shows, "label": AXES[axis], "chosen": chosen, "target": target}
+    return _page("heat", rows=rows, ends=ends, each=bool(field.labels), **words)
 
 
-def _cell(standing: Standing, field: Field, j: int, i: int, top: float, joint: str) -> dict[str, str] | None:
+def _cell(standing: Standing, field: Field, j: int, i: int, top: float, column: str) -> dict[str, str] | None:
     value = float(field.now[j, i])
     if not np.isfinite(value) or not np.isfinite(field.moment[j, i]).all():
         return None
     track, time = int(field.moment[j, i, 0]), float(field.moment[j, i, 1])
-    low, high = plain(field.edges[i], 2), plain(field.edges[i + 1], 2)
+    ranged = f"{plain(field.edges[i], 2)} to {plain(field.edges[i + 1], 2)}"
+    cell = field.labels[i] if field.labels else ranged
     share = float(np.clip(np.log(max(value, 1.0)) / np.log(top), 0, 1))
     colour, dark = _shade(share)
-    title = f"{joint}, {low} to {high}: {plain(value, 2)} times the noise; {standing.tracks[track].name}, {time:.2f} s"
-    go = f"{joint} {track + 1} {time:.3f}"
-    text = f"{value:.0f}" if value < 999.5 else f"{value / 1000:.0f}k"
+    title = f"{column}, {cell}: {plain(value, 2)} times the noise; {standing.tracks[track].name}, {time:.2f} s"
+    go = f"{column}, {track + 1} {time:.3f}"
+    text = f"{value:.1f}" if value < 9.95 else f"{value:.0f}" if value < 999.5 else f"{value / 1000:.0f}k"
     return {"go": go, "title": title, "colour": colour, "ink": "#fff" if dark else "#16181d", "text": text}
 
 
@@ -130,6 +147,34 @@ def columns(proposed: Proposed) -> str:
 def doubts(look: Look) -> str:
     """What the units that are chosen make impossible."""
     return _page("doubts", samples=look.samples, joints=len(look.joints), rate=f"{look.rate_hz:g}", doubts=look.doubts)
+
+
+def run(run: Run) -> str:
+    """Where a training run stands."""
+    steps = run.curves.get("steps", np.zeros(0))
+    last = {"steps": f"{steps[-1]:.0f}", "success": f"{100 * run.curves['success'][-1]:.0f}"} if len(steps) else {}
+    return _page(
+        "run", name=run.folder.name, rows=len(steps), failures=run.failures, **{"steps": "", "success": "", **last}
+    )
+
+
+def film(name: str, data: bytes) -> str:
+    """A film, in the page itself."""
+    return _page("film", name=name, data=base64.b64encode(data).decode())
+
+
+def frame(frame: Frame, holding: Holding) -> str:
+    """A frame of a dataset: its place, its numbers, the colours of its parts, and what was drawn for it."""
+    from vispeg.report.dataset.pictures import part_picture
+
+    colours = part_picture(np.arange(1, len(holding.parts) + 1)) if holding.parts else np.zeros((0, 3), int)
+    key = [(name, "rgb({},{},{})".format(*c)) for name, c in zip(holding.parts, colours, strict=True)]
+    return _page("frame", frame=frame, holding=holding, key=key)
+
+
+def draws(spread: Mapping[str, object]) -> str:
+    """Histograms of what was drawn over all episodes of a dataset."""
+    return _page("draws", **spread)
 
 
 def drawn(values: list[tuple[str, str]]) -> str:

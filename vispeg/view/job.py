@@ -32,6 +32,11 @@ class Job:
         self.button.on_click(lambda _: self.stop())
         self.trouble = gui.add_html("", visible=False)
 
+    @property
+    def busy(self) -> bool:
+        """Whether something that was asked for is not done."""
+        return self.worker is not None and self.worker.busy
+
     def begin(self, make: Callable[..., object], args: tuple[Any, ...], *asked: str) -> None:
         """Gives up what is running, starts a new process and asks for the first things."""
         self.end()

@@ -7,13 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vispeg.core.errors import UserError
+from vispeg.datasets.opening import holds_dataset
 from vispeg.learn.shipped import names
+from vispeg.recordings.cell import PEG_CELL
 from vispeg.robots.model import known
 from vispeg.task.world_file import is_world
+from vispeg.view.run_folder import newest
 
 TABLES = (".csv", ".gz", ".parquet", ".npz", ".mcap", ".bag", ".db3")
 
-EXPECTED = "a recording, a folder of some, a log, a model, a world, or a policy"
+EXPECTED = "a recording, a folder of some, a log, a model, a world, a policy, a dataset, or a training run"
 
 
 @dataclass(frozen=True)
@@ -26,6 +29,7 @@ class Opened:
         logs: files that are no recordings yet.
         world: a world's name or file; "" where none was named.
         policy: a policy's name or folder; "" likewise.
+        dataset, run: folders of a dataset and of a training run; "" likewise.
     """
 
     recordings: tuple[Path, ...] = ()
@@ -33,13 +37,16 @@ class Opened:
     logs: tuple[Path, ...] = ()
     world: str = ""
     policy: str = ""
+    dataset: str = ""
+    run: str = ""
 
     @property
     def page(self) -> str:
         """The page that what was named is seen on."""
-        if self.recordings or not (self.logs or self.world or self.policy):
+        if self.recordings:
             return "Diagnose"
-        return "Policies" if self.policy else "Worlds" if self.world else "Import"
+        named = {"Policies": self.policy, "Training": self.run, "Data": self.dataset, "Worlds": self.world}
+        return next((title for title, what in named.items() if what), "Import" if self.logs else "Diagnose")
 
 
 def opened(sources: Sequence[str]) -> Opened:
@@ -50,12 +57,12 @@ def opened(sources: Sequence[str]) -> Opened:
     """
     recordings: list[Path] = []
     logs: list[Path] = []
-    model, world, policy = "iiwa14", "", ""
+    model, world, policy, dataset, run = "iiwa14", "", "", "", ""
     for text in sources:
         path = Path(text)
         if not path.exists() and text in names():
             policy = text
-        elif not path.exists() and text in known():
+        elif not path.exists() and text in (*known(), PEG_CELL):
             model = text
         elif not path.is_dir() and _is_world(text):
             world = text
@@ -69,8 +76,12 @@ def opened(sources: Sequence[str]) -> Opened:
             policy = text
         elif (path / "recording.yaml").is_file():
             recordings.append(path)
+        elif holds_dataset(path):
+            dataset = text
         elif path.is_dir() and (inside := _recordings(path)):
             recordings += inside
+        elif path.is_dir() and newest(path) is not None:
+            run = text
         elif path.is_dir() and (path / "model.yaml").is_file():
             model = str(path / "model.yaml")
         elif path.suffix.lower() in (".yaml", ".yml", ".xml", ".urdf", ".mjcf"):
@@ -79,7 +90,7 @@ def opened(sources: Sequence[str]) -> Opened:
             logs.append(path)
         else:
             raise UserError("is nothing that can be shown", file=text, expected=EXPECTED)
-    return Opened(tuple(dict.fromkeys(recordings)), model, tuple(logs), world, policy)
+    return Opened(tuple(dict.fromkeys(recordings)), model, tuple(logs), world, policy, dataset, run)
 
 
 def _recordings(folder: Path) -> list[Path]:

@@ -11,6 +11,11 @@ if TYPE_CHECKING:
     import viser
 
 
+View = tuple[tuple[float, float, float], tuple[float, float, float]]
+ARM: View = (1.7, -1.5, 1.1), (0.1, 0.0, 0.55)  # of an arm alone
+CELL: View = (1.55, -1.35, 0.9), (0.45, -0.1, 0.25)  # between the walls of a cell
+
+
 @dataclass(frozen=True)
 class Place:
     """Where a page stands.
@@ -29,6 +34,12 @@ class Place:
     def gui(self) -> Any:
         """The elements of the panels."""
         return self.server.gui
+
+    def look(self, view: View) -> None:
+        """Turns every window, and those that are opened later, to a point: where the eye is, and the point, m."""
+        first = self.server.initial_camera
+        for camera in (first, *(client.camera for client in self.server.get_clients().values())):
+            camera.position, camera.look_at = view
 
 
 class Page(ABC):

@@ -16,12 +16,12 @@ from vispeg.robots.furniture import COLOURS
 from vispeg.view import html
 from vispeg.view.drawing import Drawing
 from vispeg.view.episode import Episodes
+from vispeg.view.gallery import Gallery
 from vispeg.view.job import Job
-from vispeg.view.place import Page, Place
+from vispeg.view.place import CELL, Page, Place
 
 OWN, NONE, EXPERT = "the policy's own", "none", "expert"
 APART = 1.6  # m between the two cells
-LARGE = 192  # px of a policy's picture at least
 
 
 @dataclass
@@ -31,7 +31,6 @@ class Side:
     world: str = ""
     cell: Drawing | None = None
     steps: list[Moment] = field(default_factory=list)
-    pictures: dict[str, Any] = field(default_factory=dict)
 
 
 class PolicyPage(Page):
@@ -72,7 +71,7 @@ class PolicyPage(Page):
         self.left = gui.add_panel()
         with self.left.add_tab("What the policy sees"):
             self.note = gui.add_html(html.note("Pictures of policies that see appear here; forces below."))
-            self.images = gui.add_folder(None)
+            self.gallery = Gallery(place)
             self.plots = gui.add_folder(None)
         self.left.dock_left()
         self.left.set_width(370)
@@ -84,6 +83,13 @@ class PolicyPage(Page):
         self.on.on_click(lambda _: self._by(1))
         if policy:
             self.begin()
+
+    def choose(self, policy: str) -> None:
+        """Offers a policy's folder, and plays it in the world that it was trained in."""
+        if policy not in self.policy.options:
+            self.policy.options = (policy, *self.policy.options)
+        self.policy.value, self.world.value = policy, OWN
+        self.begin()
 
     def begin(self) -> None:
         """Plays the episode that is chosen."""
@@ -130,14 +136,15 @@ class PolicyPage(Page):
     def draw(self) -> None:
         """Draws the step that is chosen."""
         with self.place.server.atomic():
-            lines = []
-            for k, side in enumerate(self.sides):
+            lines, pictures = [], {}
+            for side in self.sides:
                 if side.cell is None or not side.steps:
                     continue
                 moment = side.steps[min(int(self.slider.value), len(side.steps) - 1)]
                 side.cell.pose(moment.qpos, moment.bodies)
-                self._pictures(k, side, moment)
+                pictures |= {f"{key.replace('_', ' ')} in {side.world}": p for key, p in moment.pictures.items()}
                 lines.append((side.world, moment, side.steps[-1].outcome))
+            self.gallery.show(pictures)
             self.words.content = html.episode(lines)
 
     def show(self, visible: bool) -> None:
@@ -149,24 +156,11 @@ class PolicyPage(Page):
             if side.cell is not None:
                 side.cell.show(visible)
         if visible:
-            camera = ((1.55, -1.35, 0.9), (0.45, -0.1, 0.25))
-            for client in self.place.server.get_clients().values():
-                client.camera.position, client.camera.look_at = camera
+            self.place.look(CELL)
 
     def close(self) -> None:
         """Ends the worker."""
         self.job.end()
-
-    def _pictures(self, k: int, side: Side, moment: Moment) -> None:
-        for key, image in moment.pictures.items():
-            times = max(1, -(-LARGE // image.shape[0]))
-            large = image.repeat(times, axis=0).repeat(times, axis=1)
-            if key not in side.pictures:
-                with self.images:
-                    label = f"{key.replace('_', ' ')} in {side.world}"
-                    side.pictures[key] = self.place.gui.add_image(large, label=label, format="jpeg")
-            else:
-                side.pictures[key].image = large
 
     def _forces(self) -> None:
         """The force at the wrist over time, of both worlds."""
@@ -195,9 +189,7 @@ class PolicyPage(Page):
     def _clear(self, side: Side) -> None:
         if side.cell is not None:
             side.cell.remove()
-        for image in side.pictures.values():
-            image.remove()
-        side.cell, side.steps, side.pictures, side.world = None, [], {}, ""
+        side.cell, side.steps, side.world = None, [], ""
 
     def _by(self, step: int) -> None:
         self.playing = False

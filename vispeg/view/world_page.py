@@ -14,9 +14,9 @@ from vispeg.report import effect_words
 from vispeg.task.world_file import FORMAT, load_world
 from vispeg.view import html
 from vispeg.view.drawing import Drawing
+from vispeg.view.gallery import Gallery
 from vispeg.view.job import Job
 from vispeg.view.place import Page, Place
-from vispeg.view.policy_page import LARGE
 from vispeg.view.world_draw import Drawn, Draws, Range
 from vispeg.worlds.distribution import LogUniform, Uniform
 from vispeg.worlds.entry import entry_dict
@@ -38,7 +38,6 @@ class WorldPage(Page):
         self.place, gui = place, place.gui
         self.sliders: list[tuple[Range, Any]] = []
         self.folders: list[Any] = []
-        self.images: dict[str, Any] = {}
         self.cell: Drawing | None = None
         self.visible, self.opened, self.again = False, "", False
         known = [w.name for w in worlds()]
@@ -59,7 +58,7 @@ class WorldPage(Page):
             self.ranges = gui.add_folder("Ranges", expand_by_default=True)
         self.left = gui.add_panel()
         with self.left.add_tab("What cameras see"):
-            self.pictures = gui.add_folder(None)
+            self.gallery = Gallery(place)
             with gui.add_folder("Drawn this time"):
                 self.drawn = gui.add_html("")
         self.left.dock_left()
@@ -174,17 +173,7 @@ class WorldPage(Page):
         self.cell = Drawing(self.place.server.scene, "/world", drawn.model)
         self.cell.pose(drawn.qpos, drawn.bodies)
         self.cell.show(self.visible)
-        for key in [key for key in self.images if key not in drawn.pictures]:
-            self.images.pop(key).remove()
-        for key, image in drawn.pictures.items():
-            times = max(1, -(-LARGE // image.shape[0]))
-            large = image.repeat(times, axis=0).repeat(times, axis=1)
-            if key in self.images:
-                self.images[key].image = large
-            else:
-                with self.pictures:
-                    label = key.replace("_", " ")
-                    self.images[key] = self.place.gui.add_image(large, label=label, format="jpeg")
+        self.gallery.show({key.replace("_", " "): image for key, image in drawn.pictures.items()})
         self.drawn.content = html.drawn(drawn.values)
 
     def _next(self) -> None:

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from vispeg.core.effect import OPTICAL, REGISTRY, EffectInstance, effect
 from vispeg.diagnosis.accept import equal, ranked
 from vispeg.diagnosis.judge import Judge, present
@@ -52,38 +54,81 @@ class PictureSearch:
 
     def run(self, world: World) -> State:
         """Adds effects until none earns its place on the views to judge on."""
-        loss = self.judge.losses([world])[0]
-        state = State(world, loss, self.evidence.residuals([world])[0], first=self.judge.mean(loss))
-        given = len(world.effects)
-        while len(state.world.effects) - given < self.evidence.most_effects:
-            trials = self.step(state, given)
-            state.screening = [t.score for t in trials]
-            if not trials or trials[0].rejected:
-                state.last = trials
-                break
-            best, before = trials[0], state.world.label
-            self.say(f"{best.score.label}: {self.judged.error(best.fit.world):.2f} {self.judged.unit} left")
-            state.steps.append((best, trials))
-            state.take(best.fit, best.loss)
-            self._prune(state, given)
-            if state.world.label == before:
-                break
+        state, given = self.start(world), len(world.effects)
+        while self.worth_it(state, given) and self.advance(state, given):
+            pass
         return state
+
+    def start(self, world: World) -> State:
+        """Where a search for what `world` lacks begins."""
+        loss = self.judge.losses([world])[0]
+        return State(world, loss, self.evidence.residuals([world])[0], first=self.judge.mean(loss))
+
+    def worth_it(self, state: State, given: int) -> bool:
+        """Whether a step may be taken: up to so many effects."""
+        return len(state.world.effects) - given < self.evidence.most_effects
+
+    def advance(self, state: State, given: int) -> bool:
+        """Adds the effect that earns its place best; False where none does, or where it did not stay."""
+        trials = self.step(state, given)
+        state.screening = [t.score for t in trials]
+        if not trials or trials[0].rejected:
+            state.last = trials
+            return False
+        before = state.world.label
+        self.take(state, trials[0], trials, given)
+        self._prune(state, given)
+        return state.world.label != before
+
+    def take(self, state: State, trial: Trial, trials: list[Trial], given: int) -> None:
+        """Adds what a trial tried, one of `trials`."""
+        self.say(f"{trial.score.label}: {self.judged.error(trial.fit.world):.2f} {self.judged.unit} left")
+        state.steps.append((trial, trials))
+        state.take(trial.fit, trial.loss)
+
+    def scored(self, state: State) -> list[Score]:
+        """Every place's effect beside a state, best first by what secants over typical sizes explain of the residual.
+
+        Nothing is fitted, so a score is a promise only: of the part that the effects of the state cannot make.
+        """
+        asked = [(where, self._secants(*where)) for where in self.places(state.world)]
+        worlds = [state.world.add(e) for _, tries in asked for e in tries]
+        rows = iter(self.evidence.residuals(worlds))
+        fitted = np.zeros((len(state.residual), 0)) if state.fit is None else state.fit.jacobian
+        basis = np.linalg.qr(fitted)[0]
+        base = state.residual - basis @ (basis.T @ state.residual)
+        out = []
+        for (name, where), tries in asked:
+            columns = np.stack([next(rows) - state.residual for _ in tries], axis=1)
+            columns -= basis @ (basis.T @ columns)
+            rest = base - columns @ np.linalg.lstsq(columns, base, rcond=1e-6)[0]
+            out.append(Score(self._start(name, where), float(base @ base - rest @ rest)))
+        return sorted(out, key=lambda s: -s.gain)
+
+    def tested(self, state: State) -> int:
+        """How many places share the level of the test where one of them is tried beside a state."""
+        return len(self.places(state.world))
 
     def step(self, state: State, given: int, places: Sequence[tuple[str, str]] | None = None) -> list[Trial]:
         """Fits every place's effect beside what was accepted and judges all; those that pass come first."""
         places = self.places(state.world) if places is None else list(places)
-        if not places:
+        return self.try_all(state, [Score(self._start(*at), 0.0) for at in places], given, len(places))
+
+    def try_all(self, state: State, scores: Sequence[Score], given: int, tested: int) -> list[Trial]:
+        """Fits each score's effect beside what was accepted and judges all; those that pass come first.
+
+        `tested` places share the level of the test.
+        """
+        if not scores:
             return []
-        worlds = [state.world.add(self._start(name, where)) for name, where in places]
-        fits = self.fits(worlds, given)
+        fits = self.fits([state.world.add(s.placed) for s in scores], given)
         losses = self.judge.losses([f.world for f in fits])
         trials = []
-        for (name, where), fit, loss in zip(places, fits, losses, strict=True):
+        for score, fit, loss in zip(scores, fits, losses, strict=True):
             gain = self.judge.gain(state.loss, loss)
-            trials.append(Trial(Score(self._start(name, where), gain.mean * self.judged.count), fit, loss, gain))
+            trials.append(Trial(replace(score, gain=gain.mean * self.judged.count), fit, loss, gain))
         out = []
-        for t in ranked(self, state, trials, len(places)):  # type: ignore[arg-type]
+        for t in ranked(self, state, trials, tested):  # type: ignore[arg-type]
             size = self.shift(t.fit.world, t.fit.world.effects[-1])
             small = not t.rejected and size < self.least
             changes = f"changes the pictures by {size:.2f} {self.evidence.changes_in}, under {self.least:.2f}"
@@ -144,6 +189,13 @@ class PictureSearch:
             placed, rest = rests[min(idle, key=lambda i: gains[i].mean)]
             self.say(f"{placed.label} is not needed any more")
             state.world, state.loss, state.residual, state.fit = rest.world, rest.loss, rest.residual, rest.fit
+
+    def _secants(self, name: str, where: str) -> list[EffectInstance]:
+        """An effect with one magnitude after the other at a typical size, the others absent."""
+        kind = effect(name)
+        rest = {k: p.null for k, p in kind.params.items() if not p.shape}
+        sizes = {k: p.start for k, p in kind.params.items() if not p.shape and p.start != p.null}
+        return [EffectInstance.of(name, where, **{**rest, k: v}) for k, v in sizes.items()]
 
     def _start(self, name: str, where: str) -> EffectInstance:
         """Where a fit of an effect starts: where the alignment put it, or a typical size."""

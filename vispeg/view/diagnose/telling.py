@@ -12,7 +12,7 @@ from vispeg.diagnosis.localise import missing_torque, worst
 from vispeg.diagnosis.screen import Score
 from vispeg.identify.evidence import Evidence
 from vispeg.report import effect_words
-from vispeg.view.standing import Field, Named, Track
+from vispeg.view.diagnose.standing import Field, Named, Track
 from vispeg.worlds.model_file import placed_dict
 
 MOST = 3000  # samples of a track that the page draws

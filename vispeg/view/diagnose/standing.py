@@ -33,7 +33,8 @@ class Track:
         name: the recording's.
         time: (n,) s.
         posture: (n, nj) rad, measured.
-        measured, first, now: (n, nj) in the principal unit; of the model as it was given, and as it is.
+        measured, first, now: (n, columns) in the columns' units; of the model as it was given, and as it is. Without
+            `measured` they are errors.
         wrench: (n, 6) N and N m as recorded, where the recording says what it is; else None.
         cameras: names of those that took pictures.
     """
@@ -41,7 +42,7 @@ class Track:
     name: str
     time: np.ndarray
     posture: np.ndarray
-    measured: np.ndarray
+    measured: np.ndarray | None
     first: np.ndarray
     now: np.ndarray
     wrench: np.ndarray | None = None
@@ -59,15 +60,17 @@ class Pictured:
 
 @dataclass(frozen=True)
 class Field:
-    """A map of the missing torque over one axis: edges (k+1,), RMS over its noise first and now (nj, k).
+    """A map of what is off over one axis: edges (k+1,), RMS over its noise first and now (columns, k).
 
-    `moment` (nj, k, 2) is the track and the time, s, at which most is missing in a cell; NaN in an empty one.
+    `moment` (columns, k, 2) is the track and the time, s, of the worst in a cell; NaN in an empty one. Cells that are
+    no ranges have `labels` (k,).
     """
 
     edges: np.ndarray
     first: np.ndarray
     now: np.ndarray
     moment: np.ndarray
+    labels: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -75,10 +78,11 @@ class Standing:
     """Where a search stands.
 
     Attributes:
-        robot: as its model names it; `tool` likewise.
-        joints: names.
-        unit: of errors and tracks.
-        floor: RMS of the sensor noise.
+        joints: whose angles the postures are.
+        columns, units: what is compared side by side, and in which unit each.
+        shows: what a cell of the maps says.
+        unit: of errors.
+        floor: RMS of the noise.
         ladder: models, the given one first.
         effects: that were added, as they are now fitted; `given` those of the user's model.
         tracks, maps: what was measured and predicted; maps by axis, none where torque says nothing.
@@ -86,9 +90,10 @@ class Standing:
         enough: whether the error is so near the noise that nothing more could be named.
     """
 
-    robot: str
-    tool: object
     joints: tuple[str, ...]
+    columns: tuple[str, ...]
+    units: tuple[str, ...]
+    shows: str
     unit: str
     floor: float
     ladder: tuple[Rung, ...]

@@ -6,14 +6,14 @@ import threading
 import time
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from vispeg.report.quantities import prefix
-from vispeg.robots.model import load
-from vispeg.sim.compiled import compiled
+from vispeg.robots.furniture import COLOURS
+from vispeg.view.diagnose.standing import Standing, Track
 from vispeg.view.drawing import Drawing, Look
-from vispeg.view.place import Place
-from vispeg.view.standing import Standing, Track
+from vispeg.view.place import ARM, CELL, Place
 
 MEASURED, FIRST, NOW, GHOST = "#868e96", "#d9541e", "#0a7a75", (224, 108, 48)
 AXES = ("#d9541e", "#2a9d60", "#1f6fb4")
@@ -26,12 +26,12 @@ class Traces:
     def __init__(self, place: Place):
         gui = place.gui
         self.place, self.standing, self.playing = place, None, False
-        self.visible = True
+        self.visible, self.view = True, ARM
         self.arm: Drawing | None = None
         self.ghost: Drawing | None = None
         self.at = 0, 0
         self.ground = place.server.scene.add_grid("/floor", width=4.0, height=4.0, cell_size=0.1, section_size=1.0)
-        self.joint = gui.add_dropdown("Joint", ("joint",))
+        self.column = gui.add_dropdown("Of", ("joint",))
         self.track = gui.add_dropdown("Recording", ("none",))
         self.values: Any = None
         self.errors: Any = None
@@ -40,7 +40,7 @@ class Traces:
         self.slider = gui.add_slider("Moment (s)", 0.0, 1.0, 0.001, 0.0)
         self.play = gui.add_button("Play")
         self.times = gui.add_slider("Error shown ×", 1, 500, 1, 50)
-        self.joint.on_update(lambda _: self.draw())
+        self.column.on_update(lambda _: self.draw())
         self.track.on_update(lambda _: self.draw())
         self.slider.on_update(lambda _: self.pose())
         self.times.on_update(lambda _: self.pose())
@@ -48,57 +48,63 @@ class Traces:
 
     def take(self, standing: Standing) -> None:
         """Shows another standing, at the same joint and moment where it has them."""
-        new = self.standing is None or self.standing.robot != standing.robot
         self.standing = standing
-        if new or self.arm is None:
-            self._arm(standing)
+        self.times.visible = _enlarged(standing)
+        self.show(self.visible)
         names = tuple(f"{i + 1}: {t.name}" for i, t in enumerate(standing.tracks))
-        if tuple(self.joint.options) != standing.joints:
-            self.joint.options = standing.joints
-            self.joint.value = standing.joints[self._worst()]
-            self.times.value = self._enlargement()
         if tuple(self.track.options) != names:
             self.track.options = names
+        if tuple(self.column.options) != standing.columns:
+            self.column.options = standing.columns
+            self.times.value = self._enlargement()
+            self.go(*self._worst())
         self.draw()
 
-    def go(self, joint: str, track: int, moment: float) -> None:
-        """Shows a joint of a track (0, 1, ..) at a moment, s."""
-        if self.standing is None or joint not in self.standing.joints or track >= len(self.standing.tracks):
+    def go(self, column: str, track: int, moment: float) -> None:
+        """Shows a column of a track (0, 1, ..) at a moment, s."""
+        if self.standing is None or column not in self.standing.columns or track >= len(self.standing.tracks):
             return
         self.track.value = self.track.options[track]
-        self.joint.value = joint
+        self.column.value = column
         self.draw()
         self.slider.value = float(np.clip(moment, self.slider.min, self.slider.max))
         self.pose()
 
     def show(self, visible: bool) -> None:
         """Whether the arm can be seen."""
+        if visible and not self.visible:
+            self.place.look(self.view)
         self.visible, self.playing = visible, self.playing and visible
         self.ground.visible = visible
-        for drawing in (self.arm, self.ghost):
-            if drawing is not None:
-                drawing.show(visible)
+        if self.arm is not None and self.ghost is not None:
+            self.arm.show(visible)
+            self.ghost.show(visible and self.standing is not None and _enlarged(self.standing))
 
     def draw(self) -> None:
         """Draws the traces anew."""
         standing = self.standing
-        if standing is None:
-            return
-        track, j = self._track(), standing.joints.index(str(self.joint.value))
-        there = np.isfinite(track.measured[:, j]) & np.isfinite(track.now[:, j]) & np.isfinite(track.first[:, j])
+        if standing is None or self.column.value not in standing.columns:
+            return  # the choices are being changed
+        track, j = self._track(), standing.columns.index(str(self.column.value))
+        lines = [v[:, j].astype(float) for v in (track.measured, track.first, track.now) if v is not None]
+        there = np.isfinite(lines).all(axis=0)
         if there.sum() < 2:
             return
-        time, measured, first, now = (v[there].astype(float) for v in (track.time, *(a[:, j] for a in _lines(track))))
+        time, lines = track.time[there].astype(float), [v[there] for v in lines]
         self.slider.min, self.slider.max = float(time[0]), float(time[-1])
         self.slider.value = float(np.clip(self.slider.value, time[0], time[-1]))
-        gap = [measured - first, measured - now]
-        factor, unit = prefix(_size(gap[0]), standing.unit)
-        angle, name = (180 / np.pi, "degrees") if standing.unit == "rad" else (1.0, standing.unit)
+        gap = lines if track.measured is None else [lines[0] - v for v in lines[1:]]
+        factor, unit = prefix(_size(gap[0]), standing.units[j])
+        angle, name = (180 / np.pi, "degrees") if standing.units[j] == "rad" else (1.0, standing.units[j])
         colours = (MEASURED, FIRST, NOW)
-        known = [angle * v for v in (measured, first, now)]
         names = ("measured", "given model", "model now")
         with self.place.server.atomic():
-            self.values = self._plot(self.values, time, known, names, colours, name)
+            if track.measured is not None:
+                values = [angle * v for v in lines]
+                self.values = self._plot(self.values, time, values, names, colours, name)
+            elif self.values is not None:
+                self.values.remove()
+                self.values = None
             gaps = [factor * g for g in gap]
             self.errors = self._plot(self.errors, time, gaps, names[1:], colours[1:], f"error, {unit}")
             self._wrench(track)
@@ -111,11 +117,11 @@ class Traces:
         track = self._track()
         k = int(np.argmin(np.abs(track.time - self.slider.value)))
         q = track.posture[k].astype(float)
-        error = np.nan_to_num(track.now[k] - track.measured[k]).astype(float)
-        enlarged = self.standing.unit == "rad"
         with self.place.server.atomic():
             self.arm.pose(self._full(self.arm, q))
-            self.ghost.pose(self._full(self.ghost, q + float(self.times.value) * error if enlarged else q))
+            if track.measured is not None and _enlarged(self.standing):
+                error = np.nan_to_num(track.now[k] - track.measured[k]).astype(float)
+                self.ghost.pose(self._full(self.ghost, q + float(self.times.value) * error))
 
     def _full(self, drawing: Drawing, q: np.ndarray) -> np.ndarray:
         qpos = drawing.model.qpos0.copy()
@@ -124,15 +130,19 @@ class Traces:
             qpos[drawing.model.joint(name).qposadr[0]] = value
         return qpos
 
-    def _arm(self, standing: Standing) -> None:
+    def draws(self, model: mujoco.MjModel, cell: bool) -> None:
+        """Draws another arm, or a cell."""
         for drawing in (self.arm, self.ghost):
             if drawing is not None:
                 drawing.remove()
-        model = compiled(load(standing.robot, tool=standing.tool))  # type: ignore[arg-type]
         scene = self.place.server.scene
-        self.arm = Drawing(scene, "/arm", model)
+        self.view = CELL if cell else ARM
+        colours = {name: (c[0], c[1], c[2]) for name, c in COLOURS.items()} if cell else {}
+        self.arm = Drawing(scene, "/arm", model, colours=colours)
         self.ghost = Drawing(scene, "/model", model, Look(GHOST, 0.35))
         self.show(self.visible)
+        if self.visible:
+            self.place.look(self.view)
 
     @property
     def number(self) -> int:
@@ -144,15 +154,22 @@ class Traces:
         assert self.standing is not None
         return self.standing.tracks[self.number]
 
-    def _worst(self) -> int:
+    def _worst(self) -> tuple[str, int, float]:
+        """The column, track and moment, s, at which the model fails most."""
         assert self.standing is not None
-        square = sum(np.nansum((t.measured - t.first) ** 2, axis=0) for t in self.standing.tracks)
-        return int(np.argmax(square))
+        standing = self.standing
+        if standing.maps:
+            field = next(iter(standing.maps.values()))
+            worst = np.where(np.isfinite(field.moment[..., 0]), np.nan_to_num(field.now), -1.0)
+            j, i = np.unravel_index(int(np.argmax(worst)), worst.shape)
+            return standing.columns[j], int(field.moment[j, i, 0]), float(field.moment[j, i, 1])
+        square = sum(np.nansum(_error(t) ** 2, axis=0) for t in standing.tracks)
+        return standing.columns[int(np.argmax(square))], 0, 0.0
 
     def _enlargement(self) -> int:
         """How many times the error must be shown to be seen: its greatest then turns a joint by 0.3 rad."""
         assert self.standing is not None
-        most = max(_size(t.measured - t.first) for t in self.standing.tracks)
+        most = max(_size(_error(t)) for t in self.standing.tracks)
         return int(np.clip(0.3 / max(most, 1e-9), self.times.min, self.times.max))
 
     def _plot(
@@ -174,7 +191,7 @@ class Traces:
             return self.place.gui.add_uplot(
                 data,
                 ({"label": "s"}, *series),
-                title=f"{self.joint.value}: {label}" if of is None else label,
+                title=f"{self.column.value}: {label}" if of is None else label,
                 scales={"x": {"time": False}},
                 axes=({"label": "s", "size": 40, "labelSize": 14}, {"size": 55}),
                 cursor={"sync": {"key": "moment"}, "drag": {"x": True, "y": False}},
@@ -208,8 +225,14 @@ class Traces:
         self.play.label = "Play"
 
 
-def _lines(track: Track) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    return track.measured, track.first, track.now
+def _error(track: Track) -> np.ndarray:
+    """(n, columns) of the model as it was given."""
+    return track.first if track.measured is None else track.measured - track.first
+
+
+def _enlarged(standing: Standing) -> bool:
+    """Whether a second arm shows the model's error: only where errors are angles."""
+    return standing.unit == "rad"
 
 
 def _size(values: np.ndarray) -> float:

@@ -8,14 +8,13 @@ from typing import Any
 
 from vispeg.core.files import write_bytes_atomic
 from vispeg.core.provenance import command_line
-from vispeg.report.sections.maps import LABELS
 from vispeg.view import html
+from vispeg.view.diagnose.pictures import Pictures
+from vispeg.view.diagnose.standing import Candidate, Standing, Tried
+from vispeg.view.diagnose.study import Study
+from vispeg.view.diagnose.traces import Traces
 from vispeg.view.job import Job
-from vispeg.view.pictures import Pictures
 from vispeg.view.place import Page, Place
-from vispeg.view.standing import Candidate, Standing, Tried
-from vispeg.view.study import Study
-from vispeg.view.traces import Traces
 
 ROLES = ("fit", "judge on", "leave out")
 MODEL = "a model file, a robot's name, or a path to an MJCF or URDF"
@@ -64,11 +63,11 @@ class StudyPage(Page):
                 self.commands = gui.add_html("")
         self.left = gui.add_panel()
         with self.left.add_tab("Where it fails"):
-            self.axis = gui.add_dropdown("Over", tuple(LABELS)[:5], initial_value="speed")
+            self.axis = gui.add_dropdown("Over", tuple(html.AXES))
             self.heat = gui.add_html(html.note("The map comes with the comparison."))
-            self.go = gui.add_text("Go to", "", hint="JOINT RECORDING SECONDS, such as: joint4 1 2.5")
+            self.go = gui.add_text("Go to", "", hint="WHAT, RECORDING SECONDS, such as: joint4, 1 2.5")
             self.traces = Traces(place)
-            self.pictures = Pictures(place, self._picture)
+            self.pictures = Pictures(place, self._see)
         self.left.dock_left()
         self.left.set_width(370)
         self._wire()
@@ -102,7 +101,9 @@ class StudyPage(Page):
 
     def told(self, name: str, value: Any) -> None:
         """What the worker tells."""
-        if name == "standing":
+        if name == "model":
+            self.traces.draws(*value)
+        elif name == "standing":
             self._stand(value)
         elif name == "candidates":
             self._candidates(value)
@@ -164,9 +165,11 @@ class StudyPage(Page):
         self.ladder.content = html.ladder(standing)
         self.traces.take(standing)
         self.pictures.take(standing)
-        if self.axis.value not in standing.maps and standing.maps:
+        if standing.maps and tuple(self.axis.options) != tuple(standing.maps):
+            self.axis.options = tuple(standing.maps)
             self.axis.value = next(iter(standing.maps))
         self._map()
+        self._picture()
         self._commands()
 
     def _map(self) -> None:
@@ -176,16 +179,27 @@ class StudyPage(Page):
         self.heat.content = html.heat(self.standing, self.axis.value, str(self.go.value), target)
 
     def _go(self) -> None:
-        words = str(self.go.value).split()
+        column, comma, when = str(self.go.value).rpartition(",")
         try:
-            joint, track, moment = words[0], int(words[1]) - 1, float(words[2])
+            track, moment = int(when.split()[0]) - 1, float(when.split()[1])
         except (IndexError, ValueError):
             return  # still being typed
-        self.traces.go(joint, track, moment)
+        self.traces.go(column, track, moment)
         self._map()
+        self._picture()
 
-    def _picture(self, camera: str) -> None:
-        self.job.ask("picture", self.traces.number, float(self.traces.slider.value), camera)
+    def _picture(self) -> None:
+        """Asks for the picture at the moment, where pictures are what is compared, or one was asked for before."""
+        standing = self.standing
+        if standing is not None and (standing.unit == "px" or self.pictures.taken is not None):
+            self._see(str(self.pictures.camera.value))
+
+    def _see(self, camera: str) -> None:
+        assert self.standing is not None
+        cameras = self.standing.tracks[self.traces.number].cameras
+        if cameras:
+            camera = camera if camera in cameras else cameras[0]
+            self.job.ask("picture", self.traces.number, float(self.traces.slider.value), camera)
 
     def _candidates(self, found: list[Candidate]) -> None:
         for button in self.candidates:

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from vispeg.view.diagnose.standing import Pictured, Standing
 from vispeg.view.place import Place
-from vispeg.view.standing import Pictured, Standing
 
 LEAST = 320  # px, width of a picture
 KINDS = {"colour": ("rendered", "measured"), "depth": ("depth_rendered", "depth_measured")}

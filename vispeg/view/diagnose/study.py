@@ -17,25 +17,24 @@ import numpy as np
 
 from vispeg.api.compare import compared_pictures
 from vispeg.api.diagnose import diagnose, progress_of
-from vispeg.api.inputs import Inputs, read_inputs
+from vispeg.api.inputs import Inputs, felt, read_inputs, read_model, windows
+from vispeg.api.pictures import photographed
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
-from vispeg.diagnosis.judge import Judge
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.screen import Score
-from vispeg.diagnosis.search import Search
 from vispeg.diagnosis.state import State, Trial
-from vispeg.identify.inverse import evidence_for
 from vispeg.recordings.windows import SECONDS
 from vispeg.report import effect_words
-from vispeg.robots.model import load
-from vispeg.view.standing import Candidate, Pictured, Rung, Standing, Tried
-from vispeg.view.telling import key as key_of
-from vispeg.view.telling import maps, named, size, spelt, track, words
+from vispeg.view.diagnose.borders import Borders
+from vispeg.view.diagnose.contact import Contact
+from vispeg.view.diagnose.joints import Joints
+from vispeg.view.diagnose.standing import Candidate, Pictured, Rung, Standing, Tried
+from vispeg.view.diagnose.subject import Steps
+from vispeg.view.diagnose.telling import key as key_of
+from vispeg.view.diagnose.telling import named, size, spelt, words
 from vispeg.vision.show import side_by_side
 from vispeg.worlds.model_file import model_text, placed_dict
-from vispeg.worlds.words import parse
-from vispeg.worlds.world import World
 
 SHOWN = 12  # candidates
 STEPS = "steps.json"  # in the folder of the progress
@@ -45,7 +44,8 @@ class Study:
     """What the page's worker holds.
 
     Args:
-        tell: is told "say" (a sentence), "standing", "candidates", "tried" and "pictured", see `vispeg.view.standing`.
+        tell: is told "say" (a sentence), "model" (MjModel to be drawn, whether it is a cell), "standing", "candidates",
+            "tried" and "pictured", see `vispeg.view.diagnose.standing`.
         model: as `vispeg diagnose` takes it.
         fitted, held_out: folders of recordings; without `held_out` the model is only compared with the others.
         out: folder of results; what was worked out is kept in `found.part` in it, or `found-2.part` where that is of
@@ -65,22 +65,23 @@ class Study:
         self.tell, self.threads = tell, threads
         self.asked = model, fitted, held_out
         tell("say", "reading recordings")
-        judged = bool(held_out)
-        given = read_inputs(model, fitted or held_out, held_out if fitted else (), need_validate=False)
-        self.world, self.judged = given.world, judged and bool(fitted)
-        tell("say", "simulating")
-        self.evidence = evidence_for(given.world, given.fitted, threads) if self.judged else None
-        against = given.held_out if self.judged else given.fitted
-        self.against = evidence_for(given.world, against, threads, h_max=1e-3)
-        self.given = len(self.world.effects)
-        self.search, self.state, self.before = None, None, list[tuple[State, list[Rung]]]()
-        self.rungs = [Rung("the model as given", self._error(self.world))]
-        self.scores: dict[str, Score] = {}
-        self.done, self.part = list[list[str]](), out / "found.part"
-        if self.evidence is not None:
+        cell = read_model(model).cell is not None
+        sides = fitted or held_out, held_out if fitted else ()
+        given = read_inputs(model, *sides, need_validate=False, **windows(cell, SECONDS))
+        self.world, self.judged = given.world, bool(given.held_out)
+        self.done, self.part, self.key, progress = list[list[str]](), out / "found.part", "", None
+        if self.judged:
             progress = _progress(given, out)
-            self.part = progress.file.parent if progress.file else self.part
-            self.search = Search(self.evidence, Judge(self.against), lambda text: tell("say", text), progress)
+            self.part, self.key = progress.file.parent if progress.file else self.part, progress.key
+        tell("say", "simulating")
+        self.subject = _kind(given)(given, threads, lambda text: tell("say", text), progress)
+        self.search = self.subject.search
+        self.given = len(self.world.effects)
+        self.state, self.before = None, list[tuple[State, list[Rung]]]()
+        self.rungs = [Rung("the model as given", self.subject.error(self.world))]
+        self.scores: dict[str, Score] = {}
+        tell("model", (self.subject.model, self.subject.cell))
+        if self.search is not None:
             self.state = self.search.start(self.world)
             for step in self._claimed():
                 self._again(step)
@@ -93,11 +94,8 @@ class Study:
         """Scores every candidate and tells the best."""
         search, state = self._searching()
         self.tell("say", f"scoring candidates beside {state.world.label}")
-        missing = search.missing(state.world)
-        near, rest, together = search.places(state, missing)
-        scores = search.screened(state.world, state.residual, state.fit, near, missing, together)
+        scores = [s for s in search.scored(state) if s.gain > 0]
         self.scores = {key_of(s): s for s in scores}
-        self.tested = len(near) + len(rest)
         total = float(state.residual @ state.residual)
         found = [(size(s), Candidate(key_of(s), words(s), min(s.gain / max(total, 1e-12), 1.0))) for s in scores]
         found.sort(key=lambda at: (-round(at[1].share, 2), at[0]))  # of equals the simplest first
@@ -106,15 +104,15 @@ class Study:
     def fit(self, key: str, anyway: bool = False) -> None:
         """Fits one candidate, or any `EFFECT:WHERE`; it is added where it passes, or `anyway`."""
         search, state = self._searching()
+        if not self.scores:
+            search.scored(state)  # a fit may depend on what the scores of its step say
         score = self.scores.get(key) or self._typed(key)
         for member in score.members:
             if any((e.effect, e.where) == (member.effect, member.where) for e in state.world.effects):
                 raise UserError("is in the model already", key=key)
         self.tell("say", f"fitting {words(score)}")
-        before = self._error(state.world)
-        missing = search.missing(state.world)
-        near, rest, _ = search.places(state, missing)
-        (trial,) = search.try_all(state, [score], self.given, len(near) + len(rest))
+        before = self.subject.error(state.world)
+        (trial,) = search.try_all(state, [score], self.given, search.tested(state))
         self.tell("tried", self._tried(trial, before))
         if trial.rejected and not anyway:
             return
@@ -131,7 +129,7 @@ class Study:
             self.tell("say", "the error is near the sensor noise: nothing more can be named")
             return False
         self._remember()
-        steps, before, was = len(state.steps), self._error(state.world), {e.label for e in state.world.effects}
+        steps, before, was = len(state.steps), self.subject.error(state.world), {e.label for e in state.world.effects}
         went_on = search.advance(state, self.given)
         trials = state.last if len(state.steps) == steps else state.steps[steps][1]
         for trial in trials:
@@ -159,8 +157,7 @@ class Study:
         Raises:
             UserError: the camera took no picture, or its pose or the joint angles at that time are not known.
         """
-        item = self.against.items[track]
-        rec, start = item.recording, float(item.recording.time[item.segment.rows[0]])
+        rec, start = self.subject.recorded(track)
         if rec.frames is None or camera not in rec.frames.names:
             raise UserError("took no picture", key="camera", got=camera)
         frames = rec.frames.of(camera)
@@ -193,45 +190,39 @@ class Study:
 
     def standing(self) -> Standing:
         """Where the search stands, with what the page draws of it."""
-        state, judged = self.state, self.against
+        state, subject = self.state, self.subject
         world = self.world if state is None else state.world
-        item = judged.items[0]
-        first, now = judged.simulated([self.world]), judged.simulated([world])
-        tracks = [track(i, a[0], b[0]) for i, a, b in zip(judged.items, first, now, strict=True)]
         return Standing(
-            robot=self.world.robot,
-            tool=self.world.tool,
-            joints=tuple(item.robot.joints),
-            unit=judged.unit,
-            floor=judged.floor,
+            joints=subject.joints,
+            columns=subject.columns,
+            units=subject.units,
+            shows=subject.shows,
+            unit=subject.unit,
+            floor=subject.floor,
             ladder=tuple(self.rungs),
             effects=tuple(named(e) for e in world.effects[self.given :]),
             given=tuple(named(e) for e in world.effects[: self.given]),
-            tracks=tuple(tracks),
-            maps=maps(judged, first, now),
+            tracks=subject.tracks(self.world, world),
+            maps=subject.maps(self.world, world),
             judged=self.judged,
             enough=self.search is not None and state is not None and not self.search.worth_it(state, self.given),
         )
 
-    def _searching(self) -> tuple[Search, State]:
+    def _searching(self) -> tuple[Steps, State]:
         if self.search is None or self.state is None:
             expected = "one recording to fit, and another to judge on"
             raise UserError("there is no recording to judge on", expected=expected)
         return self.search, self.state
 
     def _typed(self, key: str) -> Score:
-        robot = load(self.world.robot, tool=self.world.tool)
-        first, *beside = [e for text in key.split(" + ") for e in parse(text.strip(), robot)]
+        first, *beside = [e for text in key.split(" + ") for e in self.subject.parse(text.strip())]
         return Score(first, 0.0, tuple(beside))
-
-    def _error(self, world: World) -> float:
-        return self.against.angle_rms(self.against.residuals([world])[0])
 
     def _tried(self, trial: Trial, before: float) -> Tried:
         added = trial.fit.world.effects[len(trial.fit.world.effects) - trial.score.count :]
         sizes = [effect_words.size(placed_dict(e)) for e in added]
         size = sizes[0] if len(sizes) == 1 else ""
-        return Tried(words(trial.score), size, before, self._error(trial.fit.world), trial.rejected)
+        return Tried(words(trial.score), size, before, self.subject.error(trial.fit.world), trial.rejected)
 
     def _remember(self) -> None:
         state = copy(self._searching()[1])
@@ -239,7 +230,7 @@ class Study:
         self.before.append((state, [*self.rungs]))
 
     def _rung(self, words: str) -> None:
-        self.rungs.append(Rung(words, self._error(self._searching()[1].world)))
+        self.rungs.append(Rung(words, self.subject.error(self._searching()[1].world)))
 
     def _did(self, *step: str) -> None:
         self.scores = {}
@@ -254,7 +245,7 @@ class Study:
         return steps
 
     def _write(self) -> None:
-        record = {"key": self._searching()[0].progress.key, "steps": self.done}
+        record = {"key": self.key, "steps": self.done}
         write_text_atomic(self.part / STEPS, json.dumps(record) + "\n", overwrite=True)
 
     def _again(self, step: list[str]) -> None:
@@ -264,6 +255,13 @@ class Study:
             self.fit(step[1], anyway=True)
         else:
             self.advance()
+
+
+def _kind(given: Inputs) -> type[Joints] | type[Contact] | type[Borders]:
+    """What `vispeg diagnose` compares these recordings by."""
+    if given.world.cell is not None and photographed(given.fitted, given.held_out):
+        return Borders
+    return Contact if given.world.cell is not None and felt((*given.fitted, *given.held_out)) else Joints
 
 
 def _progress(given: Inputs, out: Path) -> Progress:

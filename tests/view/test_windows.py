@@ -1,0 +1,44 @@
+"""What every window is given: its system's colours, and names for those who listen."""
+
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("viser", reason="the extra 'view' is not installed")
+
+AXE = Path(__file__).parent / "vendored" / "axe.min.js"
+SCHEME = "document.documentElement.dataset.mantineColorScheme"
+GRAVE = """async () => (await axe.run()).violations.filter(v => ['serious', 'critical'].includes(v.impact)).map(v =>
+    [v.id, v.nodes.map(n => n.html.slice(0, 200))])"""
+
+
+def test_each_window_has_its_system_s_colours_until_somebody_chooses(rigs, page_of, served):
+    app = served(rigs / "arm.xml")
+    dark, light = page_of(app, color_scheme="dark"), page_of(app, color_scheme="light")
+    dark.wait_for_function(f"{SCHEME} === 'dark'")
+    light.wait_for_selector("text=Choose a model and recordings")
+    assert light.evaluate(SCHEME) == "light"
+    dark.emulate_media(color_scheme="light")
+    dark.wait_for_function(f"{SCHEME} === 'light'")
+    app.colours.choice.value = "dark"
+    for window in (dark, light):
+        window.wait_for_function(f"{SCHEME} === 'dark'")
+    app.colours.choice.value = "as the system"
+    light.wait_for_function(f"{SCHEME} === 'light'")
+
+
+@pytest.mark.parametrize(("scheme", "width"), [("light", 1440), ("dark", 400)])
+def test_axe_has_no_serious_finding_on_any_page(rigs, page_of, served, scheme, width):
+    app = served(rigs / "arm.xml")
+    page = page_of(app, width, 800, color_scheme=scheme)
+    page.wait_for_selector("text=Choose a model and recordings")
+    page.wait_for_function(f"{SCHEME} === '{scheme}'")
+    page.add_script_tag(path=AXE)
+    for one in app.pages:
+        if one.title == "Worlds":
+            continue  # it draws a world when it is seen, which other tests wait for
+        page.get_by_text(one.title, exact=True).first.click()
+        page.wait_for_selector(f"text=vispeg · {one.title}")
+        page.wait_for_timeout(500)
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        assert page.evaluate(GRAVE) == [], one.title

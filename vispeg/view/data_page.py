@@ -1,0 +1,126 @@
+"""The page of datasets: frames one by one, what was drawn for each, and how the draws spread over all episodes."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from typing import Any
+
+from vispeg.core.provenance import command_line
+from vispeg.report.dataset.drawn import drawn
+from vispeg.view import html
+from vispeg.view.frames import Frame, Frames, Holding
+from vispeg.view.gallery import Gallery
+from vispeg.view.job import Job
+from vispeg.view.place import Page, Place
+
+
+class DataPage(Page):
+    """Browses a dataset.
+
+    Args:
+        place: where it stands.
+        dataset: its folder; "" for none yet.
+    """
+
+    title = "Data"
+
+    def __init__(self, place: Place, dataset: str = ""):
+        self.place, gui = place, place.gui
+        self.holding: Holding | None = None
+        self.waits = False
+        self.root = gui.add_folder(None)
+        with self.root:
+            with gui.add_folder("Dataset"):
+                self.folder = gui.add_text(
+                    "Folder", dataset, hint="LeRobot's layout, BOP's, or plain PNG and CSV files"
+                )
+                self.start = gui.add_button("Open the dataset", color="teal")
+            self.job = Job(place, self.told, self.idle)
+            with gui.add_folder("Frame"):
+                self.number = gui.add_slider("Frame", 0, 1, 1, 0)
+                self.episode = gui.add_slider("Episode", 0, 1, 1, 0)
+                self.back = gui.add_button("One frame back")
+                self.on = gui.add_button("One frame on")
+            self.facts = gui.add_html(html.note("Open a dataset to look at its frames."))
+            with gui.add_folder("The same as a command"):
+                self.commands = gui.add_html("")
+        self.left = gui.add_panel()
+        with self.left.add_tab("Pictures"):
+            self.gallery = Gallery(place)
+        with self.left.add_tab("All draws"):
+            self.draws = gui.add_html(html.note("How drawn values spread over the episodes comes here."))
+        self.left.dock_left()
+        self.left.set_width(370)
+        self.start.on_click(lambda _: self.open())
+        self.number.on_update(lambda _: self.look())
+        self.episode.on_update(lambda _: self._to_episode())
+        self.back.on_click(lambda _: self._by(-1))
+        self.on.on_click(lambda _: self._by(1))
+        if dataset:
+            self.open()
+
+    def open(self) -> None:
+        """Opens the dataset that is named."""
+        self.holding = None
+        self.job.begin(Frames, ())
+        self.job.ask("open", str(self.folder.value))
+
+    def look(self) -> None:
+        """Shows the frame of the slider; while one is being read, the last one asked for waits."""
+        if self.holding is None:
+            return
+        self.waits = self.job.busy
+        if not self.waits:
+            self.job.ask("frame", int(self.number.value))
+
+    def told(self, name: str, value: Any) -> None:
+        """What the worker tells."""
+        if name == "dataset":
+            self._opened(value)
+        elif name == "frame":
+            self._show(value)
+
+    def idle(self, idle: bool) -> None:
+        """What was asked for meanwhile is read now."""
+        for button in (self.back, self.on):
+            button.disabled = self.holding is None
+        if idle and self.waits:
+            self.look()
+
+    def show(self, visible: bool) -> None:
+        """Whether the page is seen."""
+        self.root.visible = self.left.visible = visible
+
+    def close(self) -> None:
+        """Ends the worker."""
+        self.job.end()
+
+    def _opened(self, holding: Holding) -> None:
+        self.number.max, self.episode.max = max(1, holding.frames - 1), max(1, len(holding.starts) - 1)
+        self.number.value = self.episode.value = 0
+        self.draws.content = html.draws(drawn(holding.worlds))
+        out = str(self.place.out / "dataset-page")
+        self.commands.content = html.commands(
+            [
+                command_line(["vispeg", "dataset", "show", str(self.folder.value), "--out", out]),
+                command_line(["vispeg", "dataset", "check", str(self.folder.value)]),
+            ]
+        )
+        self.holding = holding
+
+    def _show(self, frame: Frame) -> None:
+        assert self.holding is not None
+        with self.place.server.atomic():
+            self.gallery.show(frame.pictures)
+            self.facts.content = html.frame(frame, self.holding)
+
+    def _to_episode(self) -> None:
+        if self.holding is None:
+            return
+        start = self.holding.starts[min(int(self.episode.value), len(self.holding.starts) - 1)]
+        if int(self.episode.value) != bisect_right(self.holding.starts, int(self.number.value)) - 1:
+            self.number.value = start
+
+    def _by(self, step: int) -> None:
+        if self.holding is not None:
+            self.number.value = min(max(int(self.number.value) + step, 0), self.holding.frames - 1)

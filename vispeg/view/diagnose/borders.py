@@ -1,0 +1,108 @@
+"""Pictures: how far the borders of what stands in the cell lie from where the model puts them."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from vispeg.api.inputs import Inputs
+from vispeg.api.pictures import border_evidence_of
+from vispeg.diagnosis.pictures.search import PictureSearch
+from vispeg.diagnosis.progress import Progress
+from vispeg.identify.pictures.evidence import BorderEvidence, Item
+from vispeg.recordings.recording import Recording
+from vispeg.robots.scene import Scene
+from vispeg.sim.compiled import compiled
+from vispeg.view.diagnose.standing import Field, Track
+from vispeg.view.diagnose.subject import Say, Subject, field, over_time
+from vispeg.worlds.world import World
+
+
+class Borders(Subject):
+    """Recordings with frames in a cell; the arguments of `Joints`."""
+
+    unit, shows = "px", "How far borders lie from where the model puts them"
+
+    def __init__(self, given: Inputs, threads: int, say: Say, progress: Progress | None):
+        say("bringing the predicted borders onto the pictures")
+        evidence, judged = border_evidence_of(given.world, given.fitted, given.held_out if progress else ())
+        self.judged: BorderEvidence = evidence if judged is None else judged
+        self.search = None if judged is None else PictureSearch(evidence, judged, say)
+        self.recordings = {rec.name: rec for rec in self.judged.recordings or evidence.recordings}
+        self.columns = tuple(dict.fromkeys(i.sight.camera.name for i in self.judged.items))
+        self.units = (self.unit,) * len(self.columns)
+
+    @property
+    def floor(self) -> float:
+        """RMS scatter of an edge."""
+        return self.judged.floor
+
+    @property
+    def body(self) -> Scene:
+        """The cell."""
+        return self.judged.scene
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The cell."""
+        return compiled(self.body)
+
+    def error(self, world: World) -> float:
+        """RMS over borders."""
+        return self.judged.error(world)
+
+    def tracks(self, first: World, now: World) -> tuple[Track, ...]:
+        """A track a camera of a recording, a row a frame: the RMS of its borders."""
+        out = []
+        misplaced = zip(self.judged.items, self.judged.misplaced(first), self.judged.misplaced(now), strict=True)
+        for k, (item, before, after) in enumerate(misplaced):
+            frames, time = np.unique(item.points.frame), self._time(k)
+            errors = [self._placed(item, _per_frame(item, away, frames)) for away in (before, after)]
+            name, camera = item.name, item.sight.camera.name
+            posture = np.nan_to_num(item.sight.at(frames))
+            track = Track(f"{name}, {camera}", time[frames], posture, None, *errors, cameras=(camera,))
+            out.append(track)
+        return tuple(out)
+
+    def maps(self, first: World, now: World) -> dict[str, Field]:
+        """Over time, and by the part whose border it is."""
+        rows: list[list[np.ndarray]] = [[], [], [], []]
+        misplaced = zip(self.judged.items, self.judged.misplaced(first), self.judged.misplaced(now), strict=True)
+        for k, (item, before, after) in enumerate(misplaced):
+            white = [np.where(item.valid[:, 0], away / item.sigma[0], np.nan) for away in (before, after)]
+            time = self._time(k)[item.points.frame]
+            moment = np.column_stack([np.full(len(time), float(k)), time])
+            new = (*(self._placed(item, w) for w in white), moment, item.points.parts[:, 0])
+            for column, values in zip(rows, new, strict=True):
+                column.append(values)
+        before, after, moment, part = (np.concatenate(r) for r in rows)
+        names = ("nothing", *self.body.parts)
+        there = np.unique(part)
+        edges = np.arange(len(there) + 1, dtype=float)
+        labels = tuple(names[int(p)] for p in there)
+        return {
+            "time": over_time(before, after, moment),
+            "part": field(edges, np.searchsorted(there, part), before, after, moment, labels),
+        }
+
+    def recorded(self, track: int) -> tuple[Recording, float]:
+        """A sight's recording; time counts from its first reading."""
+        rec = self.recordings[self.judged.items[track].name]
+        return rec, float(rec.time[0])
+
+    def _time(self, track: int) -> np.ndarray:
+        return self.judged.items[track].sight.time - self.recorded(track)[1]
+
+    def _placed(self, item: Item, values: np.ndarray) -> np.ndarray:
+        """(n, columns): values (n,) in the column of the item's camera, NaN elsewhere."""
+        out = np.full((len(values), len(self.columns)), np.nan)
+        out[:, self.columns.index(item.sight.camera.name)] = values
+        return out
+
+
+def _per_frame(item: Item, away: np.ndarray, frames: np.ndarray) -> np.ndarray:
+    """(frames,) px RMS of each frame's trusted borders."""
+    good = np.isfinite(away)
+    trust, at = np.where(good, item.trust, 0.0), np.searchsorted(frames, item.points.frame)
+    square = np.bincount(at, trust * np.where(good, away, 0.0) ** 2, len(frames))
+    return np.sqrt(square / np.maximum(np.bincount(at, trust, len(frames)), 1e-9))

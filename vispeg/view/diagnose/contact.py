@@ -1,0 +1,91 @@
+"""Contact: the wrench at the wrist that keeps the hand on its measured path."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from vispeg.api.inputs import Inputs
+from vispeg.contact.phases import NAMES
+from vispeg.contact.record import COLUMNS
+from vispeg.contact.run import evidence_of
+from vispeg.contact.search import ContactSearch
+from vispeg.diagnosis.judge import Judge
+from vispeg.diagnosis.progress import Progress
+from vispeg.recordings.recording import Recording
+from vispeg.robots.scene import Scene
+from vispeg.sim.compiled import compiled
+from vispeg.view.diagnose.standing import Field, Track
+from vispeg.view.diagnose.subject import Say, Subject, field, over_time
+from vispeg.worlds.world import World
+
+
+class Contact(Subject):
+    """Recordings with a wrench in a cell; the arguments of `Joints`."""
+
+    columns, units, unit = COLUMNS, ("N",) * 3 + ("N m",) * 3, "N"
+    shows = "Force and torque at the wrist that the model misses"
+
+    def __init__(self, given: Inputs, threads: int, say: Say, progress: Progress | None):
+        self.judged, self.search = evidence_of(given.fitted if progress is None else given.held_out, threads), None
+        if progress is not None:
+            self.search = ContactSearch(evidence_of(given.fitted, threads), Judge(self.judged), say, progress)
+
+    @property
+    def floor(self) -> float:
+        """RMS of the force's noise."""
+        return self.judged.floor
+
+    @property
+    def body(self) -> Scene:
+        """The cell."""
+        return self.judged.items[0].source.scene
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The cell."""
+        return compiled(self.body)
+
+    def error(self, world: World) -> float:
+        """RMS of the force."""
+        return self.judged.angle_rms(self.judged.residuals([world])[0])
+
+    def tracks(self, first: World, now: World) -> tuple[Track, ...]:
+        """A track an episode, a row a block of time."""
+        out = []
+        for item, before, after in zip(self.judged.items, *self._predicted(first, now), strict=True):
+            posture = np.nan_to_num(item.recording.q[item.segment.rows])
+            values = [np.where(item.valid, v, np.nan) for v in (item.measured, before, after)]
+            cameras = () if item.recording.frames is None else tuple(item.recording.frames.names)
+            out.append(Track(item.name, item.segment.time, posture, *values, cameras=cameras))
+        return tuple(out)
+
+    def maps(self, first: World, now: World) -> dict[str, Field]:
+        """By phase of contact, and over time."""
+        items = self.judged.items
+
+        def white(predicted: list[np.ndarray]) -> np.ndarray:
+            rows = zip(items, predicted, strict=True)
+            return np.concatenate([np.where(i.valid, self.judged.whiten(i, y), np.nan) for i, y in rows])
+
+        moment = np.concatenate([_moments(k, item.segment.time) for k, item in enumerate(items)])
+        before, after = map(white, self._predicted(first, now))
+        code = np.concatenate([item.phase.code for item in items])
+        edges = np.arange(len(NAMES) + 1, dtype=float)
+        return {
+            "contact": field(edges, code, before, after, moment, NAMES),
+            "time": over_time(before, after, moment),
+        }
+
+    def recorded(self, track: int) -> tuple[Recording, float]:
+        """An episode's recording; its time is the recording's own."""
+        item = self.judged.items[track]
+        return item.recording, float(item.recording.time[item.segment.rows[0]] - item.segment.time[0])
+
+    def _predicted(self, first: World, now: World) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        before, after = self.judged.simulated([first]), self.judged.simulated([now])
+        return [y[0] for y in before], [y[0] for y in after]
+
+
+def _moments(track: int, time: np.ndarray) -> np.ndarray:
+    return np.column_stack([np.full(len(time), float(track)), time])

@@ -1,0 +1,74 @@
+"""Joints: angles in closed loop, or torques by inverse dynamics."""
+
+from __future__ import annotations
+
+import mujoco
+
+from vispeg.api.inputs import Inputs
+from vispeg.diagnosis.judge import Judge
+from vispeg.diagnosis.progress import Progress
+from vispeg.diagnosis.search import Search
+from vispeg.identify.inverse import evidence_for
+from vispeg.recordings.recording import Recording
+from vispeg.robots.model import RobotModel
+from vispeg.sim.compiled import compiled
+from vispeg.view.diagnose.standing import Field, Track
+from vispeg.view.diagnose.subject import Say, Subject
+from vispeg.view.diagnose.telling import maps, track
+from vispeg.worlds.world import World
+
+
+class Joints(Subject):
+    """Recordings of joints.
+
+    Args:
+        given: model and recordings.
+        threads: of the simulation.
+        say: is told what is being done.
+        progress: of the search; None where there is nothing to judge on.
+    """
+
+    shows = "Torque that the model lacks"
+
+    def __init__(self, given: Inputs, threads: int, say: Say, progress: Progress | None):
+        judging = given.fitted if progress is None else given.held_out
+        self.judged = evidence_for(given.world, judging, threads, h_max=1e-3)
+        self.search = None
+        if progress is not None:
+            evidence = evidence_for(given.world, given.fitted, threads)
+            self.search = Search(evidence, Judge(self.judged), say, progress)
+        self.unit, self.columns = self.judged.unit, self.joints
+        self.units = (self.unit,) * len(self.columns)
+
+    @property
+    def floor(self) -> float:
+        """RMS of the sensor noise."""
+        return self.judged.floor
+
+    @property
+    def body(self) -> RobotModel:
+        """The arm."""
+        return self.judged.items[0].robot
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The arm with its tool."""
+        return compiled(self.body)
+
+    def error(self, world: World) -> float:
+        """RMS over joints."""
+        return self.judged.angle_rms(self.judged.residuals([world])[0])
+
+    def tracks(self, first: World, now: World) -> tuple[Track, ...]:
+        """A track a segment."""
+        before, after = self.judged.simulated([first]), self.judged.simulated([now])
+        return tuple(track(i, a[0], b[0]) for i, a, b in zip(self.judged.items, before, after, strict=True))
+
+    def maps(self, first: World, now: World) -> dict[str, Field]:
+        """Missing torque over speed, load, position, phase, time."""
+        return maps(self.judged, self.judged.simulated([first]), self.judged.simulated([now]))
+
+    def recorded(self, track: int) -> tuple[Recording, float]:
+        """A segment's recording and start."""
+        item = self.judged.items[track]
+        return item.recording, float(item.recording.time[item.segment.rows[0]])

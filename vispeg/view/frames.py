@@ -1,0 +1,120 @@
+"""Frames of a dataset, in a worker process: pictures, labels, and what was drawn for each."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.datasets.episodes import OWN
+from vispeg.datasets.layout import colour_of, depth_of
+from vispeg.datasets.opening import open_dataset
+from vispeg.datasets.read import Dataset
+from vispeg.datasets.stored import Stored
+from vispeg.render.image_kinds import depth_picture
+from vispeg.report.dataset.pictures import chosen, depth_range, part_picture
+from vispeg.report.quantities import plain
+
+SAMPLED = 12  # frames that the span of depth is taken from
+MOST = 12  # numbers of a feature that are shown
+
+
+@dataclass(frozen=True)
+class Holding:
+    """A dataset.
+
+    Attributes:
+        name: of its folder.
+        frames: in all.
+        starts: first frame of each episode.
+        cameras, parts: names.
+        fps: frames a second; None where it does not say.
+        worlds: what was drawn for each episode, label -> parameters.
+    """
+
+    name: str
+    frames: int
+    starts: tuple[int, ...]
+    cameras: tuple[str, ...]
+    parts: tuple[str, ...]
+    fps: float | None
+    worlds: tuple[Mapping[str, Mapping[str, float]], ...]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One frame: its number, episode and row in it, pictures (H, W, 3) uint8, facts, and what was drawn for it."""
+
+    number: int
+    episode: int
+    row: int
+    pictures: Mapping[str, np.ndarray]
+    facts: list[tuple[str, str]]
+    drawn: list[tuple[str, str]]
+
+
+class Frames:
+    """What the page's worker holds; `tell` is told "dataset" (Holding) and "frame" (Frame)."""
+
+    def __init__(self, tell: Callable[[str, Any], None]):
+        self.tell, self.data = tell, None
+        self.limits: Mapping[str, tuple[float, float]] = {}
+
+    def open(self, folder: str) -> None:
+        """Opens a dataset. Raises UserError: none that can be read."""
+        self.tell("say", "reading the dataset")
+        data = self.data = open_dataset(folder)
+        self.limits = depth_range(data, [data[i] for i in chosen(data, SAMPLED)])
+        starts, worlds = (e["dataset_from_index"] for e in data.episodes), (_drawn(dict(e)) for e in data.episodes)
+        fps = data.info.get("fps")
+        lists = tuple(starts), tuple(data.cameras), tuple(data.parts), fps, tuple(worlds)
+        self.tell("dataset", Holding(data.folder.resolve().name, len(data), *lists))
+        self.frame(0)
+
+    def frame(self, number: int) -> None:
+        """Tells a frame. Raises UserError: it cannot be read."""
+        if self.data is None:
+            raise UserError("no dataset is open")
+        data, frame = self.data, self.data[number]
+        starts = [e["dataset_from_index"] for e in data.episodes]
+        k = bisect_right(starts, number) - 1
+        facts = [("outcome", str(dict(data.episodes[k]).get(f"{OWN}category") or "")), *_numbers(frame)]
+        drawn = [(label, ", ".join(f"{n} {plain(v)}" for n, v in some.items())) for label, some in _drawn_of(data, k)]
+        pictures = {label: one for name in data.cameras for label, one in self._views(frame, name)}
+        self.tell("frame", Frame(number, k, number - starts[k], pictures, [f for f in facts if f[1]], drawn))
+
+    def _views(self, frame: Mapping[str, np.ndarray], name: str) -> list[tuple[str, np.ndarray]]:
+        """Colour, depth and parts of a camera, as far as the frame has them."""
+        out = []
+        if (colour := frame.get(colour_of(name))) is not None:
+            out.append((f"{name}, colour", colour))
+        if (depth := frame.get(depth_of(name, frame))) is not None:
+            low, high = self.limits[name]
+            out.append((f"{name}, depth {low:.2f} to {high:.2f} m", depth_picture(depth, low, high)))
+        if (parts := frame.get(f"label.parts.{name}")) is not None:
+            out.append((f"{name}, parts", part_picture(parts)))
+        return [(label, np.ascontiguousarray(image)) for label, image in out]
+
+
+def _drawn(episode: Mapping[str, Any]) -> Mapping[str, Mapping[str, float]]:
+    return episode.get(f"{OWN}world") or {}
+
+
+def _drawn_of(data: Dataset | Stored, episode: int) -> list[tuple[str, Mapping[str, float]]]:
+    return list(_drawn(dict(data.episodes[episode])).items())
+
+
+def _numbers(frame: Mapping[str, np.ndarray]) -> list[tuple[str, str]]:
+    """Actions, states, poses: what is short enough to be read."""
+    out = []
+    for name, value in frame.items():
+        flat = np.asarray(value).ravel()
+        if 0 < flat.size <= MOST and np.issubdtype(flat.dtype, np.number):
+            out.append((name, ", ".join(plain(float(v), 3) for v in flat)))
+        elif flat.size == 1 and flat.dtype.kind in "US":
+            out.append((name, str(flat[0])))
+    return out

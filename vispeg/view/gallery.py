@@ -1,0 +1,33 @@
+"""Pictures of a panel, each under its name, enlarged to where their pixels can be seen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from vispeg.view.place import Place
+
+LEAST = 192  # px, height of a picture
+
+
+class Gallery:
+    """Added where the page's elements are being added."""
+
+    def __init__(self, place: Place):
+        self.place, self.root = place, place.gui.add_folder(None)
+        self.images: dict[str, Any] = {}
+
+    def show(self, pictures: Mapping[str, np.ndarray]) -> None:
+        """Shows these (H, W, 3) uint8, in place of those before."""
+        for key in [key for key in self.images if key not in pictures]:
+            self.images.pop(key).remove()
+        for key, image in pictures.items():
+            times = max(1, -(-LEAST // image.shape[0]))
+            large = image.repeat(times, axis=0).repeat(times, axis=1)
+            if key in self.images:
+                self.images[key].image = large
+            else:
+                with self.root:
+                    self.images[key] = self.place.gui.add_image(large, label=key, format="jpeg")

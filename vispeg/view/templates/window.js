@@ -1,0 +1,43 @@
+// Runs once a window. It types what the system says of light and dark into the field whose label is for
+// `data-target`, and hides that field; and it names what the toolkit leaves without a name for a screen reader.
+const target = this.dataset.target;
+const dark = matchMedia('(prefers-color-scheme: dark)');
+const rowOf = (label) => {
+  let row = label;
+  while (row && !row.querySelector('input, [role=slider]')) row = row.parentElement;
+  return row && row.querySelectorAll('label[for]').length === 1 ? row : null;
+};
+const tell = () => {
+  const row = rowOf(document.querySelector('label[for="' + target + '"]'));
+  if (!row) return;
+  row.style.display = 'none';
+  const field = row.querySelector('input');
+  const value = (dark.matches ? 'dark ' : 'light ') + Math.random();
+  Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(field, value);
+  field.dispatchEvent(new Event('input', { bubbles: true }));
+};
+const named = (element, name) => {
+  if (!element.getAttribute('aria-label') && !(element.labels && element.labels.length)) {
+    element.setAttribute('aria-label', name);
+  }
+};
+const name = () => {
+  for (const label of document.querySelectorAll('label[for]')) {
+    const row = rowOf(label);
+    if (row) row.querySelectorAll('input:not([type=hidden]), [role=slider]').forEach((e) => named(e, label.textContent));
+  }
+  document.querySelectorAll('[role=progressbar]').forEach((e) => named(e, 'working'));
+  document.querySelectorAll('button').forEach((e) => {
+    if (!e.textContent.trim()) named(e, /Close/.test(e.className) ? 'close' : 'more');
+  });
+};
+let waits = false;
+const later = () => {
+  if (waits) return;
+  waits = true;
+  setTimeout(() => { waits = false; name(); }, 200);
+};
+tell();
+name();
+dark.addEventListener('change', tell);
+new MutationObserver(later).observe(document.body, { childList: true, subtree: true });
