@@ -22,7 +22,7 @@ COLUMNS = "steps,seconds,updates,success,reward,failures,critic_loss"
 def dataset(tmp_path_factory):
     """Seven frames of two episodes or more, their looks drawn."""
     out = tmp_path_factory.mktemp("data") / "frames"
-    vispeg.render_dataset(out, "randomized", frames=7, looks=2, size=32, workers=0)
+    vispeg.render_dataset(out, "S", frames=7, looks=2, size=32, workers=0)
     return out
 
 
