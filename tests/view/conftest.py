@@ -1,7 +1,9 @@
 """A two-joint arm with a hidden effect, whose elbow has markup for a name, and a browser that looks at its page."""
 
 import os
+import shlex
 import shutil
+from importlib import import_module
 from pathlib import Path
 from urllib.parse import urlparse
 
@@ -12,7 +14,9 @@ from loops import drive, recorded
 
 import vispeg
 from vispeg.cli.check import Args as Check
+from vispeg.cli.main import COMMANDS
 from vispeg.cli.output import Output
+from vispeg.cli.usage import parse
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.recordings.write import write
@@ -109,9 +113,16 @@ def chromium():
         browser.close()
 
 
+def understood(line: str) -> None:
+    """A command that a page shows is one that the command line takes."""
+    program, name, *words = shlex.split(line)
+    assert program == "vispeg"
+    parse(import_module(COMMANDS[name]).Args, f"vispeg {name}", "", words)
+
+
 @pytest.fixture
 def page_of(chromium):
-    """Opens an app in a window; no request may leave the machine, and no script may fail."""
+    """Opens an app in a window; no request may leave the machine, no script may fail, every command is understood."""
     requests, errors, windows = [], [], []
 
     def look(app, width=1000, height=560, **more):
@@ -126,6 +137,8 @@ def page_of(chromium):
 
     yield look
     for window in windows:
+        for line in window.locator(".copy code").all_inner_texts():
+            understood(line)
         window.close()
     assert requests and not errors
     hosts = {urlparse(url.removeprefix("blob:")).hostname for url in requests if not url.startswith("data:")}

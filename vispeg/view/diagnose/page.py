@@ -161,6 +161,8 @@ class StudyPage(Page):
         self.job.ask("fit", key)
 
     def _stand(self, standing: Standing) -> None:
+        if self.standing is not None and self.standing.effects != standing.effects:
+            self._candidates([])  # of another model; new ones are being scored
         self.standing = standing
         self.ladder.content = html.ladder(standing)
         self.traces.take(standing)
