@@ -26,6 +26,10 @@ const name = () => {
     const row = rowOf(label);
     if (row) row.querySelectorAll('input:not([type=hidden]), [role=slider]').forEach((e) => named(e, label.textContent));
   }
+  document.querySelectorAll('[aria-label^="Expand panel"]').forEach((e) => {
+    const label = 'Expand panel ' + e.innerText.replace(/\s+/g, ' ').trim();
+    if (e.getAttribute('aria-label') !== label) e.setAttribute('aria-label', label);
+  });
   document.querySelectorAll('[role=progressbar]').forEach((e) => named(e, 'working'));
   document.querySelectorAll('button').forEach((e) => {
     if (!e.textContent.trim()) named(e, /Close/.test(e.className) ? 'close' : 'more');
