@@ -35,9 +35,9 @@ def style() -> str:
 
 def window(target: str) -> str:
     """What runs once a window, see window.js; it types into the field whose label is for `target`."""
-    templates = _templates()
-    assert templates.loader is not None
-    script, _, _ = templates.loader.get_source(templates, "window.js")
+    made = templates("vispeg.view")
+    assert made.loader is not None
+    script, _, _ = made.loader.get_source(made, "window.js")
     return _page("window", target=target, script=script)
 
 
