@@ -103,7 +103,8 @@ def policy(film: Film, name: str, worlds: tuple[str, str]) -> None:
 def with_ffmpeg(folder: Path) -> None:
     """Gives Playwright the project's ffmpeg where it was not installed with a browser of its own."""
     import playwright
-    from vispeg.evaluation.video import ffmpeg
+
+    from vispeg.evaluation.films.video import ffmpeg
 
     listed = Path(playwright.__file__).parent / "driver" / "package" / "browsers.json"
     browsers = json.loads(listed.read_text(encoding="utf-8"))["browsers"]

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from vispeg.api.inputs import Inputs
-from vispeg.api.pictures import border_evidence_of
+from vispeg.api.rooms.pictures import border_evidence_of
 from vispeg.diagnosis.pictures.search import PictureSearch
 from vispeg.diagnosis.progress import Progress
 from vispeg.identify.pictures.evidence import BorderEvidence, Item

@@ -18,7 +18,7 @@ import numpy as np
 from vispeg.api.compare import compared_pictures
 from vispeg.api.diagnose import diagnose, progress_of
 from vispeg.api.inputs import Inputs, felt, read_inputs, read_model, windows
-from vispeg.api.pictures import photographed
+from vispeg.api.rooms.pictures import photographed
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.diagnosis.progress import Progress
