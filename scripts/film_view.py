@@ -59,7 +59,7 @@ class Film:
 
     def choose(self, label: str, option: str) -> None:
         """An option of a drop-down."""
-        self.press(self.page.get_by_role("textbox", name=label, exact=True).locator("visible=true"))
+        self.press(self.page.get_by_role("combobox", name=label, exact=True).locator("visible=true"))
         self.press(self.page.get_by_role("option", name=option, exact=True).locator("visible=true"))
 
 

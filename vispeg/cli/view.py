@@ -9,7 +9,7 @@ Example:
     vispeg view log.csv
     vispeg view depth-S randomized
     vispeg view frames
-    vispeg view runs/peg-state
+    vispeg view runs
 """
 
 from __future__ import annotations
