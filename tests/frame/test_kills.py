@@ -16,6 +16,14 @@ from tests.outcomes import results
 
 ROOT = Path(__file__).resolve().parents[2]
 RECORD = "record iiwa14 --motion fourier --duration 1 --out"
+THREE = """
+format: vispeg-suite/1
+name: three
+configurations:
+  - {name: as it is}
+  - {name: clearance 1 mm, task: {clearance_mm: 1.0}}
+  - {name: late, effects: [{effect: command_delay, params: {delay: 0.02}}]}
+"""
 # The command, and what is appended to go on. QUICK ones die at a given write, in CI; all die at random times, slowly.
 QUICK = {
     "fit": (
@@ -31,20 +39,27 @@ ALL = {
     "fit-starts": (f"{QUICK['fit'][0]} --starts 3 --validate rig2", "--resume"),
     "diagnose": ("diagnose iiwa14 --recording rig --validate rig2 --quiet --out OUT", ""),
     "record": ("record iiwa14 --motion fourier --duration 20 --out OUT", ""),
-    "render-workers": ("render --world nominal --frames 200 --size 48 --workers 2 --out OUT", ""),
-    "evaluate-workers": ("evaluate expert --world randomized --episodes 120 --workers 2 --videos 1 --out OUT", ""),
-    "gap": ("gap expert --worlds nominal unknown_hole --controls --episodes 60 --videos 1 --out OUT", ""),
-    "suite": ("suite run expert --train nominal --target randomized --version 1 --episodes 4 --out OUT", ""),
-    "sensitivity": ("sensitivity expert --sweep latency --episodes 20 --out OUT", ""),
-    "exploit": ("exploit expert --episodes 40 --out OUT", ""),
+    "render-workers": ("render --world nominal --frames 100 --size 48 --workers 2 --out OUT", ""),
+    "evaluate-workers": ("evaluate expert --world randomized --episodes 60 --workers 2 --videos 1 --out OUT", ""),
+    "gap": ("gap expert --worlds nominal unknown_hole --controls --episodes 24 --videos 1 --out OUT", ""),
+    "suite": (
+        "suite run expert --suite three.yaml --train nominal --target randomized --version 1 --episodes 8 --out OUT",
+        "",
+    ),
+    "sensitivity": ("sensitivity expert --sweep latency --episodes 8 --out OUT", ""),
+    "exploit": ("exploit expert --episodes 20 --out OUT", ""),
     "perturb": ("perturb expert --episodes 4 --out OUT", ""),
-    "train": ("train peg-state --steps 800 --every 200 --envs 4 --episodes 4 --films 0 --out OUT", ""),
+    "train": ("train peg-state --steps 2600 --every 650 --utd 0.1 --envs 4 --episodes 4 --films 0 --out OUT", ""),
     "distill": (
         "train peg-state --recipe distill --teacher expert --distill-steps 200 --distill-updates 40 --episodes 4 "
         "--films 0 --out OUT",
         "",
     ),
-    "finetune": ("finetune state-3mm --world randomized --demos 4 --updates 20 --episodes 8 --out OUT", ""),
+    "finetune": (
+        "finetune state-3mm --world randomized --teacher state-3mm-randomized --demos 4 --updates 20 --episodes 8 "
+        "--out OUT",
+        "",
+    ),
 }
 WRITES = {
     "fit": (2,),
@@ -90,6 +105,7 @@ def place(tmp_path, monkeypatch) -> Path:
     monkeypatch.chdir(tmp_path)
     for seed, name in enumerate(("rig", "rig2")):
         finish(f"{RECORD} {name} --seed {seed} --effects coulomb_friction:joint4:torque=1.2")
+    (tmp_path / "three.yaml").write_text(THREE)
     return tmp_path
 
 

@@ -46,6 +46,9 @@ def save_state(folder: Path, model: AsymmetricSAC, counters: Counters) -> None:
     What is not written is the environments' state: call this just before `AsymmetricSAC.restart`, after which nothing
     depends on it.
     """
+    for optimizer in _optimizers(model).values():
+        if not optimizer.state:  # nothing was learned yet: the same zeros as after `load_state`
+            wake(optimizer)
     write(folder / "state.safetensors", _tensors(model) | _random(model))
     ring = folder / "replay"
     ring.mkdir(exist_ok=True)
