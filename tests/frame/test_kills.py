@@ -56,8 +56,7 @@ ALL = {
         "",
     ),
     "finetune": (
-        "finetune state-3mm --world randomized --teacher state-3mm-randomized --demos 4 --updates 20 --episodes 8 "
-        "--out OUT",
+        "finetune state-3mm --world nominal --demos 4 --updates 20 --episodes 8 --out OUT",
         "",
     ),
 }
