@@ -51,6 +51,7 @@ COMMANDS: dict[str, str] = {
     "sensitivity": "vispeg.cli.sensitivity",
     "exploit": "vispeg.cli.exploit",
     "perturb": "vispeg.cli.perturb",
+    "hub": "vispeg.cli.hub.command",
     "completion": "vispeg.cli.completion",
     "doctor": "vispeg.cli.doctor",
 }

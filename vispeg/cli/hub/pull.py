@@ -1,0 +1,46 @@
+"""`vispeg hub pull`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+from vispeg.cli.output import Output, Told
+
+
+@dataclass(frozen=True)
+class Pull:
+    """Fetches a policy or a dataset from a repository on the hub, and checks it."""
+
+    repository: tyro.conf.Positional[str]
+    """OWNER/NAME on the hub."""
+    out: Path
+    """The new folder."""
+    dataset: bool = False
+    """It is a dataset; a policy without."""
+    revision: str | None = None
+    """Branch, tag or commit."""
+    overwrite: bool = False
+    """Replace OUT if it is there."""
+    output: Told = Output()
+
+    def run(self) -> int:
+        """Fetches it and says where it is."""
+        from vispeg.api.hub.pull import pull
+        from vispeg.cli.hub.transfer import transfer
+
+        with transfer(self.output.quiet) as watch:
+            came = pull(
+                self.repository,
+                self.out,
+                dataset=self.dataset,
+                revision=self.revision,
+                overwrite=self.overwrite,
+                watch=watch,
+            )
+        record = {came.kind: str(self.out), "repository": self.repository, "commit": came.commit}
+        line = f"{self.out}: {came.kind} of {self.repository} at {came.commit[:8]}, {len(came.files)} files, checked"
+        self.output.give({**record, "files": [*came.files]}, [line])
+        return 0

@@ -1,0 +1,46 @@
+"""`vispeg hub push`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import tyro
+
+from vispeg.cli.output import Output, Told
+
+
+@dataclass(frozen=True)
+class Push:
+    """Sends a policy or a dataset to a repository on the hub, which is made if need be."""
+
+    folder: tyro.conf.Positional[str]
+    """Folder of a policy or of a rendered dataset, or a bundled policy's name."""
+    repository: tyro.conf.Positional[str]
+    """OWNER/NAME on the hub."""
+    revision: str | None = None
+    """Branch to push to; a dataset is tagged on the main one alone."""
+    private: bool = False
+    """Make the new repository private."""
+    overwrite: bool = False
+    """Replace the policy or dataset that is there, by a new commit."""
+    output: Told = Output()
+
+    def run(self) -> int:
+        """Sends it and says where it is."""
+        from vispeg.api.hub.push import push
+        from vispeg.cli.hub.transfer import transfer
+
+        with transfer(self.output.quiet) as watch:
+            sent = push(
+                self.folder,
+                self.repository,
+                revision=self.revision,
+                private=self.private,
+                overwrite=self.overwrite,
+                watch=watch,
+            )
+        record = {"repository": self.repository, "kind": sent.kind, "commit": sent.commit, "url": sent.url}
+        tagged = f", tag {sent.tag}" if sent.tag else ""
+        line = f"{sent.kind}: {self.repository}, {len(sent.files)} files{tagged}"
+        self.output.give({**record, "tag": sent.tag, "files": [*sent.files]}, [line, sent.url])
+        return 0
