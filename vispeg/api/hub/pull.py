@@ -53,9 +53,9 @@ def pull(
             with it (see `Kind.check`), or `out` is there. Nothing is written then.
     """
     kind = DATASET if dataset else POLICY
+    refuse(out, overwrite, holds=kind.name)
     hub = Repository(name, kind.repository)
     kind.needs()
-    refuse(out, overwrite, holds=kind.name)
     if revision is None and kind.tag is not None and kind.tag in hub.tags():
         revision = kind.tag
     state = hub.at(revision)
