@@ -4,13 +4,12 @@ import importlib
 import json
 import re
 import shutil
-from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import get_args, get_type_hints
 
 import pytest
 
 from vispeg.cli.main import COMMANDS, main
+from vispeg.cli.options import options, subcommands
 from vispeg.core.assets import assets
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.suite import summarise
@@ -53,15 +52,11 @@ HEAD = "format: vispeg-world/1\nbase: nominal\n"
 
 
 def replacing(module: str, name: str):
-    """`name` of each (sub-)command that has out and overwrite."""
-    kinds = [importlib.import_module(module).Args]
-    while kinds:
-        kind = kinds.pop()
-        names = {f.name for f in fields(kind)}
-        if {"out", "overwrite"} <= names:
-            yield name if kind.__name__ == "Args" else f"{name} {kind.__name__.lower()}"
-        if "command" in names:
-            kinds += [k for k in get_args(get_type_hints(kind)["command"]) if is_dataclass(k)]
+    """`name` of each (sub-)command that has out and overwrite, of its own or of a group that commands share."""
+    kind = importlib.import_module(module).Args
+    for label, leaf in {name: kind, **{f"{name} {sub}": k for sub, k in subcommands(kind).items()}}.items():
+        if {"out", "overwrite"} <= {option.name for option in options(leaf)}:
+            yield label
 
 
 def test_every_command_that_replaces_something_is_tried_here():
