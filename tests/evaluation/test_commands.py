@@ -262,7 +262,7 @@ def test_a_suites_run_exits_with_one_on_an_alarm_so_that_it_can_guard_ci(vispeg,
     assert hashes["unknown_hole"] in (tmp_path / "well/suite.html").read_text()
     played(lambda job, seed: wins(job, seed, -1))
     code, out, err = vispeg(*common, "--out", "ill")
-    assert code == 1 and "alarm: r = -1.00" in out and (tmp_path / "ill/suite.html").is_file(), err
+    assert code == 1 and "alarm: r = −1.00" in out and (tmp_path / "ill/suite.html").is_file(), err
     played(lambda job, seed: job.world_name == "nominal" or seed % 3)  # 100 % at home, 66 % in the target, everywhere
     code, out, err = vispeg(*common, "--out", "fallen")
     assert code == 1 and "alarm: expert loses 30 points (" in out and "hardly varies" in out, err

@@ -31,7 +31,7 @@ ARTICLE = {
 NAMED = {  # what the sources name without a number, or with one of another kind
     "article": {
         *("contact_stiffness", "contact_damping", "restitution", "solver_iterations", "viscous_friction"),
-        *("encoder_quantization", "sensor_delay", "part_texture"),
+        *("encoder_quantization", "sensor_delay", "part_texture", "environment"),
     },
     "paper": {
         *("link_mass", "contact_friction", "viscous_friction", "gravity_scale", "hole_offset", "goal_imprecision"),

@@ -112,6 +112,11 @@ def present(fit: Fit, index: int) -> bool:
     return False
 
 
+def adds(fit: Fit, count: int) -> bool:
+    """Whether one of the last `count` effects of a fit is there, see `present`."""
+    return any(present(fit, k) for k in range(-count, 0))
+
+
 def parameters(world: World) -> int:
     """Number of free parameters."""
     return sum(len(e.params) for e in world.effects)

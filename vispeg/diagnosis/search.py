@@ -9,7 +9,7 @@ from scipy import stats
 
 from vispeg.core.effect import EffectInstance, effect, searchable
 from vispeg.diagnosis.accept import DECISIVE, LEAST_SHARE, ranked
-from vispeg.diagnosis.judge import Judge, present
+from vispeg.diagnosis.judge import Judge, adds, present
 from vispeg.diagnosis.localise import MissingTorque, joint_data, joint_z
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.proposals import Proposals
@@ -195,7 +195,7 @@ class Search(Proposals):
 
     def shows(self, state: State, trial: Trial) -> bool:
         """Whether an effect that a trial adds to `state` is there: its interval leaves out null."""
-        return any(present(trial.fit, k) for k in range(-trial.score.count, 0))
+        return adds(trial.fit, trial.score.count)
 
     def instead(self, state: State, placed: EffectInstance) -> tuple[list[Score], int]:
         """What might stand in the place of an effect that `state` is without, best first; how many were screened."""

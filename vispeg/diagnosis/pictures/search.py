@@ -13,7 +13,7 @@ import numpy as np
 
 from vispeg.core.effect import OPTICAL, REGISTRY, EffectInstance, effect
 from vispeg.diagnosis.accept import equal, ranked
-from vispeg.diagnosis.judge import Judge, present
+from vispeg.diagnosis.judge import Judge, adds, present
 from vispeg.diagnosis.rivals import Rivals, merely_richer
 from vispeg.diagnosis.screen import Score
 from vispeg.diagnosis.state import State, Trial
@@ -173,6 +173,10 @@ class PictureSearch:
         loss = self.judge.losses([world])[0]
         residual = self.evidence.residuals([world])[0]
         return State(world, loss, residual, fit, state.first, state.steps)
+
+    def shows(self, state: State, trial: Trial) -> bool:
+        """Whether an effect that a trial adds to `state` is there: its interval leaves out null."""
+        return adds(trial.fit, trial.score.count)
 
     def _prune(self, state: State, given: int) -> None:
         """Takes out, one by one, what the others have made superfluous."""

@@ -14,6 +14,7 @@ from stable_baselines3.common.logger import KVWriter, Logger
 from vispeg.core.errors import UserError
 from vispeg.core.extras import require
 from vispeg.core.files import write_text_atomic
+from vispeg.formats.json_data import read_json
 from vispeg.learn.config import TrainConfig
 from vispeg.learn.curves.progress import Row
 
@@ -94,8 +95,8 @@ def _run_id(folder: Path) -> str:
     """The id that the folder's run has there, made where it has none yet."""
     file = folder / RUN_ID
     try:
-        return str(json.loads(file.read_text(encoding="utf-8"))["id"])
-    except (OSError, ValueError, KeyError, TypeError):
+        return str(read_json(file)["id"])
+    except (UserError, KeyError, TypeError):
         made = uuid4().hex[:12]
         write_text_atomic(file, json.dumps({"id": made}) + "\n", overwrite=True)
         return made
