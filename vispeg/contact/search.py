@@ -39,10 +39,13 @@ class ContactSearch(Search):
         return []
 
     def worth_it(self, state: State, given: int) -> bool:
-        """Always, up to so many effects: floors count errors that a good sensor does not have, and effects show below
-        1 floor variance; what is not sure fails in `step`.
+        """Up to so many effects, and where the model as given is beyond the floor: it lacks nothing otherwise.
+
+        Beside an effect others show below 1 floor variance, as floors count errors that a good sensor does not have;
+        what is not sure fails in `step`.
         """
-        return len(state.world.effects) - given < self.evidence.most_effects
+        added = len(state.world.effects) - given
+        return added < self.evidence.most_effects and (added > 0 or self.judge.mean(state.loss) > 1.0)
 
     def fits(
         self,
