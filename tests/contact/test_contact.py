@@ -18,10 +18,12 @@ from vispeg.contact.nuisance import PLACE, Nuisance
 from vispeg.contact.path import jacobian
 from vispeg.contact.profile import Probe, idle, looked_for, places, probed, profile, strongest, tries
 from vispeg.contact.run import compare_contact, diagnose_contact, evidence_of
-from vispeg.contact.search import SURE
+from vispeg.contact.search import SURE, ContactSearch
 from vispeg.core.effect import STAGES, EffectInstance, Value, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
+from vispeg.diagnosis.judge import Judge
+from vispeg.diagnosis.progress import Progress
 from vispeg.identify.fit import Fit, fit_job
 from vispeg.identify.pool import run_together
 from vispeg.identify.space import Freedom, Space
@@ -257,3 +259,11 @@ def test_both_hidden_effects_are_named_and_none_where_there_is_none():
     assert [e["effect"] for e in found.record["effects"]] == [e.effect for e in found.world.effects]
     nothing = diagnose_contact(World(), [recorded(), recorded((), 1, True)], [recorded((), 2)])
     assert nothing.record["verdict"] == "adequate" and not nothing.record["effects"]
+
+
+def test_a_model_within_its_floor_is_not_searched():
+    """Nothing hidden, nothing tried, whatever would fit the rest a little better; a hidden friction is looked for."""
+    for hidden, worth in (((), False), ((FRICTION,), True)):
+        evidence = evidence_of([recorded(hidden)])
+        search = ContactSearch(evidence, Judge(evidence_of([recorded(hidden, seed=1)])), lambda _: None, Progress())
+        assert search.worth_it(search.start(World(), 0), 0) is worth

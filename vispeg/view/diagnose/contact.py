@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 
 from vispeg.api.inputs import Inputs
@@ -14,7 +13,6 @@ from vispeg.diagnosis.judge import Judge
 from vispeg.diagnosis.progress import Progress
 from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene
-from vispeg.sim.compiled import compiled
 from vispeg.view.diagnose.standing import Field, Track
 from vispeg.view.diagnose.subject import Say, Subject, field, over_time
 from vispeg.worlds.world import World
@@ -40,11 +38,6 @@ class Contact(Subject):
     def body(self) -> Scene:
         """The cell."""
         return self.judged.items[0].source.scene
-
-    @property
-    def model(self) -> mujoco.MjModel:
-        """The cell."""
-        return compiled(self.body)
 
     def error(self, world: World) -> float:
         """RMS of the force."""

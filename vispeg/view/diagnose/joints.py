@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import mujoco
-
 from vispeg.api.inputs import Inputs
 from vispeg.diagnosis.judge import Judge
 from vispeg.diagnosis.progress import Progress
@@ -11,7 +9,6 @@ from vispeg.diagnosis.search import Search
 from vispeg.identify.inverse import evidence_for
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel
-from vispeg.sim.compiled import compiled
 from vispeg.view.diagnose.standing import Field, Track
 from vispeg.view.diagnose.subject import Say, Subject
 from vispeg.view.diagnose.telling import maps, track
@@ -49,11 +46,6 @@ class Joints(Subject):
     def body(self) -> RobotModel:
         """The arm."""
         return self.judged.items[0].robot
-
-    @property
-    def model(self) -> mujoco.MjModel:
-        """The arm with its tool."""
-        return compiled(self.body)
 
     def error(self, world: World) -> float:
         """RMS over joints."""

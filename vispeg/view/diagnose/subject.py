@@ -18,6 +18,7 @@ from vispeg.diagnosis.state import State, Trial
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel
 from vispeg.robots.scene import Scene
+from vispeg.sim.compiled import compiled
 from vispeg.view.diagnose.standing import Field, Track
 from vispeg.worlds.world import World
 
@@ -84,9 +85,9 @@ class Subject(ABC):
         """The arm or cell that effects have places in."""
 
     @property
-    @abstractmethod
     def model(self) -> mujoco.MjModel:
         """The same, to be drawn."""
+        return compiled(self.body)
 
     @abstractmethod
     def error(self, world: World) -> float:
