@@ -28,7 +28,7 @@ from vispeg.api.fit import fit
 from vispeg.api.inputs import Inputs, read_inputs
 from vispeg.cli.convert import Args as Convert
 from vispeg.core.files import write_text_atomic
-from vispeg.diagnosis.base_parameters import base_parameters
+from vispeg.diagnosis.evidence.base_parameters import base_parameters
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import TorqueEvidence, evidence_for
 from vispeg.worlds.model_file import load_model

@@ -9,7 +9,7 @@ from loops import drive, hinge, pendulum, recorded
 
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.progress import Progress
-from vispeg.diagnosis.search import Search
+from vispeg.diagnosis.selection.search import Search
 from vispeg.recordings.write import write
 
 COMMAND = ["--recording", "a", "--recording", "b", "--validate", "c", "--quiet", "--threads", "1"]

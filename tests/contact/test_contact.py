@@ -22,8 +22,8 @@ from vispeg.contact.search import SURE, ContactSearch
 from vispeg.core.effect import STAGES, EffectInstance, Value, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.judge import Judge
 from vispeg.diagnosis.progress import Progress
+from vispeg.diagnosis.selection.judge import Judge
 from vispeg.identify.fit import Fit, fit_job
 from vispeg.identify.pool import run_together
 from vispeg.identify.space import Freedom, Space

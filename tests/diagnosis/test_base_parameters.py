@@ -8,8 +8,8 @@ from loops import ARM
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.base_parameters import base_parameters, columns
-from vispeg.diagnosis.verdict import MARK, decide
+from vispeg.diagnosis.conclusion.verdict import MARK, decide
+from vispeg.diagnosis.evidence.base_parameters import base_parameters, columns
 from vispeg.identify.inverse import TorqueEvidence
 from vispeg.recordings.recording import Control, Recording
 from vispeg.worlds.world import World

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.accept import DISCOVERIES, threshold
-from vispeg.diagnosis.cross import Cross, reduced
-from vispeg.diagnosis.judge import Judge
+from vispeg.diagnosis.selection.accept import DISCOVERIES, threshold
+from vispeg.diagnosis.selection.cross import Cross, reduced
+from vispeg.diagnosis.selection.judge import Judge
 
 ROWS, JOINTS, PARAMETERS = 120, 2, 3
 

@@ -6,12 +6,13 @@ from loops import ARM, drive, recorded
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.seeds import stream
-from vispeg.diagnosis import proposals, rivals
-from vispeg.diagnosis.judge import Judge
-from vispeg.diagnosis.names import Exchange
-from vispeg.diagnosis.screen import groups, screen
-from vispeg.diagnosis.search import Search
-from vispeg.diagnosis.signatures import Signature
+from vispeg.diagnosis.conclusion import rivals
+from vispeg.diagnosis.evidence.screen import groups, screen
+from vispeg.diagnosis.evidence.signatures import Signature
+from vispeg.diagnosis.selection import proposals
+from vispeg.diagnosis.selection.judge import Judge
+from vispeg.diagnosis.selection.names import Exchange
+from vispeg.diagnosis.selection.search import Search
 from vispeg.identify.evidence import Evidence
 from vispeg.robots.model import load
 from vispeg.worlds.world import World

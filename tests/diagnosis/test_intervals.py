@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vispeg.core.effect import EffectInstance, Value, effect
-from vispeg.diagnosis.intervals import widened
+from vispeg.diagnosis.conclusion.intervals import widened
 from vispeg.worlds.world import World
 
 

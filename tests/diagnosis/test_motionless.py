@@ -8,7 +8,7 @@ import pytest
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.motionless import motionless, refuse_motionless
+from vispeg.diagnosis.evidence.motionless import motionless, refuse_motionless
 from vispeg.recordings.recording import Control, Recording
 
 TIME = np.arange(2000) * 2e-3

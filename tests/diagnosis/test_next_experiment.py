@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from vispeg.core.effect import EffectInstance
-from vispeg.diagnosis.next_experiment import DECISIVE, MENU, next_experiment
-from vispeg.diagnosis.rivals import Rivals
+from vispeg.diagnosis.conclusion.next_experiment import DECISIVE, MENU, next_experiment
+from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.identify.record import controller
 from vispeg.recordings.recording import Control, Recording
 from vispeg.robots.model import load

@@ -9,8 +9,8 @@ from loops import drive, hinge, pendulum, recorded
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
+from vispeg.diagnosis.conclusion.verdict import decide
 from vispeg.diagnosis.run import diagnose
-from vispeg.diagnosis.verdict import decide
 from vispeg.worlds.model_file import load_model, model_text
 from vispeg.worlds.world import World
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.phase import phase
+from vispeg.diagnosis.evidence.phase import phase
 
 TIME = np.arange(4000) * 1e-3
 

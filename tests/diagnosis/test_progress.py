@@ -5,13 +5,13 @@ import pytest
 from loops import drive, hinge, pendulum, recorded
 from typed_record import mistakes
 
-import vispeg.diagnosis.search as searching
+import vispeg.diagnosis.selection.search as searching
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.judge import Judge
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.run import diagnose
 from vispeg.diagnosis.schema import DiagnosisRecord
+from vispeg.diagnosis.selection.judge import Judge
 from vispeg.worlds.world import World
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from loops import ARM, drive, recorded
 
-import vispeg.diagnosis.search as searching
+import vispeg.diagnosis.selection.search as searching
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.run import diagnose

@@ -6,7 +6,7 @@ from loops import drive, recorded
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.subsets import EVERY, choices, subsets
+from vispeg.diagnosis.conclusion.subsets import EVERY, choices, subsets
 from vispeg.identify.inverse import evidence_for
 from vispeg.robots.model import load
 from vispeg.worlds.world import World

@@ -8,12 +8,12 @@ from scipy.optimize import lsq_linear
 
 from vispeg.core.effect import EffectInstance, searchable
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.dictionary import Dictionary
-from vispeg.diagnosis.names import SURE, Ground, exchanges, open_ended, tentative
-from vispeg.diagnosis.screen import Score
-from vispeg.diagnosis.signatures import Signature
-from vispeg.diagnosis.state import State
-from vispeg.diagnosis.together import together
+from vispeg.diagnosis.evidence.dictionary import Dictionary
+from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.evidence.signatures import Signature
+from vispeg.diagnosis.selection.names import SURE, Ground, exchanges, open_ended, tentative
+from vispeg.diagnosis.selection.state import State
+from vispeg.diagnosis.selection.together import together
 from vispeg.identify.space import Space
 from vispeg.worlds.world import World
 

@@ -11,7 +11,7 @@ from loops import iiwa_segment, mode_of, recorded
 from vispeg.core.effect import EffectInstance, searchable
 from vispeg.core.params import Param
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.localise import joint_data, missing_torque
+from vispeg.diagnosis.evidence.localise import joint_data, missing_torque
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit, fit_job
 from vispeg.identify.pool import run_together

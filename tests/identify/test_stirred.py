@@ -8,8 +8,8 @@ import pytest
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.judge import Judge
-from vispeg.diagnosis.verdict import FLOOR
+from vispeg.diagnosis.conclusion.verdict import FLOOR
+from vispeg.diagnosis.selection.judge import Judge
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import motion
 from vispeg.identify.record import centre_of, controller, record

@@ -12,7 +12,7 @@ import numpy as np
 
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.core.effect import REGISTRY, STAGES, Effect, EffectInstance, effect
-from vispeg.diagnosis.screen import Score
+from vispeg.diagnosis.evidence.screen import Score
 from vispeg.worlds.world import World
 
 

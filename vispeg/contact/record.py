@@ -10,7 +10,7 @@ import numpy as np
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.phases import NAMES
 from vispeg.core.effect import effect
-from vispeg.diagnosis.rivals import Rivals
+from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.schema import Failure, NextMotion, NotExcited
 from vispeg.identify.channels import UNITS
 

@@ -10,15 +10,15 @@ from vispeg.contact.noise import louder
 from vispeg.contact.record import arrays, channels, not_excited, phase_errors, separating, where_it_fails
 from vispeg.contact.search import ContactSearch
 from vispeg.diagnosis.compare import Comparison
-from vispeg.diagnosis.intervals import widened
-from vispeg.diagnosis.judge import Judge
+from vispeg.diagnosis.conclusion.intervals import widened
+from vispeg.diagnosis.conclusion.rivals import find_rivals
+from vispeg.diagnosis.conclusion.verdict import decide
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.record import candidates, correlations, effects, ladder, moved, screening, with_origin
-from vispeg.diagnosis.rivals import find_rivals
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.diagnosis.schema import ComparisonRecord, DiagnosisRecord
+from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.share import Share
-from vispeg.diagnosis.verdict import decide
 from vispeg.recordings.recording import Recording
 from vispeg.worlds.world import World
 

@@ -13,11 +13,11 @@ from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.likely import intervals
 from vispeg.contact.profile import Probe, idle, places, probed, strongest
 from vispeg.core.effect import EffectInstance, Value, effect
-from vispeg.diagnosis.localise import MissingTorque
-from vispeg.diagnosis.screen import Score
-from vispeg.diagnosis.search import PROMISE, Search
-from vispeg.diagnosis.state import State, Trial
-from vispeg.diagnosis.verdict import FLOOR
+from vispeg.diagnosis.conclusion.verdict import FLOOR
+from vispeg.diagnosis.evidence.localise import MissingTorque
+from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.selection.search import PROMISE, Search
+from vispeg.diagnosis.selection.state import State, Trial
 from vispeg.identify.fit import Fit, Race
 from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vispeg.diagnosis.localise import maps, missing_torque, peaks, where_it_fails
+from vispeg.diagnosis.conclusion.subsets import subsets
+from vispeg.diagnosis.evidence.localise import maps, missing_torque, peaks, where_it_fails
 from vispeg.diagnosis.schema import ComparisonRecord, JointError, Lost
-from vispeg.diagnosis.subsets import subsets
 from vispeg.identify.channels import Item
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import evidence_for

@@ -10,12 +10,12 @@ import numpy as np
 from scipy import stats
 
 from vispeg.core.effect import REGISTRY, EffectInstance, effect
-from vispeg.diagnosis.accept import equal
-from vispeg.diagnosis.judge import Gain, Judge
+from vispeg.diagnosis.conclusion.verdict import decide
 from vispeg.diagnosis.record import with_origin
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.diagnosis.schema import Candidate, DiagnosisRecord, FoundEffect, NextMotion, Rung
-from vispeg.diagnosis.verdict import decide
+from vispeg.diagnosis.selection.accept import equal
+from vispeg.diagnosis.selection.judge import Gain, Judge
 from vispeg.diagnosis.window_profile import Profile, profile, sizes
 from vispeg.effects.contact.restitution import rebound
 from vispeg.identify.restarts import Restarts

@@ -9,10 +9,10 @@ from typing import cast
 import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
-from vispeg.diagnosis.rivals import Rivals
+from vispeg.diagnosis.conclusion.rivals import Rivals
+from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.schema import Candidate, Channel, Correlations, FoundEffect, Moved, Rung
-from vispeg.diagnosis.screen import Score
-from vispeg.diagnosis.state import State, Trial
+from vispeg.diagnosis.selection.state import State, Trial
 from vispeg.identify.channels import UNITS
 from vispeg.identify.evidence import Evidence
 from vispeg.recordings.quality import quantization

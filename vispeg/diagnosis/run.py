@@ -7,13 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vispeg.diagnosis.base_parameters import base_parameters
-from vispeg.diagnosis.intervals import widened
-from vispeg.diagnosis.judge import Judge
-from vispeg.diagnosis.localise import maps, missing_torque, peaks, where_it_fails
-from vispeg.diagnosis.motionless import refuse_motionless
-from vispeg.diagnosis.names import open_ended, tentative
-from vispeg.diagnosis.next_experiment import next_experiment
+from vispeg.diagnosis.conclusion.intervals import widened
+from vispeg.diagnosis.conclusion.next_experiment import next_experiment
+from vispeg.diagnosis.conclusion.rivals import settled
+from vispeg.diagnosis.conclusion.subsets import subsets
+from vispeg.diagnosis.conclusion.verdict import Verdict, decide
+from vispeg.diagnosis.evidence.base_parameters import base_parameters
+from vispeg.diagnosis.evidence.localise import maps, missing_torque, peaks, where_it_fails
+from vispeg.diagnosis.evidence.motionless import refuse_motionless
+from vispeg.diagnosis.evidence.remainder import dependences, sizes
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.record import (
     arrays,
@@ -27,13 +29,11 @@ from vispeg.diagnosis.record import (
     screening,
     with_origin,
 )
-from vispeg.diagnosis.remainder import dependences, sizes
-from vispeg.diagnosis.rivals import settled
 from vispeg.diagnosis.schema import DiagnosisRecord
-from vispeg.diagnosis.search import Search
+from vispeg.diagnosis.selection.judge import Judge
+from vispeg.diagnosis.selection.names import open_ended, tentative
+from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.share import Share
-from vispeg.diagnosis.subsets import subsets
-from vispeg.diagnosis.verdict import Verdict, decide
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import TorqueEvidence, evidence_for
 from vispeg.identify.stirred import stirred

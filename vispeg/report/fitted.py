@@ -10,7 +10,7 @@ from typing import Any, TypedDict
 import numpy as np
 
 from vispeg.core.effect import EffectInstance
-from vispeg.diagnosis.intervals import widened
+from vispeg.diagnosis.conclusion.intervals import widened
 from vispeg.diagnosis.schema import Correlations, Rung
 from vispeg.identify.calibrate import Calibration, labels, strong_pairs
 from vispeg.identify.evidence import Evidence

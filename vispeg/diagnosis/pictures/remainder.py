@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vispeg.diagnosis.remainder import Dependence
+from vispeg.diagnosis.evidence.remainder import Dependence
 from vispeg.identify.pictures.align import noise_of, trust
 from vispeg.identify.pictures.points import Points
 from vispeg.identify.pictures.sight import Sight

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.pictures.excited import motion_between, not_excited
 from vispeg.diagnosis.pictures.halves import compare_halves
 from vispeg.diagnosis.pictures.projection import projections
@@ -17,10 +18,9 @@ from vispeg.diagnosis.pictures.show import shown_pictures
 from vispeg.diagnosis.pictures.spread import confirmed
 from vispeg.diagnosis.pictures.verdict import decide, with_sensor
 from vispeg.diagnosis.record import candidates, correlations, effects, screening, with_origin
-from vispeg.diagnosis.rivals import Rivals
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.diagnosis.schema import Channel, DiagnosisRecord, NextMotion, Rung
-from vispeg.diagnosis.state import State
+from vispeg.diagnosis.selection.state import State
 from vispeg.identify.pictures.build import border_evidence
 from vispeg.identify.pictures.points import Points, gather
 from vispeg.identify.pictures.read import sights_of

@@ -12,11 +12,11 @@ from dataclasses import replace
 import numpy as np
 
 from vispeg.core.effect import OPTICAL, REGISTRY, EffectInstance, effect
-from vispeg.diagnosis.accept import equal, ranked
-from vispeg.diagnosis.judge import Judge, adds, present
-from vispeg.diagnosis.rivals import Rivals, merely_richer
-from vispeg.diagnosis.screen import Score
-from vispeg.diagnosis.state import State, Trial
+from vispeg.diagnosis.conclusion.rivals import Rivals, merely_richer
+from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.selection.accept import equal, ranked
+from vispeg.diagnosis.selection.judge import Judge, adds, present
+from vispeg.diagnosis.selection.state import State, Trial
 from vispeg.identify.fit import Fit, fit_job
 from vispeg.identify.pictures.evidence import BorderEvidence
 from vispeg.identify.pictures.sensor import SensorEvidence

@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.pictures.search import PictureSearch
 from vispeg.diagnosis.pictures.spread import confirmed
-from vispeg.diagnosis.rivals import Rivals
 from vispeg.diagnosis.schema import Channel
-from vispeg.diagnosis.state import State
+from vispeg.diagnosis.selection.state import State
 from vispeg.identify.pictures.evidence import BorderEvidence
 from vispeg.identify.pictures.sensor import Kind, SensorEvidence, sensor_evidence
 from vispeg.identify.pictures.shots import Shot, shots_of

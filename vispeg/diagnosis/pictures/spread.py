@@ -15,7 +15,7 @@ from scipy import stats
 
 from vispeg.core.effect import EffectInstance, Value
 from vispeg.diagnosis.pictures.search import PictureSearch
-from vispeg.diagnosis.state import State
+from vispeg.diagnosis.selection.state import State
 from vispeg.identify.fit import Fit
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from vispeg.diagnosis.conclusion.rivals import Rivals
+from vispeg.diagnosis.conclusion.verdict import Verdict
+from vispeg.diagnosis.evidence.remainder import CONVINCING
 from vispeg.diagnosis.pictures.halves import Halves
 from vispeg.diagnosis.pictures.remainder import VISIBLE, Left
 from vispeg.diagnosis.pictures.sensors import Sensed
-from vispeg.diagnosis.remainder import CONVINCING
-from vispeg.diagnosis.rivals import Rivals
-from vispeg.diagnosis.verdict import Verdict
 
 MARKED, LARGE = 0.03, 1.0  # share, and px: of several times what pictures without such a fault leave
 LOST = 0.5  # share of the predicted borders without an edge near, from which on the pictures show something else

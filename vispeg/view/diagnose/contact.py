@@ -9,8 +9,8 @@ from vispeg.contact.phases import NAMES
 from vispeg.contact.record import COLUMNS
 from vispeg.contact.run import evidence_of
 from vispeg.contact.search import ContactSearch
-from vispeg.diagnosis.judge import Judge
 from vispeg.diagnosis.progress import Progress
+from vispeg.diagnosis.selection.judge import Judge
 from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene
 from vispeg.view.diagnose.standing import Field, Track

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from vispeg.api.inputs import Inputs
-from vispeg.diagnosis.judge import Judge
 from vispeg.diagnosis.progress import Progress
-from vispeg.diagnosis.search import Search
+from vispeg.diagnosis.selection.judge import Judge
+from vispeg.diagnosis.selection.search import Search
 from vispeg.identify.inverse import evidence_for
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel

@@ -21,9 +21,9 @@ from vispeg.api.inputs import Inputs, felt, read_inputs, read_model, windows
 from vispeg.api.rooms.pictures import photographed
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
+from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.progress import Progress
-from vispeg.diagnosis.screen import Score
-from vispeg.diagnosis.state import State, Trial
+from vispeg.diagnosis.selection.state import State, Trial
 from vispeg.recordings.windows import SECONDS
 from vispeg.report import effect_words
 from vispeg.view.diagnose.borders import Borders

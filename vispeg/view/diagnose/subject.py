@@ -13,8 +13,8 @@ import mujoco
 import numpy as np
 
 from vispeg.core.effect import EffectInstance
-from vispeg.diagnosis.screen import Score
-from vispeg.diagnosis.state import State, Trial
+from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.selection.state import State, Trial
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel
 from vispeg.robots.scene import Scene

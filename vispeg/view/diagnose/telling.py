@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from vispeg.core.effect import EffectInstance
-from vispeg.diagnosis.localise import maps as drawn_maps
-from vispeg.diagnosis.localise import missing_torque, worst
-from vispeg.diagnosis.screen import Score
+from vispeg.diagnosis.evidence.localise import maps as drawn_maps
+from vispeg.diagnosis.evidence.localise import missing_torque, worst
+from vispeg.diagnosis.evidence.screen import Score
 from vispeg.identify.evidence import Evidence
 from vispeg.report import effect_words
 from vispeg.view.diagnose.standing import Field, Named, Track

@@ -16,10 +16,10 @@ from dataclasses import replace
 import numpy as np
 
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.rivals import Rivals
+from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.schema import NextMotion
-from vispeg.diagnosis.search import Search
-from vispeg.diagnosis.state import State
+from vispeg.diagnosis.selection.search import Search
+from vispeg.diagnosis.selection.state import State
 from vispeg.identify.excitation import motion
 from vispeg.identify.inverse import TorqueEvidence
 from vispeg.identify.record import controller

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vispeg.diagnosis.judge import Judge
+from vispeg.diagnosis.selection.judge import Judge
 from vispeg.identify.fit import Fit
 
 QUARTERS = 4

@@ -14,7 +14,7 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import lsq_linear
 
 from vispeg.core.effect import EffectInstance, effect
-from vispeg.diagnosis.signatures import Signature
+from vispeg.diagnosis.evidence.signatures import Signature
 from vispeg.identify.fit import Fit
 
 ROWS = 20_000  # of the residual that are multiplied at once

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vispeg.diagnosis.judge import parameters
+from vispeg.diagnosis.selection.judge import parameters
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit
 from vispeg.worlds.world import World

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from vispeg.diagnosis.cross import reduced
-from vispeg.diagnosis.dictionary import null_of
-from vispeg.diagnosis.judge import Gain
-from vispeg.diagnosis.state import State, without
+from vispeg.diagnosis.evidence.dictionary import null_of
+from vispeg.diagnosis.selection.cross import reduced
+from vispeg.diagnosis.selection.judge import Gain
+from vispeg.diagnosis.selection.state import State, without
 
 if TYPE_CHECKING:
-    from vispeg.diagnosis.search import Search
+    from vispeg.diagnosis.selection.search import Search
 
 SURE = 2.0  # sigma by which a member of a group must lower the error to stay
 ABLE = 1.645  # the same for an effect that passed a test of its own

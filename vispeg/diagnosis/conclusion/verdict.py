@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vispeg.diagnosis.remainder import CONVINCING, Dependence
-from vispeg.diagnosis.rivals import Rivals
+from vispeg.diagnosis.conclusion.rivals import Rivals
+from vispeg.diagnosis.evidence.remainder import CONVINCING, Dependence
 
 FLOOR = 1.6  # held-out mean squared residual, in noise variances, up to which a model stands at the noise floor
 EXPLAINED = 0.97  # share of the held-out excess over noise that an identified model must explain

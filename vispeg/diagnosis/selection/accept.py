@@ -9,12 +9,12 @@ import numpy as np
 from scipy import stats
 
 from vispeg.core.effect import EffectInstance, effect
-from vispeg.diagnosis.bic import bic_gain
-from vispeg.diagnosis.judge import Judge, parameters
-from vispeg.diagnosis.state import State, Trial, without
+from vispeg.diagnosis.selection.bic import bic_gain
+from vispeg.diagnosis.selection.judge import Judge, parameters
+from vispeg.diagnosis.selection.state import State, Trial, without
 
 if TYPE_CHECKING:
-    from vispeg.diagnosis.search import Search
+    from vispeg.diagnosis.selection.search import Search
 
 TIE = 0.03  # two fits this close in held-out squared error (above the floor) count as equals
 LEAST_SHARE = 0.001  # of what the effects so far typically removed that a later one must remove: no model is exact

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vispeg.diagnosis.phase import phase
+from vispeg.diagnosis.evidence.phase import phase
 from vispeg.diagnosis.schema import Failure, Peak
 from vispeg.identify.channels import Item
 from vispeg.recordings.differentiate import smooth

@@ -8,16 +8,16 @@ from dataclasses import replace
 import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
-from vispeg.diagnosis.cross import Cross
-from vispeg.diagnosis.dictionary import Dictionary
-from vispeg.diagnosis.judge import Judge
-from vispeg.diagnosis.localise import MissingTorque, joint_data, missing_torque
-from vispeg.diagnosis.names import Exchange, Ground, exchanges
+from vispeg.diagnosis.evidence.dictionary import Dictionary
+from vispeg.diagnosis.evidence.localise import MissingTorque, joint_data, missing_torque
+from vispeg.diagnosis.evidence.screen import Score, candidates, screen
+from vispeg.diagnosis.evidence.signatures import Probe, Signature, probes, signatures
 from vispeg.diagnosis.progress import Progress
-from vispeg.diagnosis.screen import Score, candidates, screen
-from vispeg.diagnosis.signatures import Probe, Signature, probes, signatures
-from vispeg.diagnosis.state import State
-from vispeg.diagnosis.together import together
+from vispeg.diagnosis.selection.cross import Cross
+from vispeg.diagnosis.selection.judge import Judge
+from vispeg.diagnosis.selection.names import Exchange, Ground, exchanges
+from vispeg.diagnosis.selection.state import State
+from vispeg.diagnosis.selection.together import together
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit
 from vispeg.worlds.model_file import model_text

@@ -13,8 +13,8 @@ from __future__ import annotations
 import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
-from vispeg.diagnosis.dictionary import Dictionary
-from vispeg.diagnosis.screen import Score
+from vispeg.diagnosis.evidence.dictionary import Dictionary
+from vispeg.diagnosis.evidence.screen import Score
 
 LEAST = 0.02  # share of the error left that one more effect must promise to remove
 LINK = 0.1  # the same of a link's mass or centre, or a payload: links stay few, or they cancel one another

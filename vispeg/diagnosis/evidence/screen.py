@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from vispeg.core.effect import EffectInstance, effect, searchable
-from vispeg.diagnosis.signatures import Signature
+from vispeg.diagnosis.evidence.signatures import Signature
 from vispeg.identify.evidence import Evidence
 from vispeg.worlds.world import World
 

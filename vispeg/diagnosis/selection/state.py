@@ -9,9 +9,9 @@ import numpy as np
 from scipy import stats
 
 from vispeg.core.effect import EffectInstance
-from vispeg.diagnosis.judge import Gain
-from vispeg.diagnosis.localise import MissingTorque
-from vispeg.diagnosis.screen import Score
+from vispeg.diagnosis.evidence.localise import MissingTorque
+from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.selection.judge import Gain
 from vispeg.identify.fit import Fit
 from vispeg.worlds.world import World
 

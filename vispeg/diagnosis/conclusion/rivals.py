@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from vispeg.core.effect import EffectInstance, effect
-from vispeg.diagnosis.accept import equal
-from vispeg.diagnosis.judge import Judge
-from vispeg.diagnosis.screen import Score
-from vispeg.diagnosis.search import Search
-from vispeg.diagnosis.state import State, Trial
-from vispeg.diagnosis.together import usual
+from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.selection.accept import equal
+from vispeg.diagnosis.selection.judge import Judge
+from vispeg.diagnosis.selection.search import Search
+from vispeg.diagnosis.selection.state import State, Trial
+from vispeg.diagnosis.selection.together import usual
 from vispeg.identify.fit import Fit
 
 EXCHANGES = 3  # at most

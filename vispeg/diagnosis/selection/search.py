@@ -8,14 +8,14 @@ import numpy as np
 from scipy import stats
 
 from vispeg.core.effect import EffectInstance, effect, searchable
-from vispeg.diagnosis.accept import DECISIVE, LEAST_SHARE, ranked
-from vispeg.diagnosis.judge import Judge, adds, present
-from vispeg.diagnosis.localise import MissingTorque, joint_data, joint_z
+from vispeg.diagnosis.evidence.localise import MissingTorque, joint_data, joint_z
+from vispeg.diagnosis.evidence.screen import Score, candidates, groups
 from vispeg.diagnosis.progress import Progress
-from vispeg.diagnosis.proposals import Proposals
-from vispeg.diagnosis.prune import prune
-from vispeg.diagnosis.screen import Score, candidates, groups
-from vispeg.diagnosis.state import State, Trial, without
+from vispeg.diagnosis.selection.accept import DECISIVE, LEAST_SHARE, ranked
+from vispeg.diagnosis.selection.judge import Judge, adds, present
+from vispeg.diagnosis.selection.proposals import Proposals
+from vispeg.diagnosis.selection.prune import prune
+from vispeg.diagnosis.selection.state import State, Trial, without
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit, Race, fit_job
 from vispeg.identify.pool import run_together

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vispeg.diagnosis.localise import MissingTorque
+from vispeg.diagnosis.evidence.localise import MissingTorque
 from vispeg.diagnosis.schema import Remainder
 
 BINS = 24

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
-from vispeg.diagnosis.dictionary import Dictionary
-from vispeg.diagnosis.judge import present
-from vispeg.diagnosis.signatures import EDGE
-from vispeg.diagnosis.state import State
+from vispeg.diagnosis.evidence.dictionary import Dictionary
+from vispeg.diagnosis.evidence.signatures import EDGE
+from vispeg.diagnosis.selection.judge import present
+from vispeg.diagnosis.selection.state import State
 
 if TYPE_CHECKING:
-    from vispeg.diagnosis.rivals import Rivals
+    from vispeg.diagnosis.conclusion.rivals import Rivals
 
 SURE = 0.3  # of the error left where it sits, that taking a named effect away must cost beside any other candidate
 SLACK = 0.2  # of the error left and of what an effect removed, by which a rival that is worth a fit may be worse

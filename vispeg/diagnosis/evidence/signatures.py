@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
-from vispeg.diagnosis.localise import JointData
+from vispeg.diagnosis.evidence.localise import JointData
 from vispeg.identify.channels import Item
 from vispeg.identify.evidence import Evidence
 from vispeg.worlds.world import World
