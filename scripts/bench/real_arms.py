@@ -26,7 +26,7 @@ import numpy as np
 from vispeg.api.diagnose import diagnose
 from vispeg.api.fit import fit
 from vispeg.api.inputs import Inputs, read_inputs
-from vispeg.cli.convert import Args as Convert
+from vispeg.cli.recordings.convert import Args as Convert
 from vispeg.core.files import write_text_atomic
 from vispeg.diagnosis.evidence.base_parameters import base_parameters
 from vispeg.identify.evidence import Evidence

@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
 
-from vispeg.cli.play import Film  # noqa: E402
+from vispeg.cli.learning.play import Film  # noqa: E402
 from vispeg.learn.config import Stage, TrainConfig, read_config  # noqa: E402
 from vispeg.task.vector import spaces, world_of  # noqa: E402
 
@@ -42,7 +42,7 @@ def begun(vispeg, monkeypatch, tmp_path):
         yield Film(7, "success", 5.0, "film.mp4")
 
     monkeypatch.setattr("vispeg.learn.train.resume", lambda folder, steps, show: folder / "checkpoints" / "best")
-    monkeypatch.setattr("vispeg.cli.play.films", films)
+    monkeypatch.setattr("vispeg.cli.learning.play.films", films)
     (tmp_path / "run").mkdir()
     TrainConfig("peg-state", world="searching", settings={"clearance_mm": 0.5}).write(tmp_path / "run" / "config.yaml")
     return filmed

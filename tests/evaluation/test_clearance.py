@@ -4,8 +4,8 @@ import json
 
 import pytest
 
+from vispeg.cli.evaluation.trials import at_clearance
 from vispeg.cli.main import main
-from vispeg.cli.trials import at_clearance
 from vispeg.core.assets import assets
 from vispeg.evaluation.entrants import entrants
 from vispeg.evaluation.records import read
@@ -25,7 +25,7 @@ def test_another_clearance_is_told_and_the_folder_has_a_name(capsys, tmp_path, m
 
 def test_a_policy_is_played_at_its_own_clearance_in_its_own_world(capsys, tmp_path, monkeypatch):
     pytest.importorskip("torch")
-    from vispeg.cli import play
+    from vispeg.cli.learning import play
 
     asked = {}
     monkeypatch.setattr(play, "films", lambda folder, world, settings, *rest: asked.update(settings, world=world) or ())

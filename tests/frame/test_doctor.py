@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from vispeg.cli import doctor, graphics, installed
-from vispeg.cli.doctor import Args, Finding
+from vispeg.cli.machine import doctor, graphics, installed
+from vispeg.cli.machine.doctor import Args, Finding
 from vispeg.core.broken import in_words, run
 
 

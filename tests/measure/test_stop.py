@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vispeg.cli.main import main
-from vispeg.cli.measure_stop import ends, verdict
+from vispeg.cli.measuring.measure_stop import ends, verdict
 from vispeg.core.effect import EffectInstance, Value
 from vispeg.evaluation.statistics.intervals import paired_difference
 from vispeg.worlds.measurement_file import load_measurement

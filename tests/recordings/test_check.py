@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from made import recording
 
-from vispeg.cli.check import Args
 from vispeg.cli.output import Output
+from vispeg.cli.recordings.check import Args
 from vispeg.core.errors import UserError
 from vispeg.recordings.check import check
 from vispeg.recordings.excitation import PARAMETERS, excitation, regressor

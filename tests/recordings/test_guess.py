@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vispeg.cli.convert import Args
+from vispeg.cli.recordings.convert import Args
 from vispeg.core.errors import UserError
 from vispeg.recordings.load import load
 

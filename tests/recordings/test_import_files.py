@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from made import recording
 
-from vispeg.cli.convert import Args
+from vispeg.cli.recordings.convert import Args
 from vispeg.core.errors import UserError
 from vispeg.formats.yaml_data import parse_yaml
 from vispeg.recordings.importers.guess import words as said_of

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from made import recording
 
-from vispeg.cli.convert import Args
+from vispeg.cli.recordings.convert import Args
 from vispeg.core.errors import UserError
 from vispeg.recordings.importers.mapping import ColumnMap
 from vispeg.recordings.importers.resample import hold, linear, poses

@@ -7,7 +7,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from vispeg.cli.report import Args
+from vispeg.cli.models.report import Args
 from vispeg.core.errors import UserError
 from vispeg.report.build import write_report
 from vispeg.report.evidence import load_evidence

@@ -96,7 +96,7 @@ def test_what_urdf_cannot_say_is_named_and_two_joints_in_a_body_are_refused(tmp_
 
 
 def test_the_command_writes_the_file_its_meshes_and_what_is_not_in_it(tmp_path, capsys):
-    from vispeg.cli.export import Args
+    from vispeg.cli.learning.export import Args
     from vispeg.worlds.model_file import model_text
 
     effects = (

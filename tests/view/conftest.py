@@ -13,9 +13,9 @@ import pytest
 from loops import drive, recorded
 
 import vispeg
-from vispeg.cli.check import Args as Check
 from vispeg.cli.main import COMMANDS
 from vispeg.cli.output import Output
+from vispeg.cli.recordings.check import Args as Check
 from vispeg.cli.usage import parse
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from vispeg import __version__
-from vispeg.cli.graphics import choose_backend
+from vispeg.cli.machine.graphics import choose_backend
 from vispeg.core.disk import FULL, refused, why
 from vispeg.core.errors import UserError
 from vispeg.core.extras import lacks, missing
@@ -23,37 +23,37 @@ from vispeg.core.provenance import command_line
 # In the order in which a newcomer meets them. A module is imported when its command runs, so that help stays quick.
 COMMANDS: dict[str, str] = {
     "demo": "vispeg.cli.demo",
-    "check": "vispeg.cli.check",
-    "convert": "vispeg.cli.convert",
-    "compare": "vispeg.cli.compare",
-    "diagnose": "vispeg.cli.diagnose",
-    "fit": "vispeg.cli.fit",
-    "add": "vispeg.cli.add",
-    "effects": "vispeg.cli.effects",
-    "motions": "vispeg.cli.motions",
-    "record": "vispeg.cli.record",
-    "measure": "vispeg.cli.measure",
-    "camera": "vispeg.cli.camera",
-    "report": "vispeg.cli.report",
+    "check": "vispeg.cli.recordings.check",
+    "convert": "vispeg.cli.recordings.convert",
+    "compare": "vispeg.cli.models.compare",
+    "diagnose": "vispeg.cli.models.diagnose",
+    "fit": "vispeg.cli.models.fit",
+    "add": "vispeg.cli.models.add",
+    "effects": "vispeg.cli.models.effects",
+    "motions": "vispeg.cli.recordings.motions",
+    "record": "vispeg.cli.recordings.record",
+    "measure": "vispeg.cli.measuring.measure",
+    "camera": "vispeg.cli.pictures.camera",
+    "report": "vispeg.cli.models.report",
     "view": "vispeg.cli.view",
-    "render": "vispeg.cli.render",
-    "dataset": "vispeg.cli.dataset",
-    "worlds": "vispeg.cli.worlds",
-    "policies": "vispeg.cli.policies",
-    "train": "vispeg.cli.train",
-    "play": "vispeg.cli.play",
-    "finetune": "vispeg.cli.finetune",
-    "combine": "vispeg.cli.combine",
-    "export": "vispeg.cli.export",
-    "evaluate": "vispeg.cli.evaluate",
-    "gap": "vispeg.cli.gap",
-    "suite": "vispeg.cli.suite",
-    "sensitivity": "vispeg.cli.sensitivity",
-    "exploit": "vispeg.cli.exploit",
-    "perturb": "vispeg.cli.perturb",
+    "render": "vispeg.cli.pictures.render",
+    "dataset": "vispeg.cli.pictures.dataset",
+    "worlds": "vispeg.cli.learning.worlds",
+    "policies": "vispeg.cli.learning.policies",
+    "train": "vispeg.cli.learning.train",
+    "play": "vispeg.cli.learning.play",
+    "finetune": "vispeg.cli.learning.finetune",
+    "combine": "vispeg.cli.learning.combine",
+    "export": "vispeg.cli.learning.export",
+    "evaluate": "vispeg.cli.evaluation.evaluate",
+    "gap": "vispeg.cli.evaluation.gap",
+    "suite": "vispeg.cli.evaluation.suite",
+    "sensitivity": "vispeg.cli.evaluation.sensitivity",
+    "exploit": "vispeg.cli.evaluation.exploit",
+    "perturb": "vispeg.cli.evaluation.perturb",
     "hub": "vispeg.cli.hub.command",
-    "completion": "vispeg.cli.completion",
-    "doctor": "vispeg.cli.doctor",
+    "completion": "vispeg.cli.machine.completion",
+    "doctor": "vispeg.cli.machine.doctor",
 }
 EXIT_USAGE, EXIT_INTERRUPT, EXIT_PIPE = 2, 130, 141
 

@@ -16,8 +16,8 @@ from typing import Annotated
 
 import tyro
 
-from vispeg.cli.measure_joint import Joint, Plan
-from vispeg.cli.measure_object import Com, Friction, Mass, Restitution, Stiffness
+from vispeg.cli.measuring.measure_joint import Joint, Plan
+from vispeg.cli.measuring.measure_object import Com, Friction, Mass, Restitution, Stiffness
 
 SUBCOMMAND = tyro.conf.subcommand
 

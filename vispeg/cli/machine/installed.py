@@ -13,7 +13,7 @@ from typing import Any
 from vispeg.core.broken import run
 from vispeg.core.extras import there as importable
 
-_PYPROJECT = Path(__file__).parents[2] / "pyproject.toml"  # there in a checkout, not in an installed wheel
+_PYPROJECT = Path(__file__).parents[3] / "pyproject.toml"  # there in a checkout, not in an installed wheel
 EDITABLE, BASE = ("-e ", ".") if _PYPROJECT.is_file() else ("", "vispeg")  # a checkout is installed where it stands
 _IMPORT = """
 import importlib, sys

@@ -84,7 +84,7 @@ class Args:
 
     def _effects(self) -> FitResult:
         from vispeg.api.fit import fit
-        from vispeg.cli.fit_progress import following
+        from vispeg.cli.models.fit_progress import following
         from vispeg.identify.calibrate import ITERATIONS
 
         steps = ITERATIONS if self.iterations is None else self.iterations
@@ -95,7 +95,7 @@ class Args:
 
     def _paper(self) -> PaperFit:
         from vispeg.api.fit_paper import fit_paper
-        from vispeg.cli.fit_progress import generations
+        from vispeg.cli.models.fit_progress import generations
         from vispeg.core.errors import UserError
         from vispeg.identify.paper import GENERATIONS
 

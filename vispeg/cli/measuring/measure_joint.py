@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import tyro
 
-from vispeg.cli.measure_stop import Asked, Stop
+from vispeg.cli.measuring.measure_stop import Asked, Stop
 from vispeg.cli.output import Output, Told
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ class Joint:
     def run(self) -> int:
         """Measures, writes the folder, prints the numbers."""
         from vispeg.api.playing import check_numbers
-        from vispeg.cli.measure_write import complete, conditions, tell
+        from vispeg.cli.measuring.measure_write import complete, conditions, tell
         from vispeg.core.errors import UserError
         from vispeg.core.files import new_folder
         from vispeg.core.seeds import stream

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import tyro
 
-from vispeg.cli.trials import Played, Trials, at_clearance
+from vispeg.cli.evaluation.trials import Played, Trials, at_clearance
 from vispeg.core.interrupt import goes_on
 
 

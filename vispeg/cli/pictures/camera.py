@@ -12,8 +12,8 @@ from typing import Annotated
 
 import tyro
 
-from vispeg.cli.camera_calibrate import Calibrate
-from vispeg.cli.camera_show import Show
+from vispeg.cli.pictures.camera_calibrate import Calibrate
+from vispeg.cli.pictures.camera_show import Show
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import tyro
 
-from vispeg.cli.trials import Played, Trials
+from vispeg.cli.evaluation.trials import Played, Trials
 from vispeg.core.interrupt import goes_on
 
 

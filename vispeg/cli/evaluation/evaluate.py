@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import tyro
 
-from vispeg.cli.trials import Played, Trials, at_clearance
+from vispeg.cli.evaluation.trials import Played, Trials, at_clearance
 from vispeg.core.interrupt import goes_on
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from vispeg.cli.measure_stop import Stop
+from vispeg.cli.measuring.measure_stop import Stop
 from vispeg.cli.output import Output
 from vispeg.core.errors import UserError
 
@@ -76,7 +76,7 @@ def tell(full: Measurement, file: Path, stop: Stop, output: Output, said: str, b
         show(full, budget)
         print(said)
     if stop.policy:
-        from vispeg.cli.measure_stop import enough
+        from vispeg.cli.measuring.measure_stop import enough
 
         full, lines = enough(full, file, stop, output.quiet)
         for line in lines:

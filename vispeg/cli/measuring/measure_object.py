@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import tyro
 
-from vispeg.cli.measure_stop import Asked, Stop
+from vispeg.cli.measuring.measure_stop import Asked, Stop
 from vispeg.cli.output import Output, Told
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class _Common:
     def run(self) -> int:
         """Measures, writes OUT, prints the number and what it becomes."""
         from vispeg.api.playing import check_numbers
-        from vispeg.cli.measure_write import check_out, conditions, tell, write
+        from vispeg.cli.measuring.measure_write import check_out, conditions, tell, write
         from vispeg.core.errors import UserError
         from vispeg.core.seeds import stream
         from vispeg.worlds.measurement_file import Measurement
@@ -123,7 +123,7 @@ class Mass(_FromTable):
         return measure(self._table(), rng)
 
     def _effects(self, results: Sequence[Quantity]) -> list[EffectInstance]:
-        from vispeg.cli.measure_nominal import cell_value
+        from vispeg.cli.measuring.measure_nominal import cell_value
         from vispeg.measure.becomes import payload, scaled
 
         if self.where == "flange":
@@ -212,7 +212,7 @@ class Friction(_Common):
         return measure(slides(self.readings), rng)
 
     def _effects(self, results: Sequence[Quantity]) -> list[EffectInstance]:
-        from vispeg.cli.measure_nominal import cell_value
+        from vispeg.cli.measuring.measure_nominal import cell_value
         from vispeg.measure.becomes import scaled
 
         nominal = self.nominal or cell_value("friction", self.where, self.stop.world)

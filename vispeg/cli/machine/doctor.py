@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import NoReturn
 
 from vispeg import __version__
-from vispeg.cli.graphics import APT_LINE, has_library, probe
-from vispeg.cli.installed import BASE, EDITABLE, wrong_packages
+from vispeg.cli.machine.graphics import APT_LINE, has_library, probe
+from vispeg.cli.machine.installed import BASE, EDITABLE, wrong_packages
 from vispeg.core.broken import meaning, run
 from vispeg.core.errors import UserError
 

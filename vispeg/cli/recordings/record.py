@@ -96,12 +96,12 @@ class Args:
         if self.out.exists() and not self.overwrite and (not self.out.is_dir() or any(self.out.iterdir())):
             raise UserError("exists already; name another or pass --overwrite", file=self.out)
         if self.motion.startswith("look") and not Path(self.motion).suffix and self.motion not in CELL_MOTIONS:
-            from vispeg.cli.record_look import run
+            from vispeg.cli.recordings.record_look import run
 
             return run(self)
         world = of_world(self.model) if is_world(self.model) else load_model(self.model)
         if world.cell is not None and (self.motion in CELL_MOTIONS or not self._of_joints()):
-            from vispeg.cli.record_cell import run
+            from vispeg.cli.recordings.record_cell import run
 
             return run(self, world)
         world = world if self.tool is None else replace(world, tool=None if self.tool == "none" else self.tool)

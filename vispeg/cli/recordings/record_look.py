@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from vispeg.core.errors import UserError
 
 if TYPE_CHECKING:
-    from vispeg.cli.record import Args
+    from vispeg.cli.recordings.record import Args
 
 LARGEST = 4096  # px
 

@@ -20,8 +20,8 @@ from typing import Annotated
 
 import tyro
 
+from vispeg.cli.evaluation.trials import Played, Trials
 from vispeg.cli.output import Output, Told
-from vispeg.cli.trials import Played, Trials
 from vispeg.core.interrupt import goes_on
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from vispeg.core.errors import UserError
 
 if TYPE_CHECKING:
-    from vispeg.cli.record import Args
+    from vispeg.cli.recordings.record import Args
     from vispeg.worlds.world import World
 
 
@@ -17,7 +17,7 @@ def run(args: Args, world: World) -> int:
     from vispeg.api.look import cameras_of, look_of
     from vispeg.api.record_cell import record_in_cell
     from vispeg.cli.reading import told
-    from vispeg.cli.record_look import size_of
+    from vispeg.cli.recordings.record_look import size_of
     from vispeg.recordings.write import write
     from vispeg.robots.scene import Scene
     from vispeg.task.belief import robot_of_world

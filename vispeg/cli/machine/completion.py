@@ -26,7 +26,7 @@ class Args:
 
     def run(self) -> int:
         """Prints the script."""
-        from vispeg.cli.completion_script import script, words
+        from vispeg.cli.machine.completion_script import script, words
 
         if self.output.json:
             self.output.give(

@@ -195,7 +195,7 @@ class Args:
         self.output.line(f"best policy: {best}")
         made = list[dict[str, object]]()
         if self.films and not (folder / "films").exists():
-            from vispeg.cli.play import films
+            from vispeg.cli.learning.play import films
             from vispeg.learn.envs import HELD_OUT
 
             seeds = [HELD_OUT + k for k in range(self.films)]

@@ -1,0 +1,1 @@
+"""Commands that judge policies: evaluate, gap, suite, sensitivity, exploit, perturb."""

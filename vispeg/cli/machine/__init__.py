@@ -1,0 +1,1 @@
+"""Commands about this machine: what it lacks, which graphics it has, what its shell completes."""

@@ -1,0 +1,1 @@
+"""`vispeg measure`: joints and objects, each with its uncertainty."""

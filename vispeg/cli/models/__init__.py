@@ -1,0 +1,1 @@
+"""Commands about what a model is missing: compare, diagnose, fit, add, effects, report."""

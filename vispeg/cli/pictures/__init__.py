@@ -1,0 +1,1 @@
+"""Commands about cameras and what they see: camera, render, dataset."""

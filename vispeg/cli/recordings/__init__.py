@@ -1,0 +1,1 @@
+"""Commands that make recordings and look at them: record, check, convert, motions."""
