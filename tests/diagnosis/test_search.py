@@ -1,13 +1,22 @@
 """Where the search looks when the joints that lack most torque hold nothing it can name."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from loops import ARM, drive, recorded
 
 import vispeg.diagnosis.selection.search as searching
-from vispeg.core.effect import EffectInstance
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.seeds import stream
+from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.run import diagnose
+from vispeg.diagnosis.selection.accept import in_order
+from vispeg.diagnosis.selection.judge import Gain, Judge
+from vispeg.diagnosis.selection.search import Search
+from vispeg.diagnosis.selection.state import State, Trial
+from vispeg.identify.evidence import Evidence
 from vispeg.robots.model import load
 from vispeg.worlds.world import World
 
@@ -32,3 +41,60 @@ def test_joints_that_are_not_suspected_are_looked_at_before_the_search_gives_up(
     world = World(recordings[0].robot)
     record = diagnose(world, recordings[:2], recordings[2:], nthread=1, plan_next=False).record
     assert [(e["effect"], e["where"]) for e in record["effects"]] == [("coulomb_friction", "shoulder")]
+
+
+def trial(label: str, loss: float, at_bound: bool = False, rejected: str = "") -> Trial:
+    """A trial of one effect that left so much of 1000, each in 40 blocks of time."""
+    start = EffectInstance.of(label, "elbow")
+    (name,) = effect(label).magnitudes
+    p = effect(label).params[name]
+    placed = start.with_values(**{name: p.low if p.low != p.null else p.high}) if at_bound else start
+    fit = SimpleNamespace(world=World().add(placed), space=SimpleNamespace(axes=()), correlation=np.zeros((0, 0)))
+    gain = Gain(1000.0 - loss, 9.0, 1.0 - loss / 1000.0)
+    return Trial(Score(placed, 1.0), fit, np.full((40, 1), 25.0 * loss), gain, rejected)  # type: ignore[arg-type]
+
+
+def judge() -> Judge:
+    evidence = SimpleNamespace(
+        blocks=lambda seconds: np.repeat(np.arange(40), 25),
+        items=[SimpleNamespace(nj=1, measured=np.zeros((1000, 1)), valid=np.ones((1000, 1), bool))],
+        tells=lambda difference: np.ones(len(difference), bool),
+        decisive=np.inf,
+    )
+    return Judge(evidence)  # type: ignore[arg-type]
+
+
+def test_a_value_at_its_bound_stands_behind_whatever_else_passes():
+    state = State(World(), np.full((40, 1), 25e3), np.zeros(1))
+    friction, limit = trial("viscous_friction", 150.0), trial("torque_speed_limit", 90.0, at_bound=True)
+    lost = trial("rotor_inertia", 50.0, rejected="its interval includes no effect")
+    names = [t.score.placed.effect for t in in_order(judge(), state, [lost, limit, friction])]
+    assert names == ["viscous_friction", "torque_speed_limit", "rotor_inertia"]
+    free = trial("torque_speed_limit", 90.0)
+    assert in_order(judge(), state, [lost, free, friction])[0] is free, "a value inside its bounds wins by its error"
+    assert in_order(judge(), state, [lost, limit])[0] is limit, "with nothing else it may come in, as a tentative one"
+    gone = friction.fit.world.effects[0].with_values(damping=0.0)
+    null = replace(friction, fit=SimpleNamespace(**{**vars(friction.fit), "world": World().add(gone)}))
+    assert in_order(judge(), state, [limit, null])[0] is null, "null is no bound: a group's members may end there"
+
+
+@pytest.mark.parametrize("at_bound", [True, False])
+def test_several_are_tried_at_a_time_where_one_joint_comes_first_and_its_best_ends_at_a_bound(
+    recordings, monkeypatch, at_bound
+):
+    """A light wrist far off hides what the other joints miss: its best shadow must not be taken for want of others."""
+    monkeypatch.setattr(searching, "suspects", lambda lacks, joints: ["elbow"])
+    search, asked = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:]))), []
+    alone, rest = trial("torque_speed_limit", 90.0, at_bound), trial("coulomb_friction", 100.0)
+
+    def step_at(state, given, places, missing, tested, common=(), several=False):
+        asked.append((bool(places), {name for group in common for name, _ in group}, several))
+        return [rest] if several else [alone]
+
+    search.step_at = step_at  # type: ignore[method-assign]
+    monkeypatch.setattr(searching, "in_order", lambda judged, state, trials: in_order(judge(), state, trials))
+    first = search.step(State(World(recordings[0].robot), np.full((40, 1), 25e3), np.zeros(1)), 0)[0]
+    assert first is (rest if at_bound else alone)
+    assert asked[0] == (True, set(), False)
+    assert (len(asked) == 2) == at_bound
+    assert not at_bound or (asked[1][0] is False and asked[1][2] and "coulomb_friction" in asked[1][1])

@@ -179,6 +179,18 @@ def test_a_value_at_its_bound_is_no_name():
     assert not open_ended(state, 1), "what was given is not asked"
 
 
+def test_every_bound_but_null_is_one_on_linear_and_on_logarithmic_scales():
+    for name, kind in searchable().items():
+        for m in kind.magnitudes:
+            p = kind.params[m]
+            ends = {p.low, p.high} - {p.null}
+            between = np.sqrt(p.low * p.high) if p.scale == "log" else 0.3 * p.low + 0.7 * p.high
+            for value, bound in [*((end, True) for end in ends), (float(between), False)]:
+                placed = EffectInstance.of(name, "joint1", **{m: value})
+                state = State(World().add(placed), np.zeros((1, 1)), np.zeros(1))
+                assert open_ended(state, 0) == ({placed.label} if bound else set()), (name, m, value)
+
+
 def test_only_effects_that_grow_in_proportion_are_proposed():
     straight = {name for name, kind in searchable().items() if kind.straight}
     assert {

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.params import Param
 from vispeg.diagnosis.evidence.localise import JointData
 from vispeg.identify.channels import Item
 from vispeg.identify.evidence import Evidence
@@ -160,6 +161,18 @@ def _most(data: JointData) -> dict[str, float]:
 
 def _usual(values: np.ndarray) -> float:
     return float(np.quantile(np.abs(values), 0.9))
+
+
+def at_bound(placed: EffectInstance) -> bool:
+    """Whether a magnitude of a fitted effect stands at a bound that is not null: something else pushes it there."""
+    kind = effect(placed.effect)
+    return any(_at_edge(kind.params[name], placed.params[name].value) for name in kind.magnitudes)
+
+
+def _at_edge(p: Param, value: float) -> bool:
+    value, low, high = (float(np.log(v)) if p.scale == "log" else v for v in (value, p.low, p.high))
+    edge = EDGE * (high - low)
+    return (value > high - edge and p.high != p.null) or (value < low + edge and p.low != p.null)
 
 
 def _reach(probe: EffectInstance, name: str) -> tuple[float, float]:

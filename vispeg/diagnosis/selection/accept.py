@@ -9,6 +9,7 @@ import numpy as np
 from scipy import stats
 
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.diagnosis.evidence.signatures import at_bound
 from vispeg.diagnosis.selection.bic import bic_gain
 from vispeg.diagnosis.selection.judge import Judge, parameters
 from vispeg.diagnosis.selection.state import State, Trial, without
@@ -53,15 +54,26 @@ def ranked(search: Search, state: State, trials: list[Trial], tested: int) -> li
         elif bic_gain(search.evidence, state.world, state.residual, t.fit) <= 0:
             why = "BIC with the effective sample size does not improve"
         out.append(Trial(t.score, t.fit, t.loss, t.gain, why, absent))
-    passed = sorted((t for t in out if not t.rejected), key=lambda t: float(t.loss.sum()))
+    return in_order(search.judge, state, out)
+
+
+def in_order(judge: Judge, state: State, trials: list[Trial]) -> list[Trial]:
+    """Those that passed first, of them the simplest of the equals; what ended at a bound stands behind all others."""
+    passed = sorted((t for t in trials if not t.rejected), key=lambda t: (not sound(t), float(t.loss.sum())))
     if passed:
-        best = next((t for t in passed if not t.score.beside and t.gain.relative >= ALONE), passed[0])
-        alike = [t for t in passed if equal(search.judge, t.loss, best.loss, search.judge.mean(state.loss))]
+        alone = [t for t in passed if not t.score.beside and t.gain.relative >= ALONE and sound(t)]
+        best = (alone or passed)[0]
+        alike = [t for t in passed if equal(judge, t.loss, best.loss, judge.mean(state.loss))]
         first = min(alike, key=lambda t: (doubtful(t), parameters(t.fit.world), float(t.loss.sum())))
         passed.remove(first)
         passed.insert(0, first)
-    refused = sorted((t for t in out if t.rejected), key=lambda t: float(t.loss.sum()))
+    refused = sorted((t for t in trials if t.rejected), key=lambda t: float(t.loss.sum()))
     return passed + refused
+
+
+def sound(t: Trial) -> bool:
+    """Whether some effect of a candidate ended inside its bounds: what stands at one is a shadow of something else."""
+    return not all(at_bound(e) for e in _own(t))
 
 
 def doubtful(t: Trial) -> bool:
@@ -69,9 +81,13 @@ def doubtful(t: Trial) -> bool:
     count = len(t.fit.world.effects)
     new = [i for i, a in enumerate(t.fit.space.axes) if a.index >= count - t.score.count]
     old = [i for i in range(len(t.fit.space.axes)) if i not in new]
-    labels = {e.label for e in t.score.members}
-    at_bound = any(label.rpartition(".")[0] in labels for label in t.fit.at_bound)
-    return at_bound or bool(np.any(np.abs(t.fit.correlation[np.ix_(new, old)]) > CORRELATED))
+    entangled = bool(np.any(np.abs(t.fit.correlation[np.ix_(new, old)]) > CORRELATED))
+    return entangled or any(at_bound(e) for e in _own(t))
+
+
+def _own(t: Trial) -> Sequence[EffectInstance]:
+    """What a candidate added, with fitted values."""
+    return t.fit.world.effects[-t.score.count :]
 
 
 def threshold(scores: Sequence[float], tested: int) -> float:

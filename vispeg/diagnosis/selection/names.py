@@ -16,7 +16,7 @@ import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.evidence.dictionary import Dictionary
-from vispeg.diagnosis.evidence.signatures import EDGE
+from vispeg.diagnosis.evidence.signatures import at_bound
 from vispeg.diagnosis.selection.judge import present
 from vispeg.diagnosis.selection.state import State
 
@@ -127,8 +127,7 @@ def open_ended(state: State, given: int) -> frozenset[str]:
     """
     out = set()
     for index, placed in enumerate(state.world.effects[given:], given):
-        at_bound = any(_at_bound(placed, name) for name in effect(placed.effect).magnitudes)
-        if at_bound or (state.fit is not None and not present(state.fit, index)):
+        if at_bound(placed) or (state.fit is not None and not present(state.fit, index)):
             out.add(placed.label)
     return frozenset(out)
 
@@ -160,12 +159,6 @@ def _entangled(state: State, index: int) -> bool:
     axes = [(i, a.index) for i, a in enumerate(state.fit.space.axes) if a.name in kinds[a.index].magnitudes]
     own, other = [i for i, k in axes if k == index], [i for i, k in axes if k != index]
     return bool(np.any(np.abs(state.fit.correlation[np.ix_(own, other)]) > CORRELATED))
-
-
-def _at_bound(placed: EffectInstance, name: str) -> bool:
-    p, value = effect(placed.effect).params[name], placed.params[name].value
-    edge = EDGE * (p.high - p.low)
-    return p.scale == "linear" and (value > p.high - edge or value < p.low + edge and p.low != p.null)
 
 
 def _richer(candidate: EffectInstance, placed: EffectInstance) -> bool:

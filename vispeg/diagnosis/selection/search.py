@@ -11,7 +11,7 @@ from vispeg.core.effect import EffectInstance, effect, searchable
 from vispeg.diagnosis.evidence.localise import MissingTorque, joint_data, joint_z
 from vispeg.diagnosis.evidence.screen import Score, candidates, groups
 from vispeg.diagnosis.progress import Progress
-from vispeg.diagnosis.selection.accept import DECISIVE, LEAST_SHARE, ranked
+from vispeg.diagnosis.selection.accept import DECISIVE, LEAST_SHARE, in_order, ranked, sound
 from vispeg.diagnosis.selection.judge import Judge, adds, present
 from vispeg.diagnosis.selection.proposals import Proposals
 from vispeg.diagnosis.selection.prune import prune
@@ -102,13 +102,19 @@ class Search(Proposals):
         """Screens the library against the state, fits the best, judges them; the ones that pass come first.
 
         The joints that miss most come first, and with them everything that is no joint; the other joints, whose missing
-        torque they may hide, only where nothing passes there; then the first places count as tested too.
+        torque they may hide, only where nothing passes there; then the first places count as tested too. Where one
+        joint alone comes first, and nothing passes but at a bound, several effects of all joints are tried at a time.
         """
         missing = self.missing(state.world)
         near, rest, common = self.places(state, missing)
         state.screening = []
         several = bool(common) or state.fit is not None
         trials = self.step_at(state, given, near, missing, len(near), common, several)
+        if not several and not any(not t.rejected and sound(t) for t in trials):
+            # one light joint may hide what all the others miss, and what it lacks itself may be two effects
+            every = groups(self.evidence, state.world)
+            trials += self.step_at(state, given, [], missing, len(near), every, True)
+            trials = in_order(self.judge, state, trials)
         if rest and all(t.rejected for t in trials):
             trials = self.step_at(state, given, rest, missing, len(near) + len(rest)) + trials
         return trials
