@@ -8,8 +8,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from vispeg.report.figures import styled
-from vispeg.report.ladder import ladder_figure
+from vispeg.report.drawings.figures import styled
+from vispeg.report.drawings.ladder import ladder_figure
 from vispeg.report.record import load_record
 
 

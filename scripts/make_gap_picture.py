@@ -9,7 +9,7 @@ import json
 import sys
 from pathlib import Path
 
-from vispeg.report.figures import WIDE, styled
+from vispeg.report.drawings.figures import WIDE, styled
 from vispeg.report.gap.success import figure
 
 

@@ -31,7 +31,7 @@ from vispeg.api.recording.check import limits_of  # noqa: E402
 from vispeg.core.files import new_folder  # noqa: E402
 from vispeg.core.seeds import stream  # noqa: E402
 from vispeg.identify.excitation import motion  # noqa: E402
-from vispeg.recordings.check import check  # noqa: E402
+from vispeg.recordings.checks.check import check  # noqa: E402
 from vispeg.recordings.load import load  # noqa: E402
 from vispeg.recordings.recording import Recording  # noqa: E402
 from vispeg.recordings.write import write  # noqa: E402

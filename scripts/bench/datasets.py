@@ -28,8 +28,8 @@ os.environ.setdefault("MUJOCO_GL", "egl")
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from vispeg.datasets import episode  # noqa: E402
-from vispeg.datasets.plan import Shard  # noqa: E402
-from vispeg.datasets.shard import shard_bytes  # noqa: E402
+from vispeg.datasets.shards.plan import Shard  # noqa: E402
+from vispeg.datasets.shards.shard import shard_bytes  # noqa: E402
 from vispeg.demonstrations import stage  # noqa: E402
 from vispeg.demonstrations.plan import plan_of  # noqa: E402
 from vispeg.render.backend import Renderer  # noqa: E402

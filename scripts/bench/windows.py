@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
+from vispeg.recordings.checks.excitation import PARAMETERS, UNITS, excitation
 from vispeg.recordings.differentiate import smooth
-from vispeg.recordings.excitation import PARAMETERS, UNITS, excitation
 from vispeg.recordings.load import load, needed
 from vispeg.recordings.windows import LENGTH, SECONDS, choose
 

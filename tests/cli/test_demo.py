@@ -7,7 +7,7 @@ import pytest
 from vispeg.api.recording.check import limits_of
 from vispeg.core.assets import assets
 from vispeg.diagnosis.run import diagnose
-from vispeg.recordings.check import check
+from vispeg.recordings.checks.check import check
 from vispeg.recordings.load import load
 from vispeg.worlds.world import World
 

@@ -9,10 +9,10 @@ import sys
 import pytest
 
 from vispeg.core.effect import REGISTRY
-from vispeg.report.catalogue import GROUPS
-from vispeg.report.ladder import ladder_rows
+from vispeg.report.drawings.ladder import ladder_rows
 from vispeg.report.sections.found import effect_rows
-from vispeg.report.terminal import _record, joints_table
+from vispeg.report.text.catalogue import GROUPS
+from vispeg.report.text.terminal import _record, joints_table
 
 WIDTHS = [None, 80, 60]  # None: a pipe of which nothing is said
 
@@ -62,7 +62,7 @@ def test_compare(rigs, tmp_path):
 PRINTING = """
 import json, sys, pathlib
 from vispeg.report.fitted import print_fit
-from vispeg.report.terminal import print_comparison, print_diagnosis
+from vispeg.report.text.terminal import print_comparison, print_diagnosis
 record = json.loads(sys.stdin.read())
 print_comparison(record, pathlib.Path("out"))
 print_diagnosis(record, pathlib.Path("out"))

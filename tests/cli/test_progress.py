@@ -6,7 +6,7 @@ import pytest
 
 from vispeg.cli import progress
 from vispeg.cli.progress import bars, duration, stages
-from vispeg.datasets.shard import shard_bytes
+from vispeg.datasets.shards.shard import shard_bytes
 from vispeg.demonstrations.plan import plan_of
 from vispeg.demonstrations.stage import shard
 from vispeg.diagnosis.share import Share

@@ -11,7 +11,7 @@ import numpy as np
 from vispeg.core.seeds import stream
 from vispeg.datasets.episode import Episode, Recorder
 from vispeg.datasets.layout import Layout, depth, flag, numbers, parts, picture
-from vispeg.datasets.plan import Plan, Shard, look_seed
+from vispeg.datasets.shards.plan import Plan, Shard, look_seed
 from vispeg.render.camera import Camera
 from vispeg.render.camera_files import to_record
 

@@ -15,9 +15,9 @@ from rendered import LAYOUT, PLAN, as_before, source
 from vispeg.core.errors import UserError
 from vispeg.core.marker import MARKER
 from vispeg.datasets.check import check
-from vispeg.datasets.formats import export
+from vispeg.datasets.formats.registry import export
 from vispeg.datasets.read import Dataset
-from vispeg.datasets.rendering import render
+from vispeg.datasets.shards.rendering import render
 from vispeg.report.dataset.build import write
 
 FEW = ("action", "label.peg", "label.camera.eye", "observation.images.eye", "observation.depth.eye", "label.parts.eye")

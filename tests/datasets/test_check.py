@@ -10,7 +10,7 @@ import pytest
 from rendered import LAYOUT, PLAN, as_before, source
 
 from vispeg.datasets.check import check
-from vispeg.datasets.rendering import render
+from vispeg.datasets.shards.rendering import render
 
 DATA, META = "data/chunk-000/file-001.parquet", "meta/episodes/chunk-000/file-001.parquet"
 

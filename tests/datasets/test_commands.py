@@ -52,7 +52,7 @@ def test_ray_that_is_missing_is_one_line(monkeypatch):
     from rendered import LAYOUT, PLAN, source
 
     from vispeg.core.errors import UserError
-    from vispeg.datasets.engine_ray import on_ray
+    from vispeg.datasets.shards.engine_ray import on_ray
 
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(UserError, match=r"needs ray, of the extra 'cluster'.*pip install"):
@@ -65,7 +65,7 @@ def test_a_local_render_listens_on_loopback_unless_an_address_is_given(monkeypat
     import sys
     from types import SimpleNamespace
 
-    from vispeg.datasets import engine_ray
+    from vispeg.datasets.shards import engine_ray
 
     monkeypatch.setenv("RAY_ADDRESS", address)
     monkeypatch.setenv(engine_ray.CLUSTER, "")

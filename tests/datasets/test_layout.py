@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 from rendered import EYE, LAYOUT, PLAN, frame, source
 
-from vispeg.datasets.rendering import render
+from vispeg.datasets.shards.rendering import render
 
 
 @pytest.fixture(scope="module")

@@ -12,11 +12,11 @@ import trimesh
 from rendered import LAYOUT, PLAN, source
 
 from vispeg.datasets.check import check
-from vispeg.datasets.formats import export
-from vispeg.datasets.models import described
+from vispeg.datasets.formats.models import described
+from vispeg.datasets.formats.registry import export
 from vispeg.datasets.opening import open_dataset
 from vispeg.datasets.read import Dataset
-from vispeg.datasets.rendering import render
+from vispeg.datasets.shards.rendering import render
 from vispeg.render.part_mesh import part_mesh
 from vispeg.report.dataset.build import write
 from vispeg.robots.scene import build

@@ -9,12 +9,12 @@ import pytest
 from rendered import EYE, LAYOUT, PLAN, frame, source
 
 from vispeg.core.errors import UserError
-from vispeg.datasets.bop import box, matrix
 from vispeg.datasets.codec import decode, encode, to_steps
-from vispeg.datasets.formats import export
+from vispeg.datasets.formats.bop import box, matrix
+from vispeg.datasets.formats.registry import export
 from vispeg.datasets.layout import COUNTED
 from vispeg.datasets.read import Dataset
-from vispeg.datasets.rendering import render
+from vispeg.datasets.shards.rendering import render
 
 
 @pytest.fixture(scope="module")

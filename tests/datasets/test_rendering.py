@@ -11,10 +11,10 @@ from rendered import LAYOUT, PLAN, always_deadly, content, deadly, source
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
-from vispeg.datasets.engine import local
-from vispeg.datasets.plan import Plan, shard_frames
-from vispeg.datasets.rendering import render
-from vispeg.datasets.shard import shard_bytes
+from vispeg.datasets.shards.engine import local
+from vispeg.datasets.shards.plan import Plan, shard_frames
+from vispeg.datasets.shards.rendering import render
+from vispeg.datasets.shards.shard import shard_bytes
 
 
 @pytest.fixture(scope="module")

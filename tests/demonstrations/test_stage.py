@@ -10,8 +10,8 @@ import pytest
 from vispeg.core.errors import UserError
 from vispeg.datasets.codec import decode
 from vispeg.datasets.layout import is_picture
-from vispeg.datasets.plan import Shard, look_seed
-from vispeg.datasets.shard import shard_bytes
+from vispeg.datasets.shards.plan import Shard, look_seed
+from vispeg.datasets.shards.shard import shard_bytes
 from vispeg.demonstrations.plan import plan_of
 from vispeg.demonstrations.stage import ROWS, Stage, shard
 from vispeg.task.world_file import load_world
@@ -86,7 +86,7 @@ def test_the_first_look_is_what_the_task_shows(asked):
 
 
 def test_poses_of_labels_put_the_peg_where_it_is_drawn(asked, episodes):
-    from vispeg.datasets.bop import matrix
+    from vispeg.datasets.formats.bop import matrix
     from vispeg.render.camera import Camera
 
     part = 1 + asked[1].parts.index("peg")

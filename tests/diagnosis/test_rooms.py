@@ -16,7 +16,7 @@ from vispeg.diagnosis.run import Diagnosis
 from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.recording import Control, Recording
 from vispeg.report.build import write_report
-from vispeg.report.terminal import diagnosis_summary
+from vispeg.report.text.terminal import diagnosis_summary
 from vispeg.report.write import write_diagnosis
 from vispeg.task.belief import believed
 from vispeg.worlds.world import World

@@ -8,7 +8,7 @@ from camera_images import SIZE, F, apply, plane, step
 from scipy.stats import kurtosis
 
 from vispeg.core.seeds import stream
-from vispeg.effects.camera.grazing_holes import facing
+from vispeg.effects.camera.depth.grazing_holes import facing
 from vispeg.effects.common.field import correlated, normal
 
 FB = 425.0 * 0.05  # px m, the matcher's by default

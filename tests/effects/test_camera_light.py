@@ -10,7 +10,7 @@ from camera_images import SIZE, F, K, apply, busy, plane
 
 from vispeg.core.lens import distort
 from vispeg.core.seeds import stream
-from vispeg.effects.camera.motion_blur import line_kernel
+from vispeg.effects.camera.timing.motion_blur import line_kernel
 from vispeg.effects.common.light import LUMA, to_linear, to_srgb
 
 

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from vispeg.core.effect import effect
 from vispeg.core.frame import Frame
-from vispeg.effects.camera.rolling_shutter import image_flow
+from vispeg.effects.camera.timing.rolling_shutter import image_flow
 
 K = np.array([[100.0, 0, 40], [0, 110, 30], [0, 0, 1]])
 TWIST = np.array([0.2, -0.1, 0.15, 0.3, -0.4, 0.5])

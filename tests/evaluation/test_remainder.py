@@ -7,7 +7,7 @@ from vispeg.core.effect import EffectInstance, Value, effect, searchable
 from vispeg.core.errors import UserError
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.stress.remainder import IDENTIFIED, LEFT, settings, summarise
-from vispeg.report import words
+from vispeg.report.text import words
 from vispeg.robots.model import load
 from vispeg.robots.scene import build
 from vispeg.task.world_file import load_world

@@ -11,9 +11,9 @@ from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.datasets import layout as lay
 from vispeg.datasets.episode import Recorder
-from vispeg.datasets.plan import Plan
 from vispeg.datasets.read import Dataset
-from vispeg.datasets.rendering import render
+from vispeg.datasets.shards.plan import Plan
+from vispeg.datasets.shards.rendering import render
 from vispeg.learn.experience.shown import from_folder, successes
 from vispeg.learn.layout import Layout
 from vispeg.render.camera import Camera

@@ -11,8 +11,8 @@ from toy import SIZE, Pointing, Reach
 from vispeg.core.errors import UserError
 from vispeg.datasets import layout as lay
 from vispeg.datasets.episode import Recorder
-from vispeg.datasets.plan import Plan
-from vispeg.datasets.rendering import render
+from vispeg.datasets.shards.plan import Plan
+from vispeg.datasets.shards.rendering import render
 from vispeg.learn.config import TrainConfig, read_config
 from vispeg.learn.evaluation import run_episodes, success_rate
 from vispeg.learn.methods.rounds import Rounds

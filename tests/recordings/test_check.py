@@ -12,12 +12,12 @@ from made import recording
 from vispeg.cli.output import Output
 from vispeg.cli.recordings.check import Args
 from vispeg.core.errors import UserError
-from vispeg.recordings.check import check
-from vispeg.recordings.excitation import PARAMETERS, excitation, regressor
+from vispeg.recordings.checks.check import check
+from vispeg.recordings.checks.excitation import PARAMETERS, excitation, regressor
+from vispeg.recordings.checks.quality import Limits, quantization, saturated
+from vispeg.recordings.checks.spikes import spikes
+from vispeg.recordings.checks.timing import timing
 from vispeg.recordings.noise import highpass_sigma, noise_from_repeats
-from vispeg.recordings.quality import Limits, quantization, saturated
-from vispeg.recordings.spikes import spikes
-from vispeg.recordings.timing import timing
 from vispeg.recordings.write import write
 
 RATE = 500.0

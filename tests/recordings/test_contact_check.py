@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from vispeg.recordings.contact_check import Touched, examine, said, together
+from vispeg.recordings.checks.contact_check import Touched, examine, said, together
 from vispeg.recordings.regimes import FREE, HOLE, IMPACT, PRESS, SLIDE
 
 RATE = 100.0

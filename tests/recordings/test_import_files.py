@@ -15,6 +15,7 @@ from made import recording
 from vispeg.cli.recordings.convert import Args
 from vispeg.core.errors import UserError
 from vispeg.formats.yaml_data import parse_yaml
+from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.importers.guess import words as said_of
 from vispeg.recordings.importers.guess.source import guess
 from vispeg.recordings.importers.mapping import ColumnMap, map_from, read_map
@@ -22,7 +23,6 @@ from vispeg.recordings.importers.npz import import_npz
 from vispeg.recordings.importers.plausible import doubts
 from vispeg.recordings.importers.table import import_table
 from vispeg.recordings.load import load
-from vispeg.recordings.quality import Limits
 from vispeg.recordings.write import write
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*torque_sensor", "ignore:.*unknown")

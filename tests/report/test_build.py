@@ -14,7 +14,7 @@ from vispeg.report.evidence import load_evidence
 from vispeg.report.sections import COMPARE, DIAGNOSIS
 from vispeg.report.sections.found import remark
 from vispeg.report.sections.next_experiment import again
-from vispeg.report.terminal import effects_table, ladder_table, print_diagnosis
+from vispeg.report.text.terminal import effects_table, ladder_table, print_diagnosis
 
 
 class _Page(HTMLParser):

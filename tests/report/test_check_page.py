@@ -11,9 +11,9 @@ from made import recording
 
 from vispeg.api.check_contact import check_contact
 from vispeg.recordings.cell import WrenchSensor
-from vispeg.recordings.check import check
-from vispeg.recordings.plot import plot
-from vispeg.recordings.quality import Limits
+from vispeg.recordings.checks.check import check
+from vispeg.recordings.checks.plot import plot
+from vispeg.recordings.checks.quality import Limits
 from vispeg.report.checked.examined import examined
 from vispeg.report.checked.page import lines_of, render
 

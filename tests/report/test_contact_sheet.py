@@ -10,8 +10,8 @@ import pytest
 from vispeg.cli.demo import Args
 from vispeg.core.errors import UserError
 from vispeg.datasets.codec import decode
-from vispeg.report import contact_sheet, robot_picture
 from vispeg.report.build import write_report
+from vispeg.report.drawings import contact_sheet, robot_picture
 from vispeg.report.record import SHEET
 
 WITHOUT_TORCH = """
@@ -22,7 +22,7 @@ class Missing:
             raise ModuleNotFoundError(name)
 sys.meta_path.insert(0, Missing())
 import numpy as np
-from vispeg.report.contact_sheet import draw
+from vispeg.report.drawings.contact_sheet import draw
 np.save(sys.argv[1], draw(frames=2, seed=3, backend="raycast"))
 """
 

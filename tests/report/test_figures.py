@@ -8,10 +8,10 @@ import pytest
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.report.figures import new_figure, styled, svg, thin
+from vispeg.report.drawings.figures import new_figure, styled, svg, thin
+from vispeg.report.drawings.signature import signature_figure
+from vispeg.report.drawings.strips import interval_strip, place
 from vispeg.report.sections.maps import scale_levels
-from vispeg.report.signature import signature_figure
-from vispeg.report.strips import interval_strip, place
 
 
 def test_thinning_keeps_extremes_order_and_gaps():

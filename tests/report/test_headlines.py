@@ -9,13 +9,13 @@ import pytest
 from vispeg.cli.usage import parse
 from vispeg.core.effect import REGISTRY, Effect
 from vispeg.core.params import Param
-from vispeg.report import effect_words, words
 from vispeg.report.build import render
-from vispeg.report.quantities import scaled
 from vispeg.report.record import ROBOT, load_record
 from vispeg.report.sections import COMPARE, DIAGNOSIS
 from vispeg.report.sections.candidates import context as candidates
 from vispeg.report.sections.candidates import powers
+from vispeg.report.text import effect_words, words
+from vispeg.report.text.quantities import scaled
 
 FRICTION = {"effect": "coulomb_friction", "where": "joint4", "params": {"torque": {"value": 1.2, "unit": "N m"}}}
 SCALARS = re.compile(r"<pre>(.*?)</pre>", re.S)

@@ -5,9 +5,9 @@ import re
 import pytest
 
 from vispeg.evaluation.gap import gap
-from vispeg.report import palette
 from vispeg.report.build import render as report
-from vispeg.report.figures import NARROW, WIDE
+from vispeg.report.drawings import palette
+from vispeg.report.drawings.figures import NARROW, WIDE
 from vispeg.report.gap.build import render as gap_page
 from vispeg.report.page import templates
 from vispeg.report.record import load_record

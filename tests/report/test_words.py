@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from vispeg.report import effect_words, words
-from vispeg.report.quantities import interval, plain, quantity
-from vispeg.report.terminal import effects_table
+from vispeg.report.text import effect_words, words
+from vispeg.report.text.quantities import interval, plain, quantity
+from vispeg.report.text.terminal import effects_table
 
 
 def _ladder(*held, floor=1e-4, **more):

@@ -21,8 +21,8 @@ from vispeg.render.calibration.picture import overlay
 from vispeg.render.calibration.results import record
 from vispeg.render.camera import Camera
 from vispeg.render.camera_files import save_cameras
-from vispeg.report.camera_tables import calibration_summary
-from vispeg.report.summary import Block
+from vispeg.report.text.camera_tables import calibration_summary
+from vispeg.report.text.summary import Block
 from vispeg.report.write import write_json
 
 

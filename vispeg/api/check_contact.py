@@ -6,7 +6,7 @@ import numpy as np
 
 from vispeg.control.laws import rotated
 from vispeg.core.errors import UserError
-from vispeg.recordings.contact_check import ContactCheck, Touched, examine
+from vispeg.recordings.checks.contact_check import ContactCheck, Touched, examine
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel, load
 from vispeg.robots.scene import Scene

@@ -21,8 +21,8 @@ from vispeg.recordings.cell import OPEN_CELL
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import SECONDS, choose
 from vispeg.report.live.arm import arm_arrays
-from vispeg.report.summary import Block
-from vispeg.report.terminal import comparison_summary
+from vispeg.report.text.summary import Block
+from vispeg.report.text.terminal import comparison_summary
 from vispeg.report.write import finite, write_comparison
 from vispeg.task.belief import believed
 from vispeg.vision.compare import Compared, compare_frames

@@ -12,14 +12,14 @@ from vispeg.core.errors import UserError
 from vispeg.core.extras import require
 from vispeg.core.files import refuse
 from vispeg.core.provenance import here
-from vispeg.datasets.engine import local
-from vispeg.datasets.engine_ray import on_ray
-from vispeg.datasets.formats import EXPORTS
+from vispeg.datasets.formats.registry import EXPORTS
+from vispeg.datasets.formats.stored import Stored
 from vispeg.datasets.opening import open_dataset
 from vispeg.datasets.read import Dataset
-from vispeg.datasets.rendering import render
-from vispeg.datasets.stored import Stored
-from vispeg.report.summary import Block, Line, html
+from vispeg.datasets.shards.engine import local
+from vispeg.datasets.shards.engine_ray import on_ray
+from vispeg.datasets.shards.rendering import render
+from vispeg.report.text.summary import Block, Line, html
 
 Begun = Callable[[int, int], None]  # is told the frames that there will be, and those that an earlier run has left
 

@@ -26,8 +26,8 @@ from vispeg.diagnosis.schema import DiagnosisRecord
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import SECONDS
 from vispeg.report.live.arm import arm_arrays
-from vispeg.report.summary import Block
-from vispeg.report.terminal import diagnosis_summary
+from vispeg.report.text.summary import Block
+from vispeg.report.text.terminal import diagnosis_summary
 from vispeg.report.write import finite, write_diagnosis
 from vispeg.worlds.world import World
 

@@ -13,8 +13,8 @@ from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import Setting, make_jobs, seeds_of
 from vispeg.evaluation.players import ready
 from vispeg.report.gap import words
-from vispeg.report.summary import Block, Line
-from vispeg.report.tables import Column, Sheet
+from vispeg.report.text.summary import Block, Line
+from vispeg.report.text.tables import Column, Sheet
 from vispeg.task.world_file import load_world
 
 

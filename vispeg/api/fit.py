@@ -24,7 +24,7 @@ from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import SECONDS
 from vispeg.report.fitted import fit_record, fit_summary
 from vispeg.report.live.arm import arm_arrays
-from vispeg.report.summary import Block
+from vispeg.report.text.summary import Block
 from vispeg.report.write import finite, write_fit
 from vispeg.task.belief import robot_of_world
 from vispeg.worlds.model_file import model_text

@@ -17,9 +17,9 @@ from vispeg.core.seeds import stream
 from vispeg.identify import paper
 from vispeg.identify.checkpoint import Checkpoint, Trace
 from vispeg.identify.paper_intervals import determine
-from vispeg.report.quantities import quantity
-from vispeg.report.signature import signature_panels
-from vispeg.report.summary import Block, Line
+from vispeg.report.drawings.signature import signature_panels
+from vispeg.report.text.quantities import quantity
+from vispeg.report.text.summary import Block, Line
 from vispeg.report.write import finite, write_json
 from vispeg.worlds.model_file import model_text, placed_dict
 from vispeg.worlds.world import World

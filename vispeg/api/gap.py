@@ -20,8 +20,8 @@ from vispeg.evaluation.measured import Trials, read_csv
 from vispeg.evaluation.players import ready
 from vispeg.evaluation.records import read_all
 from vispeg.report.gap import words
-from vispeg.report.summary import Block, Line
-from vispeg.report.tables import Column, Sheet
+from vispeg.report.text.summary import Block, Line
+from vispeg.report.text.tables import Column, Sheet
 from vispeg.task.world_file import WorldFile, load_world
 
 WORLDS = ("S", "V", "N", "P", "VNP")

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import ClassVar
 
 from vispeg.core.files import new_folder
-from vispeg.report.summary import Block, html, print_summary
-from vispeg.report.tables import PIPED
+from vispeg.report.text.summary import Block, html, print_summary
+from vispeg.report.text.tables import PIPED
 
 
 class Result(ABC):

@@ -48,8 +48,8 @@ class Args:
         from vispeg.core.provenance import provenance
         from vispeg.diagnosis.compare import compare
         from vispeg.diagnosis.run import diagnose
-        from vispeg.report import words
         from vispeg.report.record import ROBOT
+        from vispeg.report.text import words
         from vispeg.report.write import write_comparison, write_diagnosis
 
         start, folder_of = time.monotonic(), assets() / "recordings"
@@ -86,7 +86,7 @@ class Args:
         """Draws the robot and the contact sheet; says what is in the way, and where the robot's joints lie."""
         from vispeg.core.errors import UserError
         from vispeg.datasets.codec import encode
-        from vispeg.report import contact_sheet, robot_picture
+        from vispeg.report.drawings import contact_sheet, robot_picture
         from vispeg.report.record import ROBOT, SHEET
 
         places: dict[str, list[float]] = {}
@@ -101,10 +101,10 @@ class Args:
     def _print(self, truth: dict, seconds: float) -> None:
         from rich.text import Text
 
-        from vispeg.report import words
         from vispeg.report.record import ROBOT, SHEET
-        from vispeg.report.tables import terminal
-        from vispeg.report.terminal import effects_table, ladder_table
+        from vispeg.report.text import words
+        from vispeg.report.text.tables import terminal
+        from vispeg.report.text.terminal import effects_table, ladder_table
 
         diagnosis = json.loads((self.out / "diagnosis.json").read_text(encoding="utf-8"))
         if self.output.json:

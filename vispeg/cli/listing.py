@@ -14,7 +14,7 @@ def show(what: str, entries: list[Entry], heading: str, family: str | None, text
     """Prints those that were asked for; in JSON under the key `what`. Raises UserError: there is no such family."""
     from vispeg.api.catalogue import search
     from vispeg.core.errors import UserError
-    from vispeg.report.tables import Column, Sheet
+    from vispeg.report.text.tables import Column, Sheet
 
     families = sorted({entry.family for entry in entries})
     if family is not None and family not in families:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 if TYPE_CHECKING:
-    from vispeg.report.summary import Block
+    from vispeg.report.text.summary import Block
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Output:
         if self.json:
             print(json.dumps(record, indent=1, allow_nan=False, default=str))
             return
-        from vispeg.report.summary import Line, print_summary
+        from vispeg.report.text.summary import Line, print_summary
 
         print_summary(Line(block, path=True) if isinstance(block, str) else block for block in text)
 

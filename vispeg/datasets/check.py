@@ -12,11 +12,11 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.datasets.describe import CAMERA_FILE, RENDER_FILE, STATS, TASKS
 from vispeg.datasets.episodes import OWN
+from vispeg.datasets.formats.stored import Stored
 from vispeg.datasets.layout import COUNTED, is_depth, is_picture
 from vispeg.datasets.opening import open_dataset
 from vispeg.datasets.parquet import opened, table, values
 from vispeg.datasets.read import Dataset
-from vispeg.datasets.stored import Stored
 from vispeg.formats.format import enrol
 from vispeg.formats.guard import is_file
 

@@ -11,9 +11,9 @@ import numpy as np
 from vispeg.core.seeds import stream
 from vispeg.datasets.episode import Episode, Recorder
 from vispeg.datasets.layout import Layout, depth, flag, numbers, parts, picture
-from vispeg.datasets.plan import Plan, Shard
-from vispeg.datasets.rendering import render
-from vispeg.datasets.shard import Source, shard_bytes
+from vispeg.datasets.shards.plan import Plan, Shard
+from vispeg.datasets.shards.rendering import render
+from vispeg.datasets.shards.shard import Source, shard_bytes
 from vispeg.render.camera import Camera
 from vispeg.render.camera_files import to_record
 

@@ -21,11 +21,11 @@ import numpy as np
 from vispeg.core.files import write_bytes_atomic, write_text_atomic
 from vispeg.datasets.describe import CAMERA_FILE, CAMERAS, INFO, RENDER, RENDER_FILE, STATS, TASKS
 from vispeg.datasets.episodes import FOLDER, OWN
+from vispeg.datasets.formats.models import FOLDER as MODELS
+from vispeg.datasets.formats.models import ply
 from vispeg.datasets.layout import VERSION, Info, Layout, packing
-from vispeg.datasets.models import FOLDER as MODELS
-from vispeg.datasets.models import ply
-from vispeg.datasets.plan import Plan
-from vispeg.datasets.shard import ABOUT
+from vispeg.datasets.shards.plan import Plan
+from vispeg.datasets.shards.shard import ABOUT
 from vispeg.datasets.stats import Stats, of_numbers, together
 from vispeg.render.camera_files import to_record
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from vispeg.datasets.describe import INFO
-from vispeg.datasets.plain import WHOLE
+from vispeg.datasets.formats.plain import WHOLE
+from vispeg.datasets.formats.read_bop import CAMERA, Bop
+from vispeg.datasets.formats.read_plain import Plain
+from vispeg.datasets.formats.stored import Stored
 from vispeg.datasets.read import Dataset
-from vispeg.datasets.read_bop import CAMERA, Bop
-from vispeg.datasets.read_plain import Plain
-from vispeg.datasets.stored import Stored
 from vispeg.formats.guard import is_file
 
 

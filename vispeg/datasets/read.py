@@ -15,8 +15,8 @@ from vispeg.core.errors import UserError
 from vispeg.datasets.codec import decode
 from vispeg.datasets.describe import Made, cameras_of, read_cameras, read_info, read_made, read_stats
 from vispeg.datasets.episodes import FOLDER, OWN, EpisodeRow, read_episodes
+from vispeg.datasets.formats.models import Mesh, read_models
 from vispeg.datasets.layout import is_image, is_picture, pixel_shape, pixel_type
-from vispeg.datasets.models import Mesh, read_models
 from vispeg.datasets.parquet import opened, table, values
 from vispeg.render.camera import Camera
 

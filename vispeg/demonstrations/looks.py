@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.datasets.plan import look_seed
+from vispeg.datasets.shards.plan import look_seed
 
 if TYPE_CHECKING:
     from vispeg.task.vector import TaskVec

@@ -19,7 +19,7 @@ from vispeg.datasets.layout import (
     picture,
     truth_of,
 )
-from vispeg.datasets.plan import Plan, shard_frames
+from vispeg.datasets.shards.plan import Plan, shard_frames
 from vispeg.render.camera import Camera
 from vispeg.render.part_mesh import part_mesh
 from vispeg.robots.scene import Scene

@@ -19,8 +19,8 @@ from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.datasets.episode import Episode, Recorder
 from vispeg.datasets.layout import Layout, colour_of, depth_of, truth_of
-from vispeg.datasets.plan import Plan, Shard, look_seed
-from vispeg.datasets.shard import drawn
+from vispeg.datasets.shards.plan import Plan, Shard, look_seed
+from vispeg.datasets.shards.shard import drawn
 from vispeg.demonstrations.plan import scene_of, task_of
 from vispeg.demonstrations.sensing import ROWS as SENSOR_ROWS
 from vispeg.demonstrations.sensing import Clip, sense

@@ -15,7 +15,7 @@ from vispeg.diagnosis.schema import Candidate, Channel, Correlations, FoundEffec
 from vispeg.diagnosis.selection.state import State, Trial
 from vispeg.identify.channels import UNITS
 from vispeg.identify.evidence import Evidence
-from vispeg.recordings.quality import quantization
+from vispeg.recordings.checks.quality import quantization
 from vispeg.recordings.recording import Recording
 from vispeg.worlds.model_file import without_origin
 from vispeg.worlds.world import World

@@ -1,11 +1,11 @@
-"""The effect library: a folder for each family, one file an effect; every module of a family enrols what it defines."""
+"""The effect library: a folder for each family, one file an effect; every module below here enrols what it defines."""
 
 from importlib import import_module
 from pkgutil import walk_packages
 
 from vispeg.core.effect import REGISTRY, Effect, Family
 
-for _module in sorted(m.name for m in walk_packages(__path__, f"{__name__}.") if m.name.count(".") == 3):
+for _module in sorted(m.name for m in walk_packages(__path__, f"{__name__}.") if not m.ispkg):
     import_module(_module)
 
 

@@ -12,7 +12,7 @@ from scipy import signal
 from vispeg.core.errors import UserError
 from vispeg.recordings.load import load
 from vispeg.recordings.recording import Recording
-from vispeg.recordings.table import Reading, read_table
+from vispeg.recordings.tables.table import Reading, read_table
 from vispeg.robots.model import load as load_robot
 from vispeg.sim.compiled import nominal_of
 

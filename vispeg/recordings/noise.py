@@ -8,7 +8,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.recordings.cell import LEVER
-from vispeg.recordings.quality import quantization
+from vispeg.recordings.checks.quality import quantization
 from vispeg.recordings.recording import Recording
 
 SILENT_TAU = 1e-5  # share of the peak torque: no sensor is as quiet as this

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.recordings.table import Table
+from vispeg.recordings.tables.table import Table
 
 MAX_ANGLE = 4 * np.pi  # rad: no arm turns further; degrees do
 MAX_MISSING = 0.5

@@ -15,9 +15,9 @@ from vispeg.diagnosis.schema import Correlations, Rung
 from vispeg.identify.calibrate import Calibration, labels, strong_pairs
 from vispeg.identify.evidence import Evidence
 from vispeg.recordings.windows import records
-from vispeg.report import words
-from vispeg.report.summary import Block, Line, print_summary
-from vispeg.report.terminal import effects_table, ladder_table
+from vispeg.report.text import words
+from vispeg.report.text.summary import Block, Line, print_summary
+from vispeg.report.text.terminal import effects_table, ladder_table
 from vispeg.worlds.model_file import PlacedRecord, without_origin
 from vispeg.worlds.world import World
 

@@ -12,7 +12,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from vispeg import __version__
-from vispeg.report.palette import css
+from vispeg.report.drawings.palette import css
 
 if TYPE_CHECKING:
     from jinja2 import Environment

@@ -13,7 +13,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.formats.json_data import read_json
 from vispeg.report.evidence import Evidence, load_evidence
-from vispeg.report.quantities import number
+from vispeg.report.text.quantities import number
 
 SHEET, ROBOT = "contact-sheet.png", "robot.png"
 

@@ -11,13 +11,13 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.datasets.episodes import OWN
+from vispeg.datasets.formats.stored import Stored
 from vispeg.datasets.layout import colour_of, depth_of
 from vispeg.datasets.opening import open_dataset
 from vispeg.datasets.read import Dataset
-from vispeg.datasets.stored import Stored
 from vispeg.render.image_kinds import depth_picture
 from vispeg.report.dataset.pictures import chosen, depth_range, part_picture
-from vispeg.report.quantities import plain
+from vispeg.report.text.quantities import plain
 
 SAMPLED = 12  # frames that the span of depth is taken from
 MOST = 12  # numbers of a feature that are shown

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vispeg.report import words
 from vispeg.report.page import templates
-from vispeg.report.quantities import plain, prefix, quantity
 from vispeg.report.sections.maps import LABELS, SHADES
+from vispeg.report.text import words
+from vispeg.report.text.quantities import plain, prefix, quantity
 from vispeg.view.diagnose.standing import Field, Standing, Tried
 
 if TYPE_CHECKING:

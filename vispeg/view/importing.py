@@ -13,12 +13,12 @@ import yaml
 from vispeg.api.recording.convert import placed, propose
 from vispeg.core.errors import UserError
 from vispeg.core.files import refuse, write_text_atomic
+from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.columns import SIGNALS
 from vispeg.recordings.importers.guess.words import advice, data
 from vispeg.recordings.importers.mapping import FACTORS, ColumnMap, map_from, read_map
 from vispeg.recordings.importers.plausible import doubts
 from vispeg.recordings.importers.source import is_table, read_source
-from vispeg.recordings.quality import Limits
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.write import write
 from vispeg.robots.model import load

@@ -10,7 +10,7 @@ import yaml
 from vispeg.api.catalogue import worlds
 from vispeg.core.files import write_text_atomic
 from vispeg.core.provenance import command_line
-from vispeg.report import effect_words
+from vispeg.report.text import effect_words
 from vispeg.task.world_file import FORMAT, load_world
 from vispeg.view import html
 from vispeg.view.drawing import Drawing

@@ -14,19 +14,19 @@ from vispeg.api.result import Result
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.core.provenance import here
-from vispeg.recordings.check import SIGNALS, CheckReport
-from vispeg.recordings.check import check as examine
-from vispeg.recordings.contact_check import said, together
+from vispeg.recordings.checks.check import SIGNALS, CheckReport
+from vispeg.recordings.checks.check import check as examine
+from vispeg.recordings.checks.contact_check import said, together
+from vispeg.recordings.checks.plot import plot
+from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.load import load
 from vispeg.recordings.noise import noise_from_repeats, same_motion
-from vispeg.recordings.plot import plot
-from vispeg.recordings.quality import Limits
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.schema import Header
 from vispeg.report.checked.examined import Examined, examined
 from vispeg.report.checked.page import render
 from vispeg.report.checked.summary import camera_blocks, recording_blocks
-from vispeg.report.summary import Block, Line
+from vispeg.report.text.summary import Block, Line
 from vispeg.robots.model import load as load_robot
 from vispeg.task.belief import believed
 from vispeg.vision.check import CameraCheck, check_frames

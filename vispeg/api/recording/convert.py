@@ -8,6 +8,7 @@ from tempfile import TemporaryDirectory
 from typing import Literal
 
 from vispeg.core.errors import UserError
+from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.frames.camera import RecordedCamera
 from vispeg.recordings.importers.guess.propose import Proposal
 from vispeg.recordings.importers.guess.source import guess
@@ -17,7 +18,6 @@ from vispeg.recordings.importers.plausible import refuse_units
 from vispeg.recordings.importers.rosbag import Topics
 from vispeg.recordings.importers.source import TABLES, is_table, read_source
 from vispeg.recordings.objects import ObjectRecording, write_object
-from vispeg.recordings.quality import Limits
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.write import write
 from vispeg.render.camera_files import load_cameras

@@ -16,8 +16,8 @@ from vispeg.evaluation.players import ready
 from vispeg.evaluation.stress import perturb as pushed
 from vispeg.report.gap import words
 from vispeg.report.gap.perturb_page import render
-from vispeg.report.summary import Block
-from vispeg.report.tables import Column, Sheet
+from vispeg.report.text.summary import Block
+from vispeg.report.text.tables import Column, Sheet
 from vispeg.task.registry import config_of, task_of
 from vispeg.task.world_file import load_world
 

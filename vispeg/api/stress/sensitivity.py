@@ -13,7 +13,7 @@ from vispeg.evaluation.jobs import make_jobs, seeds_of
 from vispeg.evaluation.players import ready
 from vispeg.evaluation.stress import sensitivity as swept
 from vispeg.report.gap.sweep_page import render
-from vispeg.report.summary import Block, Line
+from vispeg.report.text.summary import Block, Line
 from vispeg.task.world_file import load_world
 
 

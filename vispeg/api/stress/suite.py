@@ -17,8 +17,8 @@ from vispeg.evaluation.players import ready
 from vispeg.evaluation.schema.suite import Configuration
 from vispeg.report.gap import words
 from vispeg.report.gap.suite_page import render
-from vispeg.report.summary import Block, Line
-from vispeg.report.tables import Column, Sheet
+from vispeg.report.text.summary import Block, Line
+from vispeg.report.text.tables import Column, Sheet
 from vispeg.task.world_file import WorldFile, load_world
 
 ROBOT = "robot"  # the name of a measured target

@@ -18,7 +18,7 @@ from vispeg.evaluation.schema.suite import VersionChange
 from vispeg.evaluation.suite_file import read_result
 from vispeg.report.gap import words
 from vispeg.report.gap.suite_page import render
-from vispeg.report.summary import Block, Line
+from vispeg.report.text.summary import Block, Line
 
 FORMAT = "vispeg-suite-compare/1"
 

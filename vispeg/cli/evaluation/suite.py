@@ -85,7 +85,7 @@ class Compare:
         """Prints what fell and the health of every version; 1 on an alarm or a regression."""
         from vispeg.api.stress.versions import compare_versions
         from vispeg.core.errors import UserError
-        from vispeg.report.summary import Line
+        from vispeg.report.text.summary import Line
 
         if not self.folders:
             raise UserError("nothing to compare", expected="vispeg suite compare FOLDER [FOLDER ...]")

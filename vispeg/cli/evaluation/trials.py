@@ -15,7 +15,7 @@ from vispeg.cli.output import Output, Told
 if TYPE_CHECKING:
     from vispeg.api.playing import Playing
     from vispeg.evaluation.entrants import Entrant
-    from vispeg.report.summary import Block
+    from vispeg.report.text.summary import Block
     from vispeg.task.world_file import WorldFile
 
 
@@ -64,7 +64,7 @@ class Trials:
 
     def give(self, result: Shown, page: Path, *others: str) -> None:
         """Prints a result, where its page lies, and what else was written."""
-        from vispeg.report.summary import Line
+        from vispeg.report.text.summary import Line
 
         lines = [Line(text, path=True) for text in (str(page), *others)]
         self.output.give(result.record, [*result.summary, *lines])

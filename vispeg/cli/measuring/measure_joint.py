@@ -140,7 +140,7 @@ class Joint:
         from vispeg.core.seeds import stream
         from vispeg.measure import joint as joints
         from vispeg.measure.actuator import parameters, text
-        from vispeg.report.measured_joint import picture
+        from vispeg.report.drawings.measured_joint import picture
         from vispeg.worlds.measurement_file import Measurement, measurement_text
 
         if self.inertia is not None and not 0 < self.inertia < float("inf"):

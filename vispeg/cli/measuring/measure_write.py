@@ -89,7 +89,7 @@ def show(measurement: Measurement, budget: bool = True) -> None:
     """A row a number; below it, with `budget`, the sources of the first one's uncertainty; the effects; the notes."""
     from rich.markup import escape
 
-    from vispeg.report.tables import Column, Sheet, terminal
+    from vispeg.report.text.tables import Column, Sheet, terminal
 
     console = terminal()
     heads = [

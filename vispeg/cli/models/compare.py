@@ -47,7 +47,7 @@ class Args:
         from vispeg.report.evidence import EVIDENCE, load_evidence
         from vispeg.report.rrd.comparison import write_comparison
         from vispeg.report.rrd.stream import check_target
-        from vispeg.report.terminal import report_line
+        from vispeg.report.text.terminal import report_line
 
         if self.rerun is not None:
             check_target(self.rerun, self.overwrite)

@@ -72,7 +72,7 @@ class Args:
         from vispeg.cli.progress import stages
         from vispeg.cli.reading import shown
         from vispeg.core.files import reserved
-        from vispeg.report.terminal import report_line
+        from vispeg.report.text.terminal import report_line
 
         inputs = (*model_files(self.model), *self.recording, *self.validate, *self.baseline)
         with reserved(self.out, self.overwrite, holds="diagnosis", inputs=inputs), stages(self.output.quiet) as say:

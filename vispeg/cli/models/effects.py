@@ -47,7 +47,7 @@ class Args:
         """Prints the list, or one effect's words, equation and parameters; draws its picture where asked to."""
         from vispeg import effects
         from vispeg.core.effect import effect, searchable
-        from vispeg.report.catalogue import describe, print_catalogue, print_effect
+        from vispeg.report.text.catalogue import describe, print_catalogue, print_effect
         from vispeg.robots.model import load
         from vispeg.robots.scene import build
         from vispeg.worlds.words import place
@@ -89,14 +89,14 @@ class Args:
         if path.exists() and not self.overwrite:
             return f"picture: {path} (from before; --overwrite draws it anew)"
         if kind.family in OPTICAL:
-            from vispeg.report.look import draw
+            from vispeg.report.drawings.look import draw
 
             draw(kind, self.where, scene, path, overwrite=self.overwrite)
             return f"picture: {path}"
         if kind.name not in searchable():
             return "no picture: its signature needs the task's cell"
         from vispeg.identify.signature import signature
-        from vispeg.report.signature import signature_panels
+        from vispeg.report.drawings.signature import signature_panels
 
         s = signature(kind.name, self.where, robot=self.robot)
         sizes = ", ".join(f"{k} {v.value:g} {kind.params[k].unit}" for k, v in s.placed.params.items())

@@ -71,7 +71,7 @@ class Args:
         """Fits, writes the folder, prints values with intervals."""
         from vispeg.api.inputs import model_files
         from vispeg.core.files import reserved
-        from vispeg.report.summary import Line
+        from vispeg.report.text.summary import Line
 
         inputs = (*model_files(self.model), *self.recording, *self.validate)
         with reserved(self.out, self.overwrite, holds="fit", inputs=inputs):

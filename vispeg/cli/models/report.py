@@ -26,9 +26,9 @@ class Args:
 
     def run(self) -> int:
         """Writes OUT/report.html, prints its path and the headline; 0 on success."""
-        from vispeg.report import words
         from vispeg.report.build import write_report
         from vispeg.report.record import load_record
+        from vispeg.report.text import words
 
         path = write_report(self.out, overwrite=self.overwrite)
         values = load_record(self.out).values

@@ -55,7 +55,7 @@ class Calibrate:
         """Finds the board, fits, writes the folder, prints the tables."""
         from vispeg.api.calibrate import calibrate
         from vispeg.core.files import reserved
-        from vispeg.report.summary import Line
+        from vispeg.report.text.summary import Line
 
         with reserved(self.out, self.overwrite, holds="calibration", inputs=(self.images, self.poses, self.intrinsics)):
             result = calibrate(

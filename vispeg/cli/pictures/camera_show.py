@@ -26,7 +26,7 @@ class Show:
         import numpy as np
 
         from vispeg.render.camera_files import load_cameras, to_record
-        from vispeg.report.tables import Column, Sheet
+        from vispeg.report.text.tables import Column, Sheet
 
         cameras = load_cameras(self.file)
         heads = ("camera", "px", "fx fy", "cx cy", "field deg", "lens k1 k2 p1 p2 k3", "on", "at m", "looks along")

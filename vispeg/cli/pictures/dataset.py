@@ -88,7 +88,7 @@ class Export:
 
     def run(self) -> int:
         """Writes it and says where."""
-        from vispeg.datasets.formats import export
+        from vispeg.datasets.formats.registry import export
 
         export(self.dataset, self.out, self.format, overwrite=self.overwrite)
         self.output.give({"dataset": str(self.out), "format": self.format}, [f"{self.format}: {self.out}"])

@@ -137,7 +137,7 @@ class Args:
         """Whether MOTION moves an arm alone: by name, or a table without flange poses."""
         from vispeg.identify.excitation import MOTIONS
         from vispeg.recordings.columns import columns_of
-        from vispeg.recordings.table import read_table
+        from vispeg.recordings.tables.table import read_table
 
         path = Path(self.motion)
         if not path.suffix:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vispeg.recordings.excitation import LEAST_SPEED, MOVES
+from vispeg.recordings.checks.excitation import LEAST_SPEED, MOVES
 
 
 def phase(time: np.ndarray, dq: np.ndarray) -> np.ndarray:

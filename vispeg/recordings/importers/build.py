@@ -13,7 +13,7 @@ from vispeg.recordings.importers.mapping import ColumnMap, Source
 from vispeg.recordings.load import assemble
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.schema import FORMAT, header_from
-from vispeg.recordings.table import Table
+from vispeg.recordings.tables.table import Table
 
 EPOCH = 1e6  # s: times beyond are dates; seconds from the first sample keep more digits
 

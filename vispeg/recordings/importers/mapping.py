@@ -12,7 +12,7 @@ from vispeg.core.errors import UserError
 from vispeg.formats.format import enrol
 from vispeg.formats.yaml_data import read_yaml
 from vispeg.recordings.columns import SIGNALS, columns_of
-from vispeg.recordings.table import Dialect
+from vispeg.recordings.tables.table import Dialect
 
 FACTORS = {
     **{"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},

@@ -14,7 +14,7 @@ from vispeg.recordings.columns import SIGNALS, columns_of
 from vispeg.recordings.importers.build import build, convert, joints_of
 from vispeg.recordings.importers.mapping import ColumnMap, Source
 from vispeg.recordings.recording import Recording
-from vispeg.recordings.table import MAX_BYTES
+from vispeg.recordings.tables.table import MAX_BYTES
 
 
 def import_npz(

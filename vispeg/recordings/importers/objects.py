@@ -9,7 +9,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.formats.arrays import read_arrays
 from vispeg.recordings.objects import ObjectRecording, rates
-from vispeg.recordings.table import MAX_BYTES
+from vispeg.recordings.tables.table import MAX_BYTES
 
 UNIT = 1e-2  # of a quaternion's norm
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.recordings.checks.quality import Limited, Limits
+from vispeg.recordings.checks.timing import within_episode
 from vispeg.recordings.importers.mapping import FACTORS, ColumnMap
-from vispeg.recordings.quality import Limited, Limits
 from vispeg.recordings.recording import Recording
-from vispeg.recordings.timing import within_episode
 
 RATES = (3.0, 20_000.0)  # Hz: slower tells nothing of dynamics, faster is no arm's log
 TOP_SPEED = 40.0  # rad/s: of a joint whose limit is not known

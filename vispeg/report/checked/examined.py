@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vispeg.recordings.check import CheckReport, smoothed
+from vispeg.recordings.checks.check import CheckReport, smoothed
+from vispeg.recordings.checks.plot import MOST_GAPS, laid_out
+from vispeg.recordings.checks.quality import Limits, saturated
+from vispeg.recordings.checks.spikes import without
 from vispeg.recordings.frames.frames import RecordedFrame
-from vispeg.recordings.plot import MOST_GAPS, laid_out
-from vispeg.recordings.quality import Limits, saturated
 from vispeg.recordings.recording import Recording
-from vispeg.recordings.spikes import without
 from vispeg.render.image_kinds import depth_picture
 from vispeg.report.live.traces import MOST, Track, thinned, thinned_time
 from vispeg.report.record import still
@@ -69,7 +69,7 @@ def examined(
     touched: Touch | None,
     drawing: bytes,
 ) -> Examined:
-    """What the page keeps of a recording; `drawing` is the PNG of `vispeg.recordings.plot`.
+    """What the page keeps of a recording; `drawing` is the PNG of `vispeg.recordings.checks.plot`.
 
     Raises:
         UserError: a damaged picture among the frames.

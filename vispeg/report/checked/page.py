@@ -7,15 +7,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from vispeg.recordings.check import JointCheck
-from vispeg.recordings.check_words import FLAT
-from vispeg.recordings.contact_check import FORCES, WORDS, ContactCheck, said, together
-from vispeg.recordings.excitation import PARAMETERS, UNITS
+from vispeg.recordings.checks.check import JointCheck
+from vispeg.recordings.checks.check_words import FLAT
+from vispeg.recordings.checks.contact_check import FORCES, WORDS, ContactCheck, said, together
+from vispeg.recordings.checks.excitation import PARAMETERS, UNITS
 from vispeg.report.checked import tables
 from vispeg.report.checked.examined import Examined
 from vispeg.report.live.traces import SCRIPTS, STYLES, Line, Panel, widget
 from vispeg.report.page import Section, page
-from vispeg.report.quantities import plain
+from vispeg.report.text.quantities import plain
 from vispeg.vision.check import warnings_of
 
 PARAMETER_WORDS = dict(

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from vispeg.recordings.check import CheckReport
-from vispeg.recordings.contact_check import said
+from vispeg.recordings.checks.check import CheckReport
+from vispeg.recordings.checks.contact_check import said
 from vispeg.report.checked import tables
-from vispeg.report.summary import Block, Line
+from vispeg.report.text.summary import Block, Line
 from vispeg.vision.check import CameraCheck, warnings_of
 
 NO_CELL = "state `cell:` in recording.yaml to know what these frames tell of their cameras (`cell: nominal`)"

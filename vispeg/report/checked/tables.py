@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vispeg.recordings.check import CheckReport
-from vispeg.report.effect_words import unit
-from vispeg.report.quantities import plain
-from vispeg.report.tables import Column, Sheet
+from vispeg.recordings.checks.check import CheckReport
+from vispeg.report.text.effect_words import unit
+from vispeg.report.text.quantities import plain
+from vispeg.report.text.tables import Column, Sheet
 from vispeg.vision.check import CameraCheck
 
 

@@ -12,10 +12,10 @@ from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.datasets.codec import encode
 from vispeg.datasets.episodes import OWN
+from vispeg.datasets.formats.stored import Stored
 from vispeg.datasets.layout import depth_of
 from vispeg.datasets.opening import open_dataset
 from vispeg.datasets.read import Dataset
-from vispeg.datasets.stored import Stored
 from vispeg.render.contrast import TRIES
 from vispeg.report.dataset.drawn import drawn, histogram
 from vispeg.report.dataset.pictures import chosen, depth_range, embedded, part_picture, sheet, views

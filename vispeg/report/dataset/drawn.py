@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from vispeg.core.effect import REGISTRY
-from vispeg.report.effect_words import unit as unit_beside
-from vispeg.report.quantities import plain, quantity
+from vispeg.report.text.effect_words import unit as unit_beside
+from vispeg.report.text.quantities import plain, quantity
 
 BINS, WIDTH, HEIGHT = 24, 168, 46  # bars; px
 

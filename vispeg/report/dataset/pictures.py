@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from vispeg.datasets.codec import encode
+from vispeg.datasets.formats.stored import Stored
 from vispeg.datasets.layout import colour_of, depth_of
 from vispeg.datasets.read import Dataset
-from vispeg.datasets.stored import Stored
 from vispeg.render.image_kinds import depth_picture
 
 GAP, GREY = 4, 235  # px between pictures, and its colour

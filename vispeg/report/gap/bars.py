@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from vispeg.report.drawings.palette import name_of
 from vispeg.report.gap import words, worlds
 from vispeg.report.gap.colours import Style, of_policies, ordered
-from vispeg.report.palette import name_of
 
 SCRIPTS = ("gap/toggles.js",)
 

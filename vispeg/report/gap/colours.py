@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from vispeg.report.palette import day
+from vispeg.report.drawings.palette import day
 
 BY_MODALITY = {m: day(m) for m in ("state", "depth", "rgbd", "rgb")} | {
     "privileged": day("plum"),

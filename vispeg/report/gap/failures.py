@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from vispeg.evaluation.statistics.decide import CANNOT_TELL
-from vispeg.report.figures import MEASURED, Shape, chart, new_figure, quiet, side_by_side
+from vispeg.report.drawings.figures import MEASURED, Shape, chart, new_figure, quiet, side_by_side
 from vispeg.report.gap import words
 from vispeg.report.gap.colours import BY_CATEGORY, SPARE
 

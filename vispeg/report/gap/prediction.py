@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from vispeg.evaluation.statistics.decide import CANNOT_TELL
 from vispeg.evaluation.statistics.ranks import FEWEST, FEWEST_POINTS, TWO_POINTS
-from vispeg.report.figures import MUTED, RULE, Shape, chart, new_figure, quiet
+from vispeg.report.drawings.figures import MUTED, RULE, Shape, chart, new_figure, quiet
 from vispeg.report.gap.colours import of_policies
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from vispeg.report.figures import GROUND, MEASURED, MUTED, Shape, chart, new_figure, quiet, side_by_side
+from vispeg.report.drawings.figures import GROUND, MEASURED, MUTED, Shape, chart, new_figure, quiet, side_by_side
 from vispeg.report.gap import words, worlds
 from vispeg.report.gap.colours import Style, of_policies, ordered
 

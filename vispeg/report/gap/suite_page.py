@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from vispeg.report.figures import AFTER, BEFORE, MEASURED, MUTED, RULE, Shape, chart, new_figure, quiet
+from vispeg.report.drawings.figures import AFTER, BEFORE, MEASURED, MUTED, RULE, Shape, chart, new_figure, quiet
 from vispeg.report.gap import table_page, words
 from vispeg.report.gap.page import page
 

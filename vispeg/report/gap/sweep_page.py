@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from vispeg.report import effect_words
-from vispeg.report.figures import MUTED, Shape, chart, legend, new_figure, quiet
+from vispeg.report.drawings.figures import MUTED, Shape, chart, legend, new_figure, quiet
 from vispeg.report.gap import table_page, words
 from vispeg.report.gap.colours import of_policies
 from vispeg.report.gap.page import page
+from vispeg.report.text import effect_words
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

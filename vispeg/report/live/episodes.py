@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from vispeg.evaluation.records import Episode
+from vispeg.report.drawings.palette import name_of
 from vispeg.report.gap.colours import BY_CATEGORY
 from vispeg.report.live.traces import inert
-from vispeg.report.palette import name_of
 
 TITLE = "Episode by episode"
 SCRIPTS = ("gap/episodes.js",)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vispeg.report.quantities import PREFIXED
+from vispeg.report.text.quantities import PREFIXED
 
 SCRIPTS = ("vendored/uPlot.js", "charts.js", "traces.js")
 STYLES = ("vendored/uPlot.css",)

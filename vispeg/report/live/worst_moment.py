@@ -10,7 +10,7 @@ import numpy as np
 from vispeg.report.evidence import Trace
 from vispeg.report.live.arm import stage
 from vispeg.report.live.traces import inert
-from vispeg.report.quantities import quantity
+from vispeg.report.text.quantities import quantity
 
 SHOWN, LARGEST = 0.3, 500  # rad that the greatest error turns a joint by on the page; times at most
 

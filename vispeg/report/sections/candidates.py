@@ -6,10 +6,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from vispeg.report.figures import MUTED
-from vispeg.report.quantities import number, plain
+from vispeg.report.drawings.figures import MUTED
+from vispeg.report.drawings.strips import bar
 from vispeg.report.record import Record, label, rows
-from vispeg.report.strips import bar
+from vispeg.report.text.quantities import number, plain
 
 TITLE = "Candidates tried"
 MOST_SCREENED = 20

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from vispeg.report import words
-from vispeg.report.quantities import number, plain
 from vispeg.report.record import Record
+from vispeg.report.text import words
+from vispeg.report.text.quantities import number, plain
 
 TITLE = "What cannot be told apart"
 

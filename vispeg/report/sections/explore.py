@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from vispeg.report import effect_words, words
 from vispeg.report.evidence import Choices
 from vispeg.report.live.traces import STYLES as CHART_STYLES
 from vispeg.report.live.traces import coded, inert
-from vispeg.report.quantities import PREFIXED, quantity
 from vispeg.report.record import Record
+from vispeg.report.text import effect_words, words
+from vispeg.report.text.quantities import PREFIXED, quantity
 
 TITLE = "Try it: the model's error"
 SCRIPTS = ("vendored/uPlot.js", "charts.js", "explore.js")

@@ -9,10 +9,10 @@ import numpy as np
 
 from vispeg.core.effect import REGISTRY
 from vispeg.core.params import Param
-from vispeg.report import effect_words, words
-from vispeg.report.quantities import number, plain, prefix, scaled
+from vispeg.report.drawings.strips import interval_strip, place
 from vispeg.report.record import Record, label, params_of, rows
-from vispeg.report.strips import interval_strip, place
+from vispeg.report.text import effect_words, words
+from vispeg.report.text.quantities import number, plain, prefix, scaled
 
 TITLE = "What was found"
 STRONG = 0.9

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from vispeg.report import camera_words, effect_words, words
-from vispeg.report.figures import chart
-from vispeg.report.ladder import ladder_figure, ladder_rows
-from vispeg.report.quantities import number, quantity
+from vispeg.report.drawings.figures import chart
+from vispeg.report.drawings.ladder import ladder_figure, ladder_rows
 from vispeg.report.record import Record, data_link
+from vispeg.report.text import camera_words, effect_words, words
+from vispeg.report.text.quantities import number, quantity
 
 TITLE = "Verdict"
 

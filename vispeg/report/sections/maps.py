@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from vispeg.report.drawings.figures import MEASURED, MUTED, Shape, chart, new_figure
+from vispeg.report.drawings.palette import day
 from vispeg.report.evidence import ResidualMap
-from vispeg.report.figures import MEASURED, MUTED, Shape, chart, new_figure
-from vispeg.report.palette import day
-from vispeg.report.quantities import fold, plain
 from vispeg.report.record import Record
+from vispeg.report.text.quantities import fold, plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vispeg.report import words
+from vispeg.report.drawings.figures import AFTER, BEFORE, MEASURED, MUTED, Shape, chart, legend, new_figure, quiet, thin
 from vispeg.report.evidence import Trace
-from vispeg.report.figures import AFTER, BEFORE, MEASURED, MUTED, Shape, chart, legend, new_figure, quiet, thin
 from vispeg.report.live import arm
 from vispeg.report.live.traces import SCRIPTS as CHARTS
 from vispeg.report.live.traces import STYLES, Line, Panel, Track, widget
 from vispeg.report.live.worst_moment import arm_stage
-from vispeg.report.quantities import prefix, quantity, rms
 from vispeg.report.record import Record
+from vispeg.report.text import words
+from vispeg.report.text.quantities import prefix, quantity, rms
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

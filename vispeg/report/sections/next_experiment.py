@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vispeg.report import words
+from vispeg.report.drawings.figures import MEASURED, MUTED, RIVALS, Shape, chart, legend, new_figure, quiet, thin
 from vispeg.report.evidence import Evidence, NextMotion
-from vispeg.report.figures import MEASURED, MUTED, RIVALS, Shape, chart, legend, new_figure, quiet, thin
-from vispeg.report.quantities import number, plain, prefix, quantity, rms
 from vispeg.report.record import Record
+from vispeg.report.text import words
+from vispeg.report.text.quantities import number, plain, prefix, quantity, rms
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

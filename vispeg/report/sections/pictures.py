@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vispeg.report.camera_words import sentence
-from vispeg.report.figures import AFTER, BEFORE, MEASURED, MUTED, Shape, chart, new_figure, quiet
-from vispeg.report.quantities import plain
+from vispeg.report.drawings.figures import AFTER, BEFORE, MEASURED, MUTED, Shape, chart, new_figure, quiet
 from vispeg.report.record import Record, rows, still
+from vispeg.report.text.camera_words import sentence
+from vispeg.report.text.quantities import plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -6,10 +6,10 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from vispeg.report.figures import AFTER, BEFORE, MUTED, Shape, chart, new_figure
-from vispeg.report.palette import day
-from vispeg.report.quantities import interval, number, plain, quantity
+from vispeg.report.drawings.figures import AFTER, BEFORE, MUTED, Shape, chart, new_figure
+from vispeg.report.drawings.palette import day
 from vispeg.report.record import Record, rows
+from vispeg.report.text.quantities import interval, number, plain, quantity
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from vispeg.report import words
-from vispeg.report.figures import chart
-from vispeg.report.ladder import ladder_figure
+from vispeg.report.drawings.figures import chart
+from vispeg.report.drawings.ladder import ladder_figure
 from vispeg.report.record import Record
+from vispeg.report.text import words
 
 
 def context(record: Record, room: str) -> Mapping[str, object]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from vispeg.report import words
-from vispeg.report.quantities import quantity
 from vispeg.report.record import Record, label, rows
+from vispeg.report.text import words
+from vispeg.report.text.quantities import quantity
 
 TITLE = "Rooms"
 

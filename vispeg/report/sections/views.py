@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from vispeg.report.figures import AFTER, BEFORE, Shape, chart, new_figure, quiet
+from vispeg.report.drawings.figures import AFTER, BEFORE, Shape, chart, new_figure, quiet
 from vispeg.report.record import Record, data_link
 
 TITLE = "Pictures, measured and rendered"

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from vispeg.report import words
-from vispeg.report.figures import BEFORE
-from vispeg.report.quantities import number
+from vispeg.report.drawings.figures import BEFORE
+from vispeg.report.drawings.strips import bar
 from vispeg.report.record import Record, rows
-from vispeg.report.strips import bar
+from vispeg.report.text import words
+from vispeg.report.text.quantities import number
 
 TITLE = "Where it fails"
 

@@ -7,10 +7,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vispeg.report.drawings.figures import (
+    AFTER,
+    BEFORE,
+    MEASURED,
+    MUTED,
+    RIVALS,
+    RULE,
+    Shape,
+    chart,
+    legend,
+    new_figure,
+    quiet,
+)
 from vispeg.report.evidence import Trace
-from vispeg.report.figures import AFTER, BEFORE, MEASURED, MUTED, RIVALS, RULE, Shape, chart, legend, new_figure, quiet
-from vispeg.report.quantities import plain, quantity
 from vispeg.report.record import Record, data_link
+from vispeg.report.text.quantities import plain, quantity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -25,7 +25,7 @@ from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.state import State, Trial
 from vispeg.recordings.windows import SECONDS
-from vispeg.report import effect_words
+from vispeg.report.text import effect_words
 from vispeg.view.diagnose.borders import Borders
 from vispeg.view.diagnose.contact import Contact
 from vispeg.view.diagnose.joints import Joints

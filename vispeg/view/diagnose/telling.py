@@ -11,7 +11,7 @@ from vispeg.diagnosis.evidence.localise import maps as drawn_maps
 from vispeg.diagnosis.evidence.localise import missing_torque, worst
 from vispeg.diagnosis.evidence.screen import Score
 from vispeg.identify.evidence import Evidence
-from vispeg.report import effect_words
+from vispeg.report.text import effect_words
 from vispeg.view.diagnose.standing import Field, Named, Track
 from vispeg.worlds.model_file import placed_dict
 

@@ -9,7 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from vispeg.report.quantities import prefix
+from vispeg.report.text.quantities import prefix
 from vispeg.robots.furniture import COLOURS
 from vispeg.view.diagnose.standing import Standing, Track
 from vispeg.view.drawing import Drawing, Look

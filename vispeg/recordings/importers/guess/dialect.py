@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 from vispeg.core.errors import UserError
-from vispeg.recordings.table import Dialect
-from vispeg.recordings.table_csv import opened
+from vispeg.recordings.tables.table import Dialect
+from vispeg.recordings.tables.table_csv import opened
 
 LINES = 20
 DECIMAL_COMMA = re.compile(r"(?<![\d.])-?\d+,\d+(?![\d,])")

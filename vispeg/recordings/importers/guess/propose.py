@@ -12,10 +12,10 @@ from typing import TypedDict
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.importers.guess import values
 from vispeg.recordings.importers.guess.names import OTHER, TIME, Meaning, meaning, split
-from vispeg.recordings.quality import Limits
-from vispeg.recordings.table import Dialect, Table
+from vispeg.recordings.tables.table import Dialect, Table
 
 NAMES = {"q": "measured angle", "dq": "measured speed", "tau": "measured torque", "q_cmd": "commanded angle",
          "dq_cmd": "commanded speed", "tau_cmd": "commanded torque"}  # fmt: skip

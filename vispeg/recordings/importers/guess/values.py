@@ -7,10 +7,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.importers.guess.names import Meaning
 from vispeg.recordings.importers.mapping import FACTORS
 from vispeg.recordings.importers.plausible import RATES, TOP_SPEED, slope
-from vispeg.recordings.quality import Limits
 
 TIMES = ("s", "ms", "us", "ns")
 EPOCH = (1.0e9, 4.0e9)  # s: from 2001 to 2096

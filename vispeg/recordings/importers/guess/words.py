@@ -7,7 +7,7 @@ from typing import Any
 import yaml
 
 from vispeg.recordings.importers.guess.propose import Proposal
-from vispeg.recordings.table import Dialect
+from vispeg.recordings.tables.table import Dialect
 
 MANY = 12  # unused columns that are listed one by one
 

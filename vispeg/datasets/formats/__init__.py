@@ -1,0 +1,1 @@
+"""Layouts of other programs: BOP and plain files, written and read."""

@@ -1,0 +1,121 @@
+"""Writes a dataset as BOP does (bop.felk.cvut.cz, "BOP data format"): what pose estimators read.
+
+A scene is one episode through one camera, since a scene's pictures are of one size. Objects are 1, the peg, whose frame
+is at its tip, and 2, the fixture, whose frame is at the hole's mouth; millimetres. `cam_K` are the intrinsics that a
+picture was drawn with, not those that a user of the camera believes. BOP knows no lens; where a world bends one, the
+coefficients stand beside as `cam_distortion`.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.datasets.codec import DEPTH_STEP, encode, to_steps
+from vispeg.datasets.formats.models import described, ply
+from vispeg.datasets.layout import colour_of, depth_of
+from vispeg.datasets.read import Dataset
+from vispeg.render.camera import Camera, rotation
+
+OBJECTS = {1: ("peg", "label.peg"), 2: ("fixture", "label.hole")}
+MM = 1000.0
+
+
+def write_bop(source: Path, out: Path) -> None:
+    """Writes the dataset in `source` into `out`: `train/SCENE/{rgb,depth,mask_visib}` and the scenes' JSON files."""
+    data = Dataset(source)
+    poses = [label for _, label in OBJECTS.values()] + [f"label.camera.{name}" for name in data.cameras]
+    if missing := [name for name in poses if data.features.get(name, {}).get("shape") != [7]]:
+        raise UserError("has no such pose, which BOP is about", file=source, key=missing[0])
+    if not data.cameras:
+        raise UserError("does not say what its cameras are", file=source)
+    scene = 0
+    for number in range(len(data.episodes)):
+        frames = data.episode(number)
+        drawn = data.drawn_cameras(number)
+        for name in data.cameras:
+            _scene(out / "train" / f"{scene:06d}", data, frames, drawn[name])
+            scene += 1
+    _models(out, data)
+    first = next(iter(data.cameras.values()))
+    general = {k: getattr(first, k) for k in ("fx", "fy", "cx", "cy", "width", "height")}
+    _json(out / "camera.json", general | {"depth_scale": DEPTH_STEP * MM})
+    objects = {str(i): {"name": name, "frame": label.partition(".")[2]} for i, (name, label) in OBJECTS.items()}
+    scenes = [
+        [f"{len(data.cameras) * n + i:06d}", n, c]
+        for n in range(len(data.episodes))
+        for i, c in enumerate(data.cameras)
+    ]
+    keys = ("scene", "episode", "camera")
+    _json(out / "dataset_info.json", {"objects": objects, "scenes": [dict(zip(keys, s, strict=True)) for s in scenes]})
+
+
+def _models(out: Path, data: Dataset) -> None:
+    """`models/obj_NNNNNN.ply` in mm and `models_info.json`; none of a dataset that was written before it had meshes."""
+    told = {}
+    for number, (part, _) in OBJECTS.items():
+        if part in data.models:
+            vertices, faces = data.models[part]
+            told[str(number)] = described((MM * vertices, faces))
+            (out / "models").mkdir(parents=True, exist_ok=True)
+            (out / "models" / f"obj_{number:06d}.ply").write_bytes(ply(data.models[part], MM))
+    if told:
+        _json(out / "models/models_info.json", told)
+
+
+def _scene(folder: Path, data: Dataset, frames: dict[str, np.ndarray], camera: Camera) -> None:
+    cameras, truth, extent = {}, {}, {}
+    colour, depth = colour_of(camera.name), depth_of(camera.name, frames)
+    for kind in ("rgb", "depth", "mask_visib"):
+        (folder / kind).mkdir(parents=True)
+    for i in range(len(frames["index"])):
+        (folder / "rgb" / f"{i:06d}.png").write_bytes(encode(frames[colour][i]))
+        (folder / "depth" / f"{i:06d}.png").write_bytes(encode(to_steps(frames[depth][i])))
+        pose = matrix(frames[f"label.camera.{camera.name}"][i])
+        view = np.linalg.inv(pose)
+        cameras[str(i)] = {
+            "cam_K": camera.K.ravel().tolist(),
+            "depth_scale": DEPTH_STEP * MM,
+            "cam_R_w2c": view[:3, :3].ravel().tolist(),
+            "cam_t_w2c": (MM * view[:3, 3]).tolist(),
+        } | ({"cam_distortion": list(camera.distortion)} if any(camera.distortion) else {})
+        truth[str(i)], extent[str(i)] = [], []
+        for j, (number, (part, label)) in enumerate(OBJECTS.items()):
+            at = view @ matrix(frames[label][i])
+            one = {"cam_R_m2c": at[:3, :3].ravel().tolist(), "cam_t_m2c": (MM * at[:3, 3]).tolist(), "obj_id": number}
+            truth[str(i)].append(one)
+            labels = frames.get(f"label.parts.{camera.name}")
+            if labels is not None and part in data.parts:
+                mask = labels[i] == 1 + data.parts.index(part)
+                (folder / "mask_visib" / f"{i:06d}_{j:06d}.png").write_bytes(encode(255 * mask.astype(np.uint8)))
+                extent[str(i)].append({"bbox_visib": box(mask), "px_count_visib": int(mask.sum())})
+    _json(folder / "scene_camera.json", cameras)
+    _json(folder / "scene_gt.json", truth)
+    if any(extent.values()):
+        _json(folder / "scene_gt_info.json", extent)
+
+
+def box(mask: np.ndarray) -> list[int]:
+    """x, y, width, height of what a mask (H, W) holds, px; all -1 where it is empty."""
+    if not mask.any():
+        return [-1, -1, -1, -1]
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    first, last = (int(columns[0]), int(rows[0])), (int(columns[-1]), int(rows[-1]))
+    return [*first, last[0] - first[0] + 1, last[1] - first[1] + 1]
+
+
+def matrix(pose: np.ndarray) -> np.ndarray:
+    """(4, 4) of a pose (7,): x y z in m, quaternion w x y z."""
+    out = np.eye(4)
+    quat = pose[3:].astype(float)
+    out[:3, :3], out[:3, 3] = rotation(quat / np.linalg.norm(quat)), pose[:3]
+    return out
+
+
+def _json(path: Path, content: Any) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")

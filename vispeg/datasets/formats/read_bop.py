@@ -1,0 +1,210 @@
+"""Reads a dataset laid out as BOP (bop.felk.cvut.cz, "BOP data format"), this program's or another's.
+
+Scenes of one episode (`dataset_info.json` tells which) are its cameras; of another writer's, each scene is an episode
+through a camera of its own. Masks of visible parts become label pictures, in which objects count from 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NotRequired, TypedDict
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.datasets.codec import decode
+from vispeg.datasets.describe import number as is_number
+from vispeg.datasets.describe import whole
+from vispeg.datasets.formats.models import read_ply
+from vispeg.datasets.formats.stored import LARGEST, Stored
+from vispeg.datasets.formats.stored import picture as read_picture
+from vispeg.datasets.layout import colour_of, depth, depth_of, parts, picture
+from vispeg.formats.guard import is_file, read_bytes
+from vispeg.formats.json_data import read_json
+from vispeg.render.camera import Camera
+
+TOLD, CAMERA, TRUTH = "dataset_info.json", "scene_camera.json", "scene_gt.json"
+INFO = "models/models_info.json"
+ANY = "camera"
+MM = 1e-3  # m
+
+
+class PictureCamera(TypedDict):
+    """A picture's entry in scene_camera.json; other keys may stand beside these."""
+
+    cam_K: list[float]
+    depth_scale: NotRequired[float]
+
+
+class ObjectPose(TypedDict):
+    """An object's entry in scene_gt.json; other keys may stand beside these."""
+
+    obj_id: int
+    cam_R_m2c: list[float]
+    cam_t_m2c: list[float]
+
+
+class Bop(Stored):
+    """See Stored. Raises UserError for what is no such dataset, or one that contradicts itself."""
+
+    def __init__(self, folder: str | Path):
+        super().__init__(folder)
+        self.scenes = sorted(path.parent for path in self.folder.glob(f"*/*/{CAMERA}") if path.parent.name.isdigit())
+        if not self.scenes:
+            raise UserError("has no scenes", file=self.folder, expected=f"SPLIT/000000/{CAMERA}")
+        told = read_json(self.folder / TOLD) if is_file(self.folder / TOLD) else {}
+        where = _scenes(told, self.scenes, self.folder / TOLD)
+        self.by = {}  # episode and camera -> scene
+        for scene, (episode, camera) in zip(self.scenes, where, strict=True):
+            if self.by.setdefault((episode, camera), scene) is not scene:
+                raise UserError("two scenes of one episode and camera", file=self.folder / TOLD, got=scene.name)
+        count = 1 + max(episode for episode, _ in self.by)
+        names = list(dict.fromkeys(camera for _, camera in where))
+        if len(self.by) != count * len(names):
+            raise UserError("an episode lacks a camera's scene", file=self.folder / TOLD, expected=", ".join(names))
+        self.objects = _objects(told, self.folder / TOLD)
+        self.parts = tuple(self.objects.values())
+        self.cameras = {name: self._camera(name, self.by[0, name]) for name in names}
+        self.features = {}
+        for name, camera in self.cameras.items():
+            self.features |= {colour_of(name): picture(camera), depth_of(name, ()): depth(camera)}
+            self.features |= {f"label.parts.{name}": parts(camera)} if self.objects else {}
+        self.episodes, first = [], 0
+        for i in range(count):
+            lengths = {name: len(self._frames(self.by[i, name])) for name in names}
+            if len(set(lengths.values())) > 1:
+                raise UserError("an episode's scenes differ in length", file=self.folder, got=lengths)
+            self.episodes.append({"length": lengths[names[0]], "dataset_from_index": first})
+            first += lengths[names[0]]
+        self.info, self.made = {"fps": None}, {}
+
+    def _frames(self, scene: Path) -> dict[int, PictureCamera]:
+        """Number of each picture -> its camera's entry, in order."""
+        path = scene / CAMERA
+        record = read_json(path)
+        if not isinstance(record, dict) or not record or not all(k.isdigit() and len(k) < 9 for k in record):
+            raise UserError("not a mapping of pictures", file=path)
+        for key, entry in record.items():
+            numbers = entry.get("cam_K") if isinstance(entry, dict) else None
+            if not isinstance(numbers, list) or len(numbers) != 9 or not all(map(is_number, numbers)):
+                raise UserError("not nine finite numbers", file=path, key=f"{key}.cam_K", got=numbers)
+            scale = entry.get("depth_scale", 1.0)
+            if not is_number(scale) or not 0 < scale < 1e3:
+                raise UserError("not a scale", file=path, key=f"{key}.depth_scale", expected="mm a step", got=scale)
+        return {int(key): record[key] for key in sorted(record, key=int)}
+
+    def _camera(self, name: str, scene: Path) -> Camera:
+        first, entry = next(iter(self._frames(scene).items()))
+        path = _picture_of(scene / "rgb", first)
+        height, width = decode(read_bytes(path, LARGEST), str(path)).shape[:2]
+        K = entry["cam_K"]
+        try:
+            return Camera(name, width, height, K[0], K[4], K[2], K[5])
+        except UserError as error:
+            raise UserError(str(error), file=scene / CAMERA, key=f"{first}.cam_K") from None
+
+    def read(self, number: int) -> dict[str, np.ndarray]:
+        """See Stored."""
+        out: dict[str, np.ndarray] = {}
+        for name in self.cameras:
+            scene = self.by[number, name]
+            frames = self._frames(scene)
+            rgb, deep = self.features[colour_of(name)], self.features[depth_of(name, ())]
+            out[colour_of(name)] = np.stack([read_picture(_picture_of(scene / "rgb", i), rgb) for i in frames])
+            steps = {i: entry.get("depth_scale", 1.0) * MM for i, entry in frames.items()}
+            depths = [read_picture(_picture_of(scene / "depth", i), deep, steps[i]) for i in frames]
+            out[depth_of(name, ())] = np.stack(depths)
+            if self.objects:
+                out[f"label.parts.{name}"] = np.stack([self._parts(scene, i, name) for i in frames])
+        return out
+
+    def _parts(self, scene: Path, i: int, name: str) -> np.ndarray:
+        feature = self.features[f"label.parts.{name}"]
+        out, order = np.zeros(feature["shape"], np.uint8), list(self.objects)
+        for j, entry in enumerate(self._poses(scene).get(str(i), [])):
+            path = scene / "mask_visib" / f"{i:06d}_{j:06d}.png"
+            if is_file(path) and entry["obj_id"] in self.objects:
+                out[read_picture(path, feature) > 0] = 1 + order.index(entry["obj_id"])
+        return out
+
+    def _poses(self, scene: Path) -> Mapping[str, list[ObjectPose]]:
+        """Poses of the objects by picture. Raises UserError for what is no pose."""
+        path = scene / TRUTH
+        if not is_file(path):
+            return {}
+        record = read_json(path)
+        right = isinstance(record, dict) and all(isinstance(row, list) for row in record.values())
+        for key, row in record.items() if right else ():
+            for entry in row:
+                if not isinstance(entry, dict) or not whole(entry.get("obj_id")):
+                    raise UserError("not an object's pose", file=path, key=key, got=entry)
+                for field, size in (("cam_R_m2c", 9), ("cam_t_m2c", 3)):
+                    numbers = entry.get(field)
+                    if not isinstance(numbers, list) or len(numbers) != size or not all(map(is_number, numbers)):
+                        raise UserError(f"not {size} finite numbers", file=path, key=f"{key}.{field}", got=numbers)
+        if not right:
+            raise UserError("not a mapping of pictures to poses", file=path)
+        return record
+
+    def check(self) -> Iterator[str]:
+        """Every picture has its poses, which turn without stretching; models have a file."""
+        for scene in self.scenes:
+            frames = {str(i) for i in self._frames(scene)}
+            poses = self._poses(scene)
+            if poses and set(poses) != frames:
+                yield f"{scene / TRUTH}: pictures {sorted(set(poses) ^ frames)[:3]} have no pose, or no camera"
+            for key, row in poses.items():
+                for entry in row:
+                    turn = np.reshape(entry["cam_R_m2c"], (3, 3))
+                    if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-3) or np.linalg.det(turn) < 0:
+                        yield f"{scene / TRUTH}: picture {key}: object {entry['obj_id']} has no rotation"
+        for i in self.known_models:
+            read_ply(self.folder / f"models/obj_{i:06d}.ply")
+
+    @cached_property
+    def known_models(self) -> list[int]:
+        """Objects that `models/models_info.json` describes."""
+        path = self.folder / INFO
+        if not is_file(path):
+            return []
+        record = read_json(path)
+        if not isinstance(record, dict):
+            raise UserError("not a mapping of objects", file=path)
+        for key, entry in record.items():
+            size = entry.get("diameter") if isinstance(entry, dict) else None
+            if not (key.isdigit() and len(key) < 7) or not is_number(size) or size <= 0:  # type: ignore[operator]
+                raise UserError("not a model", file=path, key=f"{key}.diameter", expected="mm, above 0", got=size)
+        return [int(key) for key in record]
+
+
+def _scenes(told: Any, scenes: list[Path], path: Path) -> list[tuple[int, str]]:
+    """Episode and camera of each scene; each its own episode where nothing is told."""
+    listed = told.get("scenes") if isinstance(told, dict) else None
+    if listed is None and isinstance(told, dict):
+        return [(i, ANY) for i in range(len(scenes))]
+    rows = {}
+    entries: list[Any] = listed if isinstance(listed, list) else [None]
+    for row in entries:
+        right = isinstance(row, dict) and isinstance(row.get("scene"), str) and isinstance(row.get("camera"), str)
+        if not right or not whole(row.get("episode")) or not 0 <= row["episode"] < 10**6 or not row["camera"]:
+            raise UserError("not a list of scenes, episodes and cameras", file=path, key="scenes", got=row)
+        rows[row["scene"]] = row["episode"], row["camera"]
+    if set(rows) != {scene.name for scene in scenes}:
+        raise UserError("other scenes than there are", file=path, key="scenes", expected=len(scenes), got=len(rows))
+    return [rows[scene.name] for scene in scenes]
+
+
+def _objects(told: Any, path: Path) -> dict[int, str]:
+    """Objects by number, with their names."""
+    objects = told.get("objects", {}) if isinstance(told, dict) else None
+    if not isinstance(objects, dict) or not all(k.isdigit() and isinstance(o, dict) for k, o in objects.items()):
+        raise UserError("not a mapping of objects", file=path, key="objects", got=objects)
+    return {int(key): str(one.get("name", key)) for key, one in objects.items()}
+
+
+def _picture_of(folder: Path, i: int) -> Path:
+    """A picture's file, PNG or JPEG."""
+    found = [folder / f"{i:06d}{end}" for end in (".png", ".jpg", ".tif")]
+    return next((path for path in found if is_file(path)), found[0])

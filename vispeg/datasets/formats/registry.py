@@ -1,0 +1,54 @@
+"""Other layouts that a dataset can be written in, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from vispeg.datasets.check import check
+from vispeg.datasets.example import write_dataset
+from vispeg.datasets.formats.bop import write_bop
+from vispeg.datasets.formats.plain import PLAIN, write_plain
+from vispeg.datasets.shards.rendering import Export
+from vispeg.formats.format import Example, enrol
+
+EXPORTS: Mapping[str, Export] = {"bop": write_bop, "folder": write_plain}
+
+
+def _as(layout: str) -> Example:
+    def example(folder: Path) -> Path:
+        (new := folder / layout).mkdir()
+        with TemporaryDirectory() as place:
+            EXPORTS[layout](write_dataset(Path(place)), new)
+        return new
+
+    return example
+
+
+enrol(PLAIN.name, _as("folder"), slow=True)(check)
+enrol("BOP", _as("bop"), slow=True)(check)
+
+
+def export(source: Path, out: Path, layout: str, *, overwrite: bool = False) -> None:
+    """Writes a dataset once more in another layout.
+
+    Args:
+        source: a dataset's folder.
+        out: the new folder.
+        layout: `bop` or `folder`.
+        overwrite: whether a folder with content is replaced.
+
+    Raises:
+        UserError: an unknown layout, a dataset that cannot be read, a folder that cannot be written.
+    """
+    from vispeg.core.errors import UserError
+    from vispeg.core.files import new_folder
+
+    if layout not in EXPORTS:
+        raise UserError("unknown layout", got=layout, choices=EXPORTS)
+    with new_folder(out, overwrite=overwrite, holds="dataset", inputs=(source,)) as folder:
+        try:
+            EXPORTS[layout](source, folder)
+        except OSError as error:
+            raise UserError(f"cannot be written: {error.strerror}", file=out) from error

@@ -1,0 +1,1 @@
+"""Rendering in shards: planned, made in processes, put in their place."""

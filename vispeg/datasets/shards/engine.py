@@ -1,0 +1,91 @@
+"""Makes shards in worker processes of one thread each; a worker that dies costs its shard, which is made again."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures.process import BrokenProcessPool
+from typing import Any
+
+from vispeg.core.errors import UserError
+from vispeg.core.workers import pool_of
+from vispeg.datasets.layout import Layout
+from vispeg.datasets.shards.plan import Plan, Shard
+from vispeg.datasets.shards.shard import Source, shard_bytes
+from vispeg.render.backend import jobs_a_process
+
+TRIES = 3  # deaths of a worker over one shard before it is given up
+POLL = 0.3  # s
+Made = Iterator[tuple[Shard, bytes]]
+Engine = Callable[[Sequence[Shard], Source, Plan, Layout, int, Callable[[int], None]], Made]
+
+
+def local(
+    shards: Sequence[Shard], source: Source, plan: Plan, layout: Layout, workers: int, tick: Callable[[int], None]
+) -> Made:
+    """Shards with their bytes as they are done, on this machine.
+
+    Args:
+        shards: those that are wanted.
+        source, plan, layout: what makes them.
+        workers: processes; 0: in this one.
+        tick: told frames as they are done.
+
+    Raises:
+        UserError: what the source raises, or a shard that killed its worker again and again.
+    """
+    if workers < 1:
+        yield from ((s, shard_bytes(source, plan, layout, s, tick)) for s in shards)
+        return
+    todo, deaths = list(shards), 0
+    while todo:
+        done: set[int] = set()
+        try:
+            for shard, data in _pool(todo, source, plan, layout, workers, tick):
+                done.add(shard.number)
+                yield shard, data
+        except BrokenProcessPool:
+            deaths = 1 if done else deaths + 1
+            if deaths >= TRIES:
+                raise UserError(
+                    "workers die again and again; is there enough memory?", key="workers", got=workers
+                ) from None
+        todo = [s for s in todo if s.number not in done]
+
+
+def _pool(
+    shards: Sequence[Shard], source: Source, plan: Plan, layout: Layout, workers: int, tick: Callable[[int], None]
+) -> Made:
+    context = multiprocessing.get_context("spawn")
+    ticks: Any = context.SimpleQueue()  # put is done when it returns, so a frame is told before its shard
+    count = min(workers, len(shards))
+    tasks = jobs_a_process(plan.backend)
+    with pool_of(count, tasks, _listen, (ticks,)) as pool:
+        # few are handed out ahead, so that finished bytes do not pile up while earlier ones are written
+        left, waiting = list(shards), dict[Future[bytes], Shard]()
+        while left or waiting:
+            while left and len(waiting) < count + 1:
+                waiting[pool.submit(_make, source, plan, layout, left[0])] = left[0]
+                left.pop(0)
+            finished, _ = wait(waiting, timeout=POLL, return_when=FIRST_COMPLETED)
+            _drain(ticks, tick)
+            for future in finished:
+                yield waiting.pop(future), future.result()
+
+
+_TICKS: Any = None
+
+
+def _listen(ticks: Any) -> None:
+    global _TICKS
+    _TICKS = ticks
+
+
+def _make(source: Source, plan: Plan, layout: Layout, shard: Shard) -> bytes:
+    return shard_bytes(source, plan, layout, shard, _TICKS.put)
+
+
+def _drain(ticks: Any, tick: Callable[[int], None]) -> None:
+    while not ticks.empty():
+        tick(ticks.get())

@@ -1,0 +1,87 @@
+"""A shard as the bytes of one Parquet file, an episode a row group; indices count from 0 until it has its place."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from contextvars import ContextVar
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vispeg.datasets.episode import Episode
+from vispeg.datasets.layout import Layout, column, packing, schema
+from vispeg.datasets.shards.plan import Plan, Shard
+from vispeg.datasets.stats import Stats, of_numbers
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+# Plays and draws one shard, episode by episode. Sent to workers by name: a function at the top of a module.
+Source = Callable[[Plan, Layout, Shard], Iterator[Episode]]
+Tick = Callable[[int], None]
+ABOUT = b"vispeg.episodes"
+_TICK: ContextVar[Tick] = ContextVar("tick", default=lambda frames: None)
+
+
+def shard_bytes(source: Source, plan: Plan, layout: Layout, shard: Shard, tick: Tick = lambda frames: None) -> bytes:
+    """Everything of one shard; the same bytes wherever and whenever it is made.
+
+    Args:
+        source: makes its episodes.
+        plan, layout, shard: what is asked for.
+        tick: told how many frames more are drawn, by the source (see `drawn`), or else with each episode.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    sink, about, first, told = pa.BufferOutputStream(), [], 0, 0
+
+    def tell(frames: int) -> None:
+        nonlocal told
+        told += frames
+        tick(frames)
+
+    _TICK.set(tell)
+    with pq.ParquetWriter(sink, schema(layout.all), **packing(layout.all)) as file:
+        for number, episode in enumerate(source(plan, layout, shard)):
+            table, stats = counted(layout, episode, number, first)
+            file.write_table(table)
+            about.append({"length": len(episode), "stats": {**episode.stats, **stats}, "about": dict(episode.about)})
+            first += len(episode)
+            if first > told:
+                tell(first - told)
+        if first != shard.frames:
+            raise ValueError(f"shard {shard.number} has {first} frames, not {shard.frames}")
+        file.add_key_value_metadata({ABOUT.decode(): json.dumps(about)})
+    return sink.getvalue().to_pybytes()
+
+
+def drawn(frames: int) -> None:
+    """A source tells of frames that it has drawn, before their episode is complete."""
+    _TICK.get()(frames)
+
+
+def counted(layout: Layout, episode: Episode, number: int, first: int) -> tuple[pa.Table, dict[str, Stats]]:
+    """An episode's table, and the statistics of what is only counted.
+
+    Args:
+        layout: of the dataset.
+        episode: the frames.
+        number: its episode index.
+        first: its first frame's index.
+    """
+    import pyarrow as pa
+
+    n = len(episode)
+    frame = np.arange(n)
+    own = {
+        "timestamp": (frame / layout.fps).astype(np.float32),
+        "frame_index": frame,
+        "episode_index": np.full(n, number),
+        "index": first + frame,
+        "task_index": np.zeros(n, np.int64),
+    }
+    values = {**episode.values, **own}
+    columns = [column(feature, values[name]) for name, feature in layout.all.items()]
+    return pa.table(columns, schema=schema(layout.all)), {name: of_numbers(v) for name, v in own.items()}

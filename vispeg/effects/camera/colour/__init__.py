@@ -1,0 +1,1 @@
+"""What a sensor and a codec make of light and colour."""

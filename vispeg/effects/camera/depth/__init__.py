@@ -1,0 +1,1 @@
+"""What a depth sensor makes of distances."""

@@ -1,0 +1,1 @@
+"""What a lens, its place and what stands before it make of a picture."""

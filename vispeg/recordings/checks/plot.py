@@ -1,0 +1,100 @@
+"""A picture of a recording: angle, speed and torque of every joint, with what is wrong marked."""
+
+from __future__ import annotations
+
+from io import BytesIO
+
+import numpy as np
+
+from vispeg.recordings.checks.check import CheckReport, smoothed
+from vispeg.recordings.checks.quality import Limits, saturated
+from vispeg.recordings.checks.spikes import without
+from vispeg.recordings.checks.timing import within_episode
+from vispeg.recordings.recording import Recording
+
+MEASURED, COMMANDED, LIMIT, LOST, CLIPPED = "#1f5a94", "#e07b39", "#888888", "#d62728", "#b30000"
+MAX_POINTS = 6000
+MOST_GAPS = 200  # bands drawn: more would be one red area, and take minutes
+
+
+def plot(rec: Recording, report: CheckReport, limits: Limits | None = None) -> bytes:
+    """A PNG: one row a joint; columns q (rad), dq (rad/s), tau (N m). Episodes are laid end to end.
+
+    Gaps are red bands, bad readings and saturated torque thick red dots, limits dashed where the motion comes near
+    them. Of a long recording the lowest and highest value of every stretch are drawn, so that nothing is missed.
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib.figure import Figure
+
+    time = laid_out(rec)
+    torque, torque_name = (rec.tau, "measured") if rec.tau is not None else (rec.tau_cmd, "commanded")
+    nj = len(rec.joints)
+    figure = Figure(figsize=(13, 0.8 + 1.35 * nj), dpi=110, layout="constrained")
+    axes = figure.subplots(nj, 3, squeeze=False, sharex=True)
+    for j, name in enumerate(rec.joints):
+        position, velocity, effort = axes[j]
+        spikes = report.joints[j].spikes
+        if rec.q_cmd is not None:
+            position.plot(*_thin(time, rec.q_cmd[:, j]), color=COMMANDED, lw=0.8)
+        position.plot(*_thin(time, without(rec.q[:, j], spikes)), color=MEASURED, lw=0.9)
+        bad = [spike.row for spike in spikes]
+        position.plot(time[bad], rec.q[bad, j], ".", color=CLIPPED, ms=5)
+        velocity.plot(*_thin(time, smoothed(rec, j, report.timing, spikes)[1]), color=MEASURED, lw=0.9)
+        if torque is not None:
+            effort.plot(*_thin(time, torque[:, j]), color=MEASURED, lw=0.7)
+            top = float(limits.torque[j]) if limits else np.inf
+            clipped = saturated(torque[:, j], 1.0 / report.timing.rate_hz, top)
+            effort.plot(*_thin(time[clipped], torque[clipped, j]), ".", color=CLIPPED, ms=4)
+        if limits is not None:
+            for axis, bounds in (
+                (position, limits.range[j]),
+                (velocity, (-limits.velocity[j], limits.velocity[j])),
+                (effort, (-limits.torque[j], limits.torque[j])),
+            ):
+                _limits(axis, bounds)
+        position.set_ylabel(name, fontsize=8)
+        for axis in axes[j]:
+            axis.tick_params(labelsize=7)
+            axis.grid(alpha=0.25, lw=0.5)
+            for gap in sorted(report.timing.gaps, key=lambda gap: -gap.seconds)[:MOST_GAPS]:
+                axis.axvspan(time[gap.row], time[gap.row + 1], color=LOST, alpha=0.25, lw=0)
+    titles = ("angle, rad" + (" (command orange)" if rec.q_cmd is not None else ""), "speed, rad/s")
+    for axis, title in zip(axes[0], (*titles, f"torque, N m ({torque_name})"), strict=True):
+        axis.set_title(title, fontsize=9)
+    for axis in axes[-1]:
+        axis.set_xlabel("time, s", fontsize=8)
+    figure.suptitle(f"{rec.name}: {rec.robot.rsplit('/', 1)[-1]}, {rec.control.mode} control {rec.motion}", fontsize=10)
+    figure.align_ylabels(axes[:, 0])
+    out = BytesIO()
+    figure.savefig(out, format="png")
+    return out.getvalue()
+
+
+def _thin(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """At most MAX_POINTS of (n,) arrays, with the lowest and the highest of every stretch."""
+    n = len(time)
+    if n <= MAX_POINTS:
+        return time, values
+    length = int(np.ceil(2 * n / MAX_POINTS))
+    whole = n // length * length
+    low = np.where(np.isfinite(values[:whole]), values[:whole], np.inf).reshape(-1, length).argmin(axis=1)
+    high = np.where(np.isfinite(values[:whole]), values[:whole], -np.inf).reshape(-1, length).argmax(axis=1)
+    rows = np.sort(np.concatenate([low, high]) + np.tile(np.arange(0, whole, length), 2))
+    return time[rows], values[rows]
+
+
+def laid_out(rec: Recording) -> np.ndarray:
+    """Time (n,) s from zero on, running on over episodes."""
+    step = np.diff(rec.time)
+    step[~within_episode(rec)] = 1.0 / rec.rate_hz
+    return np.concatenate([[0.0], np.cumsum(step)])
+
+
+def _limits(axis, bounds) -> None:
+    """Draws limits that the data come near; far ones would only flatten the curve."""
+    low, high = axis.get_ylim()
+    for bound in bounds:
+        if np.isfinite(bound) and low - 0.2 * (high - low) <= bound <= high + 0.2 * (high - low):
+            axis.axhline(bound, color=LIMIT, ls="--", lw=0.8)

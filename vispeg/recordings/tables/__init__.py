@@ -1,0 +1,1 @@
+"""Tables of numbers: text read block by block, Parquet, and one reader of both."""

@@ -1,0 +1,173 @@
+"""Reads a table of numbers from CSV or Parquet, naming the row and column of what is not a number.
+
+A table is read block by block, and only the columns that somebody wants are kept, so that half an hour at 1 kHz needs
+little more memory than its numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+
+MAX_BYTES = 2_000_000_000
+MAX_ROWS = 5_000_000
+MAX_COLUMNS = 5_000
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How a text table is written: what stands between cells, and what in a number."""
+
+    separator: str = ","
+    decimal: str = "."
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns by name, each (n,) float64 with NaN for an empty cell.
+
+    Attributes:
+        file: where it came from.
+        columns: name -> values, of the columns that were kept.
+        names: all columns in the order of the file.
+        rows: number of samples.
+        first_row: what a message calls the first sample: 2 in a CSV (line 1 is the header), 0 in Parquet.
+        text: name -> (row, cell) of the first cell that is not a number; such a column is not in `columns`.
+    """
+
+    file: Path
+    columns: dict[str, np.ndarray]
+    names: list[str]
+    rows: int
+    first_row: int
+    text: dict[str, tuple[int, str]] = field(default_factory=dict)
+
+    def row(self, index: int | np.integer) -> str:
+        """How a message names the sample at `index`."""
+        return f"row {self.first_row + int(index)}"
+
+    def number(self, name: str) -> np.ndarray:
+        """A column, (n,). Raises UserError if it is absent or holds something that is not a number."""
+        if name in self.text:
+            row, cell = self.text[name]
+            point = cell.strip().replace(",", ".")
+            comma = point != cell.strip() and as_float(point) is not None
+            expected = f"a decimal point ({point})" if comma else None
+            message = "has a decimal comma" if comma else "is not a number"
+            raise UserError(message, file=self.file, key=f"row {row}, column {name}", expected=expected, got=cell)
+        if name not in self.names:
+            raise UserError("column is missing", file=self.file, got=name, choices=self.names)
+        return self.columns[name]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What of a table is wanted, and who looks on.
+
+    Attributes:
+        keep: column names in the file -> those to keep; the others are not even converted. None keeps all.
+        glance: column names in the file -> those that `look` sees although they are not kept.
+        look: is shown every block as it is read, and raises UserError for values that cannot be.
+        told: is told how much has been read, 0 to 1.
+        most_rows: reading stops after that many rows at least; None reads all.
+        dialect: of a text table.
+    """
+
+    keep: Callable[[list[str]], Collection[str]] | None = None
+    glance: Callable[[list[str]], Collection[str]] = lambda names: ()
+    look: Callable[[Table], None] | None = None
+    told: Callable[[float], None] = lambda share: None
+    most_rows: int | None = None
+    dialect: Dialect = Dialect()
+
+    def kept(self, names: list[str]) -> list[str]:
+        """Those of `names` that are kept, in the file's order."""
+        return _in_order(names, self.keep(names)) if self.keep is not None else names
+
+    def wanted(self, names: list[str]) -> list[str]:
+        """Those of `names` that are kept or looked at, in the file's order."""
+        return _in_order(names, [*self.kept(names), *self.glance(names)])
+
+    def enough(self, rows: int) -> bool:
+        """Whether reading may stop."""
+        return self.most_rows is not None and rows >= self.most_rows
+
+
+def _in_order(names: list[str], some: Collection[str]) -> list[str]:
+    chosen = set(some)
+    return [name for name in names if name in chosen]
+
+
+def read_table(file: Path, reading: Reading = Reading()) -> Table:
+    """Reads a .csv, .csv.gz or .parquet file. Raises UserError for what is no table of a header and samples."""
+    import pyarrow
+
+    from vispeg.recordings.tables.table_csv import read_csv
+    from vispeg.recordings.tables.table_parquet import read_parquet
+
+    try:
+        size = file.stat().st_size
+        if size > MAX_BYTES:
+            raise UserError("is too large", file=file, expected=f"at most {MAX_BYTES} bytes; split it", got=size)
+        table = (read_parquet if file.suffix.lower() == ".parquet" else read_csv)(file, reading)
+    except OSError as error:
+        raise UserError(f"cannot be read: {error.strerror or error}", file=file) from error
+    pyarrow.default_memory_pool().release_unused()  # half as much again as the columns, kept for a next time
+    if table.rows == 0:
+        raise UserError("holds no samples", file=file)
+    return table
+
+
+def checked_names(names: list[str], file: Path) -> list[str]:
+    """A header's names; raises UserError where there are too many, or one comes twice."""
+    if len(names) > MAX_COLUMNS:
+        raise UserError("has too many columns", file=file, expected=f"at most {MAX_COLUMNS}", got=len(names))
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            raise UserError("column is given twice", file=file, key=name)
+        seen.add(name)
+    return names
+
+
+def check_rows(rows: int, file: Path) -> None:
+    """Raises UserError beyond the number of rows that is read."""
+    if rows > MAX_ROWS:
+        raise UserError("has too many rows", file=file, expected=f"at most {MAX_ROWS}; split it")
+
+
+def as_float(cell: str) -> float | None:
+    """A cell's number, NaN for an empty one, None for what is no number."""
+    cell = cell.strip()
+    if not cell:
+        return np.nan
+    try:
+        return None if "_" in cell else float(cell)
+    except ValueError:
+        return None
+
+
+class Columns:
+    """Columns (n,) that grow block by block: in place, so that no block is kept beside its column."""
+
+    def __init__(self, names: list[str], rows: int = 1 << 20):
+        self._values = {name: np.empty(rows) for name in names}
+        self.rows = 0
+
+    def add(self, block: dict[str, np.ndarray], rows: int) -> None:
+        """Takes the next rows of every column."""
+        end = self.rows + rows
+        for name, values in self._values.items():
+            if end > len(values):
+                self._values[name] = values = np.concatenate([values[: self.rows], np.empty(max(end, len(values)))])
+            values[self.rows : end] = block[name]
+        self.rows = end
+
+    def done(self) -> dict[str, np.ndarray]:
+        """The columns, once all is read."""
+        return {name: values[: self.rows] for name, values in self._values.items()}

@@ -1,0 +1,1 @@
+"""Figures of a page: curves, bars, pictures of the robot, and their colours."""

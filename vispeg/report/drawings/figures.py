@@ -1,0 +1,192 @@
+"""The look of every figure, and its way into the page: matplotlib without pyplot, inline SVG with real text.
+
+A page's figure is drawn twice, for wide and for narrow windows, and the style sheet shows one of the two: type that is
+easy to read on a laptop would be 5 px high on a phone.
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from io import StringIO
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from vispeg.report.drawings.palette import day, themed
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MEASURED, BEFORE, AFTER = day("ink"), day("before"), day("after")
+MUTED, RULE, RIVALS = day("muted"), day("rule"), (day("rival"), day("other"))
+GROUND = day("ground")
+FONT = "system-ui,-apple-system,'Segoe UI',Roboto,'Helvetica Neue',Arial,sans-serif"
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A figure's `width` in inch and its type's `size` in pt: what makes 12 px where the style sheet shows it."""
+
+    name: str
+    width: float
+    size: float
+
+    @property
+    def narrow(self) -> bool:
+        """Whether panels stand below each other."""
+        return self.name == "narrow"
+
+    def grid(self, panels: int, most: int) -> tuple[int, int]:
+        """(rows, columns) of panels, of which `most` stand side by side in a wide window; at least one."""
+        columns = max(1, min(panels, (most + 1) // 2 if self.narrow else most))
+        return -(-max(panels, 1) // columns), columns
+
+
+WIDE, NARROW = Shape("wide", 8.4, 9.0), Shape("narrow", 3.6, 9.0)
+
+STYLE: Mapping[str, object] = {
+    "font.family": "DejaVu Sans",  # comes with matplotlib; wider than the system fonts that replace it, so all fits
+    "axes.titlelocation": "left",
+    "axes.labelcolor": MUTED,
+    "axes.edgecolor": RULE,
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.unicode_minus": True,
+    "text.color": MEASURED,
+    "xtick.color": RULE,
+    "ytick.color": RULE,
+    "xtick.labelcolor": MUTED,
+    "ytick.labelcolor": MUTED,
+    "xtick.major.size": 3,
+    "ytick.major.size": 3,
+    "lines.linewidth": 1.0,
+    "lines.solid_joinstyle": "round",
+    "legend.frameon": False,
+    "path.simplify_threshold": 0.3,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "vispeg",
+    "text.parse_math": False,  # names are the user's: a dollar sign is a dollar sign
+}
+MARKS = ("|", "^", "o")
+LONG = 300  # letters of a path from which it is a curve, not a mark
+SIZED = ("font.size", "axes.titlesize", "axes.labelsize", "xtick.labelsize", "ytick.labelsize", "legend.fontsize")
+
+
+@contextmanager
+def styled(shape: Shape = WIDE) -> Iterator[None]:
+    """Matplotlib as every figure here wants it, and no word about glyphs that only the browser has."""
+    import matplotlib
+
+    rc: Any = {**STYLE, **dict.fromkeys(SIZED, shape.size)}
+    with matplotlib.rc_context(rc), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing")
+        warnings.filterwarnings("ignore", message="constrained_layout not applied")
+        yield
+
+
+def chart(draw: Callable[[Shape], Figure | None], name: str, description: str) -> str:
+    """A figure as inline SVG for wide and for narrow windows; empty where `draw` has nothing to show."""
+    parts = []
+    for shape in (WIDE, NARROW):
+        with styled(shape):
+            figure = draw(shape)
+            if figure is None:
+                return ""
+            parts.append(
+                svg(figure, f"{name}-{shape.name}", description).replace("<svg", f'<svg class="{shape.name}"', 1)
+            )
+    return "".join(parts)
+
+
+def new_figure(height: float, width: float = WIDE.width) -> Figure:
+    """An empty figure, sizes in inch; call inside `styled()`."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def svg(figure: Figure, name: str, description: str) -> str:
+    """The figure as inline SVG: scales with the page, in the page's colours, ids prefixed by `name`."""
+    from html import escape
+
+    stream = StringIO()
+    figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None}, transparent=True)
+    text = stream.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.S)
+    text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.S)
+    text = re.sub(r"""\s(?:xmlns(?::\w+)?|version)=["'][^"']*["']""", "", text)
+    text = text.replace("xlink:href=", "href=")
+    text = re.sub(r'\bid="', f'id="{name}-', text)
+    text = re.sub(r'(url\(|href=")#', rf"\1#{name}-", text)
+    text = re.sub(r"font-family: [^;\"]*(; )?", "", text)
+    text = _lighter(re.sub(r"\n\s*", "\n", text))
+    head = re.sub(r'\s(?:width|height)="[^"]*"', "", text[: text.index(">")])
+    label = escape(description, quote=True)
+    text = re.sub(r'\bfill="(#[0-9a-f]{6})"', r'style="fill: \1"', text)  # of a hatch
+    body = re.sub(r'style="[^"]*"', lambda style: themed(style[0]), text[text.index(">") + 1 :])
+    return f'{head} font-family="{FONT}" role="img" aria-label="{label}"><title>{label}</title>{body}'
+
+
+def _lighter(text: str) -> str:
+    """The same drawing in fewer letters: 0.01 px, 0.1 px in long paths, no names that nothing refers to."""
+    used = {*re.findall(r'(?:url\(|href=")#([^)"]+)', text), *re.findall(r'id="([^"]*QuadMesh[^"]*)"', text)}
+    text = re.sub(r' id="([^"]*)"', lambda name: name[0] if name[1] in used else "", text)
+    text = re.sub(r' transform="rotate\(-0 [^"]*"', "", text)
+    text = re.sub(r'\b[xy]="-?[\d.]+"', lambda at: _rounded(at[0], 2), text)
+    text = re.sub(r'\bd="[^"]*"', lambda path: _rounded(path[0], 1 if len(path[0]) > LONG else 2), text)
+    text = re.sub(r'\bd="[^"]*"', lambda path: re.sub(r"\s*([MLQCZz\"])\s*", r"\1", path[0]), text)
+    while (without := re.sub(r"<g/>\n?|<g>\n?</g>\n?", "", text)) != text:
+        text = without
+    return text
+
+
+def _rounded(text: str, digits: int) -> str:
+    return re.sub(r"-?\d+\.\d+", lambda x: f"{float(x[0]):.{digits}f}".rstrip("0").rstrip("."), text)
+
+
+def thin(time: np.ndarray, values: np.ndarray, most: int = 1500) -> tuple[np.ndarray, np.ndarray]:
+    """At most `most` points of (n,) arrays that keep the lowest and highest value of every stretch, and gaps as NaN."""
+    n = len(time)
+    if n <= most:
+        return time, values
+    keep = []
+    for part in np.array_split(np.arange(n), max(1, most // 2)):
+        finite = part[np.isfinite(values[part])]
+        keep += [finite[np.argmin(values[finite])], finite[np.argmax(values[finite])]] if finite.size else [part[0]]
+    index = np.unique(keep)
+    return time[index], values[index]
+
+
+def legend(figure: Figure, entries: dict[str, tuple[str, str]]) -> None:
+    """Lines above the figure, as many side by side as fit: name -> (colour, line style or a marker of MARKS)."""
+    from matplotlib.lines import Line2D
+
+    draw: Any = Line2D  # style names come from a table
+    lines = [
+        Line2D([], [], color=colour, marker=style, linestyle="", markersize=6)
+        if style in MARKS
+        else draw([], [], color=colour, linestyle=style, linewidth=2)
+        for colour, style in entries.values()
+    ]
+    figure.legend(lines, list(entries), loc="outside upper left", ncols=side_by_side(figure, entries), handlelength=1.4)
+
+
+def side_by_side(figure: Figure, names: Iterable[str]) -> int:
+    """How many entries of a legend fit beside each other: letters of 0.085 inch, and the sample before them."""
+    widths = [0.085 * len(name) + 0.45 for name in names]
+    return int(max(1, min(len(widths), figure.get_figwidth() // max(widths, default=1.0))))
+
+
+def quiet(ax: Axes, *, grid: str = "y") -> None:
+    """Light grid behind the data, few ticks."""
+    if grid:
+        ax.grid(axis=grid, color=RULE, linewidth=0.5, alpha=0.7)  # type: ignore[arg-type]
+    ax.set_axisbelow(True)
+    ax.tick_params(length=0)

@@ -1,0 +1,164 @@
+"""A picture of one measured joint: its steps, its Bode diagram with coherence, the friction over speed, the loops."""
+
+from __future__ import annotations
+
+from io import BytesIO
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from vispeg.measure.frequency import COHERENT
+from vispeg.measure.steps import sizes, step_answer
+from vispeg.report.drawings.figures import AFTER, BEFORE, MEASURED, MUTED, RIVALS, styled
+
+if TYPE_CHECKING:
+    from vispeg.measure.joint import Joint
+
+SHOWN = 1.0  # s of a step
+
+
+def picture(joint: str, found: Joint) -> bytes:
+    """A PNG of six panels; a panel of what was not measured says so."""
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator, NullLocator
+
+    with styled():
+        figure = Figure(figsize=(11.0, 8.4), dpi=120, layout="constrained")
+        axes = figure.subplots(3, 2)
+        figure.suptitle(f"{joint}", x=0.01, ha="left", fontweight="bold")
+        panels = [
+            (_steps, "Steps, as a share of their size"),
+            (_friction, "Friction: half the height of the torque loop"),
+            (_gain, "Gain"),
+            (_lag, "Lost motion: width of the loop of angle over command"),
+            (_phase, "Phase"),
+            (_coherence, "Coherence"),
+        ]
+        for axis, (draw, title) in zip(axes.flat, panels, strict=True):
+            axis.set_title(title, fontsize=9.5)
+            if not draw(axis, found):
+                axis.text(0.5, 0.5, "not measured", ha="center", va="center", color=MUTED, transform=axis.transAxes)
+                axis.set_xticks([])
+                axis.set_yticks([])
+            elif axis.get_xscale() == "log":
+                axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+                axis.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
+                axis.xaxis.set_minor_locator(NullLocator())
+        stream = BytesIO()
+        figure.savefig(stream, format="png")
+    return stream.getvalue()
+
+
+def _steps(axis: Any, found: Joint) -> bool:
+    if not found.steps:
+        return False
+    by_name = {t.name: t for t in found.traces}
+    colours = (MEASURED, BEFORE, RIVALS[0], RIVALS[1], MUTED)
+    known = sizes(found.steps)
+    labelled = set()
+    for step in found.steps:
+        trace = by_name[step.trace]
+        rows = (trace.time >= step.start - 0.05) & (trace.time < step.start + SHOWN)
+        before = trace.q[(trace.time >= step.start - 0.1) & (trace.time < step.start)].mean()
+        k = int(np.argmin([abs(abs(step.size) - s) for s in known]))
+        label = f"{known[k]:.3g} rad" if k not in labelled and len(known) <= 5 else None
+        labelled.add(k)
+        y = (trace.q[rows] - before) / step.size
+        axis.plot(trace.time[rows] - step.start, y, color=colours[k % 5], lw=0.6, alpha=0.6, label=label)
+    if found.servo is not None:
+        t, s = np.linspace(-0.05, SHOWN, 800), found.servo
+        y = s.gain * step_answer(t - s.delay, s.natural_frequency, s.damping_ratio)
+        axis.plot(t, y, color=AFTER, lw=1.6, label="second order")
+    axis.set_xlabel("s after the command")
+    axis.legend(loc="lower right", fontsize=8)
+    return True
+
+
+def _points(found: Joint) -> list[tuple[str, list[Any], str]]:
+    sizes = sorted({_word(p.amplitude) for p in found.points}, key=lambda w: (len(w), w))
+    colours = (MEASURED, BEFORE, RIVALS[0], RIVALS[1])
+    held = [[p for p in found.points if _word(p.amplitude) == size] for size in sizes]
+    return [(size, points, colours[k % 4]) for k, (size, points) in enumerate(zip(sizes, held, strict=True))]
+
+
+def _word(amplitude: float) -> str:
+    return f"{amplitude:.2g} rad" if amplitude else "sweep"
+
+
+def _gain(axis: Any, found: Joint) -> bool:
+    for size, points, colour in _points(found):
+        used = [p for p in points if p.used]
+        gain = np.array([abs(p.response) for p in used])
+        u = np.array([p.u for p in used]) * 1.96 * 20 / np.log(10)
+        axis.errorbar([p.hz for p in used], 20 * np.log10(gain), u, fmt="o", ms=3.5, lw=0.9, color=colour, label=size)
+    if not found.points:
+        return False
+    f = _line(found)
+    if f is not None:
+        axis.plot(f, 20 * np.log10(np.abs(found.servo.response(f))), color=AFTER, lw=1.2)  # type: ignore[union-attr]
+    axis.axhline(-3, color=MUTED, lw=0.7, ls=":")
+    axis.set_xscale("log")
+    axis.set_ylabel("dB")
+    axis.legend(loc="lower left", fontsize=8)
+    return True
+
+
+def _phase(axis: Any, found: Joint) -> bool:
+    for _, points, colour in _points(found):
+        used = sorted((p for p in points if p.used), key=lambda p: p.hz)
+        if used:
+            phase = np.degrees(np.unwrap([np.angle(p.response) for p in used]))
+            axis.plot([p.hz for p in used], phase, "o", ms=3.5, color=colour)
+    if not found.points:
+        return False
+    f = _line(found)
+    if f is not None:
+        axis.plot(f, np.degrees(np.unwrap(np.angle(found.servo.response(f)))), color=AFTER, lw=1.2)  # type: ignore[union-attr]
+    axis.set_xscale("log")
+    axis.set_xlabel("Hz")
+    axis.set_ylabel("degrees")
+    return True
+
+
+def _line(found: Joint) -> np.ndarray | None:
+    hz = [p.hz for p in found.points if p.used]
+    return np.geomspace(min(hz), max(hz), 200) if found.servo is not None and hz else None
+
+
+def _coherence(axis: Any, found: Joint) -> bool:
+    for _, points, colour in _points(found):
+        axis.plot([p.hz for p in points], [p.coherence for p in points], "o", ms=3.5, color=colour)
+    if not found.points:
+        return False
+    axis.axhspan(0, COHERENT, color=MUTED, alpha=0.12, lw=0)
+    axis.text(0.02, 0.06, f"refused below {COHERENT}", color=MUTED, fontsize=8, transform=axis.transAxes)
+    axis.set_xscale("log")
+    axis.set_ylim(0, 1.05)
+    axis.set_xlabel("Hz")
+    return True
+
+
+def _friction(axis: Any, found: Joint) -> bool:
+    torque = [s for s in found.strokes if s.friction is not None]
+    if not torque:
+        return False
+    axis.plot([s.speed for s in torque], [s.friction for s in torque], "o", ms=3.5, color=MEASURED)  # type: ignore[misc]
+    by_name = {q.quantity: q.value for q in found.results}
+    if "coulomb_friction" in by_name:
+        v = np.geomspace(min(s.speed for s in torque), max(s.speed for s in torque), 200)
+        axis.plot(v, by_name["coulomb_friction"] + by_name["viscous_friction"] * v, color=AFTER, lw=1.2)
+    axis.set_xscale("log")
+    axis.set_ylim(bottom=min(0.0, *(s.friction or 0.0 for s in torque)))
+    axis.set_xlabel("rad/s")
+    axis.set_ylabel("N m")
+    return True
+
+
+def _lag(axis: Any, found: Joint) -> bool:
+    if not found.strokes:
+        return False
+    axis.plot([s.speed for s in found.strokes], [2e3 * s.lag for s in found.strokes], "o", ms=3.5, color=MEASURED)
+    axis.set_xscale("log")
+    axis.set_xlabel("rad/s")
+    axis.set_ylabel("mrad")
+    return True

@@ -1,0 +1,96 @@
+"""A figure of what an effect does to a signal: `vispeg effects NAME`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.core.files import write_bytes_atomic
+from vispeg.report.drawings.figures import AFTER, BEFORE, MEASURED, RIVALS, new_figure, quiet, styled, thin
+from vispeg.report.text.quantities import prefix
+
+COLOURS = (MEASURED, BEFORE, AFTER, *RIVALS)
+
+
+def signature_figure(
+    title: str, time: np.ndarray, lines: Mapping[str, np.ndarray], unit: str, path: Path, *, overwrite: bool = False
+) -> Path:
+    """Draws `lines` (name -> (n,) in `unit`) over `time` (n,) s into a PNG or SVG file, by its ending; returns `path`.
+
+    The first line is the reference (black, on top); up to four more follow in fixed colours.
+
+    Raises:
+        UserError: another ending, more than five lines, lines of another length than `time`, or the file exists.
+    """
+    return signature_panels(title, time, [(unit, lines)], path, overwrite=overwrite)
+
+
+def signature_panels(
+    title: str,
+    time: np.ndarray,
+    panels: Sequence[tuple[str, Mapping[str, np.ndarray]]],
+    path: Path,
+    *,
+    against: Mapping[str, np.ndarray] | None = None,
+    overwrite: bool = False,
+) -> Path:
+    """Draws panels of (unit, lines) one below the other over a common time axis, each as in `signature_figure`.
+
+    `against` (what it is -> (n,) values) adds a row with the last panel's first line over each of them: friction is a
+    step over speed, a spring a line over angle, hysteresis a loop.
+    """
+    kind = path.suffix.lower().removeprefix(".")
+    if kind not in ("png", "svg"):
+        raise UserError("cannot draw into this kind of file", file=path, got=path.suffix, choices=(".png", ".svg"))
+    for _, lines in panels:
+        _check(time, lines)
+    stream = BytesIO()
+    with styled():
+        over = dict(against or {})
+        figure = new_figure(0.8 + 2.1 * (len(panels) + bool(over)) + 0.2 * title.count("\n"), 6.4)
+        grid = figure.add_gridspec(len(panels) + bool(over), max(1, len(over)))
+        first: Any = None
+        for row, (unit, lines) in enumerate(panels):
+            first = figure.add_subplot(grid[row, :], sharex=first)
+            _panel(first, time, unit, lines)
+        first.set_xlabel("time (s)")
+        for column, (name, values) in enumerate(over.items()):
+            unit, lines = panels[-1]
+            _loop(figure.add_subplot(grid[-1, column]), name, values, unit, next(iter(lines.values())))
+        figure.suptitle(title, x=0.01, ha="left", fontsize=10, fontweight="bold")
+        figure.savefig(stream, format=kind, dpi=160, metadata={"Date": None} if kind == "svg" else None)
+    return write_bytes_atomic(path, stream.getvalue(), overwrite=overwrite)
+
+
+def _check(time: np.ndarray, lines: Mapping[str, np.ndarray]) -> None:
+    if not 1 <= len(lines) <= len(COLOURS):
+        raise UserError("cannot tell so many lines apart", expected=f"1 to {len(COLOURS)} lines", got=len(lines))
+    for name, values in lines.items():
+        if np.shape(values) != np.shape(time):
+            raise UserError(f"line '{name}' and time differ", expected=np.shape(time), got=np.shape(values))
+
+
+def _loop(ax: Any, name: str, x: np.ndarray, unit: str, y: np.ndarray) -> None:
+    """One signal over another, both (n,)."""
+    if np.shape(x) != np.shape(y):
+        raise UserError(f"'{name}' and the line over it differ", expected=np.shape(y), got=np.shape(x))
+    factor, shown = prefix(float(np.max(np.abs(y[np.isfinite(y)]), initial=0.0)), unit)
+    ax.plot(x, factor * y, color=COLOURS[0], linewidth=0.7)
+    ax.set(xlabel=name, ylabel=shown)
+    quiet(ax)
+
+
+def _panel(ax: Any, time: np.ndarray, unit: str, lines: Mapping[str, np.ndarray]) -> None:
+    stacked = np.abs(np.stack([np.asarray(values, float) for values in lines.values()]))
+    factor, shown = prefix(float(np.max(stacked[np.isfinite(stacked)], initial=0.0)), unit)
+    for i, (name, values) in enumerate(lines.items()):
+        drawn = thin(np.asarray(time, float), factor * np.asarray(values, float))
+        ax.plot(*drawn, color=COLOURS[i], linewidth=1.6 if i else 1.3, label=name, zorder=3 - 0.1 * i)
+    ax.set(ylabel=shown)
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(lines), borderaxespad=0.0)
+    quiet(ax)

@@ -1,0 +1,1 @@
+"""Results as text: numbers, sentences and tables, for terminals of any width."""

@@ -1,0 +1,132 @@
+"""The library of effects as text: a list of all, or one in full."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, TypedDict, get_args
+
+from vispeg.core.effect import Effect, Family
+from vispeg.core.params import Param
+from vispeg.report.text.effect_words import equation, summary, unit
+from vispeg.report.text.tables import Column, Sheet, terminal, wrapped
+
+WIDEST = 100  # columns that a list of sentences takes, however wide the terminal
+GROUPS = get_args(Family)
+GROUP_WORDS = {
+    "joint": "friction, springs and play in a joint",
+    "drive": "between a command and the torque at the joint",
+    "sensor": "what encoders and the wrist's force sensor make of the truth",
+    "body": "masses, and how the base stands",
+    "contact": "what touches, and how",
+    "task": "what is held, its grip and the goal: where they are, where they are believed to be",
+    "camera": "what a lens, a sensor and a codec make of a picture",
+    "appearance": "colours, textures, lamps and surroundings",
+}
+
+
+def places(kind: Effect, robot: Any) -> str:
+    """Where it can act, in short: `joint1 ... joint7, all`."""
+    targets = kind.targets(robot)
+    if len(targets) == 1:
+        return targets[0]
+    return f"{targets[0]} ... {targets[-1]}, all" if len(targets) > 2 else ", ".join([*targets, "all"])
+
+
+class ParamEntry(TypedDict):
+    """A parameter of an effect; `null` is None for one that only shapes another."""
+
+    unit: str
+    low: float
+    high: float
+    null: float | None
+    typical: float
+    doc: str
+
+
+class EffectEntry(TypedDict):
+    """An effect in the catalogue."""
+
+    name: str
+    family: str
+    summary: str
+    description: str
+    where: list[str]
+    params: dict[str, ParamEntry]
+
+
+def describe(kind: Effect, robot: Any) -> EffectEntry:
+    """The effect for JSON: name, kind, summary, description, where, parameters."""
+    params: dict[str, ParamEntry] = {}
+    for name, p in kind.params.items():
+        null = None if p.shape else p.null
+        params[name] = {"unit": p.unit, "low": p.low, "high": p.high, "null": null, "typical": p.start, "doc": p.doc}
+    return {
+        "name": kind.name,
+        "family": kind.family,
+        "summary": summary(kind),
+        "description": equation(kind),
+        "where": kind.targets(robot),
+        "params": params,
+    }
+
+
+def print_catalogue(kinds: Sequence[Effect], models: Sequence[Any]) -> None:
+    """The effects as a list, groups by family: what each is, where it acts, its parameters with bounds and null."""
+    from rich.text import Text
+
+    console = terminal()
+    width = min(console.width, WIDEST)
+    groups: dict[str, list[tuple[Effect, Any]]] = {}
+    for kind, robot in zip(kinds, models, strict=True):
+        groups.setdefault(kind.family, []).append((kind, robot))
+    text = Text(no_wrap=True, overflow="ignore")
+    for group in sorted(groups, key=GROUPS.index):
+        text.append(f"# {group}: {GROUP_WORDS[group]}\n", style="bold")
+        for kind, robot in groups[group]:
+            text.append(f"\n{kind.name}", style="bold").append(f"  {places(kind, robot)}\n", style="dim")
+            text.append(f"{_block(summary(kind), width, 2)}\n")
+            for name, p in kind.params.items():
+                text.append(f"{_block(f'{name}: {bounds(p)}', width, 4)}\n")
+        text.append("\n")
+    text.right_crop(2)
+    console.print(text)
+
+
+def print_effect(kind: Effect, robot: Any) -> None:
+    """One effect: words, equation, places, parameters."""
+    from rich.text import Text
+
+    console = terminal()
+    console.print(Text(kind.name, style="bold").append(f"  {summary(kind)}", style="not bold"))
+    for paragraph in equation(kind).split("\n\n"):
+        lines = paragraph.splitlines()
+        flowing = not any(line.startswith(" ") for line in lines)  # else lines are where they should be
+        console.print(Text("\n" + (" ".join(lines) if flowing else paragraph)), width=min(console.width, WIDEST))
+    console.print()
+    console.print(Text(f"where: {places(kind, robot)}"))
+    heads = ("From", "To", "Null", "Typical")
+    columns = [Column("Parameter"), Column("Unit"), *(Column(head, right=True) for head in heads)]
+    rows = [
+        [
+            name,
+            unit(p.unit) or "-",
+            f"{p.low:g}",
+            f"{p.high:g}",
+            "shape" if p.shape else f"{p.null:g}",
+            f"{p.start:g}",
+            p.doc,
+        ]
+        for name, p in kind.params.items()
+    ]
+    console.print(Sheet([*columns, Column("What it is", prose=True)], rows))
+
+
+def bounds(p: Param) -> str:
+    """`0 to 30 N m, null 0`; a shape parameter has no null of its own."""
+    null = "shape" if p.shape else f"null {p.null:g}"
+    return f"{p.low:g} to {p.high:g} {unit(p.unit)}".rstrip() + f", {null}" + (f": {p.doc}" if p.doc else "")
+
+
+def _block(text: str, width: int, indent: int) -> str:
+    """The text wrapped, every line `indent` columns in."""
+    return "\n".join(" " * indent + line for line in wrapped(text, width - indent))

@@ -1,0 +1,95 @@
+"""An effect in words, all of them from its own file: its title, what it is, where it sits, how large it is.
+
+The title is what the file's first line says before its colon ("Coulomb friction: `tau = ...`"), the sentence the first
+line of the class's docstring. So an effect that is added needs no edit here.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+import sys
+from collections.abc import Mapping
+from typing import Any
+
+from vispeg.core.effect import REGISTRY, Effect
+from vispeg.report.record import params_of
+from vispeg.report.text.quantities import number, plain, quantity
+
+TITLE = re.compile(r"[A-Z][\w -]{2,38}")  # a few plain words
+NUMBERED = re.compile(r"([a-z]+?)_?(\d+)")
+
+
+def summary(kind: Effect) -> str:
+    """First line of the effect's own words."""
+    return (inspect.getdoc(type(kind)) or "").partition("\n")[0]
+
+
+def equation(kind: Effect) -> str:
+    """What its file says: equation, mechanism and source."""
+    return (getattr(sys.modules.get(type(kind).__module__), "__doc__", None) or "").strip()
+
+
+def title(name: str) -> str:
+    """`Coulomb friction`; the name with blanks where this installation does not know it or its file does not say."""
+    known = REGISTRY.get(name)
+    head = equation(known).partition(":")[0] if known is not None else ""
+    return head if TITLE.fullmatch(head) else name.replace("_", " ").capitalize()
+
+
+def what(name: str) -> str:
+    """One sentence on what the effect is; empty where it is not known."""
+    known = REGISTRY.get(name)
+    return "" if known is None else summary(known)
+
+
+def site(where: Any) -> str:
+    """`in joint 4`, `of link 7`, `at the flange`, `everywhere`; empty where no place is given."""
+    text = str(where or "")
+    if text in ("all", "each"):
+        return "everywhere"
+    if text == "several":
+        return "in several places"
+    if text in ("flange", "base"):
+        return f"at the {text}"
+    if numbered := NUMBERED.fullmatch(text):
+        return f"{'of' if numbered[1] == 'link' else 'in'} {numbered[1]} {numbered[2]}"
+    return f"at {text}" if text else ""
+
+
+def named(row: Mapping[str, Any]) -> str:
+    """`Coulomb friction in joint 4` of anything that has `effect` and `where`."""
+    return f"{title(str(row.get('effect', '?')))} {site(row.get('where'))}".strip()
+
+
+def size(row: Mapping[str, Any]) -> str:
+    """`1.20 N m`, or `coulomb 1.20 N m, excess 0.400 N m`: the parameters that make the effect vanish at null.
+
+    A parameter at null is left out beside one that is not. Empty where no value is stated.
+    """
+    known, params = REGISTRY.get(str(row.get("effect"))), params_of(row)
+    names = [n for n in params if known is None or n not in known.params or not known.params[n].shape]
+    told = [(n, params[n]) for n in names if number(params[n].get("value")) is not None]
+    alone = len(told) == 1
+    if known is not None:  # directions in which nothing was fitted go unsaid
+        told = [(n, p) for n, p in told if n not in known.params or p["value"] != known.params[n].null] or told
+    texts = [_text(p) for _, p in told]
+    if alone and not texts[0][0].isalpha() and " " in texts[0]:
+        return texts[0]
+    return ", ".join(f"{n.replace('_', ' ')} {text}" for (n, _), text in zip(told, texts, strict=True))
+
+
+def sized(row: Mapping[str, Any]) -> str:
+    """`Coulomb friction in joint 4 (1.20 N m)`."""
+    how = size(row)
+    return f"{named(row)} ({how})" if how else named(row)
+
+
+def unit(text: Any) -> str:
+    """A unit as it is written beside a number: nothing for a ratio, a power as a power."""
+    return "" if text in (None, "1") else str(text).replace("m2", "m²")
+
+
+def _text(p: Mapping[str, Any]) -> str:
+    name = unit(p.get("unit"))
+    return quantity(p.get("value"), name) if name else plain(p.get("value"))

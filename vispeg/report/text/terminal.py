@@ -1,0 +1,140 @@
+"""The short tables that the command line prints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from vispeg.report.drawings.ladder import ladder_rows
+from vispeg.report.record import Record, rows
+from vispeg.report.sections.found import correlations, effect_rows
+from vispeg.report.sections.rooms import room_row
+from vispeg.report.text import camera_words, words
+from vispeg.report.text.quantities import fold, interval, quantity
+from vispeg.report.text.summary import Block, Line, print_summary
+from vispeg.report.text.tables import Column, Sheet
+
+
+def ladder_table(diagnosis: Mapping[str, Any]) -> Sheet:
+    """Model, error on fitted and on held-out recordings, and the latter in noise floors; of either kind of record."""
+    columns = [Column("Model"), *(Column(head, right=True) for head in ("Fitted", "Held out", "Floor"))]
+    found = ladder_rows(_record(diagnosis))
+    return Sheet(columns, [[row["model"], row["fit"], row["heldout"], row["floor"] or "–"] for row in found])
+
+
+def effects_table(diagnosis: Mapping[str, Any]) -> Sheet:
+    """What was found: effect, parameter, value with its 95 % interval, unit, and whether it ended at its bound."""
+    found = effect_rows(_record(diagnosis))
+    bound = any(row["bound"] for row in found)
+    columns = [Column("Effect"), Column("Parameter"), Column("Value", right=True), Column("95 % interval")]
+    columns += [Column("Unit"), *([Column("Bound")] if bound else [])]
+    cells = [[row["effect"], row["param"], row["value"], row["interval"] or "–", row["unit"]] for row in found]
+    return Sheet(columns, [c + ([row["bound"]] if bound else []) for c, row in zip(cells, found, strict=True)], keys=2)
+
+
+def restarts_table(diagnosis: Mapping[str, Any]) -> Sheet:
+    """Of a free object: what windows of each length say of every parameter."""
+    columns = [
+        Column("Window"),
+        Column("Parameter"),
+        Column("Best", right=True),
+        Column("95 % interval"),
+        Column("Told"),
+    ]
+    cells = []
+    for row in rows(diagnosis, "restarts"):
+        for p in rows(row, "parameters"):
+            value, span = interval(p.get("best"), p.get("low"), p.get("high"))
+            cells.append([str(row["window"]), str(p["parameter"]), value, span, "yes" if p.get("told") else "no"])
+    return Sheet(columns, cells, keys=2)
+
+
+def rooms_table(diagnosis: Mapping[str, Any]) -> Sheet:
+    """What each of several rooms says."""
+    columns = [Column("Rooms"), Column("Verdict"), *(Column(head, right=True) for head in ("Before", "After", "Floor"))]
+    found = [room_row(said) for said in rows(diagnosis, "rooms")]
+    keys = ("room", "verdict", "before", "after", "floor")
+    return Sheet(columns, [[row[key] for key in keys] for row in found], keys=1)
+
+
+def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
+    """The verdict in words, both tables, what cannot be told apart, and what to do next."""
+    out: list[Block] = []
+    if verdict := diagnosis.get("verdict"):
+        out.append(Line(words.verdict(diagnosis), head=str(verdict)))
+    if before := words.baseline(diagnosis):
+        out.append(Line(before))
+    out += [Line(words.fall(diagnosis)), ladder_table(diagnosis)]
+    if diagnosis.get("rooms"):
+        out.append(rooms_table(diagnosis))
+    if diagnosis.get("effects"):
+        out.append(effects_table(diagnosis))
+        if any(effect.get("partial") for effect in rows(diagnosis, "effects")):
+            out.append(Line(words.PARTIAL))
+        if unsure := words.tentative(diagnosis):
+            out.append(Line(unsure))
+        for chosen, *others in words.rivals(diagnosis):
+            out.append(Line(f"{chosen} cannot be told from {words.join(others, 'or')}"))
+    if diagnosis.get("restarts"):
+        out.append(restarts_table(diagnosis))
+    for a, b, r in correlations(_record(diagnosis))["strong"][:3]:
+        out.append(Line(f"note: {a} and {b} are correlated by {r}: trust their combination more than either"))
+    out += [Line(f"note: {row['said']}") for row in diagnosis.get("windows") or ()]
+    if diagnosis.get("verdict"):
+        out.append(Line(f"next: {words.onward(diagnosis)}"))
+        out += [Line(said) for said in words.paid(diagnosis)]
+        if price := words.price(diagnosis):
+            out.append(Line(f"what the remainder costs a policy: {price}"))
+    return out
+
+
+def print_diagnosis(diagnosis: Mapping[str, Any], out: Path) -> None:
+    """Prints the summary and where the report lies."""
+    print_summary([*diagnosis_summary(diagnosis), report_line(out)])
+
+
+def report_line(out: Path) -> Line:
+    """Where the report lies."""
+    return Line(f"report: {out / 'report.html'}", path=True)
+
+
+def joints_table(comparison: Mapping[str, Any]) -> Sheet:
+    """Error, noise and their ratio of each joint; the torque error too where torque was measured."""
+    found = rows(comparison, "joints")
+    torque = any("torque_error" in row for row in found)
+    heads = ["Error", "Noise floor", "Times", *(["Torque error"] if torque else [])]
+    cells = []
+    for row in found:
+        unit = str(row.get("unit") or "")
+        line = [str(row.get("joint", "?")), quantity(row.get("error"), unit), quantity(row.get("floor"), unit)]
+        line.append(fold(float(row["times_floor"])) if row.get("times_floor") else "–")
+        cells.append(line + ([quantity(row.get("torque_error"), "N m RMS")] if torque else []))
+    return Sheet([Column("Joint"), *(Column(head, right=True) for head in heads)], cells)
+
+
+def comparison_summary(comparison: Mapping[str, Any]) -> list[Block]:
+    """The error in words, joint by joint, and where it arises."""
+    out: list[Block] = [Line(said) for said in words.diverged(comparison)]
+    out += [Line(words.fall(comparison)), joints_table(comparison)]
+    worst = [
+        f"{r.get('joint')}, {r.get('regime')} ({100 * r['share']:.0f} %)" for r in rows(comparison, "where_it_fails")
+    ]
+    if comparison.get("chi2", 0.0) <= words.NEAR_FLOOR**2:
+        whose = "the model of the arm" if camera_words.cameras(comparison) else "the model"
+        out.append(Line(f"{whose} is at the noise floor: nowhere does it fail"))
+    elif worst:
+        out.append(Line(f"where it fails: {'; '.join(worst[:3])}"))
+    out += [Line(sentence) for sentence in camera_words.cameras(comparison)]
+    return out + [Line(f"note: {note}") for note in comparison.get("notes") or ()]
+
+
+def print_comparison(comparison: Mapping[str, Any], out: Path) -> None:
+    """Prints the summary and where the report lies."""
+    print_summary([*comparison_summary(comparison), report_line(out)])
+
+
+def _record(values: Mapping[str, Any]) -> Record:
+    from vispeg.report.evidence import Evidence
+
+    return Record("diagnosis", values, Evidence())

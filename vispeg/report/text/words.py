@@ -1,0 +1,249 @@
+"""The verdict and the fall of the error in plain words, each derived from the numbers that it states."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from vispeg.report.record import rows
+from vispeg.report.text.effect_words import named as named_effect
+from vispeg.report.text.effect_words import sized
+from vispeg.report.text.quantities import fold, number, quantity
+
+NEAR_FLOOR = 1.2  # a held-out error up to this many floors is called "at the noise floor"
+MOST_NAMED = 5  # beyond it a sentence gives the number of effects; the tables name them
+PARTIAL = "partial: each effect lowers the held-out error, a remainder is left; model.yaml has them, to go on from"
+TENTATIVE = "tentative: they lower the error, but each may stand in for another effect"
+MOST_PRICED = 3  # joints whose remainder is played back
+MOST_RIVALS = 3  # that a sentence lists
+SAME = 0.05  # a relative change below this is called none
+
+
+def join(parts: Iterable[str], word: str = "and") -> str:
+    """`a`, `a and b`, `a, b and c`."""
+    items = list(parts)
+    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} {word} {items[-1]}" if items else ""
+
+
+def named(labels: list[str]) -> str:
+    """The labels joined, or `7 effects` where a sentence with all of them could not be read."""
+    return join(labels) if len(labels) <= MOST_NAMED else f"{len(labels)} effects"
+
+
+def change(first: Any, last: Any) -> str:
+    """How an error moved: `falls 37-fold`, `falls by 32 %`, `hardly changes`, `rises by 8 %`; empty where unknown."""
+    a, b = number(first), number(last)
+    if a is None or b is None or a < 0 or b < 0 or a == 0 == b:
+        return ""
+    if a == 0:
+        return "rises from zero"
+    if b == 0:
+        return "falls to zero"
+    if abs(b - a) <= SAME * a:
+        return "hardly changes"
+    if b < a:
+        return f"falls {fold(a / b)}-fold" if a / b >= 2 else f"falls by {100 * (1 - b / a):.0f} %"
+    return f"rises {fold(b / a)}-fold" if b / a >= 2 else f"rises by {100 * (b / a - 1):.0f} %"
+
+
+def against_floor(error: Any, floor: Any) -> str:
+    """`1.1 × the noise floor`; empty where either is unknown or the floor is not positive."""
+    e, f = number(error), number(floor)
+    return f"{_times(e / f)} × the noise floor" if e is not None and f is not None and f > 0 else ""
+
+
+def ladder_ends(values: Mapping[str, Any]) -> tuple[float | None, float | None, str]:
+    """(held-out error of the first row, of the last row, unit); None where unknown."""
+    ladder = rows(values, "ladder")
+    if not ladder:
+        return None, None, ""
+    first, last = (number(ladder[i].get("heldout_error")) for i in (0, -1))
+    return first, last, str(ladder[0].get("unit") or "")
+
+
+def error_name(values: Mapping[str, Any]) -> str:
+    """What the ladder's errors are: a comparison fits nothing, so nothing is held out from it."""
+    if values.get("judged") == "fitted":
+        return "Error on the fitted recordings"
+    return "Model error" if values.get("format") == "vispeg-compare/1" else "Held-out error"
+
+
+def fall(values: Mapping[str, Any]) -> str:
+    """One sentence on the ladder: where the held-out error began, where it ended, and how far above the floor."""
+    first, last, unit = ladder_ends(values)
+    if last is None:
+        return f"The {error_name(values).lower()} is not known."
+    floor = against_floor(last, _floor(values))
+    steps = len(rows(values, "ladder"))
+    if steps == 1 or first is None:
+        return f"{error_name(values)} is {quantity(last, unit)}" + (f", {floor}." if floor else ".")
+    moved = change(first, last) or "stays"
+    return (
+        f"{error_name(values)} {moved}, from {quantity(first, unit)} to {quantity(last, unit)}"
+        + (f", which is {floor}." if floor else ".")
+    )  # fmt: skip
+
+
+def diverged(values: Mapping[str, Any]) -> list[str]:
+    """A sentence on each recording in which the model diverged."""
+    return [
+        f"The model diverged in {row['recording']}, {row['time_s']:.3g} s after its start: its loop is unstable. No "
+        "error below counts that recording."
+        for row in rows(values, "diverged")
+    ]
+
+
+def verdict(values: Mapping[str, Any]) -> str:
+    """The verdict in one or two plain sentences."""
+    kind = values.get("verdict")
+    names = _names(values)
+    last, floor = ladder_ends(values)[1], _floor(values)
+    down = last is not None and floor is not None and last <= NEAR_FLOOR * floor
+    if kind == "adequate":
+        return "The model as given is adequate: no known effect makes it predict the held-out recordings better."
+    if kind == "identified":
+        verb = "explain" if len(names) > 1 else "explains"
+        reach = "down to the noise floor" if down else "as far as any known effect can"
+        what = named(names) if names else "The model"
+        return f"{what} {verb} the held-out recordings {reach}, and no rival does as well."
+    if kind == "ambiguous":
+        return _ambiguous(values, "down to the noise floor" if down else "best of what is known")
+    if kind == "unexplained":
+        count = len(_tentative(values))
+        parts = [named(names)] if names else []
+        parts += [f"{count} tentative effect{'s' if count > 1 else ''}"] if count else []
+        rest = f"{join(parts)} {'help' if len(names) + count > 1 else 'helps'}, but a" if parts else "A"
+        rest = rest[0].upper() + rest[1:]
+        return f"{rest} structured residual remains that no known effect explains.{_depends(values)}"
+    return f"The record gives no known verdict ({kind})." if kind else ""
+
+
+def tentative(values: Mapping[str, Any]) -> str:
+    """That some names are not certain; empty where all are."""
+    labels = [named_effect(effect) for effect in _tentative(values)]
+    return f"{TENTATIVE}: {join(labels)}" if labels else ""
+
+
+def one_of(effect: Mapping[str, Any]) -> str:
+    """`One of: a payload at the flange, a tilt at the base` where a partial effect has rivals; else its name."""
+    others = [named_effect(other) for other in rows(effect, "indistinguishable_from")]
+    alone = not others or not effect.get("partial") or effect.get("tentative")
+    return named_effect(effect) if alone else f"One of: {', '.join([named_effect(effect), *others])}"
+
+
+def baseline(values: Mapping[str, Any]) -> str:
+    """What the robot had before, where two of its states were compared; empty where not."""
+    before = values.get("baseline")
+    if not isinstance(before, dict):
+        return ""
+    names = [sized(effect) for effect in rows(before, "effects")]
+    had = named(names) if names else "no effect"
+    return f"Before and after: {had} ({before.get('verdict')}). Changed since: what is listed as found."
+
+
+def paid(values: Mapping[str, Any]) -> list[str]:
+    """What the remainder costs each policy that played; none where none did."""
+    cost = values.get("cost")
+    if not isinstance(cost, Mapping):
+        return []
+    world, lines = (cost.get("world") or {}).get("name"), []
+    for row in rows(cost, "policies"):
+        lost, low, high = (100 * (number(row["cost"].get(key)) or 0.0) for key in ("value", "low", "high"))
+        before, after = (f"{100 * (number(row[key].get('value')) or 0.0):.0f} %" for key in ("identified", "left"))
+        text = f"what is left costs {row['policy']} {lost:.0f} points of success [{low:.0f}, {high:.0f}]"
+        lines.append(f"{text}: {before} with the identified model, {after} with the rest, in {world}")
+    return lines
+
+
+def price(values: Mapping[str, Any]) -> str:
+    """The command that says what the remainder costs a policy; empty where none is left, or where that is known.
+
+    It names the joints whose missing torque is the greatest share of the torque that they needed.
+    """
+    if values.get("cost"):
+        return ""
+    left = [
+        (number(r.get("rms")) or 0.0, number(r.get("needed")) or 0.0, r.get("joint")) for r in rows(values, "remainder")
+    ]
+    worst = sorted((r for r in left if r[0] > 0), key=lambda r: -r[0] / max(r[1], 1e-9))[:MOST_PRICED]
+    sweeps = " ".join(f'--sweep "torque_noise@{joint}.rms=0,{rms:.2g}"' for rms, _, joint in worst)
+    return f"vispeg sensitivity POLICY {sweeps} --out price" if sweeps else ""
+
+
+def rivals(values: Mapping[str, Any]) -> list[list[str]]:
+    """The classes of effects that the recordings cannot tell apart, in words, each with the chosen one first."""
+    found = []
+    for effect in rows(values, "effects"):
+        others = [named_effect(other) for other in rows(effect, "indistinguishable_from")]
+        if others and not effect.get("tentative"):
+            found.append([sized(effect), *others])
+    return found
+
+
+def depends_on(row: Mapping[str, Any]) -> str:
+    """`position at joint3`."""
+    joint = row.get("joint")
+    return f"{row.get('input', '?')} at {joint}" if joint else str(row.get("input", "?"))
+
+
+def onward(values: Mapping[str, Any]) -> str:
+    """What is worth recording next, and why, in one sentence."""
+    following = values.get("next_experiment")
+    if not isinstance(following, dict) or not (following.get("motion") or following.get("why")):
+        return (
+            "Nothing is left to tell apart. A recording of another motion would show whether the model holds there too."
+        )
+    motion, why = str(following.get("motion") or ""), str(following.get("why") or "").rstrip(".")
+    sigma = number(following.get("expected_separation_sigma"))
+    expected = f", by an expected {sigma:.2g} sigma" if sigma and motion else ""  # zero: not predicted
+    return f"Record {motion}: it {why}{expected}." if motion and why else f"{motion or why[0].upper() + why[1:]}."
+
+
+def _names(values: Mapping[str, Any]) -> list[str]:
+    """What is named, with its size; of partial effects with rivals, the class. Nothing that is tentative."""
+    listed = rows(values, "effects") or rows(values, "partial")
+    sure = [effect for effect in listed if not effect.get("tentative")]
+    return [sized(e) if one_of(e) == named_effect(e) else f"one of {_among(e)}" for e in sure]
+
+
+def _among(effect: Mapping[str, Any]) -> str:
+    others = [named_effect(other) for other in rows(effect, "indistinguishable_from")]
+    shown = [named_effect(effect), *others]
+    return join(shown, "or") if len(shown) <= MOST_RIVALS else f"{join(shown[:2], ', ')} and {len(shown) - 2} more"
+
+
+def _tentative(values: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    return [effect for effect in rows(values, "effects") if effect.get("tentative")]
+
+
+def _ambiguous(values: Mapping[str, Any], reach: str) -> str:
+    classes = rivals(values)
+    if not classes:
+        return f"A class of effects explains the held-out recordings {reach}; these recordings cannot tell its members."
+    found = rows(values, "effects")
+    if len(found) > MOST_NAMED:
+        unsure = "all of them" if len(classes) == len(found) else f"{len(classes)} of them"
+        what = f"{len(found)} effects explain the held-out recordings {reach}"
+        return f"{what}; these recordings cannot tell {unsure} from others."
+    clear = [sized(e) for e in found if not rows(e, "indistinguishable_from")]
+    beside = f", beside {join(clear)}" if clear else ""
+    either = "; and ".join(f"{'either ' if len(c) == 2 else 'one of '}{join(c, 'or')}" for c in classes)
+    either = either[0].upper() + either[1:]
+    return f"{either} explains the held-out recordings {reach}{beside}; these recordings cannot tell which."
+
+
+def _depends(values: Mapping[str, Any]) -> str:
+    rest = values.get("unexplained")
+    if not isinstance(rest, dict):
+        return ""
+    on = [depends_on(row) for row in rows(rest, "depends_on")]
+    return f" It depends on {join(on)}." if on else ""
+
+
+def _floor(values: Mapping[str, Any]) -> float | None:
+    floor = values.get("noise_floor")
+    return number(floor.get("value")) if isinstance(floor, dict) else None
+
+
+def _times(ratio: float) -> str:
+    return f"{ratio:.2f}" if ratio < 2 else fold(ratio)
