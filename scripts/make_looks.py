@@ -17,10 +17,10 @@ import numpy as np
 import yaml
 
 from vispeg.core.files import write_bytes_atomic
-from vispeg.render.backend import Renderer
+from vispeg.render.backends.backend import Renderer
+from vispeg.render.cameras.standard import standard_cameras
 from vispeg.render.contrast import contrast, redraw
 from vispeg.render.look import dress
-from vispeg.render.standard import standard_cameras
 from vispeg.robots.scene import build
 from vispeg.task.world_file import load_world
 from vispeg.worlds.entry import ranged

@@ -16,9 +16,9 @@ from vispeg.core.files import write_bytes_atomic
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
 from vispeg.render import block_matching
-from vispeg.render.backend import Renderer
-from vispeg.render.pipeline import Pipeline
-from vispeg.render.standard import standard_cameras
+from vispeg.render.backends.backend import Renderer
+from vispeg.render.cameras.pipeline import Pipeline
+from vispeg.render.cameras.standard import standard_cameras
 from vispeg.robots.scene import Scene, build
 from vispeg.worlds.randomized import RandomizedWorld
 from vispeg.worlds.sensor import sensor, sensors

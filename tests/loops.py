@@ -14,7 +14,7 @@ from vispeg.identify.excitation import SEVEN_AXIS_CENTRE, motion
 from vispeg.recordings.recording import Control, Nullspace, Recording
 from vispeg.robots.model import RobotModel, load
 from vispeg.sim.rollout import Response, simulate
-from vispeg.sim.segment import Segment
+from vispeg.sim.segments.segment import Segment
 from vispeg.worlds.world import World
 
 KP = np.array([800.0, 800, 300, 400, 100, 60, 5])  # N m/rad, for the iiwa at 500 Hz

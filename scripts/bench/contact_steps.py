@@ -13,8 +13,8 @@ import time
 
 import numpy as np
 
+from vispeg.task.environments.simulation import TaskSimulation
 from vispeg.task.peg.config import PegConfig
-from vispeg.task.simulation import TaskSimulation
 from vispeg.worlds.world import World
 
 PHASES = {  # start of the tip relative to the mouth (m), actions (n, 3)

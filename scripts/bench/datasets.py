@@ -32,8 +32,8 @@ from vispeg.datasets.shards.plan import Shard  # noqa: E402
 from vispeg.datasets.shards.shard import shard_bytes  # noqa: E402
 from vispeg.demonstrations import stage  # noqa: E402
 from vispeg.demonstrations.plan import plan_of  # noqa: E402
-from vispeg.render.backend import Renderer  # noqa: E402
-from vispeg.render.pipeline import Pipeline  # noqa: E402
+from vispeg.render.backends.backend import Renderer  # noqa: E402
+from vispeg.render.cameras.pipeline import Pipeline  # noqa: E402
 
 PARTS: tuple[tuple[str, Any, str], ...] = (
     ("physics, expert", stage.Stage, "play"),

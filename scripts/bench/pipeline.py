@@ -16,9 +16,9 @@ import numpy as np
 from vispeg.core.effect import EffectInstance, of_family
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
-from vispeg.render.backend import Renderer
-from vispeg.render.pipeline import Pipeline
-from vispeg.render.standard import standard_cameras
+from vispeg.render.backends.backend import Renderer
+from vispeg.render.cameras.pipeline import Pipeline
+from vispeg.render.cameras.standard import standard_cameras
 from vispeg.robots.scene import build
 from vispeg.worlds.randomized import RandomizedWorld
 from vispeg.worlds.sensor import sensor, sensors

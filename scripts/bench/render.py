@@ -26,9 +26,9 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 import mujoco  # noqa: E402
 import numpy as np  # noqa: E402
 
-from vispeg.render.backend import Renderer  # noqa: E402
-from vispeg.render.standard import standard_cameras  # noqa: E402
-from vispeg.render.view import view_of  # noqa: E402
+from vispeg.render.backends.backend import Renderer  # noqa: E402
+from vispeg.render.cameras.standard import standard_cameras  # noqa: E402
+from vispeg.render.cameras.view import view_of  # noqa: E402
 from vispeg.robots.scene import build  # noqa: E402
 
 SIDE = 64

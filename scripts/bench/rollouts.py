@@ -23,7 +23,7 @@ from vispeg.robots.model import load
 from vispeg.sim.compiled import compiled
 from vispeg.sim.plant import STIFF_FRICTION
 from vispeg.sim.rollout import simulate
-from vispeg.sim.segment import Segment
+from vispeg.sim.segments.segment import Segment
 from vispeg.worlds.world import World
 
 

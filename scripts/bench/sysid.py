@@ -32,7 +32,7 @@ from vispeg.identify.record import centre_of, controller
 from vispeg.recordings.recording import Control, Recording
 from vispeg.robots.model import RobotModel, load
 from vispeg.sim.compiled import compiled, nominal_of
-from vispeg.sim.segment import segments
+from vispeg.sim.segments.segment import segments
 from vispeg.worlds.world import World
 
 FRICTION = np.array([1.5, 2.0, 0.8, 1.2, 0.5, 0.4, 0.25])  # N m

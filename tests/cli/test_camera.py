@@ -9,7 +9,7 @@ from board_views import BOARD, LENS, X, flange, picture, place
 from scipy.spatial.transform import Rotation
 
 from vispeg.core.seeds import stream
-from vispeg.render.camera_files import load_camera
+from vispeg.render.cameras.camera_files import load_camera
 
 
 @pytest.fixture(scope="module")
@@ -48,8 +48,8 @@ def test_calibrate_and_show(vispeg, images, tmp_path):
 
 
 def test_given_intrinsics_and_json(vispeg, images, tmp_path):
-    from vispeg.render.camera import Camera
-    from vispeg.render.camera_files import save_cameras
+    from vispeg.render.cameras.camera import Camera
+    from vispeg.render.cameras.camera_files import save_cameras
 
     save_cameras(tmp_path / "k.yaml", Camera("k", 640, 480, *LENS.focal, *LENS.centre))
     args = ["--pattern", "9x6", "--square", 0.0236, "--intrinsics", "k.yaml", "--out", "w", "--json"]

@@ -110,8 +110,8 @@ def test_check(rigs):
 
 
 def test_cameras(tmp_path):
-    from vispeg.render.camera_files import save_cameras
-    from vispeg.render.standard import standard_cameras
+    from vispeg.render.cameras.camera_files import save_cameras
+    from vispeg.render.cameras.standard import standard_cameras
 
     save_cameras(tmp_path / "camera.yaml", standard_cameras()[:1])
     text = run("camera", "show", "camera.yaml", columns=60, cwd=tmp_path)

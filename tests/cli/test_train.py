@@ -9,7 +9,7 @@ pytest.importorskip("stable_baselines3")
 
 from vispeg.cli.learning.play import Film  # noqa: E402
 from vispeg.learn.config import Stage, TrainConfig, read_config  # noqa: E402
-from vispeg.task.vector import spaces, world_of  # noqa: E402
+from vispeg.task.environments.vector import spaces, world_of  # noqa: E402
 
 
 @pytest.fixture

@@ -12,8 +12,8 @@ from vispeg.core.seeds import stream
 from vispeg.datasets.episode import Episode, Recorder
 from vispeg.datasets.layout import Layout, depth, flag, numbers, parts, picture
 from vispeg.datasets.shards.plan import Plan, Shard, look_seed
-from vispeg.render.camera import Camera
-from vispeg.render.camera_files import to_record
+from vispeg.render.cameras.camera import Camera
+from vispeg.render.cameras.camera_files import to_record
 
 EYE = Camera("eye", 12, 8, 10.0, 10.0, 5.5, 3.5, pos=(0.1, -0.2, 0.5), quat=(0.0, 1.0, 0.0, 0.0))
 NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz")

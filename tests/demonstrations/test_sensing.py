@@ -6,8 +6,8 @@ import pytest
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
 from vispeg.demonstrations.sensing import Clip, sense
-from vispeg.render.camera import Camera
-from vispeg.render.pipeline import Pipeline
+from vispeg.render.cameras.camera import Camera
+from vispeg.render.cameras.pipeline import Pipeline
 from vispeg.robots.scene import build
 from vispeg.worlds.randomized import RandomizedWorld
 from vispeg.worlds.sensor import sensor

@@ -87,7 +87,7 @@ def test_the_first_look_is_what_the_task_shows(asked):
 
 def test_poses_of_labels_put_the_peg_where_it_is_drawn(asked, episodes):
     from vispeg.datasets.formats.bop import matrix
-    from vispeg.render.camera import Camera
+    from vispeg.render.cameras.camera import Camera
 
     part = 1 + asked[1].parts.index("peg")
     tried = 0

@@ -7,10 +7,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from vispeg.core.effect import EffectInstance, effect, of_family
-from vispeg.render.backend import Renderer
-from vispeg.render.camera import Camera, quaternion
+from vispeg.render.backends.backend import Renderer
+from vispeg.render.cameras.camera import Camera, quaternion
+from vispeg.render.cameras.standard import standard_cameras
 from vispeg.render.look import Fields, dress
-from vispeg.render.standard import standard_cameras
 from vispeg.robots.scene import build
 from vispeg.worlds.places import values
 from vispeg.worlds.world import World

@@ -11,7 +11,7 @@ from camera_images import busy
 from vispeg.core.effect import EffectInstance, of_family
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
-from vispeg.render.pipeline import Pipeline
+from vispeg.render.cameras.pipeline import Pipeline
 from vispeg.robots.model import load
 from vispeg.robots.scene import build
 from vispeg.worlds.world import World

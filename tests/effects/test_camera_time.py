@@ -7,7 +7,7 @@ from camera_images import plane
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
-from vispeg.render.pipeline import Pipeline
+from vispeg.render.cameras.pipeline import Pipeline
 from vispeg.worlds.world import World
 
 FB = 425.0 * 0.05  # px m

@@ -8,7 +8,7 @@ from loops import SWING, WEIGHT, drive, hinge, one, pendulum
 
 from vispeg.core.effect import EffectInstance
 from vispeg.effects.common.servo_loop import FAST
-from vispeg.sim.segment import Segment
+from vispeg.sim.segments.segment import Segment
 from vispeg.worlds.world import World
 
 FLOATING, RATE, AT = pendulum(0.0), 400.0, 40  # Hz, and the row at which the goal steps

@@ -8,7 +8,7 @@ from curves import Curve, together
 from training import Budget, Variant, configuration
 from training_options import STUDIES
 
-from vispeg.task.vector import world_of
+from vispeg.task.environments.vector import world_of
 
 BUDGET = Budget(200, 100, 5)
 DIFFER = {

@@ -4,7 +4,7 @@ import sys
 import tomllib
 from pathlib import Path
 
-import vispeg.task.vector as vector
+import vispeg.task.environments.vector as vector
 
 ROOT = Path(__file__).parents[2]
 LAYERS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"][0]["layers"]
@@ -50,7 +50,7 @@ def test_from_a_worlds_name_to_a_picture_the_calls_climb_at_most_three_times():
         env.close()
 
     up, through = climbs(walk)
-    assert {"vispeg.task.world_file", "vispeg.worlds.world", "vispeg.render.pipeline"} <= through
+    assert {"vispeg.task.world_file", "vispeg.worlds.world", "vispeg.render.cameras.pipeline"} <= through
     assert len(up) <= CLIMBS, sorted(up)
 
 

@@ -21,7 +21,7 @@ from vispeg.identify.record import controller, record
 from vispeg.recordings.load import load as load_recording
 from vispeg.recordings.noise import noise_of
 from vispeg.robots.model import load
-from vispeg.sim.segment import segments
+from vispeg.sim.segments.segment import segments
 from vispeg.worlds.entry import ranged
 from vispeg.worlds.world import World
 

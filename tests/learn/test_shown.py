@@ -16,7 +16,7 @@ from vispeg.datasets.shards.plan import Plan
 from vispeg.datasets.shards.rendering import render
 from vispeg.learn.experience.shown import from_folder, successes
 from vispeg.learn.layout import Layout
-from vispeg.render.camera import Camera
+from vispeg.render.cameras.camera import Camera
 from vispeg.render.image_kinds import STEP
 
 EYE = Camera("eye", 8, 8, 10.0, 10.0, 3.5, 3.5, pos=(0, 0, 0.5), quat=(0.0, 1.0, 0.0, 0.0))

@@ -19,7 +19,7 @@ from vispeg.learn.methods.rounds import Rounds
 from vispeg.learn.policy import load
 from vispeg.learn.settings import SacSettings
 from vispeg.learn.train import SacRun, resume, train
-from vispeg.render.camera import Camera
+from vispeg.render.cameras.camera import Camera
 
 EYE = Camera("wrist", SIZE, SIZE, 10.0, 10.0, 7.5, 7.5, pos=(0, 0, 0.5), quat=(0.0, 1.0, 0.0, 0.0))
 FEATURES = {

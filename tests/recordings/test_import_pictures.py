@@ -17,8 +17,8 @@ from vispeg.recordings.importers.mapping import ColumnMap
 from vispeg.recordings.importers.rosbag import Topics, import_rosbag
 from vispeg.recordings.load import load
 from vispeg.recordings.write import write
-from vispeg.render.camera import Camera
-from vispeg.render.camera_files import save_cameras
+from vispeg.render.cameras.camera import Camera
+from vispeg.render.cameras.camera_files import save_cameras
 
 START = 1_700_000_000_000_000_000
 H, W = 12, 16

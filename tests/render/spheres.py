@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from vispeg.render.camera import Camera, quaternion
+from vispeg.render.cameras.camera import Camera, quaternion
 
 BALLS = np.array([[0.0, 0.0, 0.8], [0.22, 0.12, 0.9], [-0.2, 0.1, 1.0], [0.15, -0.14, 0.75], [-0.16, -0.12, 0.7]])
 RADIUS = 0.04  # m

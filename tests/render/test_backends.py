@@ -8,11 +8,12 @@ import pytest
 from spheres import BALLS, EYE, RADIUS, model, outline
 
 from vispeg.core.errors import UserError
-from vispeg.render import filament, gl, model_camera
-from vispeg.render.backend import Renderer
-from vispeg.render.raycast import cast
-from vispeg.render.standard import standard_cameras
-from vispeg.render.view import parent_of, view_of
+from vispeg.render.backends import filament, gl
+from vispeg.render.backends.backend import Renderer
+from vispeg.render.backends.raycast import cast
+from vispeg.render.cameras import model_camera
+from vispeg.render.cameras.standard import standard_cameras
+from vispeg.render.cameras.view import parent_of, view_of
 from vispeg.robots.scene import build
 
 BACKENDS = ["classic", "raycast", "filament"]
@@ -138,7 +139,7 @@ def test_leaving_out_what_is_not_in_sight_changes_nothing(cell, monkeypatch):
     with Renderer(cell, cameras, "classic") as renderer:
         shots = renderer.render(OVER)
         drawn = renderer._backend._scene.ngeom
-        monkeypatch.setattr("vispeg.render.view.View.in_sight", lambda self, c, r: np.ones(len(c), bool))
+        monkeypatch.setattr("vispeg.render.cameras.view.View.in_sight", lambda self, c, r: np.ones(len(c), bool))
         whole = renderer.render(OVER)
         assert drawn < renderer._backend._scene.ngeom
     for name, shot in shots.items():
@@ -240,7 +241,7 @@ def test_renderers_take_turns_and_memory_stays_flat(cell):
 
 def test_without_opengl_rays_take_over_and_say_so(monkeypatch, cell):
     monkeypatch.setenv("MUJOCO_GL", "disabled")
-    monkeypatch.setattr("vispeg.render.gl._OPEN", {})
+    monkeypatch.setattr("vispeg.render.backends.gl._OPEN", {})
     with pytest.warns(UserWarning, match="ray casting.*no OpenGL here"):
         renderer = Renderer(cell, standard_cameras()[2:], "auto")
     assert renderer.backend == "raycast"

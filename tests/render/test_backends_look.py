@@ -5,10 +5,10 @@ import pytest
 
 from vispeg.core.effect import EffectInstance, of_family
 from vispeg.core.errors import UserError
-from vispeg.render.backend import Renderer
+from vispeg.render.backends.backend import Renderer
+from vispeg.render.backends.pristine import place
+from vispeg.render.cameras.standard import standard_cameras
 from vispeg.render.look import dress
-from vispeg.render.pristine import place
-from vispeg.render.standard import standard_cameras
 from vispeg.robots.scene import build
 from vispeg.worlds.world import World
 
@@ -62,8 +62,8 @@ def test_the_same_look_gives_the_same_pixels(renderer):
 
 def test_rays_meet_what_is_drawn_after_a_look(renderer):
     """Distractors moved by hand are where rays find them: bounds for ray casting moved with them."""
-    from vispeg.render.raycast import cast
-    from vispeg.render.view import view_of
+    from vispeg.render.backends.raycast import cast
+    from vispeg.render.cameras.view import view_of
 
     dress(renderer, SCENE, GAUDY)
     number = list(SCENE.parts).index("distractors") + 1

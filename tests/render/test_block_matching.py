@@ -9,9 +9,9 @@ import pytest
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.render.backend import Renderer
+from vispeg.render.backends.backend import Renderer
 from vispeg.render.block_matching import depth, eyes, settings
-from vispeg.render.camera import Camera
+from vispeg.render.cameras.camera import Camera
 from vispeg.worlds.world import World
 
 F, SIZE = 42.0, 32

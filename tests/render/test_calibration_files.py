@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 from vispeg.core.errors import UserError
 from vispeg.render.calibration import read_poses
 from vispeg.render.calibration.known import read_intrinsics
-from vispeg.render.camera import Camera
-from vispeg.render.camera_files import save_cameras
+from vispeg.render.cameras.camera import Camera
+from vispeg.render.cameras.camera_files import save_cameras
 
 HEAD = "file,x,y,z,qw,qx,qy,qz\n"
 SIZE = "<image_width>640</image_width><image_height>480</image_height>"

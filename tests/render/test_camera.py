@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 from vispeg.core.errors import UserError
 from vispeg.core.lens import undistort
 from vispeg.core.seeds import stream
-from vispeg.render.camera import Camera, looking_at, quaternion, rotation
-from vispeg.render.camera_files import load_camera, load_cameras, save_cameras
-from vispeg.render.standard import CROP_SCALE, WIDE_FOV, standard_cameras
+from vispeg.render.cameras.camera import Camera, looking_at, quaternion, rotation
+from vispeg.render.cameras.camera_files import load_camera, load_cameras, save_cameras
+from vispeg.render.cameras.standard import CROP_SCALE, WIDE_FOV, standard_cameras
 
 LENS = (-0.12, 0.03, 0.001, -0.002, 0.004)
 CAMERA = Camera("eye", 64, 48, 60.25, 61.5, 30.125, 25.75, LENS, "flange", (0.1, -0.2, 0.3), (0.5, -0.5, 0.5, 0.5))

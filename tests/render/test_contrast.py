@@ -15,10 +15,10 @@ import yaml
 from vispeg.core.effect import EffectInstance, effect, of_family
 from vispeg.core.seeds import stream
 from vispeg.effects.common.light import to_linear
-from vispeg.render.backend import Renderer
+from vispeg.render.backends.backend import Renderer
+from vispeg.render.cameras.standard import standard_cameras
 from vispeg.render.contrast import Rule, contrast, delivered, lab, measure, redraw
 from vispeg.render.look import dress
-from vispeg.render.standard import standard_cameras
 from vispeg.robots.scene import build
 from vispeg.worlds.distribution import Choice, Uniform
 from vispeg.worlds.entry import ranged

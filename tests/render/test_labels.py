@@ -5,10 +5,10 @@ import pytest
 from spheres import AXES, BALLS, EYE, POS, RADIUS, model, outline
 
 from vispeg.core.errors import UserError
-from vispeg.render import backend
-from vispeg.render.backend import Renderer
+from vispeg.render.backends import backend
+from vispeg.render.backends.backend import Renderer
+from vispeg.render.cameras.standard import square, standard_cameras
 from vispeg.render.labels import normals_of, part_table
-from vispeg.render.standard import square, standard_cameras
 from vispeg.robots.scene import build
 
 OVER = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0, 0.0])

@@ -10,10 +10,10 @@ import pytest
 
 from vispeg.core.effect import EffectInstance, of_family
 from vispeg.effects.common.images import FOLDER
-from vispeg.render.backend import Renderer, Shot
-from vispeg.render.camera import Camera, looking_at
+from vispeg.render.backends.backend import Renderer, Shot
+from vispeg.render.cameras.camera import Camera, looking_at
+from vispeg.render.cameras.standard import standard_cameras
 from vispeg.render.look import dress
-from vispeg.render.standard import standard_cameras
 from vispeg.robots.scene import build
 from vispeg.worlds.world import World
 

@@ -11,7 +11,7 @@ from camera_images import busy, plane
 from vispeg.core.effect import EffectInstance, effect, of_family
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.render.pipeline import Pipeline
+from vispeg.render.cameras.pipeline import Pipeline
 from vispeg.robots.scene import build
 from vispeg.task.world_file import load_world
 from vispeg.worlds.randomized import RandomizedWorld

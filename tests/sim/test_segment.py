@@ -11,9 +11,9 @@ from loops import KD, KP
 from vispeg.recordings.recording import Control, Recording
 from vispeg.robots.model import load
 from vispeg.sim import compiled
-from vispeg.sim.along import gravity, gravity_slope, inertia
 from vispeg.sim.compiled import flange_pose
-from vispeg.sim.segment import segments
+from vispeg.sim.segments.along import gravity, gravity_slope, inertia
+from vispeg.sim.segments.segment import segments
 
 JOINTS = load("iiwa14").joints
 

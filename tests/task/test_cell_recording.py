@@ -13,8 +13,8 @@ from vispeg.recordings.recording import Control, Nullspace, Recording
 from vispeg.recordings.write import write
 from vispeg.robots.declared import declared
 from vispeg.task.control import DAMPING, POSTURE
+from vispeg.task.environments.simulation import TaskSimulation
 from vispeg.task.peg.config import PegConfig
-from vispeg.task.simulation import TaskSimulation
 from vispeg.worlds.world import World
 
 NOISE = 2e-5  # rad, the encoders'

@@ -9,10 +9,10 @@ import pytest
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
+from vispeg.task.environments.vector import TaskVec
 from vispeg.task.registry import config_of, task, task_of
 from vispeg.task.standard_terms import TIP_IN_GOAL
 from vispeg.task.terms import Observation
-from vispeg.task.vector import TaskVec
 from vispeg.task.world_file import load_world, world_text
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "snap_fit"

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from vispeg.core.effect import EffectInstance
+from vispeg.task.environments.simulation import TaskSimulation
 from vispeg.task.peg.config import PegConfig
-from vispeg.task.simulation import TaskSimulation
 from vispeg.worlds.world import World
 
 

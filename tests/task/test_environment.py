@@ -8,9 +8,9 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from vispeg.core.errors import UserError
-from vispeg.task.divergence import replay
+from vispeg.task.environments.divergence import replay
+from vispeg.task.environments.vector import episode_seed
 from vispeg.task.peg.env import PegInHoleVec
-from vispeg.task.vector import episode_seed
 from vispeg.worlds.distribution import Uniform
 from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
 from vispeg.worlds.world import World
@@ -233,8 +233,8 @@ def test_a_wrong_argument_is_named_with_what_was_meant_and_no_file_is_blamed_tha
 def test_every_other_name_for_a_setting_leads_to_one_that_there_is():
     import inspect
 
+    from vispeg.task.environments.vector import MEANT
     from vispeg.task.peg.config import PegConfig
-    from vispeg.task.vector import MEANT
 
     known = {*inspect.signature(PegInHoleVec.__init__).parameters, *PegConfig.__dataclass_fields__}
     assert set(MEANT.values()) <= known and not set(MEANT) & known

@@ -5,11 +5,11 @@ import pytest
 
 from vispeg.control.laws import turned
 from vispeg.core.errors import UserError
-from vispeg.render.standard import GOAL, standard_cameras
+from vispeg.render.cameras.standard import GOAL, standard_cameras
+from vispeg.task.environments.simulation import TaskSimulation
 from vispeg.task.eyes import task_cameras
 from vispeg.task.peg.config import PegConfig
 from vispeg.task.peg.outcome import CATEGORIES, PegTrack
-from vispeg.task.simulation import TaskSimulation
 from vispeg.task.terms import Stack
 from vispeg.worlds.world import World
 

@@ -9,8 +9,8 @@ from clamped import SCENE
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
+from vispeg.render.cameras.pipeline import Pipeline
 from vispeg.render.look import Fields
-from vispeg.render.pipeline import Pipeline
 from vispeg.sim.placement import activate
 from vispeg.task.world_file import built_in, load_world
 from vispeg.worlds.randomized import RandomizedEffect
@@ -40,7 +40,7 @@ def images() -> Frame:
 
 @pytest.mark.parametrize("text", sorted(LOOKS))
 def test_a_look_writes_what_it_says(text):
-    from vispeg.render.pristine import place
+    from vispeg.render.backends.pristine import place
 
     r, changed = LOOKS[text], False
     model = SCENE.compile()

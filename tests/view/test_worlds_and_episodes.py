@@ -5,7 +5,7 @@ import pytest
 
 from vispeg.evaluation.entrants import entrant
 from vispeg.evaluation.players import player
-from vispeg.task.vector import TaskVec
+from vispeg.task.environments.vector import TaskVec
 from vispeg.task.world_file import load_world
 from vispeg.view.episode import Episodes
 from vispeg.view.world_draw import Draws, ranges

@@ -7,8 +7,8 @@ import pytest
 
 from vispeg.core.effect import EffectInstance
 from vispeg.recordings.frames.camera import RecordedCamera
-from vispeg.render.camera import Camera
-from vispeg.render.standard import standard_cameras
+from vispeg.render.cameras.camera import Camera
+from vispeg.render.cameras.standard import standard_cameras
 from vispeg.robots.scene import build
 from vispeg.task.start import home
 from vispeg.vision.borders import borders_of

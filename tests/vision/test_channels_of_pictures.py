@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vispeg.render.camera import Camera
+from vispeg.render.cameras.camera import Camera
 from vispeg.vision.depth import BASELINE, depth_quality, depth_residual
 from vispeg.vision.eye import Eye
 from vispeg.vision.photometry import light_residual

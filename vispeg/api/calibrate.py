@@ -19,8 +19,8 @@ from vispeg.render.calibration.intrinsics import Distortion
 from vispeg.render.calibration.known import read_intrinsics
 from vispeg.render.calibration.picture import overlay
 from vispeg.render.calibration.results import record
-from vispeg.render.camera import Camera
-from vispeg.render.camera_files import save_cameras
+from vispeg.render.cameras.camera import Camera
+from vispeg.render.cameras.camera_files import save_cameras
 from vispeg.report.text.camera_tables import calibration_summary
 from vispeg.report.text.summary import Block
 from vispeg.report.write import write_json

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from vispeg.worlds.world import World
 
 if TYPE_CHECKING:
-    from vispeg.task.env import TaskEnv
-    from vispeg.task.vector import TaskVec
+    from vispeg.task.environments.env import TaskEnv
+    from vispeg.task.environments.vector import TaskVec
 
 
 def make(
@@ -26,7 +26,7 @@ def make(
     Raises:
         UserError: no such world, mode or setting.
     """
-    from vispeg.task.env import TaskEnv
+    from vispeg.task.environments.env import TaskEnv
 
     return TaskEnv(world, obs_mode, render_mode, **settings)
 
@@ -47,6 +47,6 @@ def make_vec(
         seed: of the first row; row i has seed + i.
         world, obs_mode, render_mode, settings: as in `make`; `nthread` among the settings is the threads of physics.
     """
-    from vispeg.task.vector import TaskVec
+    from vispeg.task.environments.vector import TaskVec
 
     return TaskVec(num_envs, world, obs_mode, seed=seed, render_mode=render_mode, **settings)

@@ -18,10 +18,10 @@ from vispeg.identify.record import NOISE, centre_of, controller, record
 from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.frames.frames import Frames
 from vispeg.recordings.recording import Recording
-from vispeg.render.backend import BackendName
-from vispeg.render.camera import Camera
-from vispeg.render.camera_files import load_cameras
-from vispeg.render.standard import SIZE, standard_cameras
+from vispeg.render.backends.backend import BackendName
+from vispeg.render.cameras.camera import Camera
+from vispeg.render.cameras.camera_files import load_cameras
+from vispeg.render.cameras.standard import SIZE, standard_cameras
 from vispeg.robots.scene import Scene
 from vispeg.task.belief import DEFAULT, believed
 from vispeg.task.world_file import load_world

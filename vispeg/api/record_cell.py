@@ -18,8 +18,8 @@ from vispeg.identify.excitation import MOTIONS as JOINT
 from vispeg.identify.excitation import motion as excitation
 from vispeg.recordings.columns import columns_of
 from vispeg.recordings.recording import Recording
-from vispeg.render.backend import BackendName
-from vispeg.render.camera import Camera
+from vispeg.render.backends.backend import BackendName
+from vispeg.render.cameras.camera import Camera
 from vispeg.robots.model import load
 from vispeg.task.belief import believed
 from vispeg.task.peg.rig import table

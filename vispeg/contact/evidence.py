@@ -27,7 +27,7 @@ from vispeg.identify.evidence import PENALTY, Evidence
 from vispeg.recordings.cell import WrenchSensor
 from vispeg.recordings.recording import Control, Recording
 from vispeg.robots.scene import Scene
-from vispeg.sim.segment import Segment
+from vispeg.sim.segments.segment import Segment
 from vispeg.sim.touch import Touch, touch
 from vispeg.worlds.world import World
 

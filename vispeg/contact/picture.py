@@ -9,9 +9,9 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.recordings.recording import Recording
-from vispeg.render.backend import BackendName, Renderer
-from vispeg.render.camera import Camera, looking_at
-from vispeg.render.standard import focal_of
+from vispeg.render.backends.backend import BackendName, Renderer
+from vispeg.render.cameras.camera import Camera, looking_at
+from vispeg.render.cameras.standard import focal_of
 from vispeg.robots.scene import Scene
 from vispeg.task.belief import believed
 

@@ -15,8 +15,8 @@ from vispeg.datasets.layout import COUNTED, NUMBERS, VERSION, Feature, Info, col
 from vispeg.formats.format import Format
 from vispeg.formats.guard import is_file
 from vispeg.formats.json_data import read_json
-from vispeg.render.camera import Camera
-from vispeg.render.camera_files import from_record
+from vispeg.render.cameras.camera import Camera
+from vispeg.render.cameras.camera_files import from_record
 
 INFO, STATS, TASKS = "meta/info.json", "meta/stats.json", "meta/tasks.parquet"
 CAMERAS, RENDER = "meta/cameras.json", "meta/render.json"

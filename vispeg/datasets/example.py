@@ -14,8 +14,8 @@ from vispeg.datasets.layout import Layout, depth, flag, numbers, parts, picture
 from vispeg.datasets.shards.plan import Plan, Shard
 from vispeg.datasets.shards.rendering import render
 from vispeg.datasets.shards.shard import Source, shard_bytes
-from vispeg.render.camera import Camera
-from vispeg.render.camera_files import to_record
+from vispeg.render.cameras.camera import Camera
+from vispeg.render.cameras.camera_files import to_record
 
 EYE = Camera("eye", 12, 8, 10.0, 10.0, 5.5, 3.5)
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NotRequired, TypedDict
 
 import numpy as np
 
-from vispeg.render.camera import Camera
+from vispeg.render.cameras.camera import Camera
 
 if TYPE_CHECKING:
     import pyarrow as pa

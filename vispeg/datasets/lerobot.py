@@ -27,7 +27,7 @@ from vispeg.datasets.layout import VERSION, Info, Layout, packing
 from vispeg.datasets.shards.plan import Plan
 from vispeg.datasets.shards.shard import ABOUT
 from vispeg.datasets.stats import Stats, of_numbers, together
-from vispeg.render.camera_files import to_record
+from vispeg.render.cameras.camera_files import to_record
 
 CHUNK = 1000  # files a folder
 DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"

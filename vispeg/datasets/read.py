@@ -18,7 +18,7 @@ from vispeg.datasets.episodes import FOLDER, OWN, EpisodeRow, read_episodes
 from vispeg.datasets.formats.models import Mesh, read_models
 from vispeg.datasets.layout import is_image, is_picture, pixel_shape, pixel_type
 from vispeg.datasets.parquet import opened, table, values
-from vispeg.render.camera import Camera
+from vispeg.render.cameras.camera import Camera
 
 KEPT = 4  # episodes that stay in memory, pictures encoded
 OPEN = 32  # files

@@ -17,7 +17,7 @@ from vispeg.core.errors import UserError
 from vispeg.datasets.shards.plan import look_seed
 
 if TYPE_CHECKING:
-    from vispeg.task.vector import TaskVec
+    from vispeg.task.environments.vector import TaskVec
 
 
 def check(env: Any, looks: int) -> None:

@@ -20,7 +20,7 @@ from vispeg.datasets.layout import (
     truth_of,
 )
 from vispeg.datasets.shards.plan import Plan, shard_frames
-from vispeg.render.camera import Camera
+from vispeg.render.cameras.camera import Camera
 from vispeg.render.part_mesh import part_mesh
 from vispeg.robots.scene import Scene
 from vispeg.task import registry

@@ -13,8 +13,8 @@ import numpy as np
 
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
-from vispeg.render.camera import Camera
-from vispeg.render.pipeline import Pipeline
+from vispeg.render.cameras.camera import Camera
+from vispeg.render.cameras.pipeline import Pipeline
 from vispeg.worlds.world import World
 
 ROWS = 8  # looks side by side: more are hardly quicker, and pixels may round otherwise, so that bytes follow from it

@@ -24,17 +24,17 @@ from vispeg.datasets.shards.shard import drawn
 from vispeg.demonstrations.plan import scene_of, task_of
 from vispeg.demonstrations.sensing import ROWS as SENSOR_ROWS
 from vispeg.demonstrations.sensing import Clip, sense
-from vispeg.render.backend import Renderer, Shot
-from vispeg.render.camera import quaternion
-from vispeg.render.camera_files import to_record
+from vispeg.render.backends.backend import Renderer, Shot
+from vispeg.render.cameras.camera import quaternion
+from vispeg.render.cameras.camera_files import to_record
+from vispeg.render.cameras.rig import camera_velocity
 from vispeg.render.contrast import TRIES, redraw
 from vispeg.render.image_kinds import FAR
 from vispeg.render.look import dress
-from vispeg.render.rig import camera_velocity
 from vispeg.render.snapshot import Snapshot
+from vispeg.task.environments.simulation import TaskSimulation
 from vispeg.task.registry import task_of as contract_of
 from vispeg.task.result import EpisodeResult
-from vispeg.task.simulation import TaskSimulation
 from vispeg.task.world_file import load_world
 from vispeg.worlds.split import optical
 from vispeg.worlds.world import World

@@ -38,7 +38,7 @@ def play(job: Job) -> list[Episode]:
 def environment(job: Job, render_mode: str | None = None) -> Any:
     """The vector environment of a job, that of the last job where it is the same."""
     from vispeg.learn.modalities import modality
-    from vispeg.task.vector import TaskVec
+    from vispeg.task.environments.vector import TaskVec
 
     obs_mode = modality(job.entrant.modality).obs_mode
     key = (job.world, job.world_hash, obs_mode, str(job.entrant.task), job.rows, render_mode, job.dump)

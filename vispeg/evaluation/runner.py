@@ -17,7 +17,7 @@ from vispeg.evaluation.jobs import Job
 from vispeg.evaluation.records import Episode, append, read
 from vispeg.formats.format import enrol
 from vispeg.formats.json_data import read_json
-from vispeg.render.backend import jobs_a_process
+from vispeg.render.backends.backend import jobs_a_process
 from vispeg.task.world_file import load_world
 
 DIVERGED = "diverged"  # folder of episodes that stopped being finite, to be played again

@@ -14,7 +14,7 @@ import numpy as np
 from vispeg.core.effect import Effect
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel
-from vispeg.sim.segment import Segment
+from vispeg.sim.segments.segment import Segment
 
 UNITS = {
     "angle": "rad",

@@ -22,7 +22,7 @@ from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel, load
 from vispeg.sim.rollout import Response, simulate
-from vispeg.sim.segment import EXTERNAL, segments
+from vispeg.sim.segments.segment import EXTERNAL, segments
 from vispeg.sim.shares import processes, shared
 from vispeg.worlds.world import World
 

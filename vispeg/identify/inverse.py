@@ -24,7 +24,7 @@ from vispeg.sim.compiled import compiled
 from vispeg.sim.nominal import dense
 from vispeg.sim.physics import EffectLoop, total
 from vispeg.sim.placement import activate
-from vispeg.sim.segment import Segment
+from vispeg.sim.segments.segment import Segment
 from vispeg.sim.state import DriveState, Fields
 from vispeg.worlds.world import World
 

@@ -23,7 +23,7 @@ from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import compiled, flange_pose
 from vispeg.sim.nominal import Nominal
 from vispeg.sim.rollout import simulate
-from vispeg.sim.segment import Segment, segments
+from vispeg.sim.segments.segment import Segment, segments
 from vispeg.worlds.world import World
 
 PIECES, STEPS = 9, 50

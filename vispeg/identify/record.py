@@ -18,7 +18,7 @@ from vispeg.robots.model import RobotModel, load
 from vispeg.sim.compiled import compiled, flange_pose
 from vispeg.sim.nominal import Nominal
 from vispeg.sim.rollout import Response, simulate
-from vispeg.sim.segment import Segment
+from vispeg.sim.segments.segment import Segment
 from vispeg.worlds.world import World
 
 NOISE = {"q": 2e-5, "dq": 1e-3, "tau": 0.2, "ee": 1e-4}  # rad, rad/s, N m, m: a good torque-controlled arm

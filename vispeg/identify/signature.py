@@ -12,7 +12,7 @@ from vispeg.identify.excitation import motion
 from vispeg.identify.record import centre_of, controller
 from vispeg.robots.model import load
 from vispeg.sim.rollout import simulate
-from vispeg.sim.segment import Segment
+from vispeg.sim.segments.segment import Segment
 from vispeg.worlds.words import place
 from vispeg.worlds.world import World
 

@@ -24,7 +24,7 @@ def maker(seen: Modality, world: str, sac: SacSettings, threads: int, dump: Path
     """
 
     def make(rows: int, settings: Mapping[str, Any]) -> VectorEnv:
-        from vispeg.task.vector import TaskVec
+        from vispeg.task.environments.vector import TaskVec
 
         own = {"stack": 1, **settings} if sac.recurrent else dict(settings)
         mode = AutoresetMode.DISABLED

@@ -19,8 +19,8 @@ from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.effects.common.field import normal
 from vispeg.effects.common.light import LUMA, to_linear
-from vispeg.render.backend import Renderer, Shot
-from vispeg.render.camera import PINHOLE, Camera
+from vispeg.render.backends.backend import Renderer, Shot
+from vispeg.render.cameras.camera import PINHOLE, Camera
 from vispeg.worlds.world import World
 
 NAME = "block_matching"

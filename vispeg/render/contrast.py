@@ -19,10 +19,10 @@ from vispeg.core.effect import effect
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
 from vispeg.effects.common.light import to_linear
-from vispeg.render.backend import Renderer, Shot
-from vispeg.render.camera import Camera
+from vispeg.render.backends.backend import Renderer, Shot
+from vispeg.render.cameras.camera import Camera
+from vispeg.render.cameras.pipeline import Pipeline
 from vispeg.render.look import dress
-from vispeg.render.pipeline import Pipeline
 from vispeg.worlds.randomized import RandomizedWorld
 from vispeg.worlds.world import World
 

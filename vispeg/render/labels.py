@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.render.camera import Camera
-from vispeg.render.view import View
+from vispeg.render.cameras.camera import Camera
+from vispeg.render.cameras.view import View
 
 Parts = Mapping[str, Sequence[str]]
 

@@ -13,10 +13,10 @@ import numpy as np
 
 from vispeg.core.effect import OPTICAL, Effect, EffectInstance, effect
 from vispeg.core.errors import UserError
-from vispeg.render import model_camera
-from vispeg.render.backend import Renderer
-from vispeg.render.camera import Camera
-from vispeg.render.pristine import place
+from vispeg.render.backends.backend import Renderer
+from vispeg.render.backends.pristine import place
+from vispeg.render.cameras import model_camera
+from vispeg.render.cameras.camera import Camera
 from vispeg.worlds.places import ALL, values
 from vispeg.worlds.world import World
 

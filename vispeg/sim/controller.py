@@ -6,9 +6,9 @@ import numpy as np
 
 from vispeg.control.laws import hold_pose, position
 from vispeg.robots.model import RobotModel
-from vispeg.sim.along import gravity, gravity_slope, measured_gravity, once
 from vispeg.sim.nominal import Nominal
-from vispeg.sim.rows import ByTick, Rows
+from vispeg.sim.segments.along import gravity, gravity_slope, measured_gravity, once
+from vispeg.sim.segments.rows import ByTick, Rows
 
 
 class Controller:

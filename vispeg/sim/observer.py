@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from vispeg.robots.model import RobotModel
-from vispeg.sim.along import inertia, once
-from vispeg.sim.rows import ByTick, Rows
+from vispeg.sim.segments.along import inertia, once
+from vispeg.sim.segments.rows import ByTick, Rows
 
 OBSERVER = 8.0  # rad/s: how softly an open-loop rollout is held to the measured motion
 

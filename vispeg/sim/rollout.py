@@ -9,14 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from vispeg.robots.model import RobotModel
-from vispeg.sim.along import apparent_inertia, once
 from vispeg.sim.compiled import flange_pose, nominal_of
 from vispeg.sim.controller import Controller
 from vispeg.sim.observer import Observer
 from vispeg.sim.plant import Plant
 from vispeg.sim.quiet import quiet
-from vispeg.sim.rows import Rows
-from vispeg.sim.segment import EXTERNAL, Segment
+from vispeg.sim.segments.along import apparent_inertia, once
+from vispeg.sim.segments.rows import Rows
+from vispeg.sim.segments.segment import EXTERNAL, Segment
 from vispeg.sim.servo import Servos, stable_step
 from vispeg.worlds.world import World
 

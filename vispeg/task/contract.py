@@ -15,11 +15,11 @@ import numpy as np
 
 from vispeg.robots.scene import Scene
 from vispeg.task.config import TaskConfig
+from vispeg.task.environments.track import Track
 from vispeg.task.terms import Term
-from vispeg.task.track import Track
 
 if TYPE_CHECKING:
-    from vispeg.task.simulation import TaskSimulation
+    from vispeg.task.environments.simulation import TaskSimulation
     from vispeg.worlds.randomized import RandomizedEffect
 
 

@@ -8,11 +8,11 @@ from typing import Any
 import gymnasium as gym
 
 from vispeg.core.errors import UserError
-from vispeg.render.camera import Camera
-from vispeg.render.camera_files import load_camera
+from vispeg.render.cameras.camera import Camera
+from vispeg.render.cameras.camera_files import load_camera
+from vispeg.render.cameras.rig import CameraRig
+from vispeg.render.cameras.standard import standard_cameras
 from vispeg.render.image_kinds import MODES, key_of
-from vispeg.render.rig import CameraRig
-from vispeg.render.standard import standard_cameras
 from vispeg.robots.scene import Scene
 from vispeg.task.config import TaskConfig
 from vispeg.task.world_file import WorldFile

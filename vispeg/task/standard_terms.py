@@ -14,7 +14,7 @@ from vispeg.control.laws import rotation_vector
 from vispeg.task.terms import Term
 
 if TYPE_CHECKING:
-    from vispeg.task.simulation import TaskSimulation
+    from vispeg.task.environments.simulation import TaskSimulation
 
 NEAR = 0.03  # m, a unit of positions near the goal
 

@@ -17,7 +17,7 @@ from vispeg.core.seeds import stream
 from vispeg.task.config import TaskConfig
 
 if TYPE_CHECKING:
-    from vispeg.task.simulation import TaskSimulation
+    from vispeg.task.environments.simulation import TaskSimulation
 
 POLICY, PRIVILEGED = "policy", "privileged"  # keys of an observation: what a policy may see, and the ground truth
 LIMIT = 20.0  # largest scaled value

@@ -14,7 +14,7 @@ from vispeg.core.files import write_text_atomic
 from vispeg.render.image_kinds import kind_of, picture_of
 from vispeg.report.text.quantities import plain
 from vispeg.sim.compiled import compiled
-from vispeg.task.vector import TaskVec
+from vispeg.task.environments.vector import TaskVec
 from vispeg.task.world_file import load_world
 from vispeg.worlds.distribution import LogUniform, Uniform
 

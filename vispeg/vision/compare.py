@@ -12,7 +12,7 @@ from vispeg.core.errors import UserError
 from vispeg.recordings.frames.frames import RecordedFrame
 from vispeg.recordings.frames.joints import joints_at
 from vispeg.recordings.recording import Recording
-from vispeg.render.backend import BackendName
+from vispeg.render.backends.backend import BackendName
 from vispeg.robots.scene import Scene
 from vispeg.vision.borders import Borders
 from vispeg.vision.depth import DepthQuality, DepthResidual, depth_quality, depth_residual

@@ -10,7 +10,7 @@ from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.lens import distort, undistort
 from vispeg.recordings.frames.camera import RecordedCamera
-from vispeg.render.camera import PINHOLE, Camera, quaternion
+from vispeg.render.cameras.camera import PINHOLE, Camera, quaternion
 from vispeg.worlds.places import acts_on
 from vispeg.worlds.world import World
 

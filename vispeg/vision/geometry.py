@@ -9,12 +9,12 @@ import numpy as np
 
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
-from vispeg.render import model_camera
-from vispeg.render.camera import Camera
+from vispeg.render.backends.raycast import cast_rays
+from vispeg.render.cameras import model_camera
+from vispeg.render.cameras.camera import Camera
+from vispeg.render.cameras.view import parent_of, view_of
 from vispeg.render.labels import part_table
 from vispeg.render.look import Fields
-from vispeg.render.raycast import cast_rays
-from vispeg.render.view import parent_of, view_of
 from vispeg.robots.scene import Scene
 from vispeg.vision.eye import Eye, delay_of, lens_of
 from vispeg.worlds.places import values

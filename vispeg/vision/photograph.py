@@ -15,9 +15,9 @@ from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
 from vispeg.recordings.frames.frames import Frames, RecordedFrame
-from vispeg.render.backend import BackendName
-from vispeg.render.camera import Camera
-from vispeg.render.pipeline import Pipeline
+from vispeg.render.backends.backend import BackendName
+from vispeg.render.cameras.camera import Camera
+from vispeg.render.cameras.pipeline import Pipeline
 from vispeg.robots.scene import Scene
 from vispeg.vision.eye import recorded_of
 from vispeg.vision.predict import Predictor, Seen

@@ -12,10 +12,10 @@ from vispeg.core.effect import effect
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
 from vispeg.effects.common.light import to_linear, to_srgb
-from vispeg.render.backend import BackendName, Renderer
-from vispeg.render.camera import Camera
+from vispeg.render.backends.backend import BackendName, Renderer
+from vispeg.render.cameras.camera import Camera
+from vispeg.render.cameras.pipeline import Pipeline
 from vispeg.render.look import dress
-from vispeg.render.pipeline import Pipeline
 from vispeg.robots.scene import Scene
 from vispeg.vision.eye import Eye
 from vispeg.vision.geometry import Geometry

@@ -19,13 +19,13 @@ from vispeg.robots.declare import RobotConfig
 from vispeg.robots.scene import CAMERAS, Scene, SceneConfig, build
 from vispeg.task.config import DOF, TaskConfig
 from vispeg.task.contract import Task
+from vispeg.task.environments.simulation import TaskSimulation
+from vispeg.task.environments.track import Track
 from vispeg.task.guards import CATEGORIES as GUARDED
 from vispeg.task.rewards import Rewards, RewardTerm
-from vispeg.task.simulation import TaskSimulation
 from vispeg.task.standard_rewards import STANDARD
 from vispeg.task.standard_terms import AGE, CONTACT, GOAL_AWAY, MEASURED, MISTAKE, TIP_IN_GOAL, TRUE_VELOCITY
 from vispeg.task.terms import Observation, Term
-from vispeg.task.track import Track
 
 WIDTH, DEPTH, LIP = 0.016, 0.020, 0.006  # m: plug and socket, and how thick the lip is
 NOSE, HEIGHT, OUT = 0.002, 0.008, 0.0015  # m: radius of the nose, its height above the tip, how far it sticks out

@@ -29,10 +29,10 @@ from contact_cases import Case, choose  # noqa: E402
 from contact_plant import COARSE, DOWN, FINE, MOUTH, RATE, TIP, Plant, Truth, held  # noqa: E402
 
 from vispeg.core.effect import EffectInstance  # noqa: E402
+from vispeg.task.environments.simulation import TaskSimulation  # noqa: E402
 from vispeg.task.peg.config import PegConfig  # noqa: E402
 from vispeg.task.peg.expert import Expert  # noqa: E402
 from vispeg.task.peg.terms import TERMS  # noqa: E402
-from vispeg.task.simulation import TaskSimulation  # noqa: E402
 from vispeg.task.terms import Observation  # noqa: E402
 from vispeg.worlds.model_file import load_model  # noqa: E402
 from vispeg.worlds.world import World  # noqa: E402

@@ -20,7 +20,7 @@ from vispeg.recordings.importers.source import TABLES, is_table, read_source
 from vispeg.recordings.objects import ObjectRecording, write_object
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.write import write
-from vispeg.render.camera_files import load_cameras
+from vispeg.render.cameras.camera_files import load_cameras
 from vispeg.robots.model import load
 from vispeg.robots.objects import load_object
 from vispeg.vision.eye import recorded_of

@@ -118,8 +118,8 @@ class Args:
         from vispeg.learn.modalities import modality, names
         from vispeg.learn.settings import defaults
         from vispeg.learn.train import train
+        from vispeg.task.environments.vector import world_of
         from vispeg.task.registry import task_of
-        from vispeg.task.vector import world_of
 
         settings = self._settings()
         task = world_of(self.world, dict(settings))[1]

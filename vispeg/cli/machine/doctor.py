@@ -34,7 +34,7 @@ import torch
 gpus = [torch.cuda.get_device_name(i) for i in range(torch.cuda.device_count())]
 print(f"torch {torch.__version__} on", ", ".join(gpus) or f"{torch.get_num_threads()} CPU threads (--device cpu)")
 """
-_FILAMENT = "from vispeg.render.filament import unusable; print('.' + unusable())"
+_FILAMENT = "from vispeg.render.backends.filament import unusable; print('.' + unusable())"
 _VIDEO = "from vispeg.evaluation.films.video import ffmpeg; print(ffmpeg() or '')"
 _PHYSICS = "import mujoco; m = mujoco.MjModel.from_xml_string('<mujoco/>'); mujoco.mj_step(m, mujoco.MjData(m))"
 

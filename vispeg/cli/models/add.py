@@ -115,7 +115,7 @@ def _places(world: World) -> RobotModel:
     from dataclasses import replace
 
     from vispeg.core.effect import effect
-    from vispeg.render.standard import standard_cameras
+    from vispeg.render.cameras.standard import standard_cameras
     from vispeg.robots.scene import Scene
     from vispeg.task.belief import robot_of_world
 

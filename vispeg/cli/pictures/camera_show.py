@@ -25,7 +25,7 @@ class Show:
         """Prints a row a camera."""
         import numpy as np
 
-        from vispeg.render.camera_files import load_cameras, to_record
+        from vispeg.render.cameras.camera_files import load_cameras, to_record
         from vispeg.report.text.tables import Column, Sheet
 
         cameras = load_cameras(self.file)

@@ -19,7 +19,7 @@ from vispeg.datasets.codec import DEPTH_STEP, encode, to_steps
 from vispeg.datasets.formats.models import described, ply
 from vispeg.datasets.layout import colour_of, depth_of
 from vispeg.datasets.read import Dataset
-from vispeg.render.camera import Camera, rotation
+from vispeg.render.cameras.camera import Camera, rotation
 
 OBJECTS = {1: ("peg", "label.peg"), 2: ("fixture", "label.hole")}
 MM = 1000.0

@@ -12,7 +12,7 @@ from vispeg.datasets.codec import encode, to_steps
 from vispeg.datasets.layout import entries_of, is_depth, is_picture, short_of
 from vispeg.datasets.read import Dataset
 from vispeg.formats.format import Format
-from vispeg.render.camera_files import save_cameras
+from vispeg.render.cameras.camera_files import save_cameras
 
 PLAIN = Format(
     "vispeg-folder/1", "a dataset of plain files", needed=("features", "total_frames", "fps"), language="json"

@@ -23,7 +23,7 @@ from vispeg.datasets.formats.stored import picture as read_picture
 from vispeg.datasets.layout import colour_of, depth, depth_of, parts, picture
 from vispeg.formats.guard import is_file, read_bytes
 from vispeg.formats.json_data import read_json
-from vispeg.render.camera import Camera
+from vispeg.render.cameras.camera import Camera
 
 TOLD, CAMERA, TRUTH = "dataset_info.json", "scene_camera.json", "scene_gt.json"
 INFO = "models/models_info.json"

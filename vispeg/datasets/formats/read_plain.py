@@ -17,7 +17,7 @@ from vispeg.datasets.layout import Feature, entries_of, is_picture, short_of
 from vispeg.datasets.parquet import checked
 from vispeg.formats.guard import MB, is_file, read_text
 from vispeg.formats.json_data import read_json
-from vispeg.render.camera_files import load_cameras
+from vispeg.render.cameras.camera_files import load_cameras
 
 LONGEST = 100_000  # frames of an episode
 

@@ -18,7 +18,7 @@ from vispeg.datasets.describe import Made
 from vispeg.datasets.episodes import Stretch
 from vispeg.datasets.layout import Feature, is_depth, pixel_shape
 from vispeg.formats.guard import MB, read_bytes
-from vispeg.render.camera import Camera
+from vispeg.render.cameras.camera import Camera
 
 KEPT = 4  # episodes that stay in memory
 LARGEST = 256 * MB  # of a picture's file

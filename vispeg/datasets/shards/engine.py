@@ -13,7 +13,7 @@ from vispeg.core.workers import pool_of
 from vispeg.datasets.layout import Layout
 from vispeg.datasets.shards.plan import Plan, Shard
 from vispeg.datasets.shards.shard import Source, shard_bytes
-from vispeg.render.backend import jobs_a_process
+from vispeg.render.backends.backend import jobs_a_process
 
 TRIES = 3  # deaths of a worker over one shard before it is given up
 POLL = 0.3  # s

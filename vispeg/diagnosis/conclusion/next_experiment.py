@@ -24,7 +24,7 @@ from vispeg.identify.excitation import motion
 from vispeg.identify.inverse import TorqueEvidence
 from vispeg.identify.record import controller
 from vispeg.sim.rollout import simulate
-from vispeg.sim.segment import Segment
+from vispeg.sim.segments.segment import Segment
 from vispeg.worlds.world import World
 
 MENU = ("triangle", "chirp", "steps", "fourier", "sweep")

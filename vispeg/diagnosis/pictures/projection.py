@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vispeg.identify.fit import Fit
-from vispeg.render.camera import Camera
+from vispeg.render.cameras.camera import Camera
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 

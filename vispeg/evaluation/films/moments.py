@@ -12,7 +12,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.evaluation.entrants import Entrant
 from vispeg.render.image_kinds import kind_of, picture_of
-from vispeg.task.vector import TaskVec
+from vispeg.task.environments.vector import TaskVec
 
 MOST = 400  # steps of an episode that are played
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vispeg.render.camera import Camera
+from vispeg.render.cameras.camera import Camera
 
 
 @dataclass(frozen=True, eq=False)

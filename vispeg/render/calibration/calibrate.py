@@ -25,7 +25,7 @@ from vispeg.render.calibration.intrinsics import (
 )
 from vispeg.render.calibration.orientation import turn_views
 from vispeg.render.calibration.rigid import difference, quaternion
-from vispeg.render.camera import Camera
+from vispeg.render.cameras.camera import Camera
 
 MIN_VIEWS = 4  # three fix the answer, and leaving one out must leave three
 LOOSE = 0.06  # of the focal length: a half width from which on the views do not fix it

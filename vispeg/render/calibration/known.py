@@ -9,7 +9,7 @@ from vispeg.core.errors import UserError
 from vispeg.formats.format import enrol
 from vispeg.formats.guard import read_text
 from vispeg.render.calibration.intrinsics import Intrinsics
-from vispeg.render.camera_files import load_camera
+from vispeg.render.cameras.camera_files import load_camera
 
 
 def _example(folder: Path) -> Path:
@@ -25,8 +25,8 @@ def read_intrinsics(path: str | Path) -> Intrinsics:
     """The intrinsics in a file.
 
     Args:
-        path: a file as `vispeg.render.camera_files` reads them (YAML: the project's, OpenCV's, ROS camera_info), or
-            the XML of ViSP's vpXmlParserCamera with its distortion 0.
+        path: a file as `vispeg.render.cameras.camera_files` reads them (YAML: the project's, OpenCV's, ROS
+            camera_info), or the XML of ViSP's vpXmlParserCamera with its distortion 0.
 
     Raises:
         UserError: no such file, or none of these.

@@ -11,11 +11,11 @@ from vispeg.core.effect import Effect, EffectInstance
 from vispeg.core.files import write_bytes_atomic
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
-from vispeg.render.backend import Renderer, Shot
+from vispeg.render.backends.backend import Renderer, Shot
+from vispeg.render.cameras.pipeline import Pipeline
+from vispeg.render.cameras.standard import standard_cameras
 from vispeg.render.image_kinds import depth_picture
 from vispeg.render.look import dress
-from vispeg.render.pipeline import Pipeline
-from vispeg.render.standard import standard_cameras
 from vispeg.task.eyes import resized
 from vispeg.task.start import home
 from vispeg.worlds.words import place

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from vispeg.render.backend import BackendName, Renderer
-from vispeg.render.camera import Camera, looking_at
-from vispeg.render.standard import focal_of
+from vispeg.render.backends.backend import BackendName, Renderer
+from vispeg.render.cameras.camera import Camera, looking_at
+from vispeg.render.cameras.standard import focal_of
 from vispeg.robots.scene import build
 from vispeg.task.start import home
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from vispeg.task.env import TaskEnv
-from vispeg.task.vector import TaskVec
+from vispeg.task.environments.env import TaskEnv
+from vispeg.task.environments.vector import TaskVec
 
 
 class PegInHoleVec(TaskVec):

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vispeg.task import guards
+from vispeg.task.environments.track import Track
 from vispeg.task.peg.config import PegConfig
-from vispeg.task.track import Track
 
 ENDS = ("success", "approach", "search", "jam", "wedge", "slip", "force limit", "timeout", "diverged")
 CATEGORIES = (*ENDS, *guards.CATEGORIES)

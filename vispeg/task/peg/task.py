@@ -9,12 +9,12 @@ import numpy as np
 
 from vispeg.robots.scene import CAMERAS, Scene, build
 from vispeg.task.contract import Task
+from vispeg.task.environments.simulation import TaskSimulation
 from vispeg.task.peg.config import PegConfig
 from vispeg.task.peg.expert import Expert
 from vispeg.task.peg.outcome import CATEGORIES, PegTrack
 from vispeg.task.peg.places import check_places
 from vispeg.task.peg.terms import TERMS
-from vispeg.task.simulation import TaskSimulation
 from vispeg.worlds.randomized import RandomizedEffect
 
 

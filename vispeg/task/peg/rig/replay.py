@@ -12,7 +12,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Recording
-from vispeg.sim.start import start_state
+from vispeg.sim.segments.start import start_state
 from vispeg.task.belief import believed
 from vispeg.task.peg.rig.run import STEP, Ran, run
 from vispeg.worlds.world import World

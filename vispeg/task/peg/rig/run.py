@@ -13,8 +13,8 @@ from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import nominal_of
 from vispeg.sim.controller import Controller
 from vispeg.sim.quiet import quiet
-from vispeg.sim.rows import Rows
-from vispeg.sim.segment import Segment
+from vispeg.sim.segments.rows import Rows
+from vispeg.sim.segments.segment import Segment
 from vispeg.task.cell import Cell
 from vispeg.worlds.world import World
 

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from vispeg.render.picture import HIDDEN, Picture, shown
-from vispeg.render.shading import shade
-from vispeg.render.view import NEAR, REACH, View
+from vispeg.render.backends.picture import HIDDEN, Picture, shown
+from vispeg.render.backends.shading import shade
+from vispeg.render.cameras.view import NEAR, REACH, View
 
 SEEN = np.array([1, 1, 1, 0, 0, 0], np.uint8)
 

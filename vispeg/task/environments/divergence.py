@@ -20,7 +20,7 @@ from vispeg.task.world_file import WorldFile, load_world, world_hash, world_text
 from vispeg.worlds.randomized import RandomizedWorld
 
 if TYPE_CHECKING:
-    from vispeg.task.vector import TaskVec
+    from vispeg.task.environments.vector import TaskVec
 
 FORMAT = "vispeg-episode/1"
 LEFT = Format(FORMAT, "an episode that was left behind", language="json", most=64 * MB)
@@ -92,7 +92,7 @@ def replay(folder: str | Path) -> tuple[TaskVec, np.ndarray]:
     Raises:
         UserError: the folder holds no such episode.
     """
-    from vispeg.task.vector import TaskVec
+    from vispeg.task.environments.vector import TaskVec
 
     path = Path(folder) / EPISODE
     told = typed(_Told, LEFT.read(path), path)

@@ -9,7 +9,7 @@ import numpy as np
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Control, Recording
-from vispeg.sim.start import start_state
+from vispeg.sim.segments.start import start_state
 
 EXTERNAL = "external"  # in `Segment.known`: (n, nj) N m that act on the links from outside, on the control grid
 START_HZ = 20.0  # bandwidth of the motion that gives a closed loop its start state

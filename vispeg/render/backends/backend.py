@@ -14,13 +14,13 @@ import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.render import model_camera
-from vispeg.render.camera import Camera
+from vispeg.render.backends.picture import Backend, Picture
+from vispeg.render.backends.pristine import Pristine
+from vispeg.render.backends.warp import Warp
+from vispeg.render.cameras import model_camera
+from vispeg.render.cameras.camera import Camera
+from vispeg.render.cameras.view import View, parent_of, view_of
 from vispeg.render.labels import Parts, normals_of, part_table, poses
-from vispeg.render.picture import Backend, Picture
-from vispeg.render.pristine import Pristine
-from vispeg.render.view import View, parent_of, view_of
-from vispeg.render.warp import Warp
 from vispeg.robots.scene import Scene
 
 BACKENDS = ("auto", "classic", "raycast", "filament")
@@ -238,15 +238,15 @@ def _normals(picture: Picture, view: View) -> Callable[[], np.ndarray]:
 
 def open_backend(name: BackendName, model: mujoco.MjModel, width: int, height: int, shadows: bool) -> Backend:
     """The backend of that name for pictures up to width x height px. Raises UserError where it does not work."""
-    from vispeg.render.raycast import Raycast
+    from vispeg.render.backends.raycast import Raycast
 
     if name == "raycast":
         return Raycast(model)
     if name == "filament":
-        from vispeg.render.filament import Filament
+        from vispeg.render.backends.filament import Filament
 
         return Filament(model, width, height, shadows)
-    from vispeg.render.classic import Classic
+    from vispeg.render.backends.classic import Classic
 
     try:
         return Classic(model, width, height, shadows)

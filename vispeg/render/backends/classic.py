@@ -13,9 +13,9 @@ import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.render.gl import shared
-from vispeg.render.picture import HIDDEN, Picture, shown
-from vispeg.render.view import View, planar
+from vispeg.render.backends.gl import shared
+from vispeg.render.backends.picture import HIDDEN, Picture, shown
+from vispeg.render.cameras.view import View, planar
 
 SHADOW_MAP = 512  # px
 LARGEST_CASTER = 0.5  # m: tables, walls and floors catch shadows, and would cost most as casters

@@ -14,14 +14,14 @@ from gymnasium.vector.utils import batch_space
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
+from vispeg.render.cameras.rig import CameraRig
 from vispeg.render.image_kinds import MODES
-from vispeg.render.rig import CameraRig
 from vispeg.render.snapshot import Snapshot
 from vispeg.task.config import TaskConfig
-from vispeg.task.divergence import leave
+from vispeg.task.environments.divergence import leave
+from vispeg.task.environments.simulation import TaskSimulation
 from vispeg.task.eyes import image_spaces, rig_of
 from vispeg.task.registry import config_of, kind_of, task_of
-from vispeg.task.simulation import TaskSimulation
 from vispeg.task.terms import LIMIT, POLICY, PRIVILEGED, Observation
 from vispeg.task.world_file import WorldFile, load_world
 from vispeg.worlds.randomized import RandomizedWorld
@@ -102,7 +102,8 @@ class TaskVec(VectorEnv):
         nthread: threads of the physics.
         backend: of the renderer, for image modes.
         render_mode: None or `rgb_array`.
-        dump: folder in which an episode that diverges leaves what `vispeg.task.divergence.replay` plays again.
+        dump: folder in which an episode that diverges leaves what
+            `vispeg.task.environments.divergence.replay` plays again.
         **settings: of the task, fields of its TaskConfig that replace the world's.
     """
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vispeg.render.camera import Camera, looking_at
+from vispeg.render.cameras.camera import Camera, looking_at
 
 SIZE = 64  # px, both sides
 MOUNT = (0.0, -0.10, 0.04)  # m, in the flange frame: beside the housing, where the fingers do not stand in the way

@@ -9,8 +9,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from vispeg.render.camera import Camera, quaternion, rotation
-from vispeg.render.view import WORLD, parent_of
+from vispeg.render.cameras.camera import Camera, quaternion, rotation
+from vispeg.render.cameras.view import WORLD, parent_of
 
 FLIP = np.diag([1.0, -1.0, -1.0])  # OpenCV's axes in MuJoCo's, and back
 PIXEL = 1e-5  # m, size of a pixel on the sensor: any will do

@@ -24,7 +24,7 @@ class TaskEnv(gym.Env):
         render_mode: str | None = None,
         **settings: Any,
     ):
-        from vispeg.task.vector import TaskVec
+        from vispeg.task.environments.vector import TaskVec
 
         self._made = {"world": world, "obs_mode": obs_mode, "render_mode": render_mode, **settings}
         self.vec = TaskVec(1, **self._made)

@@ -17,7 +17,7 @@ from vispeg.core.files import write_text_atomic
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.guard import read_text
 from vispeg.formats.yaml_data import parse_yaml
-from vispeg.render.camera import FIELDS, Camera
+from vispeg.render.cameras.camera import FIELDS, Camera
 
 FORMAT = "vispeg-camera/1"
 CAMERAS = Format(FORMAT, "a camera file")

@@ -20,9 +20,9 @@ import numpy as np
 
 from vispeg.core.broken import in_words
 from vispeg.core.errors import UserError
-from vispeg.render.picture import COLLISION, HIDDEN, Picture, shown
-from vispeg.render.raycast import cast
-from vispeg.render.view import View, planar
+from vispeg.render.backends.picture import COLLISION, HIDDEN, Picture, shown
+from vispeg.render.backends.raycast import cast
+from vispeg.render.cameras.view import View, planar
 
 HINT = "sudo apt-get install -y libvulkan1 mesa-vulkan-drivers; `vispeg doctor` tells more"
 HEADLIGHT = 1.2e5  # lux of a headlight of full white: the nominal cell comes out as bright as in OpenGL

@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.render.camera import Camera
+from vispeg.render.cameras.camera import Camera
 
 # m. Nothing nearer or further is drawn; depth is a reversed float, so the ratio costs no precision. The sky is drawn at
 # 0.57 FAR or more, so a reading beyond REACH is one of the sky.

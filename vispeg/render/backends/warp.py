@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.render.camera import MAX_SIDE, PINHOLE, Camera
-from vispeg.render.picture import Picture
+from vispeg.render.backends.picture import Picture
+from vispeg.render.cameras.camera import MAX_SIDE, PINHOLE, Camera
 
 FINER = 2.0  # times the resolution, so that a lens that magnifies somewhere does not blur
 

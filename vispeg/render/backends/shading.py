@@ -5,8 +5,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from vispeg.render.picture import colours
-from vispeg.render.view import View
+from vispeg.render.backends.picture import colours
+from vispeg.render.cameras.view import View
 
 RGB = mujoco.mjtTextureRole.mjTEXROLE_RGB.value
 DIRECTIONAL = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL.value

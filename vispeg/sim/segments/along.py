@@ -9,7 +9,7 @@ import numpy as np
 from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import of_postures
 from vispeg.sim.nominal import Nominal
-from vispeg.sim.segment import Segment
+from vispeg.sim.segments.segment import Segment
 
 
 def once(s: Segment, robot: RobotModel, get: Callable[[Segment, RobotModel], np.ndarray]) -> np.ndarray:

@@ -11,12 +11,12 @@ from vispeg.core.effect import effect
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
 from vispeg.render import block_matching
-from vispeg.render.backend import Renderer, Shot
-from vispeg.render.camera import Camera
+from vispeg.render.backends.backend import Renderer, Shot
+from vispeg.render.cameras.camera import Camera
+from vispeg.render.cameras.pipeline import Pipeline
 from vispeg.render.contrast import redraw
 from vispeg.render.image_kinds import DEPTH, RGB, ImageKind, key_of
 from vispeg.render.look import dress
-from vispeg.render.pipeline import Pipeline
 from vispeg.render.snapshot import Snapshot
 from vispeg.robots.scene import Scene
 from vispeg.worlds.randomized import RandomizedWorld

@@ -9,7 +9,7 @@ from typing import Protocol
 import mujoco
 import numpy as np
 
-from vispeg.render.view import View
+from vispeg.render.cameras.view import View
 
 HIDDEN = 5  # the geom group in which a backend puts what it leaves out
 COLLISION = 3  # this group and those above it hold shapes for contact, never for the eye

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from vispeg.sim.segment import Segment
+from vispeg.sim.segments.segment import Segment
 
 CHUNK = 2**16  # numbers that are repeated at a time: few calls, and still in the cache
 

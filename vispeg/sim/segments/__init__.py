@@ -1,0 +1,1 @@
+"""Stretches of a recording, as rows of a batch."""
