@@ -8,9 +8,9 @@ import yaml
 
 from vispeg.contact.profile import looked_for
 from vispeg.core.effect import EffectInstance
+from vispeg.task.environments.simulation import TaskSimulation
 from vispeg.task.peg.config import PegConfig
 from vispeg.task.peg.task import PegTask
-from vispeg.task.simulation import TaskSimulation
 from vispeg.task.world_file import FORMAT, load_world
 from vispeg.worlds.model_file import model_text
 from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
