@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from loops import SWING, WEIGHT, drive, hinge, one, pendulum
 from scipy.integrate import solve_ivp
+
+from vispeg.core.effect import effect, searchable
+from vispeg.core.seeds import stream
+from vispeg.sim.state import DriveState
 
 FLOATING = pendulum(0.0)  # no weight: `SWING ddq = tau`
 HANGING = pendulum()
@@ -155,6 +161,30 @@ def test_hysteresis_drags_its_anchor_once_it_slips():
     np.testing.assert_allclose(y.q[0, :, 0], exact, atol=0.01 * np.ptp(exact))
     rigid = one(robot, hinge("hysteresis"), segment, observer=False).q[0, :, 0]
     assert np.abs(rigid - exact).max() > 0.1 * np.ptp(exact)  # the tolerance above says something
+
+
+@pytest.mark.parametrize("name", [n for n, kind in searchable().items() if kind.overrides("along")])
+def test_torque_along_a_path_is_that_of_its_steps_however_long_it_took(name):
+    """What a step-by-step simulation makes of a joint that is led along a path, at rest in between as well."""
+    kind, rng = effect(name), stream(3, "along", name)
+    turns = np.cumsum(rng.uniform(-1.0, 1.0, (25, 2)) * [2e-2, 3e-3], axis=0)
+    path = np.concatenate([np.linspace(a, b, 40)[:-1] for a, b in itertools.pairwise(turns)] + [turns[-1:]] * 20)
+    p = {k: np.full((1, 2), param.start) for k, param in kind.params.items()}
+    p |= {m: p[m] * [[1.0, 0.3]] for m in kind.magnitudes}
+
+    def state(q):
+        return DriveState(
+            1e-6, 1e-6, q[None], np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 2)), np.full((1, 2), 9.0)
+        )
+
+    carried, steps = kind.start(state(path[0]), p), []
+    for q in path:
+        steps.append(kind.torque(carried, state(q), p)[0])
+    np.testing.assert_allclose(kind.along(path, p), steps, atol=1e-9)
+    twice = np.repeat(path, 2, axis=0)
+    np.testing.assert_allclose(kind.along(twice, p)[::2], steps, atol=1e-9)
+    none = {k: np.full((1, 2), v) for k, v in ((k, param.absent) for k, param in kind.params.items())}
+    assert not np.any(kind.along(path, none)), "null"
 
 
 @pytest.mark.parametrize(

@@ -123,6 +123,10 @@ class Effect(ABC):
         """Torque (nsim, nj) on the link that no actuator commands, N m."""
         raise NotImplementedError
 
+    def along(self, path: np.ndarray, p: Values) -> np.ndarray:
+        """`torque` (n, nj) N m along a measured path (n, nj) rad, of what remembers the path, not its time."""
+        raise NotImplementedError
+
     def observe(self, state: Any, q: np.ndarray, dq: np.ndarray, x: Any, p: Values) -> tuple[np.ndarray, np.ndarray]:
         """What the encoders make of joint angles and velocities, both (nsim, nj)."""
         return q, dq
@@ -182,11 +186,12 @@ class Effect(ABC):
 
         `angle` and `torque`, the motion under a known controller: whatever moves the arm or its readings. `servo` and
         `load`, the motion under a servo's own loop: that, and what is in the loop. `needed`, the torque of a measured
-        motion by inverse dynamics: what follows from each sample alone, so no effect of timing, gear play or readings.
+        motion by inverse dynamics: what follows from each sample or the path so far, so no effect of timing, gear play
+        or readings.
         `wrench`, what a wrist's force sensor reads: its own errors, and whatever needs a scene to act on.
         """
         motion = ("write", "drive", "friction", "torque", "observe")
-        sample = ("write", "friction", "inverse", *(() if self.overrides("start") else ("torque",)))
+        sample = ("write", "friction", "inverse", "along", *(() if self.overrides("start") else ("torque",)))
         out = {"angle", "torque", "servo", "load"} if any(map(self.overrides, motion)) else set()
         out |= {"servo", "load"} if any(map(self.overrides, ("goal", "regulate"))) else set()
         out |= {"needed"} if any(map(self.overrides, sample)) else set()

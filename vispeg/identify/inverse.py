@@ -22,7 +22,7 @@ from vispeg.recordings.noise import highpass_sigma
 from vispeg.recordings.recording import Control, Recording
 from vispeg.sim.compiled import compiled
 from vispeg.sim.nominal import dense
-from vispeg.sim.physics import EffectLoop, total
+from vispeg.sim.physics import EffectLoop
 from vispeg.sim.placement import activate
 from vispeg.sim.segments.segment import Segment
 from vispeg.sim.state import DriveState, Fields
@@ -87,7 +87,7 @@ class TorqueEvidence(Evidence):
         dry = np.broadcast_to(fields["dof_frictionloss"][0, dof], needed.shape).copy()
         loop = EffectLoop(active)
         needed = needed + loop.friction(x, dry) * np.tanh(seg.dq / STICK)
-        beside = total(*loop.torque(x))
+        beside = loop.along(x, seg.known["path"], seg.known["at"])
         needed = needed if beside is None else needed - beside
         return loop.inverse(needed, item.recording.torque_sensor)
 
@@ -155,12 +155,14 @@ def _items(rec: Recording, sigma: np.ndarray, contact: Contact | None) -> list[I
 def _item(rec: Recording, tau: np.ndarray, rows: np.ndarray, sigma: np.ndarray, free: np.ndarray) -> Item:
     robot, time = robot_of(rec), rec.time[rows] - rec.time[rows[0]]
     thin = slice(None, None, max(1, round(rec.rate_hz / SAMPLES_HZ)))
-    q, dq, ddq = (v[thin] for v in smooth(time, rec.q[rows], MOTION_HZ))
+    path, dq, ddq = smooth(time, rec.q[rows], MOTION_HZ)
+    at = np.arange(len(time))[thin]
+    q, dq, ddq = path[thin], dq[thin], ddq[thin]
     time, tau, raw = time[thin], tau[rows][thin], rec.q[rows][thin]
     control = Control("unknown", rec.rate_hz)
     raw = np.where(np.isfinite(raw), raw, q)
     segment = Segment(control, 1.0 / rec.rate_hz, {}, q, dq, raw, time, rows[thin])
-    segment.known["ddq"] = ddq
+    segment.known.update(ddq=ddq, path=path, at=at)
     inside = (time >= ENDS) & (time <= time[-1] - ENDS)
     valid = np.isfinite(tau) & (inside & free[rows][thin])[:, None]
     return Item(rec, segment, robot, (Channel("needed", tau, sigma, valid),))

@@ -103,6 +103,19 @@ class EffectLoop:
                 link = total(link, t)
         return geared, link
 
+    def along(self, x: DriveState, path: np.ndarray, at: np.ndarray) -> np.ndarray | None:
+        """Torques (n, nj) N m of a measured motion `x`, samples `at` of `path` (npath, nj) rad, or None.
+
+        What carries a state from step to step has no part in it, but for what remembers the path alone.
+        """
+        out = None
+        for a in self.torques:
+            if a.effect.overrides("along"):
+                out = total(out, a.effect.along(path, a.p)[at])
+            elif not a.effect.overrides("start"):
+                out = total(out, a.effect.torque(None, x, a.p))
+        return out
+
     def read(self, q: np.ndarray, dq: np.ndarray, x: DriveState) -> tuple[np.ndarray, np.ndarray]:
         """What the encoders make of q (nsim, nj) rad and dq rad/s."""
         for a in self.senses:

@@ -13,6 +13,7 @@ from vispeg.diagnosis.evidence.screen import Score, candidates, groups
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.accept import DECISIVE, LEAST_SHARE, in_order, ranked, sound
 from vispeg.diagnosis.selection.judge import Judge, adds, present
+from vispeg.diagnosis.selection.law import refined
 from vispeg.diagnosis.selection.proposals import Proposals
 from vispeg.diagnosis.selection.prune import prune
 from vispeg.diagnosis.selection.state import State, Trial, without
@@ -59,8 +60,8 @@ class Search(Proposals):
         return state
 
     def go_on(self, state: State, given: int) -> None:
-        """Adds effects to a state until none earns its place."""
-        while self.worth_it(state, given) and self.advance(state, given):
+        """Adds effects to a state until none earns its place, nor a richer law that of a simple one."""
+        while self.worth_it(state, given) and (self.advance(state, given) or refined(self, state, given)):
             pass
 
     def start(self, world: World, given: int | None = None) -> State:

@@ -38,5 +38,27 @@ class Hysteresis(Effect):
         state["anchor"] = np.clip(state["anchor"], x.q - reach, x.q + reach)
         return -tau
 
+    def along(self, path, p):
+        k, reach = (
+            np.broadcast_to(np.ravel(v), path.shape[1:]) for v in (p["stiffness"], p["torque"] / p["stiffness"])
+        )
+        return -k * np.stack([stretch(q, r) for q, r in zip(path.T, reach, strict=True)], axis=1)
+
     def guesses(self, look):
         return [{"stiffness": 50.0}, {"stiffness": 500.0}]
+
+
+def stretch(path: np.ndarray, reach: float) -> np.ndarray:
+    """Stretch (n,) of an element that yields at `reach` along a path (n,) that begins with it slack.
+
+    Between two turns of the path the anchor stays, until the element slips and drags it: one clip a stretch of path.
+    """
+    out, anchor = np.zeros(len(path)), path[0]
+    step = np.diff(path)
+    moves = np.flatnonzero(step)
+    turns = moves[1:][np.diff(np.sign(step[moves])) != 0]
+    for first, last in zip([0, *turns], [*turns, len(path) - 1], strict=True):
+        part = slice(first, last + 1)
+        out[part] = np.clip(path[part] - anchor, -reach, reach)
+        anchor = np.clip(anchor, path[last] - reach, path[last] + reach)
+    return out

@@ -1,0 +1,110 @@
+"""A richer law in the place of a simple one, in all joints at once: presliding where dry friction was found.
+
+In one joint such a refinement is too small to be told from the error of the model's form; gears of one arm are alike,
+so all joints are asked together, as one candidate with one test. Where it hardly shows the simple law comes back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import stats
+
+from vispeg.core.effect import Effect, EffectInstance, effect, searchable
+from vispeg.diagnosis.evidence.dictionary import null_of
+from vispeg.diagnosis.evidence.localise import joint_data
+from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.selection.accept import DISCOVERIES, HELD_OUT, REFINEMENT
+from vispeg.diagnosis.selection.bic import bic_gain
+from vispeg.diagnosis.selection.cross import reduced
+from vispeg.diagnosis.selection.prune import LOCAL
+from vispeg.diagnosis.selection.state import State, Trial, without
+from vispeg.identify.fit import Race
+from vispeg.worlds.world import World
+
+if TYPE_CHECKING:
+    from vispeg.diagnosis.selection.search import Search
+
+
+def refined(search: Search, state: State, given: int) -> bool:
+    """Puts a richer law in the place of a simple one where it earns that; whether one came in."""
+    left = search.judge.mean(state.loss) - search.judge.floor(state.world)
+    for simple, kind in laws(search, state.world, given):
+        removed = _removed(search, state, simple)
+        if left < REFINEMENT * removed:
+            continue
+        starts = _starts(search, state, simple, kind)
+        trial = _fitted(search, state, simple, starts, given)
+        crossed = state.cross, search.cross.loss_of(trial.fit, trial.fit.residual)
+        tested = search.judge.gain(state.loss, trial.loss, crossed)
+        if (
+            trial.gain.mean < REFINEMENT * removed
+            or tested.z < stats.norm.isf(DISCOVERIES)
+            or trial.gain.z < HELD_OUT
+            or bic_gain(search.evidence, state.world, state.residual, trial.fit) <= 0
+        ):
+            continue
+        joints = list(search.evidence.items[0].robot.joints)
+        shown = [e for e in simple if trial.gain.joints[joints.index(e.where)] >= LOCAL]
+        if shown and len(shown) < len(simple):
+            found = {e.where: e for e in trial.fit.world.effects if e.effect == kind.name}
+            trial = _fitted(search, state, shown, [[found[e.where] for e in shown]], given)
+        search.say(f"{trial.score.label} in the place of {simple[0].effect}")
+        state.steps.append((trial.bare, [trial.bare]))
+        state.take(trial.fit, trial.loss)
+        state.cross = search.cross.loss_of(trial.fit, trial.fit.residual)
+        return True
+    return False
+
+
+def laws(search: Search, world: World, given: int) -> Iterator[tuple[list[EffectInstance], Effect]]:
+    """What stands in several joints of a world, and each kind that contains it under the same names of magnitudes."""
+    joints = search.evidence.items[0].robot.joints
+    for name in dict.fromkeys(e.effect for e in world.effects[given:]):
+        simple = [e for e in world.effects[given:] if e.effect == name and e.where in joints]
+        taken = {(e.effect, e.where) for e in world.effects}
+        for kind in searchable().values():
+            same = name in kind.contains and set(effect(name).magnitudes) == set(kind.magnitudes)
+            free = [e for e in simple if (kind.name, e.where) not in taken]
+            if same and search.evidence.sees(kind) and len(free) > 1:
+                yield free, kind
+
+
+def _removed(search: Search, state: State, simple: list[EffectInstance]) -> float:
+    """Mean squared whitened residual that these effects remove on the fitted recordings, to first order."""
+    fit = state.fit
+    assert fit is not None
+    labels = {e.label for e in simple}
+    out = [i for i, a in enumerate(fit.space.axes) if fit.world.effects[a.index].label in labels]
+    judge, (_, residual, _) = search.cross.judge, reduced(fit, out, null_of(fit))
+    return judge.mean(judge.loss(residual)) - judge.mean(judge.loss(fit.residual))
+
+
+def _starts(search: Search, state: State, simple: list[EffectInstance], kind: Effect) -> list[list[EffectInstance]]:
+    """Where fits of the richer law begin: the simple one's magnitudes, with each of the shapes that it guesses."""
+    data = joint_data(search.missing(state.world), search.evidence.items)
+    joints = list(search.evidence.items[0].robot.joints)
+    guesses = [kind.guesses(data[joints.index(e.where)]) or [{}] for e in simple]
+    shapes = [[{k: v for k, v in g.items() if kind.params[k].shape} for g in own] for own in guesses]
+    out = []
+    for n in range(max(map(len, shapes))):
+        placed = zip(simple, (own[min(n, len(own) - 1)] for own in shapes), strict=True)
+        out.append([
+            EffectInstance.of(kind.name, e.where, **{**shape, **{m: e.params[m].value for m in kind.magnitudes}})
+            for e, shape in placed
+        ])  # fmt: skip
+    return out
+
+
+def _fitted(
+    search: Search, state: State, simple: list[EffectInstance], starts: list[list[EffectInstance]], given: int
+) -> Trial:
+    """The best fit of a richer law in the place of the simple one, from several starts, on the held-out recordings."""
+    worlds = [without(state.world, simple).add(*start) for start in starts]
+    fits = search.fits(worlds, given, races=[Race()] * len(worlds))
+    losses = search.judge.losses([f.world for f in fits])
+    k = int(np.argmin([search.judge.mean(loss) for loss in losses]))
+    score = Score(starts[k][0], 0.0, tuple(starts[k][1:]), tuple(simple))
+    return Trial(score, fits[k], losses[k], search.judge.gain(state.loss, losses[k]))
