@@ -1,6 +1,8 @@
 """A richer law of friction comes in for all joints at once, where it is, and nowhere else."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -63,13 +65,8 @@ def test_presliding_takes_the_place_of_dry_friction_in_the_joints_that_show_it(s
 
 
 def test_a_law_is_asked_where_it_has_the_magnitudes_of_the_simple_one_and_is_not_there_yet():
-    class Blind:
-        def sees(self, kind):
-            return True
-
-        items = [type("Item", (), {"robot": type("Robot", (), {"joints": JOINTS})})]
-
-    search = type("Stub", (), {"evidence": Blind()})
+    item = SimpleNamespace(robot=SimpleNamespace(joints=JOINTS))
+    search: Any = SimpleNamespace(evidence=SimpleNamespace(sees=lambda kind: True, items=[item]))
     friction = [EffectInstance.of("coulomb_friction", joint, torque=0.4) for joint in JOINTS]
     asked = [(len(simple), kind.name) for simple, kind in laws(search, World().add(*friction), 0)]
     assert asked == [(2, "hysteresis")], "Stribeck's law has two levels, and no start follows from one"
