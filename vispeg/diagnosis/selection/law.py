@@ -61,9 +61,8 @@ def refined(search: Search, state: State, given: int) -> bool:
 
 def laws(search: Search, world: World, given: int) -> Iterator[tuple[list[EffectInstance], Effect]]:
     """What stands in several joints of a world, and each kind that contains it under the same names of magnitudes."""
-    joints = search.evidence.items[0].robot.joints
-    for name in dict.fromkeys(e.effect for e in world.effects[given:]):
-        simple = [e for e in world.effects[given:] if e.effect == name and e.where in joints]
+    for name in dict.fromkeys(e.effect for e in world.effects[given:] if effect(e.effect).family == "joint"):
+        simple = [e for e in world.effects[given:] if e.effect == name]
         taken = {(e.effect, e.where) for e in world.effects}
         for kind in searchable().values():
             same = name in kind.contains and set(effect(name).magnitudes) == set(kind.magnitudes)
