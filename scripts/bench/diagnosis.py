@@ -24,7 +24,8 @@ from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import motion
-from vispeg.identify.record import NOISE, centre_of, controller, record
+from vispeg.identify.record import centre_of, controller, record
+from vispeg.recordings.noise import NOISE
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.write import write
 from vispeg.robots.model import load

@@ -1,17 +1,20 @@
 """`vispeg record`: what is written is a recording whose own model explains it to the noise."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from vispeg.api.recording.record import record as simulate
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import MOTIONS, motion
 from vispeg.identify.motions.rehearse import rehearsed
-from vispeg.identify.record import NOISE, centre_of, controller, record, servo
+from vispeg.identify.record import centre_of, controller, record, servo
 from vispeg.recordings.load import load
+from vispeg.recordings.noise import NOISE
 from vispeg.robots.declared import declared
 from vispeg.robots.model import load as robot_load
 from vispeg.worlds.world import World
@@ -164,3 +167,32 @@ def test_a_motion_that_is_made_smaller_is_said_and_one_of_a_file_is_checked(visp
     assert "joint3" in out + err and "limit" in out + err
     code, out, err = vispeg("check", "chirp")
     assert "velocity limit" not in out + err
+
+
+@pytest.mark.parametrize(
+    ("model", "motion", "flags", "options"),
+    [
+        ("iiwa14", "chirp", ["--duration", "1", "--repeat", "2"], {"duration": 1.0, "repeat": 2}),
+        ("iiwa14", "osc", ["--duration", "2", "--noise", "q=0"], {"duration": 2.0, "noise": {"q": 0.0}}),
+        ("peg-cell", "tap", ["--rate", "200"], {"rate_hz": 200.0}),
+        (
+            "peg-cell",
+            "look",
+            ["--rate", "200", "--fps", "0.1", "--size", "64x48", "--renderer", "raycast", "--look", "S/3"],
+            {"rate_hz": 200.0, "fps": 0.1, "size": (64, 48), "backend": "raycast", "look": "S/3"},
+        ),
+    ],
+)
+def test_the_command_and_its_function_give_the_same(vispeg, tmp_path, model, motion, flags, options):
+    flags = ["--motion", motion, *flags, "--seed", "5", "--out", "command", "--json"]
+    code, out, _ = vispeg("record", model, *flags)
+    made = simulate(model, motion, seed=5, name="command", **options)
+    made.save(tmp_path / "function")
+    assert code == 0 and json.loads(out) == {"recording": "command", **json.loads(json.dumps(made.record))}
+    tops = tmp_path / "command", tmp_path / "function"
+    names = [{file.relative_to(top) for file in top.rglob("*")} for top in tops]
+    assert names[0] == names[1] and len(names[0]) >= 2
+    for name in names[0]:
+        one, other = (top / name for top in tops)
+        assert one.is_dir() or one.read_bytes() == other.read_bytes(), name
+    assert made.recording.motion in str(made) and "<" in made._repr_html_()

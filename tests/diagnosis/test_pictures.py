@@ -11,7 +11,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from vispeg.api.fit import fit
-from vispeg.api.look import cameras_of, look_of, scene_of
+from vispeg.api.recording.look import cameras_of, look_of, scene_of
 from vispeg.api.rooms.pictures import diagnose
 from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.pictures.halves import Halves

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vispeg.api.record_cell import record_in_cell
+from vispeg.api.recording.cell import record_in_cell
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.diagnosis.run import diagnose
 from vispeg.identify.contact import AFTER, BEFORE, contact_of
 from vispeg.identify.evidence import Evidence, robot_of
 from vispeg.identify.inverse import TorqueEvidence
+from vispeg.recordings.noise import NOISE
 from vispeg.recordings.recording import Control
-from vispeg.task.peg.rig.record import NOISE
 from vispeg.worlds.model_file import load_model
 from vispeg.worlds.world import World
 

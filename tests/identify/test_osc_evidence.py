@@ -10,7 +10,8 @@ from loop import GAINS, NULLSPACE, RATE, Run, simulate
 from vispeg.core.seeds import stream
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import motion
-from vispeg.identify.record import NOISE, centre_of, controller, record
+from vispeg.identify.record import centre_of, controller, record
+from vispeg.recordings.noise import NOISE
 from vispeg.recordings.recording import Control, Nullspace, Recording
 from vispeg.robots.model import load
 from vispeg.sim.compiled import compiled

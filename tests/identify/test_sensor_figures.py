@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from vispeg.api.look import cameras_of, scene_of
+from vispeg.api.recording.look import cameras_of, scene_of
 from vispeg.core.effect import REGISTRY, EffectInstance, effect
 from vispeg.identify.channels import shows
 from vispeg.identify.motions.look_motion import look_motion

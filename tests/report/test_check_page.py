@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from made import recording
 
-from vispeg.api.check_contact import check_contact
+from vispeg.api.recording.contact import check_contact
 from vispeg.recordings.cell import WrenchSensor
 from vispeg.recordings.checks.check import check
 from vispeg.recordings.checks.plot import plot

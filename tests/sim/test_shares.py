@@ -11,7 +11,8 @@ from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import motion
-from vispeg.identify.record import NOISE, centre_of, controller, record
+from vispeg.identify.record import centre_of, controller, record
+from vispeg.recordings.noise import NOISE
 from vispeg.robots.model import load
 from vispeg.sim.shares import processes, shared
 from vispeg.worlds.world import World

@@ -7,13 +7,14 @@ import pytest
 
 from vispeg.core.effect import EffectInstance
 from vispeg.recordings.load import load
+from vispeg.recordings.noise import NOISE
 from vispeg.recordings.regimes import HOLE, IMPACT, PRESS, REGIMES, SLIDE, Thresholds, regimes, touching
 from vispeg.recordings.write import write
 from vispeg.sim.touch import touch
 from vispeg.task.belief import believed
 from vispeg.task.peg.rig.expert import record_expert
 from vispeg.task.peg.rig.motions import AIR, PATHS, motion
-from vispeg.task.peg.rig.record import NOISE, record_cell
+from vispeg.task.peg.rig.record import record_cell
 from vispeg.task.peg.rig.replay import replay
 from vispeg.worlds.model_file import load_model
 

@@ -9,9 +9,9 @@ ROOMS = ("task/peg/", "effects/task/", "robots/")  # the task, effects of its fa
 ELSEWHERE = {
     "__init__.py",
     "api/catalogue.py",
-    "api/check_contact.py",
-    "api/look.py",
-    "api/record_cell.py",
+    "api/recording/contact.py",
+    "api/recording/look.py",
+    "api/recording/cell.py",
     "cli/learning/combine.py",
     "cli/evaluation/evaluate.py",
     "cli/evaluation/trials.py",

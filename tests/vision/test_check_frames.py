@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from made import recording
 
-from vispeg.api.look import cameras_of, scene_of
+from vispeg.api.recording.look import cameras_of, scene_of
 from vispeg.identify.motions.look_motion import look_motion
 from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.frames.camera import RecordedCamera

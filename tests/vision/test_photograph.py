@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vispeg.api.look import cameras_of, look_of, record_look, scene_of
-from vispeg.api.record_cell import record_in_cell
+from vispeg.api.recording.cell import record_in_cell
+from vispeg.api.recording.look import cameras_of, look_of, record_look, scene_of
 from vispeg.cli.main import main
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError

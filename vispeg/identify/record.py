@@ -21,7 +21,6 @@ from vispeg.sim.rollout import Response, simulate
 from vispeg.sim.segments.segment import Segment
 from vispeg.worlds.world import World
 
-NOISE = {"q": 2e-5, "dq": 1e-3, "tau": 0.2, "ee": 1e-4}  # rad, rad/s, N m, m: a good torque-controlled arm
 IIWA_KP = (800.0, 800.0, 300.0, 400.0, 100.0, 60.0, 5.0)  # N m/rad
 IIWA_KD = (20.0, 30.0, 6.0, 12.0, 1.5, 0.8, 0.08)  # N m s/rad
 OSC_KP, OSC_KD = 150.0, 24.0  # 1/s^2, 1/s

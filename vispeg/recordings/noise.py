@@ -11,6 +11,7 @@ from vispeg.recordings.cell import LEVER
 from vispeg.recordings.checks.quality import quantization
 from vispeg.recordings.recording import Recording
 
+NOISE = {"q": 2e-5, "dq": 1e-3, "tau": 0.2, "ee": 1e-4, "ft": 0.1, "ft_torque": 0.005}  # 1 sigma, SI: a good arm's
 SILENT_TAU = 1e-5  # share of the peak torque: no sensor is as quiet as this
 
 

@@ -15,7 +15,7 @@ from cases import CAMERA, Case
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from vispeg.api.look import cameras_of, look_of, scene_of
+from vispeg.api.recording.look import cameras_of, look_of, scene_of
 from vispeg.core.effect import EffectInstance
 from vispeg.identify.motions.look_motion import look_motion
 from vispeg.recordings.cell import CellBelief

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypedDict
 
-from vispeg.api.check_contact import check_contact
+from vispeg.api.recording.contact import check_contact
 from vispeg.api.result import Result
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder

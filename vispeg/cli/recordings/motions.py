@@ -55,7 +55,7 @@ class Args:
         return self._write(self.name)
 
     def _write(self, name: str) -> int:
-        from vispeg.api.record_cell import commands, names
+        from vispeg.api.recording.cell import commands, names
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
 

@@ -18,13 +18,14 @@ Example:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 import tyro
 
 from vispeg.cli.output import Output, Told
+from vispeg.core.errors import UserError
 
 
 @dataclass(frozen=True)
@@ -79,97 +80,53 @@ class Args:
 
     def run(self) -> int:
         """Simulates, writes the folder, prints what is in it."""
-        from vispeg.api.record_cell import MOTIONS as CELL_MOTIONS
-        from vispeg.core.errors import UserError
-        from vispeg.core.seeds import stream
-        from vispeg.identify.motions.rehearse import rehearsed
-        from vispeg.identify.record import centre_of, controller, record
-        from vispeg.recordings.write import write
-        from vispeg.robots.model import load
-        from vispeg.task.belief import of_world
-        from vispeg.task.world_file import is_world
-        from vispeg.worlds.model_file import load_model
-        from vispeg.worlds.words import parse
+        from vispeg.api.recording.record import record
+        from vispeg.cli.reading import told
+        from vispeg.core.files import refuse
 
-        if self.repeat < 1:
-            raise UserError("nothing to record", key="--repeat", expected="1 or more", got=self.repeat)
-        if self.out.exists() and not self.overwrite and (not self.out.is_dir() or any(self.out.iterdir())):
-            raise UserError("exists already; name another or pass --overwrite", file=self.out)
-        if self.motion.startswith("look") and not Path(self.motion).suffix and self.motion not in CELL_MOTIONS:
-            from vispeg.cli.recordings.record_look import run
-
-            return run(self)
-        world = of_world(self.model) if is_world(self.model) else load_model(self.model)
-        if world.cell is not None and (self.motion in CELL_MOTIONS or not self._of_joints()):
-            from vispeg.cli.recordings.record_cell import run
-
-            return run(self, world)
-        world = world if self.tool is None else replace(world, tool=None if self.tool == "none" else self.tool)
-        robot = load(world.robot, tool=world.tool)
-        world = world.add(*(placed for text in self.effects for placed in parse(text, robot)))
-        mode = self.control or ("osc" if self.motion == "osc" else "position")
-        motion = self._motion(robot)
-        gains = (None if g is None else list(g) for g in (self.kp, self.kd))
-        control = controller(robot, mode, self.rate, centre_of(robot), *gains)  # type: ignore[arg-type]
-        motion, share = rehearsed(world, motion, control) if not Path(self.motion).suffix else (motion, None)
-        rng = stream(self.seed, "record", "noise")
-        sensor, name = self.torque_sensor, self.out.name
-        rec = record(world, motion, control, self.sigmas(), rng, torque_sensor=sensor, repeat=self.repeat, name=name)
-        inputs = (self.model, world.robot, self.motion)
-        write(rec, self.out, overwrite=self.overwrite, table=self.table, inputs=inputs)
-        runs = f"{self.repeat} runs of " if self.repeat > 1 else ""
-        how = f"{runs}{motion.name}, {motion.time[-1]:.3g} s at {self.rate:g} Hz, {mode} control"
-        values = {"samples": len(rec.time), "rate_hz": self.rate, "control": mode, "motion": motion.name}
-        values |= {"recording": str(self.out), "robot": world.label, "repeat": self.repeat}
-        shares = zip(robot.joints, [] if share is None else share, strict=False)
-        less = {joint: round(float(s), 3) for joint, s in shares if s < 1}
-        said = ", ".join(f"{joint} {100 * s:.0f} %" for joint, s in less.items())
-        lines = [f"{self.out}: {how}, {world.label}"]
-        lines += (
-            [f"made smaller, so that no joint passes its speed limit: {said} of the motion"]
-            if less and not self.output.quiet
-            else []
+        refuse(self.out, self.overwrite, holds="recording", inputs=(self.model,))
+        simulated = record(
+            self.model,
+            self.motion,
+            duration=self.duration,
+            rate_hz=self.rate,
+            control=self.control,
+            kp=self.kp,
+            kd=self.kd,
+            effects=self.effects,
+            tool=self.tool,
+            noise=dict(map(_level, self.noise)),
+            force_limit=self.force_limit,
+            torque_sensor=self.torque_sensor,
+            repeat=self.repeat,
+            cameras=[name for text in self.cameras for name in text.split(",") if name],
+            size=_size(self.size),
+            fps=self.fps,
+            look=self.look,
+            backend=self.renderer,
+            seed=self.seed,
+            name=self.out.name,
+            table=self.table,
+            watch=lambda: told("taking pictures", quiet=self.output.quiet),
         )
-        self.output.give(values | ({"scaled": less} if less else {}), lines)
+        simulated.save(self.out, overwrite=self.overwrite)
+        self.output.give(
+            {"recording": str(self.out), **simulated.record}, [*simulated.summary, f"recording: {self.out}"]
+        )
         return 0
 
-    def _of_joints(self) -> bool:
-        """Whether MOTION moves an arm alone: by name, or a table without flange poses."""
-        from vispeg.identify.excitation import MOTIONS
-        from vispeg.recordings.columns import columns_of
-        from vispeg.recordings.tables.table import read_table
 
-        path = Path(self.motion)
-        if not path.suffix:
-            return self.motion in MOTIONS or self.motion == "osc"
-        return path.is_file() and columns_of("ee_cmd", ())[0] not in read_table(path).names
+def _level(text: str) -> tuple[str, float]:
+    """Signal and 1-sigma of `q=2e-5`. Raises UserError for no number."""
+    name, _, number = text.partition("=")
+    try:
+        return name, float(number)
+    except ValueError as error:
+        key = f"--noise {name}"
+        raise UserError("not a noise level", key=key, expected="a number, 0 or more", got=number) from error
 
-    def _motion(self, robot):
-        from vispeg.core.seeds import stream
-        from vispeg.identify.excitation import motion
-        from vispeg.identify.motions.replay import replay
-        from vispeg.sim.compiled import compiled
 
-        if Path(self.motion).suffix:
-            return replay(Path(self.motion), robot, self.rate)
-        seconds = self.duration or (9.0 if self.motion == "osc" else 5.0)
-        options = {"model": compiled(robot)} if self.motion == "osc" else {}
-        return motion(self.motion, robot, self.rate, seconds, stream(self.seed, "record", self.motion), **options)
-
-    def sigmas(self) -> dict[str, float]:
-        """Sensor noise by signal. Raises UserError: an unknown signal, or no level."""
-        from vispeg.core.errors import UserError
-        from vispeg.task.peg.rig.record import NOISE
-
-        out = dict(NOISE)
-        for text in self.noise:
-            name, _, number = text.partition("=")
-            if name not in NOISE:
-                raise UserError("unknown noise", key="--noise", got=name, choices=NOISE)
-            try:
-                out[name] = float(number)
-            except ValueError:
-                out[name] = -1.0
-            if not 0 <= out[name] < float("inf"):
-                raise UserError("not a noise level", key=f"--noise {name}", expected="a number, 0 or more", got=number)
-        return out
+def _size(text: str) -> tuple[int, int]:
+    """Width and height in px of `320x240`; (0, 0) where it is none."""
+    width, _, height = text.partition("x")
+    return (int(width), int(height)) if (width + height).isdecimal() and width and height else (0, 0)

@@ -26,7 +26,6 @@ from vispeg.task.peg.rig.run import STEP, Ran, run
 from vispeg.worlds.world import World
 
 OTHERS = ("robot", "mesh_scale", "mesh_concavity", "peg_density")  # of a cell: not numbers of the built-in shapes
-NOISE = {"q": 2e-5, "dq": 1e-3, "tau": 0.2, "ee": 1e-4, "ft": 0.1, "ft_torque": 0.005}
 
 
 def controller(scene: Scene, config: TaskConfig, rate_hz: float, force_limit: float | None = None) -> Control:

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from vispeg.api.inputs import read_model
-from vispeg.api.look import refuse_rate, scene_of, taken
+from vispeg.api.recording.look import refuse_rate, scene_of, taken
 from vispeg.core.effect import OPTICAL, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream

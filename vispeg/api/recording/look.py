@@ -14,9 +14,10 @@ from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.formats.guard import is_file
 from vispeg.identify.motions.look_motion import LOOKS, look_motion
-from vispeg.identify.record import NOISE, centre_of, controller, record
+from vispeg.identify.record import centre_of, controller, record
 from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.frames.frames import Frames
+from vispeg.recordings.noise import NOISE
 from vispeg.recordings.recording import Recording
 from vispeg.render.backends.backend import BackendName
 from vispeg.render.cameras.camera import Camera

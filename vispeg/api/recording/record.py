@@ -1,0 +1,219 @@
+"""Simulated robots are recorded: what `vispeg record` does, from Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from vispeg.api.inputs import Model, read_model
+from vispeg.api.recording.asked import Asked
+from vispeg.api.recording.cell import MOTIONS as OF_CELLS
+from vispeg.api.recording.cell import record_in_cell
+from vispeg.api.recording.look import cameras_of, look_of, record_look, scene_of
+from vispeg.api.recording.simulated import SimulatedRecording
+from vispeg.core.effect import EffectInstance
+from vispeg.core.errors import UserError
+from vispeg.core.seeds import stream
+from vispeg.identify.excitation import MOTIONS, Motion, motion
+from vispeg.identify.motions.rehearse import rehearsed
+from vispeg.identify.motions.replay import replay
+from vispeg.identify.record import centre_of, controller
+from vispeg.identify.record import record as simulate
+from vispeg.recordings.columns import columns_of
+from vispeg.recordings.tables.table import read_table
+from vispeg.render.backends.backend import BackendName
+from vispeg.render.cameras.camera import Camera
+from vispeg.robots.model import RobotModel, load
+from vispeg.robots.scene import Scene
+from vispeg.sim.compiled import compiled
+from vispeg.task.belief import robot_of_world
+from vispeg.worlds.world import World
+
+Watch = Callable[[], AbstractContextManager[Callable[[float], None]]]
+OF_ARMS = "a motion of an arm alone; in a cell the task's controller runs, and motions have their own length"
+
+
+def record(
+    model: Model,
+    motion: str | Path,
+    *,
+    duration: float | None = None,
+    rate_hz: float = 500.0,
+    control: Literal["position", "torque", "osc", "servo"] | None = None,
+    kp: Sequence[float] | None = None,
+    kd: Sequence[float] | None = None,
+    effects: Sequence[str | EffectInstance] = (),
+    tool: str | None = None,
+    noise: Mapping[str, float] | None = None,
+    force_limit: float | None = None,
+    torque_sensor: Literal["joint", "motor", "none"] = "joint",
+    repeat: int = 1,
+    cameras: Sequence[str] = (),
+    size: tuple[int, int] = (320, 240),
+    fps: float = 3.0,
+    look: str | None = None,
+    backend: BackendName = "auto",
+    seed: int = 0,
+    name: str = "simulated",
+    table: Literal["csv", "parquet"] = "csv",
+    watch: Watch = lambda: nullcontext(lambda share: None),
+) -> SimulatedRecording:
+    """Records a simulated robot: an arm alone, an arm whose tool touches, or one whose cameras look at a cell.
+
+    Args:
+        model: a world, a model file, a robot's name, or a path to an MJCF or URDF; contact and pictures need a cell.
+        motion: a name, or a .csv or .parquet file with `time` and `q_cmd.*` (rad), or `ee_cmd.*` (m) in a cell.
+        duration: s; 5 (osc: 9, look: 16) where not given. Tables and motions of contact have their own.
+        rate_hz: control ticks and samples a second.
+        control: the controller; `position` where not given, `osc` for the motion osc and in a cell.
+        kp: stiffness, one a joint (N m/rad), or six for osc (1/s^2); the controller's own where not given.
+        kd: damping, one a joint (N m s/rad), or six for osc (1/s).
+        effects: hidden in the robot: instances, or texts `EFFECT:WHERE[:param=number,...]`.
+        tool: at the flange, declared in the recording; the model's where not given.
+        noise: 1-sigma by signal, SI: `q`, `dq`, `tau`, `ee`, `ft`, `ft_torque`; a good arm's where not given.
+        force_limit: in a cell, the greatest force that the controller asks for, N.
+        torque_sensor: what `tau` measures: torque behind the gear, the motor's, nothing.
+        repeat: runs of the same motion; more than one become episodes.
+        cameras: in a cell, names of its own cameras, or camera files; a look has `wrist_wide` where none is given.
+        size: (width, height) px of the pictures of the cell's own cameras.
+        fps: pictures a second of each camera.
+        look: of the pictures, WORLD/SEED: what that world draws for that seed.
+        backend: what draws the pictures.
+        seed: of the motion and of the noise.
+        name: of the recording.
+        table: the format that `SimulatedRecording.save` gives the samples.
+        watch: opened when pictures are taken; it gives what is told the share that is done.
+
+    Raises:
+        UserError: no such model, motion, effect or camera; an option that this kind of motion does not take; an arm
+            that does not follow.
+    """
+    asked = Asked(
+        model,
+        str(motion),
+        duration,
+        rate_hz,
+        control,
+        None if kp is None else tuple(kp),
+        None if kd is None else tuple(kd),
+        effects,
+        tool,
+        noise or {},
+        force_limit,
+        torque_sensor,
+        repeat,
+        cameras,
+        size,
+        fps,
+        look,
+        backend,
+        seed,
+        name,
+    )
+    if repeat < 1:
+        raise UserError("nothing to record", key="--repeat", expected="1 or more", got=repeat)
+    world = model if isinstance(model, World) else read_model(str(model))
+    if asked.motion.startswith("look") and not asked.is_file and asked.motion not in OF_CELLS:
+        made = _of_cameras(asked, world, watch)
+    elif world.cell is not None and (asked.motion in OF_CELLS or not _of_joints(asked)):
+        made = _of_contact(asked, world, watch)
+    else:
+        made = _of_arm(asked, world)
+    files = (*([] if isinstance(model, World) else [model]), world.robot, *([motion] if asked.is_file else []))
+    return replace(made, table=table, sources=(*files, *cameras))
+
+
+def _of_joints(asked: Asked) -> bool:
+    """Whether the motion moves an arm alone: by name, or a table without flange poses."""
+    if not asked.is_file:
+        return asked.motion in MOTIONS or asked.motion == "osc"
+    path = Path(asked.motion)
+    return path.is_file() and columns_of("ee_cmd", ())[0] not in read_table(path).names
+
+
+def _of_arm(asked: Asked, world: World) -> SimulatedRecording:
+    if asked.tool is not None:
+        world = replace(world, tool=None if asked.tool == "none" else asked.tool)
+    robot = load(world.robot, tool=world.tool)
+    world = asked.hidden(world, robot)
+    mode = asked.control or ("osc" if asked.motion == "osc" else "position")
+    path = _path(asked, robot)
+    kp, kd = (None if gains is None else np.asarray(gains, float) for gains in (asked.kp, asked.kd))
+    control = controller(robot, mode, asked.rate_hz, centre_of(robot), kp, kd)
+    path, share = (path, np.ones(len(robot.joints))) if asked.is_file else rehearsed(world, path, control)
+    options = {"torque_sensor": asked.torque_sensor, "repeat": asked.repeat, "name": asked.name}
+    rec = simulate(world, path, control, asked.levels, stream(asked.seed, "record", "noise"), **options)
+    less = {joint: round(float(part), 3) for joint, part in zip(robot.joints, share, strict=True) if part < 1}
+    return SimulatedRecording(rec, world.label, asked.repeat, scaled=less)
+
+
+def _path(asked: Asked, robot: RobotModel) -> Motion:
+    if asked.is_file:
+        return replay(Path(asked.motion), robot, asked.rate_hz)
+    osc = asked.motion == "osc"
+    seconds = asked.duration or (9.0 if osc else 5.0)
+    rng = stream(asked.seed, "record", asked.motion)
+    return motion(asked.motion, robot, asked.rate_hz, seconds, rng, **({"model": compiled(robot)} if osc else {}))
+
+
+def _of_contact(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
+    none = (None,)
+    usual = {"control": (None, "osc"), "kp": none, "kd": none, "duration": none, "tool": none}
+    asked.refuse("not for a motion that touches", OF_ARMS, **usual)
+    if asked.torque_sensor == "motor":
+        raise UserError("not in a cell", key="--torque-sensor", got="motor", choices=("joint", "none"))
+    scene = robot_of_world(world)
+    names = asked.cameras or (("wrist_wide",) if asked.motion.startswith("look") else ())
+    cameras: tuple[Camera, ...] = ()
+    looks: tuple[EffectInstance, ...] = ()
+    if isinstance(scene, Scene):
+        cameras = cameras_of(names, scene, asked.pixels) if names else ()
+        scene = replace(scene, cameras=tuple(c.name for c in cameras))
+        looks = look_of(asked.look, scene) if asked.look is not None and cameras else ()
+    world = asked.hidden(world, scene)
+    with watch() if cameras else nullcontext(lambda share: None) as told:
+        rec = record_in_cell(
+            world.add(*looks),
+            asked.motion,
+            asked.levels,
+            rate_hz=asked.rate_hz,
+            seed=asked.seed,
+            force_limit=asked.force_limit,
+            torque_sensor="none" if asked.torque_sensor == "none" else "joint",
+            repeat=asked.repeat,
+            label=asked.name,
+            cameras=cameras,
+            fps=asked.fps,
+            backend=asked.backend,
+            told=told,
+        )
+    return SimulatedRecording(rec, world.label, asked.repeat, asked.look if looks else None)
+
+
+def _of_cameras(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
+    usual = {"control": (None, "position"), "kp": (None,), "kd": (None,), "tool": (None,), "repeat": (1,)}
+    asked.refuse("not for a motion that looks", **usual)
+    cameras = cameras_of(asked.cameras or ("wrist_wide",), scene_of(world), asked.pixels)
+    scene = scene_of(world, cameras)
+    looks = () if asked.look is None else look_of(asked.look, scene)
+    world = asked.hidden(world, scene)
+    with watch() as told:
+        rec = record_look(
+            world.add(*looks),
+            asked.motion,
+            cameras,
+            fps=asked.fps,
+            duration=asked.duration,
+            rate_hz=asked.rate_hz,
+            noise=asked.levels,
+            seed=asked.seed,
+            backend=asked.backend,
+            name=asked.name,
+            told=told,
+        )
+    return SimulatedRecording(rec, world.label, look=asked.look)
