@@ -240,7 +240,7 @@ def test_a_recording_that_begins_in_contact_or_has_no_wrench_is_refused():
     rec = recorded()
     with pytest.raises(UserError, match="free air"):
         evidence_of([replace(rec, time=rec.time[600:], q=rec.q[600:], ft=rec.ft[600:])])
-    with pytest.raises(UserError, match="no wrench"):
+    with pytest.raises(UserError, match="nor joint torques"):
         evidence_of([replace(rec, ft=None)])
 
 

@@ -12,6 +12,7 @@ from typing import NotRequired, TypedDict
 
 import numpy as np
 
+from vispeg.contact.torques import refuse_numb, torqued, touches
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.core.memory import release
@@ -177,8 +178,17 @@ def of_cell(model: Model) -> bool:
 
 
 def felt(recordings: Sequence[Recording]) -> bool:
-    """Whether all of them have a wrench."""
-    return all(rec.ft is not None for rec in recordings)
+    """Whether all of them have a wrench, or those without one touch something and have joint torques to tell it from.
+
+    Raises:
+        UserError: one that touches something has neither, nor frames.
+    """
+    without = [rec for rec in recordings if rec.ft is None]
+    touched = [rec for rec in without if touches(rec, believed(rec.cell, rec.path / "recording.yaml").scene)]
+    for rec in touched:
+        if rec.frames is None:
+            refuse_numb(rec)
+    return not without or (bool(touched) and all(map(torqued, without)))
 
 
 class Windows(TypedDict):

@@ -20,6 +20,7 @@ from vispeg.contact.path import Path, along
 from vispeg.contact.phases import Phases, phases
 from vispeg.contact.sensor import hand_world, readings, trusted
 from vispeg.contact.thin import thinned
+from vispeg.contact.torques import calm, notes
 from vispeg.core.effect import Effect, effect
 from vispeg.core.errors import UserError
 from vispeg.identify.channels import Channel, Item
@@ -27,6 +28,7 @@ from vispeg.identify.evidence import PENALTY, Evidence
 from vispeg.recordings.cell import WrenchSensor
 from vispeg.recordings.recording import Control, Recording
 from vispeg.robots.scene import Scene
+from vispeg.sim.external import External
 from vispeg.sim.segments.segment import Segment
 from vispeg.sim.touch import Touch, touch
 from vispeg.worlds.world import World
@@ -48,12 +50,14 @@ class Touching:
         scene: the cell as the user believes it.
         believed: effects that are part of that belief.
         wrench: (n, 6) N, N m: what the flange puts on the tool, flange axes.
+        torques: what joint torques tell of it where no sensor read it; None where one did.
     """
 
     recording: Recording
     scene: Scene
     wrench: np.ndarray
     believed: World = field(default_factory=World)
+    torques: External | None = None
 
 
 @dataclass(frozen=True)
@@ -99,14 +103,14 @@ class ContactEvidence(Evidence):
 
     def __init__(self, touching: Sequence[Touching], *, nthread: int = 1):
         self.recordings, self.nthread = [t.recording for t in touching], nthread
-        force, place = trusted(self.recordings)
+        force, place = trusted([t.recording for t in touching], [t.torques is None for t in touching])
         self.hold = grasp(force, place)
         hands: dict[int, Scene] = {}
         self.items: list[ContactItem] = []
         for t in touching:
             one = hands.setdefault(id(t.scene), hand(t.scene, self.hold))
             self.items += _items(t, one, SECONDS / len(touching), self.hold, nthread)
-        self.notes: list[str] = []
+        self.notes: list[str] = notes([(t.recording, t.torques) for t in touching])
         self.absent: set[tuple[str, str]] = set()
         self.floor_from = "simulated repeats with the stated noise"
         self._recent = []
@@ -213,7 +217,8 @@ def _alike(worlds: Sequence[World]) -> list[np.ndarray]:
 def _items(t: Touching, one: Scene, seconds: float, hold: Grasp, nthread: int) -> list[ContactItem]:
     rec = t.recording
     number = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
-    felt = touch(replace(rec, wrench=rec.wrench or WrenchSensor()), t.scene)
+    told = rec if t.torques is None else calm(rec, t.torques)
+    felt = touch(replace(told, wrench=rec.wrench or WrenchSensor()), t.scene)
     assert felt is not None  # `touching` refused a recording without a wrench
     out = [_item(t, felt, one, np.flatnonzero(number == n), seconds, hold, nthread) for n in np.unique(number)]
     out = [i for i in out if i is not None]

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vispeg.contact.evidence import Touching
-from vispeg.core.errors import UserError
+from vispeg.contact.torques import estimated, sensed
 from vispeg.recordings.cell import WrenchSensor, canonical
 from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene
@@ -16,15 +16,15 @@ from vispeg.task.belief import believed
 
 
 def touching(rec: Recording) -> Touching:
-    """A recording of contact.
+    """A recording of contact; where no wrench was recorded, with that which joint torques tell.
 
     Raises:
-        UserError: no wrench was recorded, or a cell that cannot be built.
+        UserError: neither a wrench nor joint torques were recorded, or a cell that cannot be built.
     """
-    if rec.ft is None or not np.isfinite(rec.ft).any():
-        header = rec.path / "recording.yaml"
-        raise UserError("has no wrench", file=header, key="ft.*", expected="columns ft.fx .. ft.tz, N and N m")
     cell = believed(rec.cell, rec.path / "recording.yaml")
+    if rec.ft is None or not sensed(rec):
+        rec, found = estimated(rec, cell.scene)
+        return Touching(rec, cell.scene, found.wrench, cell.world, found)
     sensor = rec.wrench or WrenchSensor()
     turn = Rotation.from_quat(flange_pose(cell.scene.nominal, np.nan_to_num(rec.q))[:, 3:], scalar_first=True)
     wrench = canonical(rec.ft, sensor, turn.as_matrix())

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vispeg.contact.phases import NAMES
+from vispeg.contact.torques import unsure
 from vispeg.recordings.regimes import Thresholds
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ class Nuisance:
 
 def nuisance(item: ContactItem) -> Nuisance:
     """That of an item with its floor."""
-    columns = [*_drifts(item), *_mixtures(item), *_misplaced(item), *_stuck(item), *_chatters(item)]
+    columns = [*_drifts(item), *_mixtures(item), *_misplaced(item), *_stuck(item), *_chatters(item), *unsure(item)]
     return Nuisance.of(np.stack([np.nan_to_num(np.where(item.valid, c / item.sigma, 0.0)).ravel() for c in columns], 1))
 
 

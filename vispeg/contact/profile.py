@@ -23,13 +23,18 @@ def looked_for() -> list[Effect]:
 
 
 def places(evidence: ContactEvidence, world: World) -> list[tuple[str, str]]:
-    """Every (effect, place) that is not yet in the world: of an effect with several places the one that rules."""
-    scene = evidence.items[0].source.scene
+    """Every (effect, place) that is not yet in the world: of an effect with several places the one that rules.
+
+    What a force sensor makes of a wrench is left out where none was read by one.
+    """
+    scene, read = evidence.items[0].source.scene, any(i.source.torques is None for i in evidence.items)
     out = []
     for kind in looked_for():
         targets = kind.targets(scene)
         where = scene.held if scene.held in targets else (targets or [""])[0]
-        if where and not any(e.effect == kind.name for e in world.effects):
+        if (not read and kind.overrides("wrench")) or not where:
+            continue
+        if not any(e.effect == kind.name for e in world.effects):
             out.append((kind.name, where))
     return out
 

@@ -33,8 +33,9 @@ def readings(path: Path, scene: Scene, world: World) -> np.ndarray:
     return wrench
 
 
-def trusted(recordings: Sequence[Recording]) -> tuple[float, float]:
-    """What forces (N) and places (m) are trusted to."""
-    force = max([LEAST_FORCE, *(float(r.noise.get("ft", 0.0)) for r in recordings)])
+def trusted(recordings: Sequence[Recording], read: Sequence[bool]) -> tuple[float, float]:
+    """What forces (N) and places (m) are trusted to; a force that was not `read` by a sensor is as soft a hold."""
+    by = [r for r, sensor in zip(recordings, read, strict=True) if sensor]
+    force = max([LEAST_FORCE, *(float(r.noise.get("ft", 0.0)) for r in by)])
     place = max([LEAST_PLACE, *(REACH * float(np.max(noise_of(r)["q"])) for r in recordings)])
     return force, place

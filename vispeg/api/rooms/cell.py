@@ -28,16 +28,17 @@ HEAVY = {"body_mass", "body_ipos"}  # ... and by which the hand carries somethin
 
 
 def readable(*groups: Sequence[Recording]) -> tuple[RoomName, ...]:
-    """The rooms that all recordings have something for."""
+    """The rooms that all recordings have something for; not the joints' where their torques stand for a wrench."""
     recordings = [rec for group in groups for rec in group]
     out: list[RoomName] = []
-    if all(
+    touched = felt(recordings)
+    if not (touched and any(rec.ft is None for rec in recordings)) and all(
         rec.control.mode != "unknown" or (rec.tau is not None and rec.torque_sensor != "none") for rec in recordings
     ):
         out.append("joints")
     if pictures.photographed(recordings):
         out.append("pictures")
-    if felt(recordings):
+    if touched:
         out.append("contact")
     return tuple(out)
 

@@ -1,0 +1,116 @@
+"""Contact from joint torques alone: the wrench is the true one within what is stated, and so is what it tells."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vispeg.api.inputs import felt
+from vispeg.contact.likely import intervals
+from vispeg.contact.profile import places
+from vispeg.contact.run import evidence_of
+from vispeg.contact.torques import touches
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.errors import UserError
+from vispeg.core.seeds import stream
+from vispeg.identify.fit import fit_job
+from vispeg.identify.pool import run_together
+from vispeg.recordings.cell import CellBelief
+from vispeg.recordings.regimes import FREE
+from vispeg.robots.tools import CELL
+from vispeg.sim.external import BLOCK, PRIOR, external, flange_jacobian, solved
+from vispeg.sim.touch import touch
+from vispeg.task.belief import believed
+from vispeg.task.peg.rig.motions import CellMotion, Place, press
+from vispeg.task.peg.rig.path import commands
+from vispeg.task.peg.rig.record import NOISE, record_cell
+from vispeg.task.start import home
+from vispeg.worlds.world import World
+
+MODEL = World("iiwa14", CELL, cell=CellBelief("nominal"))
+FOUND = believed(MODEL.cell)
+SOFT = 1e-4  # m/N, of the hidden fixture
+
+
+@pytest.fixture(scope="module")
+def pressed():
+    """One press of 5 to 25 N on a soft fixture, with a wrench sensor and joint torques."""
+    time, frames = press(Place(FOUND.scene, stream(1, "torques")), 1).frames(500.0)
+    made = CellMotion("press", time, commands(frames, FOUND.scene, FOUND.config.stiffness))
+    hidden = EffectInstance.of("fixture_compliance", "fixture", z=SOFT)
+    return record_cell(MODEL.add(hidden), made, NOISE, stream(2, "torques"))
+
+
+def numb(rec, friction=0.0):
+    """Without its wrench sensor; joints rub by so many N m where the torque sensors see it."""
+    noise = {k: v for k, v in rec.noise.items() if not k.startswith("ft")}
+    tau = rec.tau + friction * np.tanh(rec.dq / 0.01)
+    return replace(rec, ft=None, wrench=None, noise=noise, tau=tau)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3, 1.0])
+def test_the_wrench_from_torques_is_the_true_one_within_what_is_stated(friction, pressed):
+    """Per axis and regime, RMS error of block means over the stated sigma; with friction that is far from nothing."""
+    found = external(numb(pressed, friction), FOUND.scene.nominal)
+    size = round(BLOCK * pressed.rate_hz)
+    m = len(pressed.time) // size
+    off = (found.wrench - pressed.ft)[: m * size].reshape(m, size, 6).mean(axis=1)
+    white = (found.gain[: m * size : size] ** 2 @ found.white**2) / size
+    sigma = np.sqrt(found.sigma[: m * size : size] ** 2 + white)
+    regime = touch(pressed, FOUND.scene).regime[size // 2 : m * size : size]
+    for some in (regime == FREE, regime != FREE):
+        score = np.sqrt(np.mean((off[some] / sigma[some]) ** 2, axis=0))
+        assert np.all(score < 1.5) and np.sqrt(np.mean(score**2)) < 1.2
+    pushed = np.linalg.norm(found.wrench[:, :3], axis=1).max()
+    assert pushed == pytest.approx(np.linalg.norm(pressed.ft[:, :3], axis=1).max(), rel=0.1)
+    assert np.sqrt(np.mean(sigma[:, :3] ** 2)) < 0.6 + 3.0 * friction, "and the stated sigma is of use"
+
+
+def test_what_a_straight_arm_does_not_see_is_said_and_as_unsure_as_any_wrench():
+    """Stretched out upwards, no joint torque tells a push along the arm; the direction is the Jacobian's own."""
+    jac = flange_jacobian(FOUND.scene.nominal, np.array([np.zeros(7), home(FOUND.scene)]))
+    gain, blind = solved(jac, np.full(7, 0.2))
+    lengths = np.linalg.norm(blind / PRIOR[:, None], axis=1)
+    assert np.all(lengths[1] == 0) and np.isfinite(gain).all()
+    value, vector = np.linalg.svd(jac[0] * PRIOR[:, None])[1::-1]
+    null = vector[:, value < 1e-6 * value[0]]
+    unseen = np.linalg.qr((blind[0] / PRIOR[:, None])[:, lengths[0] > 0])[0]
+    assert null.shape[1] == unseen.shape[1] == 3, "joints turn in one plane, and about the arm"
+    np.testing.assert_allclose(unseen @ (unseen.T @ null), null, atol=1e-6)
+    wrench = np.array([4.0, -3.0, 8.0, 0.3, 0.2, -0.1])
+    np.testing.assert_allclose(gain[1] @ (jac[1].T @ wrench), wrench, rtol=5e-3, atol=5e-3)
+    seen = np.eye(6) - unseen @ unseen.T
+    np.testing.assert_allclose(gain[0] @ (jac[0].T @ wrench) / PRIOR, seen @ (wrench / PRIOR), atol=1e-3)
+
+
+def fitted(rec):
+    """Evidence of a recording, and the interval of the fixture's compliance in z."""
+    evidence = evidence_of([rec])
+    start = World().add(EffectInstance.of("fixture_compliance", "fixture", z=4e-5))
+    evidence.absent = {("fixture_compliance", k) for k in ("x", "y", "roll", "pitch")}
+    (fit,) = run_together([fit_job(evidence, start, [0], iterations=6)], evidence.residuals)
+    return evidence, intervals(evidence, fit)[0].effects[0].params["z"]
+
+
+def test_a_soft_fixture_is_told_from_torques_alone_less_surely_than_by_a_sensor(pressed):
+    evidence, told = fitted(numb(pressed))
+    _, read = fitted(pressed)
+    for value in (told, read):
+        assert value.low <= SOFT <= value.high and value.low > 0.3 * SOFT
+    assert told.high - told.low > read.high - read.low
+    assert "no force sensor" in evidence.notes[0] and "intervals are wider" in evidence.notes[0]
+    offered = {name for name, _ in places(evidence, World())}
+    assert "fixture_compliance" in offered and not any(effect(n).overrides("wrench") for n in offered)
+
+
+def test_what_touches_without_wrench_and_torques_is_refused_in_one_line(pressed):
+    rec = numb(pressed)
+    deaf = replace(rec, tau=None, torque_sensor="none")
+    with pytest.raises(UserError, match="nor joint torques") as refused:
+        felt([deaf])
+    assert "\n" not in str(refused.value) and "recording.yaml" in str(refused.value)
+    air = replace(deaf, **{k: getattr(deaf, k)[:400] for k in ("time", "q", "dq", "ee", "ee_cmd")})
+    assert touches(rec, FOUND.scene) and not touches(air, FOUND.scene)
+    assert felt([pressed]) and felt([rec]) and not felt([air])

@@ -1,0 +1,133 @@
+"""Contact without a force sensor at the wrist: the wrench from the joints' torques, and what it leaves open.
+
+What a joint's torque is off by for longer than a block (see `vispeg.sim.external`) is an error of the wrench in a
+direction that the posture decides. It is one nuisance a joint and second, so that a verdict rests on what joints cannot
+be blamed for; what the posture does not see at all is as unsure as any wrench can be, block by block.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.recordings.cell import WrenchSensor
+from vispeg.recordings.recording import Recording
+from vispeg.robots.scene import Scene
+from vispeg.sim.compiled import flange_pose
+from vispeg.sim.external import STILL, External, external
+
+if TYPE_CHECKING:
+    from vispeg.contact.evidence import ContactItem
+
+HOLDS = 1.0  # s over which friction and hysteresis keep their sign
+NEAR = 3e-3  # m over a surface below which a tip may touch it
+ROUND = 0.05  # m about the fixture that counts as over it
+SENSORS = ("joint", "motor")
+AXES = ("x", "y", "z")
+
+
+def sensed(rec: Recording) -> bool:
+    """Whether a wrench was recorded."""
+    return rec.ft is not None and bool(np.isfinite(rec.ft).any())
+
+
+def torqued(rec: Recording) -> bool:
+    """Whether joint torques were."""
+    return rec.tau is not None and rec.torque_sensor in SENSORS and bool(np.isfinite(rec.tau).any())
+
+
+def refuse_numb(rec: Recording) -> None:
+    """Raises UserError for a recording of contact without joint torques, where no wrench was measured either."""
+    if not torqued(rec):
+        raise UserError(
+            "touches the cell and has no wrench, nor joint torques to tell it from",
+            file=rec.path / "recording.yaml",
+            key="ft.*",
+            expected="columns ft.fx .. ft.tz (N, N m), or tau.* and torque_sensor: joint or motor",
+        )
+
+
+def estimated(rec: Recording, scene: Scene) -> tuple[Recording, External]:
+    """The recording with the wrench that its joint torques tell, as a sensor at the flange would read it.
+
+    Raises:
+        UserError: no joint torques.
+    """
+    refuse_numb(rec)
+    found = external(rec, scene.nominal)
+    force, torque = found.noise
+    noise = {**rec.noise, "ft": force, "ft_torque": torque}
+    return replace(rec, ft=found.wrench, wrench=WrenchSensor(), noise=noise), found
+
+
+def calm(rec: Recording, found: External) -> Recording:
+    """What a touch is told by: the same wrench with the noise that a sample has."""
+    still = found.wrench[rec.time <= rec.time[0] + STILL]
+    force, torque = (float(still[:, part].std(axis=0).mean()) for part in (slice(0, 3), slice(3, 6)))
+    return replace(rec, noise={**rec.noise, "ft": force, "ft_torque": torque})
+
+
+def touches(rec: Recording, scene: Scene) -> bool:
+    """Whether the tip came so near to the fixture or the table that it may have touched."""
+    pose = flange_pose(scene.nominal, rec.q)
+    w, x, y, z = pose[:, 3:].T
+    out = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1)
+    tip = pose[:, :3] + scene.tip * out - scene.target
+    over = np.abs(tip[:, :2]).max(axis=1) < scene.config.block + ROUND
+    return bool(np.any(np.where(over, tip[:, 2], tip[:, 2] + scene.target[2]) < NEAR))
+
+
+def unsure(item: ContactItem) -> list[np.ndarray]:
+    """Columns (m, 6) N, N m for `vispeg.contact.nuisance`: errors of joint torques of their usual size, and what the
+    posture does not see; none where a wrench was measured.
+    """
+    found = item.source.torques
+    if found is None:
+        return []
+    rows = item.path.rows[item.phase.rows(item.path.clock)]
+    time, gain = item.phase.time, found.gain[rows]
+    out = []
+    for j, size in enumerate(found.steady):
+        push = size * gain[:, :, j]
+        for middle in np.arange(0.0, time[-1] + HOLDS, HOLDS):
+            hat = np.maximum(0.0, 1 - np.abs(time - middle) / HOLDS)
+            out.append(push * hat[:, None])
+    for b, along in enumerate(found.blind[rows]):
+        for column in along.T[np.abs(along).max(axis=0) > 0]:
+            one = np.zeros((len(rows), 6))
+            one[b] = column
+            out.append(one)
+    return out
+
+
+def said(rec: Recording, found: External) -> str:
+    """A note for the user: how well forces are known, axis by axis of the flange, and what is not seen."""
+    sigma = np.sqrt(np.mean(found.sigma**2, axis=0))
+    seen = ~np.any(found.blind != 0, axis=(1, 2))
+    level = np.sqrt(np.mean(found.sigma[seen] ** 2, axis=0)) if seen.any() else sigma
+    known = ", ".join(f"{axis} {v:.2g}" for axis, v in zip(AXES, level[:3], strict=True))
+    text = f"{rec.name}: no force sensor; the wrench is told from joint torques, whose friction and hysteresis leave it"
+    text += f" unsure by {known} N along the flange's axes: intervals are wider, and joints are not diagnosed beside it"
+    if seen.all():
+        return text
+    worst = found.blind[int(np.argmax(np.abs(found.blind).sum(axis=(1, 2))))]
+    return f"{text}; {_blind(worst)} in {100 * float(np.mean(~seen)):.0f} % of the samples"
+
+
+def _blind(columns: np.ndarray) -> str:
+    """Which directions (6, k) are not seen, in words."""
+    words = []
+    for column in columns.T[np.abs(columns).max(axis=0) > 0]:
+        scaled = column / np.repeat([100.0, 10.0], 3)
+        k = int(np.argmax(np.abs(scaled)))
+        words.append(f"the {'force' if k < 3 else 'torque about'} {AXES[k % 3]}".replace("force ", "force along "))
+    return f"{' and '.join(dict.fromkeys(words))} is not seen (the arm is near a singularity)"
+
+
+def notes(pairs: Sequence[tuple[Recording, External | None]]) -> list[str]:
+    """Those of recordings without a wrench."""
+    return [said(rec, found) for rec, found in pairs if found is not None]
