@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from mujoco import batch as mjb
+from scipy.spatial.transform import Rotation
 
 from vispeg.contact.path import Path
 from vispeg.robots.scene import Scene
@@ -46,6 +47,7 @@ def drive(
     rest: slice,
     windows: Sequence[slice],
     nthread: int,
+    shift: np.ndarray | None = None,
 ) -> Driven:
     """Drives the hands of `worlds` (which have the same springs built in) through windows of a path.
 
@@ -58,13 +60,19 @@ def drive(
         rest: of the path's samples: those in free air at its start, from which the sensor's zero is taken.
         windows: of the path's samples, in their order.
         nthread: of the batch.
+        shift: (nworld, 6) m and rad by which each hand is off its path, in the axes that the hand starts in.
     """
     batch = hands(scene, whole, path, worlds, nthread)
+    if shift is not None:
+        body, turn = compiled(scene).body(scene.base).id, Rotation.from_quat(path.frame, scalar_first=True)
+        batch.expand("body_pos")[:, body] = path.origin + turn.apply(shift[:, :3])
+        batch.expand("body_quat")[:, body] = (turn * Rotation.from_rotvec(shift[:, 3:])).as_quat(scalar_first=True)
     qpos, qvel, bias = batch.bind("qpos"), batch.bind("qvel"), batch.bind("qfrc_bias")
     qpos[:, :6], qvel[:, :6] = path.place[0], path.rate[0]
     batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
     weight = np.linalg.solve(path.jacobian[0], bias[:, :6].T).T
     zero = wrench[:, rest].mean(axis=1) - weight
+    damping = -compiled(scene).actuator_biasprm[6:12, 2]
     applied = np.einsum("nij,wnj->wni", path.jacobian, wrench - zero[:, None])
     correction, places = np.full(wrench.shape, np.nan), np.tile(path.place, (len(worlds), 1, 1))
     for window in windows:  # what is no joint of the hand's own goes on where the last window left it
@@ -72,10 +80,14 @@ def drive(
         qvel[:, :6] = path.rate[window.start]
         n = window.stop - window.start
         control = np.zeros((len(worlds), n, 12 + qvel.shape[1]))
-        control[:, :, :6], control[:, :, 6:12] = path.place[window], path.rate[window]
+        control[:, :, :6] = path.place[window]
+        control[:, :, 6:12] = path.rate[np.minimum(np.arange(window.start, window.stop) + 1, len(path.rate) - 1)]
         control[:, :, 12:18] = applied[:, window]
-        out = batch.rollout(n, control, CONTROL, record=["actuator_force", "qpos"])
-        force = out["actuator_force"][:, :, :6] + out["actuator_force"][:, :, 6:12]
+        begin = np.tile(path.rate[window.start], (len(worlds), 1, 1))
+        out = batch.rollout(n, control, CONTROL, record=["actuator_force", "qpos", "qvel"])
+        # a step's dampers act on the speed that it ends with, `actuator_force` is of the one that it begins with
+        gained = np.diff(out["qvel"][:, :, :6], axis=1, prepend=begin)
+        force = out["actuator_force"][:, :, :6] + out["actuator_force"][:, :, 6:12] - damping * gained
         correction[:, window] = np.linalg.solve(path.jacobian[None, window], force[..., None])[..., 0]
         places[:, window] = out["qpos"][:, :, :6]
     return Driven(correction, zero, places)

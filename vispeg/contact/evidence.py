@@ -15,7 +15,7 @@ import numpy as np
 from vispeg.contact.drive import Driven, drive
 from vispeg.contact.floors import floors
 from vispeg.contact.hand import Grasp, grasp, hand
-from vispeg.contact.nuisance import Nuisance, nuisance
+from vispeg.contact.nuisance import PLACE, TURN, Nuisance, nuisance
 from vispeg.contact.path import Path, along
 from vispeg.contact.phases import Phases, phases
 from vispeg.contact.sensor import hand_world, readings, trusted
@@ -35,9 +35,9 @@ from vispeg.worlds.world import World
 
 BLOCK = 0.04  # s: of solver chatter a median over it leaves little
 H_MAX = 2e-3  # s, physics step, at most: half the shortest time constant of the cell's contacts
-FAR = 25.0  # whitened residuals beyond this count less
+FAR = 4.0  # whitened residuals beyond this count less
 TIE = 0.02  # of the greatest difference between two worlds in a block of time, up to which the others are ties
-SECONDS = 16.0  # of all recordings that are driven, spread over the phases of contact
+SECONDS = 20.0  # of contact that is driven, over all recordings
 ROWS = 64  # worlds that are driven at once
 
 
@@ -194,6 +194,19 @@ def driven(item: ContactItem, worlds: Sequence[World], nthread: int = 1) -> Driv
     return drive(item.hand, item.source.scene, item.path, own, wrench, item.phase.rest, item.phase.windows, nthread)
 
 
+def displaced(item: ContactItem, nthread: int = 1) -> np.ndarray:
+    """(6, m, 6) how the wrench answers where the hand is off its path by `PLACE` or `TURN`, an axis each."""
+    off = np.diag(np.repeat([PLACE, TURN], 3))
+    world = hand_world(item.source.believed, World())
+    wrench = np.repeat(readings(item.path, item.hand, world)[None], 12, axis=0)
+    phase, shift = item.phase, np.concatenate([off, -off])
+    out = drive(
+        item.hand, item.source.scene, item.path, [world] * 12, wrench, phase.rest, phase.windows, nthread, shift
+    )
+    answer = predicted(item, out)
+    return np.nan_to_num(answer[:6] - answer[6:]) / 2
+
+
 def predicted(item: ContactItem, out: Driven) -> np.ndarray:
     """(nworld, m, 6): measured wrench, less the zero found in free air, plus the correction, as the sensor reads it.
 
@@ -254,7 +267,7 @@ def _item(
         Channel("moment", measured[:, torque], sigma[:, torque], valid[:, torque]),
     )
     item = ContactItem(rec, segment, t.scene, channels, path, phase, t, one, hold, sigma)
-    return replace(item, nuisance=nuisance(item))
+    return replace(item, nuisance=nuisance(item, displaced(item, nthread)))
 
 
 __all__ = ["PENALTY", "ContactEvidence", "ContactItem", "Touching", "driven", "predicted"]

@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from vispeg.contact.drive import drive
 from vispeg.contact.noise import noise
@@ -26,9 +27,12 @@ from vispeg.worlds.world import World
 if TYPE_CHECKING:
     from vispeg.contact.evidence import ContactItem
 
-FORM = dict(zip(NAMES, (0.1, 0.07, 0.25, 0.25, 2.0), strict=True))  # N
+FORM = dict(zip(NAMES, (0.04, 0.035, 0.2, 0.15, 2.0), strict=True))  # N
+SHARE = dict(zip(NAMES, (0.005, 0.005, 0.03, 0.03, 0.03), strict=True))  # and of the force of contact
+WEDGED = 0.3  # more of it in the hole, where a rocked part wedges: 0.1 mm of its roundness turns the hand by mrad
+ROCKED = 0.15  # rad at which it surely does
 LOOSE = 2  # blocks before and after a slide: when exactly a contact breaks loose no model says
-CHATTER = 0.1  # of the scatter of a block's readings beyond their noise
+MEDIAN = 1.25  # standard error of a median, over the standard deviation and the root of the count
 LEVER, DRIFT = 0.1, 0.3  # m, of a torque against a force; N, by how much a sensor's zero may wander between starts
 
 
@@ -48,18 +52,29 @@ def floors(item: ContactItem, nthread: int) -> np.ndarray:
         drive(item.hand, item.source.scene, again, [world], read[None], phase.rest, phase.windows, nthread).correction
     )[0]
     out = np.empty_like(left)
+    ends = np.convolve(phase.of("slide"), np.ones(2 * LOOSE + 1), "same") > 0
+    unit = np.repeat([1.0, LEVER], 3)
     for name in NAMES:
         rows, used = phase.of(name), phase.of(name) & phase.valid & ~phase.resting
         if rows.any():
-            form = FORM[name] * np.repeat([1.0, LEVER], 3)
             seen = np.sqrt(np.mean(left[used] ** 2, axis=0)) if used.any() else 0.0
-            out[rows] = np.hypot(seen, form)
-    breaks = ~phase.of("slide") & (np.convolve(phase.of("slide"), np.ones(2 * LOOSE + 1), "same") > 0)
-    out[breaks] = np.hypot(out[breaks], FORM["slide"] * np.repeat([1.0, LEVER], 3))
+            breaks = rows & ends
+            for some, law in ((rows & ~ends, name), (breaks, name if name == "impact" else "slide")):
+                share = SHARE[law] + WEDGED * wedged(item)[some] if law == "hole" else SHARE[law]
+                form = np.hypot(FORM[law], share * phase.force[some])
+                out[some] = np.hypot(seen, form[:, None] * unit)
     chatter = np.sqrt(np.maximum(phase.scatter(path.wrench) ** 2 - sigma**2, 0.0))
-    out = np.hypot(out, CHATTER * chatter)
+    out = np.hypot(out, MEDIAN / np.sqrt(phase.size) * chatter)
     out[phase.resting] = np.repeat([DRIFT, DRIFT * LEVER], 3)
     return out
+
+
+def wedged(item: ContactItem) -> np.ndarray:
+    """(m,) from 0 to 1: square of how far the hand is rocked against the believed hole."""
+    path = item.path
+    turn = Rotation.from_quat(path.frame, scalar_first=True)
+    axis = (turn * Rotation.from_euler("XYZ", path.place[item.phase.rows(path.time), 3:])).apply([0.0, 0.0, 1.0])
+    return np.minimum(1.0, (axis[:, 0] ** 2 + axis[:, 1] ** 2) / ROCKED**2)
 
 
 def _noisy(place: np.ndarray, time: np.ndarray, clock: np.ndarray, sigma: float, rng) -> tuple[np.ndarray, np.ndarray]:

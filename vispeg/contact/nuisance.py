@@ -13,12 +13,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vispeg.contact.phases import NAMES
 from vispeg.contact.torques import unsure
 from vispeg.recordings.regimes import Thresholds
+from vispeg.robots.scene import Scene
+from vispeg.sim.compiled import compiled
 
 if TYPE_CHECKING:
     from vispeg.contact.evidence import ContactItem
@@ -26,9 +29,10 @@ if TYPE_CHECKING:
 DRIFT, CROSS, LEVER = 0.15, 0.01, 0.1  # N over a recording; share of another channel; m, of a torque against a force
 PLACE, TURN = 1e-4, 2e-4  # m, rad: by how much a robot's forward kinematics are off within a cell
 TOUCH = Thresholds().touch  # N, of contact that a place binds
+LATE = 5e-4  # s
+BLOWS, BEFORE = 0.1, 5  # share of a slide's scatter by which it drags otherwise; blocks before a tip sticks
 FAR = 0.02  # m over which that changes
-CHATTER = 0.1  # of the scatter of a slide's readings, by which they are off on the average
-BEFORE = 5  # blocks before a tip sticks, whose blows say where it came to stick
+NEARLY, SLIPPED = 0.5, 3e-4  # of what a grip holds, from which a blow moves the part in it; m
 STUCK = 0.005  # m/s, of a tip below which it sticks
 LEAST = 0.05  # score below which a direction is no nuisance
 
@@ -58,9 +62,10 @@ class Nuisance:
         return (flat - self.basis @ (self.less * (self.basis.T @ flat))).reshape(residual.shape)
 
 
-def nuisance(item: ContactItem) -> Nuisance:
-    """That of an item with its floor."""
-    columns = [*_drifts(item), *_mixtures(item), *_misplaced(item), *_stuck(item), *_chatters(item), *unsure(item)]
+def nuisance(item: ContactItem, displaced: np.ndarray) -> Nuisance:
+    """That of an item with its floor; `displaced` (6, m, 6) is how the wrench answers to a hand off its path."""
+    columns = [*_drifts(item), *_mixtures(item), _late(item), *_misplaced(item, displaced), *_stuck(item)]
+    columns += [*_chatters(item), *_slipped(item), *unsure(item)]
     return Nuisance.of(np.stack([np.nan_to_num(np.where(item.valid, c / item.sigma, 0.0)).ravel() for c in columns], 1))
 
 
@@ -83,32 +88,63 @@ def _mixtures(item: ContactItem) -> list[np.ndarray]:
     ]
 
 
-def _misplaced(item: ContactItem) -> list[np.ndarray]:
-    """Contact where the kinematics are off: the hand, held to its path by springs K, gives way by the wrench that binds
-    it, `w (w' K^-1 w)^-1` times the way off along w, where w is the direction of the measured contact wrench.
+def _bound(item: ContactItem) -> tuple[np.ndarray, np.ndarray]:
+    """(m, 6) direction w of the measured contact wrench, and `w (w' K^-1 w)^-1`: how the hand, held to its path by
+    springs K, answers where the wrench binds it and it is off along w.
     """
-    path, phase = item.path, item.phase
-    at, axes = phase.rows(path.time), _turn(item).as_matrix()
-    contact = phase.contact
+    contact = item.phase.contact
     force = np.linalg.norm(contact[:, :3], axis=1)
     w = contact / np.maximum(force, TOUCH)[:, None]
     w[force < TOUCH] = 0.0
     gain = 1 / np.maximum(np.einsum("bi,i,bi->b", w, 1 / item.grasp.stiffness, w), 1e-12)
-    held = w * gain[:, None]
+    return w, w * gain[:, None]
+
+
+def _misplaced(item: ContactItem, displaced: np.ndarray) -> list[np.ndarray]:
+    """Contact where the kinematics are off: as the model answers, or as the measured contact does, by the greater."""
+    path = item.path
+    w, held = _bound(item)
+    start = Rotation.from_quat(path.frame, scalar_first=True)
+    axes = (start.inv() * _turn(item)).as_matrix()
     off = np.concatenate([PLACE * np.einsum("bij,bj->bi", axes, w[:, :3]), TURN * w[:, 3:]], axis=1)
-    place = path.place[at, :3]
+    measured = held[None] * off.T[:, :, None]
+    larger = np.linalg.norm(measured, axis=2) > np.linalg.norm(displaced, axis=2)
+    answer = np.where(larger[:, :, None], measured, displaced)
+    place = path.place[item.phase.rows(path.time), :3]
     apart = np.sum((place[:, None] - place[None]) ** 2, axis=2)
     alike = np.exp(-0.5 * apart / FAR**2)
     value, vector = np.linalg.eigh(alike)
     some = value > 1e-3 * value[-1]
     smooth = vector[:, some] * np.sqrt(value[some])
-    out = [held * (off[:, a] * s)[:, None] for a in range(3) for s in smooth.T]
-    return out + [held * off[:, a, None] for a in range(3, 6)]
+    bent = np.gradient(np.gradient(smooth, item.period, axis=0), item.period, axis=0)  # 1/s^2: it is no free motion
+    mass, centre = _tool(item)
+    out = []
+    for a in range(3):
+        force = mass * PLACE * axes[:, a]
+        free = np.concatenate([force, np.cross(centre, force)], axis=1)
+        out += [answer[a] * s[:, None] - free * b[:, None] for s, b in zip(smooth.T, bent.T, strict=True)]
+    return out + list(answer[3:])
+
+
+def _late(item: ContactItem) -> np.ndarray:
+    """Readings that are older than their time says."""
+    return LATE * np.gradient(item.measured, item.period, axis=0)
+
+
+def _tool(item: ContactItem) -> tuple[float, np.ndarray]:
+    """Mass, kg, and centre (3,) m, flange axes, of what hangs at the flange."""
+    model = compiled(item.hand)
+    tool = model.body(item.hand.base).id
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    site = data.site("flange")
+    centre = site.xmat.reshape(3, 3).T @ (data.subtree_com[tool] - site.xpos)
+    return float(model.body_subtreemass[tool]), centre
 
 
 def _stuck(item: ContactItem) -> list[np.ndarray]:
-    """While a contact sticks: where exactly it came to stick, by its place or by the blows it ended with. The hand's
-    springs push along the surface by as much.
+    """While a contact sticks: where exactly it came to stick, by its place or by the blows of the slide before. The
+    hand's springs push along the surface by as much.
     """
     phase, turn = item.phase, _turn(item)
     blows = np.linalg.norm(phase.scatter(item.path.wrench[:, :3]), axis=1)
@@ -116,7 +152,7 @@ def _stuck(item: ContactItem) -> list[np.ndarray]:
     edges = np.flatnonzero(np.diff(np.r_[0, sticks.astype(int), 0]))
     out = []
     for a, b in zip(edges[::2], edges[1::2], strict=True):
-        size = np.hypot(PLACE * item.grasp.stiffness[0], CHATTER * blows[max(a - BEFORE, 0) : a].max(initial=0.0))
+        size = np.hypot(PLACE * item.grasp.stiffness[0], BLOWS * blows[max(a - BEFORE, 0) : a].max(initial=0.0))
         for along in np.eye(3)[:2]:
             push = np.zeros((len(phase.time), 3))
             push[a:b] = turn[a:b].inv().apply(size * along)
@@ -133,8 +169,26 @@ def _chatters(item: ContactItem) -> list[np.ndarray]:
     up = np.array([0.0, 0.0, 1.0])
     drag = force * (1 - up)
     drag /= np.maximum(np.linalg.norm(drag, axis=1), TOUCH)[:, None]
-    pushes = [CHATTER * size[:, None] * way for way in (drag, np.tile(up, (len(size), 1)))]
+    pushes = [BLOWS * size[:, None] * way for way in (drag, np.tile(up, (len(size), 1)))]
     return [_at_tip(item, turn.inv().apply(push)) for push in pushes]
+
+
+def _slipped(item: ContactItem) -> list[np.ndarray]:
+    """From each blow on, or each press that comes near what the grip holds: by how much the part slipped in it."""
+    phase, block = item.phase, item.phase.size
+    along = np.abs(item.path.wrench[: len(phase.time) * block, 2].reshape(-1, block)).max(axis=1)
+    hard = along > NEARLY * _grip(item.hand)
+    w, held = _bound(item)
+    starts = np.flatnonzero(hard & ~np.r_[False, hard[:-1]])
+    return [held * (SLIPPED * w[:, 2] * (np.arange(len(w)) >= a))[:, None] for a in starts]
+
+
+def _grip(scene: Scene) -> float:
+    """N, at which the held part slips; infinite where it cannot."""
+    if not scene.slip:
+        return np.inf
+    model = compiled(scene)
+    return float(model.dof_frictionloss[model.joint(scene.slip).dofadr[0]])
 
 
 def _turn(item: ContactItem) -> Rotation:

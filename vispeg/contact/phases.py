@@ -14,7 +14,7 @@ from vispeg.sim.touch import Touch
 
 NAMES = REGIMES
 SHORTEST, LONGEST = 0.3, 1.0  # s at the start in free air: what is needed, what is used for the sensor's zero
-STILL = 0.01  # m/s
+STILL, LEVER = 0.01, 0.2  # m/s of tip or flange; m, of its turning
 PRESSED = 8.0  # N beyond the declared tool's weight at the start, that only a contact can be
 
 
@@ -30,6 +30,7 @@ class Phases:
         size: samples a block.
         speed: (m,) m/s of the tip.
         contact: (m, 6) N, N m: what the surroundings exert on the tool, flange axes and origin.
+        near: (m,) bool: touching, or the tip in the hole, where it may touch with less force than can be told.
         used: (m,) bool: blocks that are driven, and long enough to have forgotten how a window began.
         windows: of the path's samples that are driven.
     """
@@ -41,6 +42,7 @@ class Phases:
     size: int
     speed: np.ndarray
     contact: np.ndarray
+    near: np.ndarray
     used: np.ndarray
     windows: tuple[slice, ...]
     names: tuple[str, ...] = NAMES
@@ -88,9 +90,11 @@ def phases(scene: Scene, touch: Touch, path: Path, block: float) -> Phases | Non
     axes = Rotation.from_quat(touch.flange[at, 3:], scalar_first=True).inv()
     contact = np.concatenate([axes.apply(touch.contact[at, part]) for part in (slice(0, 3), slice(3, 6))], axis=1)
     speed = np.median(speed, axis=1)
-    touching, moving = touch.touching[at].reshape(m, size).any(axis=1), speed > STILL
+    flange = np.hypot(np.linalg.norm(path.rate[:, :3], axis=1), LEVER * np.linalg.norm(path.rate[:, 3:], axis=1))
+    moves = np.median(flange[: m * size].reshape(m, size), axis=1)  # a hand may turn about a tip that stays
+    touching, moving = touch.touching[at].reshape(m, size).any(axis=1), np.maximum(speed, moves) > STILL
     first, still = (int(np.argmax(flag)) if flag.any() else m for flag in (touching, moving))
-    blocks = min(first - 1, still, round(LONGEST / block))
+    blocks = min(first - 1, still - 1, round(LONGEST / block))
     begin = path.wrench[: max(1, int(0.1 / path.step)), :3].mean(axis=0)
     weight = _tool_mass(scene) * axes[0].apply(np.array(scene.spec().option.gravity))
     if np.linalg.norm(begin + weight) > PRESSED or blocks * block < SHORTEST:
@@ -98,7 +102,11 @@ def phases(scene: Scene, touch: Touch, path: Path, block: float) -> Phases | Non
     time = (np.arange(m) + 0.5) * size * path.step
     everything = np.ones(m, bool), (slice(0, m * size),)
     middle = np.median(contact.reshape(m, size, 6), axis=1)
-    return Phases(time, code, np.arange(m) < blocks, slice(0, blocks * size), size, speed, middle, *everything)
+    inside = scene.config.apothem  # of the believed hole; a part of the path in which walls are near
+    over = np.hypot(touch.tip[at, 0], touch.tip[at, 1]) < 2 * inside
+    near = (over & (touch.tip[at, 2] < 0)).reshape(m, size).any(axis=1) | touching
+    rest = np.arange(m) < blocks
+    return Phases(time, code, rest, slice(0, blocks * size), size, speed, middle, near, *everything)
 
 
 def _tool_mass(scene: Scene) -> float:

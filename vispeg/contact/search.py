@@ -25,6 +25,7 @@ from vispeg.worlds.world import World
 SINGLES, PAIRED = 5, 3  # effects that are fitted at a step, and those of them whose pairs are
 NONE = -1e300  # the gain of what changes nothing, as JSON can say it
 SURE = 30.0  # drop of the squared whitened residual below which an effect is not looked at: five standard deviations
+CLEAR = 100.0  # the same where the model as given is within its floor
 WORTH = 0.2  # of the best one's gain that another must have in the profile to be fitted
 
 
@@ -39,13 +40,16 @@ class ContactSearch(Search):
         return []
 
     def worth_it(self, state: State, given: int) -> bool:
-        """Up to so many effects, and where the model as given is beyond the floor: it lacks nothing otherwise.
+        """Up to so many effects, and where the model as given is beyond the floor or an effect clearly shows.
 
-        Beside an effect others show below 1 floor variance, as floors count errors that a good sensor does not have;
-        what is not sure fails in `step`.
+        Floors count errors that a good sensor does not have: an effect may show below 1 floor variance. What is not
+        sure fails in `step`.
         """
         added = len(state.world.effects) - given
-        return added < self.evidence.most_effects and (added > 0 or self.judge.mean(state.loss) > 1.0)
+        if added or self.judge.mean(state.loss) > 1.0:
+            return added < self.evidence.most_effects
+        probes = self.probed(state.world, places(self.evidence, state.world))
+        return max((p.gain for p in probes), default=0.0) > CLEAR
 
     def fits(
         self,

@@ -1,4 +1,4 @@
-"""Windows of a long recording: every phase of contact gets its share of what is driven, spread over its time."""
+"""Windows of a long recording: what is near a contact is driven, and some of the free air, spread over its time."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from vispeg.contact.phases import NAMES, Phases
+from vispeg.contact.phases import Phases
 from vispeg.recordings.regimes import IMPACT
 
-CHUNK, LEAD = 30, 3  # blocks that are chosen at once; blocks after which a window has forgotten its start
-SHARES = dict(zip(NAMES, (0.15, 0.3, 0.35, 0.5, 0.0), strict=True))  # weights of phases that are there
+CHUNK, LEAD = 12, 3  # blocks that are chosen at once; blocks after which a window has forgotten its start
+NEAR = 3  # blocks of free air before and after a contact that show when it begins
+FREE = 2.0  # s of free air that are driven
 
 
 def thinned(phase: Phases, seconds: float) -> Phases:
@@ -18,10 +19,9 @@ def thinned(phase: Phases, seconds: float) -> Phases:
     m = len(phase.time)
     block = float(phase.time[1] - phase.time[0]) if m > 1 else 1.0
     first = int(phase.resting.sum())
-    if (m - first) * block <= seconds:
-        chosen = np.arange(m) >= first
-    else:
-        chosen = _chosen(phase.code, first, int(seconds / block / CHUNK))
+    close = np.convolve(phase.near, np.ones(2 * NEAR + 1), "same") > 0
+    chosen = _spread(close, seconds / block) | _spread(~close, min(FREE, seconds) / block)
+    chosen[:first] = False
     chosen &= phase.code != IMPACT  # known up to some Hz, a path makes another blow of it, in which a grip may slip
     driven = np.zeros(m, bool)
     used = chosen.copy()
@@ -36,22 +36,11 @@ def thinned(phase: Phases, seconds: float) -> Phases:
     return replace(phase, used=used, windows=windows)
 
 
-def _chosen(code: np.ndarray, first: int, count: int) -> np.ndarray:
-    """(m,) bool: `count` chunks after block `first`, phases by their shares, evenly spread within each."""
-    starts = np.arange(first, len(code) - CHUNK + 1, CHUNK)
-    main = np.array([_rarest(code[s : s + CHUNK]) for s in starts])
-    present = {k: starts[main == k] for k in np.unique(main)}
-    total = sum(SHARES[NAMES[k]] for k in present)
-    out = np.zeros(len(code), bool)
-    for k, own in present.items():
-        n = min(len(own), max(1, round(count * SHARES[NAMES[k]] / total)))
-        for s in own[np.unique(np.linspace(0, len(own) - 1, n).round().astype(int))]:
-            out[s : s + CHUNK] = True
+def _spread(flag: np.ndarray, most: float) -> np.ndarray:
+    """(m,) bool: of the blocks with a flag so many, in chunks that are spread evenly over them; all of no more."""
+    rows = np.flatnonzero(flag)
+    chunks = np.array_split(rows, max(1, len(rows) // CHUNK))
+    some = np.linspace(0, len(chunks) - 1, max(1, min(len(chunks), int(most / CHUNK)))).round().astype(int)
+    out = np.zeros(len(flag), bool)
+    out[np.concatenate([chunks[k] for k in some])] = True
     return out
-
-
-def _rarest(codes: np.ndarray) -> int:
-    """The phase that a chunk counts for: of those that last a quarter of it the one that weighs most."""
-    names, counts = np.unique(codes, return_counts=True)
-    long = names[counts * 4 >= len(codes)]
-    return int(max(long, key=lambda k: SHARES[NAMES[k]]))
