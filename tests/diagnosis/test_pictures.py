@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.interpolate import CubicSpline
 
 from vispeg.api.fit import fit
@@ -16,9 +17,12 @@ from vispeg.api.rooms.pictures import diagnose
 from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.pictures.halves import Halves
 from vispeg.diagnosis.pictures.remainder import Left
+from vispeg.diagnosis.pictures.spread import of_form, widened
 from vispeg.diagnosis.pictures.verdict import decide
+from vispeg.identify.fit import Fit
 from vispeg.identify.motions.look_motion import look_motion
 from vispeg.identify.pictures.nuisance import Whitener
+from vispeg.identify.space import Space
 from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.recording import Control, Recording
 from vispeg.vision.photograph import photograph
@@ -128,20 +132,43 @@ def test_whitening_is_the_inverse_root_of_the_covariance():
     assert np.isclose(whiten.logdet, np.linalg.slogdet(covariance)[1])
 
 
-def test_two_recordings_that_disagree_widen_an_interval_to_their_own_spread():
-    from vispeg.diagnosis.pictures.spread import widened
-    from vispeg.identify.fit import Fit
-    from vispeg.identify.space import Space
-
-    world = CELL.add(EffectInstance.of("focal_error", WRIST, fx=0.01, fy=0.02))
+def fitted(values: np.ndarray, sigma: np.ndarray) -> Fit:
+    """A fit of a camera's offset, six numbers."""
+    world = CELL.add(EffectInstance.of("camera_offset", WRIST))
     space = Space(world, [0])
-    fit = Fit(world, np.zeros(0), np.zeros((0, 2)), space, space.start, np.full(2, 0.01), np.eye(2))
-    there = replace(fit, u=fit.u + [0.002, 0.2])
-    wide = widened(fit, there, 1000)
-    assert wide.sigma == pytest.approx([0.01, 0.2 / np.sqrt(2)])
-    fy = wide.world.effects[0].params["fy"]
-    assert fy.high - fy.low == pytest.approx(2 * 1.962 * wide.sigma[1] * space.axes[1].unit, rel=2e-3)
-    assert fy.value == 0.02
+    return Fit(world, np.zeros(0), np.zeros((0, 6)), space, values, sigma, np.eye(6))
+
+
+def test_two_recordings_that_disagree_widen_an_interval_to_their_own_spread():
+    fit, other = fitted(np.zeros(6), np.full(6, 0.01)), np.array([0.0, 0.0, 0.0, 0.0, 0.002, 0.2])
+    wide = widened(fit, replace(fit, u=other), 1000)
+    more = (0.002**2 + 0.2**2) / 2 / 6 / 0.01**2 - 1  # of the variance, by all six numbers
+    assert wide.sigma[:5] == pytest.approx(0.01 * np.sqrt(1 + more))
+    assert wide.sigma[5] == pytest.approx(0.2 / np.sqrt(2))
+    rz, axis = wide.world.effects[0].params["rz"], wide.space.axes[5]
+    freedom = (1 + more) ** 2 / (1 / 994 + more**2 / 6)
+    assert rz.high - rz.low == pytest.approx(2 * stats.t.ppf(0.975, freedom) * wide.sigma[5] * axis.unit, rel=2e-3)
+    assert widened(fit, fit, 1000).sigma == pytest.approx(fit.sigma)
+
+
+@pytest.mark.parametrize("spread", [1.0, 2.0, 5.0])
+def test_intervals_hold_the_truth_whatever_lies_between_two_recordings(spread):
+    rng, held = np.random.default_rng(1), []
+    for _ in range(300):
+        one, other = 0.05 * spread * rng.normal(size=(2, 6))
+        fit = fitted(one, 0.05 * np.sqrt(rng.chisquare(6, size=6) / 6))
+        wide = widened(fit, replace(fit, u=other), 12)
+        params = [wide.world.effects[0].params[a.name] for a in wide.space.axes]
+        held += [v.low <= 0.0 <= v.high for v in params]
+    assert np.mean(held) > 0.94
+
+
+def test_a_figure_that_is_off_in_all_frames_moves_what_depends_on_it():
+    rng = np.random.default_rng(2)
+    fit = replace(fitted(np.zeros(6), np.ones(6)), jacobian=rng.normal(size=(40, 6)))
+    moves = rng.normal(size=6)
+    assert of_form(fit, (fit.jacobian @ moves)[:, None]) == pytest.approx(np.abs(moves))
+    assert of_form(fit, np.zeros((40, 0))) == pytest.approx(np.zeros(6))
 
 
 @pytest.mark.slow

@@ -60,6 +60,7 @@ def main() -> int:
         ends = [record["ladder"][k]["heldout_error"] for k in (0, -1)]
         keys = ("verdict", "effects", "reason")
         result = {k: record[k] for k in keys} | {"before": ends[0], "after": ends[1], "null": null}
+        result |= {"not_excited": record["views"]["not_excited"]}
         rows.append(judged(case, result | {"cpu": time.process_time() - start}))
         print(json.dumps(rows[-1]), flush=True)
         if args.results:

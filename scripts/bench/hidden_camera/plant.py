@@ -39,7 +39,7 @@ def recording(case: Case, part: int, frames: int, backend: str) -> Recording:
     rng = np.random.default_rng([case.seed, part])
     scene = scene_of(CELL)
     cameras = cameras_of([CAMERA], scene, SIZE)
-    motion = look_motion("look", scene, RATE, SECONDS if part == 0 else 1.15 * SECONDS)
+    motion = look_motion(case.motion, scene, RATE, SECONDS if part == 0 else 1.15 * SECONDS)
     q = motion.q_cmd if part == 0 else motion.q_cmd[::-1]
     time = motion.time
     knots = np.arange(time[0], time[-1] + 2 * SLOW, SLOW)

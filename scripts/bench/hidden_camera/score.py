@@ -13,6 +13,9 @@ def judged(case, result: dict[str, Any]) -> dict[str, Any]:
     found = {(e["effect"], e["where"]): e for e in result["effects"]}
     among = set(found) | {(o["effect"], o["where"]) for e in found.values() for o in e["indistinguishable_from"]}
     sure = result["verdict"] == "identified"
+    right = set(hidden) <= among and bool(hidden) and not set(found) - set(hidden) - among
+    silent = {(n["effect"], n["where"]): n.get("numbers") for n in result["not_excited"]}
+    unseen = {key for key, v in hidden.items() if key in silent and set(v) <= set(silent[key] or v)}
     errors, inside = {}, []
     for key in set(hidden) & set(found):
         for name, p in found[key]["params"].items():
@@ -25,7 +28,8 @@ def judged(case, result: dict[str, Any]) -> dict[str, Any]:
         "kind": case.kind,
         "verdict": result["verdict"],
         "named": sorted(f"{e}({w})" for e, w in found),
-        "right": set(hidden) <= among and bool(hidden) and not set(found) - set(hidden) - among,
+        "right": right,
+        "silent": bool(hidden) and unseen == set(hidden) and not right,
         "wrong": sure and bool(set(found) - set(hidden)),
         "errors": errors,
         "inside": [bool(x) for x in inside],
@@ -37,7 +41,8 @@ def judged(case, result: dict[str, Any]) -> dict[str, Any]:
 
 def table(rows: list[dict[str, Any]]) -> str:
     """Markdown of all rows, with the shares on top."""
-    single = [r for r in rows if r["kind"] in ("single", "pair")]
+    single = [r for r in rows if r["kind"] in ("single", "pair") and not r["silent"]]
+    silent = [r for r in rows if r["silent"]]
     none, unknown = ([r for r in rows if r["kind"] == k] for k in ("none", "unknown"))
     inside = [x for r in single for x in r["inside"]]
 
@@ -48,6 +53,8 @@ def table(rows: list[dict[str, Any]]) -> str:
     lines.append(
         f"| hidden effects all named (or among what cannot be told apart) | {share([r['right'] for r in single])} |"
     )
+    said = share([not r["named"] for r in silent])
+    lines.append(f"| hidden effects that no picture of the case can show: said so, and none named | {said} |")
     lines.append(f"| confidently wrong | {share([r['wrong'] for r in rows])} |")
     lines.append(f"| no effect hidden: none named | {share([not r['named'] for r in none])} |")
     lines.append(f"| unknown fault: unexplained | {share([r['verdict'] == 'unexplained' for r in unknown])} |")
@@ -59,7 +66,7 @@ def table(rows: list[dict[str, Any]]) -> str:
         lines.append(f"| processor time of a diagnosis, median | {np.median([r['cpu'] for r in rows]):.0f} s |")
     lines += ["", "| case | verdict | named | right |", "|---|---|---|---|"]
     for r in rows:
-        ok = r["right"] if r["kind"] in ("single", "pair") else (
+        ok = not r["named"] if r["silent"] else r["right"] if r["kind"] in ("single", "pair") else (
             not r["named"] if r["kind"] == "none" else r["verdict"] == "unexplained"
         )  # fmt: skip
         lines.append(f"| {r['case']} | {r['verdict']} | {', '.join(r['named']) or '-'} | {'yes' if ok else 'no'} |")

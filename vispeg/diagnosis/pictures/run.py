@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from vispeg.diagnosis.conclusion.rivals import Rivals
+from vispeg.diagnosis.pictures.borders import BorderSearch
 from vispeg.diagnosis.pictures.excited import motion_between, not_excited
 from vispeg.diagnosis.pictures.halves import compare_halves
 from vispeg.diagnosis.pictures.projection import projections
 from vispeg.diagnosis.pictures.remainder import left_over
-from vispeg.diagnosis.pictures.search import PictureSearch
 from vispeg.diagnosis.pictures.sensors import sensor_search
 from vispeg.diagnosis.pictures.show import shown_pictures
 from vispeg.diagnosis.pictures.spread import confirmed
@@ -57,7 +57,7 @@ def diagnose_pictures(
     mine, theirs = sights_of(fitted), sights_of(held_out)
     say("bringing the predicted borders onto the pictures")
     evidence, judged = border_evidence(scene, mine, theirs, world)
-    search, given = PictureSearch(evidence, judged, say), len(world.effects)
+    search, given = BorderSearch(evidence, judged, say), len(world.effects)
     say("fitting what moves the borders")
     state = search.run(world)
     rivals = search.rivals(state, given)
@@ -113,7 +113,7 @@ def diagnose_pictures(
             "halves": None if halves is None else {"px": halves.difference, "uncertainty_px": halves.uncertainty},
             "remainder": [{"input": x.input, "where": x.where, "share": x.share, "px": x.size} for x in left],
             "sensor": [s.as_dict() for s in sensed],
-            "not_excited": not_excited(search, state.world),
+            "not_excited": not_excited(search, sensed, state.world),
         },
     }
     arrays: dict[str, np.ndarray] = {"joints": np.array(scene.joints), "unit": np.array("px")} | drawn

@@ -35,10 +35,11 @@ class PictureSearch:
         say: is told what is being done.
     """
 
+    least_share = LEAST_SHARE
+
     def __init__(self, evidence: Pictured, judged: Pictured, say: Callable[[str], None] = lambda _: None):
         self.evidence, self.judged, self.say = evidence, judged, say
         self.judge = Judge(judged)
-        self.least_share = LEAST_SHARE
         self.least = evidence.least_change
 
     def places(self, world: World) -> list[tuple[str, str]]:
@@ -70,7 +71,7 @@ class PictureSearch:
 
     def advance(self, state: State, given: int) -> bool:
         """Adds the effect that earns its place best; False where none does, or where it did not stay."""
-        trials = self.step(state, given)
+        trials = self.questioned(state, self.step(state, given), given)
         state.screening = [t.score for t in trials]
         if not trials or trials[0].rejected:
             state.last = trials
@@ -79,6 +80,24 @@ class PictureSearch:
         self.take(state, trials[0], trials, given)
         self._prune(state, given)
         return state.world.label != before
+
+    def questioned(self, state: State, trials: list[Trial], given: int) -> list[Trial]:
+        """The trials, those that pass and are doubted after all behind the first that is not."""
+        doubted = []
+        for t in trials:
+            why = t.rejected or self.doubt(t.score.placed, t.fit.world, state.world, given)
+            if not why:
+                break
+            doubted.append(replace(t, rejected=why))
+        return [*trials[len(doubted) :], *doubted]
+
+    def doubt(self, placed: EffectInstance, added: World, without: World, given: int) -> str:
+        """Why an effect that one of two fitted worlds has more than the other is no name, "" where it is one."""
+        return ""
+
+    def least_of(self, placed: EffectInstance) -> float:
+        """By how much an effect has to change the pictures."""
+        return self.least
 
     def take(self, state: State, trial: Trial, trials: list[Trial], given: int) -> None:
         """Adds what a trial tried, one of `trials`."""
@@ -91,7 +110,7 @@ class PictureSearch:
 
         Nothing is fitted, so a score is a promise only: of the part that the effects of the state cannot make.
         """
-        asked = [(where, self._secants(*where)) for where in self.places(state.world)]
+        asked = [(where, [*self._secants(*where).values()]) for where in self.places(state.world)]
         worlds = [state.world.add(e) for _, tries in asked for e in tries]
         rows = iter(self.evidence.residuals(worlds))
         fitted = np.zeros((len(state.residual), 0)) if state.fit is None else state.fit.jacobian
@@ -130,8 +149,9 @@ class PictureSearch:
         out = []
         for t in ranked(self, state, trials, tested):  # type: ignore[arg-type]
             size = self.shift(t.fit.world, t.fit.world.effects[-1])
-            small = not t.rejected and size < self.least
-            changes = f"changes the pictures by {size:.2f} {self.evidence.changes_in}, under {self.least:.2f}"
+            least = self.least_of(t.score.placed)
+            small = not t.rejected and size < least
+            changes = f"changes the pictures by {size:.2f} {self.evidence.changes_in}, under {least:.2f}"
             why = changes if small else t.rejected
             out.append(replace(t, rejected=why))
         return sorted(out, key=lambda t: bool(t.rejected))
@@ -185,8 +205,11 @@ class PictureSearch:
             gains = [self.judge.gain(r.loss, state.loss) for _, r in rests]
             idle = [
                 i
-                for i, ((e, _), g) in enumerate(zip(rests, gains, strict=True))
-                if g.relative < self.evidence.least_gain or g.z < 1.645 or self.shift(state.world, e) < self.least
+                for i, ((e, r), g) in enumerate(zip(rests, gains, strict=True))
+                if g.relative < self.evidence.least_gain
+                or g.z < 1.645
+                or self.shift(state.world, e) < self.least_of(e)
+                or self.doubt(e, state.world, r.world, given)
             ]
             if not idle:
                 return
@@ -194,12 +217,12 @@ class PictureSearch:
             self.say(f"{placed.label} is not needed any more")
             state.world, state.loss, state.residual, state.fit = rest.world, rest.loss, rest.residual, rest.fit
 
-    def _secants(self, name: str, where: str) -> list[EffectInstance]:
-        """An effect with one magnitude after the other at a typical size, the others absent."""
+    def _secants(self, name: str, where: str) -> dict[str, EffectInstance]:
+        """An effect with one magnitude after the other at a typical size, by that magnitude; the others absent."""
         kind = effect(name)
         rest = {k: p.null for k, p in kind.params.items() if not p.shape}
         sizes = {k: p.start for k, p in kind.params.items() if not p.shape and p.start != p.null}
-        return [EffectInstance.of(name, where, **{**rest, k: v}) for k, v in sizes.items()]
+        return {k: EffectInstance.of(name, where, **{**rest, k: v}) for k, v in sizes.items()}
 
     def _start(self, name: str, where: str) -> EffectInstance:
         """Where a fit of an effect starts: where the alignment put it, or a typical size."""

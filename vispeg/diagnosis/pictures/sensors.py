@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from vispeg.core.effect import EffectInstance, effect
@@ -35,22 +35,36 @@ class SensorSearch(PictureSearch):
         odd = {name for name, size in evidence.off(world).items() if abs(size) > ODD}
         out = []
         for name, where in super().places(world) if odd else ():
-            typical = world.add(EffectInstance.of(name, where, **{k: p.start for k, p in effect(name).params.items()}))
-            changed = evidence.moves(typical, world)
+            sizes = {k: p.start for k, p in effect(name).params.items()}
+            changed = evidence.moves(world.add(EffectInstance.of(name, where, **sizes)), world)
             if any(abs(changed.get(figure, 0.0)) > CHANGED for figure in odd):
                 out.append((name, where))
+        return out
+
+    def silent(self, world: World) -> dict[tuple[str, str], dict[str, float]]:
+        """Effects by place, with the magnitudes of which a typical size changes no figure of the frames to judge on."""
+        out: dict[tuple[str, str], dict[str, float]] = {}
+        for at in super().places(world):
+            for number, typical in self._secants(*at).items():
+                changed = self.judged.change(world.add(typical), world)
+                if changed < CHANGED:
+                    out.setdefault(at, {})[number] = changed
         return out
 
 
 @dataclass(frozen=True)
 class Sensed:
-    """What one kind of pictures says of the sensor: where a search of it ended, and the evidence that it judged on."""
+    """What one kind of pictures says of the sensor: where a search of it ended, and the evidence that it judged on.
+
+    `silent` are the effects that these pictures could not show, by place, with their silent magnitudes.
+    """
 
     kind: Kind
     state: State
     rivals: list[Rivals]
     judged: SensorEvidence
     before: World
+    silent: Mapping[tuple[str, str], Mapping[str, float]]
 
     @property
     def added(self) -> tuple[EffectInstance, ...]:
@@ -107,7 +121,7 @@ def sensor_search(
         search, given = SensorSearch(evidence, judged, say), len(world.effects)
         state = search.run(world)
         rivals = search.rivals(state, given)
-        out.append(Sensed(kind, confirmed(search, state, given), rivals, judged, world))
+        out.append(Sensed(kind, confirmed(search, state, given), rivals, judged, world, search.silent(world)))
     return out
 
 

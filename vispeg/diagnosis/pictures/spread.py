@@ -1,9 +1,13 @@
-"""How far a fitted value may be off: as far as another recording, in another light, puts it.
+"""How far a fitted value may be off: as far as another recording, in another light, puts it, and as its form leaves it.
 
 What a look does to all edges of one recording is in no spread between its views. Two recordings that were fitted apart
-differ by it: with an unknown variance t^2 beside each fit's s^2, the difference d has a mean square of 2 (s^2 + t^2),
-and max(s^2, d^2 / 2) estimates s^2 + t^2 (the random effects of DerSimonian and Laird, Controlled Clinical Trials 7(3),
-1986, for two studies).
+differ by it: with a variance (f - 1) s^2 beside each fit's s^2, a difference d has a mean square of 2 f s^2. One number
+says little of f, so all that were fitted together say it: the mean of d^2 / (2 s^2), 1 at least (the random effects of
+DerSimonian and Laird, Controlled Clinical Trials 7(3), 1986, for two studies). It has as many degrees of freedom as
+there are numbers, the fit as many as it has views; Student's t is that of their sum (Satterthwaite, Biometrics Bulletin
+2(6), 1946).
+
+What a camera does to all its frames alike, and no effect says, is in neither: by that a figure is off as a whole.
 """
 
 from __future__ import annotations
@@ -24,19 +28,36 @@ def confirmed(search: PictureSearch, state: State, given: int) -> State:
     if state.fit is None or len(state.world.effects) <= given:
         return state
     (other,) = search.fits([state.world], given, search.judged)
-    fit = widened(state.fit, other, len(np.unique(search.evidence.blocks())))
+    alike = of_form(state.fit, search.evidence.alike())
+    fit = widened(state.fit, other, len(np.unique(search.evidence.blocks())), alike)
     return replace(state, fit=fit, world=fit.world)
 
 
-def widened(fit: Fit, other: Fit, blocks: int) -> Fit:
+def of_form(fit: Fit, alike: np.ndarray) -> np.ndarray:
+    """(k,) standard errors of a fit's coordinates from what is off in all frames alike.
+
+    Args:
+        fit: of k coordinates to n residuals.
+        alike: (n, c) residuals that one standard deviation of each such unknown makes.
+    """
+    moved, *_ = np.linalg.lstsq(fit.jacobian, alike, rcond=1e-6)
+    return np.sqrt(np.sum(moved**2, axis=1))
+
+
+def widened(fit: Fit, other: Fit, blocks: int, of_form: np.ndarray | float = 0.0) -> Fit:
     """A fit whose standard errors and 95 % intervals allow for where another recording's fit ended.
 
     Args:
         fit, other: of the same effects.
-        blocks: independent blocks of data behind the first, for Student's t.
+        blocks: independent blocks of data behind the first.
+        of_form: (k,) standard errors from what is off in all recordings alike.
     """
-    sigma = np.maximum(fit.sigma, np.abs(fit.u - other.u) / np.sqrt(2))
-    t = float(stats.t.ppf(0.975, max(2, blocks - len(fit.u))))
+    count, away = len(fit.u), np.abs(fit.u - other.u) / np.sqrt(2)
+    own = max(2, blocks - count)
+    more = max(0.0, float(np.mean((away / np.maximum(fit.sigma, 1e-12)) ** 2)) - 1.0)
+    freedom = (1 + more) ** 2 / (1 / own + more**2 / count)
+    t = float(stats.t.ppf(0.975, freedom))
+    sigma = np.hypot(np.maximum(np.sqrt(1 + more) * fit.sigma, away), of_form)
     (low, high), placed = fit.space.bounds, list(fit.world.effects)
     for k, axis in enumerate(fit.space.axes):
         ends = np.clip([fit.u[k] - t * sigma[k], fit.u[k] + t * sigma[k]], low[k], high[k])

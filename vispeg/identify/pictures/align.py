@@ -1,4 +1,4 @@
-"""Brings predicted borders onto a picture's edges from far away: late frames by a grid, all else by a shrinking window.
+"""Brings predicted borders onto a picture's edges from far away: from a coarse stage on, by a shrinking window.
 
 The model is as free as these pictures allow, every camera parameter and every encoder's offset at once, each held
 near its start by a weak prior. What comes out is no estimate of any of them: it is where the edges are.
@@ -7,11 +7,11 @@ near its start by a weak prior. What comes out is no estimate of any of them: it
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.identify.pictures.coarse import brought_near
 from vispeg.identify.pictures.points import Points, gather, misplacement
 from vispeg.identify.pictures.sight import Sight
 from vispeg.identify.space import Space
@@ -19,12 +19,11 @@ from vispeg.vision.predict import Predictor
 from vispeg.worlds.world import World
 
 CAMERA = ("camera_offset", "focal_error", "principal_point_error", "lens_distortion", "camera_delay")
-DELAYS = np.arange(-0.06, 0.1201, 0.01)  # s; below 0 the joint log lags the camera
 WINDOWS = (8.0, 8.0, 5.0, 3.0)  # px
 LOOSE = 6.0  # typical sizes that the weak prior allows
 TUKEY = 4.685  # of the noise, beyond which an edge belongs to something else
 STEPS = 4
-ASTRAY = 0.25  # share of borders without an edge within half a pixel, from which on late frames are tried
+ASTRAY = 0.25  # share of borders without an edge within half a pixel, from which on the coarse stage is asked
 SPARSE = 12  # frames of the coarse stage
 
 
@@ -44,10 +43,8 @@ def align(predictor: Predictor, sights: Sequence[Sight], world: World) -> tuple[
     few = [s.only(np.linspace(0, len(s) - 1, min(SPARSE, len(s))).round().astype(int)) for s in sights]
     best = _settled(predictor, few, start, free, WINDOWS[:2])
     if best[1] > ASTRAY:
-        tried = [_settled(predictor, few, w, free, WINDOWS[:1]) for w in _late(start, cameras)]
-        order = np.argsort([t[1] for t in tried])[:2]
-        again = [_settled(predictor, few, tried[i][0], free, WINDOWS[1:2]) for i in order]
-        best = min([best, *again], key=lambda t: t[1])
+        near = [_settled(predictor, few, w, free, WINDOWS[:2]) for w in brought_near(predictor, few, start)]
+        best = min([best, *near], key=lambda t: t[1])
     settled, _ = _settled(predictor, sights, best[0], free, WINDOWS[2:])
     points = [gather(predictor, s, settled, WINDOWS[-1]) for s in sights]
     away = np.concatenate([p.along for p in points])
@@ -64,18 +61,6 @@ def trust(away: np.ndarray, noise: float) -> np.ndarray:
     """Tukey's weights (n,) in [0, 1]; 0 where there is no edge."""
     u = np.nan_to_num(away / (TUKEY * noise), nan=2.0)
     return np.where(np.abs(u) < 1, (1 - u * u) ** 2, 0.0)
-
-
-def _late(start: World, cameras: Sequence[str]) -> list[World]:
-    """The start with every delay of the grid."""
-    out = []
-    for delay in DELAYS:
-        effects = [
-            e.with_values(delay=float(delay)) if e.effect == "camera_delay" and e.where in cameras else e
-            for e in start.effects
-        ]
-        out.append(replace(start, effects=tuple(effects)))
-    return out
 
 
 def _settled(

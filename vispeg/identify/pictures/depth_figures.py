@@ -96,7 +96,10 @@ def _lean(error: np.ndarray, good: np.ndarray, shot: Shot) -> np.ndarray:
 
 
 def _beside(picture: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """(2 REACH,) shares that read the near part, and that read nothing, by distance from a border on its far side."""
+    """(2 REACH,) by distance from a border on its far side: the share of readings of the near part, and of no reading.
+
+    Of readings, not of pixels: what a sensor drops at a border it drops of either part.
+    """
     import cv2
 
     far = np.where(true > 0, true, 8.0).astype(np.float32)
@@ -109,5 +112,7 @@ def _beside(picture: np.ndarray, true: np.ndarray) -> np.ndarray:
         if band.sum() >= FEW:
             middle = (far + front) / 2
             read, lost = (picture > 0) & (picture < middle), picture <= 0
-            near[:, px] = read[band].mean(), lost[band].mean()
+            readings = int((band & ~lost).sum())
+            near[0, px] = (band & read).sum() / readings if readings >= FEW / 2 else np.nan
+            near[1, px] = lost[band].mean()
     return near.ravel()

@@ -24,11 +24,11 @@ from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 
 FIXED = np.array([1e-3, 1e-3, 1e-3, 5e-3, 5e-3, 5e-3])  # m, rad: how well fixture and grip are known
-# px by which light and shadow shift the edges between two parts: all of them, those that face one way, and those in
-# one picture; measured between Filament's pictures in looks of S and the borders of the model
+# px by which light and shadow shift edges: all that face one way, those between two parts, those of both, and those
+# of both in one picture; measured between Filament's pictures in looks of S and the borders of the model
 EDGE_BIAS, EDGE_BIAS_HERE = 0.1, 0.05
 ROBOT = (0.0, *np.geomspace(3e-5, 4e-3, 15).tolist())  # rad, each joint in each frame: sizes that are tried
-LEAST_PX = 0.15
+LEAST_PX = 0.2  # that looks, and what is not modelled of edges, do not make
 LOOSE = 2e-3  # rad of a joint in a frame, where only the rest matters
 SMALL = 1e-4  # m, rad: steps of derivatives
 PENALTY = 1e3  # noise units of a point that a world puts behind the camera
@@ -99,8 +99,8 @@ class BorderEvidence(Evidence):
 
     @property
     def least_change(self) -> float:
-        """How many px an effect has to move the borders by: more than looks shift them, and more than they scatter."""
-        return max(LEAST_PX, self.floor)
+        """How many px an effect has to move the borders by: more than looks shift them."""
+        return LEAST_PX
 
     def sees(self, kind: Effect) -> bool:
         """Whether an effect moves borders."""
@@ -149,6 +149,10 @@ class BorderEvidence(Evidence):
             start += len(item.sight)
         _, numbered = np.unique(np.concatenate(out), axis=0, return_inverse=True)
         return numbered.ravel()
+
+    def alike(self) -> np.ndarray:
+        """(n, 0): what is off in all pictures alike is whitened."""
+        return np.zeros((sum(len(i.points.frame) for i in self.items), 0))
 
     def tells(self, difference: np.ndarray) -> np.ndarray:
         """(n,) bool: a block whose squared residuals differ by less than one reading's tells nothing."""
@@ -238,7 +242,7 @@ def _edges(p: Points, scale: np.ndarray, away: np.ndarray) -> list[np.ndarray]:
     """
     facing = np.round(np.arctan2(p.normal[:, 1], p.normal[:, 0]) / (np.pi / 2)).astype(int) % 4
     one_way, out = np.column_stack([p.parts, facing]), []
-    for labels in (p.parts, one_way):
+    for labels in (facing[:, None], p.parts, one_way):
         for rows in _alike(labels):
             left = abs(scale[rows] @ away[rows]) / max(scale[rows] @ scale[rows], 1e-9)
             out.append(rows * max(EDGE_BIAS, left) * scale)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vispeg.identify.pictures.sight import Sight
-from vispeg.vision.borders import borders_of
+from vispeg.vision.borders import Borders, borders_of
 from vispeg.vision.eye import delay_of, values_of
 from vispeg.vision.geometry import Geometry
 from vispeg.vision.predict import Predictor
@@ -51,29 +52,44 @@ class Points:
 def gather(predictor: Predictor, sight: Sight, world: World, window: float) -> Points:
     """The border points that a world predicts, each sought within `window` px in the picture."""
     name, geometry, found = sight.camera.name, predictor.geometry, []
-    predictor.see(world)
-    frames = np.arange(len(sight))
-    for i, q in zip(frames, sight.at(frames, -delay_of(world, name)), strict=True):
-        rgb = sight.rgb(int(i)) if np.isfinite(q).all() else None
-        if rgb is None:
-            continue
-        b = borders_of(predictor.draw(name, q), geometry, step=SPACING)
+    for i, rgb, b in _drawn(predictor, sight, world):
         ahead, behind = (geometry.cast(name, b.pixel + side * b.normal)[2] for side in (BESIDE, -BESIDE))
         b = b.some((ahead == b.parts[:, 1]) & (behind == b.parts[:, 0]))
         edges = search(rgb, b, window)
-        along = np.where((edges.rival < RIVAL) & (edges.strength > FAINT), edges.along, np.nan)
-        found.append(Points(np.full(len(b), i), b.body, b.local, b.pixel, b.normal, along, b.parts, b.depth))
-    if not found:
-        none, flat = np.zeros(0), np.zeros((0, 2))
-        return Points(none.astype(int), none.astype(int), np.zeros((0, 3)), flat, flat, none, flat.astype(int), none)
-    points = Points(*(np.concatenate([getattr(p, key) for p in found]) for key in Points.__dataclass_fields__))
-    if not values_of(world, "rolling_shutter", name):
+        found.append(_points(i, b, np.where((edges.rival < RIVAL) & (edges.strength > FAINT), edges.along, np.nan)))
+    points = _joined(found)
+    if not found or not values_of(world, "rolling_shutter", name):
         return points
     shift = pixels(geometry, sight, world, points) - points.pixel  # rows that were exposed at other times
     along = points.along - np.sum(shift * points.normal, axis=1)
-    return Points(
-        points.frame, points.body, points.local, points.pixel + shift, points.normal, along, points.parts, points.depth
-    )
+    return replace(points, pixel=points.pixel + shift, along=along)
+
+
+def outlined(predictor: Predictor, sight: Sight, world: World) -> Points:
+    """The border points that a world predicts, sought nowhere."""
+    return _joined([_points(i, b, np.full(len(b), np.nan)) for i, _, b in _drawn(predictor, sight, world)])
+
+
+def _drawn(predictor: Predictor, sight: Sight, world: World) -> Iterator[tuple[int, np.ndarray, Borders]]:
+    """Number, picture and predicted borders of each frame that has a picture at measured angles."""
+    name, frames = sight.camera.name, np.arange(len(sight))
+    predictor.see(world)
+    for i, q in zip(frames, sight.at(frames, -delay_of(world, name)), strict=True):
+        rgb = sight.rgb(int(i)) if np.isfinite(q).all() else None
+        if rgb is not None:
+            yield int(i), rgb, borders_of(predictor.draw(name, q), predictor.geometry, step=SPACING)
+
+
+def _points(frame: int, b: Borders, along: np.ndarray) -> Points:
+    return Points(np.full(len(b), frame), b.body, b.local, b.pixel, b.normal, along, b.parts, b.depth)
+
+
+def _joined(some: Sequence[Points]) -> Points:
+    """Points of several frames, one after the other."""
+    if not some:
+        none, flat = np.zeros(0), np.zeros((0, 2))
+        return Points(none.astype(int), none.astype(int), np.zeros((0, 3)), flat, flat, none, flat.astype(int), none)
+    return Points(*(np.concatenate([getattr(p, key) for p in some]) for key in Points.__dataclass_fields__))
 
 
 def pixels(

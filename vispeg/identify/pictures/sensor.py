@@ -128,6 +128,15 @@ class SensorEvidence(Evidence):
         shapes = [i.figures.measured.shape for i in self.items]
         return np.repeat(np.arange(sum(s[0] for s in shapes)), np.concatenate([[s[1]] * s[0] for s in shapes]))
 
+    def alike(self) -> np.ndarray:
+        """(n, figures) residuals where a figure is off by its floor in all frames, as by a camera's own processing."""
+        rows = [np.tile([f.floor for f in i.figures.table] / i.each, (len(i.figures.measured), 1)) for i in self.items]
+        columns = [
+            (i.valid.ravel() * r.ravel())[:, None] * np.tile(np.eye(r.shape[1]), (len(r), 1))
+            for i, r in zip(self.items, rows, strict=True)
+        ]
+        return np.concatenate(columns)
+
     def change(self, one: World, other: World) -> float:
         """The figure that differs most between two worlds on the whole, in multiples of what is ordinary."""
         return max((abs(v) for v in self._apart(self.misplaced(one), self.misplaced(other)).values()), default=0.0)

@@ -1,0 +1,65 @@
+"""The search among what moves borders: a name has to be borne out by a second recording, and to be needed as a set."""
+
+from __future__ import annotations
+
+from vispeg.core.effect import EffectInstance
+from vispeg.diagnosis.accept import LEAST_SHARE, equal
+from vispeg.diagnosis.judge import parameters, present
+from vispeg.diagnosis.pictures.agreement import agreement
+from vispeg.diagnosis.pictures.search import PictureSearch
+from vispeg.diagnosis.state import State, Trial
+from vispeg.worlds.world import World
+
+ROUNDS = 3  # of exchanges at most
+BETTER = 0.01  # of the held-out error that an exchange must remove
+OF_TIME = ("camera_delay", "rolling_shutter")
+MOVING = 0.12  # px that an effect of time has to move the borders by
+
+
+class BorderSearch(PictureSearch):
+    """A search whose names do what no other effects can do, alike in both recordings."""
+
+    least_share = LEAST_SHARE  # projections are nearly exact: pixels count (`Agreement`)
+
+    def run(self, world: World) -> State:
+        """Adds effects until none earns its place; then lets what does as well with less take the place of others."""
+        state, given = super().run(world), len(world.effects)
+        for _ in range(ROUNDS):
+            better = self._simpler(state, given) or self._exchange(state, given)
+            if better is None:
+                break
+            trial, trials = better
+            self.take(state, trial, trials, given)
+            self._prune(state, given)
+            while self.worth_it(state, given) and self.advance(state, given):
+                pass
+        return state
+
+    def doubt(self, placed: EffectInstance, added: World, without: World, given: int) -> str:
+        """As `PictureSearch`: others can do it, or the recordings differ on what it does."""
+        return agreement(self, added, without, given).doubt(self.least_of(placed))
+
+    def least_of(self, placed: EffectInstance) -> float:
+        """As `PictureSearch`: what only motion makes is not made by a look."""
+        return MOVING if placed.effect in OF_TIME else self.least
+
+    def _simpler(self, state: State, given: int) -> tuple[Trial, list[Trial]] | None:
+        """One effect alone that does as well as all that were taken."""
+        if len(state.world.effects) - given < 2:
+            return None
+        trials = state.steps[0][1]
+        alone = [t for t in trials if present(t.fit, -1) and equal(self.judge, t.loss, state.loss, state.first)]
+        alone.sort(key=lambda t: (parameters(t.fit.world), float(t.loss.sum())))
+        return (alone[0], trials) if alone else None
+
+    def _exchange(self, state: State, given: int) -> tuple[Trial, list[Trial]] | None:
+        """An effect in whose place another one does better, all else fitted anew."""
+        best, chosen = (1.0 - BETTER) * float(state.loss.sum()), state.world.effects[given:]
+        found = None
+        for placed in chosen if len(chosen) > 1 else ():
+            reduced = self._without(state, placed, given)
+            places = [p for p in self.places(reduced.world) if p != (placed.effect, placed.where)]
+            trials = self.questioned(reduced, self.step(reduced, given, places), given)
+            if trials and not trials[0].rejected and float(trials[0].loss.sum()) < best:
+                best, found = float(trials[0].loss.sum()), (trials[0], trials)
+        return found
