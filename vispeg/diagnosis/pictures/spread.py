@@ -7,7 +7,9 @@ DerSimonian and Laird, Controlled Clinical Trials 7(3), 1986, for two studies). 
 there are numbers, the fit as many as it has views; Student's t is that of their sum (Satterthwaite, Biometrics Bulletin
 2(6), 1946).
 
-What a camera does to all its frames alike, and no effect says, is in neither: by that a figure is off as a whole.
+What a camera does to all its frames alike, and no effect says, is in neither: by that a figure is off as a whole. Nor
+is what an effect that was refused would take over: the truth lies anywhere between the values with it and without it
+(a lean model understates its uncertainty; Kogan, mrcal documentation, "projection uncertainty").
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import numpy as np
 from scipy import stats
 
 from vispeg.core.effect import EffectInstance, Value
+from vispeg.diagnosis.accept import HELD_OUT
 from vispeg.diagnosis.pictures.search import PictureSearch
 from vispeg.diagnosis.selection.state import State
 from vispeg.identify.fit import Fit
@@ -28,8 +31,8 @@ def confirmed(search: PictureSearch, state: State, given: int) -> State:
     if state.fit is None or len(state.world.effects) <= given:
         return state
     (other,) = search.fits([state.world], given, search.judged)
-    alike = of_form(state.fit, search.evidence.alike())
-    fit = widened(state.fit, other, len(np.unique(search.evidence.blocks())), alike)
+    form = np.hypot(of_form(state.fit, search.evidence.alike()), taken_over(search, state))
+    fit = widened(state.fit, other, len(np.unique(search.evidence.blocks())), form)
     return replace(state, fit=fit, world=fit.world)
 
 
@@ -42,6 +45,16 @@ def of_form(fit: Fit, alike: np.ndarray) -> np.ndarray:
     """
     moved, *_ = np.linalg.lstsq(fit.jacobian, alike, rcond=1e-6)
     return np.sqrt(np.sum(moved**2, axis=1))
+
+
+def taken_over(search: PictureSearch, state: State) -> np.ndarray:
+    """(k,) standard errors of the coordinates from what the best of the refused effects beside them would take over."""
+    fit = state.fit
+    assert fit is not None
+    richer = [t for t in state.last if t.gain.z > HELD_OUT and t.gain.relative > search.evidence.least_gain]
+    if not richer or len(richer[0].fit.u) <= len(fit.u):
+        return np.zeros(len(fit.u))
+    return np.abs(richer[0].fit.u[: len(fit.u)] - fit.u) / np.sqrt(3)
 
 
 def widened(fit: Fit, other: Fit, blocks: int, of_form: np.ndarray | float = 0.0) -> Fit:

@@ -24,9 +24,11 @@ from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 
 FIXED = np.array([1e-3, 1e-3, 1e-3, 5e-3, 5e-3, 5e-3])  # m, rad: how well fixture and grip are known
-# px by which light and shadow shift edges: all that face one way, those between two parts, those of both, and those
-# of both in one picture; measured between Filament's pictures in looks of S and the borders of the model
+# px by which light and shadow shift edges: all that face one way, those between two parts, those of both, those at one
+# place of a part, and those of two parts in one picture; measured between Filament's pictures in looks of S and the
+# borders of the model
 EDGE_BIAS, EDGE_BIAS_HERE = 0.1, 0.05
+PLACE = 0.02  # m of a part that have one shading
 ROBOT = (0.0, *np.geomspace(3e-5, 4e-3, 15).tolist())  # rad, each joint in each frame: sizes that are tried
 LEAST_PX = 0.2  # that looks, and what is not modelled of edges, do not make
 LOOSE = 2e-3  # rad of a joint in a frame, where only the rest matters
@@ -242,7 +244,8 @@ def _edges(p: Points, scale: np.ndarray, away: np.ndarray) -> list[np.ndarray]:
     """
     facing = np.round(np.arctan2(p.normal[:, 1], p.normal[:, 0]) / (np.pi / 2)).astype(int) % 4
     one_way, out = np.column_stack([p.parts, facing]), []
-    for labels in (facing[:, None], p.parts, one_way):
+    place = np.column_stack([p.body, facing, np.floor(p.local / PLACE).astype(int)])
+    for labels in (facing[:, None], p.parts, one_way, place):
         for rows in _alike(labels):
             left = abs(scale[rows] @ away[rows]) / max(scale[rows] @ scale[rows], 1e-9)
             out.append(rows * max(EDGE_BIAS, left) * scale)

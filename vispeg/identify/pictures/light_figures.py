@@ -8,6 +8,7 @@ picture itself, smoothed.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,11 +26,11 @@ from vispeg.worlds.world import World
 LEVELS = np.array([8, 40, 90, 160, 245])  # code values: edges of the bins of brightness
 FEW = 60  # pixels that a figure needs
 EDGES = 30  # border points that a softness needs
-FAST = 100.0  # px/s along the normals that some borders must differ by, for blur of motion to show
+FAST = 60.0  # px/s along the normals that some borders must differ by, for blur of motion to show
 QUIET = 0.2  # quantile of local scatter: a texture is no noise
 GRAIN = 2.5  # code values, 1 sigma, of an ordinary camera's noise
 WINDOW = 3.0  # px
-NOISE = "rgb_noise"
+NOISE, MOTION = "rgb_noise", "motion_blur"
 
 TABLE = (
     Figure("light", 0.1, 0.3),  # octaves
@@ -37,7 +38,7 @@ TABLE = (
     Figure("blue", 0.05, 0.15),
     Figure("fall-off", 0.05, 0.25),
     Figure("softness", 0.1, 0.35),  # px^2
-    Figure("smear", 3.0, 15.0),  # ms^2: the squared softness in px^2 over the squared speed in (px/ms)^2
+    Figure("smear", 5.0, 20.0),  # ms^2: the squared softness in px^2 over the squared speed in (px/ms)^2
     *(Figure(f"noise, bin {k}", 0.1, 0.6) for k in range(len(LEVELS) - 1)),
 )
 
@@ -58,12 +59,13 @@ class LightFigures:
         pictures = [s.rgb for s in self.shots if s.rgb is not None]
         self.links: Links = links_of(self.shots)
         self.still = [_smooth(p) for p in pictures]
-        self.measured = self._figures(pictures, pictures)
+        self.measured = self._figures(pictures, pictures, 0.0)
 
     def modelled(self, world: World) -> np.ndarray:
         """Figures of the predicted pictures after a world's effects on light."""
-        pictures = [s.sensed(world, _of_light)[0] for s in self.shots]
-        return self._figures(pictures, self._noisy(world))
+        still, seconds = _at_rest(world)
+        pictures = [s.sensed(still, _of_light)[0] for s in self.shots]
+        return self._figures(pictures, self._noisy(world), seconds)
 
     def _noisy(self, world: World) -> Sequence[np.ndarray]:
         """The measured pictures, smoothed, with a world's noise in place of their own."""
@@ -76,12 +78,12 @@ class LightFigures:
             out.append(through_sensor(noise, seen, SEED + shot.number)[0])
         return out
 
-    def _figures(self, pictures: Sequence[np.ndarray], grain: Sequence[np.ndarray]) -> np.ndarray:
+    def _figures(self, pictures: Sequence[np.ndarray], grain: Sequence[np.ndarray], seconds: float) -> np.ndarray:
         fall = self.links.slopes([TO_LINEAR[p][..., 1] for p in pictures])
         rows = []
         for shot, picture, rough, slope in zip(self.shots, pictures, grain, fall, strict=True):
             gain = _gains(picture, shot) if self.lit else np.full(3, np.nan)
-            rows.append(np.concatenate([gain, [slope], _softness(picture, shot), _grain(rough, shot)]))
+            rows.append(np.concatenate([gain, [slope], _softness(picture, shot, seconds), _grain(rough, shot)]))
         return np.array(rows)
 
 
@@ -108,9 +110,20 @@ def _gains(picture: np.ndarray, shot: Shot) -> np.ndarray:
     return np.median(out, 0) if out else np.full(3, np.nan)
 
 
-def _softness(picture: np.ndarray, shot: Shot) -> np.ndarray:
-    """(2,) px^2 of most borders' spread, and ms^2 by which it grows with the squared speed across the border."""
+def _at_rest(world: World) -> tuple[World, float]:
+    """The world without what moving things smear, and for how many s its shutter is open: each border has a speed."""
+    open_for = sum(e.params["exposure"].value for e in world.effects if e.effect == MOTION)
+    effects = (e.with_values(exposure=0.0) if e.effect == MOTION else e for e in world.effects)
+    return replace(world, effects=tuple(effects)), open_for
+
+
+def _softness(picture: np.ndarray, shot: Shot, seconds: float) -> np.ndarray:
+    """(2,) px^2 of most borders' spread, and ms^2 by which it grows with the squared speed across the border.
+
+    What moves while a shutter is open for some `seconds` has the spread of a box beside that of the picture.
+    """
     square = softness(picture, shot.borders, search(picture, shot.borders, WINDOW)) ** 2
+    square = square + (seconds * shot.flow) ** 2 / 12
     good = np.isfinite(square)
     if good.sum() < EDGES:
         return np.full(2, np.nan)
