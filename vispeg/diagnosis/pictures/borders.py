@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from vispeg.core.effect import EffectInstance
-from vispeg.diagnosis.accept import LEAST_SHARE, equal
-from vispeg.diagnosis.judge import parameters, present
 from vispeg.diagnosis.pictures.agreement import agreement
 from vispeg.diagnosis.pictures.search import PictureSearch
-from vispeg.diagnosis.state import State, Trial
+from vispeg.diagnosis.selection.accept import LEAST_SHARE, equal
+from vispeg.diagnosis.selection.judge import parameters, present
+from vispeg.diagnosis.selection.state import State, Trial
 from vispeg.worlds.world import World
 
 ROUNDS = 3  # of exchanges at most

@@ -20,8 +20,8 @@ import numpy as np
 from scipy import stats
 
 from vispeg.core.effect import EffectInstance, Value
-from vispeg.diagnosis.accept import HELD_OUT
 from vispeg.diagnosis.pictures.search import PictureSearch
+from vispeg.diagnosis.selection.accept import HELD_OUT
 from vispeg.diagnosis.selection.state import State
 from vispeg.identify.fit import Fit
 
