@@ -154,7 +154,7 @@ def _all_fields(sight: Sight) -> np.ndarray | None:
 
 
 def _log(depth: np.ndarray) -> np.ndarray:
-    """(H, W) logarithm of a depth picture, small holes closed; what has no reading is far."""
+    """(H, W) logarithm of a depth picture, small gaps closed; what has no reading is far."""
     import cv2
 
     return np.log(cv2.medianBlur(np.where(depth > 0, depth, FAR).astype(np.float32), 5))
