@@ -7,26 +7,33 @@ import pytest
 pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
 
-from vispeg.cli.learning.play import Film  # noqa: E402
+from vispeg.api.films import Film  # noqa: E402
+from vispeg.api.train import resume, train  # noqa: E402
 from vispeg.learn.config import Stage, TrainConfig, read_config  # noqa: E402
 from vispeg.task.environments.vector import spaces, world_of  # noqa: E402
 
 
 @pytest.fixture
-def asked(vispeg, monkeypatch, tmp_path):
-    """Runs the command; gives the configuration it would train by."""
+def configs(monkeypatch):
+    """What would be trained by, in order; nothing is."""
     found = []
 
-    def train(config, folder, show=True):
+    def begin(config, folder, show=True):
         found.append(config)
         return folder / "checkpoints" / "best"
 
-    monkeypatch.setattr("vispeg.learn.train.train", train)
+    monkeypatch.setattr("vispeg.learn.train.train", begin)
+    return found
+
+
+@pytest.fixture
+def asked(vispeg, configs, tmp_path):
+    """Runs the command; gives the configuration it would train by."""
 
     def run(*args):
         code, _, err = vispeg("train", "peg-state", "--films", "0", *args)
         assert code == 0, err
-        return found[-1]
+        return configs[-1]
 
     return run
 
@@ -42,7 +49,7 @@ def begun(vispeg, monkeypatch, tmp_path):
         yield Film(7, "success", 5.0, "film.mp4")
 
     monkeypatch.setattr("vispeg.learn.train.resume", lambda folder, steps, show: folder / "checkpoints" / "best")
-    monkeypatch.setattr("vispeg.cli.learning.play.films", films)
+    monkeypatch.setattr("vispeg.api.films.films", films)
     (tmp_path / "run").mkdir()
     TrainConfig("peg-state", world="searching", settings={"clearance_mm": 0.5}).write(tmp_path / "run" / "config.yaml")
     return filmed
@@ -114,3 +121,51 @@ def test_a_resumed_run_is_filmed_once(vispeg, begun):
 def test_options_of_no_effect_on_a_resumed_run_are_refused(refused, begun):
     args = ["train", "peg-state", "--resume", "run", "--seed", "3", "--start-radius", "0.01", "--steps", "9"]
     refused(args, "--resume", "TASK --start-radius --seed", "--steps and --films alone")
+
+
+ROUNDS = {"steps": 8, "updates": 4, "looks": 2}
+
+
+@pytest.mark.parametrize(
+    ("flags", "options"),
+    [
+        ([], {}),
+        (
+            ["--world", "randomized", "--clearance", "0.5", "--curriculum", "3", "1", "--steps", "640", "--utd", "0.5"],
+            {
+                "world": "randomized",
+                "settings": {"clearance_mm": 0.5},
+                "curriculum": (3.0, 1.0),
+                "steps": 640,
+                "utd": 0.5,
+            },
+        ),
+        (
+            ["--recipe", "distill", "--teacher", "expert", "--seed", "7", "--envs", "4", "--dof", "x", "y", "z", "rz"]
+            + ["--distill-steps", "8", "--distill-updates", "4", "--distill-looks", "2"],
+            {
+                "recipe": "distill",
+                "teacher": "expert",
+                "seed": 7,
+                "envs": 4,
+                "settings": {"dof": ("x", "y", "z", "rz")},
+                "distill": ROUNDS,
+            },
+        ),
+    ],
+)
+def test_the_command_and_its_function_ask_for_the_same_run(asked, configs, tmp_path, flags, options):
+    config = asked(*flags)
+    run = train("peg-state", **options, out=tmp_path / "run")
+    assert len(configs) == 2 and configs[1] == config and run.settings == config.settings
+    assert run.record == {"run": str(tmp_path / "run"), "best": str(tmp_path / "run" / "checkpoints" / "best")}
+
+
+def test_a_run_says_how_it_stands(begun, tmp_path):
+    assert not resume(tmp_path / "run").history
+    head = "steps,seconds,updates,stage,success,reward,peak_force,episode_steps,failures"
+    rows = "3200,5,1,0,0.4,1,9,30,\n6400,9,2,0,0.94,1,8,25,timeout 3"
+    (tmp_path / "run" / "progress.csv").write_text(f"{head}\n{rows}\n")
+    run = resume(tmp_path / "run")
+    assert [float(row["success"]) for row in run.history] == [0.4, 0.94] and run.world == "searching"
+    assert "94%" in run._repr_html_() and run.settings == {"clearance_mm": 0.5}

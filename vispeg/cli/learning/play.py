@@ -7,10 +7,8 @@ Example:
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import tyro
 
@@ -41,6 +39,7 @@ class Args:
 
     def run(self) -> int:
         """Plays and writes."""
+        from vispeg.api.films import Film, films
         from vispeg.core.errors import UserError
         from vispeg.learn.coarse_to_fine import open_policy
         from vispeg.learn.envs import home
@@ -74,50 +73,3 @@ class Args:
             record["rerun"] = str(self.rerun)
         self.output.give(record, [])
         return 0
-
-
-@dataclass(frozen=True)
-class Film:
-    """A video of one episode: its seed, how it ended, its peak contact force in N, where it lies."""
-
-    seed: int
-    category: str
-    peak_force: float
-    file: str
-
-    @property
-    def line(self) -> str:
-        """For a person."""
-        return f"seed {self.seed}: {self.category}, peak force {self.peak_force:.0f} N, {self.file}"
-
-
-def films(
-    folder: Path, world: str, settings: dict[str, Any], seeds: list[int], out: Path, overwrite: bool
-) -> Iterator[Film]:
-    """Plays a policy on these seeds and writes a video of each, which it gives.
-
-    Args:
-        folder: of the policy.
-        world: built-in name or world file.
-        settings: of the task, in place of the world's.
-        seeds: of the episodes.
-        out: folder of the videos.
-        overwrite: whether it may be replaced.
-    """
-    from vispeg.core.files import new_folder
-    from vispeg.evaluation.films.video import write_video
-    from vispeg.learn.coarse_to_fine import open_policy
-    from vispeg.learn.envs import of_policy
-    from vispeg.learn.play import play
-
-    policy = open_policy(folder)
-    env = of_policy(policy, world)(1, {"render_mode": "rgb_array", **settings})
-    try:
-        with new_folder(out, overwrite, holds="films", inputs=(folder, world)) as place:
-            for played in play(policy, env, seeds):
-                category = str(played.record.get("category", "episode"))
-                file = write_video(place / f"{played.seed}-{category.replace(' ', '-')}", played.frames)
-                force = float(played.record.get("peak_force", 0.0))
-                yield Film(played.seed, category, force, str(out / file.name))
-    finally:
-        env.close()

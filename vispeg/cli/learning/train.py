@@ -17,17 +17,18 @@ Example:
 
 from __future__ import annotations
 
-import time
-from collections.abc import Mapping
 from contextlib import AbstractContextManager
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import tyro
 
 from vispeg.cli.output import Output, Told
 from vispeg.core.interrupt import goes_on
+
+if TYPE_CHECKING:
+    from vispeg.api.train import TrainedPolicy
 
 
 @dataclass(frozen=True)
@@ -103,76 +104,50 @@ class Args:
     def run(self) -> int:
         """Trains and says where the policy is."""
         from vispeg.core.errors import UserError
-        from vispeg.core.extras import require
 
         if self.films < 0:
             raise UserError("must not be negative", key="--films", got=self.films)
-        if self.wandb is not None:
-            require("wandb", "--wandb")
         return self._train() if self.resume is None else self._resume(self.resume)
 
     def _train(self) -> int:
-        from vispeg.core.errors import UserError
-        from vispeg.learn.config import TrainConfig
-        from vispeg.learn.methods.curriculum import stages
-        from vispeg.learn.modalities import modality, names
-        from vispeg.learn.settings import defaults
-        from vispeg.learn.train import train
-        from vispeg.task.environments.vector import world_of
-        from vispeg.task.registry import task_of
+        from vispeg.api.train import new_run, train
 
-        settings = self._settings()
-        task = world_of(self.world, dict(settings))[1]
-        asked = self.task or ""
-        label, _, name = asked.partition("-")
-        if not name or label != task_of(task).label:
-            known = [f"{task_of(task).label}-{name}" for name in names()]
-            raise UserError("no such task", got=asked, expected=f"one of the world {self.world}", choices=known)
-        seen = modality(name)
-        sac = defaults(bool(seen.kinds))
-        utd = sac.utd if self.utd is None else self.utd
-        sac = replace(sac, recurrent=self.recurrent, utd=utd, symmetric=self.symmetric)
-        rounds = {"steps": self.distill_steps, "updates": self.distill_updates, "looks": self.distill_looks}
-        config = TrainConfig(
-            asked,
-            self.recipe,
-            self.world,
-            100_000 if self.steps is None else self.steps,
-            self.seed,
-            self.envs,
-            self.every,
-            self.episodes,
-            self.target,
-            stages=stages(self.curriculum, self.start_radius, task),
-            settings=settings,
-            sac=sac,
-            teacher=self.teacher,
-            dataset=None if self.dataset is None else str(self.dataset),
-            distill={} if self.recipe == "sac" else rounds,
-            device=self.device,
-            threads=self.threads,
-            ranges=self.ranges,
-            wandb=self.wandb or "",
-        )
-        out = self.out or Path("runs") / asked / f"{time.strftime('%Y%m%d-%H%M%S')}_s{self.seed}"
+        settings = {"clearance_mm": self.clearance, "stack": self.stack, "dof": self.dof or None, "reward": self.reward}
+        task = self.task or ""
+        out = self.out or new_run(task, self.seed)
         with self._goes_on(out):
-            self._tell(train(config, out, show=not self.output.quiet), out, self.world, settings)
+            trained = train(
+                task,
+                world=self.world,
+                recipe=self.recipe,
+                settings={key: value for key, value in settings.items() if value is not None},
+                curriculum=self.curriculum,
+                start_radius=self.start_radius,
+                ranges=self.ranges,
+                steps=100_000 if self.steps is None else self.steps,
+                target=self.target,
+                seed=self.seed,
+                envs=self.envs,
+                threads=self.threads,
+                utd=self.utd,
+                recurrent=self.recurrent,
+                symmetric=self.symmetric,
+                teacher=self.teacher,
+                dataset=self.dataset,
+                distill={"steps": self.distill_steps, "updates": self.distill_updates, "looks": self.distill_looks},
+                every=self.every,
+                episodes=self.episodes,
+                device=self.device,
+                wandb=self.wandb,
+                out=out,
+                show=not self.output.quiet,
+            )
+            self._tell(trained)
         return 0
 
-    def _settings(self) -> Mapping[str, Any]:
-        """Of the task, in place of the world's."""
-        from vispeg.core.errors import UserError
-
-        if self.recurrent and self.stack not in (None, 1):
-            expected = "one of them, as the LSTM stands in place of the stack"
-            raise UserError("a memory and a stack", key="--stack", expected=expected, got=self.stack)
-        asked = {"clearance_mm": self.clearance, "stack": self.stack, "dof": self.dof or None, "reward": self.reward}
-        return {key: value for key, value in asked.items() if value is not None}
-
     def _resume(self, folder: Path) -> int:
+        from vispeg.api.train import resume
         from vispeg.core.errors import UserError
-        from vispeg.learn.config import read_config
-        from vispeg.learn.train import resume
 
         others = [f for f in fields(self) if f.name not in ("resume", "steps", "films", "output")]
         given = [f.name for f in others if getattr(self, f.name) != f.default]
@@ -181,25 +156,24 @@ class Args:
             expected = "--steps and --films alone"
             raise UserError("goes on as the run was begun", key="--resume", expected=expected, got=got)
         with self._goes_on(folder):
-            best = resume(folder, self.steps, show=not self.output.quiet)
-            config = read_config(folder / "config.yaml")
-            self._tell(best, folder, config.world, config.settings)
+            self._tell(resume(folder, self.steps, show=not self.output.quiet))
         return 0
 
     def _goes_on(self, folder: Path) -> AbstractContextManager[None]:
         films = () if self.films == type(self).films else ("--films", str(self.films))
         return goes_on(instead=("train", "--resume", str(folder), *films))
 
-    def _tell(self, best: Path, folder: Path, world: str, settings: Mapping[str, Any]) -> None:
+    def _tell(self, trained: TrainedPolicy) -> None:
         """Says where the policy is, and films it unless that was done before."""
-        self.output.line(f"best policy: {best}")
-        made = list[dict[str, object]]()
-        if self.films and not (folder / "films").exists():
-            from vispeg.cli.learning.play import films
-            from vispeg.learn.envs import HELD_OUT
+        from vispeg.api.films import films
+        from vispeg.learn.envs import HELD_OUT
 
+        if not self.output.json:
+            self.output.give({}, trained.summary)
+        made, place = list[dict[str, object]](), trained.run / "films"
+        if self.films and not place.exists():
             seeds = [HELD_OUT + k for k in range(self.films)]
-            for film in films(best, world, dict(settings), seeds, folder / "films", False):
+            for film in films(trained.best, trained.world, trained.settings, seeds, place, False):
                 made.append(asdict(film))
                 self.output.line(film.line)
-        self.output.give({"run": str(folder), "best": str(best), "films": made}, [])
+        self.output.give({**trained.record, "films": made}, [])

@@ -1,0 +1,199 @@
+"""Policies are trained: what `vispeg train` does, from Python."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from vispeg.api.policies import load_policy
+from vispeg.core.errors import UserError
+from vispeg.core.extras import require
+from vispeg.report.text.summary import Block, Line, html
+
+if TYPE_CHECKING:
+    from vispeg.learn.policy import Policy
+
+
+@dataclass(frozen=True)
+class TrainedPolicy:
+    """A run of training on disk.
+
+    Attributes:
+        run: its folder: config.yaml, progress.csv, tensorboard/, checkpoints/.
+        best: folder of the policy that did best in the run's own evaluations.
+        world: that it was trained in.
+        settings: of the task, in place of the world's.
+    """
+
+    run: Path
+    best: Path
+    world: str
+    settings: Mapping[str, Any]
+
+    def open(self) -> Policy:
+        """The best policy, which acts."""
+        return load_policy(self.best)
+
+    @property
+    def history(self) -> list[dict[str, str]]:
+        """The run's evaluations, in order: rows of progress.csv, whose columns docs/learning.md explains."""
+        from vispeg.learn.curves.progress import Table
+
+        return Table(self.run / "progress.csv", sys.maxsize).rows
+
+    @property
+    def record(self) -> dict[str, object]:
+        """What `vispeg train --json` prints beside the films."""
+        return {"run": str(self.run), "best": str(self.best)}
+
+    @property
+    def summary(self) -> list[Block]:
+        """Where the policy is, and how its run stood at the last evaluation."""
+        last = [f"success {float(row['success']):.0%} after {row['steps']} steps" for row in self.history[-1:]]
+        return [*(Line(text) for text in last), Line(f"best policy: {self.best}", path=True)]
+
+    def _repr_html_(self) -> str:
+        return html(self.summary)
+
+
+def new_run(task: str, seed: int) -> Path:
+    """A folder for a run that begins now."""
+    return Path("runs") / task / f"{time.strftime('%Y%m%d-%H%M%S')}_s{seed}"
+
+
+def train(
+    task: str,
+    *,
+    world: str | Path = "nominal",
+    recipe: Literal["sac", "distill", "distill+sac"] = "sac",
+    settings: Mapping[str, Any] | None = None,
+    curriculum: Sequence[float] = (),
+    start_radius: Sequence[float] = (),
+    ranges: Literal["full", "schedule", "adaptive"] = "full",
+    steps: int = 100_000,
+    target: float = 0.995,
+    seed: int = 0,
+    envs: int = 16,
+    threads: int = 1,
+    utd: float | None = None,
+    recurrent: int = 0,
+    symmetric: bool = False,
+    teacher: str | Path | None = None,
+    dataset: str | Path | None = None,
+    distill: Mapping[str, int] | None = None,
+    every: int = 5000,
+    episodes: int = 50,
+    device: Literal["cpu", "cuda", "auto"] = "cpu",
+    wandb: str | None = None,
+    out: str | Path | None = None,
+    show: bool = False,
+) -> TrainedPolicy:
+    """Trains a policy for the task of a world; see docs/learning.md. A run that was stopped goes on.
+
+    Args:
+        task: label of the world's task and what the policy sees, LABEL-MODALITY.
+        world: a built-in world's name or a world file.
+        recipe: reinforcement learning, imitation of a teacher, or the one after the other.
+        settings: fields of the task's configuration that replace the world's, such as `stack`, `dof`, `reward`.
+        curriculum: wider clearances (mm) to begin with, widest first.
+        start_radius: lateral ranges of starts (m) to begin with, nearest first.
+        ranges: randomization from the first step on, opening over the first half, or each range as the policy copes.
+        steps: of the environment, in all.
+        target: success rate that ends the run once two evaluations in a row reach it; above 1 never.
+        seed: of networks, exploration and episodes.
+        envs: environments that are stepped together.
+        threads: of the physics and of the networks.
+        utd: critic updates a step; the modality's usual number where not given.
+        recurrent: width of an LSTM in place of stacked observations; 0 for none.
+        symmetric: critics that see what the actor sees, in place of ground truth.
+        teacher: a policy's folder or name, or `expert`, for imitation.
+        dataset: demonstrations as `render_dataset` writes them, in place of a teacher, or half of each batch of `sac`.
+        distill: `steps` and `updates` of a round of imitation, and `looks` of each state, where not the usual ones.
+        every: steps between evaluations and checkpoints.
+        episodes: of an evaluation, on seeds that training never draws.
+        device: where networks run.
+        wandb: a project of Weights & Biases that the curves are sent to as well.
+        out: folder of the run; runs/TASK/TIME_sSEED where not given.
+        show: whether progress is shown on standard error.
+
+    Raises:
+        UserError: no such task, world or teacher; numbers that cannot be; `out` holds something else.
+    """
+    require("torch", "training")
+    from vispeg.learn import train as running
+    from vispeg.learn.config import TrainConfig
+    from vispeg.learn.methods.curriculum import stages
+    from vispeg.learn.modalities import modality
+    from vispeg.learn.settings import defaults
+    from vispeg.task.environments.vector import world_of
+
+    chosen = dict(settings or {})
+    if recurrent and chosen.get("stack") not in (None, 1):
+        expected = "one of them, as the LSTM stands in place of the stack"
+        raise UserError("a memory and a stack", key="--stack", expected=expected, got=chosen["stack"])
+    if wandb is not None:
+        require("wandb", "--wandb")
+    world = str(world)
+    asked = world_of(world, dict(chosen))[1]
+    sac = defaults(bool(modality(_modality(task, asked, world)).kinds))
+    sac = replace(sac, recurrent=recurrent, utd=sac.utd if utd is None else utd, symmetric=symmetric)
+    config = TrainConfig(
+        task,
+        recipe,
+        world,
+        steps,
+        seed,
+        envs,
+        every,
+        episodes,
+        target,
+        stages=stages(curriculum, start_radius, asked),
+        settings=chosen,
+        sac=sac,
+        teacher=None if teacher is None else str(teacher),
+        dataset=None if dataset is None else str(dataset),
+        distill={} if recipe == "sac" else dict(distill or {}),
+        device=device,
+        threads=threads,
+        ranges=ranges,
+        wandb=wandb or "",
+    )
+    folder = new_run(task, seed) if out is None else Path(out)
+    return TrainedPolicy(folder, running.train(config, folder, show=show), world, chosen)
+
+
+def resume(run: str | Path, steps: int | None = None, *, show: bool = False) -> TrainedPolicy:
+    """Goes on with a run from its last checkpoint, as if it had never stopped.
+
+    Args:
+        run: its folder.
+        steps: up to where; as the run was begun where not given.
+        show: whether progress is shown on standard error.
+
+    Raises:
+        UserError: no run is there, its last checkpoint is gone or damaged, or another process trains there.
+    """
+    require("torch", "training")
+    from vispeg.learn import train as running
+    from vispeg.learn.config import read_config
+
+    folder = Path(run)
+    best = running.resume(folder, steps, show=show)
+    config = read_config(folder / "config.yaml")
+    return TrainedPolicy(folder, best, config.world, config.settings)
+
+
+def _modality(task: str, asked: Any, world: str) -> str:
+    """Of LABEL-MODALITY. Raises UserError where the label is not that of the world's task."""
+    from vispeg.learn.modalities import names
+    from vispeg.task.registry import task_of
+
+    label, _, name = task.partition("-")
+    if not name or label != task_of(asked).label:
+        choices = [f"{task_of(asked).label}-{name}" for name in names()]
+        raise UserError("no such task", got=task, expected=f"one of the world {world}", choices=choices)
+    return name
