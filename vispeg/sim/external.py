@@ -53,8 +53,9 @@ class External:
 
     @property
     def noise(self) -> tuple[float, float]:
-        """1-sigma of a force (N) and a torque (N m), in the mean over directions and samples: of white noise that leaves
-        as much over a block, since what the low-pass takes off, it makes last longer.
+        """1-sigma of a force (N) and a torque (N m), in the mean over directions and samples.
+
+        It is that of white noise that leaves as much over a block: what the low-pass takes off, it makes last longer.
         """
         variance = np.mean((self.gain * self.white) ** 2 @ np.ones(len(self.white)), axis=0)
         return float(np.sqrt(variance[:3].mean())), float(np.sqrt(variance[3:].mean()))
