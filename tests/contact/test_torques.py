@@ -18,6 +18,7 @@ from vispeg.core.seeds import stream
 from vispeg.identify.fit import fit_job
 from vispeg.identify.pool import run_together
 from vispeg.recordings.cell import CellBelief
+from vispeg.recordings.noise import NOISE
 from vispeg.recordings.regimes import FREE
 from vispeg.robots.tools import CELL
 from vispeg.sim.external import BLOCK, PRIOR, external, flange_jacobian, solved
@@ -25,7 +26,7 @@ from vispeg.sim.touch import touch
 from vispeg.task.belief import believed
 from vispeg.task.peg.rig.motions import CellMotion, Place, press
 from vispeg.task.peg.rig.path import commands
-from vispeg.task.peg.rig.record import NOISE, record_cell
+from vispeg.task.peg.rig.record import record_cell
 from vispeg.task.start import home
 from vispeg.worlds.world import World
 
