@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.pictures.search import PictureSearch
 from vispeg.diagnosis.pictures.spread import confirmed
@@ -34,11 +34,10 @@ class SensorSearch(PictureSearch):
         assert isinstance(evidence, SensorEvidence)
         odd = {name for name, size in evidence.off(world).items() if abs(size) > ODD}
         out = []
-        for name, where in super().places(world) if odd else ():
-            sizes = {k: p.start for k, p in effect(name).params.items()}
-            changed = evidence.moves(world.add(EffectInstance.of(name, where, **sizes)), world)
-            if any(abs(changed.get(figure, 0.0)) > CHANGED for figure in odd):
-                out.append((name, where))
+        for at in super().places(world) if odd else ():
+            changed = [evidence.moves(world.add(e), world) for e in self._secants(*at).values()]
+            if any(abs(c.get(figure, 0.0)) > CHANGED for c in changed for figure in odd):
+                out.append(at)
         return out
 
     def silent(self, world: World) -> dict[tuple[str, str], dict[str, float]]:
