@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from vispeg.contact.closed_loop import closed_loop
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.inputs import touching
 from vispeg.contact.noise import louder
@@ -66,6 +67,8 @@ def diagnose_contact(
         verdict.partial,
     )
     predicted = judged.simulated([world, state.world])
+    models = {"given": world, "corrected": final} if len(final.effects) > given else {"given": world}
+    replayed, said = closed_loop(held_out, models, nthread)
     unseen = not_excited(silent)
     record: DiagnosisRecord = {
         "format": "vispeg-diagnosis/1",
@@ -80,13 +83,14 @@ def diagnose_contact(
         "unexplained": verdict.unexplained,
         "channels": channels(judged, predicted),
         "not_excited": unseen,
+        "closed_loop": replayed,
         "next_experiment": separating(rivals, unseen),
         "candidates": candidates(state, rivals, given),
         "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in screening(state)],
         "correlations": correlations(state),
         "parameters_moved": moved(state),
-        "notes": list(evidence.notes),
+        "notes": [*evidence.notes, *said],
     }
     return Diagnosis(record, final, arrays(judged, predicted))
 

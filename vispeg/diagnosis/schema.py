@@ -195,6 +195,21 @@ class RoomRecord(TypedDict):
     record: Mapping[str, object]
 
 
+class Trial(TypedDict):
+    """One run of an insertion: N, s, and how it ended in the words of an outcome ("" where nobody says)."""
+
+    peak_force: float
+    contact_s: float
+    outcome: str
+
+
+class Replayed(TypedDict):
+    """An insertion, measured and run again in models: trials by name."""
+
+    recording: str
+    trials: dict[str, Trial]
+
+
 class DiagnosisRecord(Told):
     """The record. Keys that are not required are of robots in joint or torque space, or of free objects."""
 
@@ -221,4 +236,5 @@ class DiagnosisRecord(Told):
     phases: NotRequired[Sequence[Mapping[str, object]]]
     views: NotRequired[Mapping[str, object]]
     not_excited: NotRequired[list[NotExcited]]
+    closed_loop: NotRequired[list[Replayed]]
     rooms: NotRequired[list[RoomRecord]]

@@ -55,6 +55,11 @@ def context(record: Record) -> Mapping[str, object] | None:
         "worst": "" if evidence.worst is None else data_link(evidence.worst),
         "moment": evidence.worst_moment,
         "silent": record.rows("not_excited"),
+        "replayed": [
+            {"recording": row["recording"], "run": name, "peak": quantity(trial["peak_force"], "N"),
+             "contact": quantity(trial["contact_s"], "s"), "outcome": trial["outcome"] or "not said"}
+            for row in record.rows("closed_loop") for name, trial in row["trials"].items()
+        ],
         "held_out": record.kind == "diagnosis",
     }  # fmt: skip
 

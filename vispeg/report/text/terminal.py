@@ -81,12 +81,29 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
     for a, b, r in correlations(_record(diagnosis))["strong"][:3]:
         out.append(Line(f"note: {a} and {b} are correlated by {r}: trust their combination more than either"))
     out += [Line(f"note: {row['said']}") for row in diagnosis.get("windows") or ()]
+    for one in (diagnosis, *(said["record"] for said in rows(diagnosis, "rooms"))):
+        if one.get("evidence") == "contact":
+            out += _contact(one)
     if diagnosis.get("verdict"):
         out.append(Line(f"next: {words.onward(diagnosis)}"))
         out += [Line(said) for said in words.paid(diagnosis)]
         if price := words.price(diagnosis):
             out.append(Line(f"what the remainder costs a policy: {price}"))
     return out
+
+
+def _contact(diagnosis: Mapping[str, Any]) -> list[Block]:
+    """What a diagnosis of contact says besides: the insertion in closed loop, and notes."""
+    out: list[Block] = []
+    found = [(row["recording"], *item) for row in rows(diagnosis, "closed_loop") for item in row["trials"].items()]
+    if found:
+        heads = [Column("Closed loop"), Column("Peak", right=True), Column("In contact", right=True), Column("Outcome")]
+        cells = [
+            [f"{name}: {run}", quantity(t["peak_force"], "N"), quantity(t["contact_s"], "s"), t["outcome"] or "–"]
+            for name, run, t in found
+        ]
+        out.append(Sheet(heads, cells))
+    return [*out, *(Line(f"note: {note}") for note in diagnosis.get("notes") or ())]
 
 
 def print_diagnosis(diagnosis: Mapping[str, Any], out: Path) -> None:

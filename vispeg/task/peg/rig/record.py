@@ -86,7 +86,7 @@ def record_cell(
     if ran.diverged[0]:
         raise UserError("the arm does not follow: the loop is unstable", expected="smaller effects or a higher rate")
     watch(ran.true[0])
-    outcome = _outcome(found, ran) if motion.name.startswith(("insert", "look", "mix")) else ()
+    outcome = outcome_of(found, ran) if motion.name.startswith(("insert", "look", "mix")) else ()
     rec = recording(found, world, control, ran, motion.ee_cmd, motion.time, name, motion.name, outcome)
     return with_noise(rec, noise, rng, torque_sensor, repeat)
 
@@ -170,7 +170,7 @@ def _believed(world: World) -> Believed:
     return believed(world.cell)
 
 
-def _outcome(found: Believed, ran: Ran) -> tuple[Outcome, ...]:
+def outcome_of(found: Believed, ran: Ran) -> tuple[Outcome, ...]:
     """Whether the tip got to the depth that the task asks for without more force than it allows."""
     config, tip, peak = found.config, ran.tip[0], float(ran.touch[0].max())
     over = np.hypot(tip[:, 0], tip[:, 1]) < 0.5 * getattr(config, "diameter", 0.0)

@@ -1,0 +1,85 @@
+"""The last judge of a contact model: a whole insertion run again under the controller that ran, in closed loop.
+
+The search compares wrenches along a measured path; nothing there says what a tool would have done by itself. Here arm,
+controller and cell of a model run the commanded poses of a held-out insertion from its first sample on, and peak force,
+time in contact and outcome are set beside the measured ones. Paths part at the edge of a hole, so that it judges what
+was accepted and fits nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from vispeg.contact.inputs import touching
+from vispeg.contact.torques import calm
+from vispeg.core.errors import UserError
+from vispeg.diagnosis.schema import Replayed, Trial
+from vispeg.recordings.cell import Outcome, WrenchSensor
+from vispeg.recordings.recording import Recording
+from vispeg.recordings.regimes import FREE
+from vispeg.robots.scene import Scene
+from vispeg.sim.touch import touch
+from vispeg.task.belief import believed
+from vispeg.task.peg.rig.record import outcome_of
+from vispeg.task.peg.rig.replay import replay
+from vispeg.worlds.world import World
+
+MOST = 1  # episodes that are run again: a second of one takes about a third of a processor second a model
+
+
+def closed_loop(
+    recordings: Sequence[Recording], models: Mapping[str, World], nthread: int = 1
+) -> tuple[list[Replayed], list[str]]:
+    """Held-out insertions against models that ran them.
+
+    Args:
+        recordings: those under mode osc whose `outcomes` say how they ended are run again, `MOST` at most.
+        models: by name.
+        nthread: of the simulation.
+
+    Returns:
+        An entry an episode, `measured` first among its trials, and notes on those that cannot be run.
+    """
+    out: list[Replayed] = []
+    said: list[str] = []
+    for rec in recordings:
+        if len(out) == MOST or not rec.outcomes or rec.control.mode != "osc" or rec.ee_cmd is None:
+            continue
+        episode = _first(rec)
+        try:
+            runs = {name: replay(episode, [world], nthread=nthread)[0] for name, world in models.items()}
+        except UserError as error:
+            said.append(f"not run again in closed loop: {error}")
+            continue
+        found = believed(rec.cell, rec.path / "recording.yaml")
+        felt = touching(episode)
+        read = felt.recording if felt.torques is None else calm(felt.recording, felt.torques)
+        trials = {"measured": _trial(read, found.scene, episode.outcomes[0] if episode.outcomes else None)}
+        for name, ran in runs.items():
+            same = replace(read, q=ran.q[0], ft=ran.ft[0], wrench=WrenchSensor())
+            over = Outcome(False, 0, "diverged") if ran.diverged[0] else outcome_of(found, ran)[0]
+            trials[name] = _trial(same, found.scene, over)
+        out.append({"recording": rec.name, "trials": trials})
+    return out, said
+
+
+def _first(rec: Recording) -> Recording:
+    """The first episode alone."""
+    if rec.episode is None:
+        return rec
+    rows = np.flatnonzero(rec.episode == rec.outcomes[0].episode)
+    columns = ("time", "q", "dq", "tau", "tau_cmd", "ee", "ee_cmd", "ft", "episode")
+    cut = {name: getattr(rec, name)[rows] for name in columns if getattr(rec, name) is not None}
+    return replace(rec, **cut, outcomes=rec.outcomes[:1])
+
+
+def _trial(rec: Recording, scene: Scene, outcome: Outcome | None) -> Trial:
+    """What the wrench at the wrist says of one run: peak contact force and time in contact; and how it ended."""
+    felt = touch(rec, scene)
+    assert felt is not None
+    seconds = float(np.sum(felt.regime != FREE)) / rec.rate_hz
+    ended = "" if outcome is None else outcome.category or ("success" if outcome.success else "failure")
+    return {"peak_force": float(np.nanmax(felt.force)), "contact_s": seconds, "outcome": ended}
