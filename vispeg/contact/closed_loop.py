@@ -2,8 +2,8 @@
 
 The search compares wrenches along a measured path; nothing there says what a tool would have done by itself. Here arm,
 controller and cell of a model run the commanded poses of a held-out insertion from its first sample on, and peak force,
-time in contact and outcome are set beside the measured ones. Paths part at the edge of a hole, so that it judges what
-was accepted and fits nothing.
+time in contact and outcome are set beside the measured ones. Paths part where contacts come and go, so that it judges
+what was accepted and fits nothing.
 """
 
 from __future__ import annotations
@@ -23,8 +23,7 @@ from vispeg.recordings.regimes import FREE
 from vispeg.robots.scene import Scene
 from vispeg.sim.touch import touch
 from vispeg.task.belief import believed
-from vispeg.task.peg.rig.record import outcome_of
-from vispeg.task.peg.rig.replay import replay
+from vispeg.task.registry import task_of
 from vispeg.worlds.world import World
 
 MOST = 1  # episodes that are run again: a second of one takes about a third of a processor second a model
@@ -48,20 +47,19 @@ def closed_loop(
     for rec in recordings:
         if len(out) == MOST or not rec.outcomes or rec.control.mode != "osc" or rec.ee_cmd is None:
             continue
-        episode = _first(rec)
+        episode, found = _first(rec), believed(rec.cell, rec.path / "recording.yaml")
         try:
-            runs = {name: replay(episode, [world], nthread=nthread)[0] for name, world in models.items()}
+            runs = {name: task_of(found.config).again(episode, world, nthread) for name, world in models.items()}
         except UserError as error:
             said.append(f"not run again in closed loop: {error}")
             continue
-        found = believed(rec.cell, rec.path / "recording.yaml")
         felt = touching(episode)
         read = felt.recording if felt.torques is None else calm(felt.recording, felt.torques)
-        trials = {"measured": _trial(read, found.scene, episode.outcomes[0] if episode.outcomes else None)}
+        trials = {"measured": _trial(read, found.scene, rec.outcomes[0])}
         for name, ran in runs.items():
-            same = replace(read, q=ran.q[0], ft=ran.ft[0], wrench=WrenchSensor())
-            over = Outcome(False, 0, "diverged") if ran.diverged[0] else outcome_of(found, ran)[0]
-            trials[name] = _trial(same, found.scene, over)
+            if ran is not None:
+                same = replace(read, q=ran[0], ft=ran[1], wrench=WrenchSensor())
+                trials[name] = _trial(same, found.scene, ran[2])
         out.append({"recording": rec.name, "trials": trials})
     return out, said
 
@@ -76,10 +74,10 @@ def _first(rec: Recording) -> Recording:
     return replace(rec, **cut, outcomes=rec.outcomes[:1])
 
 
-def _trial(rec: Recording, scene: Scene, outcome: Outcome | None) -> Trial:
+def _trial(rec: Recording, scene: Scene, outcome: Outcome) -> Trial:
     """What the wrench at the wrist says of one run: peak contact force and time in contact; and how it ended."""
     felt = touch(rec, scene)
     assert felt is not None
     seconds = float(np.sum(felt.regime != FREE)) / rec.rate_hz
-    ended = "" if outcome is None else outcome.category or ("success" if outcome.success else "failure")
+    ended = outcome.category or ("success" if outcome.success else "failure")
     return {"peak_force": float(np.nanmax(felt.force)), "contact_s": seconds, "outcome": ended}

@@ -196,7 +196,7 @@ class RoomRecord(TypedDict):
 
 
 class Trial(TypedDict):
-    """One run of an insertion: N, s, and how it ended in the words of an outcome ("" where nobody says)."""
+    """One run of an insertion: N, s, and how it ended in the words of an outcome."""
 
     peak_force: float
     contact_s: float

@@ -19,8 +19,11 @@ from vispeg.task.environments.track import Track
 from vispeg.task.terms import Term
 
 if TYPE_CHECKING:
+    from vispeg.recordings.cell import Outcome
+    from vispeg.recordings.recording import Recording
     from vispeg.task.environments.simulation import TaskSimulation
     from vispeg.worlds.randomized import RandomizedEffect
+    from vispeg.worlds.world import World
 
 
 class Expert(Protocol):
@@ -101,6 +104,23 @@ class Task(ABC):
     def observed(self, sim: TaskSimulation) -> Mapping[str, np.ndarray]:
         """What the judge sees beside forces and the tip: arrays (n,) by keyword of `Track.add`."""
         return {}
+
+    def again(self, rec: Recording, world: World, nthread: int = 1) -> tuple[np.ndarray, np.ndarray, Outcome] | None:
+        """A recorded episode run again by a world's arm under the controller that ran; None where a task has no way.
+
+        Args:
+            rec: one episode, with its cell.
+            world: effects beside those that the recording believes in.
+            nthread: of the simulation.
+
+        Returns:
+            Joint angles (n, nj) rad, the wrench (n, 6) N and N m that the flange puts on the tool in its own axes, and
+            how it ended.
+
+        Raises:
+            UserError: a recording that cannot be run again.
+        """
+        return None
 
     @abstractmethod
     def expert(self, config: Any, nsim: int) -> Expert:

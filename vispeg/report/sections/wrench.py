@@ -57,7 +57,7 @@ def context(record: Record) -> Mapping[str, object] | None:
         "silent": record.rows("not_excited"),
         "replayed": [
             {"recording": row["recording"], "run": name, "peak": quantity(trial["peak_force"], "N"),
-             "contact": quantity(trial["contact_s"], "s"), "outcome": trial["outcome"] or "not said"}
+             "contact": quantity(trial["contact_s"], "s"), "outcome": trial["outcome"]}
             for row in record.rows("closed_loop") for name, trial in row["trials"].items()
         ],
         "held_out": record.kind == "diagnosis",

@@ -99,7 +99,7 @@ def _contact(diagnosis: Mapping[str, Any]) -> list[Block]:
     if found:
         heads = [Column("Closed loop"), Column("Peak", right=True), Column("In contact", right=True), Column("Outcome")]
         cells = [
-            [f"{name}: {run}", quantity(t["peak_force"], "N"), quantity(t["contact_s"], "s"), t["outcome"] or "–"]
+            [f"{name}: {run}", quantity(t["peak_force"], "N"), quantity(t["contact_s"], "s"), t["outcome"]]
             for name, run, t in found
         ]
         out.append(Sheet(heads, cells))

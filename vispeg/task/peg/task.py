@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from vispeg.recordings.cell import Outcome
+from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import CAMERAS, Scene, build
 from vispeg.task.contract import Task
 from vispeg.task.environments.simulation import TaskSimulation
@@ -16,6 +18,7 @@ from vispeg.task.peg.outcome import CATEGORIES, PegTrack
 from vispeg.task.peg.places import check_places
 from vispeg.task.peg.terms import TERMS
 from vispeg.worlds.randomized import RandomizedEffect
+from vispeg.worlds.world import World
 
 
 class PegTask(Task):
@@ -50,6 +53,16 @@ class PegTask(Task):
     def observed(self, sim: TaskSimulation) -> Mapping[str, np.ndarray]:
         """Tilt and slip."""
         return {"tilt": sim.tilt(), "slip": sim.slip()}
+
+    def again(self, rec: Recording, world: World, nthread: int = 1) -> tuple[np.ndarray, np.ndarray, Outcome]:
+        """The tip must come as deep as success asks, with no more force than the task allows."""
+        from vispeg.task.belief import believed
+        from vispeg.task.peg.rig.record import outcome_of  # which builds cells, and so looks up tasks
+        from vispeg.task.peg.rig.replay import replay
+
+        (ran,) = replay(rec, [world], nthread=nthread)
+        ended = Outcome(False, 0, "diverged") if ran.diverged[0] else outcome_of(believed(rec.cell, rec.path), ran)[0]
+        return ran.q[0], ran.ft[0], ended
 
     def expert(self, config: PegConfig, nsim: int) -> Expert:
         """Hovers, lowers, searches in a spiral, pushes down."""
