@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from vispeg.core.errors import UserError
-from vispeg.robots.model import known, load
+from vispeg.robots.model import available, load
 
 SHARED = Path(os.environ.get("VISPEG_SHARED", Path(__file__).resolve().parents[3] / "shared"))
 LWR4 = SHARED / "data" / "kuka-lwr4" / "kuka_lwr4.urdf"
@@ -176,7 +176,7 @@ def test_menagerie_by_folder_name(tmp_path, monkeypatch):
     write(folder, "<mujoco/>", "scene.xml")
     write(folder, "<mujoco/>", "aa_hand.xml")
     monkeypatch.setenv("MENAGERIE_ROOT", str(tmp_path))
-    assert known() == ["iiwa14", "acme_arm_7"]
+    assert available() == ["iiwa14", "acme_arm_7"]
     assert load("acme_arm_7").joints == ("j", "k")
 
 

@@ -65,7 +65,7 @@ def _inverse(core: np.ndarray, damping: float) -> np.ndarray:
         out = np.linalg.inv(core)
     except np.linalg.LinAlgError:  # some row is singular to the last bit: each on its own, as if it were alone
         if len(core) > 1:
-            return np.concatenate([_inverse(one[None], damping) for one in core])
+            return np.concatenate([_inverse(matrix[None], damping) for matrix in core])
         return np.linalg.pinv(core, rcond=damping, hermitian=True)
     condition = np.einsum("nii->n", core) * np.einsum("nii->n", out)
     plain = (condition > 0) & (condition < 0.1 / damping)

@@ -50,8 +50,8 @@ def in_words(text: str) -> str:
     """The end of a traceback without the traceback; a text that holds none is only shortened to its last line."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     for i, line in reversed(list(enumerate(lines))):
-        if found := RAISED.match(line):
-            return meaning(" ".join([found[1], *lines[i + 1 :]]))
+        if match := RAISED.match(line):
+            return meaning(" ".join([match[1], *lines[i + 1 :]]))
     return _last(text)
 
 

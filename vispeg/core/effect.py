@@ -273,10 +273,10 @@ class EffectInstance:
     @classmethod
     def of(cls, name: str, where: str, **values: float) -> EffectInstance:
         """`EffectInstance.of("coulomb_friction", "joint4", torque=1.3)`; other parameters: start (shape) or null."""
-        one = effect(name)
+        kind = effect(name)
         for key in values:
-            one.param(key)
-        full = {k: values.get(k, p.absent) for k, p in one.params.items()}
+            kind.param(key)
+        full = {k: values.get(k, p.absent) for k, p in kind.params.items()}
         return cls(name, where, {k: Value(float(v)) for k, v in full.items()})
 
     @property

@@ -102,9 +102,9 @@ def refuse(
         return
     if not overwrite:
         raise UserError("exists already and is not empty; name another or pass --overwrite", file=path)
-    for kept in (Path.cwd(), Path.home()):
-        if kept.resolve().is_relative_to(target):
-            raise UserError(f"holds {kept}, so it is not replaced", file=path, expected="a folder of results")
+    for protected in (Path.cwd(), Path.home()):
+        if protected.resolve().is_relative_to(target):
+            raise UserError(f"holds {protected}, so it is not replaced", file=path, expected="a folder of results")
     if (target / ".git").exists():
         raise UserError("is a git checkout, so it is not replaced", file=path, expected="a folder of results")
     if holds is not None:
@@ -224,9 +224,9 @@ def _sibling(target: Path, end: str = "part") -> Path:
 def _siblings(target: Path, end: str) -> list[Path]:
     """What `_sibling` has named, oldest first."""
     ours = re.compile(re.escape(f".{target.name}.") + rf"[0-9a-f]{{8}}\.{end}")
-    found = [p for p in target.parent.iterdir() if ours.fullmatch(p.name) and not p.is_symlink()]
+    matches = [p for p in target.parent.iterdir() if ours.fullmatch(p.name) and not p.is_symlink()]
     aged = []
-    for path in found:
+    for path in matches:
         with suppress(OSError):  # another process has just cleared it away
             aged.append((path.stat().st_mtime_ns, path))
     return [path for _, path in sorted(aged)]

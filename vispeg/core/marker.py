@@ -38,8 +38,8 @@ def untouched(folder: Path) -> bool:
 
 def holds(folder: Path) -> str | None:
     """The word for what a folder holds, or None where this program has not marked it."""
-    found = _marker(folder)
-    return None if found is None else found["holds"]
+    record = _marker(folder)
+    return None if record is None else record["holds"]
 
 
 def refuse_foreign(folder: Path, holds: str, said: str | Path | None = None) -> None:
@@ -50,14 +50,14 @@ def refuse_foreign(folder: Path, holds: str, said: str | Path | None = None) -> 
         holds: the kind of what shall take its place, as given to `mark`.
         said: the folder as the user named it.
     """
-    file, found = said or folder, _marker(folder)
-    if found is None:
+    file, record = said or folder, _marker(folder)
+    if record is None:
         raise UserError(
             f"has no {MARKER} (this program did not write it, or an old version did), {ELSEWHERE}", file=file
         )
-    if found["holds"] != holds:
-        raise UserError(f"holds another kind of result ({found['holds']}, not {holds}), {ELSEWHERE}", file=file)
-    ours = {MARKER, *found["files"]}
+    if record["holds"] != holds:
+        raise UserError(f"holds another kind of result ({record['holds']}, not {holds}), {ELSEWHERE}", file=file)
+    ours = {MARKER, *record["files"]}
     for name in _names(folder):
         if name not in ours:
             raise UserError(f"holds {name}, which this program did not write, {ELSEWHERE}", file=file)
@@ -69,33 +69,33 @@ def apart(out: str | Path, inputs: Iterable[str | Path | None]) -> None:
     Links, relative paths and the case of letters make no difference where the file system makes none. A `str` without a
     separator or suffix is a name of something built in, not a path.
     """
-    for given in inputs:
-        if given is None or (isinstance(given, str) and not (os.sep in given or Path(given).suffix)):
+    for source in inputs:
+        if source is None or (isinstance(source, str) and not (os.sep in source or Path(source).suffix)):
             continue
-        path = Path(given).expanduser()
+        path = Path(source).expanduser()
         if not path.exists():
             continue
         named, real = Path(os.path.abspath(path)), path.resolve()
-        if any(_same(one, out) for one in (named, real)):
+        if any(_same(alias, out) for alias in (named, real)):
             raise UserError("is read by this command", file=out, expected="another place for what it writes")
-        if any(_same(one, out) for one in (*named.parents, *real.parents)):
-            raise UserError(f"holds {given}, which this command reads", file=out, expected="another place to write to")
+        if any(_same(ancestor, out) for ancestor in (*named.parents, *real.parents)):
+            raise UserError(f"holds {source}, which this command reads", file=out, expected="another place to write to")
 
 
-def _same(one: Path, out: str | Path) -> bool:
+def _same(path: Path, out: str | Path) -> bool:
     try:
-        return os.path.samefile(one, Path(out).expanduser())
+        return os.path.samefile(path, Path(out).expanduser())
     except OSError:  # one of them is not there
         return False
 
 
 def _marker(folder: Path) -> dict | None:
     try:
-        found = json.loads((folder / MARKER).read_text(encoding="utf-8", errors="surrogateescape"))
-        known = found["format"] == FORMAT and isinstance(found["holds"], str) and isinstance(found["files"], list)
+        data = json.loads((folder / MARKER).read_text(encoding="utf-8", errors="surrogateescape"))
+        valid = data["format"] == FORMAT and isinstance(data["holds"], str) and isinstance(data["files"], list)
     except (OSError, ValueError, KeyError, TypeError):
         return None
-    return found if known else None
+    return data if valid else None
 
 
 def _names(folder: Path) -> Iterator[str]:

@@ -45,10 +45,10 @@ def _fits(value: Any, hint: Any) -> bool:
 def _said(hint: Any) -> str:
     """An annotation in words."""
     kind, *others = get_args(hint) or (hint,)
-    one = WORDS[kind]
+    noun = WORDS[kind]
     if not others:
-        return f"a {one}"
-    return f"a list of {one}s" if ... in others else f"a list of {1 + len(others)} {one}s"
+        return f"a {noun}"
+    return f"a list of {noun}s" if ... in others else f"a list of {1 + len(others)} {noun}s"
 
 
 WORDS = {int: "whole number", float: "number", str: "text"}

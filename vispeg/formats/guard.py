@@ -103,9 +103,9 @@ def check(data: Any, file: str | Path, key: str | None = None, *, finite: bool =
     Raises:
         UserError: nesting, a number, or a character beyond them; names the place.
     """
-    found = _beyond(data, finite, DEPTH)
-    if found is not None:
-        message, expected, parts = found
+    fault = _beyond(data, finite, DEPTH)
+    if fault is not None:
+        message, expected, parts = fault
         at = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in reversed(parts))
         raise UserError(
             message, file=file, key=": ".join(filter(None, (key, at.lstrip(".")))) or None, expected=expected
@@ -127,9 +127,9 @@ def _beyond(value: Any, finite: bool, levels: int) -> tuple[str, str | None, lis
     for key, item in value.items() if isinstance(value, dict) else enumerate(value):
         if isinstance(key, str) and NOT_TEXT.search(key):
             return "a key holds a character that is no text", None, []
-        if found := _beyond(item, finite, levels - 1):
-            found[2].append(key)
-            return found
+        if fault := _beyond(item, finite, levels - 1):
+            fault[2].append(key)
+            return fault
     return None
 
 

@@ -51,6 +51,6 @@ def parse_json(text: str | bytes, file: str | Path, key: str | None = None, *, f
 def _mapping(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
     data = dict(pairs)
     if len(data) < len(pairs):
-        seen: set[str] = set()
-        raise _Twice(next(k for k, _ in pairs if k in seen or seen.add(k)))  # type: ignore[func-returns-value]
+        earlier: set[str] = set()
+        raise _Twice(next(k for k, _ in pairs if k in earlier or earlier.add(k)))  # type: ignore[func-returns-value]
     return data

@@ -97,7 +97,7 @@ class _Builder:
 
     def mapping(self, levels: int) -> dict[str, Any]:
         """A mapping up to its end; `<<` merges others into it, which its own keys override."""
-        own: dict[str, Any] = {}
+        explicit: dict[str, Any] = {}
         merged: dict[str, Any] = {}
         for event in self.until(yaml.MappingEndEvent):
             self.line = event.start_mark.line + 1
@@ -106,17 +106,17 @@ class _Builder:
             self.take(1)
             key, line = event.value, self.line
             value = self.value(next(self.events), levels)
-            if key in own or (key == "<<" and merged):
+            if key in explicit or (key == "<<" and merged):
                 self.line = line
                 raise self.error(f"'{key}' is given twice")
             if key != "<<" or not event.implicit[0]:
-                own[key] = value
+                explicit[key] = value
                 continue
             for other in reversed(value if isinstance(value, list) else [value]):
                 if not isinstance(other, dict):
                     raise self.error("'<<' merges mappings only")
                 merged |= other
-        return merged | own
+        return merged | explicit
 
     def scalar(self, event: yaml.ScalarEvent) -> Any:
         """Text, a number, a truth value or None."""

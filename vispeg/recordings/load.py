@@ -51,7 +51,7 @@ def _example(folder: Path) -> Path:
 def load(
     path: Path | str,
     signals: Callable[[Header], Collection[str]] | None = None,
-    told: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> Recording:
     """The recording in a folder with recording.yaml, samples.csv or samples.parquet, and maybe frames/.
 
@@ -76,7 +76,7 @@ def load(
     header_file, samples_file = _files(folder)
     header = read_header(header_file)
     keep = None if signals is None else signals(header)
-    table = read_table(samples_file, _reading(header.joints, keep, told))
+    table = read_table(samples_file, _reading(header.joints, keep, progress))
     rec = assemble(header, table, folder, header_file, keep)
     frames = read_frames(folder, rec.time, rec.episode)
     _warn_unknown(table, header)  # last, so that an error stands alone
@@ -91,10 +91,10 @@ def needed(header: Header) -> tuple[str, ...]:
     return (*NEEDED[header.control.mode], *rates, *torque, *wrench)
 
 
-def _reading(joints: list[str], keep: Collection[str] | None, told: Callable[[float], None]) -> Reading:
+def _reading(joints: list[str], keep: Collection[str] | None, progress: Callable[[float], None]) -> Reading:
     """Reads the columns of the signals; those that are not kept are looked at block by block."""
-    kept = SIGNALS if keep is None else tuple(s for s in SIGNALS if s == "q" or s in keep)
-    passing = tuple(s for s in SIGNALS if s not in kept)
+    retained = SIGNALS if keep is None else tuple(s for s in SIGNALS if s == "q" or s in keep)
+    passing = tuple(s for s in SIGNALS if s not in retained)
 
     def look(block: Table) -> None:
         for name in passing:
@@ -103,10 +103,10 @@ def _reading(joints: list[str], keep: Collection[str] | None, told: Callable[[fl
                 _check(block, name, np.stack([block.columns[column] for column in columns], axis=1), columns)
 
     return Reading(
-        keep=lambda _: ["time", "episode", *(c for s in kept for c in columns_of(s, joints))],
+        keep=lambda _: ["time", "episode", *(c for s in retained for c in columns_of(s, joints))],
         glance=lambda _: [c for s in passing for c in columns_of(s, joints)],
         look=look if passing else None,
-        told=told,
+        progress=progress,
     )
 
 
@@ -126,8 +126,8 @@ def assemble(
         UserError: as for `load`.
     """
     control = _control(header.control, header.rate_hz, len(header.joints), header_file)
-    kept = {*SIGNALS} if keep is None else {"q", *keep}
-    signals = {name: _signal(table, name, header.joints, name in kept) for name in SIGNALS}
+    retained = {*SIGNALS} if keep is None else {"q", *keep}
+    signals = {name: _signal(table, name, header.joints, name in retained) for name in SIGNALS}
     _need(table, header, signals)
     time, episode = _clock(table, header.rate_hz)
     q = signals.pop("q")
@@ -181,13 +181,13 @@ def _robot(robot: str, folder: Path, file: Path) -> str:
     if "/" not in robot and not robot.lower().endswith((".xml", ".urdf", ".mjcf")):
         return robot
     try:
-        found = (folder / Path(robot).expanduser()).resolve()
-        exists = found.is_file()
+        path = (folder / Path(robot).expanduser()).resolve()
+        exists = path.is_file()
     except (OSError, ValueError, RuntimeError) as error:
         raise UserError("is not a usable path", file=file, key="robot", got=robot) from error
     if not exists:
         raise UserError("no such file", file=file, key="robot", expected="an MJCF or URDF beside this file", got=robot)
-    return str(found)
+    return str(path)
 
 
 def _control(section: ControlSection, rate_hz: float, nj: int, file: Path) -> Control:
@@ -273,8 +273,8 @@ def _clock(table: Table, rate_hz: float) -> tuple[np.ndarray, np.ndarray | None]
 
 
 def _warn_unknown(table: Table, header: Header) -> None:
-    known = {"time", "episode", *(c for s in (*JOINT_SIGNALS, *SPATIAL_SIGNALS) for c in columns_of(s, header.joints))}
-    unknown = [name for name in table.names if name not in known]
+    expected = {"time", "episode", *(c for s in (*JOINT_SIGNALS, *SPATIAL_SIGNALS) for c in columns_of(s, header.joints))}
+    unknown = [name for name in table.names if name not in expected]
     if unknown:
-        shown = ", ".join(unknown[:8]) + (f" and {len(unknown) - 8} more" if len(unknown) > 8 else "")
-        warnings.warn(f"{table.file}: unknown columns are ignored: {shown}", stacklevel=3)
+        listing = ", ".join(unknown[:8]) + (f" and {len(unknown) - 8} more" if len(unknown) > 8 else "")
+        warnings.warn(f"{table.file}: unknown columns are ignored: {listing}", stacklevel=3)

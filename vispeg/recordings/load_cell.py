@@ -47,12 +47,12 @@ def wrench(section: WrenchSection | None) -> WrenchSensor | None:
 def outcomes(sections: list[OutcomeSection], episode: np.ndarray | None, file: Path) -> tuple[Outcome, ...]:
     """How trials ended. Raises UserError for an outcome of an episode that is not there, or that is given twice."""
     there = {0} if episode is None else {int(number) for number in np.unique(episode)}
-    for i, one in enumerate(sections):
-        if one.episode not in there:
-            got = one.episode
+    for i, outcome in enumerate(sections):
+        if outcome.episode not in there:
+            got = outcome.episode
             raise UserError(
                 "no such episode", file=file, key=f"outcome[{i}].episode", expected=sorted(there)[:9], got=got
             )
-        if one.episode in {other.episode for other in sections[:i]}:
-            raise UserError("is given twice", file=file, key=f"outcome[{i}].episode", got=one.episode)
+        if outcome.episode in {other.episode for other in sections[:i]}:
+            raise UserError("is given twice", file=file, key=f"outcome[{i}].episode", got=outcome.episode)
     return tuple(Outcome(o.success, o.episode, o.category, o.peak_force_n, o.depth_m) for o in sections)

@@ -108,8 +108,8 @@ def same_motion(a: Recording, b: Recording) -> bool:
     if np.abs(skew).max() > 0.5 / a.rate_hz:
         return False
     commands = [(getattr(a, name), getattr(b, name)) for name in ("q_cmd", "tau_cmd", "ee_cmd")]
-    given = [(x[:rows], y[:rows]) for x, y in commands if x is not None and y is not None]
-    return bool(given) and all(np.allclose(x, y, rtol=0, atol=1e-6, equal_nan=True) for x, y in given)
+    pairs = [(x[:rows], y[:rows]) for x, y in commands if x is not None and y is not None]
+    return bool(pairs) and all(np.allclose(x, y, rtol=0, atol=1e-6, equal_nan=True) for x, y in pairs)
 
 
 def silent(sigma: float | None, peak: float | None) -> bool:

@@ -179,10 +179,10 @@ def plain(section: BaseModel) -> Mapping[str, Any]:
 
 
 def _unknown(section: BaseModel, prefix: str = "") -> list[str]:
-    found = [f"{prefix}{key}" for key in section.model_extra or {}]
+    keys = [f"{prefix}{key}" for key in section.model_extra or {}]
     for name in type(section).model_fields:
         value = getattr(section, name)
         for part in value if isinstance(value, list) else [value]:
             if isinstance(part, BaseModel):
-                found += _unknown(part, f"{prefix}{name}.")
-    return found
+                keys += _unknown(part, f"{prefix}{name}.")
+    return keys

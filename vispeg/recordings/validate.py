@@ -17,16 +17,16 @@ CLOCKS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
 
 def check_finite(table: Table, values: np.ndarray, columns: list[str]) -> None:
     """No infinite value in (n, k); NaN is a missing reading and passes."""
-    found = _first(values, np.isinf)
-    if found is not None:
-        row, column = found
+    place = _first(values, np.isinf)
+    if place is not None:
+        row, column = place
         raise UserError("is infinite", file=table.file, key=f"{table.row(row)}, column {columns[column]}")
 
 
 def _first(values: np.ndarray, wrong: Callable[[np.ndarray], np.ndarray]) -> tuple[int, int] | None:
     """(row, column) of the first value in (n, k) that is wrong, a column at a time so that memory stays small."""
-    found = [(int(np.argmax(bad)), j) for j, column in enumerate(values.T) if (bad := wrong(column)).any()]
-    return min(found, default=None)
+    places = [(int(np.argmax(bad)), j) for j, column in enumerate(values.T) if (bad := wrong(column)).any()]
+    return min(places, default=None)
 
 
 def check_share(table: Table, values: np.ndarray, columns: list[str]) -> None:
@@ -44,9 +44,9 @@ def check_share(table: Table, values: np.ndarray, columns: list[str]) -> None:
 
 def check_angles(table: Table, values: np.ndarray, columns: list[str]) -> None:
     """Angles (n, nj) are radians: beyond two turns they are taken for degrees."""
-    found = _first(values, lambda column: np.abs(column) > MAX_ANGLE)
-    if found is not None:
-        row, column = found
+    place = _first(values, lambda column: np.abs(column) > MAX_ANGLE)
+    if place is not None:
+        row, column = place
         raise UserError(
             "looks like degrees",
             file=table.file,
@@ -78,12 +78,12 @@ def check_episodes(table: Table, values: np.ndarray) -> np.ndarray:
         raise UserError("is not a whole number", file=table.file, key=key, got=float(values[bad[0]]))
     episode = values.astype(np.int64)
     starts = np.flatnonzero(np.diff(episode, prepend=episode[0] - 1))
-    seen: set[int] = set()
+    earlier: set[int] = set()
     for row in starts:
-        if int(episode[row]) in seen:
+        if int(episode[row]) in earlier:
             key = f"{table.row(row)}, column episode"
             raise UserError("episode resumes after another", file=table.file, key=key, got=int(episode[row]))
-        seen.add(int(episode[row]))
+        earlier.add(int(episode[row]))
     return episode
 
 

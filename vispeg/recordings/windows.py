@@ -93,8 +93,8 @@ def choose(rec: Recording, seconds: float = SECONDS) -> Recording:
     parts = [spans[k] for k in picked]  # those that touch stay apart: side by side, equally long ones cost the least
     rows = np.concatenate([np.arange(first, stop) for first, stop in parts])
     number = np.repeat(np.arange(len(parts)), [stop - first for first, stop in parts])
-    most, whole = tops[:, picked].max(axis=1), tops.max(axis=1)
-    cover = np.min(np.where(whole > 0, most / np.maximum(whole, 1e-12), 1.0), axis=-1)
+    most, overall = tops[:, picked].max(axis=1), tops.max(axis=1)
+    cover = np.min(np.where(overall > 0, most / np.maximum(overall, 1e-12), 1.0), axis=-1)
     windows = tuple(Window(float(rec.time[first]), float(rec.time[stop - 1])) for first, stop in parts)
     chosen = Chosen(
         of_s=length,
@@ -124,9 +124,9 @@ def _cells(
     episode = np.concatenate([np.full(len(run[::every]), k) for k, run in enumerate(runs)])
     motion = [np.full((len(rows), rec.q.shape[1]), np.nan) for _ in range(3)]
     for k in range(len(runs)):  # time need not restart in a new episode
-        own = episode == k
-        for whole, part in zip(motion, smooth(rec.time[rows[own]], rec.q[rows[own]], MOTION_HZ), strict=True):
-            whole[own] = part
+        inside = episode == k
+        for signal, part in zip(motion, smooth(rec.time[rows[inside]], rec.q[rows[inside]], MOTION_HZ), strict=True):
+            signal[inside] = part
     effort = rec.tau if rec.tau is not None else rec.tau_cmd
     load = motion[0] if effort is None else np.nan_to_num(effort[rows])
     dq, ddq = motion[1], motion[2]

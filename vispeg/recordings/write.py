@@ -112,14 +112,14 @@ def _header(rec: Recording, folder: Path) -> Mapping[str, object]:
         sensor = {key: _plain(value) for key, value in asdict(rec.wrench).items()}
         head["wrench"] = {"pos_m" if key == "pos" else key: value for key, value in sensor.items()}
     if rec.outcomes:
-        head["outcome"] = [_outcome(one) for one in rec.outcomes]
+        head["outcome"] = [_outcome(outcome) for outcome in rec.outcomes]
     return head | {"motion": rec.motion, "notes": rec.notes}
 
 
-def _outcome(one: Outcome) -> Mapping[str, object]:
-    head: dict[str, object] = {"episode": int(one.episode), "success": bool(one.success)}
-    head |= {"category": one.category} if one.category else {}
-    numbers = {"peak_force_n": one.peak_force, "depth_m": one.depth}
+def _outcome(outcome: Outcome) -> Mapping[str, object]:
+    head: dict[str, object] = {"episode": int(outcome.episode), "success": bool(outcome.success)}
+    head |= {"category": outcome.category} if outcome.category else {}
+    numbers = {"peak_force_n": outcome.peak_force, "depth_m": outcome.depth}
     return head | {key: float(value) for key, value in numbers.items() if value is not None}
 
 

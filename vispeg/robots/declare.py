@@ -59,17 +59,17 @@ class RobotConfig:
             raise UserError("a pose without a frame", key="robot.flange", expected="the site or body that it is in")
 
     @classmethod
-    def of(cls, given: Any, file: str | None = None) -> RobotConfig:
+    def of(cls, entry: Any, file: str | None = None) -> RobotConfig:
         """From a world file's `robot`: a name or path alone, or a mapping of these fields.
 
         Raises:
             UserError: neither; an unknown key, a wrong type, a value that cannot be.
         """
-        if isinstance(given, str):
-            given = {"model": given}
-        if not isinstance(given, Mapping):
-            raise UserError("wrong robot", file=file, key="robot", expected="a name, a path or a mapping", got=given)
-        values = checked(cls, given, file, "robot.")
+        if isinstance(entry, str):
+            entry = {"model": entry}
+        if not isinstance(entry, Mapping):
+            raise UserError("wrong robot", file=file, key="robot", expected="a name, a path or a mapping", got=entry)
+        values = checked(cls, entry, file, "robot.")
         try:
             return cls(**values)
         except UserError as error:

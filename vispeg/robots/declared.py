@@ -47,7 +47,7 @@ def carried(model: mujoco.MjModel) -> Carried:
     mass = float(sum(p[0] for p in parts))
     com = np.sum([p[0] * p[1] for p in parts], axis=0) / mass
     inertia = np.zeros((3, 3))
-    for m, at, own in parts:
+    for m, at, central in parts:
         d = at - com
-        inertia += own + m * (d @ d * np.eye(3) - np.outer(d, d))
+        inertia += central + m * (d @ d * np.eye(3) - np.outer(d, d))
     return {"mass_kg": mass, "com_m": com.tolist(), "inertia_kgm2": np.diag(inertia).tolist()}

@@ -30,7 +30,7 @@ def folders() -> dict[str, Path]:
     return {p.name: p for p in Path(root).iterdir() if p.is_dir() and any(p.glob("*.xml"))}
 
 
-def known() -> list[str]:
+def available() -> list[str]:
     """Names that `find` takes here without a download, short ones first."""
     there = folders()
     return [*(s for s, full in SHORT.items() if full.partition("/")[0] in there), *sorted(there)]

@@ -97,9 +97,9 @@ def load(
     return _load(str(robot), str(path) if path else "", stamp, key, turn, declared or RobotConfig())
 
 
-def known() -> list[str]:
+def available() -> list[str]:
     """Names that `load` takes here."""
-    return ["iiwa14", *menagerie.known()]
+    return ["iiwa14", *menagerie.available()]
 
 
 @lru_cache(maxsize=64)
@@ -161,8 +161,8 @@ def _file(robot: str) -> Path | None:
     path = menagerie.find(robot)
     if path is None:
         hint = "a name, or a path to an .xml (MJCF) or .urdf"
-        raise UserError("unknown robot", expected=hint, got=robot, choices=known())
+        raise UserError("unknown robot", expected=hint, got=robot, choices=available())
     return path
 
 
-__all__ = ["GRAVITY", "Limits", "RobotModel", "known", "load", "tilted"]
+__all__ = ["GRAVITY", "Limits", "RobotModel", "available", "load", "tilted"]

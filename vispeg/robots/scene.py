@@ -94,8 +94,8 @@ def _build(config: SceneConfig, cameras: tuple[str, ...], peg: UserShape | None,
     _sensors(spec)
     base = {f.name: getattr(arm, f.name) for f in fields(RobotModel)}
     # a square peg is declared with its round sister's mass and inertia
-    own = {"config": config, "nominal": arm, "parts": parts, "cameras": cameras, "tip": tip, "target": config.fixture}
-    return Scene(**{**base, "build": spec.copy}, **own)
+    extra = {"config": config, "nominal": arm, "parts": parts, "cameras": cameras, "tip": tip, "target": config.fixture}
+    return Scene(**{**base, "build": spec.copy}, **extra)
 
 
 def _check_names(robot: RobotConfig) -> None:
@@ -111,10 +111,10 @@ def _check_names(robot: RobotConfig) -> None:
 def _visible(spec: mujoco.MjSpec) -> tuple[str, ...]:
     """Names of the arm's geoms that are seen; those without a name get one."""
     held = {g.name for body in (spec.body("tool"), *spec.body("tool").bodies) for g in body.geoms}
-    seen = [g for g in spec.geoms if g.group < 3 and g.parent.name != "world" and g.name not in held - {""}]
-    for i, geom in enumerate(seen):
+    visible = [g for g in spec.geoms if g.group < 3 and g.parent.name != "world" and g.name not in held - {""}]
+    for i, geom in enumerate(visible):
         geom.name = geom.name or f"arm{i}"
-    return tuple(g.name for g in seen)
+    return tuple(g.name for g in visible)
 
 
 def _hand(spec: mujoco.MjSpec, config: SceneConfig) -> dict[str, tuple[str, ...]]:
@@ -139,7 +139,7 @@ def _hand(spec: mujoco.MjSpec, config: SceneConfig) -> dict[str, tuple[str, ...]
 
 
 def _fixture(spec: mujoco.MjSpec, config: SceneConfig, block: UserShape | None) -> dict[str, tuple[str, ...]]:
-    seen = {"contype": 0, "conaffinity": 0, "material": "fixture"}
+    visual = {"contype": 0, "conaffinity": 0, "material": "fixture"}
     n = 4 if config.shape == "square" else hole.sides(config.apothem)
     body = spec.worldbody.add_body(name="fixture", pos=config.fixture)
     body.add_site(name="hole", group=4)
@@ -155,7 +155,7 @@ def _fixture(spec: mujoco.MjSpec, config: SceneConfig, block: UserShape | None) 
         userface=faces.ravel().tolist(),
         inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
     )
-    body.add_geom(name="fixture", type=G.mjGEOM_MESH, meshname="fixture", **seen)
+    body.add_geom(name="fixture", type=G.mjGEOM_MESH, meshname="fixture", **visual)
     return {"fixture": ("fixture",)}
 
 
@@ -166,13 +166,13 @@ def _sensors(spec: mujoco.MjSpec) -> None:
     spec.body("tool").add_site(name="wrench", group=4)
     for name, kind in (("force", mujoco.mjtSensor.mjSENS_FORCE), ("torque", mujoco.mjtSensor.mjSENS_TORQUE)):
         spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="wrench")
-    found, force, net = 1, 2, 3  # bits of what is reported; mjtConDataField and the reduction of the net force
+    exists, force, net = 1, 2, 3  # bits of what is reported; mjtConDataField and the reduction of the net force
     spec.add_sensor(
         name="contact",
         type=mujoco.mjtSensor.mjSENS_CONTACT,
         objtype=mujoco.mjtObj.mjOBJ_XBODY,
         objname="tool",
-        intprm=[found | force, net, 1],
+        intprm=[exists | force, net, 1],
     )
 
 

@@ -28,19 +28,19 @@ NUMBERS = {
 def check_urdf(root: ET.Element, path: Path) -> None:
     """Raises UserError for a name given twice, a joint of another kind, or a number that no arm has."""
     for tag in ("link", "joint"):
-        seen: set[str] = set()
+        names: set[str] = set()
         for element in root.findall(tag):
             name = element.get("name")
             if not name:
                 raise UserError(f"a {tag} without a name", file=path)
-            if name in seen:
+            if name in names:
                 raise UserError(f"two {tag}s of one name", file=path, key=name)
-            seen.add(name)
+            names.add(name)
             for child in element.iter():
                 for key, count in NUMBERS.get(child.tag, {}).items():
                     _numbers(child, key, count, f"{name}.{child.tag}.{key}", path)
-        if len(seen) > LINKS:
-            raise UserError(f"has too many {tag}s", file=path, expected=f"at most {LINKS}", got=len(seen))
+        if len(names) > LINKS:
+            raise UserError(f"has too many {tag}s", file=path, expected=f"at most {LINKS}", got=len(names))
     for joint in root.findall("joint"):
         _joint(joint, path)
     for link in root.findall("link"):

@@ -80,10 +80,10 @@ def check(spec: mujoco.MjSpec, config: SceneConfig, tip: float, peg: UserShape |
             expected=f"> {2000 * coarse:.3g} mm, or a smaller mesh_concavity than {config.mesh_concavity:g}",
             got=config.clearance_mm,
         )
-    left = gap(spec.compile(), np.array([*config.fixture[:2], config.fixture[2] - INSIDE * config.depth + tip]))
-    if left < 0:
-        raise UserError("the peg does not fit its hole", key="peg_mesh", got=f"{-1e3 * left:.3g} mm too wide")
-    measured = 2000 * left
+    side_gap = gap(spec.compile(), np.array([*config.fixture[:2], config.fixture[2] - INSIDE * config.depth + tip]))
+    if side_gap < 0:
+        raise UserError("the peg does not fit its hole", key="peg_mesh", got=f"{-1e3 * side_gap:.3g} mm too wide")
+    measured = 2000 * side_gap
     if abs(measured - config.clearance_mm) > max(SAME * config.clearance_mm, 4000 * coarse):
         raise UserError(
             "peg and hole leave another clearance than stated",

@@ -53,7 +53,7 @@ class UserShape:
         """Size (3,) along its axes, m."""
         return np.ptp(self.vertices, axis=0)
 
-    def add(self, spec: mujoco.MjSpec, body, name: str, place, contact: dict, seen: dict) -> None:
+    def add(self, spec: mujoco.MjSpec, body, name: str, place, contact: dict, visual: dict) -> None:
         """Adds geom `name` for the eye and `name`_piece0.. for contact; `place` maps (n, 3) into the body's frame."""
         corners = place(self.vertices)[self.faces].reshape(-1, 3)  # faces apart, so that edges stay sharp
         indices = np.arange(len(corners))
@@ -63,11 +63,11 @@ class UserShape:
             userface=indices.tolist(),
             inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
         )
-        body.add_geom(name=name, type=MESH, meshname=name, contype=0, conaffinity=0, mass=0.0, **seen)
+        body.add_geom(name=name, type=MESH, meshname=name, contype=0, conaffinity=0, mass=0.0, **visual)
         for i, piece in enumerate(self.pieces):
             spec.add_mesh(name=f"{name}_piece{i}", uservert=place(piece).ravel().tolist())
-            own = {"group": 3, "mass": 0.0, **contact}
-            body.add_geom(name=f"{name}_piece{i}", type=MESH, meshname=f"{name}_piece{i}", **own)
+            settings = {"group": 3, "mass": 0.0, **contact}
+            body.add_geom(name=f"{name}_piece{i}", type=MESH, meshname=f"{name}_piece{i}", **settings)
 
 
 def read(
@@ -138,8 +138,8 @@ def _pieces(vertices: np.ndarray, faces: np.ndarray, concavity: float, digest: s
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "vispeg" / "pieces" / f"{digest}.npz"
     if cache.is_file():
         try:
-            with np.load(cache, allow_pickle=False) as kept:
-                return tuple(kept[f"piece{i}"] for i in range(len(kept.files)))
+            with np.load(cache, allow_pickle=False) as cached:
+                return tuple(cached[f"piece{i}"] for i in range(len(cached.files)))
         except (OSError, ValueError, KeyError):  # a damaged file is made anew
             pass
     try:
@@ -183,8 +183,8 @@ def gap(model: mujoco.MjModel, flange: np.ndarray) -> float:
     mujoco.mj_kinematics(model, data)
     touches = (model.geom_contype | model.geom_conaffinity) != 0
     pegs, blocks = (np.flatnonzero(touches & (model.geom_bodyid == model.body(b).id)) for b in ("peg", "fixture"))
-    down, own = np.diag([1.0, -1.0, -1.0]), np.empty(9)
+    down, turn = np.diag([1.0, -1.0, -1.0]), np.empty(9)
     for g in pegs:
-        mujoco.mju_quat2Mat(own, model.geom_quat[g])
-        data.geom_xpos[g], data.geom_xmat[g] = flange + down @ model.geom_pos[g], (down @ own.reshape(3, 3)).ravel()
+        mujoco.mju_quat2Mat(turn, model.geom_quat[g])
+        data.geom_xpos[g], data.geom_xmat[g] = flange + down @ model.geom_pos[g], (down @ turn.reshape(3, 3)).ravel()
     return min(mujoco.mj_geomDistance(model, data, int(a), int(b), 0.05, None) for a in pegs for b in blocks)

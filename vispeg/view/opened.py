@@ -10,7 +10,7 @@ from vispeg.core.errors import UserError
 from vispeg.datasets.opening import holds_dataset
 from vispeg.learn.shipped import names
 from vispeg.recordings.cell import OPEN_CELL
-from vispeg.robots.model import known
+from vispeg.robots.model import available
 from vispeg.task.world_file import is_world
 from vispeg.view.run_folder import newest
 
@@ -62,7 +62,7 @@ def opened(sources: Sequence[str]) -> Opened:
         path = Path(text)
         if not path.exists() and text in names():
             policy = text
-        elif not path.exists() and text in (*known(), OPEN_CELL):
+        elif not path.exists() and text in (*available(), OPEN_CELL):
             model = text
         elif not path.is_dir() and _is_world(text):
             world = text

@@ -138,10 +138,10 @@ class Adaptive:
         return False
 
     def _move(self, label: str) -> None:
-        seen = self.outcomes[label]
-        if len(seen) < self.window:
+        recent = self.outcomes[label]
+        if len(recent) < self.window:
             return
-        rate = np.mean(seen)
+        rate = np.mean(recent)
         change = self.step if rate >= self.high else -self.step if rate <= self.low else 0.0
         self.levels[label] = float(np.clip(round(self.levels[label] + change, 9), 0.0, 1.0))
         self.outcomes[label] = []
@@ -149,11 +149,11 @@ class Adaptive:
 
 def _reaches(r: RandomizedEffect, name: str) -> tuple[float, float, bool]:
     """How far (below, above) null a parameter goes at level 1, and whether a level moves it at all."""
-    given: float | Distribution = r.params[name]
+    spec: float | Distribution = r.params[name]
     param = effect(r.effect).params[name]
-    if isinstance(given, int | float) or param.shape:
+    if isinstance(spec, int | float) or param.shape:
         return 0.0, 0.0, False
-    low, high = given.at(TAIL), given.at(1 - TAIL)
+    low, high = spec.at(TAIL), spec.at(1 - TAIL)
     return max(param.null - low, 0.0), max(high - param.null, 0.0), True
 
 

@@ -96,16 +96,16 @@ def parse(raw: Any, file: str | None = None, key: str | None = None) -> float | 
     refused = partial(UserError, file=file, key=key)
     if not isinstance(raw, Mapping) or len(raw) != 1:
         raise refused("not a value", expected="a number or a distribution", got=raw, choices=KINDS)
-    ((kind, given),) = raw.items()
+    ((kind, values),) = raw.items()
     if kind not in KINDS:
         raise refused("unknown distribution", got=kind, choices=KINDS)
-    numbers: list[Any] = list(given) if isinstance(given, (list, tuple)) else [None]
+    numbers: list[Any] = list(values) if isinstance(values, (list, tuple)) else [None]
     ok = len(numbers) > 0 and all(
         isinstance(x, (int, float)) and not isinstance(x, bool) and math.isfinite(x) for x in numbers
     )
     if not ok or (kind != "choice" and len(numbers) != 2):
         expected = "numbers" if kind == "choice" else "two numbers"
-        raise refused(f"{kind} takes {expected}", got=given)
+        raise refused(f"{kind} takes {expected}", got=values)
     try:
         if kind == "choice":
             return Choice(tuple(map(float, numbers)))

@@ -40,14 +40,14 @@ def ranged(entry: Any, model: Any, file: Path, key: str) -> RandomizedEffect:
     if kind.channels() == {"servo", "load"}:
         expected = "an effect of an arm that is sent torques; a servo's loop takes angles"
         raise UserError(f"{kind.name} would change nothing", file=file, key=f"{key}.effect", expected=expected)
-    given = entry.get("params") or {}
-    if not isinstance(given, Mapping):
-        raise UserError("wrong params", file=file, key=f"{key}.params", expected="a mapping", got=given)
-    params = {str(name): ranged_value(kind, name, raw, file, f"{key}.params.{name}") for name, raw in given.items()}
+    entries = entry.get("params") or {}
+    if not isinstance(entries, Mapping):
+        raise UserError("wrong params", file=file, key=f"{key}.params", expected="a mapping", got=entries)
+    params = {str(name): ranged_value(kind, name, raw, file, f"{key}.params.{name}") for name, raw in entries.items()}
     if not set(params) & set(kind.magnitudes):
         expected = f"one or more of {', '.join(kind.magnitudes)}"
         raise UserError(
-            f"{kind.name} would change nothing", file=file, key=f"{key}.params", expected=expected, got=given
+            f"{kind.name} would change nothing", file=file, key=f"{key}.params", expected=expected, got=entries
         )
     seed = kind.params.get("seed")
     if seed is not None and seed.shape and "seed" not in params:

@@ -91,18 +91,18 @@ def ranges_of(stated: Identified, robot: str) -> tuple[RandomizedEffect, ...]:
 def _measured(stated: Identified, robot: str) -> tuple[RandomizedEffect, ...]:
     """The effects that a measurement became."""
     path = stated.file
-    found = load_measurement(path)
-    if found.robot not in (None, robot):
-        raise UserError("a measurement of another robot", file=path, key="robot", expected=robot, got=found.robot)
-    if not found.effects:
+    measurement = load_measurement(path)
+    if measurement.robot not in (None, robot):
+        raise UserError("a measurement of another robot", file=path, key="robot", expected=robot, got=measurement.robot)
+    if not measurement.effects:
         raise UserError("has become no effect", file=path, key="effects", expected="one or more")
-    return tuple(_ranged(placed, stated) for placed in found.effects)
+    return tuple(_ranged(placed, stated) for placed in measurement.effects)
 
 
 def _ranged(placed: EffectInstance, stated: Identified) -> RandomizedEffect:
-    one, params, constant = effect(placed.effect), {}, []
+    kind, params, constant = effect(placed.effect), {}, []
     for name, v in placed.params.items():
-        param = one.params[name]
+        param = kind.params[name]
         fitted = 0.0 if v.low is None or v.high is None else (v.high - v.low) / WIDTH
         sd = float(np.hypot(stated.sd * fitted, stated.widen * abs(v.value - param.origin)))
         params[name] = Normal(v.value, sd, param.low, param.high) if sd > 0 else v.value

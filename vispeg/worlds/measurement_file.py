@@ -112,9 +112,9 @@ class Measurement:
 
     def result(self, name: str) -> Quantity:
         """The number of that name. Raises UserError where there is none."""
-        for one in self.results:
-            if one.quantity == name:
-                return one
+        for quantity in self.results:
+            if quantity.quantity == name:
+                return quantity
         raise UserError("no such quantity", got=name, choices=[q.quantity for q in self.results])
 
 
@@ -143,8 +143,8 @@ def load_measurement(path: str | Path) -> Measurement:
     results = typed(tuple[Quantity, ...], data["results"], path, "results")
     if not results:
         raise UserError("is empty", file=path, key="results", expected="one result or more")
-    for i, one in enumerate(results):
-        if any(not math.isfinite(row.contribution) or row.contribution < 0 for row in one.budget):
+    for i, quantity in enumerate(results):
+        if any(not math.isfinite(row.contribution) or row.contribution < 0 for row in quantity.budget):
             raise UserError("a negative contribution", file=path, key=f"results[{i}].budget")
     entries = data.get("effects") or []
     if not isinstance(entries, list):
@@ -167,8 +167,8 @@ def measurement_text(measurement: Measurement) -> str:
     """The file; `load_measurement` of it gives the measurement back."""
     data: dict[str, object] = {"format": FORMAT, "protocol": measurement.protocol, "of": measurement.of}
     data |= {"robot": measurement.robot} if measurement.robot else {}
-    data["results"] = [_plain(asdict(one)) for one in measurement.results]
-    data["effects"] = [placed_dict(one) for one in measurement.effects]
+    data["results"] = [_plain(asdict(quantity)) for quantity in measurement.results]
+    data["effects"] = [placed_dict(instance) for instance in measurement.effects]
     for key in ("conditions", "raw", "notes", "details", "provenance"):
         if value := getattr(measurement, key):
             data[key] = _plain(value)

@@ -66,11 +66,11 @@ def load_model(source: str | Path) -> World:
     if tool is not None and not isinstance(tool, str | Mapping):
         raise UserError("wrong tool", file=path, key="tool", expected="none, a name or a mapping", got=tool)
     effects = tuple(read_placed(entry, path, f"effects[{i}]") for i, entry in enumerate(entries))
-    seen = set()
+    earlier = set()
     for i, e in enumerate(effects):
-        if (e.effect, e.where) in seen:
+        if (e.effect, e.where) in earlier:
             raise UserError(f"{e.label} is given twice", file=path, key=f"effects[{i}]")
-        seen.add((e.effect, e.where))
+        earlier.add((e.effect, e.where))
     stated = data.get("cell")
     section = None if stated is None else typed(CellOf, {"cell": stated}, path).cell
     return World(robot, None if tool in (None, "none") else tool, effects, cell(section, path))
@@ -83,23 +83,23 @@ def read_placed(entry: Any, file: Path, key: str) -> EffectInstance:
     unknown = sorted(str(k) for k in set(entry) - set(ENTRY))
     if unknown:
         raise UserError("unknown key", file=file, key=f"{key}.{unknown[0]}", choices=ENTRY)
-    one = effect(entry.get("effect"), file=file, key=f"{key}.effect")
+    kind = effect(entry.get("effect"), file=file, key=f"{key}.effect")
     where = entry.get("where", "all")
     if not isinstance(where, str):
         raise UserError("wrong place", file=file, key=f"{key}.where", expected="a name", got=where)
-    given = entry.get("params") or {}
-    if not isinstance(given, Mapping):
-        raise UserError("wrong params", file=file, key=f"{key}.params", expected="a mapping", got=given)
-    params = dict(EffectInstance.of(one.name, where).params)
-    for parameter, value in given.items():
+    values = entry.get("params") or {}
+    if not isinstance(values, Mapping):
+        raise UserError("wrong params", file=file, key=f"{key}.params", expected="a mapping", got=values)
+    params = dict(EffectInstance.of(kind.name, where).params)
+    for parameter, value in values.items():
         at = f"{key}.params.{parameter}"
-        params[parameter] = _value(value, one.param(parameter, file=file, key=at), file, at)
+        params[parameter] = _value(value, kind.param(parameter, file=file, key=at), file, at)
     origin = entry.get("origin") or {}
     marks = {mark: entry.get(mark, False) for mark in MARKS}
     for mark, value in marks.items():
         if not isinstance(value, bool):
             raise UserError("wrong mark", file=file, key=f"{key}.{mark}", expected="true or false", got=value)
-    return EffectInstance(one.name, where, params, dict(origin) if isinstance(origin, Mapping) else {}, **marks)
+    return EffectInstance(kind.name, where, params, dict(origin) if isinstance(origin, Mapping) else {}, **marks)
 
 
 def _value(value: Any, param: Any, file: Path, key: str) -> Value:

@@ -17,7 +17,7 @@ MANY = (ALL, EACH)
 
 
 def check(
-    one: Effect,
+    kind: Effect,
     where: Any,
     model: Any,
     *,
@@ -37,18 +37,18 @@ def check(
     Raises:
         UserError: no such place, with those that there are; or none at all in this model.
     """
-    targets = one.targets(model)
+    targets = kind.targets(model)
     if not targets:
         expected = "a cell with what it acts on: a camera, a light, a part, a fixture"
-        raise UserError(f"{one.name} has no place here", file=file, key=key, expected=expected, got=where)
+        raise UserError(f"{kind.name} has no place here", file=file, key=key, expected=expected, got=where)
     if not isinstance(where, str) or where not in (*targets, *many):
-        raise UserError(f"{one.name} has no such place", file=file, key=key, got=where, choices=[*targets, *many])
+        raise UserError(f"{kind.name} has no such place", file=file, key=key, got=where, choices=[*targets, *many])
     return where
 
 
-def instances(one: Effect, where: str, model: Any) -> list[str]:
+def instances(kind: Effect, where: str, model: Any) -> list[str]:
     """Where instances of the effect stand: at every target for `each`, else at `where` alone."""
-    return one.targets(model) if where == EACH else [where]
+    return kind.targets(model) if where == EACH else [where]
 
 
 def acts_on(where: str, names: Iterable[str]) -> bool:
@@ -56,7 +56,7 @@ def acts_on(where: str, names: Iterable[str]) -> bool:
     return where in MANY or where in names
 
 
-def values(one: Effect, rows: Sequence[Iterable[EffectInstance]], model: Any) -> dict[str, np.ndarray]:
+def values(kind: Effect, rows: Sequence[Iterable[EffectInstance]], model: Any) -> dict[str, np.ndarray]:
     """Parameters (len(rows), ntarget) of one effect by name; where it is not placed, the values of its absence.
 
     Args:
@@ -67,14 +67,14 @@ def values(one: Effect, rows: Sequence[Iterable[EffectInstance]], model: Any) ->
     Raises:
         UserError: an effect at a place that the model does not have.
     """
-    targets = one.targets(model)
-    out = one.absent((len(rows), len(targets)))
+    targets = kind.targets(model)
+    out = kind.absent((len(rows), len(targets)))
     for row, placed in enumerate(rows):
         for at in placed:
-            if at.effect != one.name:
+            if at.effect != kind.name:
                 continue
             if at.where != ALL and at.where not in targets:
-                check(one, at.where, model, key="where")
+                check(kind, at.where, model, key="where")
             columns = slice(None) if at.where == ALL else targets.index(at.where)
             for name, value in at.params.items():
                 out[name][row, columns] = value.value

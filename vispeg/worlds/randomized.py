@@ -55,14 +55,14 @@ class RandomizedEffect:
         without = rng.uniform() >= self.chance
         values = {}
         for name in sorted(self.params):
-            own, stated = rng.standard_normal(), self.params[name]
+            normal, stated = rng.standard_normal(), self.params[name]
             if isinstance(stated, (int, float)):
                 values[name] = float(stated)
                 continue
             if self.group:
                 common = stream(seed, "world-group", self.group).standard_normal()
-                own = np.sqrt(abs(self.rho)) * common * np.sign(self.rho) + np.sqrt(1 - abs(self.rho)) * own
-            value, param = stated.at(NORMAL.cdf(own)), effect(self.effect).params[name]
+                normal = np.sqrt(abs(self.rho)) * common * np.sign(self.rho) + np.sqrt(1 - abs(self.rho)) * normal
+            value, param = stated.at(NORMAL.cdf(normal)), effect(self.effect).params[name]
             values[name] = value if param.shape or level == 1.0 else param.null + level * (value - param.null)
         return None if without else EffectInstance.of(self.effect, where, **values)
 

@@ -46,6 +46,6 @@ def sensor(name: str, where: str | None = None) -> tuple[RandomizedEffect, ...]:
 
 
 def _ranged(entry: Mapping[str, Any], where: str | None, file: str, key: str) -> RandomizedEffect:
-    one = effect(entry["effect"], file=file, key=f"{key}.effect")
-    params = {k: ranged_value(one, k, v, file, f"{key}.params.{k}") for k, v in entry["params"].items()}
+    kind = effect(entry["effect"], file=file, key=f"{key}.effect")
+    params = {k: ranged_value(kind, k, v, file, f"{key}.params.{k}") for k, v in entry["params"].items()}
     return RandomizedEffect(entry["effect"], where or entry.get("where", "all"), params, source=entry["source"])

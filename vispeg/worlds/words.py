@@ -41,15 +41,15 @@ def values(kind: Effect, pairs: Iterable[str]) -> dict[str, float]:
     return out
 
 
-def completed(kind: Effect, given: dict[str, float]) -> dict[str, float]:
+def completed(kind: Effect, stated: dict[str, float]) -> dict[str, float]:
     """All parameters of an effect, of which some are given.
 
     Who names no magnitude gets the typical ones; who names one means that one: a camera that is 4 mm off to the right
     is not turned as well. What only shapes an effect is typical where it is not given.
     """
-    named = any(name in given for name in kind.magnitudes)
+    named = any(name in stated for name in kind.magnitudes)
     rest = {k: p.null if named and k in kind.magnitudes else p.start for k, p in kind.params.items()}
-    return rest | given
+    return rest | stated
 
 
 def parse(text: str, robot: Any) -> list[EffectInstance]:
@@ -63,7 +63,7 @@ def parse(text: str, robot: Any) -> list[EffectInstance]:
     if not where:
         choices = [*kind.targets(robot), *MANY]
         raise UserError(f"{name} needs a place", expected=f"{name}:WHERE", choices=choices)
-    given = values(kind, [s for s in settings.split(",") if s])
-    values_of_all = completed(kind, given)
+    stated = values(kind, [s for s in settings.split(",") if s])
+    values_of_all = completed(kind, stated)
     places = instances(kind, where, robot) if where == EACH else [place(kind, where, robot)]
     return [EffectInstance.of(name, w, **values_of_all) for w in places]

@@ -90,7 +90,7 @@ def convert(
             cameras=_cameras(cameras),
             torque_sensor=torque_sensor,
             scratch=Path(scratch),
-            told=told,
+            progress=told,
         )
         if not insist:
             file = mapping if isinstance(mapping, Path) else source

@@ -44,8 +44,8 @@ class Environment(SceneLook):
             panorama = environment(picked(ENVIRONMENTS, pick - 1 if pick > 1 else pick, training=pick > 1))
             if value["amount"][row]:
                 texture = pixels(fields, int(row), "sky")
-                seen = look_up(panorama, directions(texture.shape[1]), float(value["turn"][row]))
-                image = tone_mapped(seen, float(value["exposure"][row]), log_mean(panorama))
+                radiance = look_up(panorama, directions(texture.shape[1]), float(value["turn"][row]))
+                image = tone_mapped(radiance, float(value["exposure"][row]), log_mean(panorama))
                 texture[:] = blend(texture, image, float(value["amount"][row]))
             if value["light"][row]:
                 ambient = fields["vis.headlight.ambient"][row]

@@ -34,12 +34,12 @@ class DelayLine:
             self._grow(int(np.ceil(lag.max())) + 2)
         self.head = (self.head + 1) % self.size
         self.buffer[self.head] = value
-        whole = np.minimum(lag.astype(int), self.size - 2)
-        part = lag - whole
+        steps = np.minimum(lag.astype(int), self.size - 2)
+        part = lag - steps
         flat = self.buffer.reshape(self.size, -1)
         cells = np.arange(flat.shape[1])
-        near = flat[(self.head - whole.ravel()) % self.size, cells].reshape(value.shape)
-        far = flat[(self.head - whole.ravel() - 1) % self.size, cells].reshape(value.shape)
+        near = flat[(self.head - steps.ravel()) % self.size, cells].reshape(value.shape)
+        far = flat[(self.head - steps.ravel() - 1) % self.size, cells].reshape(value.shape)
         return np.where(part > 0, near + part * (far - near), near)
 
     def _grow(self, size: int) -> None:

@@ -38,22 +38,22 @@ def images(endings: tuple[str, ...], training: bool = False) -> tuple[Path, ...]
         folder = Path(named).expanduser()
         if not folder.is_dir():
             raise UserError(f"{FOLDER} does not name a folder", file=named)
-        found = _below(folder, endings, training)
-        if not found:
+        paths = _below(folder, endings, training)
+        if not paths:
             raise UserError(f"no image in the folder that {FOLDER} names", file=named, expected=" ".join(endings))
-        return found
+        return paths
     for root in (PACKAGE / "_textures", PACKAGE.parent / "textures"):
         user = _below(root / "user", endings, training) if root.is_dir() else ()
-        found = user or (_below(root, endings, training) if root.is_dir() else ())
-        if found:
-            return found
+        paths = user or (_below(root, endings, training) if root.is_dir() else ())
+        if paths:
+            return paths
     raise UserError("the textures folder is missing; install vispeg again", file=PACKAGE)
 
 
 def picked(endings: tuple[str, ...], share: float, training: bool = False) -> Path:
     """The image at `share` (0 to 1) of the sorted list."""
-    found = images(endings, training)
-    return found[min(int(share * len(found)), len(found) - 1)]
+    paths = images(endings, training)
+    return paths[min(int(share * len(paths)), len(paths) - 1)]
 
 
 @lru_cache(maxsize=64)
@@ -107,9 +107,9 @@ def refuse_huge(path: Path, area: int) -> None:
 
 def _below(folder: Path, endings: tuple[str, ...], training: bool) -> tuple[Path, ...]:
     every = (p for p in folder.rglob("*") if p.suffix.lower() in endings and p.is_file())
-    found = sorted(every, key=lambda p: p.relative_to(folder).as_posix())
-    mine = [p for p in found if (TRAINING in p.relative_to(folder).parts[:-1]) == training]
-    return tuple(mine or found)
+    paths = sorted(every, key=lambda p: p.relative_to(folder).as_posix())
+    mine = [p for p in paths if (TRAINING in p.relative_to(folder).parts[:-1]) == training]
+    return tuple(mine or paths)
 
 
 def _head(path: Path) -> bytes:

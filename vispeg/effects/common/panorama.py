@@ -23,8 +23,8 @@ def directions(size: int) -> np.ndarray:
     """Unit vectors (6 size, size, 3) in the world frame that the texels of a skybox lie in, faces in MuJoCo's order."""
     t = (np.arange(size) + 0.5) / size * 2 - 1
     y, x = np.meshgrid(t, t, indexing="ij")
-    one = np.ones_like(x)
-    faces = [(one, -y, -x), (-one, -y, x), (x, one, y), (x, -one, -y), (x, -y, one), (-x, -y, -one)]
+    ones = np.ones_like(x)
+    faces = [(ones, -y, -x), (-ones, -y, x), (x, ones, y), (x, -ones, -y), (x, -y, ones), (-x, -y, -ones)]
     sky = np.concatenate([np.stack(f, axis=-1) for f in faces])  # y up
     world = np.stack([sky[..., 0], -sky[..., 2], sky[..., 1]], axis=-1)  # z up
     world /= np.linalg.norm(world, axis=-1, keepdims=True)

@@ -39,8 +39,8 @@ class EncoderQuantization(Effect):
             return sigma
         n = np.linspace(-6, 6, 4001) * sigma
         weight = np.exp(-0.5 * (n / sigma) ** 2)
-        whole, part = np.divmod(n / p["step"], 1.0)
-        squared = (1 - part) * whole**2 + part * (whole + 1) ** 2
+        steps, part = np.divmod(n / p["step"], 1.0)
+        squared = (1 - part) * steps**2 + part * (steps + 1) ** 2
         return float(p["step"] * np.sqrt(np.average(squared, weights=weight)))
 
     def guesses(self, look):
@@ -50,8 +50,8 @@ class EncoderQuantization(Effect):
         gaps = gaps[gaps > 1e-9]
         if len(gaps) >= 4 and len(values) < 0.5 * len(look.raw):
             return [{"step": float(np.clip(np.median(gaps), 1e-6, self.params["step"].high))}]
-        found = _under_noise(np.ascontiguousarray(look.raw).tobytes(), self.params["step"].high)
-        return [{"step": found}] if found else []
+        step = _under_noise(np.ascontiguousarray(look.raw).tobytes(), self.params["step"].high)
+        return [{"step": step}] if step else []
 
 
 @lru_cache(maxsize=64)

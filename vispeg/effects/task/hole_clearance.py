@@ -27,8 +27,8 @@ class HoleClearance(Effect):
     told_from = {"fixture_compliance": "hard-press"}
 
     def targets(self, model):
-        own = hasattr(model, "config") and model.config.hole_mesh  # a user's block has no ring of walls to move
-        return [] if own else named(model, "fixture")
+        user_block = hasattr(model, "config") and model.config.hole_mesh  # a user's block has no ring of walls to move
+        return [] if user_block else named(model, "fixture")
 
     def write(self, fields, p):
         pos, model = fields["geom_pos"], fields.model

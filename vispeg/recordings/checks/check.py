@@ -82,7 +82,7 @@ class CheckReport:
 
 
 def check(
-    rec: Recording, limits: Limits | None = None, told: Callable[[float], None] = lambda share: None
+    rec: Recording, limits: Limits | None = None, progress: Callable[[float], None] = lambda share: None
 ) -> CheckReport:
     """Examines a recording, joint by joint, so that a long one needs little more memory than it takes itself.
 
@@ -96,7 +96,7 @@ def check(
     clock, joints = timing(rec), []
     for j in range(len(rec.joints)):
         joints.append(_joint(rec, j, clock, limits))
-        told(len(joints) / len(rec.joints))
+        progress(len(joints) / len(rec.joints))
     return CheckReport(
         recording=str(rec.path),
         robot=rec.robot,

@@ -101,7 +101,7 @@ def _joint_warnings(joint: JointCheck, rec: Recording) -> list[str]:
     else:
         if motion.reversals < 2:
             out.append(f"reverses {motion.reversals} times: dry friction cannot be told from a constant torque")
-        weak = [name for name, own in motion.identifiability.items() if own < FLAT]
+        weak = [name for name, share in motion.identifiability.items() if share < FLAT]
         if weak:
             out.append(f"this motion alone cannot separate {', '.join(weak)}")
     return [f"{joint.name}: {line}" for line in out]

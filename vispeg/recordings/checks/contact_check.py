@@ -94,7 +94,7 @@ def examine(t: Touched) -> ContactCheck:
     hits = tuple(float(speed[max(0, i - 5) : i + 1].max()) for i in np.flatnonzero(first))
     touching = t.regime != FREE
     starts = [_free_start(t, number) for number in np.unique(t.episode)]
-    found = ContactCheck(
+    summary = ContactCheck(
         seconds=seconds,
         forces=forces,
         peak_force=float(np.nanmax(t.force, initial=0.0)),
@@ -105,7 +105,7 @@ def examine(t: Touched) -> ContactCheck:
         yaw=(float(t.yaw[touching].min()), float(t.yaw[touching].max())) if touching.any() else (0.0, 0.0),
         excited={},
     )
-    return ContactCheck(**{**vars(found), "excited": _excited(t, found, step)})
+    return ContactCheck(**{**vars(summary), "excited": _excited(t, summary, step)})
 
 
 def _free_start(t: Touched, number: int) -> float:
@@ -115,23 +115,23 @@ def _free_start(t: Touched, number: int) -> float:
     return float(t.time[last] - t.time[rows[0]])
 
 
-def _excited(t: Touched, found: ContactCheck, step: float) -> dict[str, str]:
+def _excited(t: Touched, summary: ContactCheck, step: float) -> dict[str, str]:
     """Effect -> why it cannot be told, "" where it can."""
-    s, free = found.seconds, t.regime == FREE
+    s, free = summary.seconds, t.regime == FREE
     tilted = float(t.tilt[free].max(initial=0.0)) >= TILT
     pressed = s["press"] + s["slide"] >= LONG
     inside = s["hole"] >= LONG
-    turned = found.yaw[1] - found.yaw[0] >= TURN
+    turned = summary.yaw[1] - summary.yaw[0] >= TURN
     steady = t.force[(t.regime == PRESS) | (t.regime == HOLE)]
     several = len(steady) > 10 and np.quantile(steady, 0.95) >= RATIO * max(np.quantile(steady, 0.1), 1e-9)
-    speeds = [v for v in found.hits if v > 0]
-    no_air = "" if found.begins_free >= AIR else f"only {found.begins_free:.2g} s in free air at the start"
+    speeds = [v for v in summary.hits if v > 0]
+    no_air = "" if summary.begins_free >= AIR else f"only {summary.begins_free:.2g} s in free air at the start"
     touched = "" if pressed or inside else "nothing was pressed"
     level = "" if several else touched or "pressed with one force only: press with 5 and with 20 N"
     hole = "" if inside else "never pressed in the hole" if t.hole else "no `cell` says where a hole is"
     grip = hole or ("" if turned else "cannot be told from hole_offset: insert again with the flange turned by 90 deg")
     slid = "" if s["slide"] >= LONG else "nothing slid"
-    one_way = slid or ("" if found.directions >= 2 else "slid in one direction only: slide there and back")
+    one_way = slid or ("" if summary.directions >= 2 else "slid in one direction only: slide there and back")
     lean = no_air or ("" if tilted else f"the tool was not tilted by {np.degrees(TILT):.0f} deg in free air")
     hit = "nothing was hit" if not speeds else "" if max(speeds) >= SPEEDS * min(speeds) else "hit at one speed only"
     hard = float(np.sum(t.force[t.regime == PRESS] >= HARD)) * step >= 0.2 * LONG

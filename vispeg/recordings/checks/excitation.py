@@ -58,10 +58,10 @@ def excitation(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, noise_tau: float 
     turns = int(np.sum(np.diff(np.sign(dq[moving])) != 0))
     condition, identifiability, sigma = None, dict.fromkeys(PARAMETERS, 0.0), None
     if len(speed) > len(PARAMETERS):
-        condition, own, norms = _judge(q, dq, ddq)
-        identifiability = dict(zip(PARAMETERS, (own / norms).tolist(), strict=True))
+        condition, partial, norms = _judge(q, dq, ddq)
+        identifiability = dict(zip(PARAMETERS, (partial / norms).tolist(), strict=True))
         if noise_tau is not None:
-            sigma = {k: float(noise_tau / o) if o > 0 else float("inf") for k, o in zip(PARAMETERS, own, strict=True)}
+            sigma = {k: float(noise_tau / o) if o > 0 else float("inf") for k, o in zip(PARAMETERS, partial, strict=True)}
     return Excitation(float(np.ptp(q)), peak, turns, float(moving.mean()), spread, condition, identifiability, sigma)
 
 
@@ -86,5 +86,5 @@ def _judge(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> tuple[float | None
     _, s, vt = np.linalg.svd(triangle / norms, full_matrices=False)
     if s[-1] < 1e-12 * s[0]:
         return None, np.zeros(len(PARAMETERS)), norms
-    own = 1.0 / np.sqrt(np.sum((vt / s[:, None]) ** 2, axis=0))
-    return float(s[0] / s[-1]), own * norms, norms
+    partial = 1.0 / np.sqrt(np.sum((vt / s[:, None]) ** 2, axis=0))
+    return float(s[0] / s[-1]), partial * norms, norms

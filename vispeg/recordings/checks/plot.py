@@ -78,10 +78,10 @@ def _thin(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     if n <= MAX_POINTS:
         return time, values
     length = int(np.ceil(2 * n / MAX_POINTS))
-    whole = n // length * length
-    low = np.where(np.isfinite(values[:whole]), values[:whole], np.inf).reshape(-1, length).argmin(axis=1)
-    high = np.where(np.isfinite(values[:whole]), values[:whole], -np.inf).reshape(-1, length).argmax(axis=1)
-    rows = np.sort(np.concatenate([low, high]) + np.tile(np.arange(0, whole, length), 2))
+    end = n // length * length
+    low = np.where(np.isfinite(values[:end]), values[:end], np.inf).reshape(-1, length).argmin(axis=1)
+    high = np.where(np.isfinite(values[:end]), values[:end], -np.inf).reshape(-1, length).argmax(axis=1)
+    rows = np.sort(np.concatenate([low, high]) + np.tile(np.arange(0, end, length), 2))
     return time[rows], values[rows]
 
 

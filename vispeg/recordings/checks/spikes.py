@@ -45,13 +45,13 @@ def spikes(time: np.ndarray, q: np.ndarray) -> tuple[Spike, ...]:
     off = x - median_filter(x, WIDTH, mode="nearest")
     far = np.abs(off)
     least = max(SIGMAS * 1.4826 * float(np.median(far[far > 0])) if (far > 0).any() else 0.0, LEAST)
-    found = np.flatnonzero(far > least)
-    if not len(found):
+    suspects = np.flatnonzero(far > least)
+    if not len(suspects):
         return ()
     least = max(least, QUANTA * (quantization(q) or 0.0))
     step = np.abs(np.diff(x))
     out = []
-    for k in found[far[found] > least]:
+    for k in suspects[far[suspects] > least]:
         nearby = step[max(k - NEAR, 0) : k + NEAR]
         if far[k] > LOCAL * max(float(np.quantile(nearby, 0.8)), 1e-12):
             out.append(Spike(int(rows[k]), float(time[rows[k]]), float(off[k])))

@@ -71,10 +71,10 @@ class _Section(BaseModel):
 
     @model_validator(mode="after")
     def _one_pose(self) -> _Section:
-        given = [p for p in (self.base_T_camera, self.flange_T_camera) if p is not None]
-        if len(given) > 1:
+        poses = [p for p in (self.base_T_camera, self.flange_T_camera) if p is not None]
+        if len(poses) > 1:
             raise ValueError("has both base_T_camera and flange_T_camera")
-        for pose in given:
+        for pose in poses:
             matrix = np.array(pose, float)
             turn = matrix[:3, :3]
             square = np.abs(turn @ turn.T - np.eye(3)).max() < ROTATION and np.linalg.det(turn) > 0

@@ -22,11 +22,11 @@ def joints_at(rec: Recording, time: np.ndarray, episode: np.ndarray | None = Non
         (n, nj) rad; NaN before the first and after the last reading of an episode, and inside gaps.
     """
     time = np.asarray(time, float)
-    own = np.zeros(len(rec.time), np.int64) if rec.episode is None else rec.episode
-    wanted = np.full(len(time), own[0]) if episode is None else np.asarray(episode)
+    episodes = np.zeros(len(rec.time), np.int64) if rec.episode is None else rec.episode
+    wanted = np.full(len(time), episodes[0]) if episode is None else np.asarray(episode)
     out = np.full((len(time), rec.q.shape[1]), np.nan)
     for number in np.unique(wanted):
-        rows, asked = own == number, wanted == number
+        rows, asked = episodes == number, wanted == number
         for j in range(rec.q.shape[1]):
             good = rows & np.isfinite(rec.q[:, j])
             if good.sum() >= 4:
@@ -36,7 +36,7 @@ def joints_at(rec: Recording, time: np.ndarray, episode: np.ndarray | None = Non
 
 def _along(clock: np.ndarray, values: np.ndarray, time: np.ndarray, period: float) -> np.ndarray:
     """(n,) the spline through (m,) readings at `time`; NaN outside and inside gaps."""
-    found = CubicSpline(clock, values, extrapolate=False)(time)
+    angles = CubicSpline(clock, values, extrapolate=False)(time)
     after = np.clip(np.searchsorted(clock, time), 1, len(clock) - 1)
     between = clock[after] - clock[after - 1]
-    return np.where((between > GAP * period) & (clock[after] != time) & (clock[after - 1] != time), np.nan, found)
+    return np.where((between > GAP * period) & (clock[after] != time) & (clock[after - 1] != time), np.nan, angles)

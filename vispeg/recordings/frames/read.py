@@ -138,21 +138,21 @@ def _within(
     file: Path, frames: Sequence[RecordedFrame], time: np.ndarray, episode: np.ndarray | None
 ) -> list[RecordedFrame]:
     """Those within the samples' times, by episode and time; where the samples have no episodes, all are of one."""
-    kept: list[RecordedFrame] = []
+    inside: list[RecordedFrame] = []
     numbers = [0] if episode is None else list(dict.fromkeys(episode.tolist()))
     if len(numbers) == 1:
         frames = [replace(frame, episode=numbers[0]) for frame in frames]
     for number in numbers:
         clock = time if episode is None else time[episode == number]
         mine = [f for f in frames if f.episode == number and clock[0] <= f.time <= clock[-1]]
-        kept += sorted(mine, key=lambda f: f.time)
-    left = len(frames) - len(kept)
-    if left:
-        said = f"{left} of {len(frames)} frames lie outside the times of the samples"
-        if not kept:
+        inside += sorted(mine, key=lambda f: f.time)
+    outside = len(frames) - len(inside)
+    if outside:
+        said = f"{outside} of {len(frames)} frames lie outside the times of the samples"
+        if not inside:
             raise UserError(said, file=file, expected=f"times from {float(time.min()):g} to {float(time.max()):g} s")
         warnings.warn(f"{file}: {said} and are left out", stacklevel=5)
-    return kept
+    return inside
 
 
 def _check_order(file: Path, frames: Sequence[RecordedFrame]) -> None:

@@ -20,8 +20,8 @@ EPOCH = 1e6  # s: times beyond are dates; seconds from the first sample keep mor
 
 def joints_of(joints: Sequence[str], mapping: ColumnMap) -> list[str]:
     """The joints to import: the map's own list where it has one, else the robot's."""
-    own = mapping.recording.get("joints", list(joints))
-    return [str(name) for name in own] if isinstance(own, list) else list(joints)
+    stated = mapping.recording.get("joints", list(joints))
+    return [str(name) for name in stated] if isinstance(stated, list) else list(joints)
 
 
 def convert(values: np.ndarray, source: Source) -> np.ndarray:
@@ -69,5 +69,5 @@ def build(
 
 def _rounded(rate: float) -> float:
     """A rate within 1 % of a whole number is that number: clocks jitter, controllers do not run at 499.98 Hz."""
-    whole = round(rate)
-    return float(whole) if whole and abs(rate / whole - 1) < 0.01 else rate
+    nearest = round(rate)
+    return float(nearest) if nearest and abs(rate / nearest - 1) < 0.01 else rate

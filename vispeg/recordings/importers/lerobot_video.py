@@ -56,11 +56,11 @@ def import_video(
         pattern, chunk = str(info.get("video_path") or ""), int(info.get("chunks_size") or 1000)
     keys = _keys(wanted, kinds, root)
     album = Album(scratch)
-    whole = rec.episode if rec.episode is not None else np.zeros(len(rec.time), np.int64)
+    episodes = rec.episode if rec.episode is not None else np.zeros(len(rec.time), np.int64)
     for key in keys:
-        for episode in dict.fromkeys(whole.tolist()):
+        for episode in dict.fromkeys(episodes.tolist()):
             file, start = _where(root, pattern, key, int(episode), chunk)
-            times = rec.time[whole == episode]
+            times = rec.time[episodes == episode]
             for time, image in _decoded(file, times, start):
                 album.add(key.removeprefix(PREFIX), time, image, int(episode))
     return album.frames(rec, cameras)

@@ -82,8 +82,8 @@ def map_from(data: Any, file: Path, joints: Sequence[str]) -> ColumnMap:
     if not isinstance(data, dict):
         raise UserError("is not a mapping", file=file, expected="lines like 'q.joint1: pos_1'", got=data)
     recording = _section(data, "recording", file)
-    own = recording.get("joints", joints)
-    names = own if isinstance(own, list) else list(joints)
+    listed = recording.get("joints", joints)
+    names = listed if isinstance(listed, list) else list(joints)
     renamed = {str(key): str(value) for key, value in _section(data, "joints", file).items()}
     for joint in renamed:
         if joint not in names:
@@ -100,17 +100,17 @@ def map_from(data: Any, file: Path, joints: Sequence[str]) -> ColumnMap:
 
 
 def _dialect(section: dict, file: Path) -> Dialect:
-    found = {"separator": section.get("separator", ","), "decimal": section.get("decimal", ".")}
+    dialect = {"separator": section.get("separator", ","), "decimal": section.get("decimal", ".")}
     for key in section:
-        if key not in found:
-            raise UserError("unknown key", file=file, key="table", got=key, choices=found)
+        if key not in dialect:
+            raise UserError("unknown key", file=file, key="table", got=key, choices=dialect)
     for key, choices in (("separator", SEPARATORS), ("decimal", DECIMALS)):
-        if found[key] not in choices:
+        if dialect[key] not in choices:
             names = [repr(choice) for choice in choices]
-            raise UserError("cannot be read", file=file, key=f"table.{key}", got=found[key], choices=names)
-    if found["separator"] == found["decimal"]:
-        raise UserError("separates cells and decimals by one sign", file=file, key="table", got=found["decimal"])
-    return Dialect(**found)
+            raise UserError("cannot be read", file=file, key=f"table.{key}", got=dialect[key], choices=names)
+    if dialect["separator"] == dialect["decimal"]:
+        raise UserError("separates cells and decimals by one sign", file=file, key="table", got=dialect["decimal"])
+    return Dialect(**dialect)
 
 
 def _section(data: dict, key: str, file: Path) -> dict:
@@ -125,10 +125,10 @@ def _source(value: Any, target: str, file: Path) -> Source:
         return Source(str(value))
     if not isinstance(value, dict) or "column" not in value:
         raise UserError("says no column", file=file, key=target, expected="a name or {column: .., unit: ..}", got=value)
-    known = ("column", "unit", "scale", "offset")
+    keys = ("column", "unit", "scale", "offset")
     for key in value:
-        if key not in known:
-            raise UserError("unknown key", file=file, key=target, got=key, choices=known)
+        if key not in keys:
+            raise UserError("unknown key", file=file, key=target, got=key, choices=keys)
     unit = value.get("unit")
     if unit is not None and str(unit) not in FACTORS:
         raise UserError("unknown unit", file=file, key=target, got=unit, choices=FACTORS)

@@ -82,7 +82,7 @@ def _edges(arrays: dict[str, np.ndarray], n: int, source: Path) -> np.ndarray:
         return np.array([0, n])
     start = _array(arrays, "start", source)
     edges = np.unique(np.append(start, n)) if np.isfinite(start).all() else start
-    whole = start.ndim == 1 and len(start) > 0 and np.isfinite(start).all() and (np.floor(start) == start).all()
-    if not whole or edges[0] != 0 or edges[-1] != n or (np.diff(start) <= 0).any():
+    valid = start.ndim == 1 and len(start) > 0 and np.isfinite(start).all() and (np.floor(start) == start).all()
+    if not valid or edges[0] != 0 or edges[-1] != n or (np.diff(start) <= 0).any():
         raise UserError("is no list of first rows", file=source, key="start", expected=f"rising from 0, at most {n}")
     return edges.astype(int)

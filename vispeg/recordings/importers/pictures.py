@@ -56,7 +56,7 @@ class Album:
         Raises:
             UserError: pictures of a camera of which nothing, or another size, is stated; none within those times.
         """
-        known = {}
+        described = {}
         for name, (width, height) in self.size.items():
             if name not in cameras:
                 expected = "its intrinsics: a CameraInfo topic beside it, or --cameras FILE"
@@ -66,16 +66,16 @@ class Album:
                 got = f"{width} x {height}"
                 expected = f"{stated.width} x {stated.height} px"
                 raise UserError(f"pictures of '{name}' have another size than stated", expected=expected, got=got)
-            known[name] = replace(stated, depth_unit=self.unit.get(name, stated.depth_unit))
-        found: dict[tuple[int, float, str], RecordedFrame] = {}
+            described[name] = replace(stated, depth_unit=self.unit.get(name, stated.depth_unit))
+        frames: dict[tuple[int, float, str], RecordedFrame] = {}
         for time, name, episode, kind, file in self.rows:
-            one = found.get((episode, time, name), RecordedFrame(time, known[name], episode=episode))
-            found[episode, time, name] = replace(one, **{f"{kind}_source": file})
-        inside = [frame for frame in _order(rec, found.values()) if _covered(rec, frame)]
-        if found and not inside:
+            current = frames.get((episode, time, name), RecordedFrame(time, described[name], episode=episode))
+            frames[episode, time, name] = replace(current, **{f"{kind}_source": file})
+        inside = [frame for frame in _order(rec, frames.values()) if _covered(rec, frame)]
+        if frames and not inside:
             span = f"{float(rec.time.min()):g} to {float(rec.time.max()):g} s"
             raise UserError("no picture lies within the times of the samples (another clock?)", expected=span)
-        return Frames(known, tuple(inside), len(found) - len(inside)) if inside else None
+        return Frames(described, tuple(inside), len(frames) - len(inside)) if inside else None
 
 
 def _order(rec: Recording, frames: Iterable[RecordedFrame]) -> list[RecordedFrame]:

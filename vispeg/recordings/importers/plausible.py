@@ -57,9 +57,9 @@ def doubts(rec: Recording, limits: Limits, degrees: bool = False) -> list[Doubt]
     speed = np.diff(rec.q, axis=0)[inside] / step[inside][:, None]
     top = np.where(np.isfinite(limits.velocity), limits.velocity, TOP_SPEED / 10)
     fast = np.nanquantile(np.abs(speed), 0.99, axis=0) / top if len(speed) else np.zeros(len(top))
-    found = [_rate(rate), _against_speeds(rec, speed, inside), _degrees(rec, limits, degrees)]
-    found += [_speeds(rate, fast, rec), _torque(rec, limits)]
-    return [doubt for doubt in found if doubt is not None]
+    candidates = [_rate(rate), _against_speeds(rec, speed, inside), _degrees(rec, limits, degrees)]
+    candidates += [_speeds(rate, fast, rec), _torque(rec, limits)]
+    return [doubt for doubt in candidates if doubt is not None]
 
 
 def _some(rec: Recording) -> tuple[Recording, np.ndarray]:

@@ -91,12 +91,12 @@ def import_rosbag(
             held = _overlapping(hold, clock, (at - origin) * 1e-9, values, topics.command, source)
             for name, part in zip(COMMANDED, np.split(held, 3, axis=1), strict=True):
                 _add(columns, name, names, part)
-        for name, kind, given, row, onto in (
+        for name, kind, requested, row, onto in (
             ("ee", POSE, topics.pose, _pose, poses),
             ("ft", WRENCH, topics.wrench, _wrench, linear),
         ):
-            found = topics_of(reader, kind)
-            chosen = given or (found[0] if len(found) == 1 else None)
+            candidates = topics_of(reader, kind)
+            chosen = requested or (candidates[0] if len(candidates) == 1 else None)
             if chosen is not None:
                 at, values = _once(*_rows(reader, chosen, kind, row, source))
                 values = _overlapping(onto, clock, (at - origin) * 1e-9, values, chosen, source)
@@ -114,11 +114,11 @@ def import_rosbag(
 
 
 def _only(reader: Any, kind: str, not_this: str | None, source: Path) -> str:
-    found = [topic for topic in topics_of(reader, kind) if topic != not_this]
-    if len(found) != 1:
-        said = f"holds {'several topics' if found else 'no topic'} of type {kind}"
-        raise UserError(said + ("; name one with --topic" if found else ""), file=source, choices=found)
-    return found[0]
+    candidates = [topic for topic in topics_of(reader, kind) if topic != not_this]
+    if len(candidates) != 1:
+        said = f"holds {'several topics' if candidates else 'no topic'} of type {kind}"
+        raise UserError(said + ("; name one with --topic" if candidates else ""), file=source, choices=candidates)
+    return candidates[0]
 
 
 def _joint_states(
@@ -127,12 +127,12 @@ def _joint_states(
     """Times (n,) ns and [position, velocity, effort] (n, 3 nj), NaN for what a message does not hold."""
     wanted = [mapping.joints.get(name, name) for name in names]
     places: dict[tuple[str, ...], tuple[list[int], list[int]]] = {}
-    seen: set[str] = set()
+    all_names: set[str] = set()
 
     def row(message: Any) -> np.ndarray | None:
         heard = tuple(message.name)
         if heard not in places:
-            seen.update(heard)
+            all_names.update(heard)
             pairs = [(j, heard.index(name)) for j, name in enumerate(wanted) if name in heard]
             places[heard] = ([j for j, _ in pairs], [k for _, k in pairs])
         ours, theirs = places[heard]
@@ -146,9 +146,9 @@ def _joint_states(
         return out.ravel()
 
     time, values = _rows(reader, topic, JOINTS, row, source, allow_none=True)
-    absent = [name for name in wanted if name not in seen]
+    absent = [name for name in wanted if name not in all_names]
     if absent:
-        raise UserError(f"no message on {topic} names this joint", file=source, got=absent[0], choices=sorted(seen))
+        raise UserError(f"no message on {topic} names this joint", file=source, got=absent[0], choices=sorted(all_names))
     return time, values
 
 

@@ -31,7 +31,7 @@ def read_source(
     cameras: Mapping[str, RecordedCamera] | None = None,
     torque_sensor: str | None = None,
     scratch: Path | None = None,
-    told: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> Recording:
     """The recording that a table, an archive or a ROS bag makes.
 
@@ -63,7 +63,7 @@ def read_source(
     if is_table(source):
         from vispeg.recordings.importers.table import import_table
 
-        rec = import_table(source, robot, joints, mapping, told, **header)
+        rec = import_table(source, robot, joints, mapping, progress, **header)
         if not topics.images or scratch is None:
             return rec
         from vispeg.recordings.importers.lerobot_video import import_video

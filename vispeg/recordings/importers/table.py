@@ -19,7 +19,7 @@ def import_table(
     robot: str,
     joints: Sequence[str],
     mapping: ColumnMap | None = None,
-    told: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = lambda share: None,
     **header: Any,
 ) -> Recording:
     """A recording from a table; columns that the map does not name are taken by the recording format's own names.
@@ -39,7 +39,7 @@ def import_table(
     names = joints_of(joints, mapping)
     targets = ["time", "episode", *(c for s in SIGNALS for c in columns_of(s, names))]
     wanted = {*targets, *(origin.name for origin in mapping.columns.values())}
-    table = read_table(source, Reading(keep=lambda _: wanted, told=told, dialect=mapping.dialect))
+    table = read_table(source, Reading(keep=lambda _: wanted, progress=progress, dialect=mapping.dialect))
     columns = {}
     for target, origin in mapping.columns.items():
         if target not in targets:  # a whole signal can only come from an array

@@ -81,17 +81,17 @@ class Reading:
     keep: Callable[[list[str]], Collection[str]] | None = None
     glance: Callable[[list[str]], Collection[str]] = lambda names: ()
     look: Callable[[Table], None] | None = None
-    told: Callable[[float], None] = lambda share: None
+    progress: Callable[[float], None] = lambda share: None
     most_rows: int | None = None
     dialect: Dialect = Dialect()
 
-    def kept(self, names: list[str]) -> list[str]:
+    def retained(self, names: list[str]) -> list[str]:
         """Those of `names` that are kept, in the file's order."""
         return _in_order(names, self.keep(names)) if self.keep is not None else names
 
     def wanted(self, names: list[str]) -> list[str]:
         """Those of `names` that are kept or looked at, in the file's order."""
-        return _in_order(names, [*self.kept(names), *self.glance(names)])
+        return _in_order(names, [*self.retained(names), *self.glance(names)])
 
     def enough(self, rows: int) -> bool:
         """Whether reading may stop."""
@@ -127,11 +127,11 @@ def checked_names(names: list[str], file: Path) -> list[str]:
     """A header's names; raises UserError where there are too many, or one comes twice."""
     if len(names) > MAX_COLUMNS:
         raise UserError("has too many columns", file=file, expected=f"at most {MAX_COLUMNS}", got=len(names))
-    seen: set[str] = set()
+    earlier: set[str] = set()
     for name in names:
-        if name in seen:
+        if name in earlier:
             raise UserError("column is given twice", file=file, key=name)
-        seen.add(name)
+        earlier.add(name)
     return names
 
 

@@ -109,14 +109,14 @@ def _line(stream: BinaryIO, file: Path, number: int) -> str:
 
 def _refuse_dialect(head: str, second: str, dialect: Dialect, file: Path) -> None:
     """Semicolons and tabs are told from commas by the header: they would make one column of all."""
-    own = dialect.separator
-    other = max((sign for sign in (",", ";", "\t") if sign != own), key=head.count)
-    if head.count(other) <= head.count(own):
+    separator = dialect.separator
+    other = max((sign for sign in (",", ";", "\t") if sign != separator), key=head.count)
+    if head.count(other) <= head.count(separator):
         return
     commas = other == ";" and "," in second
     also = ", and its numbers have decimal commas: write it with points and commas (1.5,2.5)" if commas else ""
     name = {";": "semicolons", "\t": "tabs", ",": "commas"}[other]
-    raise UserError(f"columns are separated by {name}{also}", file=file, expected=repr(own), got=other)
+    raise UserError(f"columns are separated by {name}{also}", file=file, expected=repr(separator), got=other)
 
 
 def _all_numbers(file: Path, names: list[str], wanted: list[str], reading: Reading) -> Table | None:
@@ -124,7 +124,7 @@ def _all_numbers(file: Path, names: list[str], wanted: list[str], reading: Readi
     import pyarrow as pa
     from pyarrow import csv as arrow
 
-    kept, size = Columns(reading.kept(names)), max(os.stat(file).st_size, 1)
+    collected, size = Columns(reading.retained(names)), max(os.stat(file).st_size, 1)
     convert = arrow.ConvertOptions(
         column_types=dict.fromkeys(wanted, pa.float64()),
         include_columns=wanted,
@@ -144,15 +144,15 @@ def _all_numbers(file: Path, names: list[str], wanted: list[str], reading: Readi
             for batch in source:
                 block = {name: batch.column(name).to_numpy(zero_copy_only=False) for name in wanted}
                 if reading.look is not None:
-                    reading.look(Table(file, block, names, batch.num_rows, 2 + kept.rows))
-                kept.add(block, batch.num_rows)
-                check_rows(kept.rows, file)
-                reading.told(limited.raw.tell() / size)
-                if reading.enough(kept.rows):
+                    reading.look(Table(file, block, names, batch.num_rows, 2 + collected.rows))
+                collected.add(block, batch.num_rows)
+                check_rows(collected.rows, file)
+                reading.progress(limited.raw.tell() / size)
+                if reading.enough(collected.rows):
                     break
     except pa.ArrowException:
         return None
-    return Table(file, kept.done(), names, kept.rows, 2)
+    return Table(file, collected.done(), names, collected.rows, 2)
 
 
 def _cell_by_cell(file: Path, names: list[str], wanted: list[str], reading: Reading) -> Table:
@@ -194,8 +194,8 @@ def _until_empty(lines: Iterator[str]) -> Iterator[str]:
 
 
 def _torn(file: Path, number: int, cells: list[str], names: list[str]) -> UserError:
-    whole = all("." not in cell and as_float(cell) is not None for cell in cells)
-    commas = whole and len(names) < len(cells) <= 2 * len(names)
+    numeric = all("." not in cell and as_float(cell) is not None for cell in cells)
+    commas = numeric and len(names) < len(cells) <= 2 * len(names)
     why = "looks like decimal commas: write 1.5, not 1,5" if commas else "cut off?"
     message = f"has the wrong number of cells ({why})"
     return UserError(message, file=file, key=f"row {number}", expected=len(names), got=len(cells))

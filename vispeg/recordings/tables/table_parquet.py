@@ -28,22 +28,22 @@ def read_parquet(file: Path, reading: Reading) -> Table:
             origin = {name: [n for n in _split(name, width) if n in set(wanted)] for name, width in fields.items()}
             columns = [name for name, parts in origin.items() if parts]
             text = {n: (0, f"a column of {_type(source, n)}") for n in wanted if fields.get(n, 0) is None}
-            kept = Columns([name for name in reading.kept(names) if name not in text], total)
+            collected = Columns([name for name in reading.retained(names) if name not in text], total)
             for batch in source.iter_batches(BLOCK, columns=columns, use_threads=False):
                 block: dict[str, np.ndarray] = {}
                 for name in columns:
                     if name not in text:
                         block |= _values(batch.column(name), name, fields[name], origin[name], pa)
                 if reading.look is not None:
-                    reading.look(Table(file, block, names, batch.num_rows, kept.rows, text))
-                kept.add(block, batch.num_rows)
-                reading.told(kept.rows / max(total, 1))
-                if reading.enough(kept.rows):
+                    reading.look(Table(file, block, names, batch.num_rows, collected.rows, text))
+                collected.add(block, batch.num_rows)
+                reading.progress(collected.rows / max(total, 1))
+                if reading.enough(collected.rows):
                     break
-            rows = kept.rows if columns else total
+            rows = collected.rows if columns else total
     except (pa.ArrowException, OSError, ValueError, OverflowError, NotImplementedError, MemoryError) as error:
         raise UserError(f"is not a Parquet file that can be read: {error}", file=file) from error
-    return Table(file, kept.done(), names, rows, 0, text)
+    return Table(file, collected.done(), names, rows, 0, text)
 
 
 def _plain_names(source: Any, file: Path) -> list[str]:

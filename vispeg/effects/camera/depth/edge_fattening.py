@@ -44,18 +44,18 @@ class EdgeFattening(CameraEffect):
             depth, scale = frame.depth[row], fb[i, 0, 0]
             radius = float(p["window"][row]) / 2 * float(frame.K[row, 0, 0]) / float(p["focal"][row])
             radius = min(radius, (min(frame.shape) - 1) / 2)
-            whole, part = int(radius), radius - int(radius)
+            pixels, part = int(radius), radius - int(radius)
             d = np.divide(scale, depth, out=np.zeros_like(depth), where=depth > 0)
-            wide = np.ones((2 * whole + 3,) * 2, np.uint8)
+            wide = np.ones((2 * pixels + 3,) * 2, np.uint8)
             high = cv2.dilate(d, wide)
             edge = SLOPES * (d - cv2.erode(d, wide)) + np.float32(p["contrast"][row])
-            inner = (slice(whole + 1, -whole - 1),) * 2  # at the border, one side is not known
+            inner = (slice(pixels + 1, -pixels - 1),) * 2  # at the border, one side is not known
             candidate = np.zeros(frame.shape, bool)
             candidate[inner] = (high - d > edge)[inner] & (depth[inner] > 0)
             at = np.flatnonzero(candidate)
             if not len(at):
                 continue
-            narrow = cv2.dilate(d, np.ones((2 * whole + 1,) * 2, np.uint8)) if whole else d
+            narrow = cv2.dilate(d, np.ones((2 * pixels + 1,) * 2, np.uint8)) if pixels else d
             dice = words(rng[row], (2, len(at)))
             taken = np.where(dice[0] < 65536 * part, high.take(at), narrow.take(at))
             lost = dice[1] < 65536 * float(p["reject"][row])

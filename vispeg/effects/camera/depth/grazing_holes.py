@@ -45,16 +45,16 @@ class GrazingHoles(CameraEffect):
             return
         field = persistent(state, frame, rows, rng, p["size"], p["rho"])
         for i, row in enumerate(rows):
-            kept = np.full(frame.shape, np.float32(1 - p["blobs"][row]))
+            survival = np.full(frame.shape, np.float32(1 - p["blobs"][row]))
             if p["grazing"][row]:
                 beyond = facing(frame, row) - np.float32(np.cos(p["angle"][row]))
-                kept *= 1 - np.float32(p["grazing"][row]) / (1 + cv2.exp(beyond * np.float32(1 / WIDTH)))
+                survival *= 1 - np.float32(p["grazing"][row]) / (1 + cv2.exp(beyond * np.float32(1 / WIDTH)))
             if frame.rgb is not None and (p["dark"][row] or p["shine"][row]):
                 luma = cv2.transform(frame.rgb[row], LUMA[None])
                 light = luma * luma  # to the accuracy that matters here, sRGB is a square
-                kept *= 1 - np.float32(p["dark"][row]) * np.maximum(0, 1 - light * np.float32(1 / DARK))
-                kept *= 1 - np.float32(p["shine"][row]) * (light > np.float32(BRIGHT))
-            frame.depth[row] *= _normal_cdf(field[i]) <= kept
+                survival *= 1 - np.float32(p["dark"][row]) * np.maximum(0, 1 - light * np.float32(1 / DARK))
+                survival *= 1 - np.float32(p["shine"][row]) * (light > np.float32(BRIGHT))
+            frame.depth[row] *= _normal_cdf(field[i]) <= survival
 
 
 def facing(frame, row: int) -> np.ndarray:

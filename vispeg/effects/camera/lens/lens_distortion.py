@@ -37,10 +37,10 @@ class LensDistortion(CameraEffect):
         for row in self.rows(p):
             values = tuple(float(p[k][row]) for k in ("k1", "k2", "p1", "p2"))
             key = (values, frame.K[row].tobytes(), frame.shape)
-            known = state.get(int(row))
-            if known is None or known[0] != key:  # a lens stays as it is for an episode, so its map is kept
-                known = state[int(row)] = (key, *_map(frame.K[row], frame.shape, values))
-            _, u, v = known
+            cached = state.get(int(row))
+            if cached is None or cached[0] != key:  # a lens stays as it is for an episode, so its map is kept
+                cached = state[int(row)] = (key, *_map(frame.K[row], frame.shape, values))
+            _, u, v = cached
             if frame.rgb is not None:
                 frame.rgb[row] = cv2.remap(frame.rgb[row], u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
             if frame.depth is not None:
@@ -49,9 +49,9 @@ class LensDistortion(CameraEffect):
 
 def _map(K: np.ndarray, shape: tuple[int, int], brown: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Where in the rendered image (px) each pixel of the distorted one looks; both (H, W) float32."""
-    shown = np.stack(rays(K, shape)[:2], -1).astype(float)
-    seen = undistort(shown, (*brown, 0.0))
-    seen = np.where(np.isnan(seen), FAR * shown, seen)  # beyond the lens's fold nothing is seen: outside the image
+    distorted = np.stack(rays(K, shape)[:2], -1).astype(float)
+    ideal = undistort(distorted, (*brown, 0.0))
+    ideal = np.where(np.isnan(ideal), FAR * distorted, ideal)  # beyond the lens's fold nothing is seen: outside the image
     f, c = np.array([K[0, 0], K[1, 1]]), np.array([K[0, 2], K[1, 2]])
-    u, v = np.moveaxis(f * seen + c, -1, 0).astype(np.float32)
+    u, v = np.moveaxis(f * ideal + c, -1, 0).astype(np.float32)
     return u, v

@@ -36,11 +36,11 @@ class CameraDelay(CameraEffect):
         now = np.broadcast_to(np.asarray(frame.time, float), (frame.n,))
         for row in self.rows(p):
             row = int(row)
-            seen = [] if opening[row] else past.get(row, [])
+            history = [] if opening[row] else past.get(row, [])
             images = {n: i[row].copy() for n in ("rgb", "depth") if (i := getattr(frame, n)) is not None}
-            seen = [(t, i) for t, i in seen if t >= now[row] - 2 * self.params["delay"].high] + [(now[row], images)]
-            past[row] = seen
-            ages = np.array([abs(t - (now[row] - p["delay"][row])) for t, _ in seen])
-            chosen = seen[int(np.flatnonzero(ages <= ages.min() + 1e-9)[0])][1]
+            history = [(t, i) for t, i in history if t >= now[row] - 2 * self.params["delay"].high] + [(now[row], images)]
+            past[row] = history
+            ages = np.array([abs(t - (now[row] - p["delay"][row])) for t, _ in history])
+            chosen = history[int(np.flatnonzero(ages <= ages.min() + 1e-9)[0])][1]
             for name, image in chosen.items():
                 getattr(frame, name)[row] = image

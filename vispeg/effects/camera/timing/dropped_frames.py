@@ -19,11 +19,11 @@ class DroppedFrames(CameraEffect):
 
     def image(self, state, frame, p, rng):
         opening = begins(state, frame)
-        kept = state.setdefault("kept", {})
+        last = state.setdefault("kept", {})
         for row in self.rows(p):
             row = int(row)
-            if rng[row].random() < p["chance"][row] and not opening[row] and row in kept:
-                for name, image in kept[row].items():
+            if rng[row].random() < p["chance"][row] and not opening[row] and row in last:
+                for name, image in last[row].items():
                     getattr(frame, name)[row] = image
             else:
-                kept[row] = {n: i[row].copy() for n in ("rgb", "depth") if (i := getattr(frame, n)) is not None}
+                last[row] = {n: i[row].copy() for n in ("rgb", "depth") if (i := getattr(frame, n)) is not None}

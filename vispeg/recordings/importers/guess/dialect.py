@@ -34,8 +34,8 @@ def dialect_of(file: Path) -> Dialect:
     if not head.count(separator):
         separator = " " if head.count(" ") and all(line.count(" ") == head.count(" ") for line in body) else ","
     comma = separator != "," and any(DECIMAL_COMMA.search(cell) for line in body for cell in line.split(separator))
-    found = Dialect(separator, "," if comma else ".")
-    cells = [cell.strip().replace(found.decimal, ".") for cell in head.split(separator)]
+    dialect = Dialect(separator, "," if comma else ".")
+    cells = [cell.strip().replace(dialect.decimal, ".") for cell in head.split(separator)]
     if all(re.fullmatch(r"[-+]?[\d.]+(e[-+]?\d+)?|nan|", cell, re.I) for cell in cells):
         raise UserError("the first line holds numbers", file=file, expected="a line with the columns' names", got=head)
-    return found
+    return dialect

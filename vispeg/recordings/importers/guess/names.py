@@ -82,15 +82,15 @@ def meaning(name: str, labels: dict[str, str]) -> Meaning:
     if "episode" in words:
         return Meaning(name, "episode", None, "", "", "episode")
     for i, word in enumerate(words):
-        for kind, known in (("time", TIME), ("q", POSITION), ("dq", VELOCITY), ("tau", TORQUE)):
-            if word in known and (not quantity or quantity == "q" and said == "state"):
+        for kind, vocabulary in (("time", TIME), ("q", POSITION), ("dq", VELOCITY), ("tau", TORQUE)):
+            if word in vocabulary and (not quantity or quantity == "q" and said == "state"):
                 quantity, said = kind, word
                 taken.add(i)
         if word in WHOLE:
             quantity, said = WHOLE[word][0], word
             taken.add(i)
-    for kind, (known, _) in OTHER.items():
-        hit = [i for i, word in enumerate(words) if word in known]
+    for kind, (vocabulary, _) in OTHER.items():
+        hit = [i for i, word in enumerate(words) if word in vocabulary]
         if hit:
             quantity, said = kind, words[hit[0]]
     commanded: bool | None = None
@@ -116,9 +116,9 @@ def _unit(name: str) -> tuple[str, str]:
     """The unit that a name says, and the name without it. A last `s` alone is a unit, a first one is none."""
     flat = re.sub(r"[\s\[\](){}.,:]+", "_", name.lower())
     for unit, pattern in UNITS:
-        found = list(re.finditer(rf"(?<![a-z0-9µ°])({pattern})(?![a-z])", flat))
-        if found and not (unit == "s" and found[-1].start() == 0 and len(flat) > 1):
-            start, end = found[-1].span()
+        matches = list(re.finditer(rf"(?<![a-z0-9µ°])({pattern})(?![a-z])", flat))
+        if matches and not (unit == "s" and matches[-1].start() == 0 and len(flat) > 1):
+            start, end = matches[-1].span()
             if len(flat) == len(name):
                 return unit, name[:start] + "_" + name[end:]
             return unit, flat[:start] + "_" + flat[end:]

@@ -86,7 +86,7 @@ def propose(
     groups = _groups([m for m in meanings if m.name in table.columns and m.quantity in ("q", "dq", "tau")])
     chosen = _chosen(groups, out)
     placed = {signal: _placed(group, joints, signal, out) for signal, group in chosen.items()}
-    placed = {signal: found for signal, found in placed.items() if found}
+    placed = {signal: columns for signal, columns in placed.items() if columns}
     if "q" not in placed:
         expected = "names such as q1, position_0, joint1.pos, actual_q_0; a map of your own says it otherwise"
         raise UserError("no columns look like measured angles", file=table.file, expected=expected, choices=table.names)
@@ -101,13 +101,13 @@ def propose(
             m.name: "never negative: the size of a torque without its sign" for m in placed.pop("tau").values()
         }
     order = [list(joints).index(joint) for joint in out.joints]
-    own = Limits(limits.range[order], limits.velocity[order], limits.torque[order])
+    selected = Limits(limits.range[order], limits.velocity[order], limits.torque[order])
     stacks = {s: _stack(table, [placed[s][j] for j in out.joints]) for s in placed}
-    units = values.units_of({s: [placed[s][j] for j in out.joints] for s in placed}, stacks, own, out.doubts)
-    time = _time(table, meanings, stacks, units, own, out)
+    units = values.units_of({s: [placed[s][j] for j in out.joints] for s in placed}, stacks, selected, out.doubts)
+    time = _time(table, meanings, stacks, units, selected, out)
     out.lines.append(time)
     episode = next((m.name for m in meanings if m.quantity == "episode" and m.name in table.columns), None)
-    if episode is not None and values.whole(table.columns[episode]):
+    if episode is not None and values.all_integers(table.columns[episode]):
         out.lines.append(Line("episode", episode, "", "its name says that it counts runs"))
     for signal in sorted(placed, key=ORDER.index):
         unit, why = units[signal]
@@ -125,16 +125,16 @@ def propose(
     return out
 
 
-def _labels(table: Table, known: dict[str, str]) -> dict[str, str]:
+def _labels(table: Table, stated: dict[str, str]) -> dict[str, str]:
     """Columns `field.name0` = shoulder say that position0 belongs to shoulder, as ROS tools write JointState."""
-    found = dict(known)
+    labels = dict(stated)
     for name, (_, cell) in table.text.items():
         numbers = re.findall(r"\d+", name)
         if "name" in split(name) and numbers and re.fullmatch(r"[A-Za-z]\w*", cell.strip()):
             for other in table.columns:
                 if re.findall(r"\d+", other)[-1:] == numbers[-1:] and split(other)[:-2] == split(name)[:-2]:
-                    found[other] = cell.strip()
-    return found
+                    labels[other] = cell.strip()
+    return labels
 
 
 def _groups(meanings: list[Meaning]) -> dict[tuple[str, bool | None, str], list[Meaning]]:
@@ -167,9 +167,9 @@ def _placed(group: list[Meaning], joints: Sequence[str], signal: str, out: Propo
     labels = _bare([m.label for m in group])
     if all(label.isdigit() for label in labels) and len(set(labels)) == len(labels):
         first = min(int(label) for label in labels)
-        found = {int(label) - (1 if first >= 1 else 0): m for label, m in zip(labels, group, strict=True)}
-        out.unused |= {m.name: "the robot has no so many joints" for k, m in found.items() if k >= len(joints)}
-        return {joints[k]: m for k, m in sorted(found.items()) if k < len(joints)}
+        numbered = {int(label) - (1 if first >= 1 else 0): m for label, m in zip(labels, group, strict=True)}
+        out.unused |= {m.name: "the robot has no so many joints" for k, m in numbered.items() if k >= len(joints)}
+        return {joints[k]: m for k, m in sorted(numbered.items()) if k < len(joints)}
     if len(group) == 1 and len(joints) > 1 or len(group) > len(joints):
         why = f"{len(group)} columns, {len(joints)} joints, and no name or number says which is which"
         out.unused |= {m.name: why for m in group}
@@ -186,15 +186,15 @@ def _by_name(group: list[Meaning], joints: Sequence[str]) -> dict[str, Meaning]:
     """Columns whose label is a joint's name, or the part of it that tells it from the others."""
     short = dict(zip(_bare(["_".join(split(j)) for j in joints]), joints, strict=True))
     full = {"_".join(split(joint)): joint for joint in joints}
-    found: dict[str, Meaning] = {}
+    columns: dict[str, Meaning] = {}
     for m in group:
         words = "_".join(split(m.label))
-        whole = "_".join(split(m.name))
-        hits = [n for n in full if re.search(rf"(?<![a-z0-9]){re.escape(n)}(?![0-9a-z])", whole)]
+        name = "_".join(split(m.name))
+        hits = [n for n in full if re.search(rf"(?<![a-z0-9]){re.escape(n)}(?![0-9a-z])", name)]
         joint = full[max(hits, key=len)] if hits else short.get(words) if not words.isdigit() else None
         if joint is not None:
-            found.setdefault(joint, m)
-    return found if len(found) > 1 or len(joints) == 1 else {}
+            columns.setdefault(joint, m)
+    return columns if len(columns) > 1 or len(joints) == 1 else {}
 
 
 def _bare(labels: list[str]) -> list[str]:

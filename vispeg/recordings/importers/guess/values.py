@@ -25,7 +25,7 @@ def span(column: np.ndarray) -> tuple[float, float]:
     return (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
 
 
-def whole(column: np.ndarray) -> bool:
+def all_integers(column: np.ndarray) -> bool:
     """Whether all values are whole numbers."""
     return bool(np.isfinite(column).all() and (column == np.floor(column)).all())
 
@@ -97,10 +97,10 @@ def _torque(unit: str, values: np.ndarray, limits: Limits, doubts: list[str]) ->
     if unit in ("N m", "mNm", "N cm"):
         return unit, f"the name says {unit}"
     peak = np.nanmax(np.abs(values), axis=0)
-    known = np.isfinite(limits.torque)
-    if known.any() and np.all(peak[known] < 5e-3 * limits.torque[known]):
+    finite = np.isfinite(limits.torque)
+    if finite.any() and np.all(peak[finite] < 5e-3 * limits.torque[finite]):
         doubts.append("torques are under a hundredth of what the joints can do: is their unit N m?")
-    if known.any() and np.any(peak[known] > 20 * limits.torque[known]):
+    if finite.any() and np.any(peak[finite] > 20 * limits.torque[finite]):
         return "mNm", "as N m they were over twenty times what the joints can do"
     return "N m", "no unit is said, and as N m they are what the joints can do"
 

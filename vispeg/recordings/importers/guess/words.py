@@ -26,9 +26,9 @@ def data(proposal: Proposal) -> dict[str, object]:
 
 def text(proposal: Proposal) -> str:
     """The map file: a line a column with the reason behind it, then what to look at, and what is not used."""
-    found = data(proposal)
+    entries = data(proposal)
     why = {line.target: line.why for line in proposal.lines}
-    rows = [(f"{_flow(key)}: {_flow(value)}", why.get(key, "")) for key, value in found.items()]
+    rows = [(f"{_flow(key)}: {_flow(value)}", why.get(key, "")) for key, value in entries.items()]
     width = min(max(len(row) for row, _ in rows), 70)
     lines = [f"# A map guessed from {proposal.file.name}. Look at it before it is used."]
     lines += [f"{row:<{width}}  # {reason}" if reason else row for row, reason in rows]
