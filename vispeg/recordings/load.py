@@ -62,7 +62,7 @@ def load(
         path: the folder.
         signals: header -> those of `SIGNALS` to keep beside `q`, such as `needed`; the others are checked as they pass,
             and None in the recording. None keeps all.
-        told: is told how much has been read, 0 to 1.
+        progress: called with how much has been read, 0 to 1.
 
     Returns:
         The recording; SI units, radians, a `robot` path made absolute.
@@ -273,7 +273,11 @@ def _clock(table: Table, rate_hz: float) -> tuple[np.ndarray, np.ndarray | None]
 
 
 def _warn_unknown(table: Table, header: Header) -> None:
-    expected = {"time", "episode", *(c for s in (*JOINT_SIGNALS, *SPATIAL_SIGNALS) for c in columns_of(s, header.joints))}
+    expected = {
+        "time",
+        "episode",
+        *(c for s in (*JOINT_SIGNALS, *SPATIAL_SIGNALS) for c in columns_of(s, header.joints)),
+    }
     unknown = [name for name in table.names if name not in expected]
     if unknown:
         listing = ", ".join(unknown[:8]) + (f" and {len(unknown) - 8} more" if len(unknown) > 8 else "")

@@ -28,7 +28,7 @@ def check(
     """`where`, if the effect can act there.
 
     Args:
-        one: the effect.
+        kind: the effect.
         where: a target's name, or one of `many`.
         model: the RobotModel or Scene whose targets count.
         many: which words for several targets are allowed.
@@ -60,7 +60,7 @@ def values(kind: Effect, rows: Sequence[Iterable[EffectInstance]], model: Any) -
     """Parameters (len(rows), ntarget) of one effect by name; where it is not placed, the values of its absence.
 
     Args:
-        one: the effect.
+        kind: the effect.
         rows: the effects of each row; those of other kinds are passed over. The later wins.
         model: the RobotModel or Scene whose targets are the columns.
 

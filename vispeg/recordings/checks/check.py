@@ -89,7 +89,7 @@ def check(
     Args:
         rec: the recording.
         limits: the robot's limits in the order of `rec.joints`, or None where they are not known.
-        told: is told which share of the joints has been examined.
+        progress: called with the share of the joints that has been examined.
     """
     from vispeg.recordings.importers.plausible import doubts
 

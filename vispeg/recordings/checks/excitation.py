@@ -61,7 +61,9 @@ def excitation(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, noise_tau: float 
         condition, partial, norms = _judge(q, dq, ddq)
         identifiability = dict(zip(PARAMETERS, (partial / norms).tolist(), strict=True))
         if noise_tau is not None:
-            sigma = {k: float(noise_tau / o) if o > 0 else float("inf") for k, o in zip(PARAMETERS, partial, strict=True)}
+            sigma = {
+                k: float(noise_tau / o) if o > 0 else float("inf") for k, o in zip(PARAMETERS, partial, strict=True)
+            }
     return Excitation(float(np.ptp(q)), peak, turns, float(moving.mean()), spread, condition, identifiability, sigma)
 
 

@@ -148,7 +148,9 @@ def _joint_states(
     time, values = _rows(reader, topic, JOINTS, row, source, allow_none=True)
     absent = [name for name in wanted if name not in all_names]
     if absent:
-        raise UserError(f"no message on {topic} names this joint", file=source, got=absent[0], choices=sorted(all_names))
+        raise UserError(
+            f"no message on {topic} names this joint", file=source, got=absent[0], choices=sorted(all_names)
+        )
     return time, values
 
 

@@ -44,7 +44,7 @@ def read_source(
         cameras: what the source does not say of its cameras, by name.
         torque_sensor: what measured torque is, in place of what the map says.
         scratch: where pictures lie until the recording is written.
-        told: is told which share of a table is read.
+        progress: called with the share of a table that has been read.
 
     Raises:
         UserError: nothing that can be converted; topics or images for another kind of log; as the importers.

@@ -29,7 +29,7 @@ def import_table(
         robot: a name or a path.
         joints: the robot's joints.
         mapping: names and units of the columns.
-        told: is told how much has been read, 0 to 1.
+        progress: called with how much has been read, 0 to 1.
         header: further keys of recording.yaml.
 
     Raises:

@@ -73,7 +73,7 @@ class Reading:
         keep: column names in the file -> those to keep; the others are not even converted. None keeps all.
         glance: column names in the file -> those that `look` sees although they are not kept.
         look: is shown every block as it is read, and raises UserError for values that cannot be.
-        told: is told how much has been read, 0 to 1.
+        progress: called with how much has been read, 0 to 1.
         most_rows: reading stops after that many rows at least; None reads all.
         dialect: of a text table.
     """

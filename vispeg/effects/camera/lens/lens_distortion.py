@@ -51,7 +51,9 @@ def _map(K: np.ndarray, shape: tuple[int, int], brown: tuple[float, ...]) -> tup
     """Where in the rendered image (px) each pixel of the distorted one looks; both (H, W) float32."""
     distorted = np.stack(rays(K, shape)[:2], -1).astype(float)
     ideal = undistort(distorted, (*brown, 0.0))
-    ideal = np.where(np.isnan(ideal), FAR * distorted, ideal)  # beyond the lens's fold nothing is seen: outside the image
+    ideal = np.where(
+        np.isnan(ideal), FAR * distorted, ideal
+    )  # beyond the lens's fold nothing is seen: outside the image
     f, c = np.array([K[0, 0], K[1, 1]]), np.array([K[0, 2], K[1, 2]])
     u, v = np.moveaxis(f * ideal + c, -1, 0).astype(np.float32)
     return u, v

@@ -38,7 +38,9 @@ class CameraDelay(CameraEffect):
             row = int(row)
             history = [] if opening[row] else past.get(row, [])
             images = {n: i[row].copy() for n in ("rgb", "depth") if (i := getattr(frame, n)) is not None}
-            history = [(t, i) for t, i in history if t >= now[row] - 2 * self.params["delay"].high] + [(now[row], images)]
+            history = [(t, i) for t, i in history if t >= now[row] - 2 * self.params["delay"].high] + [
+                (now[row], images)
+            ]
             past[row] = history
             ages = np.array([abs(t - (now[row] - p["delay"][row])) for t, _ in history])
             chosen = history[int(np.flatnonzero(ages <= ages.min() + 1e-9)[0])][1]
