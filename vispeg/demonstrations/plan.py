@@ -81,8 +81,8 @@ def plan_of(
 
 def task_of(file: WorldFile, cameras: Sequence[str], size: int) -> TaskConfig:
     """The task of a world's file, seen through these cameras at this image size (0: their own)."""
-    given = {"cameras": tuple(cameras)} if cameras else {}
-    return registry.config_of({**file.task, **given, "image_size": size}, str(file.path))
+    chosen = {"cameras": tuple(cameras)} if cameras else {}
+    return registry.config_of({**file.task, **chosen, "image_size": size}, str(file.path))
 
 
 def scene_of(task: TaskConfig) -> Scene:

@@ -58,12 +58,12 @@ def sense(
     """
     n = min(rows, len(clips))
     out = [(np.empty_like(c.rgb), np.empty_like(c.depth)) for c in clips]
-    shown, step, following = list(range(n)), [0] * n, n  # by row: its clip, the picture of it; the next clip to show
-    pipeline = Pipeline([clips[i].world for i in shown], camera.name)
+    clip_of, step, following = list(range(n)), [0] * n, n  # by row: its clip, the picture of it; the next clip to show
+    pipeline = Pipeline([clips[i].world for i in clip_of], camera.name)
     intrinsics = np.repeat(camera.K[None], n, axis=0)
     busy = list(range(n))
     while busy:
-        now = [(clips[i], min(t, len(clips[i]) - 1)) for i, t in zip(shown, step, strict=True)]
+        now = [(clips[i], min(t, len(clips[i]) - 1)) for i, t in zip(clip_of, step, strict=True)]
         depth = np.stack([c.depth[t] for c, t in now])
         frame = Frame(
             rgb=np.stack([c.rgb[t] for c, t in now]).astype(np.float32) / 255,
@@ -73,19 +73,19 @@ def sense(
             velocity=np.stack([c.velocity[t] for c, t in now]),
             time=np.array(step) * period,
         )
-        seen = pipeline.run(frame, [stream(c.seed, "image", camera.name, t) for c, t in now])
-        if seen.rgb is None or seen.depth is None:
+        delivered = pipeline.run(frame, [stream(c.seed, "image", camera.name, t) for c, t in now])
+        if delivered.rgb is None or delivered.depth is None:
             raise ValueError("an effect took a picture away")
-        rgb = np.round(255 * np.clip(seen.rgb, 0, 1)).astype(np.uint8)
+        rgb = np.round(255 * np.clip(delivered.rgb, 0, 1)).astype(np.uint8)
         for row in busy:
-            of, at = out[shown[row]], step[row]
-            of[0][at], of[1][at] = rgb[row], np.nan_to_num(seen.depth[row])
+            of, at = out[clip_of[row]], step[row]
+            of[0][at], of[1][at] = rgb[row], np.nan_to_num(delivered.depth[row])
             step[row] += 1
-        over = [row for row in busy if step[row] == len(clips[shown[row]])]
+        over = [row for row in busy if step[row] == len(clips[clip_of[row]])]
         for row in over:
             if following < len(clips):
-                shown[row], step[row], following = following, 0, following + 1
-                pipeline.place([row], [clips[shown[row]].world])
+                clip_of[row], step[row], following = following, 0, following + 1
+                pipeline.place([row], [clips[clip_of[row]].world])
             else:
                 pipeline.place([row], [World()])  # shown its last picture on, without an effect
                 busy.remove(row)

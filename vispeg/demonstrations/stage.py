@@ -78,16 +78,16 @@ def shard(plan: Plan, layout: Layout, wanted: Shard) -> Iterator[Episode]:
         UserError: the world's file has changed since the plan was made.
     """
     stage = _stage(plan, layout)
-    left, takes = wanted.frames, list[Take]()
+    remaining, takes = wanted.frames, list[Take]()
     seeds = (plan.episode_seed(wanted.number, i) for i in count())
-    for one in stage.play(seeds, -(-left // plan.looks)):
-        shown = one[1][: -(-left // plan.looks)]
-        for look in range(plan.looks if left else 0):
-            seed, moments, record, drawn = one
-            if left:
-                cut = record is None or min(len(shown), left) < len(moments)
-                takes.append(stage.take(seed, look, shown[:left], None if cut else record, drawn))
-                left -= len(takes[-1].frames)
+    for episode in stage.play(seeds, -(-remaining // plan.looks)):
+        used = episode[1][: -(-remaining // plan.looks)]
+        for look in range(plan.looks if remaining else 0):
+            seed, moments, record, drawn = episode
+            if remaining:
+                cut = record is None or min(len(used), remaining) < len(moments)
+                takes.append(stage.take(seed, look, used[:remaining], None if cut else record, drawn))
+                remaining -= len(takes[-1].frames)
             if len(takes) == TAKES:
                 yield from stage.develop(takes)
                 takes.clear()
@@ -130,46 +130,48 @@ class Stage:
         todo, every, rows = iter(seeds), list[Played](), list[Played | None]([None] * ROWS)
         self._begin(rows, todo, every)
         while any(rows) and not _enough(every, wanted):
-            seen = self.sim.observation()
-            meant = self.expert.act(seen)
+            observation = self.sim.observation()
+            meant = self.expert.act(observation)
             shaken = meant.copy()
-            playing = [(i, one) for i, one in enumerate(rows) if one]
-            for i, one in playing:
-                shaken[i] = np.clip(meant[i] + self.plan.noise * one.noise.standard_normal(len(self.config.dof)), -1, 1)
-                one.moments.append(self._moment(i, seen, meant[i], shaken[i]))
+            playing = [(i, episode) for i, episode in enumerate(rows) if episode]
+            for i, episode in playing:
+                shaken[i] = np.clip(
+                    meant[i] + self.plan.noise * episode.noise.standard_normal(len(self.config.dof)), -1, 1
+                )
+                episode.moments.append(self._moment(i, observation, meant[i], shaken[i]))
             gain, _, _, ended = self.sim.step(shaken)
-            for i, one in playing:
-                record = one.record = ended[i]
+            for i, episode in playing:
+                record = episode.record = ended[i]
                 success = record is not None and record["success"]
                 after = {"next.reward": gain[i], "next.done": record is not None, "next.success": success}
-                one.moments[-1].values.update(after)
-                rows[i] = one if record is None else None
+                episode.moments[-1].values.update(after)
+                rows[i] = episode if record is None else None
             self._begin(rows, todo, every)
         return [(e.seed, e.moments, e.record, e.physics) for e in every]
 
     def _begin(self, rows: list[Played | None], todo: Iterator[int], every: list[Played]) -> None:
         """The next episodes begin in rows that are free."""
-        starting = list(zip([i for i, one in enumerate(rows) if one is None], todo, strict=False))
+        starting = list(zip([i for i, episode in enumerate(rows) if episode is None], todo, strict=False))
         if not starting:
             return
         free, seeds = np.array([i for i, _ in starting]), [seed for _, seed in starting]
         self.sim.reset(free, seeds)
         self.expert.reset(free)
         for i, seed in starting:
-            one = rows[i] = Played(seed, self.sim.drawn[i], stream(seed, "dataset-noise"))
-            every.append(one)
+            episode = rows[i] = Played(seed, self.sim.drawn[i], stream(seed, "dataset-noise"))
+            every.append(episode)
 
-    def _moment(self, row: int, seen: dict[str, np.ndarray], meant: np.ndarray, shaken: np.ndarray) -> Moment:
+    def _moment(self, row: int, observation: dict[str, np.ndarray], meant: np.ndarray, shaken: np.ndarray) -> Moment:
         sim = self.sim
         tip, twist = sim.flange[row] - [0, 0, sim.scene.tip], sim.twist[row]
         state = np.concatenate([sim.measured[0][row], tip, twist[:3], sim.wrench[row]])
-        known = sim.stack.values[:, row].copy()
+        terms = sim.stack.values[:, row].copy()
         unit = sim.observed.term("tip").scale
-        known[:, sim.observed["tip"]] += (sim.believed[row] - sim.nominal_goal) / unit  # as one who must look for it
+        terms[:, sim.observed["tip"]] += (sim.believed[row] - sim.nominal_goal) / unit  # as one who must look for it
         values = {
             "observation.state": state,
-            "observation.policy": np.clip(known.reshape(-1), -20, 20),
-            truth_of(()): seen["privileged"][row],
+            "observation.policy": np.clip(terms.reshape(-1), -20, 20),
+            truth_of(()): observation["privileged"][row],
             "action": meant,
             "executed.action": shaken,
         }
@@ -186,24 +188,24 @@ class Stage:
         self, seed: int, look: int, moments: Sequence[Moment], record: EpisodeResult | None, physics: World
     ) -> Take:
         """The same look as rendered, its sensor still to come."""
-        own = look_seed(seed, look)
+        view_seed = look_seed(seed, look)
         if self._placed != seed:  # the guard judges the cell as it stands, which is the same in every look
             self.labelled.render(moments[0].cell.qpos, moments[0].cell.bodies)
             self._placed = seed
-        world, refused = redraw(self.seen, self.scene, self.labelled, own, qpos=moments[0].cell.qpos)
+        world, refused = redraw(self.seen, self.scene, self.labelled, view_seed, qpos=moments[0].cell.qpos)
         if self.plain is not self.labelled:
             dress(self.plain, self.scene, world)
         frames, shots = [], []
         for moment in moments:
-            seen = self.plain.render(moment.cell.qpos, moment.cell.bodies)
-            frames.append(moment.values | self._labels(seen))
-            shots.append({name: replace(shot, segmentation=None, normal_of=None) for name, shot in seen.items()})
+            views = self.plain.render(moment.cell.qpos, moment.cell.bodies)
+            frames.append(moment.values | self._labels(views))
+            shots.append({name: replace(shot, segmentation=None, normal_of=None) for name, shot in views.items()})
             drawn(1)
         about = {
             "task": self.task.title,
             "seed": seed,
             "look": look,
-            "look_seed": own,
+            "look_seed": view_seed,
             "redraws": refused,
             "redraws_exhausted": refused >= TRIES,
             "cut": record is None,
@@ -218,31 +220,33 @@ class Stage:
         for c in self.layout.cameras:
             mine = [s[c.name] for s in shots]
             speed = camera_velocity(c, np.stack([s.pose for s in mine]), twist, flange)
-            clips[c.name] = Clip(world, own, np.stack([s.rgb for s in mine]), np.stack([s.depth for s in mine]), speed)
+            clips[c.name] = Clip(
+                world, view_seed, np.stack([s.rgb for s in mine]), np.stack([s.depth for s in mine]), speed
+            )
         return Take(frames, clips, about)
 
     def _labels(self, shots: dict[str, Shot]) -> dict[str, np.ndarray]:
         data, model = self.plain.data, self.plain.model
-        found = {}
+        labels = {}
         for name, site in ((self.scene.held, self.scene.tip_site), (self.scene.goal, self.scene.goal)):
             i = model.site(site).id
-            found[f"label.{name}"] = np.concatenate([data.site_xpos[i], quaternion(data.site_xmat[i].reshape(3, 3))])
+            labels[f"label.{name}"] = np.concatenate([data.site_xpos[i], quaternion(data.site_xmat[i].reshape(3, 3))])
         for name, shot in shots.items():
-            found[f"label.camera.{name}"] = np.concatenate([shot.pose[:3, 3], quaternion(shot.pose[:3, :3])])
+            labels[f"label.camera.{name}"] = np.concatenate([shot.pose[:3, 3], quaternion(shot.pose[:3, :3])])
             if shot.segmentation is not None:
-                found[f"label.parts.{name}"] = shot.segmentation.astype(np.uint8)
-        return found
+                labels[f"label.parts.{name}"] = shot.segmentation.astype(np.uint8)
+        return labels
 
     def develop(self, takes: Sequence[Take]) -> Iterator[Episode]:
         """Episodes as a file takes them: each take's pictures as its sensors deliver them."""
         cameras = self.layout.cameras
-        seen = [sense(c, [take.clips[c.name] for take in takes], self.config.policy_period) for c in cameras]
+        delivered = [sense(c, [take.clips[c.name] for take in takes], self.config.policy_period) for c in cameras]
         for k, take in enumerate(takes):
             recorder = Recorder(self.layout)
             for step, frame in enumerate(take.frames):
                 pictures = {}
-                for c, found in zip(cameras, seen, strict=True):
-                    rgb, depth = found[k]
+                for c, pairs in zip(cameras, delivered, strict=True):
+                    rgb, depth = pairs[k]
                     pictures[colour_of(c.name)] = rgb[step]
                     pictures[depth_of(c.name, ())] = np.clip(depth[step], 0, FAR)
                 recorder.add(frame | pictures)
@@ -257,11 +261,11 @@ class Stage:
 def _enough(episodes: Sequence[Played], wanted: int | None) -> bool:
     """Whether these episodes, one after the other, have that many moments; none of them may go on before another."""
     total = 0
-    for one in episodes:
-        total += len(one.moments)
+    for episode in episodes:
+        total += len(episode.moments)
         if wanted is not None and total >= wanted:
             return True
-        if one.record is None:
+        if episode.record is None:
             return False
     return False
 

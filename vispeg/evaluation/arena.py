@@ -53,10 +53,10 @@ def environment(job: Job, render_mode: str | None = None) -> Any:
 
 def episode(job: Job, outcome: Outcome) -> Episode:
     """The record of one finished episode (see `vispeg.learn.evaluation.Outcome`)."""
-    told = outcome.info
-    forces = np.asarray(told.get("force_profile", ()), float)
+    info = outcome.info
+    forces = np.asarray(info.get("force_profile", ()), float)
     steps = max(1, outcome.steps)
-    numbers = [float(told.get(k, np.nan)) for k in ("time", "peak_force", "lateral_error", "depth")]
+    numbers = [float(info.get(k, np.nan)) for k in ("time", "peak_force", "lateral_error", "depth")]
     per_step = [float(part.max()) for part in np.array_split(forces, steps) if part.size]
     return Episode(
         policy=job.entrant.name,
@@ -85,12 +85,12 @@ class Pushed:
 
     def reset(self, *, seed: Any = None, options: Mapping[str, np.ndarray] | None = None) -> Any:
         """As the environment's; the rows that begin get the push of their seed."""
-        found = self.env.reset(seed=seed, options=options)
+        result = self.env.reset(seed=seed, options=options)
         mask = (options or {}).get("reset_mask", np.ones(self.num_envs, dtype=bool))
         for row in np.flatnonzero(mask):
             force, start, duration = self.pushes.draw(int(seed[row]))
             self.env.push([int(row)], force, start, duration)
-        return found
+        return result
 
     def step(self, actions: np.ndarray) -> Any:
         """As the environment's."""

@@ -130,17 +130,17 @@ def _kinds(names: Sequence[str], counts: np.ndarray, n: tuple[int, int]) -> tupl
         return ()
     tables = [[[counts[j, i], n[j] - counts[j, i]] for j in (0, 1)] for i in range(len(names))]
     p = [min(1.0, float(fisher_exact(np.array(t, int))[1])) for t in tables]
-    found = []
+    kinds = []
     for i, (name, adjusted) in enumerate(zip(names, holm(p), strict=True)):
         here, there = (float(counts[j, i] / n[j]) for j in (0, 1))
         verdict = CANNOT_TELL if adjusted >= ALPHA else "more" if there > here else "fewer"
-        found.append(Kind(name, here, there, p[i], adjusted, verdict))
-    return tuple(sorted(found, key=lambda k: (k.p, -abs(k.second - k.first))))
+        kinds.append(Kind(name, here, there, p[i], adjusted, verdict))
+    return tuple(sorted(kinds, key=lambda k: (k.p, -abs(k.second - k.first))))
 
 
 def _words(verdict: str, where: str, residual: float, kinds: Sequence[Kind], totals: Sequence[int]) -> str:
-    told = [k for k in kinds if k.verdict != CANNOT_TELL]
-    said = [f"{k.verdict} {k.category}: {100 * k.first:.0f} to {100 * k.second:.0f} % of the episodes" for k in told]
+    decided = [k for k in kinds if k.verdict != CANNOT_TELL]
+    said = [f"{k.verdict} {k.category}: {100 * k.first:.0f} to {100 * k.second:.0f} % of the episodes" for k in decided]
     if not sum(totals):
         said.append("no failure on either side")
     elif verdict == "different":
@@ -156,13 +156,13 @@ def _p_value(
     first: np.ndarray, columns: np.ndarray, expected: np.ndarray, rng: np.random.Generator, draws: int
 ) -> float:
     """Probability, among tables with these margins, of a chi2 as large as that of the row `first` (C,)."""
-    n, seen = int(first.sum()), _chi2(first[None], columns, expected)[0] - 1e-9
+    n, statistic = int(first.sum()), _chi2(first[None], columns, expected)[0] - 1e-9
     if math.prod(int(c) + 1 for c in columns) <= MOST_TABLES:
         rows = np.array([r for r in product(*(range(int(c) + 1) for c in columns)) if sum(r) == n])
         chance = multivariate_hypergeom.pmf(rows, columns.astype(int), n)
-        return float(min(1.0, chance[_chi2(rows, columns, expected) >= seen].sum() / chance.sum()))
+        return float(min(1.0, chance[_chi2(rows, columns, expected) >= statistic].sum() / chance.sum()))
     drawn = rng.multivariate_hypergeometric(columns.astype(int), n, size=draws)  # (draws, C)
-    return float((1 + np.sum(_chi2(drawn, columns, expected) >= seen)) / (1 + draws))
+    return float((1 + np.sum(_chi2(drawn, columns, expected) >= statistic)) / (1 + draws))
 
 
 def _chi2(first: np.ndarray, columns: np.ndarray, expected: np.ndarray) -> np.ndarray:

@@ -54,19 +54,19 @@ class Controlled:
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
         """What the policy does with the images that the control gives it."""
-        seen = dict(obs)
+        inputs = dict(obs)
         for key in (k for k in obs if kind_of(k) is not None):
-            seen[key] = self._instead(key, obs[key])
+            inputs[key] = self._instead(key, obs[key])
         self._fresh[:] = False
-        return self.policy.act(seen)
+        return self.policy.act(inputs)
 
     def _instead(self, key: str, images: np.ndarray) -> np.ndarray:
         if self.control == "shuffled":
             if len(images) < 2:
                 raise UserError("one episode at a time cannot see another's images", expected="two or more rows")
             return np.roll(images, 1, axis=0)
-        kept = self._kept.get(key)
-        if kept is None or kept.shape != images.shape:
-            kept = self._kept[key] = images.copy()
-        kept[self._fresh] = images[self._fresh]
-        return kept.copy()
+        held = self._kept.get(key)
+        if held is None or held.shape != images.shape:
+            held = self._kept[key] = images.copy()
+        held[self._fresh] = images[self._fresh]
+        return held.copy()

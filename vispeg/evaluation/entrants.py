@@ -93,17 +93,17 @@ def entrants(texts: Sequence[str]) -> list[Entrant]:
     """
     if not texts:
         raise UserError("no policy given", expected="a policy's folder, or NAME=FOLDER")
-    found = [entrant(text) for text in texts]
-    seen: dict[tuple[str, int], Entrant] = {}
-    for e in found:
-        other = seen.setdefault((e.name, e.train_seed), e)
+    chosen = [entrant(text) for text in texts]
+    earlier: dict[tuple[str, int], Entrant] = {}
+    for e in chosen:
+        other = earlier.setdefault((e.name, e.train_seed), e)
         if other is not e:
             raise UserError(
                 f"two policies called {e.name} with training seed {e.train_seed}",
                 expected="NAME=FOLDER",
                 got=f"{other.path}, {e.path}",
             )
-    return found
+    return chosen
 
 
 def refuse_trained_on(
@@ -129,8 +129,8 @@ def refuse_trained_on(
     """
     if source is None and world in built_in():
         source = world
-    known = parts(TRAINING) | parts(training)
-    held_out = {} if source is None else {h: name for h, name in parts(source).items() if h not in known}
+    training_parts = parts(TRAINING) | parts(training)
+    held_out = {} if source is None else {h: name for h, name in parts(source).items() if h not in training_parts}
     for e in who:
         if world_hash and world_hash in e.trained_on:
             raise UserError(
@@ -140,9 +140,9 @@ def refuse_trained_on(
                 got=world_hash[:12],
             )
         if shared := [name for h, name in held_out.items() if h in e.parts]:
-            told = f"{e.name} was trained with {', '.join(shared)}, which {world} has too"
+            reason = f"{e.name} was trained with {', '.join(shared)}, which {world} has too"
             raise UserError(
-                f"{told}, so its success there is no transfer",
+                f"{reason}, so its success there is no transfer",
                 file=e.path,
                 expected="another target, or --fine-tuned",
             )
@@ -154,8 +154,8 @@ def _stem(path: Path) -> str:
     Of one that was kept on the way (checkpoints/steps-8000), the task's and the steps: `peg-depth@8000`.
     """
     place = path.resolve()
-    if kept := re.fullmatch(r"(?:steps|updates)-(\d+)", place.name):
-        return f"{_stem(place.parent)}@{kept[1]}"
+    if match := re.fullmatch(r"(?:steps|updates)-(\d+)", place.name):
+        return f"{_stem(place.parent)}@{match[1]}"
     while place.name in ("best", "last", "checkpoints") or re.match(r"\d{8}-\d{4}", place.name):
         place = place.parent
     return place.name or path.resolve().name

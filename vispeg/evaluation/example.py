@@ -9,13 +9,13 @@ from vispeg.evaluation.records import Episode
 
 def episodes(worlds: Sequence[str] = ("S", "V"), configurations: Sequence[str] = ("",), n: int = 4) -> list[Episode]:
     """`n` episodes of a policy that sees and one that does not, in every world and configuration."""
-    found = []
+    records = []
     for policy, modality in (("depth", "depth"), ("blind", "proprio")):
         for i, world in enumerate(worlds):
             for configuration in configurations:
                 for seed in range(n):
                     ok = modality == "depth" and seed >= i
-                    found.append(
+                    records.append(
                         Episode(
                             policy,
                             modality,
@@ -31,4 +31,4 @@ def episodes(worlds: Sequence[str] = ("S", "V"), configurations: Sequence[str] =
                             force_profile=(0.0, 5.0, 9.0),
                         )
                     )
-    return found
+    return records

@@ -110,16 +110,18 @@ def _success(table: Table, policy: str, world: str, control: str) -> list[Succes
         return []
     episodes = table.all(cell)
     y = table.outcomes(cell)
-    found = rate(y)
-    more = decide.episodes_needed(found) if len(y) == 1 else None  # of several networks, more episodes are not the cure
+    estimate = rate(y)
+    more = (
+        decide.episodes_needed(estimate) if len(y) == 1 else None
+    )  # of several networks, more episodes are not the cure
     return [
         {
             "policy": policy,
             "modality": table.modality[policy],
             "world": world,
             "control": control,
-            "success": found.to_json(),
-            "words": decide.rate_words(found),
+            "success": estimate.to_json(),
+            "words": decide.rate_words(estimate),
             "needed": more,
             "categories": dict(Counter(e.category for e in episodes)),
             "time": _mean(e.time for e in episodes if e.success),
@@ -141,20 +143,20 @@ def _gap(table: Table, policy: str, reference: str, world: str) -> list[GapRow]:
     paired = bool(table.seeds(cells)) and bool(table.train_seeds(cells))
     if paired and table.hashes[world]:
         y = table.aligned(policy, [reference, world])
-        found = difference(y[reference], y[world], same_networks=True)
+        estimate = difference(y[reference], y[world], same_networks=True)
     else:  # a measured target: other starts, so independent samples
         paired = False
         counts = [[e.success for e in table.all(cell)] for cell in cells]
-        found = unpaired_difference((sum(counts[0]), sum(counts[1])), (len(counts[0]), len(counts[1])))
+        estimate = unpaired_difference((sum(counts[0]), sum(counts[1])), (len(counts[0]), len(counts[1])))
     return [
         {
             "policy": policy,
             "modality": table.modality[policy],
             "world": world,
             "paired": paired,
-            "gap": found.to_json(),
-            "verdict": decide.decide(found),
-            "words": decide.gap_words(found),
+            "gap": estimate.to_json(),
+            "verdict": decide.decide(estimate),
+            "words": decide.gap_words(estimate),
         }
     ]
 
@@ -162,13 +164,13 @@ def _gap(table: Table, policy: str, reference: str, world: str) -> list[GapRow]:
 def _attributions(
     table: Table, policies: Sequence[str], reference: str, factors: Sequence[str], joint: str | None, seed: int
 ) -> list[AttributionRow]:
-    found: list[AttributionRow] = []
+    rows: list[AttributionRow] = []
     for policy in policies if joint else ():
         if not table.has(*(Cell(policy, str(w)) for w in (reference, *factors, joint))):
             continue
         split = attribute(table, policy, reference, factors, str(joint), stream(seed, "attribution", policy))
         parts = {"total": split.total, **split.factors, "remainder": split.remainder}
-        found.append(
+        rows.append(
             {
                 "policy": policy,
                 "modality": table.modality[policy],
@@ -177,7 +179,7 @@ def _attributions(
                 "bootstrap": {k: e.to_json() for k, e in split.bootstrap.items()},
             }
         )
-    return found
+    return rows
 
 
 def _prediction(table: Table, reference: str, world: str, seed: int) -> list[PredictionRow]:
@@ -190,31 +192,30 @@ def _prediction(table: Table, reference: str, world: str, seed: int) -> list[Pre
     if len(points) < 2:
         return []
     x, y = (np.array([p[key] for p in points]) for key in ("reference", "target"))
-    found = predict(x, y, stream(seed, "prediction", world))
+    prediction = predict(x, y, stream(seed, "prediction", world))
     return [
         {
             "world": world,
-            "n": found.n,
-            "pearson": found.pearson.to_json(),
-            "spearman": found.spearman.to_json(),
-            "mmrv": found.mmrv.to_json(),
-            "mean_difference": found.mean_difference.to_json(),
-            "words": _prediction_words(found),
+            "n": prediction.n,
+            "pearson": prediction.pearson.to_json(),
+            "spearman": prediction.spearman.to_json(),
+            "mmrv": prediction.mmrv.to_json(),
+            "mean_difference": prediction.mean_difference.to_json(),
+            "words": _prediction_words(prediction),
             "points": points,
         }
     ]
 
 
-def _prediction_words(found: Prediction) -> str:
-    if found.n < FEWEST_POINTS:
+def _prediction_words(prediction: Prediction) -> str:
+    if prediction.n < FEWEST_POINTS:
         return f"{decide.CANNOT_TELL}: {TWO_POINTS}"
-    if not np.isfinite(found.pearson.value):
+    if not np.isfinite(prediction.pearson.value):
         return f"{decide.CANNOT_TELL}: success does not vary between these policies"
-    if not found.enough:
-        return f"{decide.CANNOT_TELL}: {found.n} policies, {FEWEST} are the fewest"
-    return (
-        f"r = {found.pearson.value:.2f} ({found.pearson.low:.2f} to {found.pearson.high:.2f}) over {found.n} policies"
-    )
+    if not prediction.enough:
+        return f"{decide.CANNOT_TELL}: {prediction.n} policies, {FEWEST} are the fewest"
+    r = prediction.pearson
+    return f"r = {r.value:.2f} ({r.low:.2f} to {r.high:.2f}) over {prediction.n} policies"
 
 
 def _parting(table: Table, policy: str, reference: str, world: str, seed: int) -> list[PartingRow]:
@@ -222,8 +223,8 @@ def _parting(table: Table, policy: str, reference: str, world: str, seed: int) -
     if not table.has(*cells):
         return []
     first, second = ([e.category for e in table.all(cell)] for cell in cells)
-    found = part(first, second, stream(seed, "categories", policy, world)).to_json()
-    return [{"policy": policy, "world": world, **found, "n": [len(first), len(second)]}]
+    test = part(first, second, stream(seed, "categories", policy, world)).to_json()
+    return [{"policy": policy, "world": world, **test, "n": [len(first), len(second)]}]
 
 
 def _measures(table: Table, policy: str, reference: str, world: str) -> list[MeasureRow]:

@@ -20,7 +20,7 @@ def read_list(path: Path, form: Format, key: str, allowed: tuple[str, ...]) -> l
     entries = form.read(path).get(key)
     if not isinstance(entries, list) or not entries:
         raise UserError("no entries", file=path, key=key, expected="a list")
-    seen: set[str] = set()
+    names: set[str] = set()
     for i, entry in enumerate(entries):
         where = f"{key}[{i}]"
         if not isinstance(entry, Mapping) or not isinstance(entry.get("name"), str):
@@ -28,7 +28,7 @@ def read_list(path: Path, form: Format, key: str, allowed: tuple[str, ...]) -> l
         for name in entry:
             if name not in allowed:
                 raise UserError("unknown key", file=path, key=where, got=name, choices=allowed)
-        if entry["name"] in seen:
+        if entry["name"] in names:
             raise UserError("a name that stands twice", file=path, key=where, got=entry["name"])
-        seen.add(entry["name"])
+        names.add(entry["name"])
     return [dict(entry) for entry in entries]

@@ -65,7 +65,7 @@ def read_csv(
         UserError: a file that cannot be read, a missing or unknown column, an unknown policy, configuration or outcome,
             a seed that is not a whole number, an outcome that contradicts its category, a trial that stands twice.
     """
-    path, known = Path(path), {name: sorted(seeds) for name, seeds in (policies or {}).items()}
+    path, seeds_of = Path(path), {name: sorted(seeds) for name, seeds in (policies or {}).items()}
     try:
         reader = csv.DictReader(io.StringIO(read_text(path, LARGEST), newline=""))
         heads = [h.strip() for h in reader.fieldnames or ()]
@@ -84,11 +84,11 @@ def read_csv(
     episodes: dict[tuple[object, ...], Episode] = {}
     untold: dict[str, None] = {}
     for number, row in rows:
-        episode = _episode(row, world, known, path, number)
+        episode = _episode(row, world, seeds_of, path, number)
         if episode.key in episodes:
             raise UserError("the same trial twice", file=path, key=f"line {number}", got=episode.key)
         episodes[episode.key] = episode
-        if not _cell(row, "train_seed") and len(known.get(episode.policy, ())) > 1:
+        if not _cell(row, "train_seed") and len(seeds_of.get(episode.policy, ())) > 1:
             untold[episode.policy] = None
     if not episodes:
         raise UserError("no trials", file=path, expected="a row a trial below the heads")
@@ -96,7 +96,7 @@ def read_csv(
     if configurations and others:
         named = ", ".join(repr(o) for o in others)
         raise UserError(f"the suite does not know the configurations {named}", file=path, choices=configurations)
-    notes = [_note(path, name, known[name]) for name in untold]
+    notes = [_note(path, name, seeds_of[name]) for name in untold]
     return Trials(list(episodes.values()), notes)
 
 
@@ -110,15 +110,15 @@ def _cell(row: Mapping[str, str | None], name: str) -> str:
 
 
 def _episode(
-    row: dict[str, str | None], world: str, known: Mapping[str, list[int]], path: Path, number: int
+    row: dict[str, str | None], world: str, seeds_of: Mapping[str, list[int]], path: Path, number: int
 ) -> Episode:
     where = {"file": path, "key": f"line {number}"}
     if None in row or any(v is None for v in row.values()):
         raise UserError("another number of cells than heads", **where)
     cell = {k: _cell(row, k) for k in row}
     policy, outcome = cell["policy"], cell["outcome"].lower()
-    if not policy or (known and policy not in known):
-        raise UserError("unknown policy", **where, got=policy, choices=sorted(known))
+    if not policy or (seeds_of and policy not in seeds_of):
+        raise UserError("unknown policy", **where, got=policy, choices=sorted(seeds_of))
     if outcome not in OUTCOMES:
         raise UserError("unknown outcome", **where, got=cell["outcome"], choices=OUTCOMES)
     success = OUTCOMES[outcome]
@@ -127,16 +127,16 @@ def _episode(
         category = category.lower()
     if (category == "success") != success:
         raise UserError("outcome and category contradict each other", **where, got=f"{outcome}, {category}")
-    default = str(known[policy][0]) if known.get(policy) else "0"
-    whole = {k: _whole(cell.get(k) or d, k, where) for k, d in (("seed", "0"), ("train_seed", default))}
+    default = str(seeds_of[policy][0]) if seeds_of.get(policy) else "0"
+    integers = {k: _whole(cell.get(k) or d, k, where) for k, d in (("seed", "0"), ("train_seed", default))}
     real = {k: _real(cell.get(k) or "", k, where) for k in ("time", "peak_force")}
     return Episode(
         policy=policy,
         modality=cell.get("modality", ""),
-        train_seed=whole["train_seed"],
+        train_seed=integers["train_seed"],
         world=world,
         world_hash="",
-        seed=whole["seed"],
+        seed=integers["seed"],
         success=success,
         category=category,
         time=real["time"],

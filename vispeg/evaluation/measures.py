@@ -29,7 +29,7 @@ def compare(first: Sequence[Episode], second: Sequence[Episode]) -> list[Measure
         two-sided p; apart: a peak force beyond doubt and by more than half another one. Without a value on a side the
         measure is left out.
     """
-    found: list[Measure] = []
+    measures: list[Measure] = []
     for name, unit in UNITS.items():
         sides = [[e for e in side if name != "time" or e.success] for side in (first, second)]
         values = [np.array([getattr(e, name) for e in side], float) for side in sides]
@@ -40,7 +40,7 @@ def compare(first: Sequence[Episode], second: Sequence[Episode]) -> list[Measure
         p = float(mannwhitneyu(x, y).pvalue)
         verdict = "different" if p < ALPHA else CANNOT_TELL
         apart = name == "peak_force" and verdict == "different" and abs(there - here) > APART * here
-        found.append(
+        measures.append(
             {
                 "measure": name,
                 "unit": unit,
@@ -53,7 +53,7 @@ def compare(first: Sequence[Episode], second: Sequence[Episode]) -> list[Measure
                 "words": _words(name, here, there, verdict, apart),
             }
         )
-    return found
+    return measures
 
 
 def _words(name: str, here: float, there: float, verdict: str, apart: bool) -> str:

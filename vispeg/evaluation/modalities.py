@@ -53,9 +53,9 @@ def compare(table: Table, world: str, policies: Sequence[str]) -> list[Compariso
             k = min(len(ya), len(yb))
             discordant = float(np.mean(ya[:k] != yb[:k]))
             rows.append((a, b, difference(ya, yb, False), mcnemar(ya[:k], yb[:k]).p, discordant))
-    found = []
+    comparisons = []
     for (a, b, d, p, discordant), adjusted in zip(rows, holm([row[3] for row in rows]), strict=True):
         verdict = decide(d, adjusted)
         more = needed(discordant) if verdict == CANNOT_TELL else None
-        found.append(Comparison(world, a, b, d, p, adjusted, verdict, more))
-    return found
+        comparisons.append(Comparison(world, a, b, d, p, adjusted, verdict, more))
+    return comparisons

@@ -42,8 +42,8 @@ def overlay(
         return world
     entries = []
     for change in changes:
-        own = [r.where for r in world.world.ranges if r.effect == change.effect]
-        for where in (own or ["all"]) if change.where == "*" else [change.where]:
+        places = [r.where for r in world.world.ranges if r.effect == change.effect]
+        for where in (places or ["all"]) if change.where == "*" else [change.where]:
             entries.append({"effect": change.effect, "where": where, "params": dict(change.params)})
     head = {"format": FORMAT, "name": name, "base": str(world.path.resolve())}
     data = {**head, "task": dict(task or {}), "effects": entries}

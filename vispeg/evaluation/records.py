@@ -107,15 +107,15 @@ def read(path: str | Path) -> list[Episode]:
     """
     path = Path(path)
     data = read_bytes(path, LARGEST)
-    found: dict[tuple[Any, ...], Episode] = {}
+    by_key: dict[tuple[Any, ...], Episode] = {}
     for number, line in enumerate(data[: data.rfind(b"\n") + 1].split(b"\n"), start=1):
         if not line.strip():
             continue
         episode = _parse(line, path, number)
-        other = found.setdefault(episode.key, episode)
+        other = by_key.setdefault(episode.key, episode)
         if (other.success, other.world_hash) != (episode.success, episode.world_hash):
             raise UserError("the same episode twice with different outcomes", file=path, key=f"line {number}")
-    return list(found.values())
+    return list(by_key.values())
 
 
 def read_all(paths: Iterable[str | Path]) -> list[Episode]:
@@ -124,14 +124,14 @@ def read_all(paths: Iterable[str | Path]) -> list[Episode]:
     Raises:
         UserError: as `read`; no episode at all; one world name under two hashes.
     """
-    found: dict[tuple[Any, ...], Episode] = {}
+    by_key: dict[tuple[Any, ...], Episode] = {}
     for path in paths:
         for episode in read(path):
-            found.setdefault(episode.key, episode)
-    if not found:
+            by_key.setdefault(episode.key, episode)
+    if not by_key:
         raise UserError("no episodes", got=", ".join(map(str, paths)))
-    check_worlds(found.values())
-    return list(found.values())
+    check_worlds(by_key.values())
+    return list(by_key.values())
 
 
 def check_worlds(episodes: Iterable[Episode]) -> dict[str, str]:

@@ -55,12 +55,12 @@ def run(
         todo += replace(job, seeds=missing, dump=out / DIVERGED).split(job.rows) if missing else []
     done = total - sum(len(job.seeds) for job in todo)
     watch([], done, total)
-    for found in _results(todo, workers, arena):  # a policy that cannot be played has left nothing to go on with
+    for played in _results(todo, workers, arena):  # a policy that cannot be played has left nothing to go on with
         write_text_atomic(out / RUN, names, overwrite=True)
-        append(path, found)
-        have |= {e.key: e for e in found}
-        done += len(found)
-        watch(found, done, total)
+        append(path, played)
+        have |= {e.key: e for e in played}
+        done += len(played)
+        watch(played, done, total)
     write_text_atomic(out / RUN, names, overwrite=True)
     return [have[key] for job in jobs for key in job.keys()]
 
@@ -87,18 +87,18 @@ def _same_run(jobs: Sequence[Job], out: Path) -> str:
         "worlds": worlds,
     }
     path = out / RUN
-    known = read_names(path) if path.exists() else {"policies": {}, "worlds": {}}
+    stored = read_names(path) if path.exists() else {"policies": {}, "worlds": {}}
     for kind, names in now.items():
         for name, value in names.items():
-            if known[kind].setdefault(name, value) != value:
+            if stored[kind].setdefault(name, value) != value:
                 raise UserError(
                     f"{name} was another one when this folder was begun; name another folder",
                     file=out,
                     key=kind,
-                    expected=known[kind][name][:12],
+                    expected=stored[kind][name][:12],
                     got=value[:12],
                 )
-    return json.dumps(known, indent=2) + "\n"
+    return json.dumps(stored, indent=2) + "\n"
 
 
 def _example(folder: Path) -> Path:
@@ -113,13 +113,13 @@ def read_names(path: Path) -> dict[str, dict[str, str]]:
     Raises:
         UserError: no run.json that a run wrote.
     """
-    known = read_json(path)
-    found = {}
+    data = read_json(path)
+    tables = {}
     for kind in ("policies", "worlds"):
-        names = found[kind] = known.get(kind, {}) if isinstance(known, dict) else None
+        names = tables[kind] = data.get(kind, {}) if isinstance(data, dict) else None
         if not isinstance(names, dict) or not all(isinstance(value, str) for value in names.values()):
             raise UserError("is not the record of a run", file=path, key=kind, expected="names and hashes", got=names)
-    return found
+    return tables
 
 
 def failures(episodes: Iterable[Episode], most: int) -> list[Episode]:
@@ -128,9 +128,9 @@ def failures(episodes: Iterable[Episode], most: int) -> list[Episode]:
     for e in episodes:
         if not e.success:
             by.setdefault(e.category, []).append(e)
-    found: list[Episode] = []
-    while len(found) < most and any(by.values()):
+    chosen: list[Episode] = []
+    while len(chosen) < most and any(by.values()):
         for kind in list(by):
-            if by[kind] and len(found) < most:
-                found.append(by[kind].pop(0))
-    return found
+            if by[kind] and len(chosen) < most:
+                chosen.append(by[kind].pop(0))
+    return chosen

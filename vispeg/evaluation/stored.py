@@ -11,13 +11,13 @@ from vispeg.evaluation.records import Episode, append, read
 from vispeg.evaluation.runner import EPISODES, RUN, read_names
 
 
-def check(jobs: Sequence[Job], known: Iterable[Episode], files: Iterable[Path]) -> None:
-    """Raises UserError where `known`, read from `files`, would stand beside other policies or worlds of the same name.
+def check(jobs: Sequence[Job], stored: Iterable[Episode], files: Iterable[Path]) -> None:
+    """Raises UserError where `stored`, read from `files`, would stand beside other policies or worlds of the same name.
 
     Which policies they were made with, the run.json beside a file tells; a file without one is believed.
     """
     hashes = {(j.world_name, j.configuration, j.control): j.world_hash for j in jobs}
-    for e in known:
+    for e in stored:
         name = (e.world, e.configuration, e.control)
         if hashes.get(name, e.world_hash) != e.world_hash:
             raise UserError(
@@ -34,11 +34,11 @@ def check(jobs: Sequence[Job], known: Iterable[Episode], files: Iterable[Path]) 
                 raise UserError(message, file=file, expected=digests[name][:12], got=digest[:12])
 
 
-def take_in(known: Iterable[Episode], out: Path) -> None:
-    """Writes what is `known` into the folder of a run, which then has nothing to play for it."""
+def take_in(stored: Iterable[Episode], out: Path) -> None:
+    """Writes what is `stored` into the folder of a run, which then has nothing to play for it."""
     path = out / EPISODES
     have = {e.key for e in read(path)} if path.exists() else set()
-    append(path, [e for e in known if e.key not in have])
+    append(path, [e for e in stored if e.key not in have])
 
 
 def _made_with(file: Path) -> Mapping[str, str]:

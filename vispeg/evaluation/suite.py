@@ -79,12 +79,12 @@ def configurations(path: Path | None = None) -> list[Configuration]:
 
 def settings(listed: Sequence[Configuration], worlds: Mapping[str, str]) -> list[Setting]:
     """Every configuration in every world (name -> path or built-in name)."""
-    found = []
+    entries = []
     for name, world in worlds.items():
         for c in listed:
             changes = [Change(e["effect"], e.get("params") or {}, e.get("where", "*")) for e in c.get("effects") or ()]
-            found.append(Setting(world, name, c["name"], tuple(changes), dict(c.get("task") or {})))
-    return found
+            entries.append(Setting(world, name, c["name"], tuple(changes), dict(c.get("task") or {})))
+    return entries
 
 
 def summarise(
@@ -109,8 +109,8 @@ def summarise(
                 [e for e in episodes if (e.policy, e.configuration, e.world) == (policy, c, w)] for w in (train, target)
             ]
             if all(sides):
-                found = [rate(Table(side).outcomes(Cell(policy, side[0].world))).to_json() for side in sides]
-                rows.append({"configuration": c, "policy": policy, "train": found[0], "target": found[1]})
+                estimates = [rate(Table(side).outcomes(Cell(policy, side[0].world))).to_json() for side in sides]
+                rows.append({"configuration": c, "policy": policy, "train": estimates[0], "target": estimates[1]})
                 both.append((sides[0], sides[1]))
         if both:
             lost = fall(both)
@@ -150,13 +150,13 @@ def _correlation(rows: Sequence[SuiteRow]) -> tuple[Measures, str, str]:
         return {}, CANNOT_TELL, f"{len(rows)} configurations, a correlation needs {FEWEST}"
     x = np.array([r["train"]["value"] for r in rows], float)
     y = np.array([r["target"]["value"] for r in rows], float)
-    found = predict(x, y, stream(0, "suite health"))
+    prediction = predict(x, y, stream(0, "suite health"))
     measures: Measures = {
-        "pearson": found.pearson.to_json(),
-        "mmrv": found.mmrv.to_json(),
-        "mean_difference": found.mean_difference.to_json(),
+        "pearson": prediction.pearson.to_json(),
+        "mmrv": prediction.mmrv.to_json(),
+        "mean_difference": prediction.mean_difference.to_json(),
     }
-    r = found.pearson
+    r = prediction.pearson
     if min(x.std(), y.std()) < SPREAD or not math.isfinite(r.value):
         return measures, CANNOT_TELL, "success hardly varies over the configurations, so there is no correlation"
     status = "healthy" if r.value > HEALTHY else "alarm" if r.value < ALARM else "watch"

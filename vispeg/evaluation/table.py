@@ -42,10 +42,10 @@ class Table:
         for e in episodes:
             cell = self.cells.setdefault(Cell(e.policy, e.world, e.control), {})
             cell.setdefault(e.train_seed, {})[e.seed, e.configuration] = e
-            known = self.modality.setdefault(e.policy, e.modality)
-            if e.modality and known and e.modality != known:
-                raise UserError("one policy with two modalities", key=e.policy, expected=known, got=e.modality)
-            self.modality[e.policy] = known or e.modality
+            modality = self.modality.setdefault(e.policy, e.modality)
+            if e.modality and modality and e.modality != modality:
+                raise UserError("one policy with two modalities", key=e.policy, expected=modality, got=e.modality)
+            self.modality[e.policy] = modality or e.modality
         if not self.cells:
             raise UserError("no episodes")
 
@@ -104,11 +104,11 @@ class Table:
         networks = self.train_seeds(cells)
         shared = [set(self.cells[cell][t]) for cell in cells for t in networks]
         seeds = sorted(set.intersection(*shared)) if shared else []
-        found = {}
+        successes = {}
         for cell in cells:
             rows = [[float(self.cells[cell][t][s].success) for s in seeds] for t in networks]
-            found[cell.world] = self._checked(rows, cells)
-        return found
+            successes[cell.world] = self._checked(rows, cells)
+        return successes
 
     def _checked(self, rows: list[list[float]], cells: Sequence[Cell]) -> np.ndarray:
         if not rows or not rows[0]:

@@ -53,7 +53,7 @@ def save_state(folder: Path, model: AsymmetricSAC, counters: Counters) -> None:
     ring = folder / "replay"
     ring.mkdir(exist_ok=True)
     model.replay.save(ring)
-    own = {
+    state = {
         "num_timesteps": model.num_timesteps,
         "n_updates": model._n_updates,
         "owed": model._owed,
@@ -62,7 +62,7 @@ def save_state(folder: Path, model: AsymmetricSAC, counters: Counters) -> None:
         "refused": model.replay.refused,
         "counters": counters,
     }
-    (folder / "state.json").write_text(json.dumps(own, indent=1) + "\n", encoding="utf-8")
+    (folder / "state.json").write_text(json.dumps(state, indent=1) + "\n", encoding="utf-8")
 
 
 def load_state(folder: Path, model: AsymmetricSAC) -> Counters:
@@ -72,25 +72,25 @@ def load_state(folder: Path, model: AsymmetricSAC) -> Counters:
         UserError: a file is missing or damaged, or from a model of other shapes.
     """
     try:
-        own = read_json(folder / "state.json", finite=False)
-        found = load_file(folder / "state.safetensors")
+        state = read_json(folder / "state.json", finite=False)
+        stored = load_file(folder / "state.safetensors")
     except (UserError, OSError, ValueError, SafetensorError) as error:
         raise UserError(f"not a checkpoint that training can go on from ({error})", file=folder) from error
     for optimizer in _optimizers(model).values():
         wake(optimizer)
-    random = {name: found.pop(name) for name in [*found] if name.startswith("rng.")}
-    fill(_tensors(model), found, folder / "state.safetensors")
+    random = {name: stored.pop(name) for name in [*stored] if name.startswith("rng.")}
+    fill(_tensors(model), stored, folder / "state.safetensors")
     if "rng.torch" in random:
         torch.set_rng_state(random["rng.torch"])
     if "rng.cuda" in random and torch.cuda.is_available():
         torch.cuda.set_rng_state(random["rng.cuda"])
     model.replay.load(folder / "replay")
     with as_written(folder / "state.json", "vispeg train"):
-        model.replay.rng.bit_generator.state = own["replay_rng"]
-        model.replay.refused = int(own["refused"])
-        model.num_timesteps, model._n_updates = int(own["num_timesteps"]), int(own["n_updates"])
-        model._owed, model.measured = float(own["owed"]), bool(own["measured"])
-        return own["counters"]
+        model.replay.rng.bit_generator.state = state["replay_rng"]
+        model.replay.refused = int(state["refused"])
+        model.num_timesteps, model._n_updates = int(state["num_timesteps"]), int(state["n_updates"])
+        model._owed, model.measured = float(state["owed"]), bool(state["measured"])
+        return state["counters"]
 
 
 def _random(model: AsymmetricSAC) -> dict[str, Tensor]:
@@ -111,8 +111,12 @@ def _tensors(model: AsymmetricSAC) -> dict[str, Tensor]:
 
 
 def _optimizers(model: AsymmetricSAC) -> dict[str, torch.optim.Optimizer]:
-    found = {"actor": model.actor.optimizer, "critic": model.critic.optimizer, "temperature": model.ent_coef_optimizer}
-    return {name: optimizer for name, optimizer in found.items() if optimizer is not None}
+    optimizers = {
+        "actor": model.actor.optimizer,
+        "critic": model.critic.optimizer,
+        "temperature": model.ent_coef_optimizer,
+    }
+    return {name: optimizer for name, optimizer in optimizers.items() if optimizer is not None}
 
 
 def restart_seed(seed: int, step: int) -> int:

@@ -34,10 +34,10 @@ class CoarseToFine:
     """
 
     def __init__(self, coarse: NetPolicy, fine: NetPolicy, within: float, meta: Mapping[str, Any] | None = None):
-        seen, read = coarse.layout.shapes, fine.layout.shapes
-        lacking = sorted(key for key, shape in read.items() if seen.get(key) != shape)
+        shapes, read = coarse.layout.shapes, fine.layout.shapes
+        lacking = sorted(key for key, shape in read.items() if shapes.get(key) != shape)
         if lacking or coarse.layout.action != fine.layout.action:
-            raise UserError("the fine policy was made for another observation", expected=seen, got=read)
+            raise UserError("the fine policy was made for another observation", expected=shapes, got=read)
         if not within > 0:
             raise UserError("must be above 0", key="within", got=within)
         self.coarse, self.fine, self.within = coarse, fine, within
@@ -68,8 +68,8 @@ class CoarseToFine:
         self.goal += weight[:, None] * (measured - offset - self.goal)
         self.sights += ~self.fine_has
         self.fine_has |= np.linalg.norm(measured - self.goal, axis=1) < self.within
-        told = {**obs, VECTOR: self._told(obs[VECTOR])} if self.fine.modality == "state" else obs
-        return np.where(self.fine_has[:, None], self.fine.act(told), action)
+        observation = {**obs, VECTOR: self._told(obs[VECTOR])} if self.fine.modality == "state" else obs
+        return np.where(self.fine_has[:, None], self.fine.act(observation), action)
 
     def _told(self, vector: np.ndarray) -> np.ndarray:
         """The stacked observations (n, stack d) with positions relative to the goal that was seen."""

@@ -17,7 +17,7 @@ MakeEnv = Callable[[int, Mapping[str, Any]], VectorEnv]  # (rows, task settings)
 HELD_OUT = 2**31  # seeds from here on are never drawn by training, whose seeds are below it
 
 
-def maker(seen: Modality, world: str, sac: SacSettings, threads: int, dump: Path | None = None) -> MakeEnv:
+def maker(senses: Modality, world: str, sac: SacSettings, threads: int, dump: Path | None = None) -> MakeEnv:
     """Makes environments of a world's task in a modality; for a policy with a memory, without a stack.
 
     An episode that diverges is written into `dump`, so that it can be played again.
@@ -26,9 +26,9 @@ def maker(seen: Modality, world: str, sac: SacSettings, threads: int, dump: Path
     def make(rows: int, settings: Mapping[str, Any]) -> VectorEnv:
         from vispeg.task.environments.vector import TaskVec
 
-        own = {"stack": 1, **settings} if sac.recurrent else dict(settings)
+        merged = {"stack": 1, **settings} if sac.recurrent else dict(settings)
         mode = AutoresetMode.DISABLED
-        return TaskVec(rows, world, seen.obs_mode, autoreset_mode=mode, nthread=threads, dump=dump, **own)
+        return TaskVec(rows, world, senses.obs_mode, autoreset_mode=mode, nthread=threads, dump=dump, **merged)
 
     return make
 
@@ -56,6 +56,6 @@ def home(policy: Policy) -> str:
 
 def of_policy(policy: Policy, world: str, threads: int = 1) -> MakeEnv:
     """Makes the environments that a policy can act in, in a world: with its own stack, directions, cameras, ..."""
-    own = interface(policy.meta)
+    policy_settings = interface(policy.meta)
     make = maker(modality(policy.modality), world, SacSettings(recurrent=policy.recurrent), threads)
-    return lambda rows, settings: make(rows, {**own, **settings})
+    return lambda rows, settings: make(rows, {**policy_settings, **settings})

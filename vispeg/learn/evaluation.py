@@ -59,10 +59,10 @@ def run_episodes(
     n, todo = env.num_envs, list(enumerate(seeds))
     number = np.full(n, -1)  # which episode each row plays, -1 for none
     out: list[Outcome | None] = [None] * len(todo)
-    given: list[int] = [0] * n
+    row_seeds: list[int] = [0] * n
     for row in range(n):
-        number[row], given[row] = todo.pop(0) if todo else (-1, int(seeds[0]) + SPARE + row)
-    obs, _ = env.reset(seed=given)
+        number[row], row_seeds[row] = todo.pop(0) if todo else (-1, int(seeds[0]) + SPARE + row)
+    obs, _ = env.reset(seed=row_seeds)
     policy.reset(n)
     total, steps = np.zeros(n), np.zeros(n, int)
     while (number >= 0).any():
@@ -71,22 +71,22 @@ def run_episodes(
         total, steps = total + reward, steps + 1
         for row in np.flatnonzero(ended).tolist():
             if number[row] >= 0:
-                told = row_info(info, row)
-                record = cast(EpisodeResult, told.get("record") or told)
+                final = row_info(info, row)
+                record = cast(EpisodeResult, final.get("record") or final)
                 out[number[row]] = Outcome(
-                    int(given[row]),
-                    bool(told.get("success", False)),
-                    str(told.get("category", "timeout")),
+                    int(row_seeds[row]),
+                    bool(final.get("success", False)),
+                    str(final.get("category", "timeout")),
                     float(total[row]),
                     int(steps[row]),
                     record,
                 )
                 if watch is not None:
                     watch(out[number[row]])  # type: ignore[arg-type]
-            number[row], given[row] = todo.pop(0) if todo else (-1, given[row])
+            number[row], row_seeds[row] = todo.pop(0) if todo else (-1, row_seeds[row])
             total[row], steps[row] = 0.0, 0
         if ended.any() and (number >= 0).any():
-            obs, _ = env.reset(seed=given, options={"reset_mask": ended})
+            obs, _ = env.reset(seed=row_seeds, options={"reset_mask": ended})
             policy.reset(n, ended)
     return [outcome for outcome in out if outcome is not None]
 

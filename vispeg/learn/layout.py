@@ -56,12 +56,12 @@ class Layout:
                 raise UserError("the environment's observation lacks a part", expected=key, got=sorted(spaces))
         images = {}
         for kind in kinds:
-            found = {key: tuple(space.shape) for key, space in spaces.items() if key.startswith(f"{kind}_")}
-            if not found:
+            matching = {key: tuple(space.shape) for key, space in spaces.items() if key.startswith(f"{kind}_")}
+            if not matching:
                 raise UserError("the environment gives no such images", expected=f"{kind}_<camera>", got=sorted(spaces))
-            images |= found
-        known = spaces[PRIVILEGED].shape[0] if truth else 0
-        return cls(spaces[VECTOR].shape[0], images, action_space.shape[-1], known, truth)
+            images |= matching
+        truth_size = spaces[PRIVILEGED].shape[0] if truth else 0
+        return cls(spaces[VECTOR].shape[0], images, action_space.shape[-1], truth_size, truth)
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -101,17 +101,17 @@ class Layout:
         }
 
     @classmethod
-    def from_json(cls, found: Mapping[str, Any]) -> Layout:
+    def from_json(cls, entries: Mapping[str, Any]) -> Layout:
         """The inverse of `to_json`. Raises UserError where an entry is missing or no shape."""
         try:
-            images = {str(key): _chw(shape) for key, shape in found["images"].items()}
-            lengths = [_count(found["vector"], 1), _count(found["action"], 1), _count(found.get("truth", 0), 0)]
-            reads = tuple(_count(entry, 0) for entry in found.get("reads", ()))
+            images = {str(key): _chw(shape) for key, shape in entries["images"].items()}
+            lengths = [_count(entries["vector"], 1), _count(entries["action"], 1), _count(entries.get("truth", 0), 0)]
+            reads = tuple(_count(entry, 0) for entry in entries.get("reads", ()))
             if reads and max(reads) >= lengths[2]:
                 raise ValueError(reads)
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise UserError(
-                "not a policy's layout", key="layout", expected="vector, images, action", got=found
+                "not a policy's layout", key="layout", expected="vector, images, action", got=entries
             ) from error
         return cls(lengths[0], images, lengths[1], lengths[2], reads)
 

@@ -16,8 +16,8 @@ INTERFACE = ("name", "stack", "dof", "offset", "turn", "policy_period", "cameras
 def interface(meta: Mapping[str, Any]) -> Mapping[str, Any]:
     """The part of the task (TaskConfig's fields) that a policy was made for, as far as its record has it."""
     task = meta.get("task") or {}
-    own = {key: task[key] for key in INTERFACE if task.get(key) is not None}
-    return {key: tuple(value) if isinstance(value, list) else value for key, value in own.items()}
+    stated = {key: task[key] for key in INTERFACE if task.get(key) is not None}
+    return {key: tuple(value) if isinstance(value, list) else value for key, value in stated.items()}
 
 
 def observed(meta: Mapping[str, Any]) -> Observation:
@@ -28,8 +28,8 @@ def observed(meta: Mapping[str, Any]) -> Observation:
 
 def clearance_of(meta: Mapping[str, Any]) -> float | None:
     """Diametral clearance in mm that a policy was made for; None where its record does not say."""
-    own = (meta.get("task") or {}).get("clearance_mm")
-    return float(own) if isinstance(own, (int, float)) else None
+    stated = (meta.get("task") or {}).get("clearance_mm")
+    return float(stated) if isinstance(stated, (int, float)) else None
 
 
 def made_for(meta: Mapping[str, Any]) -> Mapping[str, float]:
@@ -73,11 +73,11 @@ def worlds(*metas: Mapping[str, Any]) -> MadeIn:
     made_of: dict[str, str] = {}
     for meta in metas:
         tuned = meta.get("finetuned")
-        for own in (meta, tuned if isinstance(tuned, Mapping) else {}):
-            hashes += [own.get("world_hash"), *(own.get("world_hashes") or ())]
-            if isinstance(own.get("world_parts"), Mapping):
-                made_of |= own["world_parts"]
+        for record in (meta, tuned if isinstance(tuned, Mapping) else {}):
+            hashes += [record.get("world_hash"), *(record.get("world_hashes") or ())]
+            if isinstance(record.get("world_parts"), Mapping):
+                made_of |= record["world_parts"]
             else:
-                known = [name for name in (own.get("world_file"), own.get("world")) if name in built_in()]
-                made_of |= parts(known[0]) if known else {}
+                names = [name for name in (record.get("world_file"), record.get("world")) if name in built_in()]
+                made_of |= parts(names[0]) if names else {}
     return {"world_hashes": list(dict.fromkeys(str(h) for h in hashes if h)), "world_parts": made_of}

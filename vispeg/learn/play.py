@@ -84,8 +84,8 @@ def thoughts(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: Policy)
     """
     picture, height = outside.copy(), outside.shape[0]
     if policy.estimate is not None and PRIVILEGED in obs:
-        found, true = 1e3 * policy.estimate[0], 1e3 * OFFSET_M * obs[PRIVILEGED][0, ESTIMATE]
-        write(picture, "thinks " + " ".join(f"{v:+6.1f}" for v in found) + " mm", (8, height - 22), WHITE)
+        estimate, true = 1e3 * policy.estimate[0], 1e3 * OFFSET_M * obs[PRIVILEGED][0, ESTIMATE]
+        write(picture, "thinks " + " ".join(f"{v:+6.1f}" for v in estimate) + " mm", (8, height - 22), WHITE)
         write(picture, "is     " + " ".join(f"{v:+6.1f}" for v in true) + " mm", (8, height - 8), WHITE)
     return picture
 

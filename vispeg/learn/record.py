@@ -116,11 +116,11 @@ def _meta(meta: Any, path: Path) -> None:
     if not isinstance(meta, dict):
         raise UserError("not a mapping", file=path, key="meta", got=meta)
     tuned = meta.get("finetuned")
-    for key, one in (("meta", meta), ("meta.finetuned", tuned if isinstance(tuned, dict) else {})):
+    for key, record in (("meta", meta), ("meta.finetuned", tuned if isinstance(tuned, dict) else {})):
         for name, kind in (("world", str), ("world_hash", str), ("world_file", str), ("task", dict)):
-            if not isinstance(one.get(name), kind | None):
-                raise UserError("of another kind", file=path, key=f"{key}.{name}", got=one[name])
-        hashes, made_of = one.get("world_hashes") or [], one.get("world_parts") or {}
+            if not isinstance(record.get(name), kind | None):
+                raise UserError("of another kind", file=path, key=f"{key}.{name}", got=record[name])
+        hashes, made_of = record.get("world_hashes") or [], record.get("world_parts") or {}
         if not isinstance(hashes, list) or not all(isinstance(h, str) for h in hashes):
             raise UserError("not a list of hashes", file=path, key=f"{key}.world_hashes", got=hashes)
         if not isinstance(made_of, dict) or not all(isinstance(name, str) for name in made_of.values()):
@@ -135,14 +135,14 @@ def _meta(meta: Any, path: Path) -> None:
 
 def _agree(layout: Layout, meta: Mapping[str, Any], path: Path) -> None:
     """Raises UserError where a policy sees something else than the task shows that it says to be made for."""
-    task, own = config_of(interface(meta)), interface(meta)
+    task, stated = config_of(interface(meta)), interface(meta)
     length = task.stack * observed(meta).policy_size
-    if {"stack", "dof"} <= own.keys() and layout.vector != length:
+    if {"stack", "dof"} <= stated.keys() and layout.vector != length:
         expected = f"{length} by meta.task"
         raise UserError("another observation", file=path, key="layout.vector", expected=expected, got=layout.vector)
-    if "dof" in own and layout.action != len(task.dof):
+    if "dof" in stated and layout.action != len(task.dof):
         raise UserError("another action", file=path, key="layout.action", expected=len(task.dof), got=layout.action)
-    for key in layout.images if "cameras" in own else ():
+    for key in layout.images if "cameras" in stated else ():
         if key.partition("_")[2] not in task.cameras:
             raise UserError("of no camera of meta.task", file=path, key=f"layout.images.{key}", choices=task.cameras)
 

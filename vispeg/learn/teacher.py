@@ -41,11 +41,11 @@ def knowing(obs: Mapping[str, np.ndarray], observed: Observation) -> dict[str, n
         obs: `policy` (n, stack size) and `privileged` (n, k) at least.
         observed: the task's terms, `goal_away` in the unit of `tip`.
     """
-    seen = obs[VECTOR].reshape(len(obs[VECTOR]), -1, observed.policy_size).copy()
-    seen[:, :, observed["tip"]] -= obs[PRIVILEGED][:, None, observed["goal_away"]]
+    stack = obs[VECTOR].reshape(len(obs[VECTOR]), -1, observed.policy_size).copy()
+    stack[:, :, observed["tip"]] -= obs[PRIVILEGED][:, None, observed["goal_away"]]
     truth = obs[PRIVILEGED].copy()
     truth[:, observed["mistake"]] = 0.0
-    return {VECTOR: seen.reshape(obs[VECTOR].shape).astype(np.float32), PRIVILEGED: truth}
+    return {VECTOR: stack.reshape(obs[VECTOR].shape).astype(np.float32), PRIVILEGED: truth}
 
 
 class Tare:
@@ -104,10 +104,10 @@ class StateTeacher:
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
         """See Teacher; to be asked once a step."""
-        shown = knowing(obs, self.observed)
-        stack = shown[VECTOR].reshape(len(shown[VECTOR]), -1, self.observed.policy_size)
+        informed = knowing(obs, self.observed)
+        stack = informed[VECTOR].reshape(len(informed[VECTOR]), -1, self.observed.policy_size)
         tared = self.tare(stack, obs[PRIVILEGED][:, self.observed["contact"]])
-        return self.policy.act(shown | {VECTOR: tared.reshape(shown[VECTOR].shape)})
+        return self.policy.act(informed | {VECTOR: tared.reshape(informed[VECTOR].shape)})
 
 
 def teacher_of(source: str | Path, config: Any) -> StateTeacher:

@@ -77,8 +77,8 @@ class SacRun:
         self.model = AsymmetricSAC(self.env, self.modality, config.sac, seed=config.seed, device=device)
         self.model.set_logger(Logger(None, []))
         if config.dataset is not None and config.recipe != "distill":
-            seen, beside = (self.modality.name, self.model.actor.layout), self.model.replay.observation_space
-            self.model.demos = from_folder(config.dataset, *seen, config.seed, self.model.device, beside)
+            student, beside = (self.modality.name, self.model.actor.layout), self.model.replay.observation_space
+            self.model.demos = from_folder(config.dataset, *student, config.seed, self.model.device, beside)
         self.best: tuple[float, float] = (-1.0, 0.0)
         self.reached = 0
         self.recent: deque[tuple[bool, str]] = deque(maxlen=100)  # success and category of the last training episodes
@@ -88,9 +88,9 @@ class SacRun:
         settings = self.course.settings(self.config.settings)
         env = self.make(self.config.envs, settings)
         judge = self.make(min(self.config.episodes, EVALUATION_ROWS), settings)
-        for one in (env, judge):
-            if hasattr(one, "set_level"):
-                one.set_level(self.course.stage.level)  # type: ignore[attr-defined]
+        for vec in (env, judge):
+            if hasattr(vec, "set_level"):
+                vec.set_level(self.course.stage.level)  # type: ignore[attr-defined]
         return Sb3Env(env), judge
 
     def resume(self) -> None:
@@ -161,7 +161,7 @@ class SacRun:
 
     def row(self, outcomes: list[Outcome], seconds: float) -> Row:
         """A row of progress.csv."""
-        told = self.model.logger.name_to_value
+        values = self.model.logger.name_to_value
         return {
             "steps": self.model.num_timesteps,
             "seconds": seconds,
@@ -172,10 +172,10 @@ class SacRun:
             "peak_force": float(np.mean([o.info.get("peak_force", 0.0) for o in outcomes])),
             "episode_steps": float(np.mean([o.steps for o in outcomes])),
             "failures": failures([o.category for o in outcomes]),
-            "critic_loss": told.get("train/critic_loss"),
-            "actor_loss": told.get("train/actor_loss"),
-            "entropy": told.get("train/entropy"),
-            "temperature": told.get("train/temperature"),
+            "critic_loss": values.get("train/critic_loss"),
+            "actor_loss": values.get("train/actor_loss"),
+            "entropy": values.get("train/entropy"),
+            "temperature": values.get("train/temperature"),
         }
 
     def keep(self, row: Row, contender: bool = True) -> None:
@@ -185,9 +185,9 @@ class SacRun:
         known from policies that differ.
         """
         places = [f"steps-{row['steps']}" if row["steps"] else f"updates-{row['updates']}"]
-        found = row["success"], -row["peak_force"]
-        if contender and found > self.best:
-            self.best = found
+        score = row["success"], -row["peak_force"]
+        if contender and score > self.best:
+            self.best = score
             places.append("best")
         for name in places:
             with new_folder(self.folder / "checkpoints" / name, overwrite=True, holds=None) as place:
@@ -226,8 +226,12 @@ class SacRun:
             "success": row["success"],
             "versions": origin["versions"] | {"torch": torch.__version__},
         }
-        own = describe(self.judge)
-        return record | own | (worlds(own, made_in(self.config.dataset)) if self.config.dataset is not None else {})
+        description = describe(self.judge)
+        return (
+            record
+            | description
+            | (worlds(description, made_in(self.config.dataset)) if self.config.dataset is not None else {})
+        )
 
 
 def line(row: Row) -> str:

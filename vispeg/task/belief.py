@@ -59,11 +59,11 @@ def believed(cell: CellBelief | None, file: str | Path | None = None) -> Believe
         world = load_world(named)
     except UserError as error:
         raise UserError(str(error), file=at, key="cell.world") from error
-    told = {**world.task, **cell.task}
+    settings = {**world.task, **cell.task}
     try:
         if cell.robot is not None:
-            told["robot"] = declared(cell.robot, Path(at or "."), {})
-        config = config_of(told, at)
+            settings["robot"] = declared(cell.robot, Path(at or "."), {})
+        config = config_of(settings, at)
         scene = task_of(config).cell(config)
     except UserError as error:
         raise UserError(str(error), key="cell") from error
@@ -107,9 +107,9 @@ def of_world(name: str) -> World:
         UserError: as for `believed`.
     """
     cell = CellBelief(str(Path(name).resolve()) if Path(name).suffix else name)
-    found = believed(cell, name)
-    tool = carried(found.scene.nominal.compile())
-    return World(found.config.robot.model, tool, cell=cell)
+    belief = believed(cell, name)
+    tool = carried(belief.scene.nominal.compile())
+    return World(belief.config.robot.model, tool, cell=cell)
 
 
 def robot_of_world(world: World) -> RobotModel:

@@ -57,8 +57,8 @@ class Cell(Plant):
 
     def _active(self, worlds: Sequence[World]) -> list[Active]:
         active = super()._active(worlds)
-        known = {a.effect.name for a in active}
-        absent = [Active(effect(n), self._null(n)) for n in self.names if n not in known]
+        placed = {a.effect.name for a in active}
+        absent = [Active(effect(n), self._null(n)) for n in self.names if n not in placed]
         return sorted([*active, *absent], key=lambda a: (a.effect.order, a.effect.name))
 
     def _null(self, name: str) -> dict[str, np.ndarray]:

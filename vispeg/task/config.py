@@ -117,12 +117,12 @@ class TaskConfig:
         return any(d.startswith("r") for d in self.dof)
 
     @classmethod
-    def of(cls, given: Mapping[str, Any], file: str | None = None) -> TaskConfig:
+    def of(cls, settings: Mapping[str, Any], file: str | None = None) -> TaskConfig:
         """From a mapping (a world file's `task:`), with an error for unknown keys and wrong types."""
         at = "task." if file else ""
-        values = checked(cls, given, file, at)
+        values = checked(cls, settings, file, at)
         if "reward" in values:
-            values["reward"] = cls.rewards.read(given["reward"], file, f"{at}reward")
+            values["reward"] = cls.rewards.read(settings["reward"], file, f"{at}reward")
         if not isinstance(values.get("robot", cls.robot), RobotConfig):
             values["robot"] = RobotConfig.of(values["robot"], file)
         try:

@@ -39,14 +39,14 @@ def task(name: str) -> Task:
         expected = "a task's name, or MODULE:CLASS of one that Python can import"
         raise UserError("no such task", key="task.name", expected=expected, got=name, choices=offered)
     try:
-        found = getattr(importlib.import_module(module), attribute)
+        target = getattr(importlib.import_module(module), attribute)
     except (ImportError, AttributeError, SyntaxError, ValueError) as error:
         expected = "a module on PYTHONPATH or installed, and a class in it"
         raise UserError(f"no such task ({error})", key="task.name", expected=expected, got=name) from error
-    if not (inspect.isclass(found) and issubclass(found, Task) and not inspect.isabstract(found)):
+    if not (inspect.isclass(target) and issubclass(target, Task) and not inspect.isabstract(target)):
         expected = "a class that implements vispeg.task.contract.Task"
         raise UserError("not a task", key="task.name", expected=expected, got=name)
-    return found()
+    return target()
 
 
 def task_of(config: TaskConfig) -> Task:
@@ -54,9 +54,9 @@ def task_of(config: TaskConfig) -> Task:
     return task(config.name)
 
 
-def kind_of(given: Mapping[str, Any], file: str | None = None) -> type[TaskConfig]:
+def kind_of(settings: Mapping[str, Any], file: str | None = None) -> type[TaskConfig]:
     """The class of the settings that a mapping (a world file's `task:`) states. Raises UserError: no such task."""
-    name = given.get("name", FIRST)
+    name = settings.get("name", FIRST)
     if not isinstance(name, str):
         raise UserError("wrong type", file=file, key="task.name", expected="a text", got=name)
     try:
@@ -65,13 +65,13 @@ def kind_of(given: Mapping[str, Any], file: str | None = None) -> type[TaskConfi
         raise UserError(str(error), file=file) from error
 
 
-def config_of(given: Mapping[str, Any], file: str | None = None) -> TaskConfig:
+def config_of(settings: Mapping[str, Any], file: str | None = None) -> TaskConfig:
     """The settings that a mapping states.
 
     Raises:
         UserError: no such task, an unknown key, a wrong type or value.
     """
-    return kind_of(given, file).of({"name": FIRST, **given}, file)
+    return kind_of(settings, file).of({"name": FIRST, **settings}, file)
 
 
 def digest_of(name: str) -> str | None:

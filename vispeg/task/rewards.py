@@ -102,13 +102,13 @@ class Rewards:
             weights = dict(self.named[choice])
         else:
             weights = dict(choice)
-        known = {t.name: t for t in self.terms}
+        terms = {t.name: t for t in self.terms}
         for name, weight in weights.items():
-            if name not in known and name not in EVENTS:
-                raise UserError("unknown reward term", key="reward", got=name, choices=(*known, *EVENTS))
+            if name not in terms and name not in EVENTS:
+                raise UserError("unknown reward term", key="reward", got=name, choices=(*terms, *EVENTS))
             if not math.isfinite(weight):
                 raise UserError("not finite", key=f"reward.{name}", expected="a weight", got=weight)
-        dense = tuple((known[name], weight) for name, weight in weights.items() if name in known)
+        dense = tuple((terms[name], weight) for name, weight in weights.items() if name in terms)
         return Reward(dense, weights.get(SUCCESS, 0.0), weights.get(ABORT, 0.0))
 
     def read(self, value: Any, file: str | None, key: str) -> str | tuple[tuple[str, float], ...]:

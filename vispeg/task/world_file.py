@@ -93,9 +93,9 @@ def is_world(source: str | Path) -> bool:
 
 
 def _example(folder: Path) -> Path:
-    own = load_world("searching")
+    searching = load_world("searching")
     base = folder / "base.yaml"
-    base.write_text(world_text(own), encoding="utf-8")
+    base.write_text(world_text(searching), encoding="utf-8")
     camera = {"external": {"width": 64, "height": 48, "fx": 60.0, "fy": 60.0, "cx": 31.5, "cy": 23.5}}
     late = {"effect": "command_delay", "params": {"delay": {"uniform": [0.0, 0.02]}}, "chance": 0.5}
     more = {"name": "mine", "base": "base.yaml", "task": {"force_limit": 20.0}, "cameras": camera, "effects": [late]}
@@ -136,14 +136,16 @@ def world_hash(
     config = task if isinstance(task, TaskConfig) else config_of(task or {})
     entries = [{k: v for k, v in entry_dict(r).items() if k != "source"} for r in ranges]
     fixed = [without_origin(e) for e in base.effects]
-    seen = {n: _digest(c) if isinstance(c, str) else c for n, c in (cameras or {}).items()}
-    told = {k: v for k, v in asdict(config).items() if k not in LATER or getattr(config, k) != getattr(type(config), k)}
+    views = {n: _digest(c) if isinstance(c, str) else c for n, c in (cameras or {}).items()}
+    settings = {
+        k: v for k, v in asdict(config).items() if k not in LATER or getattr(config, k) != getattr(type(config), k)
+    }
     robot = identity(config.robot.model)
-    if "robot" in told:
-        told["robot"]["model"] = robot
+    if "robot" in settings:
+        settings["robot"]["model"] = robot
     if (code := digest_of(config.name)) is not None:
-        told["name"] = [config.name, code]
-    content = [robot, base.tool, fixed, entries, told, seen, dict(renderer or {})]
+        settings["name"] = [config.name, code]
+    content = [robot, base.tool, fixed, entries, settings, views, dict(renderer or {})]
     return hashlib.sha256(json.dumps(content, sort_keys=True, default=list).encode()).hexdigest()
 
 
@@ -191,12 +193,12 @@ def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> str:
     if not entries:
         return name  # its robot is not looked for: a file on top of this one may name another
     scene = task_of(config).cell(config)
-    seen: set[tuple[str, str]] = set()
+    earlier: set[tuple[str, str]] = set()
     for i, entry in enumerate(entries):
         r = ranged(entry, scene, path, f"effects[{i}]")
-        if (r.effect, r.where) in seen:
+        if (r.effect, r.where) in earlier:
             raise UserError(f"{r.label} is given twice", file=path, key=f"effects[{i}]")
-        seen.add((r.effect, r.where))
+        earlier.add((r.effect, r.where))
         _replace(parts, r, path, f"effects[{i}]")
     return name
 
@@ -243,10 +245,10 @@ def _typed(value: Any, kind: type, path: Path, key: str) -> Any:
     return value
 
 
-def _cameras(given: Any, path: Path) -> Mapping[str, Any]:
+def _cameras(section: Any, path: Path) -> Mapping[str, Any]:
     """Camera files are named from the world file's folder; a mapping is checked by whoever builds the camera."""
     out = {}
-    for name, camera in _typed(given, Mapping, path, "cameras").items():
+    for name, camera in _typed(section, Mapping, path, "cameras").items():
         if not isinstance(camera, str | Mapping):
             expected = "a camera file or a mapping"
             raise UserError("wrong camera", file=path, key=f"cameras.{name}", expected=expected, got=camera)
@@ -256,14 +258,14 @@ def _cameras(given: Any, path: Path) -> Mapping[str, Any]:
     return out
 
 
-def _renderer(given: Any, path: Path) -> Mapping[str, Any]:
-    for key, value in _typed(given, Mapping, path, "renderer").items():
+def _renderer(section: Any, path: Path) -> Mapping[str, Any]:
+    for key, value in _typed(section, Mapping, path, "renderer").items():
         if key not in RENDERER:
             raise UserError("unknown key", file=path, key=f"renderer.{key}", got=key, choices=RENDERER)
         if value not in RENDERER[key] or isinstance(value, bool) != (key == "shadows"):
             choices = [str(c).lower() for c in RENDERER[key]]
             raise UserError("unknown choice", file=path, key=f"renderer.{key}", got=value, choices=choices)
-    return dict(given)
+    return dict(section)
 
 
 def _digest(file: str) -> str:
@@ -276,13 +278,13 @@ def parts(source: str | Path) -> dict[str, str]:
     Only effects and models count: the names, task and renderer that two worlds share tell neither of the other, and a
     file that only joins others adds nothing.
     """
-    found: dict[str, str] = {}
-    todo, seen = [_path(source, None)], set()
+    names: dict[str, str] = {}
+    todo, visited = [_path(source, None)], set()
     while todo:
         path = todo.pop()
-        if path.resolve() in seen:
+        if path.resolve() in visited:
             continue
-        seen.add(path.resolve())
+        visited.add(path.resolve())
         data = WORLD.read(path)
         bases = _given(data, "base", [])
         todo += [_path(base, path) for base in ([bases] if isinstance(bases, str) else bases)]
@@ -294,6 +296,6 @@ def parts(source: str | Path) -> dict[str, str]:
             if isinstance(data["model"], Mapping):
                 model = [model, stated.widen, stated.sd]
         if effects or model:
-            own = json.dumps([effects, model], sort_keys=True)
-            found[hashlib.sha256(own.encode()).hexdigest()] = str(data.get("name", path.stem))
-    return found
+            content = json.dumps([effects, model], sort_keys=True)
+            names[hashlib.sha256(content.encode()).hexdigest()] = str(data.get("name", path.stem))
+    return names

@@ -13,23 +13,23 @@ from vispeg.robots.declare import RobotConfig
 from vispeg.robots.model import SUFFIXES
 
 
-def declared(given: Any, file: Path, base: Mapping[str, Any]) -> Mapping[str, Any]:
+def declared(stated: Any, file: Path, base: Mapping[str, Any]) -> Mapping[str, Any]:
     """What a world file's `robot` says, as a task's setting; a path is seen from the world file's folder.
 
     Args:
-        given: a name or path alone, which is another robot; or a mapping, whose keys replace those of `base` singly.
+        stated: a name or path alone, which is another robot; or a mapping, whose keys replace those of `base` singly.
         file: the world file.
         base: the same setting of the files that this one is based on; empty where they have none.
 
     Raises:
         UserError: as `RobotConfig.of`.
     """
-    if isinstance(given, Mapping):
-        model = given.get("model")
+    if isinstance(stated, Mapping):
+        model = stated.get("model")
         placed = {"model": _beside(model, file)} if isinstance(model, str) else {}
-        robot = RobotConfig.of({**base, **given, **placed}, str(file))
+        robot = RobotConfig.of({**base, **stated, **placed}, str(file))
     else:
-        robot = RobotConfig.of(given, str(file))
+        robot = RobotConfig.of(stated, str(file))
         robot = replace(robot, model=_beside(robot.model, file))
     usual = asdict(RobotConfig())
     return {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(robot).items() if v != usual[k]}

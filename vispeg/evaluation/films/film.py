@@ -59,25 +59,25 @@ def film(job: Job, seed: int) -> Clip:
         env.push([0], *job.pushes.draw(seed))
     policy.reset(1)
     frames, views = [], []
-    told: EpisodeResult | None = None
+    record: EpisodeResult | None = None
     while True:
         action = policy.act(obs)  # also on the last observation, for what it thinks of it
         frames.append(thoughts(env.render()[0], obs, policy))
         views.append(_view(obs))
-        if told:
+        if record:
             break
         obs, _, terminated, truncated, infos = env.step(action)
         if terminated[0] or truncated[0]:
-            told = infos["record"][0]
-    seen = None if views[0] is None else np.stack(views)
-    return Clip(np.stack(frames), seen, told["category"], told["time"])
+            record = infos["record"][0]
+    pictures = None if views[0] is None else np.stack(views)
+    return Clip(np.stack(frames), pictures, record["category"], record["time"])
 
 
 def _view(obs: dict[str, np.ndarray]) -> np.ndarray | None:
     """The images of row 0 side by side (h, w, 3) uint8, or None."""
-    found = [picture_of(key, obs[key][0]) for key in sorted(obs) if kind_of(key) is not None]
-    if not found:
+    images = [picture_of(key, obs[key][0]) for key in sorted(obs) if kind_of(key) is not None]
+    if not images:
         return None
-    height = max(image.shape[0] for image in found)
-    padded = [np.pad(i, ((0, height - i.shape[0]), (0, 0), (0, 0))) for i in found]
+    height = max(image.shape[0] for image in images)
+    padded = [np.pad(i, ((0, height - i.shape[0]), (0, 0), (0, 0))) for i in images]
     return np.concatenate(padded, axis=1)

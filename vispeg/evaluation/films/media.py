@@ -22,7 +22,7 @@ def film_seeds(
     first, and in neither; of failures every category in turn. The stills show all sides at the step at which the last
     one ended, or at the last step of one that was done before.
     """
-    found: list[Film] = []
+    films: list[Film] = []
     by = {(e.policy, e.train_seed, e.world, e.seed): e for e in episodes if not e.control and not e.configuration}
     for job in _first(jobs, worlds[-1]):
         name, network = job.entrant.name, job.entrant.train_seed
@@ -32,8 +32,8 @@ def film_seeds(
             step = len(clips[-1].frames) - 1
             named = zip(clips, worlds, strict=True)
             sides = [side(clip, world, folder, f"{name}-{seed}-{world}", step) for clip, world in named]
-            found.append({"policy": name, "seed": seed, "sides": sides})
-    return found
+            films.append({"policy": name, "seed": seed, "sides": sides})
+    return films
 
 
 def _like(job: Job, world: str, jobs: Sequence[Job]) -> Job:
@@ -54,15 +54,15 @@ def _worth_seeing(played: Mapping[int, Sequence[Episode]]) -> list[int]:
 
 def film_failures(jobs: Sequence[Job], episodes: Sequence[Episode], folder: Path, most: int) -> list[Film]:
     """Films up to `most` failures a policy, every category in turn; for the page as `film_seeds`, with one side."""
-    found: list[Film] = []
+    films: list[Film] = []
     for world in dict.fromkeys(j.world_name for j in jobs):
         for job in _first(jobs, world):
-            own = [e for e in episodes if (e.policy, e.world) == (job.entrant.name, world) and not e.control]
-            for e in failures([e for e in own if e.train_seed == job.entrant.train_seed], most):
+            of_policy = [e for e in episodes if (e.policy, e.world) == (job.entrant.name, world) and not e.control]
+            for e in failures([e for e in of_policy if e.train_seed == job.entrant.train_seed], most):
                 clip = film(job, e.seed)
-                shown = side(clip, world, folder, f"{e.policy}-{world}-{e.seed}", len(clip.frames) - 1)
-                found.append({"policy": e.policy, "seed": e.seed, "sides": [shown]})
-    return found
+                entry = side(clip, world, folder, f"{e.policy}-{world}-{e.seed}", len(clip.frames) - 1)
+                films.append({"policy": e.policy, "seed": e.seed, "sides": [entry]})
+    return films
 
 
 def side(clip: Clip, world: str, folder: Path, stem: str, step: int) -> Side:
@@ -84,8 +84,8 @@ def _relative(path: Path | None, folder: Path) -> str | None:
 
 def _first(jobs: Sequence[Job], world: str) -> list[Job]:
     """One uncontrolled job a policy in `world`: its first training seed."""
-    found: dict[str, Job] = {}
+    chosen: dict[str, Job] = {}
     for job in jobs:
         if job.world_name == world and not job.control and not job.configuration:
-            found.setdefault(job.entrant.name, job)
-    return list(found.values())
+            chosen.setdefault(job.entrant.name, job)
+    return list(chosen.values())

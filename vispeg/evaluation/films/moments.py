@@ -64,8 +64,8 @@ def stage(who: Entrant, world: str, settings: Mapping[str, Any]) -> Iterator[tup
 
         policy = player(who, None)
         at = world or home(policy)
-        given = {**({} if world else made_for(policy.meta)), **settings}
-        env = of_policy(policy, at)(1, given)
+        merged = {**({} if world else made_for(policy.meta)), **settings}
+        env = of_policy(policy, at)(1, merged)
     try:
         yield env, policy, at
     finally:

@@ -24,9 +24,9 @@ def write_video(path: Path, frames: np.ndarray, fps: float = 6.25) -> Path:
         raise UserError("no ffmpeg here", expected="ffmpeg, see `vispeg doctor`", file=target)
     path.parent.mkdir(parents=True, exist_ok=True)
     size = f"{frames.shape[2]}x{frames.shape[1]}"
-    given = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", size, "-r", str(fps), "-i", "-"]
+    raw_input = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", size, "-r", str(fps), "-i", "-"]
     made = ["-c:v", "libx264", "-crf", "26", "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
-    command = [program, "-y", "-loglevel", "error", *given, *made, str(target)]
+    command = [program, "-y", "-loglevel", "error", *raw_input, *made, str(target)]
     done = subprocess.run(command, input=np.ascontiguousarray(frames).tobytes(), capture_output=True)
     if done.returncode:
         said = done.stderr.decode(errors="replace").strip().splitlines()

@@ -76,9 +76,9 @@ def attribute(
     parts: dict[str, np.ndarray] = {"total": y[reference] - y[joint]}
     parts |= {f: y[reference] - y[f] for f in factors}
     parts["remainder"] = parts["total"] - np.sum([parts[f] for f in factors], axis=0)
-    found, boot = {}, {}
+    estimates, boot = {}, {}
     for name, values in parts.items():
         limit = 1.0 + len(factors) if name == "remainder" else 1.0
-        found[name] = contrast([Block(values)], limit)
+        estimates[name] = contrast([Block(values)], limit)
         boot[name] = crossed_bootstrap(lambda b: float(b[0].mean()), [values], rng, 1000)
-    return Attribution(policy, found["total"], {f: found[f] for f in factors}, found["remainder"], boot)
+    return Attribution(policy, estimates["total"], {f: estimates[f] for f in factors}, estimates["remainder"], boot)

@@ -36,7 +36,7 @@ def fall(sides: Sides) -> Estimate:
     for both in sides:
         tables = [Table(side) for side in both]
         y = [t.outcomes(Cell(t.policies[0], t.worlds[0])) for t in tables]
-        a, b = (rate(one) for one in y)
+        a, b = (rate(outcomes) for outcomes in y)
         networks = max(networks, *map(len, y))
         below, above = (
             math.hypot(*d) for d in ((a.value - a.low, b.high - b.value), (a.high - a.value, b.value - b.low))
@@ -47,9 +47,9 @@ def fall(sides: Sides) -> Estimate:
     return Estimate(value, max(-1.0, value - reach[0]), min(1.0, value + reach[1]), sum(int(e[3]) for e in ends))
 
 
-def beyond_doubt(found: Estimate) -> bool:
+def beyond_doubt(estimate: Estimate) -> bool:
     """Whether the whole interval lies above the margin."""
-    return found.low > MARGIN
+    return estimate.low > MARGIN
 
 
 def _paired(sides: Sides) -> np.ndarray | None:
@@ -57,8 +57,8 @@ def _paired(sides: Sides) -> np.ndarray | None:
     if any(not e.world_hash for both in sides for side in both for e in side):
         return None  # measured: a trial's number is no start
     rows = [[{(e.train_seed, e.seed): e.success for e in side} for side in both] for both in sides]
-    shared = set.intersection(*(set(one) for both in rows for one in both))
-    networks = sorted({t for both in rows for one in both for t, _ in one})
+    shared = set.intersection(*(set(side) for both in rows for side in both))
+    networks = sorted({t for both in rows for side in both for t, _ in side})
     seeds = sorted(s for s in {s for _, s in shared} if all((t, s) in shared for t in networks))
     if len(seeds) < 2:
         return None

@@ -58,8 +58,8 @@ def wilson(successes: int, n: int) -> Estimate:
     """
     if n < 1 or not 0 <= successes <= n:
         raise UserError("not a count of successes", expected="0 <= successes <= n, n >= 1", got=f"{successes} of {n}")
-    found = binomtest(int(successes), int(n)).proportion_ci(LEVEL, method="wilson")
-    return Estimate(successes / n, float(found.low), float(found.high), n)
+    interval = binomtest(int(successes), int(n)).proportion_ci(LEVEL, method="wilson")
+    return Estimate(successes / n, float(interval.low), float(interval.high), n)
 
 
 def paired_difference(first: np.ndarray, second: np.ndarray) -> Estimate:

@@ -68,14 +68,14 @@ def predict(reference: np.ndarray, target: np.ndarray, rng: np.random.Generator,
     violations = np.array([mmrv(b, a) for a, b in zip(xs, ys, strict=True)])
     ranks = [rankdata(z, axis=1) for z in (xs, ys)]
     measures = (_pearson(xs, ys), _pearson(ranks[0], ranks[1]), violations, np.mean(xs - ys, axis=1))
-    found = []
+    estimates = []
     for values in measures:
         finite = values[1:][np.isfinite(values[1:])]
         low, high = np.quantile(finite, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2]) if len(finite) else (math.nan, math.nan)
-        found.append(Estimate(float(values[0]), float(low), float(high), len(x)))
+        estimates.append(Estimate(float(values[0]), float(low), float(high), len(x)))
     if len(x) < FEWEST_POINTS:
-        found[:2] = [Estimate(math.nan, math.nan, math.nan, len(x))] * 2
-    return Prediction(*found, n=len(x))
+        estimates[:2] = [Estimate(math.nan, math.nan, math.nan, len(x))] * 2
+    return Prediction(*estimates, n=len(x))
 
 
 def _pearson(x: np.ndarray, y: np.ndarray) -> np.ndarray:

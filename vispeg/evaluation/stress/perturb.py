@@ -57,17 +57,17 @@ def positions(path: Path | None = None, of: Task | None = None) -> list[HardPosi
 
 def settings(world: str, name: str, listed: Sequence[HardPosition], pushes: Pushes | None = None) -> list[Setting]:
     """Still and pushed: where the world puts the hole, then every position, from right above its nominal place."""
-    found = []
+    entries = []
     for push, suffix in ((None, ""), (pushes or Pushes(), ", pushed")):
-        found.append(Setting(world, name, FREE + suffix, pushes=push))
+        entries.append(Setting(world, name, FREE + suffix, pushes=push))
         for p in listed:
             tilt = {k: float(v) for k, v in p.items() if k in ("roll", "pitch", "yaw") and isinstance(v, int | float)}
             changes = [Change("hole_offset", {"x": float(p.get("x", 0.0)), "y": float(p.get("y", 0.0)), "z": 0.0})]
             changes += [Change("hole_tilt", tilt)] if tilt else []
             height = {"start_height": [float(p["height"])] * 2} if "height" in p else {}
             task = {"start_radius": 0.0, **height}
-            found.append(Setting(world, name, p["name"] + suffix, tuple(changes), task, push))
-    return found
+            entries.append(Setting(world, name, p["name"] + suffix, tuple(changes), task, push))
+    return entries
 
 
 def summarise(episodes: Sequence[Episode]) -> PushRecord:
@@ -76,9 +76,9 @@ def summarise(episodes: Sequence[Episode]) -> PushRecord:
     names = list(dict.fromkeys(e.configuration.removesuffix(", pushed") for e in episodes))
     for policy in dict.fromkeys(e.policy for e in episodes):
         for position in names:
-            own = [e for e in episodes if e.policy == policy]
-            still = _table(own, position)
-            pushed = _table(own, position + ", pushed")
+            of_policy = [e for e in episodes if e.policy == policy]
+            still = _table(of_policy, position)
+            pushed = _table(of_policy, position + ", pushed")
             row: PushRow = {
                 "verdict": None,
                 "policy": policy,
@@ -99,5 +99,5 @@ def summarise(episodes: Sequence[Episode]) -> PushRecord:
 
 def _table(episodes: Sequence[Episode], configuration: str) -> tuple[Table, Cell] | None:
     """The episodes of one configuration as a table in which seeds alone tell them apart."""
-    found = [replace(e, configuration="") for e in episodes if e.configuration == configuration]
-    return (Table(found), Cell(found[0].policy, found[0].world)) if found else None
+    matching = [replace(e, configuration="") for e in episodes if e.configuration == configuration]
+    return (Table(matching), Cell(matching[0].policy, matching[0].world)) if matching else None

@@ -29,19 +29,19 @@ from vispeg.worlds.world import World
 IDENTIFIED, LEFT = "as identified", "with what is left"
 
 
-def settings(base: WorldFile, found: World, remainder: Sequence[Mapping[str, Any]], folder: Path) -> list[Setting]:
+def settings(base: WorldFile, identified: World, remainder: Sequence[Mapping[str, Any]], folder: Path) -> list[Setting]:
     """Both settings; their worlds and the model are written into `folder`.
 
     Args:
         base: the cell, and whatever else varies in it.
-        found: the identified model.
+        identified: the identified model.
         remainder: of each joint the RMS of the missing torque, N m, as in diagnosis.json; none is none.
         folder: for the files.
 
     Raises:
         UserError: the model is of another robot than the cell's, or has an effect that the cell has no place for.
     """
-    model = write_text_atomic(folder / "model.yaml", model_text(found), overwrite=True)
+    model = write_text_atomic(folder / "model.yaml", model_text(identified), overwrite=True)
     most = effect("torque_noise").params["rms"].high
     noise = [
         {"effect": "torque_noise", "where": r["joint"], "params": {"rms": min(float(r["rms"]), most)}}
@@ -60,21 +60,21 @@ def settings(base: WorldFile, found: World, remainder: Sequence[Mapping[str, Any
 
 def summarise(episodes: Sequence[Episode]) -> list[Priced]:
     """Of each policy the success in both settings and what the difference costs, paired over seeds."""
-    found: list[Priced] = []
+    rows: list[Priced] = []
     for policy in dict.fromkeys(e.policy for e in episodes):
-        own = [e for e in episodes if e.policy == policy]
-        table = Table([replace(e, world=e.configuration, configuration="") for e in own])
+        of_policy = [e for e in episodes if e.policy == policy]
+        table = Table([replace(e, world=e.configuration, configuration="") for e in of_policy])
         y = table.aligned(policy, [IDENTIFIED, LEFT])
         cost = difference(y[IDENTIFIED], y[LEFT], same_networks=True)
         p = mcnemar(y[IDENTIFIED], y[LEFT]).p
         row: Priced = {
             "policy": policy,
-            "modality": own[0].modality,
+            "modality": of_policy[0].modality,
             "identified": rate(table.outcomes(Cell(policy, IDENTIFIED))).to_json(),
             "left": rate(table.outcomes(Cell(policy, LEFT))).to_json(),
             "cost": cost.to_json(),
             "p": p,
             "verdict": decide(cost, p),
         }
-        found.append(row)
-    return found
+        rows.append(row)
+    return rows

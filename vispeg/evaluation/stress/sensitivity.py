@@ -34,41 +34,41 @@ class Sweep:
     Attributes:
         effect, where: as in Change.
         params: parameters that take the value together (fx and fy of a focal length).
-        values: in the parameter's unit; of what was found, where `found` says what the parameters are at 1.
-        found: what a model file says of `params`; empty for values of one parameter's own.
+        values: in the parameter's unit; of an identified model, where `identified` says what the parameters are at 1.
+        identified: what a model file says of `params`; empty for values of one parameter's own.
     """
 
     effect: str
     params: tuple[str, ...]
     values: tuple[float, ...]
     where: str = "*"
-    found: tuple[float, ...] = ()
+    identified: tuple[float, ...] = ()
 
     def at(self, value: float) -> dict[str, float]:
         """The parameters at one of the values."""
-        if not self.found:
+        if not self.identified:
             return dict.fromkeys(self.params, value)
         nulls = [effect(self.effect).params[p].null for p in self.params]
-        return {p: n + value * (f - n) for p, n, f in zip(self.params, nulls, self.found, strict=True)}
+        return {p: n + value * (f - n) for p, n, f in zip(self.params, nulls, self.identified, strict=True)}
 
     @property
     def unit(self) -> str:
         """Of the values."""
-        if self.found:
+        if self.identified:
             return "times the value found"
         return effect(self.effect).params[self.params[0]].unit
 
     @property
     def null(self) -> float:
         """The value at which the effect vanishes."""
-        if self.found:
+        if self.identified:
             return 0.0
         return effect(self.effect).params[self.params[0]].null
 
     @property
     def label(self) -> str:
         """`focal_error.fx,fy`; `focal_error(wrist_wide)` of what was found."""
-        if self.found:
+        if self.identified:
             return f"{self.effect}({self.where})"
         return f"{self.effect}.{','.join(self.params)}"
 
@@ -102,14 +102,14 @@ def sweep(text: str) -> Sweep:
         expected = "EFFECT[@WHERE].PARAM=VALUE,VALUE"
         raise UserError("unknown sweep", key="--sweep", expected=expected, got=text, choices=SWEEPS)
     name, _, where = place.partition("@")
-    known, params = effect(name), tuple(names.split(","))
+    kind, params = effect(name), tuple(names.split(","))
     for p in params:
-        known.param(p, key="--sweep")
+        kind.param(p, key="--sweep")
     try:
-        values = tuple(sorted({float(v) for v in tail.split(",")} | {known.params[params[0]].null}))
+        values = tuple(sorted({float(v) for v in tail.split(",")} | {kind.params[params[0]].null}))
     except ValueError:
         raise UserError("not numbers", key="--sweep", got=tail) from None
-    low, high = known.params[params[0]].low, known.params[params[0]].high
+    low, high = kind.params[params[0]].low, kind.params[params[0]].high
     for v in values:
         if not low <= v <= high:
             raise UserError("out of bounds", key="--sweep", expected=f"{low:g} to {high:g}", got=v)
@@ -124,11 +124,12 @@ def sweeps(text: str) -> list[Sweep]:
     """
     if not text.lower().endswith((".yaml", ".yml")) or "=" in text:
         return [sweep(text)]
-    found = load_model(text).effects
-    if not found:
+    effects = load_model(text).effects
+    if not effects:
         raise UserError("has no effect to take away", file=text, expected="a model that a diagnosis wrote")
     return [
-        Sweep(e.effect, tuple(e.params), (0.0, 1.0), e.where, tuple(v.value for v in e.params.values())) for e in found
+        Sweep(e.effect, tuple(e.params), (0.0, 1.0), e.where, tuple(v.value for v in e.params.values()))
+        for e in effects
     ]
 
 
@@ -163,8 +164,8 @@ def summarise(episodes: Sequence[Episode], what: Sweep) -> SweepRecord:
     """
     curves: list[Curve] = []
     for policy in dict.fromkeys(e.policy for e in episodes):
-        own = [e for e in episodes if e.policy == policy]
-        table = Table([replace(e, world=e.configuration, configuration="") for e in own])
+        of_policy = [e for e in episodes if e.policy == policy]
+        table = Table([replace(e, world=e.configuration, configuration="") for e in of_policy])
         base = tag(what, what.null)
         points: list[SweepPoint] = []
         compared: list[tuple[SweepPoint, Estimate, float]] = []  # a point, its cost, McNemar's p
@@ -182,7 +183,7 @@ def summarise(episodes: Sequence[Episode], what: Sweep) -> SweepRecord:
         curves.append(
             {
                 "policy": policy,
-                "modality": own[0].modality,
+                "modality": of_policy[0].modality,
                 "points": points,
                 "falls_at": nearest["value"] if nearest else None,
                 "words": _words(points, nearest, what),

@@ -75,8 +75,8 @@ class Table:
         self.rows: list[dict[str, str]] = []
         if path.is_file():
             with as_written(path, "vispeg train"):
-                found = list(csv.DictReader(io.StringIO(read_text(path, 64 * MB), newline="")))
-                self.rows = [r for r in found if _before(r, upto, rounds)]
+                stored = list(csv.DictReader(io.StringIO(read_text(path, 64 * MB), newline="")))
+                self.rows = [r for r in stored if _before(r, upto, rounds)]
 
     @property
     def seconds(self) -> float:
@@ -108,8 +108,8 @@ class Watch(BaseCallback):
             info = self.locals["infos"][row]
             self.recent.append((bool(info.get("success", False)), str(info.get("category", "timeout"))))
         if self.opening is not None:
-            seen = self.locals["dones"], self.locals["infos"]
-            self.opening.after(self.training_env, self.num_timesteps, *seen)
+            ended = self.locals["dones"], self.locals["infos"]
+            self.opening.after(self.training_env, self.num_timesteps, *ended)
         self.bar.at(self.num_timesteps, self.success)
         return True
 

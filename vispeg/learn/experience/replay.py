@@ -136,8 +136,8 @@ class Replay:
 
     def _write(self, obs: Mapping[str, np.ndarray], envs: np.ndarray) -> np.ndarray:
         at = self.head[envs]
-        for key, kept in self.obs.items():
-            kept[at, envs] = _pack(key, obs[key])
+        for key, stored in self.obs.items():
+            stored[at, envs] = _pack(key, obs[key])
         self.starts[at, envs] = False
         self.head[envs] = (at + 1) % self.length
         self.full |= bool((self.head[envs] == 0).any())
@@ -177,11 +177,11 @@ class Replay:
     def _draw(self, n: int, allowed: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         if not allowed.any():
             raise UserError("nothing to learn from: the replay holds no transition")
-        found = np.empty(0, np.int64)
-        while len(found) < n:  # nearly all entries may be drawn, so one round is enough; of episodes' starts, few may
+        indices = np.empty(0, np.int64)
+        while len(indices) < n:  # nearly all entries may be drawn, so one round is enough; of episodes' starts, few may
             drawn = rng.integers(0, self._used * self.n_envs, 2 * n if allowed is self.starts else 64 * n)
-            found = np.concatenate([found, drawn[allowed.reshape(-1)[drawn]]])
-        return np.divmod(found[:n], self.n_envs)
+            indices = np.concatenate([indices, drawn[allowed.reshape(-1)[drawn]]])
+        return np.divmod(indices[:n], self.n_envs)
 
     def _batch(
         self, at: np.ndarray, env: np.ndarray, weight: np.ndarray | None = None, images: Images = "both"
@@ -218,17 +218,17 @@ class Replay:
         for name, array in self._arrays().items():
             path = folder / f"{name}.npy"
             try:
-                found = np.load(path, mmap_mode="r", allow_pickle=False)
+                stored = np.load(path, mmap_mode="r", allow_pickle=False)
             except (OSError, ValueError) as error:
                 raise UserError("not a stored replay", file=path) from error
-            if found.shape[1:] != array.shape[1:] or len(found) > len(array) or found.dtype != array.dtype:
-                raise UserError("from a replay of another shape", file=path, expected=array.shape, got=found.shape)
-            array[: len(found)] = found
+            if stored.shape[1:] != array.shape[1:] or len(stored) > len(array) or stored.dtype != array.dtype:
+                raise UserError("from a replay of another shape", file=path, expected=array.shape, got=stored.shape)
+            array[: len(stored)] = stored
         self.full = len(np.load(folder / "reward.npy", mmap_mode="r", allow_pickle=False)) == self.length
 
     def _arrays(self) -> dict[str, np.ndarray]:
-        own = {name: getattr(self, name) for name in ("action", "reward", "done", "starts", "head", "open", "began")}
-        return own | {f"obs.{key}": kept for key, kept in self.obs.items()}
+        arrays = {name: getattr(self, name) for name in ("action", "reward", "done", "starts", "head", "open", "began")}
+        return arrays | {f"obs.{key}": stored for key, stored in self.obs.items()}
 
 
 def mixed(first: Batch, second: Batch) -> Batch:

@@ -58,17 +58,17 @@ def from_folder(
     if modality_of(modality).obs_mode in GOAL_TOLD:
         expected = "a policy that is not told where the goal is"
         raise UserError("a dataset shows what such a policy does not see", file=folder, expected=expected, got=modality)
-    known = Dataset(folder)
+    index = Dataset(folder)
     wanted = layout.shapes if beside is None else {key: box.shape or () for key, box in beside.spaces.items()}
-    told = truth_of(known.features) in known.features
-    keys = list(wanted) if PRIVILEGED in wanted or not told else [*wanted, PRIVILEGED]
-    names = {key: feature_of(key, known.features) for key in keys}
-    act = "executed.action" if beside is not None and "executed.action" in known.features else "action"
+    has_truth = truth_of(index.features) in index.features
+    keys = list(wanted) if PRIVILEGED in wanted or not has_truth else [*wanted, PRIVILEGED]
+    names = {key: feature_of(key, index.features) for key in keys}
+    act = "executed.action" if beside is not None and "executed.action" in index.features else "action"
     gains = ["next.reward"] if beside is not None else []
     data = Dataset(folder, [*names.values(), act, *gains])
-    numbers = successes(known)
+    numbers = successes(index)
     if not numbers:
-        raise UserError("no episode of the dataset succeeded", file=folder, got=f"{len(known.episodes)} that did not")
+        raise UserError("no episode of the dataset succeeded", file=folder, got=f"{len(index.episodes)} that did not")
     first = data.episode(numbers[0])
     boxes: dict[str, spaces.Space] = {key: _box(key, _channels_first(key, first[names[key]])) for key in keys}
     for key, shape in wanted.items():
@@ -80,17 +80,17 @@ def from_folder(
     frames = sum(int(data.episodes[number]["length"]) for number in numbers)
     ring = Replay(frames + len(numbers) + 1, spaces.Dict(boxes), box, device, seed=seed)
     for number in numbers:
-        one = data.episode(number)
-        seen = {key: _channels_first(key, one[names[key]]) for key in keys}
-        steps = len(one[act])
-        gain = np.asarray(one["next.reward"] if gains else np.zeros(steps), np.float32)
+        episode = data.episode(number)
+        observations = {key: _channels_first(key, episode[names[key]]) for key in keys}
+        steps = len(episode[act])
+        gain = np.asarray(episode["next.reward"] if gains else np.zeros(steps), np.float32)
         for t in range(steps):
             # A dataset has no frame after its last action; the last one stands for it, and no value is read from it.
             last, after = t == steps - 1, min(t + 1, steps - 1)
             ring.add(
-                {key: value[t : t + 1] for key, value in seen.items()},
-                {key: value[after : after + 1] for key, value in seen.items()},
-                np.clip(one[act][t : t + 1], -1, 1),
+                {key: value[t : t + 1] for key, value in observations.items()},
+                {key: value[after : after + 1] for key, value in observations.items()},
+                np.clip(episode[act][t : t + 1], -1, 1),
                 gain[t : t + 1],
                 np.array([last]),
                 [{}],

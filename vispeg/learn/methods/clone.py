@@ -43,8 +43,8 @@ def optimizer_of(actor: Actor, settings: CloneSettings) -> torch.optim.Optimizer
     if settings.encoders == 1.0 or not len(actor.encoders):
         return torch.optim.Adam(actor.parameters(), settings.lr, fused=True)
     eyes = [*actor.encoders.parameters()]
-    seen = {id(p) for p in eyes}
-    head = {"params": [p for p in actor.parameters() if id(p) not in seen], "share": 1.0}
+    encoders = {id(p) for p in eyes}
+    head = {"params": [p for p in actor.parameters() if id(p) not in encoders], "share": 1.0}
     return torch.optim.Adam([head, {"params": eyes, "share": settings.encoders}], settings.lr, fused=True)
 
 
@@ -79,7 +79,7 @@ def clone(
     """
     if not rings or min(share for _, share in rings) <= 0:
         raise UserError("imitation needs stores with positive shares", got=[share for _, share in rings])
-    whole = sum(share for _, share in rings)
+    total = sum(share for _, share in rings)
     adam = optimizer or optimizer_of(actor, settings)
     for group in adam.param_groups:
         group["lr"] = settings.lr * group.get("share", 1.0)
@@ -87,7 +87,7 @@ def clone(
     losses = []
     for update in range(updates):
         actor.encoders.requires_grad_(update >= frozen)
-        loss = _loss(actor, rings, whole, settings, rng)
+        loss = _loss(actor, rings, total, settings, rng)
         adam.zero_grad(set_to_none=True)
         loss.backward()
         adam.step()
@@ -100,11 +100,11 @@ def clone(
 
 
 def _loss(
-    actor: Actor, rings: Sequence[tuple[Replay, float]], whole: float, s: CloneSettings, rng: np.random.Generator
+    actor: Actor, rings: Sequence[tuple[Replay, float]], total: float, s: CloneSettings, rng: np.random.Generator
 ) -> torch.Tensor:
     batch = None
     for ring, share in rings:
-        size = max(round(s.batch * share / whole), 1)
+        size = max(round(s.batch * share / total), 1)
         part = draw(ring, size, s.horizon, bool(actor.recurrent), rng, "before")
         batch = part if batch is None else mixed(batch, part)
     if batch is None:

@@ -40,10 +40,10 @@ class Curriculum:
         self.at += 1
         return True
 
-    def settings(self, given: Mapping[str, Any]) -> Mapping[str, Any]:
+    def settings(self, settings: Mapping[str, Any]) -> Mapping[str, Any]:
         """The task's settings at this stage, from the run's own."""
-        own = {"clearance_mm": self.stage.clearance_mm, "start_radius": self.stage.radius}
-        return {**given, **{key: value for key, value in own.items() if value is not None}}
+        overrides = {"clearance_mm": self.stage.clearance_mm, "start_radius": self.stage.radius}
+        return {**settings, **{key: value for key, value in overrides.items() if value is not None}}
 
 
 def stages(clearances: Sequence[float], radii: Sequence[float], task: Any) -> tuple[Stage, ...]:
@@ -67,10 +67,10 @@ def stages(clearances: Sequence[float], radii: Sequence[float], task: Any) -> tu
     return (*(Stage(mm, radius, level=1.0 if i else 0.5) for i, (mm, radius) in easier), Stage())
 
 
-def _towards(values: Sequence[float], easiest: float, own: float, key: str, order: str) -> list[float]:
-    """The values without `own` at their end; they must go one way from `easiest` to it."""
-    before = [*values[:-1], *(v for v in values[-1:] if v != own)]
-    steps = np.diff([easiest, *before, own])
+def _towards(values: Sequence[float], easiest: float, target: float, key: str, order: str) -> list[float]:
+    """The values without `target` at their end; they must go one way from `easiest` to it."""
+    before = [*values[:-1], *(v for v in values[-1:] if v != target)]
+    steps = np.diff([easiest, *before, target])
     if len(values) and not (np.all(steps > 0) or np.all(steps < 0)):
         raise UserError("not stages that become harder", key=key, expected=order, got=tuple(values))
     return before

@@ -92,8 +92,8 @@ def collect(
     ring = _room(env, length, seed, device, looks)
     with looking(env.env, looks):
         for obs, ends, label, reward, done, infos in _steps(env, teacher, student, beta, noise, seed, rng, length):
-            seen = side_by_side(obs, looks), side_by_side(ends, looks)
-            ring.add(*seen, label[rows], reward[rows], done[rows], [infos[row] for row in rows])
+            observations = side_by_side(obs, looks), side_by_side(ends, looks)
+            ring.add(*observations, label[rows], reward[rows], done[rows], [infos[row] for row in rows])
     ring.cut()
     return ring
 
@@ -119,20 +119,22 @@ def demonstrations(
     limit = max(10 * episodes, 4 * env.num_envs)
     longest = 60  # steps; the ring holds every step that is tried
     ring = _room(env, -(-limit // env.num_envs) * longest, seed, device)
-    kept = tried = 0
+    succeeded = tried = 0
     for obs, ends, label, reward, done, infos in _steps(
         env, teacher, None, 1.0, 0.0, seed, stream(seed, "demos"), None
     ):
         keep = np.array([bool(info.get("success", False)) for info in infos])
         for row in np.flatnonzero(done & keep):
-            kept += 1
-            keep[row] = kept <= episodes
+            succeeded += 1
+            keep[row] = succeeded <= episodes
         tried += int(done.sum())
         ring.add(obs, ends, label, reward, done, infos, keep)
-        if kept >= episodes:
+        if succeeded >= episodes:
             break
         if tried >= limit:
-            raise UserError("the teacher does not succeed in this world", expected=f"{episodes} successes", got=kept)
+            raise UserError(
+                "the teacher does not succeed in this world", expected=f"{episodes} successes", got=succeeded
+            )
     for row in range(env.num_envs):
         ring.starts[ring._span(row), row] &= ring.began[row] == ring.head[row]
     ring.cut()
@@ -222,7 +224,7 @@ def distill(
 
 def imitate(
     actor: Actor,
-    shown: Replay,
+    demos: Replay,
     settings: DistillSettings,
     seed: int,
     watch: Callable[[int, float], RoundResult] | None = None,
@@ -232,15 +234,15 @@ def imitate(
 
     Args:
         actor: the student.
-        shown: transitions with the actions to imitate.
+        demos: transitions with the actions to imitate.
         settings, seed, watch, rounds: as for `distill`.
     """
-    _learn(actor, [shown], None, settings, seed, watch, rounds)
+    _learn(actor, [demos], None, settings, seed, watch, rounds)
 
 
 def _learn(
     actor: Actor,
-    shown: list[Replay],
+    demos: list[Replay],
     played: Callable[[int, float], Replay] | None,
     settings: DistillSettings,
     seed: int,
@@ -249,23 +251,23 @@ def _learn(
 ) -> list[Replay]:
     """Rounds of cloning from what was shown and from what each of them (number, beta) plays before; returns both."""
     optimizer = torch.optim.Adam(actor.parameters(), settings.clone.lr, fused=True)
-    done, rings = 0, list(shown)
+    done, rings = 0, list(demos)
     if rounds is not None:
         rounds.restore(actor, optimizer)
         state = rounds.state
         done = len(settings.betas) if state is not None and state.get("stop") else rounds.done
         rings += rounds.rings() if played is not None else []
     for number, beta in list(enumerate(settings.betas))[done:]:
-        own = None if played is None else played(number, beta)
-        rings += [] if own is None else [own]
+        fresh = None if played is None else played(number, beta)
+        rings += [] if fresh is None else [fresh]
         if number == 0:
             actor.scale.measure(actor.vector(rings[0].sample(4096, images="none").obs))
         shares = [(ring, float(len(ring))) for ring in rings]
         rng = stream(seed, "clone", number)
         loss = clone(actor, shares, settings.updates, settings.clone, rng, optimizer=optimizer)
-        told: RoundResult = watch(number, loss) if watch is not None else {}
+        result: RoundResult = watch(number, loss) if watch is not None else {}
         if rounds is not None:
-            rounds.keep(own, actor, optimizer, told)
-        if told.get("stop"):
+            rounds.keep(fresh, actor, optimizer, result)
+        if result.get("stop"):
             break
     return rings

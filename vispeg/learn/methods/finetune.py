@@ -76,7 +76,7 @@ def finetune(
     source: Path,
     out: Path,
     target: MakeEnv,
-    known: MakeEnv | None,
+    training: MakeEnv | None,
     teacher: Callable[[Any], Teacher],
     settings: FinetuneSettings,
     seed: int,
@@ -92,7 +92,7 @@ def finetune(
         source: the policy's folder.
         out: of the new policy; also gets `finetune.json` with success before and after.
         target: makes the target world's environments, for demonstrations and for judging.
-        known: makes those of the world that the policy was trained in; None to learn from the target alone.
+        training: makes those of the world that the policy was trained in; None to learn from the target alone.
         teacher: gives the teacher for an environment.
         settings: numbers.
         seed: of everything random.
@@ -126,8 +126,8 @@ def finetune(
             ring, tried = demonstrations(env, teacher(env.env), settings.demos, seed, actor.device)
             say(f"{settings.demos} demonstrations, {tried} tried")
             rings.append((ring, 1 - settings.known))
-        if known is not None and settings.known > 0:
-            home = Sb3Env(known(settings.rows, {}))
+        if training is not None and settings.known > 0:
+            home = Sb3Env(training(settings.rows, {}))
             ring = collect(home, teacher(home.env), None, 1.0, settings.known_steps, 0.0, seed, actor.device)
             rings.append((ring, settings.known))
             others.append(describe(home.env))
@@ -159,7 +159,7 @@ def _success(policy: NetPolicy, env: Sb3Env, episodes: int) -> float:
 def finetune_in_worlds(
     source: Path,
     world: str,
-    known: str | None,
+    training: str | None,
     teacher: str,
     out: Path,
     settings: FinetuneSettings,
@@ -168,12 +168,12 @@ def finetune_in_worlds(
 ) -> Path:
     """`finetune` between two worlds by name or file; a policy's own stack, directions and cameras are kept."""
     policy = load(source)
-    known = known or home(policy)
+    training = training or home(policy)
     return finetune(
         source,
         out,
         of_policy(policy, world),
-        of_policy(policy, known),
+        of_policy(policy, training),
         lambda env: teacher_of(teacher, env.config),
         settings,
         seed,

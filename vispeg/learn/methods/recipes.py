@@ -48,11 +48,11 @@ def distilled(
         raise UserError("this recipe needs a teacher", key="teacher", expected=expected)
     run = SacRun(config, folder, make, show)
     settings = distill_settings(config.distill)
-    actor, seen, shown = run.model.actor, run.modality.name, None
+    actor, modality, demonstrated = run.model.actor, run.modality.name, None
     if config.dataset is not None:
         if settings.looks > 1:
             raise UserError("a dataset keeps the looks that it has", key="looks", expected=1, got=settings.looks)
-        shown = from_folder(config.dataset, seen, actor.layout, config.seed, actor.device)
+        demonstrated = from_folder(config.dataset, modality, actor.layout, config.seed, actor.device)
     else:
         check(run.env.env, settings.looks)
         teacher = teacher or teacher_of(str(config.teacher), run.env.env.config)  # type: ignore[attr-defined]
@@ -70,7 +70,7 @@ def distilled(
         nonlocal reached
         row = run.row(run.evaluate(), time.monotonic() - started)
         row["updates"], row["stage"], row["actor_loss"] = (number + 1) * settings.updates, f"distill {number}", loss
-        row["steps"] = (number + 1) * settings.steps if shown is None else 0
+        row["steps"] = (number + 1) * settings.steps if demonstrated is None else 0
         table.add(row)
         record(logger, row, "distill", row["updates"])
         bar.say(line(row))
@@ -78,10 +78,10 @@ def distilled(
         reached = reached + 1 if row["success"] >= config.target else 0
         return {"best": list(run.best), "command": run.command, "reached": reached, "stop": reached >= 2}
 
-    if shown is not None:
-        imitate(actor, shown, settings, config.seed, tell, rounds)
+    if demonstrated is not None:
+        imitate(actor, demonstrated, settings, config.seed, tell, rounds)
     elif teacher is not None:
-        demos = distill(actor, seen, run.env, teacher, settings, config.seed, tell, rounds)[0]
+        demos = distill(actor, modality, run.env, teacher, settings, config.seed, tell, rounds)[0]
         if config.recipe == "distill+sac":
             keep_ring(demos, folder / "demos")
             run.model.demos = demos
@@ -92,10 +92,10 @@ def distilled(
     return best
 
 
-def distill_settings(given: Any) -> DistillSettings:
+def distill_settings(overrides: Any) -> DistillSettings:
     """Settings with some replaced. Raises UserError for an unknown key."""
-    known = [f.name for f in fields(DistillSettings) if f.name != "clone"]
-    for key in given:
-        if key not in known:
-            raise UserError("unknown key", key=f"distill.{key}", got=key, choices=known)
-    return DistillSettings(**{key: tuple(value) if key == "betas" else value for key, value in given.items()})
+    choices = [f.name for f in fields(DistillSettings) if f.name != "clone"]
+    for key in overrides:
+        if key not in choices:
+            raise UserError("unknown key", key=f"distill.{key}", got=key, choices=choices)
+    return DistillSettings(**{key: tuple(value) if key == "betas" else value for key, value in overrides.items()})

@@ -75,15 +75,15 @@ class Rounds:
         state = self.state
         return 0 if state is None else state["rounds"]
 
-    def keep(self, ring: Replay | None, actor: Actor, optimizer: torch.optim.Optimizer, told: RoundResult) -> None:
-        """Stores one more round. `told` (JSON) comes back as `state`, which is written last: only then it counts."""
+    def keep(self, ring: Replay | None, actor: Actor, optimizer: torch.optim.Optimizer, result: RoundResult) -> None:
+        """Stores one more round. `result` (JSON) comes back as `state`, which is written last: only then it counts."""
         done = self.done
         self.folder.mkdir(exist_ok=True)
         if ring is not None:
             keep_ring(ring, self.folder / f"ring-{done}")
         name = f"student-{done}.safetensors"
         write(self.folder / name, {"rng": torch.get_rng_state(), **_tensors(actor, optimizer)})
-        text = json.dumps({**told, "rounds": done + 1, "student": name}, indent=1) + "\n"
+        text = json.dumps({**result, "rounds": done + 1, "student": name}, indent=1) + "\n"
         write_text_atomic(self.folder / "state.json", text, overwrite=True)
 
     def rings(self) -> list[Replay]:
@@ -101,12 +101,12 @@ class Rounds:
             return
         path = self.folder / state["student"]
         try:
-            found = load_file(path)
+            stored = load_file(path)
         except (OSError, SafetensorError) as error:
             raise UserError("not the student of a distillation", file=path) from error
         wake(optimizer)
-        random = found.pop("rng", torch.get_rng_state())
-        fill(_tensors(actor, optimizer), found, path)
+        random = stored.pop("rng", torch.get_rng_state())
+        fill(_tensors(actor, optimizer), stored, path)
         torch.set_rng_state(random)
 
 

@@ -41,15 +41,15 @@ class AsymmetricPolicy(SACPolicy):
         action_space: Any,
         lr_schedule: Any,
         *,
-        given: Callable[[], tuple[Actor, Callable[[], Critic]]],
+        networks: Callable[[], tuple[Actor, Callable[[], Critic]]],
         **_: Any,
     ):
-        self._given = given  # a function, because a module cannot be kept before the base class is ready
+        self._networks = networks  # a function, because a module cannot be kept before the base class is ready
         super().__init__(observation_space, action_space, lr_schedule)
 
     def _build(self, lr_schedule: Any) -> None:
         lr, device = float(lr_schedule(1)), self.device
-        actor, critic = self._given()
+        actor, critic = self._networks()
         self.actor: Any = actor.to(device)
         self.critic: Any = critic().to(device)
         self.critic_target: Any = critic().to(device)
@@ -110,7 +110,7 @@ class AsymmetricSAC(SAC):
             ent_coef=f"auto_{settings.entropy}",
             replay_buffer_class=Replay,  # type: ignore[arg-type]
             replay_buffer_kwargs={"seed": seed},
-            policy_kwargs={"given": networks},
+            policy_kwargs={"networks": networks},
             seed=seed,
             device=device,
         )
@@ -125,17 +125,17 @@ class AsymmetricSAC(SAC):
         self._owed += self.settings.utd * self.n_envs
         if not self.measured:
             self.measure()
-        s, told = self.settings, {}
+        s, values = self.settings, {}
         while self._owed >= 1:
             self._owed -= 1
             self._n_updates += 1
             acts = self._n_updates % s.critic_per_actor == 0 and self._n_updates > s.actor_frozen
             batch, demos = self._sample("both" if acts or s.symmetric else "after")
-            told["critic_loss"] = self._update_critic(batch)
+            values["critic_loss"] = self._update_critic(batch)
             if acts:
-                told |= self._update_actor(batch, demos)
+                values |= self._update_actor(batch, demos)
             soft_update(self.critic_target, self.critic, s.tau)
-        for name, value in told.items():
+        for name, value in values.items():
             self.logger.record(f"train/{name}", float(value))
         self.logger.record("train/updates", self._n_updates)
 
@@ -156,11 +156,11 @@ class AsymmetricSAC(SAC):
         demos = round(s.batch * s.demo_fraction) if self.demos is not None else 0
         if self.demos is None or demos == 0:
             return draw(self.replay, s.batch, s.horizon, bool(s.recurrent), rng, images), 0
-        told = draw(self.demos, demos, s.horizon, bool(s.recurrent), rng, images)
+        demo_batch = draw(self.demos, demos, s.horizon, bool(s.recurrent), rng, images)
         if not len(self.replay):
-            return told, told.reward.shape[-1]
-        own = draw(self.replay, s.batch - demos, s.horizon, bool(s.recurrent), rng, images)
-        return mixed(own, told), told.reward.shape[-1]
+            return demo_batch, demo_batch.reward.shape[-1]
+        replay_batch = draw(self.replay, s.batch - demos, s.horizon, bool(s.recurrent), rng, images)
+        return mixed(replay_batch, demo_batch), demo_batch.reward.shape[-1]
 
     def _update_critic(self, batch: Batch) -> Tensor:
         """One step on (Q - (r + gamma (1 - done) (min Q'(s', a') - alpha log pi(a'|s'))))^2 / 2 for both critics."""
@@ -213,8 +213,8 @@ class AsymmetricSAC(SAC):
             if self._hidden is None:
                 self._hidden = self.actor.initial(n_envs)
             with torch.no_grad():
-                given, self._hidden = self.actor.act(obs, self._hidden, deterministic=False)
-            action = given.cpu().numpy()
+                sampled, self._hidden = self.actor.act(obs, self._hidden, deterministic=False)
+            action = sampled.cpu().numpy()
         return action, action
 
     def _store_transition(

@@ -64,7 +64,7 @@ def modality(name: str) -> Modality:
 
 
 def _files() -> list[str]:
-    return [found.name for found in pkgutil.iter_modules(__path__)]
+    return [module.name for module in pkgutil.iter_modules(__path__)]
 
 
 def _load() -> None:

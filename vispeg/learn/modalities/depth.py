@@ -22,10 +22,10 @@ class DepthEncoder(ConvEncoder):
 
     def forward(self, x: Tensor) -> Tensor:
         """(n, 1, H, W) in metres -> (n, features)."""
-        seen = (x > 0).to(x.dtype)  # False for NaN too
+        valid = (x > 0).to(x.dtype)  # False for NaN too
         z = torch.nan_to_num(x).clamp(NEAR_M, FAR_M)
-        scaled = ((z - NEAR_M) * (2 / (FAR_M - NEAR_M)) - 1) * seen
-        return super().forward(torch.cat([scaled, seen], dim=1))
+        scaled = ((z - NEAR_M) * (2 / (FAR_M - NEAR_M)) - 1) * valid
+        return super().forward(torch.cat([scaled, valid], dim=1))
 
 
 def encoder(key: str, shape: tuple[int, int, int]) -> ConvEncoder:

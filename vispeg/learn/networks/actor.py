@@ -32,11 +32,11 @@ class Actor(nn.Module):
         super().__init__()
         self.layout, self.hidden, self.recurrent = layout, tuple(hidden), recurrent
         self.truth = list(layout.reads)  # columns of the ground truth
-        known = layout.vector + len(self.truth)
-        self.scale = Scale(known)
+        vector_size = layout.vector + len(self.truth)
+        self.scale = Scale(vector_size)
         self.encoders = nn.ModuleDict({key: modality.encoder(key, shape) for key, shape in layout.images.items()})
-        seen: list[Any] = list(self.encoders.values())
-        inputs = known + sum(encoder.features for encoder in seen)
+        encoders: list[Any] = list(self.encoders.values())
+        inputs = vector_size + sum(encoder.features for encoder in encoders)
         self.memory = nn.LSTM(inputs, recurrent) if recurrent else None
         self.body = mlp(recurrent or inputs, hidden)
         self.mean = nn.Linear(hidden[-1], layout.action)
@@ -50,8 +50,8 @@ class Actor(nn.Module):
 
     def vector(self, obs: Mapping[str, Tensor]) -> Tensor:
         """(..., n) what it reads beside images, unscaled."""
-        own = obs[VECTOR]
-        return torch.cat([own, obs[PRIVILEGED][..., self.truth]], dim=-1) if self.truth else own
+        vector = obs[VECTOR]
+        return torch.cat([vector, obs[PRIVILEGED][..., self.truth]], dim=-1) if self.truth else vector
 
     def features(self, obs: Mapping[str, Tensor], shift: int = 0) -> Tensor:
         """(n, inputs): scaled vector and image features. `shift` moves images at random, in pixels."""

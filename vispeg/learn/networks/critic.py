@@ -33,8 +33,8 @@ class Critic(nn.Module):
         self.keys = tuple(sizes)
         self.scale = Scale(sum(sizes.values()))
         self.encoders = nn.ModuleDict(encoders or {})
-        seen: list[Any] = list(self.encoders.values())
-        inputs = sum(sizes.values()) + sum(encoder.features for encoder in seen)
+        image_encoders: list[Any] = list(self.encoders.values())
+        inputs = sum(sizes.values()) + sum(encoder.features for encoder in image_encoders)
         self.nets = nn.ModuleList(
             nn.Sequential(mlp(inputs + action, hidden), nn.Linear(hidden[-1], 1)) for _ in range(2)
         )

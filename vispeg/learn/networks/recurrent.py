@@ -41,7 +41,7 @@ def latents(actor: Actor, batch: Batch, after: bool = False, shift: int = 0) -> 
         return actor.latent(actor.features(batch.next_obs if after else batch.obs, shift))[0]
     steps, n = batch.reward.shape
     # An episode is obs[0], next_obs[0], next_obs[1], ...: the memory runs over all of them once.
-    whole = {key: torch.cat([batch.obs[key][:1], batch.next_obs[key]]) for key in actor.layout.keys}
-    flat = actor.features({key: value.flatten(0, 1) for key, value in whole.items()}, shift)
+    sequence = {key: torch.cat([batch.obs[key][:1], batch.next_obs[key]]) for key in actor.layout.keys}
+    flat = actor.features({key: value.flatten(0, 1) for key, value in sequence.items()}, shift)
     latent, _ = actor.latent(flat.unflatten(0, (steps + 1, n)))
     return latent[1:] if after else latent[:-1]

@@ -38,15 +38,15 @@ def write(path: Path, tensors: Mapping[str, Tensor]) -> None:
     save_file({name: value.detach().cpu().contiguous() for name, value in tensors.items()}, path)
 
 
-def fill(wanted: Mapping[str, Tensor], found: Mapping[str, Tensor], file: Path) -> None:
+def fill(wanted: Mapping[str, Tensor], stored: Mapping[str, Tensor], file: Path) -> None:
     """Copies what was found into the tensors of the same names; moments that were not stored stay as they are.
 
     Raises:
         UserError: a tensor lacks, is too many, or has another shape; nothing was copied.
     """
-    known = {name: value for name, value in wanted.items() if name in found or not name.startswith("adam.")}
-    if {k: v.shape for k, v in known.items()} != {k: v.shape for k, v in found.items()}:
+    expected = {name: value for name, value in wanted.items() if name in stored or not name.startswith("adam.")}
+    if {k: v.shape for k, v in expected.items()} != {k: v.shape for k, v in stored.items()}:
         raise UserError("holds networks with other shapes or settings", file=file)
     with torch.no_grad():
-        for name, value in known.items():
-            value.copy_(found[name])
+        for name, value in expected.items():
+            value.copy_(stored[name])

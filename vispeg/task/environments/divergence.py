@@ -59,7 +59,7 @@ def leave(folder: Path, env: TaskVec, row: int) -> Path:
     cameras, renderer = (dict(file.cameras), dict(file.renderer)) if file is not None else ({}, {})
     world = env.drawn(row)
     digest = world_hash(world, task, cameras, renderer)
-    told = {
+    record = {
         "format": FORMAT,
         "seed": seed,
         "obs_mode": env.obs_mode,
@@ -70,14 +70,14 @@ def leave(folder: Path, env: TaskVec, row: int) -> Path:
         fixed = RandomizedWorld(base=world)
         text = world_text(WorldFile(f"diverged-{seed}", fixed, task, cameras, renderer, digest, place / WORLD))
         (place / WORLD).write_text(text, encoding="utf-8")
-        (place / EPISODE).write_text(json.dumps(told) + "\n", encoding="utf-8")
+        (place / EPISODE).write_text(json.dumps(record) + "\n", encoding="utf-8")
     return folder / str(seed)
 
 
 def _example(folder: Path) -> Path:
     push = {"force": [20.0, 0.0, 0.0], "start": 0.5, "duration": 0.2}
-    told = {"format": FORMAT, "seed": 7, "obs_mode": "state", "push": push, "actions": [[0.1, 0.0, -0.5]] * 3}
-    (folder / EPISODE).write_text(json.dumps(told), encoding="utf-8")
+    record = {"format": FORMAT, "seed": 7, "obs_mode": "state", "push": push, "actions": [[0.1, 0.0, -0.5]] * 3}
+    (folder / EPISODE).write_text(json.dumps(record), encoding="utf-8")
     (folder / WORLD).write_text(world_text(load_world("nominal")), encoding="utf-8")
     return folder
 
@@ -95,15 +95,15 @@ def replay(folder: str | Path) -> tuple[TaskVec, np.ndarray]:
     from vispeg.task.environments.vector import TaskVec
 
     path = Path(folder) / EPISODE
-    told = typed(_Told, LEFT.read(path), path)
-    env = TaskVec(1, Path(folder) / WORLD, told.obs_mode, autoreset_mode="Disabled")
-    actions = np.asarray(told.actions, float)[:, None]
+    record = typed(_Told, LEFT.read(path), path)
+    env = TaskVec(1, Path(folder) / WORLD, record.obs_mode, autoreset_mode="Disabled")
+    actions = np.asarray(record.actions, float)[:, None]
     if actions.shape[2] != len(env.config.dof):
         expected = f"{len(env.config.dof)} numbers each, as the world's task says"
         raise UserError("actions of another task", file=path, key="actions", expected=expected, got=actions.shape[2])
-    env.reset(seed=[told.seed])
-    if told.push is not None:
-        env.sim.push[0] = Push(np.asarray(told.push.force, float), told.push.start, told.push.duration)
+    env.reset(seed=[record.seed])
+    if record.push is not None:
+        env.sim.push[0] = Push(np.asarray(record.push.force, float), record.push.start, record.push.duration)
     for action in actions[:-1]:
         env.step(action)
     return env, np.asarray(actions[-1])

@@ -116,7 +116,7 @@ class TaskSimulation:
         self.cell.read()
         begun = np.isin(np.arange(self.nsim), rows)[:, None]  # the others go on with what they last measured
         true = self.cell.x.q, self.cell.x.dq
-        q, dq = (np.where(begun, new, known) for new, known in zip(true, self.measured, strict=True))
+        q, dq = (np.where(begun, new, old) for new, old in zip(true, self.measured, strict=True))
         self.see(q, dq)
         self.stack.fill(rows, self.observed.read(self, self.observed.policy))
 
@@ -180,11 +180,11 @@ class TaskSimulation:
         """
         c, cell = self.config, self.cell
         self.action = np.clip(np.nan_to_num(np.asarray(action, float)), -1.0, 1.0)
-        for acted, given in zip(self.acted, self.action, strict=True):
-            acted.append(given)
-        whole = np.zeros((self.nsim, 6))
-        whole[:, self.places] = self.action
-        self.held, self.rot = self.task.command(self, whole)
+        for acted, executed in zip(self.acted, self.action, strict=True):
+            acted.append(executed)
+        motion = np.zeros((self.nsim, 6))
+        motion[:, self.places] = self.action
+        self.held, self.rot = self.task.command(self, motion)
         self.goal = self.held - self.lever(self.rot)
         force, wrenches = np.empty((c.ticks, self.nsim, 3)), np.empty((c.ticks, self.nsim, 6))
         with quiet(), np.errstate(all="ignore"):
@@ -239,8 +239,8 @@ class TaskSimulation:
                 category = track.at_time(c)
             if category is not None:
                 records[i] = self._record(i, category)
-        seen = self.observed.read(self, self.observed.policy)
-        self.stack.push(np.nan_to_num(seen, posinf=0.0, neginf=0.0))
+        terms = self.observed.read(self, self.observed.policy)
+        self.stack.push(np.nan_to_num(terms, posinf=0.0, neginf=0.0))
         return gain, terminated, truncated & ~terminated, records
 
     def _record(self, i: int, category: str) -> EpisodeResult:

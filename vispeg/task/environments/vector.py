@@ -41,28 +41,30 @@ def spaces(config: TaskConfig, obs_mode: str, cameras: Sequence[Any]) -> tuple[g
 
 
 def world_of(
-    world: World | RandomizedWorld | str | Path | None, given: Mapping[str, Any], arguments: Iterable[str] | None = None
+    world: World | RandomizedWorld | str | Path | None,
+    settings: Mapping[str, Any],
+    arguments: Iterable[str] | None = None,
 ) -> tuple[RandomizedWorld, TaskConfig, WorldFile | None]:
-    """A world, the task it states with `given` on top, and its file (None for a World object).
+    """A world, the task it states with `settings` on top, and its file (None for a World object).
 
     Args:
         world: a World, a built-in world's name, or a file; `nominal` if None.
-        given: settings of the task in place of the world's.
-        arguments: of a call that `given` was taken from; a name that is neither among them nor a setting is refused as
-            a misspelt argument.
+        settings: settings of the task in place of the world's.
+        arguments: of a call that `settings` was taken from; a name that is neither among them nor a setting is refused
+            as a misspelt argument.
 
     Raises:
-        UserError: as `load_world`; of what is `given`, without the file, in which it does not stand.
+        UserError: as `load_world`; of `settings`, without the file, in which it does not stand.
     """
     if isinstance(world, World | RandomizedWorld):
         file, world = None, RandomizedWorld.of(world)
-        told = {"robot": world.base.robot, **given}
+        merged = {"robot": world.base.robot, **settings}
     else:
         file = load_world(world if world is not None else "nominal")
-        world, told = file.world, {**file.task, **given}
+        world, merged = file.world, {**file.task, **settings}
     if arguments is not None:
-        check_names(given, arguments, kind_of(told))
-    return world, config_of(told, None if given or file is None else str(file.path)), file
+        check_names(settings, arguments, kind_of(merged))
+    return world, config_of(merged, None if settings or file is None else str(file.path)), file
 
 
 MEANT = {  # what others call it -> what it is called here, where spelling does not tell
@@ -78,10 +80,10 @@ MEANT = {  # what others call it -> what it is called here, where spelling does 
 }
 
 
-def check_names(given: Iterable[str], others: Iterable[str], kind: type[TaskConfig]) -> None:
+def check_names(names: Iterable[str], others: Iterable[str], kind: type[TaskConfig]) -> None:
     """Raises UserError for a keyword argument that is neither a field of the task's settings nor among `others`."""
     choices = (*others, *(f.name for f in fields(kind)))
-    for name in given:
+    for name in names:
         if name not in choices:
             raise UserError("no such setting of the task", got=name, choices=choices, meant=MEANT.get(name, ""))
 
@@ -160,9 +162,9 @@ class TaskVec(VectorEnv):
         if isinstance(seed, (int, np.integer)):
             seed = [int(seed) + i for i in range(self.num_envs)]
         for i in np.flatnonzero(mask):
-            given = seed[int(i)] if isinstance(seed, Sequence) else None
-            if given is not None:
-                self._base[i], self._episode[i] = given, 0
+            first_seed = seed[int(i)] if isinstance(seed, Sequence) else None
+            if first_seed is not None:
+                self._base[i], self._episode[i] = first_seed, 0
             elif self._started:
                 self._episode[i] += 1
         self._started = True

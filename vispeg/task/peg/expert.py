@@ -39,8 +39,8 @@ class Expert:
 
         It turns the peg upright where it may turn it.
         """
-        c, seen = self.config, observation["policy"]
-        tip, force = self._read("tip", seen), self._read("force", seen)
+        c, terms = self.config, observation["policy"]
+        tip, force = self._read("tip", terms), self._read("force", terms)
         up = force[:, 2]
         inside = tip[:, 2] < -0.003
         self.searching |= (up > TOUCHING) & (np.abs(tip[:, 2]) < 0.003)
@@ -54,12 +54,12 @@ class Expert:
         down = np.where(away, np.where(aligned, -0.006, HOVER - tip[:, 2]), np.where(aligned, -0.003, 0.0))
         down = np.where(self.searching, -0.002, np.where(inside, -0.006, down))
         lateral = np.where(inside[:, None], np.clip(-0.5 * force[:, :2] / 20.0 * -0.003, -0.002, 0.002), error)
-        whole = np.zeros((len(seen), len(DOF)))
-        whole[:, :3] = np.concatenate([lateral, down[:, None]], axis=1) / c.offset
+        action = np.zeros((len(terms), len(DOF)))
+        action[:, :3] = np.concatenate([lateral, down[:, None]], axis=1) / c.offset
         if c.turns:
-            whole[:, 3:] = -self.observed.term("turn").scale * seen[:, self.observed["turn"]] / c.turn
-        return np.clip(whole[:, [DOF.index(d) for d in c.dof]], -1.0, 1.0).astype(np.float32)
+            action[:, 3:] = -self.observed.term("turn").scale * terms[:, self.observed["turn"]] / c.turn
+        return np.clip(action[:, [DOF.index(d) for d in c.dof]], -1.0, 1.0).astype(np.float32)
 
-    def _read(self, name: str, seen: np.ndarray) -> np.ndarray:
+    def _read(self, name: str, terms: np.ndarray) -> np.ndarray:
         """A term (n, size) of the newest moment, in its unit."""
-        return self.observed.term(name).scale * seen[:, self.observed[name]].astype(float)
+        return self.observed.term(name).scale * terms[:, self.observed[name]].astype(float)

@@ -46,19 +46,19 @@ def record_expert(
     Raises:
         UserError: the world has no cell, or a control period that its policy's is no multiple of.
     """
-    found = believed(world.cell)
+    belief = believed(world.cell)
     nsub = max(1, math.ceil(1.0 / (rate_hz * h_max) - 1e-9))
-    wait = math.ceil(AIR / found.config.policy_period)
+    wait = math.ceil(AIR / belief.config.policy_period)
     changes = {"control_period": 1.0 / rate_hz, "substeps": nsub, "avoid_limits": 0.0}
     try:
-        config = replace(found.config, **changes, steps=found.config.steps + wait)
+        config = replace(belief.config, **changes, steps=belief.config.steps + wait)
     except UserError as error:
         raise UserError(str(error), key="--rate", got=rate_hz) from error
-    sim = TaskSimulation(found.world.add(*world.effects), config, 1)
+    sim = TaskSimulation(belief.world.add(*world.effects), config, 1)
     sim.reset(np.arange(1), [seed])
-    sim.control.home = posture(found.scene)
+    sim.control.home = posture(belief.scene)
     ticks = config.steps * config.ticks
-    reader, goals = Reader(ticks, 1, len(found.scene.joints)), list[np.ndarray]()
+    reader, goals = Reader(ticks, 1, len(belief.scene.joints)), list[np.ndarray]()
 
     def heard(q: np.ndarray, dq: np.ndarray, felt: np.ndarray) -> None:
         reader.tick(len(goals), sim.cell, q, dq, felt)
@@ -73,9 +73,9 @@ def record_expert(
         ended = sim.step(expert.act(sim.observation()))[3][0]
     n = len(goals)
     ran = reader.ran(sim.diverged, n)
-    control = controller(found.scene, config, rate_hz)
+    control = controller(belief.scene, config, rate_hz)
     depth = float(ended["depth"])
     outcome = Outcome(bool(ended["success"]), 0, str(ended["category"]), float(ended["peak_force"]), depth)
     time = np.arange(n) / rate_hz
-    rec = recording(found, world, control, ran, np.array(goals), time, name, EXPERT, (outcome,))
+    rec = recording(belief, world, control, ran, np.array(goals), time, name, EXPERT, (outcome,))
     return with_noise(rec, noise, rng, torque_sensor, repeat)

@@ -116,12 +116,12 @@ def facing(yaw: np.ndarray) -> np.ndarray:
 def quarter(scene: Scene) -> float:
     """A quarter turn of the flange over the hole, to the side that leaves the last joints more room, rad."""
     nominal, at = nominal_of(scene.nominal, 1), np.array(scene.target) + [0, 0, 0.03 + scene.tip]
-    left = []
+    margins = []
     for yaw in (np.pi / 2, -np.pi / 2):
         q, error = reach(nominal, at[None], facing(np.array([yaw])), posture(scene)[None])
         room = np.minimum(q[0] - scene.range[:, 0], scene.range[:, 1] - q[0]).min()
-        left.append((float(room) if error[0] < 1e-4 else -1.0, yaw))
-    return max(left)[1]
+        margins.append((float(room) if error[0] < 1e-4 else -1.0, yaw))
+    return max(margins)[1]
 
 
 def start_angles(scene: Scene, pose: np.ndarray) -> np.ndarray:

@@ -78,21 +78,21 @@ def record_cell(
     Raises:
         UserError: the arm does not follow, or the world has no cell.
     """
-    found = _believed(world)
-    control = controller(found.scene, found.config, rate_hz, motion.force_limit)
-    q = start_angles(found.scene, motion.ee_cmd[0])
-    plant = found.world.add(*world.effects)
-    ran = run(found.scene, [plant], control, motion.ee_cmd, q, np.zeros_like(q), h_max=h_max, nthread=nthread)
+    belief = _believed(world)
+    control = controller(belief.scene, belief.config, rate_hz, motion.force_limit)
+    q = start_angles(belief.scene, motion.ee_cmd[0])
+    plant = belief.world.add(*world.effects)
+    ran = run(belief.scene, [plant], control, motion.ee_cmd, q, np.zeros_like(q), h_max=h_max, nthread=nthread)
     if ran.diverged[0]:
         raise UserError("the arm does not follow: the loop is unstable", expected="smaller effects or a higher rate")
     watch(ran.true[0])
-    outcome = outcome_of(found, ran) if motion.name.startswith(("insert", "look", "mix")) else ()
-    rec = recording(found, world, control, ran, motion.ee_cmd, motion.time, name, motion.name, outcome)
+    outcome = outcome_of(belief, ran) if motion.name.startswith(("insert", "look", "mix")) else ()
+    rec = recording(belief, world, control, ran, motion.ee_cmd, motion.time, name, motion.name, outcome)
     return with_noise(rec, noise, rng, torque_sensor, repeat)
 
 
 def recording(
-    found: Believed,
+    belief: Believed,
     world: World,
     control: Control,
     ran: Ran,
@@ -103,7 +103,7 @@ def recording(
     outcomes: tuple[Outcome, ...] = (),
 ) -> Recording:
     """What the sensors of one run read, without noise."""
-    scene = found.scene
+    scene = belief.scene
     return Recording(
         path=Path(name),
         robot=str(Path(world.robot).resolve()) if Path(world.robot).suffix else world.robot,
@@ -117,9 +117,9 @@ def recording(
         ee=flange_pose(scene.nominal, ran.q[0]),
         ee_cmd=ee_cmd,
         ft=ran.ft[0],
-        tool=carried(scene.nominal.compile()) | {"name": f"{found.config.robot.tool} and {scene.held}"},
+        tool=carried(scene.nominal.compile()) | {"name": f"{belief.config.robot.tool} and {scene.held}"},
         torque_sensor="joint",
-        cell=stated(world.cell, found),
+        cell=stated(world.cell, belief),
         wrench=WrenchSensor(),
         outcomes=outcomes,
         motion=motion,
@@ -127,11 +127,11 @@ def recording(
     )
 
 
-def stated(cell: CellBelief | None, found: Believed) -> CellBelief:
+def stated(cell: CellBelief | None, belief: Believed) -> CellBelief:
     """The belief as a recording states it: a cell by name in full numbers, so that a reader sees what is believed."""
     if cell is not None and not cell.open:
         return cell
-    config = found.config
+    config = belief.config
     numbers = {f: getattr(config, f) for f in asdict(SceneConfig()) if f not in OTHERS and hasattr(config, f)}
     plain = {k: list(v) if isinstance(v, tuple) else v for k, v in numbers.items() if v not in ("", ())}
     return CellBelief("", plain)
@@ -170,12 +170,12 @@ def _believed(world: World) -> Believed:
     return believed(world.cell)
 
 
-def outcome_of(found: Believed, ran: Ran) -> tuple[Outcome, ...]:
+def outcome_of(belief: Believed, ran: Ran) -> tuple[Outcome, ...]:
     """Whether the tip got to the depth that the task asks for without more force than it allows."""
-    config, tip, peak = found.config, ran.tip[0], float(ran.touch[0].max())
+    config, tip, peak = belief.config, ran.tip[0], float(ran.touch[0].max())
     over = np.hypot(tip[:, 0], tip[:, 1]) < 0.5 * getattr(config, "diameter", 0.0)
     depth = float(np.max(-tip[over, 2], initial=0.0))
     if peak > config.force_abort:
         return (Outcome(False, 0, "force limit", peak, depth),)
-    deep = depth >= getattr(config, "success_depth", 0.8) * found.scene.config.depth
+    deep = depth >= getattr(config, "success_depth", 0.8) * belief.scene.config.depth
     return (Outcome(deep, 0, "success" if deep else "search" if depth < 0.002 else "jam", peak, depth),)

@@ -38,15 +38,15 @@ def replay(rec: Recording, worlds: Sequence[World], *, h_max: float = STEP, nthr
     if rec.control.mode != "osc" or rec.ee_cmd is None:
         expected = "osc, with ee_cmd columns"
         raise UserError("cannot be replayed", file=header, key="control.mode", expected=expected, got=rec.control.mode)
-    found = believed(rec.cell, header)
-    plants = [found.world.add(*world.effects) for world in worlds]
+    belief = believed(rec.cell, header)
+    plants = [belief.world.add(*world.effects) for world in worlds]
     number = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
     out = []
     for n in np.unique(number):
         rows = np.flatnonzero(number == n)
         _on_clock(rec, rows)
         q, dq = _start(rec, rows)
-        out.append(run(found.scene, plants, rec.control, rec.ee_cmd[rows], q, dq, h_max=h_max, nthread=nthread))
+        out.append(run(belief.scene, plants, rec.control, rec.ee_cmd[rows], q, dq, h_max=h_max, nthread=nthread))
     return out
 
 

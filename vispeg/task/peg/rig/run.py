@@ -65,8 +65,8 @@ class Reader:
 
     def ran(self, diverged: np.ndarray, ticks: int | None = None) -> Ran:
         """All of it, worlds first."""
-        kept = (self.q, self.dq, self.tau, self.ft, self.tip, self.touch, self.true)
-        return Ran(*(np.swapaxes(p[:ticks], 0, 1) for p in kept), diverged=diverged)
+        arrays = (self.q, self.dq, self.tau, self.ft, self.tip, self.touch, self.true)
+        return Ran(*(np.swapaxes(p[:ticks], 0, 1) for p in arrays), diverged=diverged)
 
 
 def run(
