@@ -29,7 +29,7 @@ class EvaluationResult(Played):
         rows = self.record["success"]
         heads = ("policy", "success", "time", "peak force", "failures")
         out: list[Block] = [Sheet([Column(head) for head in heads], [_row(r) for r in rows])]
-        out += [Line(words.told(r), path=True) for r in rows if r["needed"]]
+        out += [Line(words.conclusion(r), path=True) for r in rows if r["needed"]]
         for c in self.record["comparisons"]:
             said = f"{c['first']} - {c['second']}: {words.lost(c['difference'])} points, {c['verdict']}"
             out.append(Line(said, path=True))
@@ -78,7 +78,7 @@ def evaluate(
         jobs = make_jobs(who, settings, seeds_of(episodes, seed), place / "worlds", profile=True)
         ends = play(jobs, place, workers, playing)
         values = gaps.gap(ends, file.name, seed=seed, scripted=[e.name for e in who if e.scripted])
-        values["notes"] += [words.told(r) for r in values["success"] if r["needed"]]
+        values["notes"] += [words.conclusion(r) for r in values["success"] if r["needed"]]
         filmed = out is not None and videos > 0
         media = film_failures(jobs, ends, place / "media", videos) if filmed else []
         result = EvaluationResult(stamped(values, seed, folders(who)), tuple(ends), tuple(media), tuple(sources))

@@ -33,7 +33,7 @@ def _example(folder: Path) -> Path:
     friction = {"effect": "coulomb_friction", "where": "joint4", "indistinguishable_from": []}
     friction["params"] = {"torque": {"value": 1.3, "low": 1.2, "high": 1.4, "unit": "N m"}}
     steps = [("nominal", 9.1e-3, 8.8e-3), ("+ coulomb_friction(joint4)", 2.1e-4, 2.2e-4)]
-    found = {
+    record = {
         "format": "vispeg-diagnosis/1",
         "verdict": "identified",
         "effects": [friction],
@@ -56,7 +56,7 @@ def _example(folder: Path) -> Path:
         "notes": ["rig-b: 3 rows without a reading were left out"],
         "correlations": {"labels": ["a", "b"], "matrix": [[1.0, -0.9], [-0.9, None]]},
     }
-    (folder / "diagnosis.json").write_text(json.dumps(found), encoding="utf-8")
+    (folder / "diagnosis.json").write_text(json.dumps(record), encoding="utf-8")
     return folder
 
 
@@ -106,6 +106,6 @@ def _sections(record: Record, names: Sequence[str], room: str = "") -> list[Sect
 def _room(record: Record, said: Mapping[str, Any]) -> list[Section]:
     """What a room has to show: its verdict, and the sections of its kind of evidence."""
     name = str(said.get("room"))
-    own = Record("diagnosis", said.get("record") or {}, record.evidence.rooms.get(name, Evidence()))
-    first = Section(f"room-{name}", name.capitalize(), "sections/room", room.context(own, name))
-    return [first, *_sections(own, [n for n in _names(own) if n not in SHARED], name)]
+    room_record = Record("diagnosis", said.get("record") or {}, record.evidence.rooms.get(name, Evidence()))
+    first = Section(f"room-{name}", name.capitalize(), "sections/room", room.context(room_record, name))
+    return [first, *_sections(room_record, [n for n in _names(room_record) if n not in SHARED], name)]

@@ -136,9 +136,9 @@ def load_evidence(path: Path) -> Evidence:
         rooms: dict[str, dict[str, np.ndarray]] = {}
         for key, value in arrays.items():
             if key.startswith("room/") and key.count("/") > 1:
-                _, name, own = key.split("/", 2)
-                rooms.setdefault(name, {})[own] = value
-        each = {name: _Reader(path, own).evidence() for name, own in rooms.items()}
+                _, name, rest = key.split("/", 2)
+                rooms.setdefault(name, {})[rest] = value
+        each = {name: _Reader(path, inner).evidence() for name, inner in rooms.items()}
         return replace(_Reader(path, arrays).evidence(), rooms=each)
 
 
@@ -159,8 +159,8 @@ class _Reader:
             if f"{r}/measured_tau" in self.arrays and f"{r}/before_tau" in self.arrays:
                 torques.append(self.trace(r, "_tau", name, "N m", time))
         maps = {axis: self.map(axis) for axis in AXES if f"map/{axis}/before" in self.arrays}
-        seen = {k: v for k, v in self.arrays.items() if k.startswith(("picture/", "camera/"))}
-        for key, image in seen.items():
+        pictures = {k: v for k, v in self.arrays.items() if k.startswith(("picture/", "camera/"))}
+        for key, image in pictures.items():
             if key.startswith("picture/") and (image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8):
                 raise UserError("is no picture", file=self.path, key=key, expected="(H, W, 3) uint8", got=image.shape)
         views = {k: v for k, v in self.arrays.items() if k.startswith(("view/", "projection/"))}
@@ -169,7 +169,7 @@ class _Reader:
         names = tuple(str(n) for n in self.arrays.get("phases", ()))
         png = self.arrays["worst/png"].astype(np.uint8).tobytes() if "worst/png" in self.arrays else None
         more = phases, names, png, self.text("worst/moment", ""), picked(self.arrays)
-        return Evidence(*joint, seen, views, *more)
+        return Evidence(*joint, pictures, views, *more)
 
     def choices(self) -> Choices | None:
         if "choice/on" not in self.arrays:

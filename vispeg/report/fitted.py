@@ -44,19 +44,19 @@ class FitRecord(TypedDict):
 
 
 def fit_record(
-    given: World, found: Calibration, free: Sequence[int], evidence: Evidence, judged: Evidence | None
+    nominal: World, calibration: Calibration, free: Sequence[int], evidence: Evidence, judged: Evidence | None
 ) -> tuple[FitRecord, World]:
     """What fit.json says, and the fitted world with where its values come from.
 
     Args:
-        given: the user's model.
-        found: the fit.
+        nominal: the user's model.
+        calibration: the fit.
         free: the fitted effects in the fitted world.
         evidence: of the fitted recordings.
         judged: of the held-out ones, or None.
     """
-    fit = found.fit
-    worlds = [given, fit.world]
+    fit = calibration.fit
+    worlds = [nominal, fit.world]
     residuals = evidence.residuals(worlds)
     fitted = [evidence.angle_rms(r) for r in residuals]
     held, judge, judging = [None, None], evidence, residuals
@@ -76,7 +76,7 @@ def fit_record(
     names = labels(fit)
     record: FitRecord = {
         "format": "vispeg-fit/1",
-        "method": found.method,
+        "method": calibration.method,
         "converged": bool(fit.converged),
         "effects": [without_origin(final.effects[i]) for i in free],
         "ladder": [
@@ -85,7 +85,7 @@ def fit_record(
         ],
         "noise_floor": {"value": floor, "unit": unit},
         "chi2": fit.cost,
-        "starts": [{"chi2": c} for c in found.costs],
+        "starts": [{"chi2": c} for c in calibration.costs],
         "correlations": {"labels": names, "matrix": np.round(fit.correlation, 4).tolist()},
         "hardly_told_apart": [{"a": a, "b": b, "correlation": round(c, 4)} for a, b, c in strong_pairs(fit)],
         "at_bound": list(fit.at_bound),
@@ -120,19 +120,19 @@ def print_fit(record: Mapping[str, Any], out: Path) -> None:
 
 def doubts(record: Mapping[str, Any]) -> list[str]:
     """One line for each reason not to trust a value."""
-    found = []
+    lines = []
     if record["chi2"] >= HOPELESS:
-        found.append(
+        lines.append(
             "every rollout left the measured motion: the values mean nothing; start nearer or fit fewer effects"
         )
     if not record["converged"]:
-        found.append("the optimizer stopped before it converged: fit again from OUT/model.yaml")
-    found += [f"at its bound: {name}" for name in record["at_bound"]]
-    found += [f"not determined by these recordings: {name}" for name in record["unidentifiable"]]
+        lines.append("the optimizer stopped before it converged: fit again from OUT/model.yaml")
+    lines += [f"at its bound: {name}" for name in record["at_bound"]]
+    lines += [f"not determined by these recordings: {name}" for name in record["unidentifiable"]]
     pairs = record["hardly_told_apart"]
-    found += [f"hardly told apart: {p['a']} and {p['b']} (correlation {p['correlation']:.2f})" for p in pairs]
+    lines += [f"hardly told apart: {p['a']} and {p['b']} (correlation {p['correlation']:.2f})" for p in pairs]
     costs = [row["chi2"] for row in record["starts"]]
     if len(costs) > 1:
         same = sum(c <= 1.05 * min(costs) + 0.05 for c in costs)
-        found.append(f"{same} of {len(costs)} starts ended at the best fit")
-    return found + [f"note: {note}" for note in record["notes"]]
+        lines.append(f"{same} of {len(costs)} starts ended at the best fit")
+    return lines + [f"note: {note}" for note in record["notes"]]

@@ -66,12 +66,12 @@ def templates(room: str = "vispeg.report") -> Environment:
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup, escape
 
-    found = Environment(
+    environment = Environment(
         loader=PackageLoader(room, "templates"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    found.filters["breakable"] = lambda name: escape(name).replace("(", Markup("<wbr>("))
-    return found
+    environment.filters["breakable"] = lambda name: escape(name).replace("(", Markup("<wbr>("))
+    return environment

@@ -104,8 +104,8 @@ def _judged(values: Mapping[str, Any]) -> Mapping[str, Any]:
     ladder = rows(values, "ladder")
     if any(number(row.get("heldout_error")) is not None for row in ladder):
         return values
-    shown = [{**row, "heldout_error": row.get("fit_error"), "fit_error": None} for row in ladder]
-    return {**values, "ladder": shown, "judged": "fitted"}
+    relabelled = [{**row, "heldout_error": row.get("fit_error"), "fit_error": None} for row in ladder]
+    return {**values, "ladder": relabelled, "judged": "fitted"}
 
 
 def _read(path: Path) -> Mapping[str, Any]:

@@ -35,7 +35,7 @@ class DataPage(Page):
                     "Folder", dataset, hint="LeRobot's layout, BOP's, or plain PNG and CSV files"
                 )
                 self.start = gui.add_button("Open the dataset", color="teal")
-            self.job = Job(place, self.told, self.idle)
+            self.job = Job(place, self.receive, self.idle)
             with gui.add_folder("Frame"):
                 self.number = gui.add_slider("Frame", 0, 1, 1, 0)
                 self.episode = gui.add_slider("Episode", 0, 1, 1, 0)
@@ -73,7 +73,7 @@ class DataPage(Page):
         if not self.waits:
             self.job.ask("frame", int(self.number.value))
 
-    def told(self, name: str, value: Any) -> None:
+    def receive(self, name: str, value: Any) -> None:
         """What the worker tells."""
         if name == "dataset":
             self._opened(value)

@@ -54,8 +54,8 @@ class Drawing:
                 continue
             if body not in self.frames:
                 self.frames[body] = scene.add_frame(f"{root}/body{body}", show_axes=False)
-            own = (colours or {}).get(name)
-            colour = look.colour or np.round(255 * np.asarray(own or colour_of(model, g))).astype(int)
+            override = (colours or {}).get(name)
+            colour = look.colour or np.round(255 * np.asarray(override or colour_of(model, g))).astype(int)
             scene.add_mesh_simple(
                 f"{root}/body{body}/geom{g}",
                 *shape,

@@ -84,7 +84,7 @@ class Frames:
         k = bisect_right(starts, number) - 1
         facts = [("outcome", str(dict(data.episodes[k]).get(f"{OWN}category") or "")), *_numbers(frame)]
         drawn = [(label, ", ".join(f"{n} {plain(v)}" for n, v in some.items())) for label, some in _drawn_of(data, k)]
-        pictures = {label: one for name in data.cameras for label, one in self._views(frame, name)}
+        pictures = {label: picture for name in data.cameras for label, picture in self._views(frame, name)}
         self.tell("frame", Frame(number, k, number - starts[k], pictures, [f for f in facts if f[1]], drawn))
 
     def _views(self, frame: Mapping[str, np.ndarray], name: str) -> list[tuple[str, np.ndarray]]:

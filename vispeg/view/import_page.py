@@ -49,7 +49,7 @@ class ImportPage(Page):
                 self.log = gui.add_text("Log", str(logs[0]) if logs else "", hint="a file, or a ROS 2 bag's folder")
                 self.robot = gui.add_text("Robot", robot, hint="a robot's name, or a path to an MJCF or URDF")
                 self.propose = gui.add_button("Propose what the columns are", color="teal")
-            self.job = Job(place, self.told, self.idle)
+            self.job = Job(place, self.receive, self.idle)
             with gui.add_folder("Units"):
                 self.chosen = gui.add_folder(None)
                 self.sensor = gui.add_dropdown("Torque is", SENSORS, initial_value=SENSORS[0], visible=False)
@@ -87,7 +87,7 @@ class ImportPage(Page):
             self.job.begin(Importer, ())
         self.job.ask("propose", path, str(self.robot.value))
 
-    def told(self, name: str, value: Any) -> None:
+    def receive(self, name: str, value: Any) -> None:
         """What the worker tells."""
         if name == "proposed":
             self.proposed = value
@@ -170,11 +170,11 @@ class ImportPage(Page):
         names = look.joints if values.shape[1] == len(look.joints) else [f"{i + 1}" for i in range(values.shape[1])]
         pen = {"width": 1.2, "points": {"show": False}}
         series = [{"label": n, "stroke": COLOURS[i % len(COLOURS)], **pen} for i, n in enumerate(names)]
-        known = np.isfinite(values).all(axis=1)
+        finite = np.isfinite(values).all(axis=1)
         unit = SI.get(str(self.signal.value), "")
         with self.plots:
             self.plot = self.place.gui.add_uplot(
-                (look.time[known].astype(float), *(v for v in values[known].T)),
+                (look.time[finite].astype(float), *(v for v in values[finite].T)),
                 ({"label": "s"}, *series),
                 title=f"{self.signal.value}, {unit}, as it would be written",
                 scales={"x": {"time": False}},

@@ -70,15 +70,15 @@ class Importer:
         if not source.exists():
             raise UserError("does not exist", file=source)
         self.tell("say", f"reading {source.name}")
-        found = Proposed((), {}, {}, ())
+        proposed = Proposed((), {}, {}, ())
         if is_table(source):
             proposal = propose(source, robot)
             lines = tuple((line.target, line.column, line.unit or "", line.why) for line in proposal.lines)
             units = {target.partition(".")[0]: unit for target, _, unit, _ in lines if unit in FACTORS}
             remarks = (*proposal.doubts, *advice(proposal))
-            found = Proposed(lines, units, data(proposal), remarks)
-        self.tell("proposed", found)
-        self.look(source, robot, dict(found.data))
+            proposed = Proposed(lines, units, data(proposal), remarks)
+        self.tell("proposed", proposed)
+        self.look(source, robot, dict(proposed.data))
 
     def look(self, source: Path, robot: str, columns: dict[str, object]) -> None:
         """Reads the log with a map and tells what comes out."""

@@ -16,12 +16,12 @@ class Job:
 
     Args:
         place: of the page; the line is added where the page's elements are being added.
-        told: is told (name, value) of what the work tells beside `say`.
+        receive: called with (name, value) of what the work tells beside `say`.
         idle: is told whether nothing is asked for any more, after each change of that.
     """
 
-    def __init__(self, place: Place, told: Callable[[str, Any], None], idle: Callable[[bool], None]):
-        self.told, self.idle, self.lock = told, idle, threading.RLock()
+    def __init__(self, place: Place, receive: Callable[[str, Any], None], idle: Callable[[bool], None]):
+        self.receive, self.idle, self.lock = receive, idle, threading.RLock()
         self.worker: Worker | None = None
         self.start: Callable[[Callable[..., None]], Worker] | None = None
         self.said: list[str] = []
@@ -89,9 +89,9 @@ class Job:
             self.said.append(str(value))
             self.line.content = html.note(str(value))
         elif kind == "told":
-            self.told(name, value)
+            self.receive(name, value)
         elif kind == "done":
-            self.told(f"{name} done", value)
+            self.receive(f"{name} done", value)
             self._shown()
         else:
             text = "the work ended before it was done: it was killed, or the memory is full"

@@ -49,17 +49,17 @@ class PolicyPage(Page):
         self.sides, self.playing, self.visible = (Side(), Side()), False, False
         names = [p.name for p in policies()]
         names = [policy, *names] if policy and policy not in names else names
-        known = [w.name for w in worlds()]
-        known = [world, *known] if world and world not in known else known
+        world_names = [w.name for w in worlds()]
+        world_names = [world, *world_names] if world and world not in world_names else world_names
         self.root = gui.add_folder(None)
         with self.root:
             with gui.add_folder("Episode"):
                 self.policy = gui.add_dropdown("Policy", (*names, EXPERT), initial_value=policy or EXPERT)
-                self.world = gui.add_dropdown("World", (OWN, *known), initial_value=world or OWN)
-                self.beside = gui.add_dropdown("Beside it", (NONE, *known), initial_value=NONE)
+                self.world = gui.add_dropdown("World", (OWN, *world_names), initial_value=world or OWN)
+                self.beside = gui.add_dropdown("Beside it", (NONE, *world_names), initial_value=NONE)
                 self.seed = gui.add_number("Seed", 0, min=0, step=1)
                 self.start = gui.add_button("Play the episode", color="teal")
-            self.job = Job(place, self.told, self.idle)
+            self.job = Job(place, self.receive, self.idle)
             with gui.add_folder("Step by step"):
                 self.slider = gui.add_slider("Step", 0, 1, 1, 0)
                 self.play = gui.add_button("Play")
@@ -96,15 +96,15 @@ class PolicyPage(Page):
         self.playing = False
         for side in self.sides:
             self._clear(side)
-        own = "" if self.world.value == OWN else str(self.world.value)
-        where = (own,) if self.beside.value == NONE else (own, str(self.beside.value))
+        world = "" if self.world.value == OWN else str(self.world.value)
+        where = (world,) if self.beside.value == NONE else (world, str(self.beside.value))
         seed = int(self.seed.value)
         self._commands(where, seed)
         if self.job.start is None:
             self.job.begin(Episodes, ())
         self.job.ask("play", str(self.policy.value), where, seed)
 
-    def told(self, name: str, value: Any) -> None:
+    def receive(self, name: str, value: Any) -> None:
         """What the worker tells."""
         if name == "cell":
             k, model, world = value

@@ -80,13 +80,13 @@ def _work(pipe: Connection, make: Callable[..., Any], args: tuple[Any, ...]) -> 
     made: Any = None
     while True:
         try:
-            method, given = pipe.recv()
+            method, arguments = pipe.recv()
         except EOFError:
             return
         try:
             if made is None:
                 made = make(lambda name, value: pipe.send(("told", name, value)), *args)
-            pipe.send(("done", method, getattr(made, method)(*given)))
+            pipe.send(("done", method, getattr(made, method)(*arguments)))
         except UserError as error:
             pipe.send(("refused", method, str(error)))
         except Exception:

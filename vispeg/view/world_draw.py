@@ -85,7 +85,7 @@ def ranges(world: str) -> list[Range]:
     """The flat ranges of a world, each with a span about it that its effect allows."""
     from vispeg.core.effect import effect
 
-    found = []
+    entries = []
     for entry in load_world(world).world.ranges:
         for name, value in entry.params.items():
             param = effect(entry.effect).params[name]
@@ -97,5 +97,5 @@ def ranges(world: str) -> list[Range]:
                     ends = max(low / 3, param.low), min(high * 3, param.high)
                 case _:
                     continue
-            found.append(Range(entry.effect, entry.where, name, param.unit, low, high, *ends))
-    return found
+            entries.append(Range(entry.effect, entry.where, name, param.unit, low, high, *ends))
+    return entries

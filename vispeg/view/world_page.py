@@ -40,15 +40,15 @@ class WorldPage(Page):
         self.folders: list[Any] = []
         self.cell: Drawing | None = None
         self.visible, self.opened, self.again = False, "", False
-        known = [w.name for w in worlds()]
-        known = [world, *known] if world and world not in known else known
+        world_names = [w.name for w in worlds()]
+        world_names = [world, *world_names] if world and world not in world_names else world_names
         self.root = gui.add_folder(None)
         with self.root:
             with gui.add_folder("World"):
-                self.world = gui.add_dropdown("World", known, initial_value=world or "randomized")
+                self.world = gui.add_dropdown("World", world_names, initial_value=world or "randomized")
                 self.seed = gui.add_number("Seed", 0, min=0, step=1)
                 self.other = gui.add_button("Draw another seed", color="teal")
-            self.job = Job(place, self.told, self.idle)
+            self.job = Job(place, self.receive, self.idle)
             with gui.add_folder("Save"):
                 self.name = gui.add_text("Name", "mine")
                 self.save = gui.add_button("Write the world file")
@@ -86,7 +86,7 @@ class WorldPage(Page):
         self._commands()
         self.job.ask("draw", world, int(self.seed.value))
 
-    def told(self, name: str, value: Any) -> None:
+    def receive(self, name: str, value: Any) -> None:
         """What the worker tells."""
         if name == "ranges":
             self._ranges(value)
@@ -141,12 +141,12 @@ class WorldPage(Page):
         """The world as the sliders say, as a file of the page's own."""
         return write_text_atomic(self.place.out / ".world.yaml", self.text(), overwrite=True)
 
-    def _ranges(self, found: list[Range]) -> None:
+    def _ranges(self, ranges: list[Range]) -> None:
         for folder in self.folders:
             folder.remove()
         self.folders, self.sliders = [], []
         by_effect: dict[tuple[str, str], list[Range]] = {}
-        for r in found:
+        for r in ranges:
             by_effect.setdefault((r.effect, r.where), []).append(r)
         with self.ranges:
             for (name, where), some in by_effect.items():

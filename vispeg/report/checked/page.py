@@ -35,8 +35,8 @@ SIGNALS = (
             Line("bad reading", "bad", "red", dots=True),
         ),
     ),
-    Panel("off its command", "rad", (Line("commanded − measured", "off", "before"),), shown=False),
-    Panel("speed", "rad/s", (Line("speed", "speed", "after"),), shown=False),
+    Panel("off its command", "rad", (Line("commanded − measured", "off", "before"),), visible=False),
+    Panel("speed", "rad/s", (Line("speed", "speed", "after"),), visible=False),
     Panel(
         "torque",
         "N m",
@@ -50,8 +50,8 @@ SIGNALS = (
 )
 WRENCH = (
     Panel("contact force", "N", (Line("on the tool, base axes", "contact", "ink"),)),
-    Panel("force as read", "N", (Line("flange on tool, flange axes", "force", "after"),), shown=False),
-    Panel("torque as read", "N m", (Line("flange on tool, flange axes", "torque", "after"),), shown=False),
+    Panel("force as read", "N", (Line("flange on tool, flange axes", "force", "after"),), visible=False),
+    Panel("torque as read", "N m", (Line("flange on tool, flange axes", "torque", "after"),), visible=False),
 )
 
 
@@ -68,31 +68,35 @@ def render(checked: Sequence[Examined], repeats: Sequence[Mapping[str, object]],
         Section("signals", "What was recorded", "check/signals", _signals(checked), SCRIPTS, STYLES),
         Section("excites", "What the motion can tell", "check/excites", _excites(checked)),
     ]
-    if any(one.report.contact is not None for one in checked):
+    if any(rec.report.contact is not None for rec in checked):
         section = Section("contact", "Contact", "check/contact", _contact(checked), SCRIPTS, STYLES)
         sections.append(section)
-    if any(one.cameras for one in checked):
+    if any(rec.cameras for rec in checked):
         sections.append(Section("cameras", "Cameras", "check/cameras", _cameras(checked)))
     sections.append(Section("origin", "Origin", "check/origin", _origin(checked, repeats, command)))
-    return page("vispeg check: " + ", ".join(one.name for one in checked), "check", sections)
+    return page("vispeg check: " + ", ".join(rec.name for rec in checked), "check", sections)
 
 
-def lines_of(one: Examined) -> list[str]:
+def lines_of(rec: Examined) -> list[str]:
     """Every sentence of warning on a recording."""
     unstated = "state `cell:` in recording.yaml to know what these frames tell of their cameras"
-    seen = [line for camera in one.cameras for line in warnings_of(camera)]
-    return [*one.report.warnings, *seen, *([unstated] if one.cameras and not one.stated else ())]
+    from_cameras = [line for camera in rec.cameras for line in warnings_of(camera)]
+    return [
+        *rec.report.warnings,
+        *from_cameras,
+        *([unstated] if rec.cameras and not rec.stated else ()),
+    ]
 
 
 def _headline(checked: Sequence[Examined]) -> Mapping[str, object]:
-    counts = [len(lines_of(one)) for one in checked]
-    names = ", ".join(one.name for one in checked) if len(checked) < 4 else f"{len(checked)} recordings"
+    counts = [len(lines_of(rec)) for rec in checked]
+    names = ", ".join(rec.name for rec in checked) if len(checked) < 4 else f"{len(checked)} recordings"
     total = sum(counts)
     title = f"{names}: {total} warning{'s' * (total != 1)}" if total else f"{names}: no warning"
-    clocks = [one.report.timing for one in checked]
+    clocks = [rec.report.timing for rec in checked]
     lost = sum(gap.samples for clock in clocks for gap in clock.gaps)
-    bad = sum(len(joint.spikes) for one in checked for joint in one.report.joints)
-    clipped = sum(n for one in checked for joint in one.report.joints for n in joint.saturated.values())
+    bad = sum(len(joint.spikes) for rec in checked for joint in rec.report.joints)
+    clipped = sum(n for rec in checked for joint in rec.report.joints for n in joint.saturated.values())
     figures = [
         ("recorded", f"{sum(clock.duration_s for clock in clocks):.1f} s", ""),
         ("samples lost in gaps", str(lost), ""),
@@ -103,7 +107,7 @@ def _headline(checked: Sequence[Examined]) -> Mapping[str, object]:
         "title": title,
         "figures": figures,
         "recordings": [
-            {"name": one.name, "clock": tables.clock(one.report), "lines": lines_of(one)} for one in checked
+            {"name": rec.name, "clock": tables.clock(rec.report), "lines": lines_of(rec)} for rec in checked
         ],
     }  # fmt: skip
 
@@ -111,16 +115,16 @@ def _headline(checked: Sequence[Examined]) -> Mapping[str, object]:
 def _signals(checked: Sequence[Examined]) -> Mapping[str, object]:
     """Charts for those that have the same joints, and two tables a recording."""
     groups: dict[tuple[str, ...], list[Examined]] = {}
-    for one in checked:
-        groups.setdefault(tuple(joint.name for joint in one.report.joints), []).append(one)
+    for rec in checked:
+        groups.setdefault(tuple(joint.name for joint in rec.report.joints), []).append(rec)
     return {
         "plots": [
-            widget(joints, SIGNALS, [one.signals for one in group], [True] * len(joints))
+            widget(joints, SIGNALS, [rec.signals for rec in group], [True] * len(joints))
             for joints, group in groups.items()
         ],
         "recordings": [
-            {"name": one.name, "paper": one.paper, "sheets": [tables.motion(one.report), tables.signals(one.report)]}
-            for one in checked
+            {"name": rec.name, "paper": rec.paper, "sheets": [tables.motion(rec.report), tables.signals(rec.report)]}
+            for rec in checked
         ],
     }  # fmt: skip
 
@@ -129,7 +133,7 @@ def _excites(checked: Sequence[Examined]) -> Mapping[str, object]:
     return {
         "heads": [PARAMETER_WORDS[name] for name in PARAMETERS],
         "weak": f"{100 * FLAT:g} %",
-        "recordings": [{"name": one.name, "rows": [_told(j) for j in one.report.joints]} for one in checked],
+        "recordings": [{"name": rec.name, "rows": [_told(j) for j in rec.report.joints]} for rec in checked],
     }
 
 
@@ -153,16 +157,16 @@ def _told(joint: JointCheck) -> Mapping[str, object]:
 
 
 def _contact(checked: Sequence[Examined]) -> Mapping[str, object]:
-    found = [one for one in checked if one.report.contact is not None]
-    reports = [one.report.contact for one in found if one.report.contact is not None]
-    tracks = [one.contact for one in found if one.contact is not None]
+    touching = [rec for rec in checked if rec.report.contact is not None]
+    reports = [rec.report.contact for rec in touching if rec.report.contact is not None]
+    tracks = [rec.contact for rec in touching if rec.contact is not None]
     edges = ["0", *(f"{f:g}" for f in FORCES)]
     all_told = said(reports[0], together(reports)) if len(reports) > 1 else []
     return {
         "plot": widget(("x", "y", "z"), WRENCH, tracks, [True] * 3) if tracks else None,
         "heads": [*(f"{a}–{b} N" for a, b in pairwise(edges)), f"over {edges[-1]} N"],
         "recordings": [
-            {"name": one.name, "lines": said(c), "rows": _regimes(c)} for one, c in zip(found, reports, strict=True)
+            {"name": rec.name, "lines": said(c), "rows": _regimes(c)} for rec, c in zip(touching, reports, strict=True)
         ],
         "together": all_told,
     }
@@ -184,12 +188,12 @@ def _regimes(contact: ContactCheck) -> list[Mapping[str, object]]:
 def _cameras(checked: Sequence[Examined]) -> Mapping[str, object]:
     return {
         "recordings": [
-            {"name": one.name, "frames": one.frames, "sheets": tables.cameras(one.cameras)}
-            for one in checked
-            if one.cameras
+            {"name": rec.name, "frames": rec.frames, "sheets": tables.cameras(rec.cameras)}
+            for rec in checked
+            if rec.cameras
         ]
     }
 
 
 def _origin(checked: Sequence[Examined], repeats: Sequence[Mapping[str, object]], command: str) -> Mapping[str, object]:
-    return {"command": command, "repeats": repeats, "recordings": [one.report.recording for one in checked]}
+    return {"command": command, "repeats": repeats, "recordings": [rec.report.recording for rec in checked]}

@@ -15,11 +15,12 @@ from vispeg.vision.check import CameraCheck
 
 def clock(report: CheckReport) -> str:
     """Robot, controller, length and clock of a recording, in a line."""
-    found = report.timing
-    jitter = plain(1e3 * found.jitter if found.jitter * found.rate_hz > 1e-6 else 0.0)
+    timing = report.timing
+    jitter = plain(1e3 * timing.jitter if timing.jitter * timing.rate_hz > 1e-6 else 0.0)
     return (
-        f"{report.robot.rsplit('/', 1)[-1]}, {report.mode} control, {found.duration_s:.1f} s at {found.rate_hz:.4g} Hz "
-        f"(jitter {jitter} ms), {_several(found.episodes, 'episode')}, {_several(len(found.gaps), 'gap')}"
+        f"{report.robot.rsplit('/', 1)[-1]}, {report.mode} control, {timing.duration_s:.1f} s "
+        f"at {timing.rate_hz:.4g} Hz (jitter {jitter} ms), {_several(timing.episodes, 'episode')}, "
+        f"{_several(len(timing.gaps), 'gap')}"
     )
 
 
@@ -63,15 +64,15 @@ def cameras(checks: Sequence[CameraCheck]) -> list[Sheet]:
     ):
         columns = [Column("camera"), *(Column(head, right=True) for head in heads)]
         made.append(Sheet(columns, [[c.camera, *cells(c)] for c in checks]))
-    told = [c for c in checks if c.told]
-    if told:
-        columns = [Column("would tell, 1 sigma"), *(Column(c.camera, right=True) for c in told)]
+    informative = [c for c in checks if c.told]
+    if informative:
+        columns = [Column("would tell, 1 sigma"), *(Column(c.camera, right=True) for c in informative)]
         rows = [
             [
                 f"{row[0].effect}.{row[0].parameter}",
                 *(f"{t.sigma:.2g} {unit(t.unit)}".strip() + ("" if t.told else " !") for t in row),
             ]
-            for row in zip(*(c.told for c in told), strict=True)
+            for row in zip(*(c.told for c in informative), strict=True)
         ]
         made.append(Sheet(columns, rows))
     return made

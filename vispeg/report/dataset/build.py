@@ -71,8 +71,8 @@ def headline(data: Dataset | Stored) -> Mapping[str, object]:
     """Totals, and what became of the episodes."""
     plan = data.made.get("plan", {})
     lengths = [e["length"] for e in data.episodes]
-    whole = [e for e in data.episodes if not e.get(f"{OWN}cut") and e.get(f"{OWN}look", 0) == 0]
-    ends = Counter(e.get(f"{OWN}category") for e in whole)
+    complete = [e for e in data.episodes if not e.get(f"{OWN}cut") and e.get(f"{OWN}look", 0) == 0]
+    ends = Counter(e.get(f"{OWN}category") for e in complete)
     return {
         "name": data.folder.name,
         "frames": len(data),
@@ -94,11 +94,11 @@ def cameras(data: Dataset | Stored) -> Mapping[str, object]:
     for name, camera in data.cameras.items():
         depths = np.stack([f[depth_of(name, f)] for f in frames])
         missing = (depths == 0).mean(axis=(1, 2))
-        shown = views(data, frames[len(frames) // 2], name, limits[name], LARGE)
+        pictures = views(data, frames[len(frames) // 2], name, limits[name], LARGE)
         out.append(
             {
                 "camera": camera,
-                "views": [embedded(one) for one in shown],
+                "views": [embedded(picture) for picture in pictures],
                 "low": f"{limits[name][0]:.3f}",
                 "high": f"{limits[name][1]:.3f}",
                 "missing": f"{100 * np.median(missing):.1f}",
@@ -112,8 +112,8 @@ def cameras(data: Dataset | Stored) -> Mapping[str, object]:
             }
         )
     key = [(part, "rgb({},{},{})".format(*part_picture(np.array([i]))[0])) for i, part in enumerate(data.parts, 1)]
-    whole = len(frames) == len(data)
-    counted = "of all frames" if whole else f"of {len(frames)} frames looked at, spread over all {len(data)}"
+    all_frames = len(frames) == len(data)
+    counted = "of all frames" if all_frames else f"of {len(frames)} frames looked at, spread over all {len(data)}"
     return {"cameras": out, "parts": key, "counted": counted}
 
 

@@ -22,14 +22,14 @@ def drawn(worlds: Sequence[Mapping[str, Mapping[str, float]]]) -> Mapping[str, o
         `fixed`: label, parameter, unit and value of what never varies.
     """
 
-    found: dict[tuple[str, str], list[float]] = defaultdict(list)
+    draws: dict[tuple[str, str], list[float]] = defaultdict(list)
     for world in worlds:
         for label, params in world.items():
             for name, value in params.items():
-                found[label, name].append(float(value))
+                draws[label, name].append(float(value))
     effects: dict[str, list[dict[str, str]]] = defaultdict(list)
     fixed = []
-    for (label, name), values in sorted(found.items()):
+    for (label, name), values in sorted(draws.items()):
         kind, _, place = label.rstrip(")").partition("(")
         unit = _unit(kind, name)
         if name == "seed":  # says nothing to the eye

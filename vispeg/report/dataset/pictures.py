@@ -51,10 +51,10 @@ def views(
     data: Dataset | Stored, frame: Mapping[str, np.ndarray], name: str, limits: tuple[float, float], side: int
 ) -> list[np.ndarray]:
     """What a camera delivers, each `side` px high: colour, depth, parts (where there are any)."""
-    found = [frame[colour_of(name)], depth_picture(frame[depth_of(name, frame)], *limits)]
+    pictures = [frame[colour_of(name)], depth_picture(frame[depth_of(name, frame)], *limits)]
     if (labels := frame.get(f"label.parts.{name}")) is not None:
-        found.append(part_picture(labels))
-    return [enlarged(one, side) for one in found]
+        pictures.append(part_picture(labels))
+    return [enlarged(picture, side) for picture in pictures]
 
 
 def enlarged(image: np.ndarray, side: int) -> np.ndarray:
@@ -93,8 +93,8 @@ def sheet(data: Dataset | Stored, count: int, side: int = 96, width: int = 1800)
     limits = depth_range(data, frames)
     tiles = []
     for frame in frames:
-        row = [one for name in data.cameras for one in views(data, frame, name, limits[name], side)]
-        tile = np.concatenate([_edged(one) for one in row], axis=1)
+        row = [picture for name in data.cameras for picture in views(data, frame, name, limits[name], side)]
+        tile = np.concatenate([_edged(picture) for picture in row], axis=1)
         tiles.append(np.pad(tile, ((GAP, GAP), (2 * GAP, 2 * GAP), (0, 0)), constant_values=GREY))
     columns = max(1, width // tiles[0].shape[1])
     tiles += [np.full_like(tiles[0], GREY)] * (-len(tiles) % columns)

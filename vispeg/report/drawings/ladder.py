@@ -22,11 +22,11 @@ LONGEST = 44  # letters of a model's name in the figure
 def ladder_rows(record: Record) -> list[dict[str, str]]:
     """The ladder as text: errors, the step from the model before, multiples of the noise floor."""
     ladder = record.rows("ladder")
-    found = []
+    lines = []
     for i, row in enumerate(ladder):
         unit = str(row.get("unit") or "")
         held = row.get("heldout_error")
-        found.append(
+        lines.append(
             {
                 "model": str(row.get("model", "?")),
                 "words": model_words(row),
@@ -36,7 +36,7 @@ def ladder_rows(record: Record) -> list[dict[str, str]]:
                 "floor": words.against_floor(held, record.floor).removesuffix(" the noise floor"),
             }
         )
-    return found
+    return lines
 
 
 def model_words(row: Mapping[str, Any]) -> str:
@@ -54,10 +54,10 @@ def ladder_figure(record: Record, shape: Shape = WIDE) -> Figure | None:
         return None
     floor = record.floor if record.floor is not None and record.floor > 0 else None
     unit = str(ladder[0][2].get("unit") or "")
-    factor, shown = prefix(max(positive), unit)
+    factor, scaled_unit = prefix(max(positive), unit)
     fits = [number(row.get("fit_error")) for _, _, row in ladder]
-    seen = positive + ([floor] if floor else []) + [f for f in fits if f is not None and f > 0]
-    left, right = factor * min(min(seen) / 1.8, max(seen) / 12), factor * max(seen)
+    values = positive + ([floor] if floor else []) + [f for f in fits if f is not None and f > 0]
+    left, right = factor * min(min(values) / 1.8, max(values) / 12), factor * max(values)
     right *= max(1.6, (right / left) ** (0.7 if shape.narrow else 0.3))  # room for the words beside a bar
     figure = new_figure((1.1 if shape.narrow else 0.95) + (0.62 if shape.narrow else 0.44) * len(ladder), shape.width)
     ax = figure.add_subplot()
@@ -66,7 +66,7 @@ def ladder_figure(record: Record, shape: Shape = WIDE) -> Figure | None:
             colour = BEFORE if i == 0 else AFTER
             alpha = 1.0 if i in (0, len(ladder) - 1) else 0.55
             ax.barh(i, max(0.0, factor * held - left), left=left, height=0.5, color=colour, alpha=alpha)
-        text = "not known" if held is None else _label(held * factor, shown, ladder[0][1] if i else None, held)
+        text = "not known" if held is None else _label(held * factor, scaled_unit, ladder[0][1] if i else None, held)
         end = left if held is None else max(left, factor * held)
         ax.annotate(text, (end, i), (6, 0), textcoords="offset points", va="center", fontweight="bold")
         if (fit := fits[i]) is not None and fit > 0:  # below its bar: no mark stands between a bar and its label
@@ -74,7 +74,7 @@ def ladder_figure(record: Record, shape: Shape = WIDE) -> Figure | None:
         if shape.narrow:
             ax.annotate(_shorten(name), (left, i - 0.27), (0, 1), textcoords="offset points", va="bottom")
     _log_axis(ax, left, right)
-    ax.set_xlabel(f"{words.error_name(record.values).lower()} ({shown}), log scale")
+    ax.set_xlabel(f"{words.error_name(record.values).lower()} ({scaled_unit}), log scale")
     ax.set_ylim(len(ladder) - 0.4, -0.75 if shape.narrow else -0.5)
     ax.set_yticks(
         [] if shape.narrow else range(len(ladder)), [] if shape.narrow else [_shorten(n) for n, _, _ in ladder]

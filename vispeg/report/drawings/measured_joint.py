@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 SHOWN = 1.0  # s of a step
 
 
-def picture(joint: str, found: Joint) -> bytes:
+def picture(joint: str, measured: Joint) -> bytes:
     """A PNG of six panels; a panel of what was not measured says so."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import LogLocator, NullLocator
@@ -36,7 +36,7 @@ def picture(joint: str, found: Joint) -> bytes:
         ]
         for axis, (draw, title) in zip(axes.flat, panels, strict=True):
             axis.set_title(title, fontsize=9.5)
-            if not draw(axis, found):
+            if not draw(axis, measured):
                 axis.text(0.5, 0.5, "not measured", ha="center", va="center", color=MUTED, transform=axis.transAxes)
                 axis.set_xticks([])
                 axis.set_yticks([])
@@ -49,24 +49,24 @@ def picture(joint: str, found: Joint) -> bytes:
     return stream.getvalue()
 
 
-def _steps(axis: Any, found: Joint) -> bool:
-    if not found.steps:
+def _steps(axis: Any, measured: Joint) -> bool:
+    if not measured.steps:
         return False
-    by_name = {t.name: t for t in found.traces}
+    by_name = {t.name: t for t in measured.traces}
     colours = (MEASURED, BEFORE, RIVALS[0], RIVALS[1], MUTED)
-    known = sizes(found.steps)
+    amplitudes = sizes(measured.steps)
     labelled = set()
-    for step in found.steps:
+    for step in measured.steps:
         trace = by_name[step.trace]
         rows = (trace.time >= step.start - 0.05) & (trace.time < step.start + SHOWN)
         before = trace.q[(trace.time >= step.start - 0.1) & (trace.time < step.start)].mean()
-        k = int(np.argmin([abs(abs(step.size) - s) for s in known]))
-        label = f"{known[k]:.3g} rad" if k not in labelled and len(known) <= 5 else None
+        k = int(np.argmin([abs(abs(step.size) - s) for s in amplitudes]))
+        label = f"{amplitudes[k]:.3g} rad" if k not in labelled and len(amplitudes) <= 5 else None
         labelled.add(k)
         y = (trace.q[rows] - before) / step.size
         axis.plot(trace.time[rows] - step.start, y, color=colours[k % 5], lw=0.6, alpha=0.6, label=label)
-    if found.servo is not None:
-        t, s = np.linspace(-0.05, SHOWN, 800), found.servo
+    if measured.servo is not None:
+        t, s = np.linspace(-0.05, SHOWN, 800), measured.servo
         y = s.gain * step_answer(t - s.delay, s.natural_frequency, s.damping_ratio)
         axis.plot(t, y, color=AFTER, lw=1.6, label="second order")
     axis.set_xlabel("s after the command")
@@ -74,10 +74,10 @@ def _steps(axis: Any, found: Joint) -> bool:
     return True
 
 
-def _points(found: Joint) -> list[tuple[str, list[Any], str]]:
-    sizes = sorted({_word(p.amplitude) for p in found.points}, key=lambda w: (len(w), w))
+def _points(measured: Joint) -> list[tuple[str, list[Any], str]]:
+    sizes = sorted({_word(p.amplitude) for p in measured.points}, key=lambda w: (len(w), w))
     colours = (MEASURED, BEFORE, RIVALS[0], RIVALS[1])
-    held = [[p for p in found.points if _word(p.amplitude) == size] for size in sizes]
+    held = [[p for p in measured.points if _word(p.amplitude) == size] for size in sizes]
     return [(size, points, colours[k % 4]) for k, (size, points) in enumerate(zip(sizes, held, strict=True))]
 
 
@@ -85,17 +85,17 @@ def _word(amplitude: float) -> str:
     return f"{amplitude:.2g} rad" if amplitude else "sweep"
 
 
-def _gain(axis: Any, found: Joint) -> bool:
-    for size, points, colour in _points(found):
+def _gain(axis: Any, measured: Joint) -> bool:
+    for size, points, colour in _points(measured):
         used = [p for p in points if p.used]
         gain = np.array([abs(p.response) for p in used])
         u = np.array([p.u for p in used]) * 1.96 * 20 / np.log(10)
         axis.errorbar([p.hz for p in used], 20 * np.log10(gain), u, fmt="o", ms=3.5, lw=0.9, color=colour, label=size)
-    if not found.points:
+    if not measured.points:
         return False
-    f = _line(found)
+    f = _line(measured)
     if f is not None:
-        axis.plot(f, 20 * np.log10(np.abs(found.servo.response(f))), color=AFTER, lw=1.2)  # type: ignore[union-attr]
+        axis.plot(f, 20 * np.log10(np.abs(measured.servo.response(f))), color=AFTER, lw=1.2)  # type: ignore[union-attr]
     axis.axhline(-3, color=MUTED, lw=0.7, ls=":")
     axis.set_xscale("log")
     axis.set_ylabel("dB")
@@ -103,32 +103,32 @@ def _gain(axis: Any, found: Joint) -> bool:
     return True
 
 
-def _phase(axis: Any, found: Joint) -> bool:
-    for _, points, colour in _points(found):
+def _phase(axis: Any, measured: Joint) -> bool:
+    for _, points, colour in _points(measured):
         used = sorted((p for p in points if p.used), key=lambda p: p.hz)
         if used:
             phase = np.degrees(np.unwrap([np.angle(p.response) for p in used]))
             axis.plot([p.hz for p in used], phase, "o", ms=3.5, color=colour)
-    if not found.points:
+    if not measured.points:
         return False
-    f = _line(found)
+    f = _line(measured)
     if f is not None:
-        axis.plot(f, np.degrees(np.unwrap(np.angle(found.servo.response(f)))), color=AFTER, lw=1.2)  # type: ignore[union-attr]
+        axis.plot(f, np.degrees(np.unwrap(np.angle(measured.servo.response(f)))), color=AFTER, lw=1.2)  # type: ignore[union-attr]
     axis.set_xscale("log")
     axis.set_xlabel("Hz")
     axis.set_ylabel("degrees")
     return True
 
 
-def _line(found: Joint) -> np.ndarray | None:
-    hz = [p.hz for p in found.points if p.used]
-    return np.geomspace(min(hz), max(hz), 200) if found.servo is not None and hz else None
+def _line(measured: Joint) -> np.ndarray | None:
+    hz = [p.hz for p in measured.points if p.used]
+    return np.geomspace(min(hz), max(hz), 200) if measured.servo is not None and hz else None
 
 
-def _coherence(axis: Any, found: Joint) -> bool:
-    for _, points, colour in _points(found):
+def _coherence(axis: Any, measured: Joint) -> bool:
+    for _, points, colour in _points(measured):
         axis.plot([p.hz for p in points], [p.coherence for p in points], "o", ms=3.5, color=colour)
-    if not found.points:
+    if not measured.points:
         return False
     axis.axhspan(0, COHERENT, color=MUTED, alpha=0.12, lw=0)
     axis.text(0.02, 0.06, f"refused below {COHERENT}", color=MUTED, fontsize=8, transform=axis.transAxes)
@@ -138,12 +138,12 @@ def _coherence(axis: Any, found: Joint) -> bool:
     return True
 
 
-def _friction(axis: Any, found: Joint) -> bool:
-    torque = [s for s in found.strokes if s.friction is not None]
+def _friction(axis: Any, measured: Joint) -> bool:
+    torque = [s for s in measured.strokes if s.friction is not None]
     if not torque:
         return False
     axis.plot([s.speed for s in torque], [s.friction for s in torque], "o", ms=3.5, color=MEASURED)  # type: ignore[misc]
-    by_name = {q.quantity: q.value for q in found.results}
+    by_name = {q.quantity: q.value for q in measured.results}
     if "coulomb_friction" in by_name:
         v = np.geomspace(min(s.speed for s in torque), max(s.speed for s in torque), 200)
         axis.plot(v, by_name["coulomb_friction"] + by_name["viscous_friction"] * v, color=AFTER, lw=1.2)
@@ -154,10 +154,10 @@ def _friction(axis: Any, found: Joint) -> bool:
     return True
 
 
-def _lag(axis: Any, found: Joint) -> bool:
-    if not found.strokes:
+def _lag(axis: Any, measured: Joint) -> bool:
+    if not measured.strokes:
         return False
-    axis.plot([s.speed for s in found.strokes], [2e3 * s.lag for s in found.strokes], "o", ms=3.5, color=MEASURED)
+    axis.plot([s.speed for s in measured.strokes], [2e3 * s.lag for s in measured.strokes], "o", ms=3.5, color=MEASURED)
     axis.set_xscale("log")
     axis.set_xlabel("rad/s")
     axis.set_ylabel("mrad")

@@ -53,7 +53,7 @@ def name_of(colour: str) -> str:
 
 def themed(text: str) -> str:
     """The drawing with every colour that has a name as a variable; others stay."""
-    return _HEX.sub(lambda found: f"var(--{_NAMES[found[0]]})" if found[0] in _NAMES else found[0], text)
+    return _HEX.sub(lambda match: f"var(--{_NAMES[match[0]]})" if match[0] in _NAMES else match[0], text)
 
 
 def css() -> str:

@@ -34,8 +34,8 @@ def draw(backend: BackendName = "auto") -> tuple[np.ndarray, dict[str, list[floa
         UserError: no renderer that works here.
     """
     focal, up = focal_of(FOV, HEIGHT), np.array([0.0, 0.0, 1.0])
-    seen = looking_at(np.array(EYE), np.array(TARGET), up)
-    camera = Camera("cell", WIDTH, HEIGHT, focal, focal, (WIDTH - 1) / 2, (HEIGHT - 1) / 2, pos=EYE, quat=seen)
+    quat = looking_at(np.array(EYE), np.array(TARGET), up)
+    camera = Camera("cell", WIDTH, HEIGHT, focal, focal, (WIDTH - 1) / 2, (HEIGHT - 1) / 2, pos=EYE, quat=quat)
     scene = build()
     with Renderer(scene, [camera], backend, shadows=True) as renderer:
         model, data = renderer.model, renderer.data

@@ -79,18 +79,18 @@ def _loop(ax: Any, name: str, x: np.ndarray, unit: str, y: np.ndarray) -> None:
     """One signal over another, both (n,)."""
     if np.shape(x) != np.shape(y):
         raise UserError(f"'{name}' and the line over it differ", expected=np.shape(y), got=np.shape(x))
-    factor, shown = prefix(float(np.max(np.abs(y[np.isfinite(y)]), initial=0.0)), unit)
+    factor, scaled_unit = prefix(float(np.max(np.abs(y[np.isfinite(y)]), initial=0.0)), unit)
     ax.plot(x, factor * y, color=COLOURS[0], linewidth=0.7)
-    ax.set(xlabel=name, ylabel=shown)
+    ax.set(xlabel=name, ylabel=scaled_unit)
     quiet(ax)
 
 
 def _panel(ax: Any, time: np.ndarray, unit: str, lines: Mapping[str, np.ndarray]) -> None:
     stacked = np.abs(np.stack([np.asarray(values, float) for values in lines.values()]))
-    factor, shown = prefix(float(np.max(stacked[np.isfinite(stacked)], initial=0.0)), unit)
+    factor, scaled_unit = prefix(float(np.max(stacked[np.isfinite(stacked)], initial=0.0)), unit)
     for i, (name, values) in enumerate(lines.items()):
         drawn = thin(np.asarray(time, float), factor * np.asarray(values, float))
         ax.plot(*drawn, color=COLOURS[i], linewidth=1.6 if i else 1.3, label=name, zorder=3 - 0.1 * i)
-    ax.set(ylabel=shown)
+    ax.set(ylabel=scaled_unit)
     ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(lines), borderaxespad=0.0)
     quiet(ax)

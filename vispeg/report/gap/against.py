@@ -15,7 +15,7 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object]:
     worlds: dict[str, list[Mapping[str, object]]] = {}
     for row in values["comparisons"]:
         needed = f"; {row['needed']} pairs would" if row["needed"] else ""
-        shown = {
+        cells = {
             "pair": f"{row['first']} - {row['second']}",
             "difference": words.lost(row["difference"]),
             "n": row["difference"]["n"],
@@ -24,7 +24,7 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object]:
             "verdict": row["verdict"] + needed,
             "certain": row["verdict"] == "different",
         }
-        worlds.setdefault(row["world"], []).append(shown)
+        worlds.setdefault(row["world"], []).append(cells)
     return {
         "worlds": [
             {"name": w, "rows": rows, "differ": sum(bool(r["certain"]) for r in rows)} for w, rows in worlds.items()

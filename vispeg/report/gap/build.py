@@ -41,8 +41,8 @@ def render(
 ) -> str:
     """The page as text; `media` as `pairs.context` takes it, `command` one of KINDS, `played` its episodes."""
     sections: list[tuple[str, str, Mapping[str, Any]]] = [("headline", headline.TITLE, headline.context(values))]
-    if (found := controls.context(values)) is not None:
-        sections.append(("controls", controls.TITLE, found))
+    if (by_control := controls.context(values)) is not None:
+        sections.append(("controls", controls.TITLE, by_control))
     if values["gaps"]:
         sections.append(("factors", factors.TITLE, factors.context(values)))
     sections.append(("success", success.TITLE, success.context(values)))
@@ -87,7 +87,7 @@ def read(out: Path, command: str = "gap") -> str:
     path, listed = out / f"{command}.json", out / "media.json"
     values = GAP.read(path)
     media = read_json(listed) if listed.exists() else []
-    kept = out / EPISODES
-    played = read_episodes(kept) if kept.exists() else []
+    log = out / EPISODES
+    played = read_episodes(log) if log.exists() else []
     with as_written(path, f"vispeg {command}"):
         return render(values, media, out, command, played)

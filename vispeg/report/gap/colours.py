@@ -53,17 +53,17 @@ def of_policies(policies: Sequence[Mapping[str, Any]]) -> dict[str, Style]:
     """Policy name -> style. The first of a modality has the modality's colour; a second one the same, hatched; of
     three and more all but the first have spare ones in turn.
     """
-    counts, found = Counter(str(row["modality"]) for row in policies), {}
-    spare, seen = iter(SPARE * (1 + len(policies) // len(SPARE))), Counter[str]()
+    counts, styles = Counter(str(row["modality"]) for row in policies), {}
+    spare, used = iter(SPARE * (1 + len(policies) // len(SPARE))), Counter[str]()
     for row in policies:
         modality = str(row["modality"])
-        own = BY_MODALITY.get(modality)
-        seen[modality] += 1
-        if own is not None and (seen[modality] == 1 or counts[modality] == 2):
-            found[row["name"]] = Style(own, seen[modality] > 1)
+        colour = BY_MODALITY.get(modality)
+        used[modality] += 1
+        if colour is not None and (used[modality] == 1 or counts[modality] == 2):
+            styles[row["name"]] = Style(colour, used[modality] > 1)
         else:
-            found[row["name"]] = Style(next(spare))
-    return found
+            styles[row["name"]] = Style(next(spare))
+    return styles
 
 
 def ordered(policies: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:

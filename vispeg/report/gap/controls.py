@@ -22,10 +22,10 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object] | None:
         rows = []
         for policy in order:
             cells = [rates.get((policy["name"], world, kind)) for kind in kinds]
-            own = rates.get((policy["name"], world, ""))
-            if any(cells) and own:
+            plain_rate = rates.get((policy["name"], world, ""))
+            if any(cells) and plain_rate:
                 name, style = policy["name"], styles[policy["name"]]
-                drawn = [e and bars.bar(name, number[name], e, style) for e in (own, *cells)]
+                drawn = [e and bars.bar(name, number[name], e, style) for e in (plain_rate, *cells)]
                 rows.append({"policy": name, "number": number[name], "cells": drawn})
         tables.append({"world": world, "rows": rows})
     blind = [

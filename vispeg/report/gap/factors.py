@@ -44,12 +44,12 @@ def _part(name: str, e: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, 
 def heat_map(values: Mapping[str, Any]) -> Mapping[str, object] | None:
     """Points of success lost, policies by target worlds, each with its tint; None without targets."""
     names = [w["name"] for w in values["worlds"] if w["name"] != values["reference"]]
-    found = {(g["policy"], g["world"]): g["gap"] for g in values["gaps"]}
-    if not found:
+    gaps = {(g["policy"], g["world"]): g["gap"] for g in values["gaps"]}
+    if not gaps:
         return None
-    top = max(0.1, *(abs(e["value"]) for e in found.values()))
+    top = max(0.1, *(abs(e["value"]) for e in gaps.values()))
     rows = [
-        {"policy": p["name"], "cells": [_cell(found.get((p["name"], w)), top) for w in names]}
+        {"policy": p["name"], "cells": [_cell(gaps.get((p["name"], w)), top) for w in names]}
         for p in ordered(values["policies"])
     ]
     return {"heads": [(w, worlds.caption(w, values)) for w in names], "rows": rows}
@@ -60,5 +60,5 @@ def _cell(e: Mapping[str, Any] | None, top: float) -> dict[str, str]:
         return {"value": "-", "ends": "", "tint": "transparent"}
     colour, share = ("before" if e["value"] > 0 else "depth"), round(70 * abs(e["value"]) / top)
     tint = f"color-mix(in srgb, var(--{colour}) {share}%, transparent)"
-    ends = f"{words.whole(e['low'])} to {words.whole(e['high'])}"
+    ends = f"{words.hundredths(e['low'])} to {words.hundredths(e['high'])}"
     return {"value": words.points(e["value"]), "ends": ends, "tint": tint}

@@ -38,8 +38,8 @@ def picture(values: Mapping[str, Any]) -> str:
 
 def _figure(values: Mapping[str, Any], shape: Shape) -> Figure | None:
     worlds, policies = [w["name"] for w in values["worlds"]], values["policies"]
-    found = {(r["policy"], r["world"]): r["categories"] for r in values["success"] if not r["control"]}
-    names = list(dict.fromkeys(c for known in found.values() for c in known if c != "success"))
+    categories = {(r["policy"], r["world"]): r["categories"] for r in values["success"] if not r["control"]}
+    names = list(dict.fromkeys(c for counts in categories.values() for c in counts if c != "success"))
     names.sort(key=lambda c: list(BY_CATEGORY).index(c) if c in BY_CATEGORY else 99)
     if not names:
         return None
@@ -52,9 +52,9 @@ def _figure(values: Mapping[str, Any], shape: Shape) -> Figure | None:
         ax.set_visible(False)
     for panel, (ax, policy) in enumerate(zip(axes, policies, strict=False)):
         for j, world in enumerate(worlds):
-            known, left = found.get((policy["name"], world), {}), 0.0
+            counts, left = categories.get((policy["name"], world), {}), 0.0
             for c in names:
-                share = 100 * known.get(c, 0) / max(1, sum(known.values()))
+                share = 100 * counts.get(c, 0) / max(1, sum(counts.values()))
                 ax.barh(j, share, left=left, height=0.72, color=colours[c])
                 left += share
         ax.set(ylim=(len(worlds) - 0.4, -0.6))

@@ -20,10 +20,10 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object]:
     rates = {(r["policy"], r["world"], r["control"]): r["success"] for r in values["success"]}
     gaps = {g["policy"]: g for g in values["gaps"] if g["world"] == target}
     there = {n: e for (n, w, c), e in rates.items() if w == (target or reference) and not c}
-    shown = [p for p in values["policies"] if p["name"] in (gaps if target else there)]
-    shown.sort(key=lambda p: (RANK.index(words.role(p)), -there[p["name"]]["value"]))
+    policies = [p for p in values["policies"] if p["name"] in (gaps if target else there)]
+    policies.sort(key=lambda p: (RANK.index(words.role(p)), -there[p["name"]]["value"]))
     lines, figures = [], []
-    for p in shown:
+    for p in policies:
         name, role, e, g = p["name"], words.role(p), there[p["name"]], gaps.get(p["name"])
         note = f"lost {words.lost(g['gap'])}" if g else f"{100 * e['low']:.0f} to {100 * e['high']:.0f}"
         figures.append((name, words.percent(e["value"]), "; ".join(filter(None, (role, note)))))

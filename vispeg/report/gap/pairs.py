@@ -21,13 +21,13 @@ def context(pairs: Sequence[Mapping[str, Any]], folder: Path) -> Mapping[str, ob
             the outside view and `view` the policy's own at the moment of failure; paths relative to `folder`, or None.
         folder: where the media lie.
     """
-    shown = []
+    rows = []
     for pair in pairs:
         sides = [
             {**side, **{k: data_uri(folder, side.get(k)) for k in ("video", "image", "view")}} for side in pair["sides"]
         ]
-        shown.append({"policy": pair["policy"], "seed": pair["seed"], "sides": sides})
-    return {"pairs": shown}
+        rows.append({"policy": pair["policy"], "seed": pair["seed"], "sides": sides})
+    return {"pairs": rows}
 
 
 def data_uri(folder: Path, name: str | None) -> str | None:

@@ -20,9 +20,9 @@ def render(values: Mapping[str, Any]) -> str:
     for i, policy in enumerate(policies):
         rows = [r for r in values["rows"] if r["policy"] == policy]
         lines.append(f"{policy}: {_weakest([r for r in rows if r['still']])}")
-        shown = [[r["position"], _rate(r["still"]), _rate(r["pushed"]), _cost(r), r["verdict"] or "-"] for r in rows]
+        cells = [[r["position"], _rate(r["still"]), _rate(r["pushed"]), _cost(r), r["verdict"] or "-"] for r in rows]
         heads = ("position", "still", "pushed", "lost by the push, points", "verdict")
-        sections.append(table_page.table(policy, heads, shown, picture=picture(rows, f"positions{i}")))
+        sections.append(table_page.table(policy, heads, cells, picture=picture(rows, f"positions{i}")))
     low, high = values["force"]
     text = f"Pushes of {low:g} to {high:g} N for {values['duration']:g} s, from any side, once an episode"
     return page(

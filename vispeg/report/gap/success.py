@@ -28,8 +28,8 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object]:
             rows[row["policy"]]["cells"][row["world"]] = row
     table = []
     for name, row in rows.items():
-        known = [c["success"]["n"] for c in row["cells"].values()] or [0]
-        spread = f"{min(known)}" if min(known) == max(known) else f"{min(known)}-{max(known)}"
+        counts = [c["success"]["n"] for c in row["cells"].values()] or [0]
+        spread = f"{min(counts)}" if min(counts) == max(counts) else f"{min(counts)}-{max(counts)}"
         cells = [_cell(row["cells"].get(w)) for w in names]
         table.append({"name": name, "tag": row["tag"], "cells": cells, "n": spread})
     return {"worlds": names, "rows": table}
@@ -57,14 +57,14 @@ def figure(values: Mapping[str, Any], shape: Shape) -> Figure:
 
 def _standing(values: Mapping[str, Any], shape: Shape) -> Figure:
     names, policies = [w["name"] for w in values["worlds"]], ordered(values["policies"])
-    styles, found = of_policies(policies), _rates(values)
+    styles, rates = of_policies(policies), _rates(values)
     width = 0.82 / len(policies)
     figure = new_figure(3.4, shape.width)
     ax = figure.add_subplot()
     for i, policy in enumerate(policies):
         style = styles[policy["name"]]
         for j, world in enumerate(names):
-            e = found.get((policy["name"], world))
+            e = rates.get((policy["name"], world))
             if e is None:
                 continue
             x = j + (i - (len(policies) - 1) / 2) * width
@@ -83,11 +83,11 @@ def _standing(values: Mapping[str, Any], shape: Shape) -> Figure:
 
 def _lying(values: Mapping[str, Any], shape: Shape) -> Figure:
     names, policies = [w["name"] for w in values["worlds"]], ordered(values["policies"])
-    styles, found = of_policies(policies), _rates(values)
+    styles, rates = of_policies(policies), _rates(values)
     figure = new_figure(0.3 + len(names) * (0.45 + 0.2 * len(policies)), shape.width)
     for ax, world in zip(figure.subplots(len(names), 1, squeeze=False, sharex=True)[:, 0], names, strict=True):
         for i, policy in enumerate(policies):
-            e = found.get((policy["name"], world))
+            e = rates.get((policy["name"], world))
             if e is not None:
                 ax.barh(i, 100 * e["value"], 0.8, **_fill(styles[policy["name"]]))
                 ax.plot([100 * e["low"], 100 * e["high"]], [i, i], color=MEASURED, linewidth=1.3)

@@ -20,8 +20,8 @@ def render(
     """The page of `vispeg-suite-result/1` records, oldest first, and of what changed between the last two."""
     last = versions[-1]
     lines = [f"{v['version']}: {v['health']['words']}" for v in versions]
-    told = [c for c in changes if c["verdict"] in ("fell", "rose")]
-    lines += [f"{c['configuration']} in {c['world']} {c['verdict']}: {words.lost(c['change'])} points" for c in told]
+    changed = [c for c in changes if c["verdict"] in ("fell", "rose")]
+    lines += [f"{c['configuration']} in {c['world']} {c['verdict']}: {words.lost(c['change'])} points" for c in changed]
     lines += [*(last.get("notes") or ()), *notes]
     sections = [table_page.title(f"Regression suite, {last['version']}", lines)]
     heads = ("policy", "configuration", last["train"], last["target"])
@@ -33,7 +33,7 @@ def render(
     sections.append(table_page.table("Configurations", heads, rows, picture=picture, caption=caption))
     if changes:
         heads = ("policy", "world", "configuration", "change, points", "Holm", "verdict")
-        shown = [
+        cells = [
             [
                 c["policy"],
                 c["world"],
@@ -44,7 +44,7 @@ def render(
             ]
             for c in changes
         ]
-        sections.append(table_page.table(f"{versions[-2]['version']} to {last['version']}", heads, shown))
+        sections.append(table_page.table(f"{versions[-2]['version']} to {last['version']}", heads, cells))
     worlds = [w for w in last.get("worlds") or () if w["name"] in (last["train"], last["target"])]
     return page("vispeg suite", "regression suite", [*sections, table_page.origin({**last, "worlds": worlds})])
 

@@ -24,14 +24,14 @@ def table(
     anchor: str = "table",
 ) -> Section:
     """A heading with a picture (SVG text), a table and a note; any of the three may be empty."""
-    shown = {
+    values = {
         "heads": list(heads),
         "rows": [list(r) for r in rows],
         "picture": picture,
         "caption": caption,
         "note": note,
     }
-    return anchor, heading, shown
+    return anchor, heading, values
 
 
 def origin(values: Mapping[str, Any]) -> Section:

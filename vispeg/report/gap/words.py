@@ -36,10 +36,10 @@ def rate(e: Row) -> str:
 
 def points(value: float | None) -> str:
     """-0.123 -> -12 points, with a sign."""
-    return "-" if value is None else whole(value, "+")
+    return "-" if value is None else hundredths(value, "+")
 
 
-def whole(value: float, sign: str = "") -> str:
+def hundredths(value: float, sign: str = "") -> str:
     """-0.123 -> -12 with a typographer's minus; never a negative zero."""
     number = round(100 * value)
     return f"{number:{sign if number else ''}d}".replace("-", "\N{MINUS SIGN}")
@@ -47,7 +47,7 @@ def whole(value: float, sign: str = "") -> str:
 
 def lost(e: Row) -> str:
     """A gap's interval: `+12 (7 to 18)`, in points of success lost."""
-    return f"{points(e['value'])} ({whole(e['low'])} to {whole(e['high'])})"
+    return f"{points(e['value'])} ({hundredths(e['low'])} to {hundredths(e['high'])})"
 
 
 def p_value(p: float | None) -> str:
@@ -62,7 +62,7 @@ def role(policy: Row) -> str:
     return ROLES.get("scripted" if policy.get("scripted") else str(policy["modality"]), "")
 
 
-def told(row: Row) -> str:
+def conclusion(row: Row) -> str:
     """What the episodes of a row of `success` can tell, and how many could tell more."""
     more = f"; to tell it within 5 points takes up to {row['needed']} episodes" if row.get("needed") else ""
     return f"{name(row)}: {row['words']}{more}"

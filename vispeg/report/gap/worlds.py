@@ -24,7 +24,7 @@ def caption(name: str, values: Mapping[str, Any]) -> str:
 
 def about(values: Mapping[str, Any]) -> list[dict[str, str]]:
     """What each world is, in its own file's words; of those alone that are the built-in ones."""
-    found = []
+    entries = []
     for world in values["worlds"]:
         name = str(world["name"])
         if name.isidentifier() and (BUILT_IN / f"{name}.yaml").is_file():
@@ -33,5 +33,5 @@ def about(values: Mapping[str, Any]) -> list[dict[str, str]]:
             except UserError:
                 same = False
             text = str(WORLD.read(BUILT_IN / f"{name}.yaml").get("about") or "") if same else ""
-            found += [{"name": name, "text": " ".join(text.split())}] if text else []
-    return found
+            entries += [{"name": name, "text": " ".join(text.split())}] if text else []
+    return entries

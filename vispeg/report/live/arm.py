@@ -89,9 +89,9 @@ def _turns(model: mujoco.MjModel, j: int) -> bool:
 def _shapes(model: mujoco.MjModel) -> list[tuple[np.ndarray, np.ndarray, int, np.ndarray]]:
     """Vertices in the body, faces, body and colour of what is drawn; planes are left out."""
     geoms = [g for g in visible(model) if model.geom_type[g] != mujoco.mjtGeom.mjGEOM_PLANE]
-    found = [(g, shape) for g in geoms if (shape := shape_of(model, g)) is not None]
-    total, out = sum(len(faces) for _, (_, faces) in found), []
-    for g, shape in found:
+    shapes = [(g, shape) for g in geoms if (shape := shape_of(model, g)) is not None]
+    total, out = sum(len(faces) for _, (_, faces) in shapes), []
+    for g, shape in shapes:
         vertices, faces = simplified(*shape, max(FEWEST, int(FACES * len(shape[1]) / max(total, FACES))))
         turn = np.empty(9)
         mujoco.mju_quat2Mat(turn, model.geom_quat[g])

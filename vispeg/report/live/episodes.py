@@ -34,15 +34,15 @@ def context(
     rows: dict[str, Mapping[str, object]] = {}
     for i, side in enumerate(sides):
         for j, world in enumerate(worlds):
-            own = [e for e in plain if (e.policy, e.train_seed) == side and e.world == world and e.seed in place]
+            of_side = [e for e in plain if (e.policy, e.train_seed) == side and e.world == world and e.seed in place]
             end: list[int | None] = [None] * len(seeds)
             numbers: dict[str, list[float | None]] = {"time": [None] * len(seeds), "force": [None] * len(seeds)}
-            for e in own:
+            for e in of_side:
                 k = place[e.seed]
                 end[k] = 0 if e.success else ends.index(e.category)
                 for key, value in (("time", e.time), ("force", e.peak_force)):
                     numbers[key][k] = round(value, 1) if np.isfinite(value) else None
-            if own:
+            if of_side:
                 rows[f"{i},{j}"] = {"end": end, **numbers}
     films = [
         {"policy": m["policy"], "seed": m["seed"], "world": side["world"], "at": f"film-{k}"}

@@ -40,12 +40,12 @@ class Line:
 
 @dataclass(frozen=True)
 class Panel:
-    """What is drawn in one frame for each joint; `shown` at first."""
+    """What is drawn in one frame for each joint; `visible` at first."""
 
     name: str
     unit: str
     lines: tuple[Line, ...]
-    shown: bool = True
+    visible: bool = True
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Track:
 
 
 def widget(
-    channels: Sequence[str], panels: Sequence[Panel], tracks: Sequence[Track], shown: Sequence[bool]
+    channels: Sequence[str], panels: Sequence[Panel], tracks: Sequence[Track], visible: Sequence[bool]
 ) -> dict[str, object]:
     """What the template `traces.html.j2` shows.
 
@@ -67,7 +67,7 @@ def widget(
         channels: names of the columns, such as joints.
         panels: with lines of which one track at least has the arrays.
         tracks: one or more.
-        shown: which channels are drawn at first.
+        visible: which channels are drawn at first.
     """
     there = {key for track in tracks for key in track.arrays}
     used = [p for p in panels if any({line.of, line.minus or line.of} <= there for line in p.lines)]
@@ -81,8 +81,8 @@ def widget(
         "tracks": [_track(track, most) for track in tracks],
     }
     return {
-        "channels": list(zip(channels, shown, strict=True)),
-        "panels": [(panel.name, panel.shown) for panel in used],
+        "channels": list(zip(channels, visible, strict=True)),
+        "panels": [(panel.name, panel.visible) for panel in used],
         "lines": [(line.label, line.colour) for line in lines.values()],
         "tracks": [track.name for track in tracks],
         "data": inert(data),
@@ -113,8 +113,8 @@ def thinned(values: np.ndarray, most: int) -> np.ndarray:
     if n <= most:
         return values
     length = -(-2 * n // most)
-    whole = n // length * length
-    parts = values[:whole].reshape(-1, length, values.shape[1])
+    end = n // length * length
+    parts = values[:end].reshape(-1, length, values.shape[1])
     low = np.where(np.isfinite(parts), parts, np.inf).argmin(axis=1)
     high = np.where(np.isfinite(parts), parts, -np.inf).argmax(axis=1)
     at = np.stack([np.minimum(low, high), np.maximum(low, high)], axis=1)
@@ -127,8 +127,8 @@ def thinned_time(time: np.ndarray, most: int) -> np.ndarray:
     if n <= most:
         return time
     length = -(-2 * n // most)
-    whole = n // length * length
-    return time[:whole].reshape(-1, length)[:, [length // 4, length - 1 - length // 4]].ravel()
+    end = n // length * length
+    return time[:end].reshape(-1, length)[:, [length // 4, length - 1 - length // 4]].ravel()
 
 
 def _panel(panel: Panel) -> dict[str, object]:

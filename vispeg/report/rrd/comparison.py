@@ -31,8 +31,8 @@ def _lines(out: Stream, trace: Trace, joints: Sequence[str]) -> None:
     for j, joint in enumerate(joints):
         measured, predicted = trace.measured[:, j], model[:, j]
         out.lines((trace.name, trace.unit, joint), trace.time, {"measured": measured, "model": predicted})
-        left = {"measured - model": measured - predicted}
-        out.lines((trace.name, f"residual {trace.unit}", joint), trace.time, left)
+        difference = {"measured - model": measured - predicted}
+        out.lines((trace.name, f"residual {trace.unit}", joint), trace.time, difference)
 
 
 def _arms(out: Stream, trace: Trace, arm: Mapping[str, np.ndarray]) -> None:
@@ -44,8 +44,8 @@ def _arms(out: Stream, trace: Trace, arm: Mapping[str, np.ndarray]) -> None:
     if not arm:
         return
     for name, (q, alpha) in angles.items():
-        whole = np.isfinite(q).all(axis=1)
-        pos, quat = posed(arm, q[whole])
+        complete = np.isfinite(q).all(axis=1)
+        pos, quat = posed(arm, q[complete])
         for body in np.unique(arm["body"]):
             rows = np.flatnonzero(arm["body"] == body)
             first, count = int(rows[0]), len(rows)
@@ -55,7 +55,7 @@ def _arms(out: Stream, trace: Trace, arm: Mapping[str, np.ndarray]) -> None:
             colours = arm["colour"][rows] if alpha == 255 else np.tile(AFTER, (count, 1))
             at = entity(trace.name, "arm", name, f"body{body}")
             out.mesh(at, arm["vertex"][rows], faces, colours, alpha)
-            out.place(at, trace.time[whole], pos[:, body], quat[:, body])
+            out.place(at, trace.time[complete], pos[:, body], quat[:, body])
 
 
 def posed(arm: Mapping[str, np.ndarray], q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -40,27 +40,27 @@ def write_episodes(path: Path, title: str, episodes: Sequence[Shown]) -> Path:
 
 def played(who: Entrant, world: str, settings: Mapping[str, Any], seeds: Sequence[int], name: str = "") -> list[Shown]:
     """Plays an episode a seed (see `vispeg.evaluation.films.moments.stage`); they are called `name` and their seed."""
-    shown = []
+    episodes = []
     with stage(who, world, settings) as (env, policy, at):
         for seed in seeds:
-            told = " ".join(filter(None, (name, at, f"seed {seed}")))
-            shown.append(Shown(told, compiled(env.sim.scene), list(moments(env, policy, seed))))
-    return shown
+            title = " ".join(filter(None, (name, at, f"seed {seed}")))
+            episodes.append(Shown(title, compiled(env.sim.scene), list(moments(env, policy, seed))))
+    return episodes
 
 
 def placed(model: mujoco.MjModel, steps: Sequence[Moment]) -> tuple[np.ndarray, np.ndarray]:
     """Positions (T, nbody, 3) m and quaternions (T, nbody, 4) wxyz of every body, in the world's axes."""
     import copy
 
-    own = copy.copy(model)  # bodies are placed in it
-    data = mujoco.MjData(own)
-    pos, quat = np.empty((len(steps), own.nbody, 3)), np.empty((len(steps), own.nbody, 4))
+    scratch = copy.copy(model)  # bodies are placed in it
+    data = mujoco.MjData(scratch)
+    pos, quat = np.empty((len(steps), scratch.nbody, 3)), np.empty((len(steps), scratch.nbody, 4))
     for t, moment in enumerate(steps):
         for name, place in moment.bodies.items():
-            body = own.body(name).id
-            own.body_pos[body], own.body_quat[body] = place[:3], place[3:]
+            body = scratch.body(name).id
+            scratch.body_pos[body], scratch.body_quat[body] = place[:3], place[3:]
         data.qpos[:] = moment.qpos
-        mujoco.mj_kinematics(own, data)
+        mujoco.mj_kinematics(scratch, data)
         pos[t], quat[t] = data.xpos, data.xquat
     return pos, quat
 

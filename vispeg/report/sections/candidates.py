@@ -19,8 +19,8 @@ def context(record: Record) -> Mapping[str, object]:
     """Candidates by falling gain, and the screening's ranking."""
     tried = sorted(record.rows("candidates"), key=lambda row: -_sortable(row.get("heldout_gain")))
     screened = sorted(record.rows("screening"), key=lambda row: -_sortable(row.get("score")))
-    shown = screened[:MOST_SCREENED]
-    low, high = _decades([number(row.get("score")) for row in shown])
+    top = screened[:MOST_SCREENED]
+    low, high = _decades([number(row.get("score")) for row in top])
     return {
         "tried": [
             {
@@ -42,7 +42,7 @@ def context(record: Record) -> Mapping[str, object]:
                 "bar": bar(_log_share(number(row.get("score")), low, high), MUTED),
                 "group": "–" if row.get("cosine_group") is None else str(row["cosine_group"]),
             }
-            for row in shown
+            for row in top
         ],
         "ends": (powers(10.0**low, 1), powers(10.0**high, 1)),
         "beside": any("tried_beside" in row for row in tried),

@@ -12,5 +12,5 @@ TITLE = "What to doubt"
 
 def context(record: Record) -> Mapping[str, object] | None:
     """The reasons, in words; None without one."""
-    found = doubts(record.values)
-    return {"doubts": found} if found else None
+    reasons = doubts(record.values)
+    return {"doubts": reasons} if reasons else None

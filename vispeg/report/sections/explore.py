@@ -81,9 +81,9 @@ def _row(choices: Choices, i: int, unit: str, floor: float | None) -> dict[str, 
 
 def _ends(choices: Choices, floor: float | None) -> tuple[float, float]:
     """Ends of the bar's logarithmic axis."""
-    shown = [float(e) for e in choices.error if np.isfinite(e) and e > 0] + ([floor] if floor else [])
-    high = max(shown, default=1.0)
-    return min(min(shown, default=0.1) / 1.6, high / 10), high
+    errors = [float(e) for e in choices.error if np.isfinite(e) and e > 0] + ([floor] if floor else [])
+    high = max(errors, default=1.0)
+    return min(min(errors, default=0.1) / 1.6, high / 10), high
 
 
 def _position(error: float, choices: Choices, floor: float | None) -> float:

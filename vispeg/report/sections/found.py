@@ -56,8 +56,8 @@ def _fitted(p: Mapping[str, Any]) -> bool:
 
 def _at_null(name: str, param: str, p: Mapping[str, Any]) -> bool:
     """Whether a value is the one that changes nothing: beside fitted ones it was not looked for."""
-    known = bounds_of(name, param)
-    return known is not None and number(p.get("value")) == known.null
+    bounds = bounds_of(name, param)
+    return bounds is not None and number(p.get("value")) == bounds.null
 
 
 def _effect(effect: Mapping[str, Any]) -> Mapping[str, object]:
@@ -75,24 +75,24 @@ def _effect(effect: Mapping[str, Any]) -> Mapping[str, object]:
 
 def bounds_of(effect: str, param: str) -> Param | None:
     """The registered parameter, or None where this installation does not know the effect."""
-    known = REGISTRY.get(effect)
-    return known.params.get(param) if known is not None else None
+    kind = REGISTRY.get(effect)
+    return kind.params.get(param) if kind is not None else None
 
 
 def remark(value: float | None, low: float | None, high: float | None, param: Param | None) -> str:
     """What the numbers call for: no interval, at a bound, the interval reaches the null value."""
     if value is None:
         return "no value"
-    found = []
+    notes = []
     if low is None or high is None:
-        found.append("no interval")
+        notes.append("no interval")
     if param is not None:
         at = place(value, param.low, param.high, param.scale)
         if at <= 0.005 and param.low != param.null or at >= 0.995:
-            found.append(AT_BOUND)
+            notes.append(AT_BOUND)
         if not param.shape and low is not None and high is not None and low <= param.null <= high:
-            found.append("interval includes the null value")
-    return "; ".join(found)
+            notes.append("interval includes the null value")
+    return "; ".join(notes)
 
 
 class Correlations(TypedDict):
@@ -105,9 +105,9 @@ class Correlations(TypedDict):
 
 def correlations(record: Record) -> Correlations:
     """Correlation matrix as rows of (text, colour), and the pairs that the data hardly tell apart."""
-    given = record.mapping("correlations")
-    names = [str(name) for name in given.get("labels") or []]
-    cells = [[number(v) for v in row] for row in given.get("matrix") or [] if isinstance(row, list)]
+    section = record.mapping("correlations")
+    names = [str(name) for name in section.get("labels") or []]
+    cells = [[number(v) for v in row] for row in section.get("matrix") or [] if isinstance(row, list)]
     if len(names) < 2 or len(cells) != len(names) or any(len(row) != len(names) for row in cells):
         return {"labels": [], "rows": [], "strong": []}
     strong = [
@@ -115,25 +115,26 @@ def correlations(record: Record) -> Correlations:
         for i, j in zip(*np.triu_indices(len(names), 1), strict=True)
         if abs(cells[i][j] or 0.0) >= STRONG
     ]
-    shown = [[(plain(v, 2), _shade(v, i == j)) for j, v in enumerate(row)] for i, row in enumerate(cells)]
-    return {"labels": names, "rows": shown, "strong": strong}
+    coloured = [[(plain(v, 2), _shade(v, i == j)) for j, v in enumerate(row)] for i, row in enumerate(cells)]
+    return {"labels": names, "rows": coloured, "strong": strong}
 
 
 def _row(effect: str, name: str, p: Mapping[str, Any]) -> dict[str, str]:
-    known = bounds_of(effect, name)
-    given = str(p.get("unit") or (known.unit if known else ""))
-    value, between, unit = scaled(p.get("value"), p.get("low"), p.get("high"), given)
+    declared = bounds_of(effect, name)
+    base_unit = str(p.get("unit") or (declared.unit if declared else ""))
+    value, between, unit = scaled(p.get("value"), p.get("low"), p.get("high"), base_unit)
     numbers = number(p.get("value")), number(p.get("low")), number(p.get("high"))
     strip = bounds = ""
-    if known is not None:
-        null = None if known.shape else known.null
-        strip = interval_strip(numbers[0], numbers[1:], (known.low, known.high), null, known.scale)
-        factor, shown = prefix(max(abs(known.low), abs(known.high)), given)
-        bounds = f"{plain(factor * known.low)} to {plain(factor * known.high)} {effect_words.unit(shown)}".strip()
-    said = remark(*numbers, known)
+    if declared is not None:
+        null = None if declared.shape else declared.null
+        strip = interval_strip(numbers[0], numbers[1:], (declared.low, declared.high), null, declared.scale)
+        factor, scaled_unit = prefix(max(abs(declared.low), abs(declared.high)), base_unit)
+        ends = f"{plain(factor * declared.low)} to {plain(factor * declared.high)}"
+        bounds = f"{ends} {effect_words.unit(scaled_unit)}".strip()
+    said = remark(*numbers, declared)
     return {
         "param": name,
-        "doc": known.doc if known else "",
+        "doc": declared.doc if declared else "",
         "value": value,
         "interval": between,
         "unit": effect_words.unit(unit),
@@ -145,13 +146,13 @@ def _row(effect: str, name: str, p: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _moved(row: Mapping[str, Any]) -> dict[str, str]:
-    known = bounds_of(str(row.get("effect")), str(row.get("param")))
+    param = bounds_of(str(row.get("effect")), str(row.get("param")))
     return {
         "effect": label(row),
         "param": str(row.get("param", "?")),
         "before": plain(row.get("before"), 4),
         "after": plain(row.get("after"), 4),
-        "unit": known.unit if known else "",
+        "unit": param.unit if param else "",
     }
 
 

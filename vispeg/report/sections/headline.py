@@ -54,7 +54,7 @@ def _judged(record: Record) -> str:
 def _marks(record: Record) -> list[dict[str, str]]:
     """Where in the robot's picture the effects sit that were found: number, words, place in per cent."""
     places = record.mapping("picture").get("places")
-    found, taken = [], set()
+    marks, taken = [], set()
     if not isinstance(places, dict):
         return []
     for effect in record.rows("effects"):
@@ -65,8 +65,8 @@ def _marks(record: Record) -> list[dict[str, str]]:
             while (x, y) in taken:  # two effects of one joint stand side by side
                 x += 0.045
             taken.add((x, y))
-            found.append({"words": effect_words.sized(effect), "x": f"{100 * x:.1f}", "y": f"{100 * y:.1f}"})
-    return found
+            marks.append({"words": effect_words.sized(effect), "x": f"{100 * x:.1f}", "y": f"{100 * y:.1f}"})
+    return marks
 
 
 def _source(floor: Mapping[str, Any]) -> str:

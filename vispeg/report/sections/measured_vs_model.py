@@ -33,8 +33,8 @@ def context(record: Record) -> Mapping[str, object]:
     traces = [*record.evidence.traces, *record.evidence.torques]
     ordered = sorted(record.evidence.traces, key=lambda t: -(_final(t) or 0.0))[:MOST_TRACES]
     names = {t.name for t in ordered}
-    shown = [t for t in traces if t.name in names][: 2 * MOST_TRACES]
-    lines = max(1, sum(5 * t.measured.shape[1] for t in shown))
+    chosen = [t for t in traces if t.name in names][: 2 * MOST_TRACES]
+    lines = max(1, sum(5 * t.measured.shape[1] for t in chosen))
     points = int(min(1500, max(160, POINTS / lines)))
     joints = record.evidence.joints
     return {
@@ -43,7 +43,7 @@ def context(record: Record) -> Mapping[str, object]:
         "arm": arm_stage(record.evidence.arm, _worst_first(record), joints),
         "pictures": [
             {"svg": trace_picture(t, joints, f"trace{i}", points), "title": trace_title(t, joints)}
-            for i, t in enumerate(shown)
+            for i, t in enumerate(chosen)
         ],
         "table": [_row(t) for t in traces],
         "joints": joints,
@@ -59,10 +59,10 @@ def interactive(record: Record) -> dict[str, object]:
     worst = _worst_first(record)
     tracks = [Track(t.name, t.time, _arrays(t) | _arrays(torques.get(t.name), "_tau")) for t in worst]
     size = np.sqrt(sum(np.nansum((t.before - t.measured) ** 2, axis=0) for t in worst))
-    shown = [bool(s >= SHARE * size.max(initial=0.0)) for s in size]
+    visible = [bool(s >= SHARE * size.max(initial=0.0)) for s in size]
     last = "model" if worst[0].after is None else "model after"
     panels = _panels(evidence.unit, "", last) + (_panels("N m", "_tau", last) if torques else ())
-    return widget(evidence.joints, panels, tracks, shown)
+    return widget(evidence.joints, panels, tracks, visible)
 
 
 def _worst_first(record: Record) -> list[Trace]:
@@ -73,10 +73,10 @@ def _arrays(trace: Trace | None, of: str = "") -> dict[str, np.ndarray]:
     """What was measured, and what each model leaves of it: residuals on their own scale, so that they stay exact."""
     if trace is None:
         return {}
-    found = {f"measured{of}": trace.measured, f"before{of}": trace.measured - trace.before}
+    arrays = {f"measured{of}": trace.measured, f"before{of}": trace.measured - trace.before}
     if trace.posture is not None and not of:
-        found["posture"] = trace.posture
-    return found if trace.after is None else found | {f"after{of}": trace.measured - trace.after}
+        arrays["posture"] = trace.posture
+    return arrays if trace.after is None else arrays | {f"after{of}": trace.measured - trace.after}
 
 
 def _panels(unit: str, of: str, last: str) -> tuple[Panel, Panel]:
@@ -86,9 +86,9 @@ def _panels(unit: str, of: str, last: str) -> tuple[Panel, Panel]:
     ends = [(first, f"before{of}", "before", False)] + ([(last, f"after{of}", "after", True)] if last != first else [])
     signals = [Line("measured", f"measured{of}", "ink", width=2.0)]
     signals += [Line(label, f"measured{of}", colour, minus=key, dash=dash) for label, key, colour, dash in ends]
-    left = [Line(label, key, colour) for label, key, colour, _ in ends]
-    shown = not of
-    return Panel(name, unit, tuple(signals), shown), Panel(f"{name} residual", unit, tuple(left), shown)
+    residuals = [Line(label, key, colour) for label, key, colour, _ in ends]
+    visible = not of
+    return Panel(name, unit, tuple(signals), visible), Panel(f"{name} residual", unit, tuple(residuals), visible)
 
 
 def trace_title(trace: Trace, joints: tuple[str, ...]) -> str:

@@ -58,15 +58,15 @@ def _name(record: Record) -> list[str]:
 
 def again(record: Record) -> str:
     """This diagnosis with the new recording and another folder to write to; a general one where it cannot be had."""
-    given = _name(record)
-    if given[1:2] != ["diagnose"]:  # another command, whose arguments are others
+    command = _name(record)
+    if command[1:2] != ["diagnose"]:  # another command, whose arguments are others
         return GENERAL
-    for i, word in enumerate(given):
-        if word == "--out" and i + 1 < len(given):
-            given[i + 1] += "-2"
+    for i, word in enumerate(command):
+        if word == "--out" and i + 1 < len(command):
+            command[i + 1] += "-2"
         elif word.startswith("--out="):
-            given[i] += "-2"
-    return f"{shlex.join(given)} --recording NEW-RECORDING"
+            command[i] += "-2"
+    return f"{shlex.join(command)} --recording NEW-RECORDING"
 
 
 def motion_picture(motion: NextMotion, evidence: Evidence) -> str:

@@ -41,19 +41,19 @@ FIGURES = (  # of a camera: key, unit, words
 
 def context(record: Record) -> Mapping[str, object] | None:
     """Figures by camera, pictures of the worst frames, residuals over image, distance and time; None without frames."""
-    told = record.mapping("pictures")
-    cameras = rows(told, "cameras")
+    section = record.mapping("pictures")
+    cameras = rows(section, "cameras")
     if not cameras:
         return None
     arrays = record.evidence.pictures
-    shown = [
+    pictures = [
         {"title": _title(row), "views": _views(arrays, k)}
-        for k, row in enumerate(rows(told, "shown"))
+        for k, row in enumerate(rows(section, "shown"))
         if row.get("camera")
     ]
     drawn = []
     for number, camera in enumerate(cameras):
-        frames = [row for row in rows(told, "frames") if row.get("camera") == camera.get("camera")]
+        frames = [row for row in rows(section, "frames") if row.get("camera") == camera.get("camera")]
         drawn.append({"title": sentence(camera), "svg": _chart(number, camera, frames, arrays)})
     used = [entry for entry in FIGURES if any(camera.get(entry[0]) is not None for camera in cameras)]
     table = [
@@ -61,7 +61,7 @@ def context(record: Record) -> Mapping[str, object] | None:
         for key, unit, words in used
     ]
     names = [str(camera.get("camera", "?")) for camera in cameras]
-    return {"names": names, "table": table, "shown": shown, "drawn": drawn, "frames": len(rows(told, "frames"))}
+    return {"names": names, "table": table, "shown": pictures, "drawn": drawn, "frames": len(rows(section, "frames"))}
 
 
 def _cell(value: Any) -> str:
@@ -87,16 +87,16 @@ def _views(arrays: Mapping[str, np.ndarray], k: int) -> list[dict[str, str]]:
 def _chart(
     number: int, camera: Mapping[str, Any], frames: Sequence[Mapping[str, Any]], arrays: Mapping[str, np.ndarray]
 ) -> str:
-    own = {name: arrays.get(f"camera/{number}/{name}") for name in ("size", "pixel", "normal", "along", "distance")}
-    return chart(lambda shape: _figure(own, frames, shape), f"camera{number}", sentence(camera))
+    samples = {name: arrays.get(f"camera/{number}/{name}") for name in ("size", "pixel", "normal", "along", "distance")}
+    return chart(lambda shape: _figure(samples, frames, shape), f"camera{number}", sentence(camera))
 
 
-def _figure(own: Mapping[str, Any], frames: Sequence[Mapping[str, Any]], shape: Shape) -> Figure | None:
+def _figure(samples: Mapping[str, Any], frames: Sequence[Mapping[str, Any]], shape: Shape) -> Figure | None:
     panels = []
-    if own["along"] is not None and len(own["along"]):
-        panels.append(lambda ax: _over_image(ax, own))
-    if own["distance"] is not None and len(own["distance"]):
-        panels.append(lambda ax: _over_distance(ax, own["distance"]))
+    if samples["along"] is not None and len(samples["along"]):
+        panels.append(lambda ax: _over_image(ax, samples))
+    if samples["distance"] is not None and len(samples["distance"]):
+        panels.append(lambda ax: _over_distance(ax, samples["distance"]))
     panels.append(lambda ax: _over_time(ax, frames))
     if not frames:
         return None
@@ -133,9 +133,9 @@ def displacement(pixel: np.ndarray, normal: np.ndarray, along: np.ndarray, size:
     return np.array(out).reshape(-1, 5)
 
 
-def _over_image(ax: Any, own: Mapping[str, Any]) -> None:
-    size = own["size"]
-    cells = displacement(own["pixel"], own["normal"], own["along"], size)
+def _over_image(ax: Any, samples: Mapping[str, Any]) -> None:
+    size = samples["size"]
+    cells = displacement(samples["pixel"], samples["normal"], samples["along"], size)
     ax.set_title("over the image: displacement", color=MUTED, pad=3)
     ax.set_xlim(0, size[0])
     ax.set_ylim(size[1], 0)

@@ -13,18 +13,18 @@ TITLE = "Provenance"
 
 def context(record: Record) -> Mapping[str, object]:
     """Plain text of everything needed to run it again."""
-    given = record.mapping("provenance")
-    command = given.get("command")
+    section = record.mapping("provenance")
+    command = section.get("command")
     recordings = record.mapping("recordings")
     return {
         "command": shlex.join(map(str, command)) if isinstance(command, list) else str(command or ""),
-        "seed": "" if given.get("seed") is None else str(given["seed"]),
-        "versions": _pairs(given.get("versions")),
-        "inputs": _pairs(given.get("inputs")),
+        "seed": "" if section.get("seed") is None else str(section["seed"]),
+        "versions": _pairs(section.get("versions")),
+        "inputs": _pairs(section.get("inputs")),
         "fit": _names(recordings.get("fit")),
         "validate": _names(recordings.get("validate")) or [t.name for t in record.evidence.traces],
         "notes": _names(record.values.get("notes")),
-        "others": _pairs({k: v for k, v in given.items() if k not in ("command", "seed", "versions", "inputs")}),
+        "others": _pairs({k: v for k, v in section.items() if k not in ("command", "seed", "versions", "inputs")}),
         "format": str(record.values.get("format") or ""),
     }
 

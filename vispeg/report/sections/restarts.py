@@ -25,20 +25,20 @@ CONTACT = {
 
 def context(record: Record) -> Mapping[str, object] | None:
     """Errors and parameters by length of window, the profiles, the contact's numbers; None of an arm."""
-    found = record.rows("restarts")
-    if not found:
+    windows = record.rows("restarts")
+    if not windows:
         return None
     contact = record.mapping("contact")
     return {
         "windows": [
             {"window": str(row.get("window", "?")), "count": row.get("count"), "median": _moved(row, "median_m", "m"),
              "turn": _moved(row, "median_rad", "rad"), "rms": _moved(row, "rms_m", "m")}
-            for row in found
+            for row in windows
         ],
         "parameters": [
             {"parameter": str(p.get("parameter", "?")), "window": str(row.get("window", "?")),
              "value": interval(p.get("best"), p.get("low"), p.get("high")), "told": bool(p.get("told"))}
-            for row in found
+            for row in windows
             for p in rows(row, "parameters")
         ],
         "contact": [(CONTACT[k], plain(v)) for k, v in contact.items() if k in CONTACT],

@@ -20,16 +20,16 @@ def context(record: Record) -> Mapping[str, object] | None:
 
 def room_row(said: Mapping[str, Any]) -> dict[str, str]:
     """Room, verdict, held-out error before and after, noise floor, effects named, effects of others."""
-    own = said.get("record") or {}
-    before, after, unit = words.ladder_ends(own)
-    floor = own.get("noise_floor") or {}
+    record = said.get("record") or {}
+    before, after, unit = words.ladder_ends(record)
+    floor = record.get("noise_floor") or {}
     return {
         "room": str(said.get("room", "?")),
-        "verdict": str(own.get("verdict", "")),
+        "verdict": str(record.get("verdict", "")),
         "before": quantity(before, unit),
         "after": quantity(after, unit),
         "floor": quantity(floor.get("value"), str(floor.get("unit") or unit)),
-        "named": ", ".join(label(e) for e in rows(own, "effects")),
+        "named": ", ".join(label(e) for e in rows(record, "effects")),
         "given": ", ".join(label(e) for e in rows(said, "given")),
-        "reason": str(own.get("reason") or ""),
+        "reason": str(record.get("reason") or ""),
     }

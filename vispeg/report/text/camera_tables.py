@@ -41,12 +41,12 @@ def _numbers(results: Mapping[str, Any]) -> list[list[str]]:
     return rows
 
 
-def _effect(found: Mapping[str, Any]) -> str:
+def _effect(effect: Mapping[str, Any]) -> str:
     """What an effect is, and what a calibration that has it would be."""
-    (name, v), (before, after) = *found["params"].items(), found["board_scatter_mm"]
-    value = f"{found['effect']}({found['where']}): {name} {v['value']:.3f} [{v['low']:.3f}, {v['high']:.3f}]"
+    (name, v), (before, after) = *effect["params"].items(), effect["board_scatter_mm"]
+    value = f"{effect['effect']}({effect['where']}): {name} {v['value']:.3f} [{v['low']:.3f}, {v['high']:.3f}]"
     return (
-        f"{value}; with --square {found['square_m']:.4g} the board's origin scatters {after:.1f} mm, not {before:.1f}"
+        f"{value}; with --square {effect['square_m']:.4g} the board's origin scatters {after:.1f} mm, not {before:.1f}"
     )
 
 

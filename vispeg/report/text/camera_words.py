@@ -11,8 +11,8 @@ from vispeg.report.text.quantities import plain
 
 def cameras(values: Mapping[str, Any]) -> list[str]:
     """How far each camera's borders, depth and colour are off; none where a record has no pictures."""
-    told = values.get("pictures")
-    return [sentence(camera) for camera in rows(told if isinstance(told, dict) else {}, "cameras")]
+    section = values.get("pictures")
+    return [sentence(camera) for camera in rows(section if isinstance(section, dict) else {}, "cameras")]
 
 
 def sentence(camera: Mapping[str, Any]) -> str:

@@ -32,15 +32,15 @@ def equation(kind: Effect) -> str:
 
 def title(name: str) -> str:
     """`Coulomb friction`; the name with blanks where this installation does not know it or its file does not say."""
-    known = REGISTRY.get(name)
-    head = equation(known).partition(":")[0] if known is not None else ""
+    kind = REGISTRY.get(name)
+    head = equation(kind).partition(":")[0] if kind is not None else ""
     return head if TITLE.fullmatch(head) else name.replace("_", " ").capitalize()
 
 
 def what(name: str) -> str:
     """One sentence on what the effect is; empty where it is not known."""
-    known = REGISTRY.get(name)
-    return "" if known is None else summary(known)
+    kind = REGISTRY.get(name)
+    return "" if kind is None else summary(kind)
 
 
 def site(where: Any) -> str:
@@ -67,16 +67,16 @@ def size(row: Mapping[str, Any]) -> str:
 
     A parameter at null is left out beside one that is not. Empty where no value is stated.
     """
-    known, params = REGISTRY.get(str(row.get("effect"))), params_of(row)
-    names = [n for n in params if known is None or n not in known.params or not known.params[n].shape]
-    told = [(n, params[n]) for n in names if number(params[n].get("value")) is not None]
-    alone = len(told) == 1
-    if known is not None:  # directions in which nothing was fitted go unsaid
-        told = [(n, p) for n, p in told if n not in known.params or p["value"] != known.params[n].null] or told
-    texts = [_text(p) for _, p in told]
+    kind, params = REGISTRY.get(str(row.get("effect"))), params_of(row)
+    names = [n for n in params if kind is None or n not in kind.params or not kind.params[n].shape]
+    stated = [(n, params[n]) for n in names if number(params[n].get("value")) is not None]
+    alone = len(stated) == 1
+    if kind is not None:  # directions in which nothing was fitted go unsaid
+        stated = [(n, p) for n, p in stated if n not in kind.params or p["value"] != kind.params[n].null] or stated
+    texts = [_text(p) for _, p in stated]
     if alone and not texts[0][0].isalpha() and " " in texts[0]:
         return texts[0]
-    return ", ".join(f"{n.replace('_', ' ')} {text}" for (n, _), text in zip(told, texts, strict=True))
+    return ", ".join(f"{n.replace('_', ' ')} {text}" for (n, _), text in zip(stated, texts, strict=True))
 
 
 def sized(row: Mapping[str, Any]) -> str:

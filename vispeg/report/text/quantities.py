@@ -81,8 +81,8 @@ def scaled(value: Any, low: Any, high: Any, unit: str) -> tuple[str, str, str]:
     sizes = [abs(x) for x in map(number, (value, low, high)) if x is not None]
     span = max(sizes[1:], default=0.0) if sizes and sizes[0] == 0 else sizes[0] if sizes else 0.0
     factor, name = prefix(span, unit)
-    found = [None if x is None else x * factor for x in map(number, (value, low, high))]
-    return *interval(*found), name
+    numbers = [None if x is None else x * factor for x in map(number, (value, low, high))]
+    return *interval(*numbers), name
 
 
 def rms(values: np.ndarray) -> float | None:

@@ -50,12 +50,12 @@ class Sheet:
     def _widths(self) -> list[int]:
         from rich.cells import cell_len
 
-        found = []
+        widths = []
         for i, column in enumerate(self.columns):
             cells = [column.head, *(row[i] for row in self.rows)]
             widest = max(cell_len(line) for cell in cells for line in cell.split("\n"))
-            found.append(min(widest, PROSE) if column.prose else widest)
-        return found
+            widths.append(min(widest, PROSE) if column.prose else widest)
+        return widths
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
         yield self._table() if self.width() <= options.max_width else self._list(options.max_width)

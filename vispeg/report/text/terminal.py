@@ -19,18 +19,20 @@ from vispeg.report.text.tables import Column, Sheet
 def ladder_table(diagnosis: Mapping[str, Any]) -> Sheet:
     """Model, error on fitted and on held-out recordings, and the latter in noise floors; of either kind of record."""
     columns = [Column("Model"), *(Column(head, right=True) for head in ("Fitted", "Held out", "Floor"))]
-    found = ladder_rows(_record(diagnosis))
-    return Sheet(columns, [[row["model"], row["fit"], row["heldout"], row["floor"] or "–"] for row in found])
+    models = ladder_rows(_record(diagnosis))
+    return Sheet(columns, [[row["model"], row["fit"], row["heldout"], row["floor"] or "–"] for row in models])
 
 
 def effects_table(diagnosis: Mapping[str, Any]) -> Sheet:
     """What was found: effect, parameter, value with its 95 % interval, unit, and whether it ended at its bound."""
-    found = effect_rows(_record(diagnosis))
-    bound = any(row["bound"] for row in found)
+    effects = effect_rows(_record(diagnosis))
+    bound = any(row["bound"] for row in effects)
     columns = [Column("Effect"), Column("Parameter"), Column("Value", right=True), Column("95 % interval")]
     columns += [Column("Unit"), *([Column("Bound")] if bound else [])]
-    cells = [[row["effect"], row["param"], row["value"], row["interval"] or "–", row["unit"]] for row in found]
-    return Sheet(columns, [c + ([row["bound"]] if bound else []) for c, row in zip(cells, found, strict=True)], keys=2)
+    cells = [[row["effect"], row["param"], row["value"], row["interval"] or "–", row["unit"]] for row in effects]
+    return Sheet(
+        columns, [c + ([row["bound"]] if bound else []) for c, row in zip(cells, effects, strict=True)], keys=2
+    )
 
 
 def restarts_table(diagnosis: Mapping[str, Any]) -> Sheet:
@@ -53,9 +55,9 @@ def restarts_table(diagnosis: Mapping[str, Any]) -> Sheet:
 def rooms_table(diagnosis: Mapping[str, Any]) -> Sheet:
     """What each of several rooms says."""
     columns = [Column("Rooms"), Column("Verdict"), *(Column(head, right=True) for head in ("Before", "After", "Floor"))]
-    found = [room_row(said) for said in rows(diagnosis, "rooms")]
+    rooms = [room_row(said) for said in rows(diagnosis, "rooms")]
     keys = ("room", "verdict", "before", "after", "floor")
-    return Sheet(columns, [[row[key] for key in keys] for row in found], keys=1)
+    return Sheet(columns, [[row[key] for key in keys] for row in rooms], keys=1)
 
 
 def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
@@ -118,11 +120,11 @@ def report_line(out: Path) -> Line:
 
 def joints_table(comparison: Mapping[str, Any]) -> Sheet:
     """Error, noise and their ratio of each joint; the torque error too where torque was measured."""
-    found = rows(comparison, "joints")
-    torque = any("torque_error" in row for row in found)
+    joints = rows(comparison, "joints")
+    torque = any("torque_error" in row for row in joints)
     heads = ["Error", "Noise floor", "Times", *(["Torque error"] if torque else [])]
     cells = []
-    for row in found:
+    for row in joints:
         unit = str(row.get("unit") or "")
         line = [str(row.get("joint", "?")), quantity(row.get("error"), unit), quantity(row.get("floor"), unit)]
         line.append(fold(float(row["times_floor"])) if row.get("times_floor") else "–")

@@ -162,22 +162,22 @@ def price(values: Mapping[str, Any]) -> str:
     """
     if values.get("cost"):
         return ""
-    left = [
+    remainder = [
         (number(r.get("rms")) or 0.0, number(r.get("needed")) or 0.0, r.get("joint")) for r in rows(values, "remainder")
     ]
-    worst = sorted((r for r in left if r[0] > 0), key=lambda r: -r[0] / max(r[1], 1e-9))[:MOST_PRICED]
+    worst = sorted((r for r in remainder if r[0] > 0), key=lambda r: -r[0] / max(r[1], 1e-9))[:MOST_PRICED]
     sweeps = " ".join(f'--sweep "torque_noise@{joint}.rms=0,{rms:.2g}"' for rms, _, joint in worst)
     return f"vispeg sensitivity POLICY {sweeps} --out price" if sweeps else ""
 
 
 def rivals(values: Mapping[str, Any]) -> list[list[str]]:
     """The classes of effects that the recordings cannot tell apart, in words, each with the chosen one first."""
-    found = []
+    classes = []
     for effect in rows(values, "effects"):
         others = [named_effect(other) for other in rows(effect, "indistinguishable_from")]
         if others and not effect.get("tentative"):
-            found.append([sized(effect), *others])
-    return found
+            classes.append([sized(effect), *others])
+    return classes
 
 
 def depends_on(row: Mapping[str, Any]) -> str:
@@ -208,8 +208,8 @@ def _names(values: Mapping[str, Any]) -> list[str]:
 
 def _among(effect: Mapping[str, Any]) -> str:
     others = [named_effect(other) for other in rows(effect, "indistinguishable_from")]
-    shown = [named_effect(effect), *others]
-    return join(shown, "or") if len(shown) <= MOST_RIVALS else f"{join(shown[:2], ', ')} and {len(shown) - 2} more"
+    names = [named_effect(effect), *others]
+    return join(names, "or") if len(names) <= MOST_RIVALS else f"{join(names[:2], ', ')} and {len(names) - 2} more"
 
 
 def _tentative(values: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -220,12 +220,12 @@ def _ambiguous(values: Mapping[str, Any], reach: str) -> str:
     classes = rivals(values)
     if not classes:
         return f"A class of effects explains the held-out recordings {reach}; these recordings cannot tell its members."
-    found = rows(values, "effects")
-    if len(found) > MOST_NAMED:
-        unsure = "all of them" if len(classes) == len(found) else f"{len(classes)} of them"
-        what = f"{len(found)} effects explain the held-out recordings {reach}"
+    effects = rows(values, "effects")
+    if len(effects) > MOST_NAMED:
+        unsure = "all of them" if len(classes) == len(effects) else f"{len(classes)} of them"
+        what = f"{len(effects)} effects explain the held-out recordings {reach}"
         return f"{what}; these recordings cannot tell {unsure} from others."
-    clear = [sized(e) for e in found if not rows(e, "indistinguishable_from")]
+    clear = [sized(e) for e in effects if not rows(e, "indistinguishable_from")]
     beside = f", beside {join(clear)}" if clear else ""
     either = "; and ".join(f"{'either ' if len(c) == 2 else 'one of '}{join(c, 'or')}" for c in classes)
     either = either[0].upper() + either[1:]

@@ -21,9 +21,9 @@ class Borders(Subject):
 
     unit, shows = "px", "How far borders lie from where the model puts them"
 
-    def __init__(self, given: Inputs, threads: int, say: Say, progress: Progress | None):
+    def __init__(self, inputs: Inputs, threads: int, say: Say, progress: Progress | None):
         say("bringing the predicted borders onto the pictures")
-        evidence, judged = border_evidence_of(given.world, given.fitted, given.held_out if progress else ())
+        evidence, judged = border_evidence_of(inputs.world, inputs.fitted, inputs.held_out if progress else ())
         self.judged: BorderEvidence = evidence if judged is None else judged
         self.search = None if judged is None else PictureSearch(evidence, judged, say)
         self.recordings = {rec.name: rec for rec in self.judged.recordings or evidence.recordings}

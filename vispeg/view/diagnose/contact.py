@@ -24,10 +24,10 @@ class Contact(Subject):
     columns, units, unit = COLUMNS, ("N",) * 3 + ("N m",) * 3, "N"
     shows = "Force and torque at the wrist that the model misses"
 
-    def __init__(self, given: Inputs, threads: int, say: Say, progress: Progress | None):
-        self.judged, self.search = evidence_of(given.fitted if progress is None else given.held_out, threads), None
+    def __init__(self, inputs: Inputs, threads: int, say: Say, progress: Progress | None):
+        self.judged, self.search = evidence_of(inputs.fitted if progress is None else inputs.held_out, threads), None
         if progress is not None:
-            self.search = ContactSearch(evidence_of(given.fitted, threads), Judge(self.judged), say, progress)
+            self.search = ContactSearch(evidence_of(inputs.fitted, threads), Judge(self.judged), say, progress)
 
     @property
     def floor(self) -> float:

@@ -19,7 +19,7 @@ class Joints(Subject):
     """Recordings of joints.
 
     Args:
-        given: model and recordings.
+        inputs: model and recordings.
         threads: of the simulation.
         say: is told what is being done.
         progress: of the search; None where there is nothing to judge on.
@@ -27,12 +27,12 @@ class Joints(Subject):
 
     shows = "Torque that the model lacks"
 
-    def __init__(self, given: Inputs, threads: int, say: Say, progress: Progress | None):
-        judging = given.fitted if progress is None else given.held_out
-        self.judged = evidence_for(given.world, judging, threads, h_max=1e-3)
+    def __init__(self, inputs: Inputs, threads: int, say: Say, progress: Progress | None):
+        judging = inputs.fitted if progress is None else inputs.held_out
+        self.judged = evidence_for(inputs.world, judging, threads, h_max=1e-3)
         self.search = None
         if progress is not None:
-            evidence = evidence_for(given.world, given.fitted, threads)
+            evidence = evidence_for(inputs.world, inputs.fitted, threads)
             self.search = Search(evidence, Judge(self.judged), say, progress)
         self.unit, self.columns = self.judged.unit, self.joints
         self.units = (self.unit,) * len(self.columns)

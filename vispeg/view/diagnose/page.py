@@ -46,7 +46,7 @@ class StudyPage(Page):
                 self.chosen = gui.add_folder(None)
                 self.compare = gui.add_button("Compare model and recordings", color="teal")
             self.ladder = gui.add_html(html.note("Choose a model and recordings, then compare them."))
-            self.job = Job(place, self.told, self.idle)
+            self.job = Job(place, self.receive, self.idle)
             with gui.add_folder("What is missing"):
                 self.screen = gui.add_button("Score the candidates", hint="how much of the error each could explain")
                 self.run = gui.add_button("Let the search go on by itself")
@@ -99,7 +99,7 @@ class StudyPage(Page):
         asked = ("show", "screen") if fitted and held_out else ("show",)
         self.job.begin(Study, args, *asked)
 
-    def told(self, name: str, value: Any) -> None:
+    def receive(self, name: str, value: Any) -> None:
         """What the worker tells."""
         if name == "model":
             self.traces.draws(*value)
@@ -203,12 +203,12 @@ class StudyPage(Page):
             camera = camera if camera in cameras else cameras[0]
             self.job.ask("picture", self.traces.number, float(self.traces.slider.value), camera)
 
-    def _candidates(self, found: list[Candidate]) -> None:
+    def _candidates(self, candidates: list[Candidate]) -> None:
         for button in self.candidates:
             button.remove()
         self.candidates = []
         with self.list:
-            for candidate in found:
+            for candidate in candidates:
                 share = f"{100 * candidate.share:.0f} %" if candidate.share >= 0.01 else "under 1 %"
                 hint = f"fit {candidate.key}: it could explain {share} of the fitted error"
                 button = self.place.gui.add_button(f"{candidate.words} · {share}", hint=hint, color="blue")

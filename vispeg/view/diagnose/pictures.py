@@ -47,7 +47,7 @@ class Pictures:
     def show(self, taken: Pictured) -> None:
         """Shows a frame."""
         self.taken = taken
-        kinds = tuple(kind for kind, (one, _) in KINDS.items() if one in taken.pictures)
+        kinds = tuple(kind for kind, (picture, _) in KINDS.items() if picture in taken.pictures)
         if kinds and tuple(self.kind.options) != kinds:
             self.kind.options = kinds
         self.draw()

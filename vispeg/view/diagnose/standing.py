@@ -84,7 +84,7 @@ class Standing:
         unit: of errors.
         floor: RMS of the noise.
         ladder: models, the given one first.
-        effects: that were added, as they are now fitted; `given` those of the user's model.
+        effects: that were added, as they are now fitted; `initial` those of the user's model.
         tracks, maps: what was measured and predicted; maps by axis, none where torque says nothing.
         judged: whether there is a recording to judge on; only then effects can be added.
         enough: whether the error is so near the noise that nothing more could be named.
@@ -98,7 +98,7 @@ class Standing:
     floor: float
     ladder: tuple[Rung, ...]
     effects: tuple[Named, ...]
-    given: tuple[Named, ...]
+    initial: tuple[Named, ...]
     tracks: tuple[Track, ...]
     maps: Mapping[str, Field]
     judged: bool

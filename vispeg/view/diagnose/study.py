@@ -67,14 +67,14 @@ class Study:
         tell("say", "reading recordings")
         cell = read_model(model).cell is not None
         sides = fitted or held_out, held_out if fitted else ()
-        given = read_inputs(model, *sides, need_validate=False, **windows(cell, SECONDS))
-        self.world, self.judged = given.world, bool(given.held_out)
+        inputs = read_inputs(model, *sides, need_validate=False, **windows(cell, SECONDS))
+        self.world, self.judged = inputs.world, bool(inputs.held_out)
         self.done, self.part, self.key, progress = list[list[str]](), out / "found.part", "", None
         if self.judged:
-            progress = _progress(given, out)
+            progress = _progress(inputs, out)
             self.part, self.key = progress.file.parent if progress.file else self.part, progress.key
         tell("say", "simulating")
-        self.subject = _kind(given)(given, threads, lambda text: tell("say", text), progress)
+        self.subject = _kind(inputs)(inputs, threads, lambda text: tell("say", text), progress)
         self.search = self.subject.search
         self.given = len(self.world.effects)
         self.state, self.before = None, list[tuple[State, list[Rung]]]()
@@ -97,9 +97,9 @@ class Study:
         scores = [s for s in search.scored(state) if s.gain > 0]
         self.scores = {key_of(s): s for s in scores}
         total = float(state.residual @ state.residual)
-        found = [(size(s), Candidate(key_of(s), words(s), min(s.gain / max(total, 1e-12), 1.0))) for s in scores]
-        found.sort(key=lambda at: (-round(at[1].share, 2), at[0]))  # of equals the simplest first
-        self.tell("candidates", [candidate for _, candidate in found[:SHOWN]])
+        candidates = [(size(s), Candidate(key_of(s), words(s), min(s.gain / max(total, 1e-12), 1.0))) for s in scores]
+        candidates.sort(key=lambda at: (-round(at[1].share, 2), at[0]))  # of equals the simplest first
+        self.tell("candidates", [candidate for _, candidate in candidates[:SHOWN]])
 
     def fit(self, key: str, anyway: bool = False) -> None:
         """Fits one candidate, or any `EFFECT:WHERE`; it is added where it passes, or `anyway`."""
@@ -164,8 +164,8 @@ class Study:
         k = int(np.argmin(np.abs(frames.times - start - moment)))
         world = self.world if self.state is None else self.state.world
         self.tell("say", f"rendering what {camera} sees")
-        (one,) = compared_pictures(replace(rec, frames=frames.some(np.array([k]))), world)
-        self.tell("pictured", Pictured(camera, float(frames.times[k]) - start, side_by_side(one)))
+        (comparison,) = compared_pictures(replace(rec, frames=frames.some(np.array([k]))), world)
+        self.tell("pictured", Pictured(camera, float(frames.times[k]) - start, side_by_side(comparison)))
 
     def undo(self) -> None:
         """Takes the last step back."""
@@ -201,7 +201,7 @@ class Study:
             floor=subject.floor,
             ladder=tuple(self.rungs),
             effects=tuple(named(e) for e in world.effects[self.given :]),
-            given=tuple(named(e) for e in world.effects[: self.given]),
+            initial=tuple(named(e) for e in world.effects[: self.given]),
             tracks=subject.tracks(self.world, world),
             maps=subject.maps(self.world, world),
             judged=self.judged,
@@ -257,18 +257,18 @@ class Study:
             self.advance()
 
 
-def _kind(given: Inputs) -> type[Joints] | type[Contact] | type[Borders]:
+def _kind(inputs: Inputs) -> type[Joints] | type[Contact] | type[Borders]:
     """What `vispeg diagnose` compares these recordings by."""
-    if given.world.cell is not None and photographed(given.fitted, given.held_out):
+    if inputs.world.cell is not None and photographed(inputs.fitted, inputs.held_out):
         return Borders
-    return Contact if given.world.cell is not None and felt((*given.fitted, *given.held_out)) else Joints
+    return Contact if inputs.world.cell is not None and felt((*inputs.fitted, *inputs.held_out)) else Joints
 
 
-def _progress(given: Inputs, out: Path) -> Progress:
+def _progress(inputs: Inputs, out: Path) -> Progress:
     """The progress of these inputs, in the first folder that is theirs or nobody's."""
     for name in ("found", *(f"found-{n}" for n in range(2, 1000))):
         part = out / f"{name}.part"
-        progress = progress_of(given, SECONDS, 0, part)
+        progress = progress_of(inputs, SECONDS, 0, part)
         ours = _read(part)["key"] in ("", progress.key) or progress.resumed
         if ours and not (out / name).exists():
             return progress
