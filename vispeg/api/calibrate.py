@@ -35,7 +35,7 @@ class CalibrationResult(Result):
         camera: intrinsics, distortion and, with poses, where it sits.
         board: that was seen.
         images: their folder.
-        found: the fit behind the record.
+        calibration: the fit behind the record.
         flange: poses of the flange on the base, one a used image, (n, 4, 4); None without.
         sources: what was read.
     """
@@ -44,7 +44,7 @@ class CalibrationResult(Result):
     camera: Camera
     board: rooms.Board
     images: Path
-    found: rooms.Calibration = field(repr=False)
+    calibration: rooms.Calibration = field(repr=False)
     flange: np.ndarray | None = field(default=None, repr=False)
     sources: tuple[str | Path, ...] = ()
     holds = "calibration"
@@ -58,9 +58,9 @@ class CalibrationResult(Result):
         save_cameras(folder / "camera.yaml", self.camera)
         write_json(folder / "results.json", dict(self.record))
         (folder / "corners").mkdir()
-        for number, view in enumerate(self.found.views):
+        for number, view in enumerate(self.calibration.views):
             pose = None if self.flange is None else self.flange[number]
-            picture = overlay(self.images / view.name, self.found, self.board, number, pose)
+            picture = overlay(self.images / view.name, self.calibration, self.board, number, pose)
             (folder / "corners" / f"{view.name}.png").write_bytes(picture)
 
 
@@ -107,6 +107,6 @@ def calibrate(
     stamp = here(None, {str(path): f"sha256:{digest(path)}" for path in sources})
     views, missed = rooms.detect(folder, printed)
     flange = None if poses is None else rooms.read_poses(Path(poses), [view.name for view in views])
-    found = rooms.calibrate(views, printed, distortion=distortion, camera=lens, flange=flange, mount=mount)
-    results = {**record(found, printed, missed), "provenance": stamp}
-    return CalibrationResult(results, found.to_camera(name), printed, folder, found, flange, tuple(sources))
+    calibration = rooms.calibrate(views, printed, distortion=distortion, camera=lens, flange=flange, mount=mount)
+    results = {**record(calibration, printed, missed), "provenance": stamp}
+    return CalibrationResult(results, calibration.to_camera(name), printed, folder, calibration, flange, tuple(sources))

@@ -32,19 +32,19 @@ class Entry:
 
 def worlds() -> list[Entry]:
     """The built-in worlds: `fixed` ones draw nothing, `randomized` ones draw every episode anew."""
-    found = []
+    entries = []
     for name in built_in():
         data = WORLD.read(BUILT_IN / f"{name}.yaml")
         bases = data.get("base") or []
         bases = [bases] if isinstance(bases, str) else list(bases)
         family = "randomized" if bases or data.get("effects") or data.get("model") else "fixed"
-        found.append(Entry(name, family, _sentence(str(data.get("about", ""))), {"base": bases}))
-    return found
+        entries.append(Entry(name, family, _sentence(str(data.get("about", ""))), {"base": bases}))
+    return entries
 
 
 def policies() -> list[Entry]:
     """The bundled policies; the family is what they see."""
-    found = []
+    entries = []
     for name in names():
         record = read_record(policy_folder(name))
         meta = record["meta"]
@@ -54,17 +54,17 @@ def policies() -> list[Entry]:
         parts += [f"{clearance:g} mm clearance"] if clearance is not None else []
         parts += [f"{100 * success:.0f} % success there"] if success is not None else []
         more = {"world": meta.get("world"), "clearance_mm": clearance, "success": success, "steps": meta.get("steps")}
-        found.append(Entry(name, str(record["modality"]), ", ".join(parts), more))
-    return found
+        entries.append(Entry(name, str(record["modality"]), ", ".join(parts), more))
+    return entries
 
 
 def motions() -> list[Entry]:
     """What `vispeg record --motion` takes; the family is the space that the motion is stated in."""
-    found = [Entry(name, "joint", _sentence(inspect.getdoc(f) or ""), {}) for name, f in MOTIONS.items()]
+    entries = [Entry(name, "joint", _sentence(inspect.getdoc(f) or ""), {}) for name, f in MOTIONS.items()]
     looks = [Entry(name, "cell", about, {}) for name, about in ABOUT.items()]
-    found.append(Entry("osc", "cartesian", _sentence(inspect.getdoc(osc_targets) or ""), {}))
-    found += [Entry(name, "contact", _sentence(inspect.getdoc(f) or ""), {}) for name, f in PATHS.items()]
-    return [*found, Entry(EXPERT, "contact", "A whole insertion by the task's scripted policy", {}), *looks]
+    entries.append(Entry("osc", "cartesian", _sentence(inspect.getdoc(osc_targets) or ""), {}))
+    entries += [Entry(name, "contact", _sentence(inspect.getdoc(f) or ""), {}) for name, f in PATHS.items()]
+    return [*entries, Entry(EXPERT, "contact", "A whole insertion by the task's scripted policy", {}), *looks]
 
 
 def search(entries: list[Entry], text: str = "", family: str | None = None) -> list[Entry]:

@@ -93,40 +93,40 @@ def compare(
         UserError: a model or a recording that cannot be read, or that cannot be compared with each other.
     """
     cell = of_cell(model)
-    given = read_inputs(model, recordings, (), need_validate=False, **windows(cell, seconds), reading=reading)
-    if cell and felt(given.fitted):
-        result = compare_contact(given.world, given.fitted, nthread=threads)
-        result.arrays.update(worst_moment(result.arrays, given.fitted))
+    inputs = read_inputs(model, recordings, (), need_validate=False, **windows(cell, seconds), reading=reading)
+    if cell and felt(inputs.fitted):
+        result = compare_contact(inputs.world, inputs.fitted, nthread=threads)
+        result.arrays.update(worst_moment(result.arrays, inputs.fitted))
     else:
-        arm = replace(of_arm(given.world), cell=None)
-        some = [choose(r, seconds) for r in given.fitted] if cell else given.fitted
-        result = rooms.compare(arm, some, nthread=threads, label=given.world.label)
+        arm = replace(of_arm(inputs.world), cell=None)
+        some = [choose(r, seconds) for r in inputs.fitted] if cell else inputs.fitted
+        result = rooms.compare(arm, some, nthread=threads, label=inputs.world.label)
         result.arrays.update(arm_arrays(arm, result.arrays["joints"]))
-    record: ComparisonRecord = {**result.record, "provenance": given.provenance(None)}
+    record: ComparisonRecord = {**result.record, "provenance": inputs.provenance(None)}
     arrays = dict(result.arrays)
-    looked = [rec for rec in given.fitted if rec.frames is not None]
-    if looked and given.world.cell is None:
+    looked = [rec for rec in inputs.fitted if rec.frames is not None]
+    if looked and inputs.world.cell is None:
         said = (
             f"{', '.join(rec.name for rec in looked)}: "
             f"frames are compared where the model is of a cell, as {OPEN_CELL} is"
         )
         record["notes"] = [*record.get("notes", ()), said]
     elif looked:
-        compared = [one for rec in looked for one in compared_pictures(rec, given.world, reading)]
+        compared = [frame for rec in looked for frame in compared_pictures(rec, inputs.world, reading)]
         record["pictures"], drawn = pictures(compared)
         arrays |= drawn
-    return ComparisonResult(finite(record), arrays, given.files)
+    return ComparisonResult(finite(record), arrays, inputs.files)
 
 
 def compared_pictures(rec: Recording, world: World, reading: Reading = silent) -> list[Compared]:
     """The frames of a recording against a model of its cell."""
-    found = believed(rec.cell, rec.path / "recording.yaml")
-    scene = replace(found.scene, cameras=tuple(rec.frames.names) if rec.frames is not None else ())
+    belief = believed(rec.cell, rec.path / "recording.yaml")
+    scene = replace(belief.scene, cameras=tuple(rec.frames.names) if rec.frames is not None else ())
     for placed in world.effects:
         if effect(placed.effect).family == "camera":
             try:
                 place(effect(placed.effect), placed.where, scene)
             except UserError as error:
                 raise UserError(str(error), file=rec.path / "frames/cameras.yaml") from error
-    with reading(rec.path) as told:
-        return compare_frames(rec, scene, found.world.add(*world.effects), told=told)
+    with reading(rec.path) as progress:
+        return compare_frames(rec, scene, belief.world.add(*world.effects), told=progress)

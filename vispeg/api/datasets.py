@@ -123,7 +123,7 @@ def render_dataset(
     plan, layout = plan_of(str(world), frames, labels=labels, backend=backend, **shape)
     start, resumed = time.monotonic(), list[int]()
 
-    def told(drawn: int) -> None:
+    def on_frames(drawn: int) -> None:
         if not resumed:
             resumed.append(drawn)
             begun(plan.frames, drawn)
@@ -137,7 +137,7 @@ def render_dataset(
         out,
         engine=on_ray if engine == "ray" else local,
         workers=workers,
-        watch=told,
+        watch=on_frames,
         export=EXPORTS.get(format),
         provenance={"versions": here(seed, {})["versions"]},
         overwrite=overwrite,

@@ -131,56 +131,56 @@ def diagnose(
             raise UserError("an object has no baseline", key="--baseline", expected="two diagnoses, one of each state")
         tosses = diagnose_tosses(thing, recordings, validate, seed, threads, say)
         record = finite({**tosses.result.record, "provenance": tosses.provenance})
-        found = tosses.result.world.effects[len(thing.effects) :]
-        return DiagnosisResult(record, tosses.result.world, {}, found, tosses.files, None)
+        named = tosses.result.world.effects[len(thing.effects) :]
+        return DiagnosisResult(record, tosses.result.world, {}, named, tosses.files, None)
     contact = of_cell(model)
     if contact and (not isinstance(baseline, Sequence) or len(baseline)):
         raise UserError("a cell has no baseline", key="--baseline", expected="two diagnoses, one of each state")
-    given = read_inputs(model, recordings, validate, **windows(contact, seconds), reading=reading)
-    price = Price.of(policies, cell, episodes, given.world) if asked else None
+    inputs = read_inputs(model, recordings, validate, **windows(contact, seconds), reading=reading)
+    price = Price.of(policies, cell, episodes, inputs.world) if asked else None
     before = _before(model, baseline, seconds, reading)
-    stamp = given.provenance(seed)
-    progress = None if part is None else progress_of(given, seconds, seed, Path(part), before)
+    stamp = inputs.provenance(seed)
+    progress = None if part is None else progress_of(inputs, seconds, seed, Path(part), before)
     say("going on" if progress is not None and progress.resumed else "simulating")
     options = {"seed": seed, "nthread": threads, "say": say, "progress": progress}
-    looking = _rooms(rooms, given) if contact and before is None else ()
+    looking = _rooms(rooms, inputs) if contact and before is None else ()
     if len(looking) > 1:
-        both = given.fitted, given.held_out
-        result = diagnose_rooms(looking, given.world, *both, seconds=seconds, seed=seed, nthread=threads, say=say)
+        both = inputs.fitted, inputs.held_out
+        result = diagnose_rooms(looking, inputs.world, *both, seconds=seconds, seed=seed, nthread=threads, say=say)
     elif before is None and looking == ("pictures",):
-        result = pictures.diagnose(given.world, given.fitted, given.held_out, seed=seed, say=say)
+        result = pictures.diagnose(inputs.world, inputs.fitted, inputs.held_out, seed=seed, say=say)
     elif before is None and looking == ("contact",):
         of_contact = {"nthread": threads, "say": say, "progress": progress}
-        result = diagnose_contact(given.world, given.fitted, given.held_out, **of_contact)
-        result.arrays.update(worst_moment(result.arrays, given.held_out))
+        result = diagnose_contact(inputs.world, inputs.fitted, inputs.held_out, **of_contact)
+        result.arrays.update(worst_moment(result.arrays, inputs.held_out))
     elif before is None:
-        result = run.diagnose(given.world, given.fitted, given.held_out, **options)
+        result = run.diagnose(inputs.world, inputs.fitted, inputs.held_out, **options)
     else:
         was = (*before.fitted, *before.held_out)
-        result = diagnose_change(given.world, was, given.fitted, given.held_out, **options)
+        result = diagnose_change(inputs.world, was, inputs.fitted, inputs.held_out, **options)
     for at in ("", "room/joints/"):
         if f"{at}joints" in result.arrays:
-            drawn = arm_arrays(given.world, result.arrays[f"{at}joints"])
+            drawn = arm_arrays(inputs.world, result.arrays[f"{at}joints"])
             result.arrays.update({f"{at}{key}": value for key, value in drawn.items()})
-    left = result.record.get("remainder", [])
+    remainder = result.record.get("remainder", [])
     paid = {}
     if price is not None:
         folder = None if part is None else Path(part) / "policy"
-        paid["cost"] = price.paid(result.world, left, seed=seed, part=folder, say=say)
+        paid["cost"] = price.paid(result.world, remainder, seed=seed, part=folder, say=say)
         stamp["inputs"] |= {e.name: e.digest for e in price.who}
     record = finite({**result.record, **paid, "provenance": stamp})
     effects = result.world.effects[len(result.world.effects) - len(record["effects"]) :]
-    files = given.files if before is None else (*given.files, *before.files)
+    files = inputs.files if before is None else (*inputs.files, *before.files)
     return DiagnosisResult(record, result.world, result.arrays, effects, files, progress)
 
 
-def _rooms(asked: Sequence[RoomName], given: Inputs) -> tuple[RoomName, ...]:
+def _rooms(asked: Sequence[RoomName], inputs: Inputs) -> tuple[RoomName, ...]:
     """Where to look: as asked, or in every room if the recordings have something for all; `joints` where for no other.
 
     Raises:
         UserError: a room asked for that the recordings have nothing for.
     """
-    can = readable(given.fitted, given.held_out)
+    can = readable(inputs.fitted, inputs.held_out)
     for name in asked:
         if name not in can:
             raise UserError("the recordings have nothing for this room", key="--rooms", got=name, choices=can)
@@ -188,10 +188,10 @@ def _rooms(asked: Sequence[RoomName], given: Inputs) -> tuple[RoomName, ...]:
     return tuple(name for name in can if name in (asked or usual))
 
 
-def progress_of(given: Inputs, seconds: float, seed: int, part: Path, before: Inputs | None = None) -> Progress:
+def progress_of(inputs: Inputs, seconds: float, seed: int, part: Path, before: Inputs | None = None) -> Progress:
     """What a diagnosis with these arguments has worked out and kept in the folder `part`."""
-    stamp = given.provenance(seed)
-    key = [*given.key(), seconds, seed, stamp["versions"], *([] if before is None else before.key())]
+    stamp = inputs.provenance(seed)
+    key = [*inputs.key(), seconds, seed, stamp["versions"], *([] if before is None else before.key())]
     return Progress(part / "progress.json", key)
 
 

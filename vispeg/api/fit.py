@@ -113,30 +113,30 @@ def fit(
     for flag, number in (("--starts", starts), ("--iterations", iterations)):
         if number < 1:
             raise UserError("nothing to fit", key=flag, expected="1 or more", got=number)
-    given = read_inputs(
+    inputs = read_inputs(
         model, recordings, validate, need_validate=False, **windows(of_cell(model), seconds), reading=reading
     )
-    world, free = _free(given.world, effects)
-    stamp = given.provenance(seed)
-    key = [model_text(world), *given.key()[1:], list(free), seconds, method, starts, seed, stamp["versions"]]
+    world, free = _free(inputs.world, effects)
+    stamp = inputs.provenance(seed)
+    key = [model_text(world), *inputs.key()[1:], list(free), seconds, method, starts, seed, stamp["versions"]]
     checkpoint = None
     if part is not None:
         checkpoint = Checkpoint(Path(part) / "checkpoint.json", key, starts, resume, watch)
-    if world.cell is not None and photographed(given.fitted, given.held_out):
-        evidence, judged = border_evidence_of(world, given.fitted, given.held_out)
+    if world.cell is not None and photographed(inputs.fitted, inputs.held_out):
+        evidence, judged = border_evidence_of(world, inputs.fitted, inputs.held_out)
     else:
-        evidence, judged = (_evidence(world, recs, threads) for recs in (given.fitted, given.held_out))
+        evidence, judged = (_evidence(world, recs, threads) for recs in (inputs.fitted, inputs.held_out))
     assert evidence is not None  # read_inputs refuses an empty list
     options = {"method": method, "starts": starts, "iterations": iterations, "checkpoint": checkpoint}
     result = calibrate(evidence, world, free, seed=seed, **options)
-    record, final = fit_record(given.world, result, free, evidence, judged)
+    record, final = fit_record(inputs.world, result, free, evidence, judged)
     record = finite(record | {"provenance": stamp})
     drawn = {}
     if world.cell is None:
         judge = evidence if judged is None else judged
-        drawn = arrays(judge, judge.simulated([given.world, final]))
-        drawn |= arm_arrays(given.world, drawn["joints"])
-    return FitResult(record, final, tuple(final.effects[i] for i in free), given.files, drawn, checkpoint)
+        drawn = arrays(judge, judge.simulated([inputs.world, final]))
+        drawn |= arm_arrays(inputs.world, drawn["joints"])
+    return FitResult(record, final, tuple(final.effects[i] for i in free), inputs.files, drawn, checkpoint)
 
 
 def _evidence(world: World, recordings: Sequence[Recording], threads: int) -> Evidence | None:

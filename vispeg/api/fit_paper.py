@@ -108,11 +108,13 @@ def fit_paper(
     if iterations < 1:
         raise UserError("nothing to fit", key="--iterations", expected="1 or more", got=iterations)
     options = {"need_validate": False, "seconds": 0.0, "signals": None, "reading": reading}
-    given = read_inputs(model, recording, validate, **options)
-    if len(given.fitted) != 1:
-        raise UserError("the paper's protocol fits one recording", key="--recording", expected=1, got=len(given.fitted))
-    pieces = {rec.name: paper.cut(rec) for rec in (*given.fitted, *given.held_out)}
-    fitted, world, stamp = given.fitted[0].name, given.world, given.provenance(seed)
+    inputs = read_inputs(model, recording, validate, **options)
+    if len(inputs.fitted) != 1:
+        raise UserError(
+            "the paper's protocol fits one recording", key="--recording", expected=1, got=len(inputs.fitted)
+        )
+    pieces = {rec.name: paper.cut(rec) for rec in (*inputs.fitted, *inputs.held_out)}
+    fitted, world, stamp = inputs.fitted[0].name, inputs.world, inputs.provenance(seed)
     checkpoint = None
     if part is not None:
         key = ["paper", model_text(world), seed, stamp["inputs"], stamp["versions"]]
@@ -140,7 +142,7 @@ def fit_paper(
         "recordings": rows,
         "provenance": stamp,
     }
-    return PaperFit(finite(record), final, effects, lines, given.files, checkpoint)
+    return PaperFit(finite(record), final, effects, lines, inputs.files, checkpoint)
 
 
 def _stated(name: str, value: Value, unit: str) -> str:

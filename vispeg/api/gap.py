@@ -49,7 +49,7 @@ class GapResult(Played):
 class _Worlds:
     """The worlds of a gap: what the user named, their files, and those in which controls are played."""
 
-    given: tuple[str, ...]
+    sources: tuple[str, ...]
     files: tuple[WorldFile, ...]
     controlled: tuple[str, ...]
 
@@ -59,7 +59,7 @@ class _Worlds:
 
     def settings(self, controls: Sequence[str]) -> list[Setting]:
         """Every world, then the controls where they are played."""
-        places = dict(zip(self.names, self.given, strict=True))
+        places = dict(zip(self.names, self.sources, strict=True))
         plain = [Setting(world, name) for name, world in places.items()]
         return plain + [Setting(places[name], name, control=c) for name in self.controlled for c in controls]
 
@@ -147,14 +147,14 @@ def gap(
 
 
 def _worlds(
-    given: Sequence[str | Path], control_worlds: Sequence[str] | None, who: Sequence[Entrant], fine_tuned: bool
+    sources: Sequence[str | Path], control_worlds: Sequence[str] | None, who: Sequence[Entrant], fine_tuned: bool
 ) -> _Worlds:
     """The worlds, none of whose targets a policy was trained in."""
-    files = [load_world(w) for w in given]
+    files = [load_world(w) for w in sources]
     names = [f.name for f in files]
     if len(set(names)) < len(names):
         raise UserError("two worlds of one name", key="--worlds", got=", ".join(names))
-    called = dict(zip(map(str, given), names, strict=True))
+    called = dict(zip(map(str, sources), names, strict=True))
     chosen = (names[0], names[-1]) if control_worlds is None else control_worlds
     controlled = dict.fromkeys(called.get(w, w) for w in chosen)
     for name in controlled:
@@ -163,7 +163,7 @@ def _worlds(
     for file in files[1:]:
         if not fine_tuned:
             refuse_trained_on(who, file.name, file.hash, file.path, training=files[0].path)
-    return _Worlds(tuple(map(str, given)), tuple(files), tuple(controlled))
+    return _Worlds(tuple(map(str, sources)), tuple(files), tuple(controlled))
 
 
 def _measured(csv: str | Path | None, networks: Sequence[tuple[str, int]], robot: str) -> Trials:

@@ -160,8 +160,8 @@ def _read(
     if isinstance(source, Recording):
         rec = source
     else:
-        with reading(Path(source)) as told:
-            rec = load(source, signals, told)
+        with reading(Path(source)) as progress:
+            rec = load(source, signals, progress)
     rec = _of_robot(rec, world, _path(source))
     if rec.chosen is not None:
         return rec
@@ -249,11 +249,11 @@ def _said_of(file: str | Path, key: str) -> Iterator[None]:
 
 def _once(flag: str, paths: Sequence[Path]) -> None:
     """Raises UserError for a recording given twice: the same noise would count as new evidence."""
-    seen: set[Path] = set()
+    earlier: set[Path] = set()
     for path in paths:
-        if path.resolve() in seen:
+        if path.resolve() in earlier:
             raise UserError("given twice", file=path, key=flag, expected="each recording once")
-        seen.add(path.resolve())
+        earlier.add(path.resolve())
 
 
 def _of_robot(rec: Recording, world: World, path: Path) -> Recording:

@@ -44,12 +44,12 @@ def check(folder: str | Path, watch: Watch = lambda frames: None) -> list[str]:
     """
     data = open_dataset(folder)
     if isinstance(data, Stored):
-        return told(data.check()) + _records(data, watch)
-    if found := told(_files(data)):  # what lies in a broken file would only be told a second time
-        return found
-    if found := told(_meta(data)):
-        return found
-    return told(_numbers(data)) + _records(data, watch)
+        return collected(data.check()) + _records(data, watch)
+    if faults := collected(_files(data)):  # what lies in a broken file would only be told a second time
+        return faults
+    if faults := collected(_meta(data)):
+        return faults
+    return collected(_numbers(data)) + _records(data, watch)
 
 
 @enrol(CAMERA_FILE.name, _example)
@@ -57,15 +57,15 @@ def _cameras(folder: Path) -> object:
     return Dataset(folder).cameras
 
 
-def told(findings: Iterator[str]) -> list[str]:
+def collected(findings: Iterator[str]) -> list[str]:
     """Findings up to what ends the search for more, which is the last one."""
-    found = []
+    lines = []
     try:
-        for one in findings:
-            found.append(one)
+        for finding in findings:
+            lines.append(finding)
     except UserError as error:
-        found.append(str(error))
-    return found
+        lines.append(str(error))
+    return lines
 
 
 def _files(data: Dataset) -> Iterator[str]:
@@ -84,11 +84,11 @@ def _meta(data: Dataset) -> Iterator[str]:
     episodes, info = data.episodes, data.info
     if info.get("total_episodes") != len(episodes):
         yield f"meta/info.json: total_episodes is {info.get('total_episodes')}; the episodes have {len(episodes)}"
-    seen: dict[Any, int] = {}
+    earlier: dict[Any, int] = {}
     for i, e in enumerate(episodes):
         key = (e.get(f"{OWN}seed"), e.get(f"{OWN}look"))
-        if None not in key and seen.setdefault(key, i) != i:
-            yield f"episode {i}: repeats episode {seen[key]} (seed {key[0]}, look {key[1]})"
+        if None not in key and earlier.setdefault(key, i) != i:
+            yield f"episode {i}: repeats episode {earlier[key]} (seed {key[0]}, look {key[1]})"
     for i in range(len(episodes) if data.cameras else 0):
         data.drawn_cameras(i)
     for path in data.data_files:
@@ -119,19 +119,19 @@ def _numbers(data: Dataset) -> Iterator[str]:
         if is_picture(feature) or feature["dtype"] == "string":
             continue
         try:
-            found = data.numbers(name)
+            column = data.numbers(name)
         except UserError as error:
             yield str(error)
             continue
-        if len(found) != len(data):
-            yield f"{name}: {len(found)} rows; expected {len(data)}"
+        if len(column) != len(data):
+            yield f"{name}: {len(column)} rows; expected {len(data)}"
             continue
         if name in expected:
-            wrong = np.flatnonzero(~(np.abs(found - expected[name]) <= (1e-4 if name == "timestamp" else 0)))
+            wrong = np.flatnonzero(~(np.abs(column - expected[name]) <= (1e-4 if name == "timestamp" else 0)))
             if len(wrong):
                 i = int(wrong[0])
-                yield f"frame {i}: {name} is {found[i]}; expected {expected[name][i]:g} ({len(wrong)} such frames)"
-        real = found.astype(float).reshape(len(found), -1)
+                yield f"frame {i}: {name} is {column[i]}; expected {expected[name][i]:g} ({len(wrong)} such frames)"
+        real = column.astype(float).reshape(len(column), -1)
         bad = np.flatnonzero(~np.isfinite(real).all(axis=1))
         if len(bad):
             yield f"frame {bad[0]}: {name} is not finite ({len(bad)} such frames)"
@@ -150,41 +150,41 @@ def _statistics(name: str, stats: Mapping[str, object], real: np.ndarray) -> Ite
     """Whether statistics are those of numbers (N, d)."""
     for key, value in (("min", real.min(axis=0)), ("max", real.max(axis=0)), ("mean", real.mean(axis=0))):
         try:
-            given = np.asarray(stats.get(key), dtype=float).reshape(-1)
+            stated = np.asarray(stats.get(key), dtype=float).reshape(-1)
         except (TypeError, ValueError):
-            given = np.array([])
-        if given.shape != value.shape or not np.allclose(given, value, rtol=1e-4, atol=1e-6):
+            stated = np.array([])
+        if stated.shape != value.shape or not np.allclose(stated, value, rtol=1e-4, atol=1e-6):
             yield f"{STATS}: {key} of {name} is not that of the frames"
             return
 
 
 def _records(data: Dataset | Stored, watch: Watch) -> list[str]:
     """Pictures are what they should be, and no frame is there twice."""
-    found: list[str] = []
-    seen: dict[bytes, str] = {}
+    faults: list[str] = []
+    digests: dict[bytes, str] = {}
     content = [name for name in data.features if name not in COUNTED]
     repeated = 0
     for number, about in enumerate(data.episodes):
         try:
             frames = data.episode(number)
         except UserError as error:
-            found.append(str(error) if "episode " in str(error) else f"episode {number}: {error}")
+            faults.append(str(error) if "episode " in str(error) else f"episode {number}: {error}")
             continue
-        found += [f"episode {number}: {one}" for one in pictures(data, frames)]
+        faults += [f"episode {number}: {fault}" for fault in pictures(data, frames)]
         for i in range(about["length"]):
             digest = hashlib.blake2b(digest_size=16)
             for name in content:
                 value = frames[name][i]
                 digest.update(value.encode() if isinstance(value, str) else np.ascontiguousarray(value).tobytes())
             here = f"frame {about['dataset_from_index'] + i}"
-            before = seen.setdefault(digest.digest(), here)
+            before = digests.setdefault(digest.digest(), here)
             if before != here:
                 repeated += 1
-                found += [f"{here}: repeats {before}"] if repeated <= MOST else []
+                faults += [f"{here}: repeats {before}"] if repeated <= MOST else []
         watch(about["length"])
     if repeated > MOST:
-        found.append(f"... and {repeated - MOST} more repeated frames")
-    return found
+        faults.append(f"... and {repeated - MOST} more repeated frames")
+    return faults
 
 
 def pictures(data: Any, frames: dict[str, np.ndarray]) -> Iterator[str]:

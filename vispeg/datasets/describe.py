@@ -55,7 +55,7 @@ def read_info(folder: Path) -> Info:
         if key not in info:
             raise UserError("is missing", file=path, key=key)
     total, fps = info["total_frames"], info["fps"]
-    if not whole(total) or not 1 <= total <= MOST_FRAMES:
+    if not is_integer(total) or not 1 <= total <= MOST_FRAMES:
         raise UserError("not a number of frames", file=path, key="total_frames", expected="1 or more", got=total)
     if not number(fps) or not 0 < fps <= 1e6:
         raise UserError("not a rate", file=path, key="fps", expected="frames a second", got=fps)
@@ -79,7 +79,7 @@ def check_features(features: Any, path: Path) -> None:
         if dtype not in (*NUMBERS, "image", "video", "string"):
             choices = (*NUMBERS, "image", "string")
             raise UserError("a kind that is not read here", file=path, key=f"{key}.dtype", got=dtype, choices=choices)
-        right = isinstance(shape, list) and shape and all(whole(n) and n >= 1 for n in shape)
+        right = isinstance(shape, list) and shape and all(is_integer(n) and n >= 1 for n in shape)
         if not right or math.prod(shape) > ENTRIES or (name in COUNTED and shape != [1]):
             raise UserError("not a shape", file=path, key=f"{key}.shape", expected="a list of counts", got=shape)
         if dtype == "image" and (len(shape) != 3 or shape[2] not in (1, 3)):
@@ -102,8 +102,8 @@ def _check_path(pattern: Any, path: Path) -> None:
     expected = "a file below the folder, such as data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
     try:
         fields = [f for f in Formatter().parse(pattern) if f[1] is not None]
-        known = all(n in ("chunk_index", "file_index") and not c and PLACE.fullmatch(s or "") for _, n, s, c in fields)
-        name = pattern.format(chunk_index=0, file_index=0) if known else ""
+        valid = all(n in ("chunk_index", "file_index") and not c and PLACE.fullmatch(s or "") for _, n, s, c in fields)
+        name = pattern.format(chunk_index=0, file_index=0) if valid else ""
     except (ValueError, TypeError, IndexError, KeyError, AttributeError):
         name = ""
     if not inside(name):
@@ -136,7 +136,7 @@ def cameras_of(records: Any, features: Mapping[str, Feature], path: Path, key: s
     """Cameras by name, each with pictures of its size among the features. Raises UserError otherwise."""
     if not isinstance(records, list):
         raise UserError("not a list of cameras", file=path, key=key, got=records)
-    cameras = [from_record(one, path) for one in records]
+    cameras = [from_record(record, path) for record in records]
     for i, camera in enumerate(cameras):
         if camera.name in [other.name for other in cameras[:i]]:
             raise UserError("two cameras of one name", file=path, key=key, got=camera.name)
@@ -162,7 +162,7 @@ def read_made(folder: Path) -> Made:
             raise UserError("not a mapping", file=path, key=key, got=value)
     for key, value in record.get("plan", {}).items():
         entries = value if isinstance(value, list) else [value]
-        if not all(isinstance(one, str | int | float) for one in entries):
+        if not all(isinstance(entry, str | int | float) for entry in entries):
             raise UserError("not a setting of a rendering", file=path, key=f"plan.{key}", got=value)
     for name, digest in record.get("files", {}).items():
         if not inside(name) or not isinstance(digest, str):
@@ -174,12 +174,12 @@ def read_stats(folder: Path) -> Mapping[str, Mapping[str, object]]:
     """The content of `meta/stats.json`; {} where there is none."""
     path = folder / STATS
     stats = read_json(path) if os.path.lexists(path) else {}
-    if not isinstance(stats, dict) or not all(isinstance(one, dict) for one in stats.values()):
+    if not isinstance(stats, dict) or not all(isinstance(entry, dict) for entry in stats.values()):
         raise UserError("not a mapping of features to statistics", file=path)
     return stats
 
 
-def whole(value: Any) -> bool:
+def is_integer(value: Any) -> bool:
     """Whether a value is a whole number."""
     return isinstance(value, int) and not isinstance(value, bool)
 

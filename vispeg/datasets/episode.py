@@ -62,7 +62,7 @@ class Recorder:
     def finish(self, about: Mapping[str, Any]) -> Episode:
         """The episode."""
         values, stats = {}, {}
-        for name, given in self.values.items():
-            values[name] = given if is_image(self.layout.features[name]) else np.stack(given)
+        for name, entries in self.values.items():
+            values[name] = entries if is_image(self.layout.features[name]) else np.stack(entries)
             stats[name] = self.pictures[name].result() if name in self.pictures else of_numbers(values[name])
         return Episode(values, stats, about)

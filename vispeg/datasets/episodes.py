@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NotRequired, TypedDict, cast
 
 from vispeg.core.errors import UserError
-from vispeg.datasets.describe import number, whole
+from vispeg.datasets.describe import is_integer, number
 from vispeg.datasets.parquet import checked, opened, read, table
 from vispeg.formats.json_data import parse_json
 
@@ -22,10 +22,10 @@ def _worlds(value: Any) -> bool:
 
 
 KINDS: Mapping[str, Callable[[Any], bool]] = {
-    "seed": whole,
-    "look": whole,
-    "look_seed": whole,
-    "redraws": lambda n: whole(n) and 0 <= n < 10**6,
+    "seed": is_integer,
+    "look": is_integer,
+    "look_seed": is_integer,
+    "redraws": lambda n: is_integer(n) and 0 <= n < 10**6,
     "redraws_exhausted": lambda b: isinstance(b, bool),
     "cut": lambda b: isinstance(b, bool),
     "success": lambda b: isinstance(b, bool),
@@ -84,16 +84,16 @@ def read_episodes(folder: Path, total: int) -> list[EpisodeRow]:
     for path in files:
         file = opened(path)
         names = [name for name in file.schema_arrow.names if not name.startswith("stats/")]
-        found = read(table(file, path, names).to_pylist, path)
-        for i, row in enumerate(found):
+        batch = read(table(file, path, names).to_pylist, path)
+        for i, row in enumerate(batch):
             for key in PLACES:
-                if not whole(row.get(key)) or not 0 <= row[key] <= 10**12:
+                if not is_integer(row.get(key)) or not 0 <= row[key] <= 10**12:
                     raise UserError("not a count", file=path, key=f"row {i}, {key}", got=row.get(key))
             for key, value in row.items():
                 if key.startswith(OWN) and isinstance(value, str) and value[:1] in "{[":
                     row[key] = parse_json(value, path, f"row {i}, {key}")
-        checked(found, {OWN + key: kind for key, kind in KINDS.items()}, path)
-        rows += [cast("EpisodeRow", row) for row in found]
+        checked(batch, {OWN + key: kind for key, kind in KINDS.items()}, path)
+        rows += [cast("EpisodeRow", row) for row in batch]
     rows.sort(key=lambda row: row["episode_index"])
     _follow(rows, folder, total)
     return rows

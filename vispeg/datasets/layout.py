@@ -192,22 +192,22 @@ def schema(features: Mapping[str, Feature]) -> pa.Schema:
     """The Arrow schema of a data file, with the note by which Hugging Face's `datasets` knows pictures and arrays."""
     import pyarrow as pa
 
-    fields, known = [], {}
+    fields, types = [], {}
     for name, feature in features.items():
         shape = tuple(feature["shape"])
         if is_image(feature):
-            kind, known[name] = pa.struct([("bytes", pa.binary()), ("path", pa.string())]), {"_type": "Image"}
+            kind, types[name] = pa.struct([("bytes", pa.binary()), ("path", pa.string())]), {"_type": "Image"}
         elif len(shape) == 2:
             kind = pa.list_(pa.list_(pa.type_for_alias(feature["dtype"])))
-            known[name] = {"shape": shape, "dtype": feature["dtype"], "_type": "Array2D"}
+            types[name] = {"shape": shape, "dtype": feature["dtype"], "_type": "Array2D"}
         else:
             kind, value = pa.type_for_alias(feature["dtype"]), {"dtype": feature["dtype"], "_type": "Value"}
-            known[name] = value
+            types[name] = value
             if shape != (1,):
                 kind = pa.list_(kind, shape[0])
-                known[name] = {"feature": value, "length": shape[0], "_type": "Sequence"}
+                types[name] = {"feature": value, "length": shape[0], "_type": "Sequence"}
         fields.append(pa.field(name, kind))
-    return pa.schema(fields, {"huggingface": json.dumps({"info": {"features": known}})})
+    return pa.schema(fields, {"huggingface": json.dumps({"info": {"features": types}})})
 
 
 def column(feature: Feature, values: Any) -> pa.Array:

@@ -57,18 +57,18 @@ def place(folder: Path, part: Path, layout: Layout, shard: int, first_episode: i
     rows, sink = [], pa.BufferOutputStream()
     with pq.ParquetFile(part) as file:
         about = json.loads(file.metadata.metadata[ABOUT])
-        kept = file.schema_arrow.with_metadata({b"huggingface": file.schema_arrow.metadata[b"huggingface"]})
-        with pq.ParquetWriter(sink, kept, **packing(layout.all)) as out:
-            for i, one in enumerate(about):
+        arrow_schema = file.schema_arrow.with_metadata({b"huggingface": file.schema_arrow.metadata[b"huggingface"]})
+        with pq.ParquetWriter(sink, arrow_schema, **packing(layout.all)) as out:
+            for i, record in enumerate(about):
                 table = file.read_row_group(i)
                 episode = np.full(len(table), first_episode + i)
                 index = first_frame + np.arange(len(table))
                 for name, values in (("episode_index", episode), ("index", index)):
                     at = table.schema.get_field_index(name)
                     table = table.set_column(at, name, pa.array(values, pa.int64()))
-                    one["stats"][name] = of_numbers(values)
-                out.write_table(table.cast(kept))
-                rows.append(_row(one, shard, first_episode + i, first_frame))
+                    record["stats"][name] = of_numbers(values)
+                out.write_table(table.cast(arrow_schema))
+                rows.append(_row(record, shard, first_episode + i, first_frame))
                 first_frame += len(table)
     lines = pa.BufferOutputStream()
     pq.write_table(pa.Table.from_pylist(rows), lines, compression="snappy")
@@ -77,24 +77,24 @@ def place(folder: Path, part: Path, layout: Layout, shard: int, first_episode: i
     return len(rows)
 
 
-def _row(one: Mapping[str, Any], shard: int, number: int, first_frame: int) -> dict[str, object]:
+def _row(record: Mapping[str, Any], shard: int, number: int, first_frame: int) -> dict[str, object]:
     """A line of `meta/episodes`."""
     chunk, file = divmod(shard, CHUNK)
     row: dict[str, object] = {
         "episode_index": number,
-        "tasks": [one["about"]["task"]],
-        "length": one["length"],
+        "tasks": [record["about"]["task"]],
+        "length": record["length"],
         "data/chunk_index": chunk,
         "data/file_index": file,
         "dataset_from_index": first_frame,
-        "dataset_to_index": first_frame + one["length"],
+        "dataset_to_index": first_frame + record["length"],
         "meta/episodes/chunk_index": chunk,
         "meta/episodes/file_index": file,
     }
-    for name, values in one["about"].items():
+    for name, values in record["about"].items():
         if name != "task":
             row[OWN + name] = json.dumps(values, sort_keys=True) if isinstance(values, (dict, list)) else values
-    for feature, stats in one["stats"].items():
+    for feature, stats in record["stats"].items():
         row |= {f"stats/{feature}/{key}": value for key, value in stats.items()}
     return row
 
@@ -109,9 +109,9 @@ def finish(folder: Path, plan: Plan, layout: Layout, provenance: Mapping[str, An
         episodes += len(table)
         for name in layout.all:
             keys = [k for k in table.column_names if k.rpartition("/")[0] == f"stats/{name}"]
-            found = [table.column(k).to_pylist() for k in keys]
+            columns = [table.column(k).to_pylist() for k in keys]
             short = [k.rpartition("/")[2] for k in keys]
-            stats.setdefault(name, []).extend(dict(zip(short, v, strict=True)) for v in zip(*found, strict=True))
+            stats.setdefault(name, []).extend(dict(zip(short, v, strict=True)) for v in zip(*columns, strict=True))
     totals: dict[str, Stats] = {name: together(parts) for name, parts in stats.items()}
     cameras = {"format": CAMERA_FILE.name, "cameras": [to_record(c) for c in layout.cameras], "parts": layout.parts}
     _json(folder / STATS, totals)

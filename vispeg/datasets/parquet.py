@@ -97,8 +97,8 @@ def values(feature: Feature, column: Any, path: Path, name: str) -> Any:
     if not suits(flat.type) or flat.null_count or len(flat) != rows * each:
         expected = f"{each} numbers of type {feature['dtype']} a frame"
         raise UserError("holds something else", file=path, key=name, expected=expected, got=str(column.type))
-    found = flat.to_numpy(zero_copy_only=False).astype(feature["dtype"], copy=False)
-    return found.reshape(rows, *(() if shape == (1,) else shape))
+    array = flat.to_numpy(zero_copy_only=False).astype(feature["dtype"], copy=False)
+    return array.reshape(rows, *(() if shape == (1,) else shape))
 
 
 def checked(rows: Sequence[Mapping[str, object]], kinds: Mapping[str, Callable[[Any], bool]], path: Path) -> None:

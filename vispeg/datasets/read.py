@@ -45,11 +45,11 @@ class Dataset:
     def __init__(self, folder: str | Path, features: Iterable[str] | None = None):
         self.folder = Path(folder).expanduser()
         self.info = read_info(self.folder)
-        known = self.info["features"]
+        available = self.info["features"]
         for name in features or ():
-            if name not in known:
-                raise UserError("the dataset has no such feature", file=folder, got=name, choices=known)
-        self.features = {k: f for k, f in known.items() if features is None or k in set(features)}
+            if name not in available:
+                raise UserError("the dataset has no such feature", file=folder, got=name, choices=available)
+        self.features = {k: f for k, f in available.items() if features is None or k in set(features)}
         if video := [k for k, f in self.features.items() if f["dtype"] == "video"]:
             raise UserError("pictures in video files are not read here", file=folder, key=video[0])
         self._kept: OrderedDict[int, Any] = OrderedDict()
@@ -73,10 +73,10 @@ class Dataset:
         """All frames of an episode: (T, ...) arrays by feature."""
         if not 0 <= number < len(self.episodes):
             raise IndexError(f"episode {number} of {len(self.episodes)}")
-        found = self._columns(number)
-        out = {name: found[name] for name in self.features}
+        columns = self._columns(number)
+        out = {name: columns[name] for name in self.features}
         for name in [name for name, feature in self.features.items() if is_image(feature)]:
-            rows = range(len(found[name]))
+            rows = range(len(columns[name]))
             out[name] = np.stack([self._value(number, name, i, f"episode {number}, frame {i}") for i in rows])
         return out
 
@@ -124,12 +124,12 @@ class Dataset:
 
     def numbers(self, name: str) -> np.ndarray:
         """A feature of all frames at once, (N, ...); pictures are refused."""
-        known = self.info["features"]
-        if name not in known or is_picture(known[name]):
-            choices = [k for k, f in known.items() if not is_picture(f)]
+        available = self.info["features"]
+        if name not in available or is_picture(available[name]):
+            choices = [k for k, f in available.items() if not is_picture(f)]
             raise UserError("no such numbers", file=self.folder, got=name, choices=choices)
-        found = [values(known[name], table(self.open(p), p, [name])[name], p, name) for p in self.data_files]
-        return np.concatenate(found)
+        arrays = [values(available[name], table(self.open(p), p, [name])[name], p, name) for p in self.data_files]
+        return np.concatenate(arrays)
 
     def bytes(self, number: int, name: str) -> list[bytes]:
         """The encoded pictures of an episode."""
@@ -156,13 +156,13 @@ class Dataset:
     @cached_property
     def _groups(self) -> tuple[dict[int, int], Counter[Path]]:
         """Which of a file's episodes each one is, and how many a file has."""
-        seen: Counter[Path] = Counter()
+        counts: Counter[Path] = Counter()
         out = {}
         for e in self.episodes:
             file = self._data_file(e)
-            out[e["episode_index"]] = seen[file]
-            seen[file] += 1
-        return out, seen
+            out[e["episode_index"]] = counts[file]
+            counts[file] += 1
+        return out, counts
 
     def _data_file(self, e: EpisodeRow) -> Path:
         name = self.info["data_path"].format(chunk_index=e["data/chunk_index"], file_index=e["data/file_index"])
@@ -179,18 +179,18 @@ class Dataset:
         path, columns = self._data_file(self.episodes[number]), list(self.features)
         file, (groups, counts) = self.open(path), self._groups
         if file.num_row_groups == counts[path]:
-            found = table(file, path, columns, groups[number])
+            rows = table(file, path, columns, groups[number])
         else:  # another writer's groups
-            whole = table(file, path, [*dict.fromkeys([*columns, "episode_index"])])
-            episode = whole["episode_index"]
+            full_table = table(file, path, [*dict.fromkeys([*columns, "episode_index"])])
+            episode = full_table["episode_index"]
             if not pa.types.is_integer(episode.type):
                 got = str(episode.type)
                 raise UserError("of another kind", file=path, key="episode_index", expected="integers", got=got)
-            found = whole.filter(pc.equal(episode, number)).select(columns)
+            rows = full_table.filter(pc.equal(episode, number)).select(columns)
         length = self.episodes[number]["length"]
-        if len(found) != length:
-            raise UserError(f"episode {number} has {len(found)} frames", file=path, expected=length)
-        self._kept[number] = {name: values(self.features[name], found[name], path, name) for name in columns}
+        if len(rows) != length:
+            raise UserError(f"episode {number} has {len(rows)} frames", file=path, expected=length)
+        self._kept[number] = {name: values(self.features[name], rows[name], path, name) for name in columns}
         while len(self._kept) > KEPT:
             self._kept.popitem(last=False)
         return self._kept[number]

@@ -76,12 +76,12 @@ class PictureStats:
 
 def together(parts: Iterable[Mapping[str, Any]]) -> Stats:
     """Of all episodes, from the episodes' own."""
-    found = list(parts)
-    n = np.array([p["count"][0] for p in found], float)
+    entries = list(parts)
+    n = np.array([p["count"][0] for p in entries], float)
     weights = n / n.sum()
 
     def every(key: str) -> np.ndarray:
-        return np.array([p[key] for p in found], float)
+        return np.array([p[key] for p in entries], float)
 
     def mean(values: np.ndarray) -> np.ndarray:
         return np.tensordot(weights, values, axes=1)

@@ -31,17 +31,17 @@ def placed(name: str, where: str, values: Mapping[str, Value], quantity: Quantit
     Raises:
         UserError: a value beyond the effect's bounds.
     """
-    known = effect(name).params
+    bounds = effect(name).params
     for key, value in values.items():
-        param = known[key]
+        param = bounds[key]
         if not param.low <= value.value <= param.high:
             expected = f"{param.low:g} to {param.high:g} {param.unit}"
             raise UserError(f"{name}: {key} is out of bounds", expected=expected, got=round(value.value, 6))
     bounded = {
         key: Value(
             v.value,
-            None if v.low is None else max(v.low, known[key].low),
-            None if v.high is None else min(v.high, known[key].high),
+            None if v.low is None else max(v.low, bounds[key].low),
+            None if v.high is None else min(v.high, bounds[key].high),
         )
         for key, v in values.items()
     }

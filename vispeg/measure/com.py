@@ -121,8 +121,8 @@ def _lines(r: Readings, rng: np.random.Generator) -> Outcome:
     inputs, owner = [], []
     for column in ("x", "y", "angle"):
         for at in range(len(x)):
-            for one in r.instrument(column):
-                inputs.append(Input(f"{one.name}, line {at + 1}", 0.0, one.u, one.kind, one.dof, one.shape))
+            for error in r.instrument(column):
+                inputs.append(Input(f"{error.name}, line {at + 1}", 0.0, error.u, error.kind, error.dof, error.shape))
                 owner.append((column, at))
     normal = np.array([-np.sin(angle), np.cos(angle)]).T  # (n, 2)
     design = np.linalg.inv(normal.T @ normal)

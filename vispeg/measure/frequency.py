@@ -48,7 +48,7 @@ def points(trace: Trace) -> list[Point]:
     held = sines(trace)
     changing = np.abs(np.diff(trace.q_cmd)) > 1e-9
     if sum(period * count for _, period, _, count in held) > 0.4 * changing.mean() * np.ptp(trace.time):
-        return [_sine(trace, *one) for one in held]
+        return [_sine(trace, *stretch) for stretch in held]
     straight = sum(b - a for a, b, _ in ramps(trace)) / len(trace.time)
     return _sweep(trace) if changing.mean() > 0.9 and straight < 0.3 and not steps(trace) else []
 
@@ -81,10 +81,10 @@ def _sweep(trace: Trace) -> list[Point]:
     return [Point(float(f[k]), 0.0, complex(sxy[k] / sxx[k]), float(coherence[k]), AVERAGES // 2) for k in pick]
 
 
-def bandwidth(found: list[Point]) -> tuple[float, float] | None:
+def bandwidth(points: list[Point]) -> tuple[float, float] | None:
     """(Hz, its standard uncertainty) at which the gain is 3 dB under that of the lowest frequency; None if never."""
     used: list[list[Point]] = []  # of one frequency each, within a fiftieth
-    for p in sorted((p for p in found if p.used), key=lambda p: p.hz):
+    for p in sorted((p for p in points if p.used), key=lambda p: p.hz):
         if used and p.hz < 1.02 * used[-1][0].hz:
             used[-1].append(p)
         else:
@@ -105,9 +105,9 @@ def bandwidth(found: list[Point]) -> tuple[float, float] | None:
     return at, float(at * u / max(abs(slope), 1e-9))
 
 
-def fit(found: list[Point]) -> tuple[Servo, np.ndarray, int] | None:
+def fit(points: list[Point]) -> tuple[Servo, np.ndarray, int] | None:
     """A second-order servo through the coherent points: (servo, standard uncertainties (4,), degrees of freedom)."""
-    used = [p for p in found if p.used]
+    used = [p for p in points if p.used]
     if len(used) < 4:
         return None
     f, h = np.array([p.hz for p in used]), np.array([p.response for p in used])
@@ -121,10 +121,10 @@ def fit(found: list[Point]) -> tuple[Servo, np.ndarray, int] | None:
     best = None
     for hz in (0.5 * f.max(), f.max(), 3.0 * f.max()):
         x0 = [abs(h[np.argmin(f)]), np.log(2 * np.pi * hz), np.log(0.7), 0.005]
-        one = optimize.least_squares(
+        solution = optimize.least_squares(
             residual, np.clip(x0, low, high), bounds=(low, high), x_scale=[0.1, 0.3, 0.3, 0.01]
         )
-        best = one if best is None or one.cost < best.cost else best
+        best = solution if best is None or solution.cost < best.cost else best
     assert best is not None
     dof = 2 * len(used) - 4
     covariance = np.linalg.pinv(best.jac.T @ best.jac) * 2.0 * best.cost / dof

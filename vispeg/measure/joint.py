@@ -50,37 +50,37 @@ def measure(traces: Sequence[Trace], rng: np.random.Generator) -> Joint:
     Raises:
         UserError: they show nothing, or the same steps answer otherwise later on.
     """
-    found = [s for t in traces for s in steps.fitted(t)]
+    responses = [s for t in traces for s in steps.fitted(t)]
     points = sorted((p for t in traces for p in frequency.points(t)), key=lambda p: (p.hz, p.amplitude))
     strokes = [s for t in traces for s in loops.measured(t)]
     names = ", ".join(dict.fromkeys(t.name for t in traces))
-    if not found and not points and not strokes:
+    if not responses and not points and not strokes:
         raise UserError(
             "show nothing of a joint", file=names, expected=NOTHING.replace("neither", "").replace("nor", "or")
         )
-    steps.refuse_drift(found, names)
+    steps.refuse_drift(responses, names)
     results: list[Quantity] = []
     notes: list[str] = []
     details: dict[str, object] = {}
     loop: list[Quantity] = []
     lost_motion.summarise(strokes, traces, loop, notes, details, rng)
-    found = _resolved(found, loop, notes)
-    servo = _servo(found, points, traces, results, notes, rng)
-    _held_out(found, traces, notes, details)
+    responses = _resolved(responses, loop, notes)
+    servo = _servo(responses, points, traces, results, notes, rng)
+    _held_out(responses, traces, notes, details)
     _bode(points, results, notes, details, rng)
     results += loop
-    if found:
+    if responses:
         details["steps"] = [
             {"size_rad": size, "repeats": len(group), "left_of_step": float(np.mean([s.rest for s in group]))}
             | {name: float(np.mean([getattr(s.servo, name) for s in group])) for name in steps.NAMES}
-            for size, group in steps.groups(found).items()
+            for size, group in steps.groups(responses).items()
         ]
-    return Joint(traces, servo, found, points, strokes, results, notes, details)
+    return Joint(traces, servo, responses, points, strokes, results, notes, details)
 
 
-def effects(joint: str, found: Joint) -> list[EffectInstance]:
+def effects(joint: str, measured: Joint) -> list[EffectInstance]:
     """What the numbers become: the joint's friction and backlash, where they are above nothing, and its own servo."""
-    by_name = {q.quantity: q for q in found.results}
+    by_name = {q.quantity: q for q in measured.results}
     out = []
     for quantity, name, key in (
         ("coulomb_friction", "coulomb_friction", "torque"),
@@ -91,7 +91,7 @@ def effects(joint: str, found: Joint) -> list[EffectInstance]:
         if q is not None and q.low > 0:
             out.append(placed(name, joint, {key: Value(q.value, q.low, q.high)}, q))
     loop = [by_name[k] for k in ("natural_frequency", "damping_ratio", "gain") if k in by_name]
-    if any(t.servo for t in found.traces) and len(loop) == 3:
+    if any(t.servo for t in measured.traces) and len(loop) == 3:
         bounds = effect("servo").params
         # the gain is the sag under load as much as the servo's own: left out where it is no gain that a servo has
         inside = [q for q in loop if bounds[q.quantity].low <= q.value <= bounds[q.quantity].high]
@@ -100,18 +100,18 @@ def effects(joint: str, found: Joint) -> list[EffectInstance]:
     return out
 
 
-def _resolved(found: list[Step], loop: Sequence[Quantity], notes: list[str]) -> list[Step]:
+def _resolved(responses: list[Step], loop: Sequence[Quantity], notes: list[str]) -> list[Step]:
     """Steps beyond twice the lost motion: what is smaller shows friction and play, not the servo."""
     lost = next((q.value for q in loop if q.quantity == "lost_motion"), 0.0)
-    small = [s for s in found if abs(s.size) < 2.0 * lost]
+    small = [s for s in responses if abs(s.size) < 2.0 * lost]
     if small:
         listed = ", ".join(f"{size:.3g}" for size in steps.sizes(small))
         notes.append(f"steps of {listed} rad are left out: within twice the lost motion of {lost:.2g} rad")
-    return [s for s in found if s not in small]
+    return [s for s in responses if s not in small]
 
 
 def _servo(
-    found: Sequence[Step],
+    responses: Sequence[Step],
     points: list[Point],
     traces: Sequence[Trace],
     results: list[Quantity],
@@ -119,20 +119,20 @@ def _servo(
     rng: np.random.Generator,
 ) -> Servo | None:
     """The servo's four numbers and the bandwidth that they give."""
-    if len(found) >= 2:
-        means = steps.parameters(found)
+    if len(responses) >= 2:
+        means = steps.parameters(responses)
         if len(means["gain"]) < 2:
-            means = {name: np.array([getattr(s.servo, name) for s in found]) for name in steps.NAMES}
+            means = {name: np.array([getattr(s.servo, name) for s in responses]) for name in steps.NAMES}
         half = 0.5 * max(t.period for t in traces)
         for name, unit in steps.NAMES.items():
-            results.append(_over_sizes(name, unit, means[name], half, rng, len(found)))
-        servo = steps.mean_servo(found)
+            results.append(_over_sizes(name, unit, means[name], half, rng, len(responses)))
+        servo = steps.mean_servo(responses)
         bands = np.array([Servo(*row).bandwidth_hz for row in zip(*means.values(), strict=True)])
-        results.append(_over_sizes("bandwidth_from_steps", "Hz", bands, half, rng, len(found)))
-        sizes = steps.sizes(found)
+        results.append(_over_sizes("bandwidth_from_steps", "Hz", bands, half, rng, len(responses)))
+        sizes = steps.sizes(responses)
         if len(sizes) < 3:
             notes.append(f"{len(sizes)} sizes of step; with three, one is held out to judge on")
-        worst = max(s.rest for s in found)
+        worst = max(s.rest for s in responses)
         if worst > 0.1:
             notes.append(f"a second-order answer leaves up to {100 * worst:.0f} % of a step: it is not of that kind")
         return servo
@@ -144,8 +144,8 @@ def _servo(
         notes.append("no steps, and the frequency response does not tell natural frequency and damping ratio")
         return None
     notes.append("no steps: the servo is fitted to the frequency response")
-    for (name, unit), one in zip(steps.NAMES.items(), u, strict=True):
-        inputs = [Input("fit to the frequency response", getattr(servo, name), float(one), "A", float(dof), "t")]
+    for (name, unit), spread in zip(steps.NAMES.items(), u, strict=True):
+        inputs = [Input("fit to the frequency response", getattr(servo, name), float(spread), "A", float(dof), "t")]
         results.append(propagate(name, unit, lambda x: x, inputs, rng, repeats=len(points)))
     return servo
 
@@ -162,14 +162,14 @@ def _over_sizes(
     return propagate(name, unit, lambda *x: sum(x), inputs, rng, repeats=repeats)  # type: ignore[arg-type]
 
 
-def _held_out(found: Sequence[Step], traces: Sequence[Trace], notes: list[str], details: dict[str, object]) -> None:
+def _held_out(responses: Sequence[Step], traces: Sequence[Trace], notes: list[str], details: dict[str, object]) -> None:
     """The error on the steps of the middle size, simulated with a servo from the others alone."""
-    sizes = steps.sizes(found)
+    sizes = steps.sizes(responses)
     if len(sizes) < 3:
         return
     middle = sizes[len(sizes) // 2]
-    rest = [s for s in found if abs(abs(s.size) - middle) > 0.05 * middle]
-    held = [s for s in found if abs(abs(s.size) - middle) <= 0.05 * middle]
+    rest = [s for s in responses if abs(abs(s.size) - middle) > 0.05 * middle]
+    held = [s for s in responses if abs(abs(s.size) - middle) <= 0.05 * middle]
     errors = step_error(steps.mean_servo(rest), traces, held)
     details["held_out"] = {
         "size_rad": middle,
@@ -210,8 +210,8 @@ def _bode(
         listed = ", ".join(f"{p.hz:.3g} Hz ({p.coherence:.2f})" for p in refused[:5])
         more = f" and {len(refused) - 5} more" if len(refused) > 5 else ""
         notes.append(f"refused for a coherence below {frequency.COHERENT}: {listed}{more}")
-    found = frequency.bandwidth(list(points))
-    if found is None:
+    bandwidth = frequency.bandwidth(list(points))
+    if bandwidth is None:
         top = max((p.hz for p in points if p.used), default=None)
         notes.append(
             "no coherent frequency"
@@ -219,7 +219,7 @@ def _bode(
             else f"the gain stays above -3 dB up to {top:.3g} Hz, the highest used"
         )
         return
-    inputs = [stated("gain about -3 dB", found[1], found[0])]
+    inputs = [stated("gain about -3 dB", bandwidth[1], bandwidth[0])]
     results.append(propagate("bandwidth", "Hz", lambda x: x, inputs, rng, repeats=sum(p.used for p in points)))
 
 

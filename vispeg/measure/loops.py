@@ -65,7 +65,7 @@ def _stroke(trace: Trace, out: tuple[int, int], back: tuple[int, int], speed: fl
     tau = [float(trace.tau[r].mean()) for r in rows]
     motion = [_speeds(trace, r) for r in rows]
     noise = 4.0 * float(np.std(np.diff(trace.q, 2))) / np.sqrt(6.0) / (len(rows[0]) // 3 * trace.period)
-    if any(abs(abs(v) - speed) > WITHIN * speed + noise for one in motion for v in one[:2]):
+    if any(abs(abs(v) - speed) > WITHIN * speed + noise for speeds in motion for v in speeds[:2]):
         return Stroke(trace.name, start, speed, None, None, lag, None)
     friction, load = 0.5 * sign * (tau[0] - tau[1]), 0.5 * (tau[0] + tau[1])
     gap = _gap(trace, out, back, sign, friction, load)

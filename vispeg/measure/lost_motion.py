@@ -60,11 +60,11 @@ def _friction(torque: Sequence[Stroke], results: list[Quantity], notes: list[str
             notes.append("one speed: Coulomb and viscous friction are not told apart")
         return
     # the inertia that what is left of each start has moved is a third unknown, and told to nobody
-    left = np.array([s.acceleration for s in torque]) if len(torque) >= 6 else None
-    x, cov, dof = loops.line(speed, height, left)
+    acceleration = np.array([s.acceleration for s in torque]) if len(torque) >= 6 else None
+    x, cov, dof = loops.line(speed, height, acceleration)
     for name, unit, k in (("coulomb_friction", "N m", 0), ("viscous_friction", "N m s/rad", 1)):
-        one = Input("loop heights about their line", float(x[k]), float(np.sqrt(cov[k, k])), "A", float(dof), "t")
-        results.append(propagate(name, unit, lambda x: x, [one], rng, repeats=len(torque)))
+        scatter = Input("loop heights about their line", float(x[k]), float(np.sqrt(cov[k, k])), "A", float(dof), "t")
+        results.append(propagate(name, unit, lambda x: x, [scatter], rng, repeats=len(torque)))
     slow = speed < 0.01
     if slow.any() and (~slow).sum() >= 3:
         y, rest, free = loops.line(speed[~slow], height[~slow])
@@ -81,8 +81,8 @@ def _backlash(
     traces: Sequence[Trace],
     rng: np.random.Generator,
 ) -> None:
-    shown = [s for s in slow if s.gap is not None]
-    gaps = np.array([s.gap for s in shown], float)
+    with_gap = [s for s in slow if s.gap is not None]
+    gaps = np.array([s.gap for s in with_gap], float)
     if len(gaps) < 2:
         if slow:
             load = np.mean([abs(s.load or 0.0) for s in slow])
@@ -94,7 +94,7 @@ def _backlash(
         return
     noise = float(np.median([np.std(np.diff(t.q, 2)) for t in traces])) / np.sqrt(6.0)
     # the torque is smoothed over a while in which the joint turns
-    turned = 0.5 * loops.SMOOTH * float(max(s.speed for s in shown))
+    turned = 0.5 * loops.SMOOTH * float(max(s.speed for s in with_gap))
     inputs = [repeated("reversals", gaps), rectangular("angle while the torque is smoothed", turned + 2.0 * noise)]
     q = propagate("backlash", "rad", lambda *x: sum(x), inputs, rng, repeats=len(gaps))  # type: ignore[arg-type]
     results.append(q)

@@ -55,7 +55,7 @@ class Readings:
         out = [rectangular(f"resolution of {name}", 0.5 * self.resolution[name]) for _ in range(times)]
         if self.accuracy.get(name):
             out.append(rectangular(f"limit of error of {name}", self.accuracy[name]))
-        return [one for one in out if one.u > 0]
+        return [error for error in out if error.u > 0]
 
 
 def read(file: Path, resolution: Iterable[str], accuracy: Iterable[str]) -> Readings:
@@ -113,7 +113,7 @@ def instrument_law(
     Returns:
         (errors, law): inputs of value 0, and `law(*errors)` = function(mean readings + errors).
     """
-    errors = [(name, one) for name in names for one in readings.instrument(name)]
+    errors = [(name, error) for name in names for error in readings.instrument(name)]
     at = {name: float(readings[name].mean()) for name in names}
 
     def law(*off: float) -> float:
@@ -122,7 +122,7 @@ def instrument_law(
             shifted[name] = shifted[name] + shift
         return function(*shifted.values())
 
-    return [one for _, one in errors], law
+    return [error for _, error in errors], law
 
 
 def refuse_drift(values: np.ndarray, resolution: float, file: Path, what: str) -> None:

@@ -89,7 +89,7 @@ def _fit(trace: Trace, first: int, last: int) -> Step:
     starts = [[end, np.log(wn), np.log(0.7), late] for wn in STARTS for late in (0.0, _onset(t, y, end))]
     near = sorted((np.clip(x0, *edge) for x0 in starts), key=lambda x0: float(np.sum(residual(x0) ** 2)))[:TRIED]
     tries = [optimize.least_squares(residual, x0, bounds=(low, high), x_scale=[0.1, 0.3, 0.3, 0.01]) for x0 in near]
-    best = min(tries, key=lambda one: one.cost)
+    best = min(tries, key=lambda solution: solution.cost)
     gain, wn, zeta = float(best.x[0]), float(np.exp(best.x[1])), float(np.exp(best.x[2]))
     rest = float(np.sqrt(np.mean(best.fun**2)))
     delay = float(best.x[3]) if best.x[3] > 1e-6 else 0.0  # an optimizer ends just beside its bound
@@ -102,47 +102,47 @@ def _onset(t: np.ndarray, y: np.ndarray, end: float) -> float:
     return float(t[past[0]]) if len(past) else 0.0
 
 
-def groups(found: Sequence[Step]) -> dict[float, list[Step]]:
+def groups(responses: Sequence[Step]) -> dict[float, list[Step]]:
     """Steps of one size and direction: signed size -> steps; sizes within 5 % are one."""
     out: dict[float, list[Step]] = {}
-    for step in sorted(found, key=lambda s: s.size):
+    for step in sorted(responses, key=lambda s: s.size):
         near = [size for size in out if abs(size - step.size) <= 0.05 * abs(step.size)]
         out.setdefault(near[0] if near else step.size, []).append(step)
     return out
 
 
-def parameters(found: Sequence[Step]) -> dict[str, np.ndarray]:
+def parameters(responses: Sequence[Step]) -> dict[str, np.ndarray]:
     """Name -> the mean of each group (ngroup,): gain, natural_frequency, damping_ratio, delay.
 
     Of frequency and damping the geometric mean: they are positive, and spread in proportion.
     """
     means = [
-        [_mean(name, [getattr(s.servo, name) for s in group]) for name in NAMES] for group in groups(found).values()
+        [_mean(name, [getattr(s.servo, name) for s in group]) for name in NAMES] for group in groups(responses).values()
     ]
     return dict(zip(NAMES, np.array(means).T, strict=True))
 
 
-def mean_servo(found: Sequence[Step]) -> Servo:
+def mean_servo(responses: Sequence[Step]) -> Servo:
     """The mean over groups, as one servo."""
-    return Servo(**{name: _mean(name, values) for name, values in parameters(found).items()})
+    return Servo(**{name: _mean(name, values) for name, values in parameters(responses).items()})
 
 
 def _mean(name: str, values: Sequence[float] | np.ndarray) -> float:
     return float(np.exp(np.mean(np.log(values))) if name in POSITIVE else np.mean(values))
 
 
-def sizes(found: Sequence[Step]) -> list[float]:
+def sizes(responses: Sequence[Step]) -> list[float]:
     """The sizes that there are, both directions as one, rad, rising."""
     out: list[float] = []
-    for size in sorted(abs(s.size) for s in found):
+    for size in sorted(abs(s.size) for s in responses):
         if not out or size > 1.05 * out[-1]:
             out.append(size)
     return out
 
 
-def refuse_drift(found: Sequence[Step], file: str) -> None:
+def refuse_drift(responses: Sequence[Step], file: str) -> None:
     """Raises UserError where the same steps, taken again in a later recording, answer otherwise by three sigma."""
-    for size, group in groups(found).items():
+    for size, group in groups(responses).items():
         names = list(dict.fromkeys(s.trace for s in group))
         if len(names) < 2:
             continue

@@ -115,5 +115,7 @@ def _refuse_disagreement(means: np.ndarray, spreads: list[np.ndarray], r: Readin
 def _instrument(r: Readings, compliance: float) -> list[Input]:
     """Relative errors of the compliance from what the instruments leave open over the range of a ramp."""
     span = np.ptp(r["force"])
-    out = [rectangular(one.name, one.u * np.sqrt(3.0) / span) for one in r.instrument("force")]
-    return out + [rectangular(one.name, one.u * np.sqrt(3.0) / (span * compliance)) for one in r.instrument("depth")]
+    out = [rectangular(error.name, error.u * np.sqrt(3.0) / span) for error in r.instrument("force")]
+    return out + [
+        rectangular(error.name, error.u * np.sqrt(3.0) / (span * compliance)) for error in r.instrument("depth")
+    ]

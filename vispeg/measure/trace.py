@@ -70,12 +70,14 @@ def from_recording(path: Path, joint: str | None) -> tuple[list[Trace], str, str
     j = rec.joints.index(joint)
     episode = np.zeros(len(rec.time)) if rec.episode is None else rec.episode
     torque, why = motor_torque(rec, j)
-    own = rec.control.mode in ("servo", "unknown")
+    has_servo = rec.control.mode in ("servo", "unknown")
     out = []
-    for one in np.unique(episode):
-        rows = (episode == one) & np.isfinite(rec.q[:, j]) & np.isfinite(rec.q_cmd[:, j])
+    for number in np.unique(episode):
+        rows = (episode == number) & np.isfinite(rec.q[:, j]) & np.isfinite(rec.q_cmd[:, j])
         tau = None if torque is None or not np.isfinite(torque[rows]).all() else torque[rows]
-        out.append(_checked(Trace(path.name, rec.time[rows], rec.q_cmd[rows, j], rec.q[rows, j], tau, why, own), path))
+        out.append(
+            _checked(Trace(path.name, rec.time[rows], rec.q_cmd[rows, j], rec.q[rows, j], tau, why, has_servo), path)
+        )
     return out, joint, rec.robot
 
 
@@ -177,8 +179,8 @@ def ramps(trace: Trace) -> list[tuple[int, int, float]]:
 
 def strokes(trace: Trace) -> list[tuple[tuple[int, int], tuple[int, int], float]]:
     """(out, back, speed): ramps that turn round at once and come back as fast, each (first row, last row)."""
-    found, out = ramps(trace), []
-    for (a, b, v), (c, d, w) in zip(found, found[1:], strict=False):
+    segments, out = ramps(trace), []
+    for (a, b, v), (c, d, w) in zip(segments, segments[1:], strict=False):
         near = trace.time[c] - trace.time[b] < RAMP
         if near and v * w < 0 and abs(v + w) < 0.03 * abs(v):
             out.append(((a, b), (c, d), abs(v)))
@@ -205,8 +207,8 @@ def sines(trace: Trace) -> list[tuple[float, float, float, int]]:
             end += 1
         count = (end - 1 - k) // 2
         if count >= PERIODS:
-            found = _pure(trace, int(turns[k]), int(turns[k + 2 * count]), count)
-            out += [] if found is None else [found]
+            stretch = _pure(trace, int(turns[k]), int(turns[k + 2 * count]), count)
+            out += [] if stretch is None else [stretch]
             k = end - 1
             continue
         k += 1
@@ -220,16 +222,16 @@ def _pure(trace: Trace, first: int, last: int, count: int) -> tuple[float, float
     t, x = trace.time[first : last + 1] - trace.time[first], trace.q_cmd[first : last + 1]
     guess = t[-1] / count
 
-    def left(period: float) -> tuple[float, np.ndarray]:
+    def remainder(period: float) -> tuple[float, np.ndarray]:
         w = 2.0 * np.pi / period
         design = np.column_stack([np.cos(w * t), np.sin(w * t), np.ones_like(t)])
         c, *_ = np.linalg.lstsq(design, x, rcond=None)
         return float(np.std(x - design @ c)), c
 
-    best = minimize_scalar(lambda p: left(p)[0], bounds=(0.97 * guess, 1.03 * guess), method="bounded")
-    rest, c = left(float(best.x))
+    best = minimize_scalar(lambda p: remainder(p)[0], bounds=(0.97 * guess, 1.03 * guess), method="bounded")
+    rest, c = remainder(float(best.x))
     amplitude = float(np.hypot(c[0], c[1]))
     if rest > PURE * amplitude / np.sqrt(2.0):
         return None
-    whole = int(np.floor((trace.time[last] - trace.time[first]) / best.x + 0.02))
-    return float(trace.time[first]), float(best.x), amplitude, max(whole, 1)
+    periods = int(np.floor((trace.time[last] - trace.time[first]) / best.x + 0.02))
+    return float(trace.time[first]), float(best.x), amplitude, max(periods, 1)

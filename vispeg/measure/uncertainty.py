@@ -92,13 +92,13 @@ def propagate(
     best = [i.value for i in inputs]
     value = float(function(*best))
     rows = []
-    for at, one in enumerate(inputs):
+    for at, source in enumerate(inputs):
         slope = 0.0
-        if one.u > 0:
-            ends = [function(*(x + sign * one.u * (n == at) for n, x in enumerate(best))) for sign in (1.0, -1.0)]
-            slope = float(ends[0] - ends[1]) / (2.0 * one.u)
-        dof = None if np.isinf(one.dof) else float(one.dof)
-        rows.append(BudgetRow(one.name, one.kind, one.u, dof, slope, abs(slope) * one.u))
+        if source.u > 0:
+            ends = [function(*(x + sign * source.u * (n == at) for n, x in enumerate(best))) for sign in (1.0, -1.0)]
+            slope = float(ends[0] - ends[1]) / (2.0 * source.u)
+        dof = None if np.isinf(source.dof) else float(source.dof)
+        rows.append(BudgetRow(source.name, source.kind, source.u, dof, slope, abs(slope) * source.u))
     u = float(np.sqrt(sum(row.contribution**2 for row in rows)))
     dof = effective(rows)
     k = coverage(dof)
@@ -117,8 +117,8 @@ def _bent(function: Callable[..., np.ndarray | float], inputs: Sequence[Input], 
     """Whether the second-order terms count: a hundredth of the linear ones at two standard uncertainties."""
     best = [i.value for i in inputs]
     middle, u = float(function(*best)), float(np.sqrt(sum(r.contribution**2 for r in rows)))
-    for at, one in enumerate(inputs):
-        ends = [float(function(*(x + s * 2 * one.u * (n == at) for n, x in enumerate(best)))) for s in (1.0, -1.0)]
+    for at, source in enumerate(inputs):
+        ends = [float(function(*(x + s * 2 * source.u * (n == at) for n, x in enumerate(best)))) for s in (1.0, -1.0)]
         if not np.isfinite(ends).all() or abs(ends[0] + ends[1] - 2 * middle) > 0.02 * u:
             return True
     return False
@@ -148,5 +148,5 @@ def places(name: str, values: np.ndarray, place: np.ndarray | None) -> Input:
     """
     if place is None or len(np.unique(place)) < 2:
         return repeated(f"repeats of {name}", values)
-    means = np.array([values[place == one].mean() for one in np.unique(place)])
+    means = np.array([values[place == label].mean() for label in np.unique(place)])
     return repeated(f"{name} at {len(means)} places", means)

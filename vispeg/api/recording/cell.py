@@ -48,10 +48,10 @@ def cell_motion(
     """
     if Path(name).suffix:
         return table.read(Path(name), rate_hz, force_limit)
-    found = believed(world.cell)
+    belief = believed(world.cell)
     if name not in PATHS:
         raise UserError("not a motion of a cell", key="--motion", got=name, choices=MOTIONS)
-    made = motion(name, found.scene, found.config, rate_hz, stream(seed, "record", name))
+    made = motion(name, belief.scene, belief.config, rate_hz, stream(seed, "record", name))
     return made if force_limit is None else CellMotion(made.name, made.time, made.ee_cmd, force_limit)
 
 
@@ -69,12 +69,13 @@ def record_in_cell(
     cameras: Sequence[Camera] = (),
     fps: float = 3.0,
     backend: BackendName = "auto",
-    told: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> Recording:
     """A recording of a world with a cell; see `record_cell`. `expert` is a whole episode under the scripted policy.
 
-    With `cameras` there are pictures too: `fps` a second of each, drawn by `backend`; `told` is told which share
-    of them is taken. They show the arm where it was; what gives way in grip and fixture is too small to be drawn.
+    With `cameras` there are pictures too: `fps` a second of each, drawn by `backend`; `progress` is called with the
+    share of them that is taken. They show the arm where it was; what gives way in grip and fixture is too small to
+    be drawn.
 
     Raises:
         UserError: as `record_cell`, and for pictures of `expert` or of several runs.
@@ -92,8 +93,10 @@ def record_in_cell(
     truth: list[np.ndarray] = []
     felt = world.only(lambda e: effect(e.effect).family not in OPTICAL)
     rec = record_cell(felt, made, noise, rng, **options, watch=truth.append)
-    seen = {"seed": seed, "backend": backend, "told": told}
-    return replace(rec, frames=taken(world, scene_of(world, cameras), cameras, rec, truth[0], fps, rng, **seen))
+    drawing = {"seed": seed, "backend": backend, "progress": progress}
+    return replace(
+        rec, frames=taken(world, scene_of(world, cameras), cameras, rec, truth[0], fps, rng, **drawing)
+    )
 
 
 def names(space: str | None = None) -> list[str]:

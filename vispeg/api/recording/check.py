@@ -188,10 +188,10 @@ def _head(rec: Recording) -> Recording:
 
 
 def _repeats(recs: Sequence[Recording]) -> list[Repeated]:
-    left, out = list(recs), list[Repeated]()
-    while left:
-        group = [left[0], *(rec for rec in left[1:] if same_motion(left[0], rec))]
-        left = [rec for rec in left if not any(rec is other for other in group)]
+    remaining, out = list(recs), list[Repeated]()
+    while remaining:
+        group = [remaining[0], *(rec for rec in remaining[1:] if same_motion(remaining[0], rec))]
+        remaining = [rec for rec in remaining if not any(rec is other for other in group)]
         if len(group) > 1:
             noise = noise_from_repeats(group, "q").tolist()
             out.append({"recordings": [str(rec.path) for rec in group], "noise_q": noise})

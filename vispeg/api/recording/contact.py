@@ -33,13 +33,15 @@ def check_contact(rec: Recording) -> tuple[ContactCheck, Touch] | None:
         )
     except UserError as error:
         raise UserError(str(error), file=header) from error
-    found = touch(rec, robot)
-    if found is None:
+    contact = touch(rec, robot)
+    if contact is None:
         return None
-    quat = found.flange[:, 3:]
+    quat = contact.flange[:, 3:]
     axis, side = (rotated(quat, np.tile(e, (len(quat), 1))) for e in ([0.0, 0.0, 1.0], [1.0, 0.0, 0.0]))
     episode = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
     tilt = np.arccos(np.clip(axis @ axis[0], -1.0, 1.0))
     yaw = np.unwrap(np.arctan2(side[:, 1], side[:, 0]))
     hole = isinstance(robot, Scene)
-    return examine(Touched(rec.time, episode, found.regime, found.force, found.velocity, tilt, yaw, hole)), found
+    return examine(
+        Touched(rec.time, episode, contact.regime, contact.force, contact.velocity, tilt, yaw, hole)
+    ), contact

@@ -55,7 +55,7 @@ def convert(
     insist: bool = False,
     table: Literal["csv", "parquet"] = "csv",
     overwrite: bool = False,
-    told: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> Recording:
     """A log as a recording folder.
 
@@ -70,7 +70,7 @@ def convert(
         insist: take the stated units even where they cannot be true.
         table: format of the samples.
         overwrite: replace `out`.
-        told: is told which share of a table is read.
+        progress: called with the share of a table that is read.
 
     Raises:
         UserError: naming the file and what is wrong in it; `out` is there.
@@ -90,7 +90,7 @@ def convert(
             cameras=_cameras(cameras),
             torque_sensor=torque_sensor,
             scratch=Path(scratch),
-            progress=told,
+            progress=progress,
         )
         if not insist:
             file = mapping if isinstance(mapping, Path) else source

@@ -52,16 +52,16 @@ def cameras_of(names: Sequence[str], scene: Scene, size: tuple[int, int]) -> tup
     Raises:
         UserError: no such camera, or two of one name.
     """
-    own = {c.name: c for c in standard_cameras(scene.tip, scene.target)}
+    standard = {c.name: c for c in standard_cameras(scene.tip, scene.target)}
     out: list[Camera] = []
     for name in names:
-        if name not in own and (Path(name).suffix or is_file(name)):
+        if name not in standard and (Path(name).suffix or is_file(name)):
             out += load_cameras(name)
-        elif name in own:
-            out.append(_sized(own[name], *size))
+        elif name in standard:
+            out.append(_sized(standard[name], *size))
         else:
             raise UserError(
-                "unknown camera", key="--cameras", got=name, choices=own, expected="a name or a camera file"
+                "unknown camera", key="--cameras", got=name, choices=standard, expected="a name or a camera file"
             )
     if len({c.name for c in out}) < len(out) or not out:
         raise UserError("cameras of different names", key="--cameras", got=[c.name for c in out])
@@ -100,7 +100,7 @@ def record_look(
     backend: BackendName = "auto",
     shadows: bool = False,
     name: str = "look",
-    told: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> Recording:
     """An arm in its cell looks about; its joints are recorded, and what its cameras see.
 
@@ -116,7 +116,7 @@ def record_look(
         seed: of the noise and of what the cameras' sensors draw.
         backend, shadows: of the renderer.
         name: what the recording is called.
-        told: is told which share of the pictures is taken.
+        progress: called with the share of the pictures that is taken.
 
     Raises:
         UserError: no cell, no such motion, or one that the arm cannot make; too many pictures.
@@ -131,7 +131,7 @@ def record_look(
     control = controller(scene.nominal, "position", rate_hz, centre_of(scene.nominal))
     rng = stream(seed, "record", "noise")
     rec = record(arm, path, control, noise, rng, torque_sensor="joint", name=name, watch=truth.append)
-    options = {"seed": seed, "backend": backend, "shadows": shadows, "told": told}
+    options = {"seed": seed, "backend": backend, "shadows": shadows, "progress": progress}
     frames = taken(world, scene, cameras, rec, truth[0], fps, rng, **options)
     cell = CellBelief(DEFAULT) if world.cell is None or world.cell.open else world.cell
     return replace(rec, frames=frames, cell=cell, motion=motion)
@@ -156,7 +156,7 @@ def taken(
     seed: int,
     backend: BackendName = "auto",
     shadows: bool = False,
-    told: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> Frames:
     """Pictures of a recorded motion, `fps` a second of each camera.
 
@@ -166,12 +166,12 @@ def taken(
         truth: (n, nj) rad, where the joints were at its samples.
         fps: pictures a second.
         rng: of the stamps: a camera's clock is not the controller's, they lie anywhere between two samples.
-        seed, backend, shadows, told: as for `record_look`.
+        seed, backend, shadows, progress: as for `record_look`.
     """
     times = np.arange(LATEST, rec.time[-1] - LATEST, 1 / fps)
     times = times + rng.uniform(0, 0.5 / rec.rate_hz, len(times))
     curve = CubicSpline(rec.time, truth)
-    return photograph(scene, cameras, world, curve, times, seed, backend=backend, shadows=shadows, told=told)
+    return photograph(scene, cameras, world, curve, times, seed, backend=backend, shadows=shadows, told=progress)
 
 
 __all__ = ["LOOKS", "cameras_of", "look_of", "record_look", "refuse_rate", "scene_of", "taken"]

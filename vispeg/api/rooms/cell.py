@@ -71,23 +71,23 @@ def diagnose_rooms(
     """
     both = fitted, held_out
 
-    def joints(given: World) -> Diagnosis:
-        arm = replace(of_arm(given).only(lambda e: effect(e.effect).searchable), cell=None)
-        some = [[choose(_carrying(rec, given), seconds) for rec in group] for group in both]
+    def joints(start: World) -> Diagnosis:
+        arm = replace(of_arm(start).only(lambda e: effect(e.effect).searchable), cell=None)
+        some = [[choose(_carrying(rec, start), seconds) for rec in group] for group in both]
         return run.diagnose(arm, *some, seed=seed, nthread=nthread, say=say, plan_next=False)
 
-    def seen(given: World) -> Diagnosis:
-        return pictures.diagnose(given, *both, seed=seed, say=say)
+    def pictured(start: World) -> Diagnosis:
+        return pictures.diagnose(start, *both, seed=seed, say=say)
 
-    def touched(given: World) -> Diagnosis:
-        some = [[_read_right(rec, given) for rec in group] for group in both]
-        found = diagnose_contact(given.only(lambda e: e.effect != READINGS), *some, nthread=nthread, say=say)
-        found.arrays.update(worst_moment(found.arrays, some[1]))
-        return found
+    def touched(start: World) -> Diagnosis:
+        some = [[_read_right(rec, start) for rec in group] for group in both]
+        diagnosis = diagnose_contact(start.only(lambda e: e.effect != READINGS), *some, nthread=nthread, say=say)
+        diagnosis.arrays.update(worst_moment(diagnosis.arrays, some[1]))
+        return diagnosis
 
     every = (
         Room("joints", lambda e: e.name == READINGS or _heavy(e), joints),
-        Room("pictures", _seen, seen),
+        Room("pictures", _seen, pictured),
         Room("contact", lambda e: e.name == READINGS, touched),
     )
     return joined(conduct([r for r in every if r.name in rooms], world, say), world)

@@ -60,8 +60,8 @@ class Price:
 
     def paid(
         self,
-        found: World,
-        left: Sequence[Mapping[str, object]],
+        identified: World,
+        missing_torque: Sequence[Mapping[str, object]],
         *,
         seed: int,
         part: Path | None,
@@ -70,8 +70,8 @@ class Price:
         """Plays; what `part` has is not played again, and it is gone at the end.
 
         Args:
-            found: the identified model.
-            left: a diagnosis' `remainder`.
+            identified: the identified model.
+            missing_torque: a diagnosis' `remainder`.
             seed: of the episodes.
             part: a folder for the episodes; None keeps none.
             say: is told how far it is.
@@ -80,7 +80,7 @@ class Price:
             UserError: the cell has no place for an effect of the model.
         """
         with workplace(part, "price.json", inputs=[e.path for e in self.who]) as place:
-            settings = remainder.settings(self.world, found, left, place / "worlds")
+            settings = remainder.settings(self.world, identified, missing_torque, place / "worlds")
             jobs = make_jobs(self.who, settings, seeds_of(self.episodes, seed), place / "worlds")
             ends = play(jobs, place, 1, lambda jobs, folder: _told(jobs, say))
             rows = remainder.summarise(ends)

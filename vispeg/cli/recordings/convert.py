@@ -102,7 +102,7 @@ class Args:
                 insist=self.insist,
                 table=self.table,
                 overwrite=self.overwrite,
-                told=share,
+                progress=share,
             )
         signals = [name for name in SIGNALS if getattr(rec, name) is not None]
         shape = {"samples": len(rec.time), "joints": list(rec.joints), "rate_hz": rec.rate_hz}

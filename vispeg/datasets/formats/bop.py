@@ -56,15 +56,15 @@ def write_bop(source: Path, out: Path) -> None:
 
 def _models(out: Path, data: Dataset) -> None:
     """`models/obj_NNNNNN.ply` in mm and `models_info.json`; none of a dataset that was written before it had meshes."""
-    told = {}
+    models = {}
     for number, (part, _) in OBJECTS.items():
         if part in data.models:
             vertices, faces = data.models[part]
-            told[str(number)] = described((MM * vertices, faces))
+            models[str(number)] = described((MM * vertices, faces))
             (out / "models").mkdir(parents=True, exist_ok=True)
             (out / "models" / f"obj_{number:06d}.ply").write_bytes(ply(data.models[part], MM))
-    if told:
-        _json(out / "models/models_info.json", told)
+    if models:
+        _json(out / "models/models_info.json", models)
 
 
 def _scene(folder: Path, data: Dataset, frames: dict[str, np.ndarray], camera: Camera) -> None:
@@ -86,8 +86,8 @@ def _scene(folder: Path, data: Dataset, frames: dict[str, np.ndarray], camera: C
         truth[str(i)], extent[str(i)] = [], []
         for j, (number, (part, label)) in enumerate(OBJECTS.items()):
             at = view @ matrix(frames[label][i])
-            one = {"cam_R_m2c": at[:3, :3].ravel().tolist(), "cam_t_m2c": (MM * at[:3, 3]).tolist(), "obj_id": number}
-            truth[str(i)].append(one)
+            entry = {"cam_R_m2c": at[:3, :3].ravel().tolist(), "cam_t_m2c": (MM * at[:3, 3]).tolist(), "obj_id": number}
+            truth[str(i)].append(entry)
             labels = frames.get(f"label.parts.{camera.name}")
             if labels is not None and part in data.parts:
                 mask = labels[i] == 1 + data.parts.index(part)

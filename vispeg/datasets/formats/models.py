@@ -34,8 +34,8 @@ def read_ply(path: Path) -> Mesh:
 
     data = read_bytes(path, 64 * MB)
     try:
-        found: Any = trimesh.load_mesh(io.BytesIO(data), file_type="ply", process=False)
-        vertices, faces = np.asarray(found.vertices, float), np.asarray(found.faces, int)
+        mesh: Any = trimesh.load_mesh(io.BytesIO(data), file_type="ply", process=False)
+        vertices, faces = np.asarray(mesh.vertices, float), np.asarray(mesh.faces, int)
     except Exception as error:  # trimesh raises whatever its parser met
         raise UserError("is no PLY mesh", file=path, got=type(error).__name__) from None
     if not len(vertices) or not len(faces) or not np.isfinite(vertices).all() or faces.max() >= len(vertices):

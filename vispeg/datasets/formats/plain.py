@@ -43,13 +43,13 @@ def write_plain(source: Path, out: Path) -> None:
         (folder / "episode.json").write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
     if data.cameras:
         save_cameras(out / CAMERAS, list(data.cameras.values()))
-    whole = {
+    record = {
         "format": PLAIN.name,
         "parts": data.parts,
         **{k: v for k, v in data.info.items() if "path" not in k},
         "plan": data.made.get("plan", {}),
     }
-    (out / WHOLE).write_text(json.dumps(whole, indent=1) + "\n", encoding="utf-8")
+    (out / WHOLE).write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
     (out / "README.txt").write_text(README, encoding="utf-8")
 
 

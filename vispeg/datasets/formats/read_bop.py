@@ -15,8 +15,8 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.datasets.codec import decode
+from vispeg.datasets.describe import is_integer
 from vispeg.datasets.describe import number as is_number
-from vispeg.datasets.describe import whole
 from vispeg.datasets.formats.models import read_ply
 from vispeg.datasets.formats.stored import LARGEST, Stored
 from vispeg.datasets.formats.stored import picture as read_picture
@@ -54,8 +54,8 @@ class Bop(Stored):
         self.scenes = sorted(path.parent for path in self.folder.glob(f"*/*/{CAMERA}") if path.parent.name.isdigit())
         if not self.scenes:
             raise UserError("has no scenes", file=self.folder, expected=f"SPLIT/000000/{CAMERA}")
-        told = read_json(self.folder / TOLD) if is_file(self.folder / TOLD) else {}
-        where = _scenes(told, self.scenes, self.folder / TOLD)
+        listing = read_json(self.folder / TOLD) if is_file(self.folder / TOLD) else {}
+        where = _scenes(listing, self.scenes, self.folder / TOLD)
         self.by = {}  # episode and camera -> scene
         for scene, (episode, camera) in zip(self.scenes, where, strict=True):
             if self.by.setdefault((episode, camera), scene) is not scene:
@@ -64,7 +64,7 @@ class Bop(Stored):
         names = list(dict.fromkeys(camera for _, camera in where))
         if len(self.by) != count * len(names):
             raise UserError("an episode lacks a camera's scene", file=self.folder / TOLD, expected=", ".join(names))
-        self.objects = _objects(told, self.folder / TOLD)
+        self.objects = _objects(listing, self.folder / TOLD)
         self.parts = tuple(self.objects.values())
         self.cameras = {name: self._camera(name, self.by[0, name]) for name in names}
         self.features = {}
@@ -138,7 +138,7 @@ class Bop(Stored):
         right = isinstance(record, dict) and all(isinstance(row, list) for row in record.values())
         for key, row in record.items() if right else ():
             for entry in row:
-                if not isinstance(entry, dict) or not whole(entry.get("obj_id")):
+                if not isinstance(entry, dict) or not is_integer(entry.get("obj_id")):
                     raise UserError("not an object's pose", file=path, key=key, got=entry)
                 for field, size in (("cam_R_m2c", 9), ("cam_t_m2c", 3)):
                     numbers = entry.get(field)
@@ -179,16 +179,16 @@ class Bop(Stored):
         return [int(key) for key in record]
 
 
-def _scenes(told: Any, scenes: list[Path], path: Path) -> list[tuple[int, str]]:
+def _scenes(listing: Any, scenes: list[Path], path: Path) -> list[tuple[int, str]]:
     """Episode and camera of each scene; each its own episode where nothing is told."""
-    listed = told.get("scenes") if isinstance(told, dict) else None
-    if listed is None and isinstance(told, dict):
+    listed = listing.get("scenes") if isinstance(listing, dict) else None
+    if listed is None and isinstance(listing, dict):
         return [(i, ANY) for i in range(len(scenes))]
     rows = {}
     entries: list[Any] = listed if isinstance(listed, list) else [None]
     for row in entries:
         right = isinstance(row, dict) and isinstance(row.get("scene"), str) and isinstance(row.get("camera"), str)
-        if not right or not whole(row.get("episode")) or not 0 <= row["episode"] < 10**6 or not row["camera"]:
+        if not right or not is_integer(row.get("episode")) or not 0 <= row["episode"] < 10**6 or not row["camera"]:
             raise UserError("not a list of scenes, episodes and cameras", file=path, key="scenes", got=row)
         rows[row["scene"]] = row["episode"], row["camera"]
     if set(rows) != {scene.name for scene in scenes}:
@@ -196,15 +196,15 @@ def _scenes(told: Any, scenes: list[Path], path: Path) -> list[tuple[int, str]]:
     return [rows[scene.name] for scene in scenes]
 
 
-def _objects(told: Any, path: Path) -> dict[int, str]:
+def _objects(listing: Any, path: Path) -> dict[int, str]:
     """Objects by number, with their names."""
-    objects = told.get("objects", {}) if isinstance(told, dict) else None
+    objects = listing.get("objects", {}) if isinstance(listing, dict) else None
     if not isinstance(objects, dict) or not all(k.isdigit() and isinstance(o, dict) for k, o in objects.items()):
         raise UserError("not a mapping of objects", file=path, key="objects", got=objects)
-    return {int(key): str(one.get("name", key)) for key, one in objects.items()}
+    return {int(key): str(entry.get("name", key)) for key, entry in objects.items()}
 
 
 def _picture_of(folder: Path, i: int) -> Path:
     """A picture's file, PNG or JPEG."""
-    found = [folder / f"{i:06d}{end}" for end in (".png", ".jpg", ".tif")]
-    return next((path for path in found if is_file(path)), found[0])
+    paths = [folder / f"{i:06d}{end}" for end in (".png", ".jpg", ".tif")]
+    return next((path for path in paths if is_file(path)), paths[0])

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.datasets.describe import check_features, number, whole
+from vispeg.datasets.describe import check_features, is_integer, number
 from vispeg.datasets.episodes import KINDS, OWN, Stretch
 from vispeg.datasets.formats.plain import CAMERAS, PLAIN, WHOLE
 from vispeg.datasets.formats.stored import Stored, picture
@@ -37,8 +37,8 @@ class Plain(Stored):
             raise UserError("not a list of names, or not a plan", file=path, key="parts", got=parts)
         self.features, self.parts, self.info = record["features"], tuple(parts), record
         self.made = {"plan": {key: str(value) for key, value in plan.items()}}
-        known = load_cameras(self.folder / CAMERAS) if is_file(self.folder / CAMERAS) else ()
-        self.cameras = {camera.name: camera for camera in known}
+        stored = load_cameras(self.folder / CAMERAS) if is_file(self.folder / CAMERAS) else ()
+        self.cameras = {camera.name: camera for camera in stored}
         self.episodes = self._episodes()
         if len(self) != record["total_frames"]:
             got = record["total_frames"]
@@ -54,7 +54,7 @@ class Plain(Stored):
             about = read_json(path)
             if folder.name != f"episode-{i:05d}" or not isinstance(about, dict):
                 raise UserError("is not the next episode", file=folder, expected=f"episode-{i:05d}")
-            if not whole(about.get("length")) or not 1 <= about["length"] <= LONGEST:
+            if not is_integer(about.get("length")) or not 1 <= about["length"] <= LONGEST:
                 raise UserError("not a number of frames", file=path, key="length", got=about.get("length"))
             checked([about], {OWN + key: kind for key, kind in KINDS.items()}, path)
             out.append({**about, "dataset_from_index": first})
@@ -86,16 +86,16 @@ def _columns(path: Path, length: int) -> dict[str, list[str]]:
 
 
 def _numbers(columns: dict[str, list[str]], name: str, feature: Feature, path: Path) -> np.ndarray:
-    found = []
+    arrays = []
     for entry in entries_of(feature):
         key = f"{name}.{entry}" if entry else name
         if key not in columns:
             raise UserError("a column is missing", file=path, expected=key)
         cells = [{"True": "1", "False": "0"}.get(cell, cell) for cell in columns[key]]
         try:
-            found.append(np.array(cells, float))
+            arrays.append(np.array(cells, float))
         except ValueError:
             raise UserError("holds something else than numbers", file=path, key=key) from None
-        if not np.isfinite(found[-1]).all():
+        if not np.isfinite(arrays[-1]).all():
             raise UserError("is not finite", file=path, key=key)
-    return np.stack(found, axis=-1).astype(feature["dtype"]).reshape(-1, *feature["shape"])
+    return np.stack(arrays, axis=-1).astype(feature["dtype"]).reshape(-1, *feature["shape"])

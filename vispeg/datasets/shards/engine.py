@@ -63,11 +63,11 @@ def _pool(
     tasks = jobs_a_process(plan.backend)
     with pool_of(count, tasks, _listen, (ticks,)) as pool:
         # few are handed out ahead, so that finished bytes do not pile up while earlier ones are written
-        left, waiting = list(shards), dict[Future[bytes], Shard]()
-        while left or waiting:
-            while left and len(waiting) < count + 1:
-                waiting[pool.submit(_make, source, plan, layout, left[0])] = left[0]
-                left.pop(0)
+        remaining, waiting = list(shards), dict[Future[bytes], Shard]()
+        while remaining or waiting:
+            while remaining and len(waiting) < count + 1:
+                waiting[pool.submit(_make, source, plan, layout, remaining[0])] = remaining[0]
+                remaining.pop(0)
             finished, _ = wait(waiting, timeout=POLL, return_when=FIRST_COMPLETED)
             _drain(ticks, tick)
             for future in finished:

@@ -31,13 +31,13 @@ def on_ray(
         UserError: Ray is not installed, its cluster cannot be reached, a shard killed its worker again and again.
     """
     ray = _ray()
-    own = not ray.is_initialized()
-    if own:
+    started_here = not ray.is_initialized()
+    if started_here:
         _connect(ray, workers)
     try:
         yield from _tasks(ray, shards, source, plan, layout, workers, tick)
     finally:
-        if own:
+        if started_here:
             ray.shutdown()
 
 
@@ -51,10 +51,10 @@ def _tasks(
     tick: Callable[[int], None],
 ) -> Made:
     make = ray.remote(num_cpus=1, max_retries=0)(shard_bytes)
-    left, waiting, deaths = list(shards), {}, dict.fromkeys([s.number for s in shards], 0)
-    while left or waiting:
-        while left and len(waiting) < max(1, workers):
-            shard = left.pop(0)
+    remaining, waiting, deaths = list(shards), {}, dict.fromkeys([s.number for s in shards], 0)
+    while remaining or waiting:
+        while remaining and len(waiting) < max(1, workers):
+            shard = remaining.pop(0)
             waiting[make.remote(source, plan, layout, shard)] = shard
         ready, _ = ray.wait(list(waiting), num_returns=1)
         for reference in ready:
@@ -71,7 +71,7 @@ def _tasks(
                     raise UserError(
                         f"shard {shard.number} lost its worker {TRIES} times", got=type(error).__name__
                     ) from None
-                left.insert(0, shard)
+                remaining.insert(0, shard)
                 continue
             tick(shard.frames)
             yield shard, data

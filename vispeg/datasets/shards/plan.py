@@ -72,11 +72,11 @@ class Plan:
         return {**asdict(self), "cameras": list(self.cameras)}
 
     @classmethod
-    def of(cls, given: Mapping[str, Any]) -> Plan:
+    def of(cls, values: Mapping[str, Any]) -> Plan:
         """From JSON values. Raises UserError for what is no plan."""
-        if set(given) != {f.name for f in fields(cls)}:
-            raise UserError("not a plan of a rendering", got=sorted(given))
-        return cls(**{**given, "cameras": tuple(given["cameras"])})
+        if set(values) != {f.name for f in fields(cls)}:
+            raise UserError("not a plan of a rendering", got=sorted(values))
+        return cls(**{**values, "cameras": tuple(values["cameras"])})
 
 
 @dataclass(frozen=True)

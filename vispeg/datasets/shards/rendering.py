@@ -126,16 +126,16 @@ def _begin(work: Path, plan: Plan) -> None:
         raise UserError(
             f"holds something else than an unfinished rendering; move it away ({error})", file=work
         ) from None
-    for left in work.rglob(".*.part"):  # of a writer that was killed
-        left.unlink(missing_ok=True)
+    for stale in work.rglob(".*.part"):  # of a writer that was killed
+        stale.unlink(missing_ok=True)
     for key in now:
         if not isinstance(before, dict) or before.get(key) != now[key]:
-            known = before.get(key) if isinstance(before, dict) else before
+            stated = before.get(key) if isinstance(before, dict) else before
             raise UserError(
                 "is an unfinished rendering with another setting; finish that one or delete it",
                 file=work,
                 key=key,
-                expected=known,
+                expected=stated,
                 got=now[key],
             )
 

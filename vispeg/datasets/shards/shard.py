@@ -35,11 +35,11 @@ def shard_bytes(source: Source, plan: Plan, layout: Layout, shard: Shard, tick: 
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    sink, about, first, told = pa.BufferOutputStream(), [], 0, 0
+    sink, about, first, reported = pa.BufferOutputStream(), [], 0, 0
 
     def tell(frames: int) -> None:
-        nonlocal told
-        told += frames
+        nonlocal reported
+        reported += frames
         tick(frames)
 
     _TICK.set(tell)
@@ -49,8 +49,8 @@ def shard_bytes(source: Source, plan: Plan, layout: Layout, shard: Shard, tick: 
             file.write_table(table)
             about.append({"length": len(episode), "stats": {**episode.stats, **stats}, "about": dict(episode.about)})
             first += len(episode)
-            if first > told:
-                tell(first - told)
+            if first > reported:
+                tell(first - reported)
         if first != shard.frames:
             raise ValueError(f"shard {shard.number} has {first} frames, not {shard.frames}")
         file.add_key_value_metadata({ABOUT.decode(): json.dumps(about)})
@@ -75,13 +75,13 @@ def counted(layout: Layout, episode: Episode, number: int, first: int) -> tuple[
 
     n = len(episode)
     frame = np.arange(n)
-    own = {
+    counters = {
         "timestamp": (frame / layout.fps).astype(np.float32),
         "frame_index": frame,
         "episode_index": np.full(n, number),
         "index": first + frame,
         "task_index": np.zeros(n, np.int64),
     }
-    values = {**episode.values, **own}
+    values = {**episode.values, **counters}
     columns = [column(feature, values[name]) for name, feature in layout.all.items()]
-    return pa.table(columns, schema=schema(layout.all)), {name: of_numbers(v) for name, v in own.items()}
+    return pa.table(columns, schema=schema(layout.all)), {name: of_numbers(v) for name, v in counters.items()}
