@@ -113,7 +113,7 @@ def check(
         recordings: folders.
         out: for report.html, check.json and a picture of each recording; nothing is drawn without it.
         overwrite: replace `out`.
-        watch: opened with what goes on and the recording; it gives what is told the share that is done.
+        watch: opened with what goes on and the recording; it gives the callback that takes the share that is done.
 
     Raises:
         UserError: a recording cannot be used; `out` is there.

@@ -87,7 +87,7 @@ def record(
         seed: of the motion and of the noise.
         name: of the recording.
         table: the format that `SimulatedRecording.save` gives the samples.
-        watch: opened when pictures are taken; it gives what is told the share that is done.
+        watch: opened when pictures are taken; it gives the callback that takes the share that is done.
 
     Raises:
         UserError: no such model, motion, effect or camera; an option that this kind of motion does not take; an arm
@@ -176,7 +176,7 @@ def _of_contact(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
         scene = replace(scene, cameras=tuple(c.name for c in cameras))
         looks = look_of(asked.look, scene) if asked.look is not None and cameras else ()
     world = asked.hidden(world, scene)
-    with watch() if cameras else nullcontext(lambda share: None) as told:
+    with watch() if cameras else nullcontext(lambda share: None) as progress:
         rec = record_in_cell(
             world.add(*looks),
             asked.motion,
@@ -190,7 +190,7 @@ def _of_contact(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
             cameras=cameras,
             fps=asked.fps,
             backend=asked.backend,
-            told=told,
+            progress=progress,
         )
     return SimulatedRecording(rec, world.label, asked.repeat, asked.look if looks else None)
 
@@ -202,7 +202,7 @@ def _of_cameras(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
     scene = scene_of(world, cameras)
     looks = () if asked.look is None else look_of(asked.look, scene)
     world = asked.hidden(world, scene)
-    with watch() as told:
+    with watch() as progress:
         rec = record_look(
             world.add(*looks),
             asked.motion,
@@ -214,6 +214,6 @@ def _of_cameras(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
             seed=asked.seed,
             backend=asked.backend,
             name=asked.name,
-            told=told,
+            progress=progress,
         )
     return SimulatedRecording(rec, world.label, look=asked.look)
