@@ -226,12 +226,8 @@ class SacRun:
             "success": row["success"],
             "versions": origin["versions"] | {"torch": torch.__version__},
         }
-        description = describe(self.judge)
-        return (
-            record
-            | description
-            | (worlds(description, made_in(self.config.dataset)) if self.config.dataset is not None else {})
-        )
+        world = describe(self.judge)
+        return record | world | (worlds(world, made_in(self.config.dataset)) if self.config.dataset is not None else {})
 
 
 def line(row: Row) -> str:

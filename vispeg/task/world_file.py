@@ -137,9 +137,8 @@ def world_hash(
     entries = [{k: v for k, v in entry_dict(r).items() if k != "source"} for r in ranges]
     fixed = [without_origin(e) for e in base.effects]
     views = {n: _digest(c) if isinstance(c, str) else c for n, c in (cameras or {}).items()}
-    settings = {
-        k: v for k, v in asdict(config).items() if k not in LATER or getattr(config, k) != getattr(type(config), k)
-    }
+    usual = type(config)
+    settings = {k: v for k, v in asdict(config).items() if k not in LATER or getattr(config, k) != getattr(usual, k)}
     robot = identity(config.robot.model)
     if "robot" in settings:
         settings["robot"]["model"] = robot
