@@ -23,7 +23,7 @@ def clock(monkeypatch):
 def test_a_log_has_a_line_a_tenth_and_none_where_it_is_quick(clock, capsys):
     for pace, least, most in ((0.2, 8, 11), (0.001, 0, 0)):
         with bars({"rendering": 1000}, "frames") as advance:
-            advance("rendering", 100, known=True)
+            advance("rendering", 100, resumed=True)
             for _ in range(900):
                 clock[0] += pace
                 advance("rendering", 1, "5.0 frames/s")
@@ -37,7 +37,7 @@ def test_a_log_has_a_line_a_tenth_and_none_where_it_is_quick(clock, capsys):
 
 def test_what_is_left_is_counted_from_what_is_new_and_each_policy_has_its_share(clock, capsys):
     with bars({"depth": 50, "rgb": 50}, "episodes") as advance:
-        advance("depth", 40, known=True)
+        advance("depth", 40, resumed=True)
         clock[0] += 60
         advance("rgb", 20, "75 % of the new ones succeed, now rgb in VNP")
     said = capsys.readouterr().err

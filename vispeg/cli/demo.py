@@ -60,21 +60,23 @@ class Args:
             new_folder(self.out, overwrite=self.overwrite, holds="demonstration") as folder,
             progress.status("reading") as status,
         ):
-            given = read_inputs("iiwa14", *paths)
-            world, fitted, held_out = given.world, given.fitted, given.held_out
+            data = read_inputs("iiwa14", *paths)
+            world, fitted, held_out = data.world, data.fitted, data.held_out
             for rec in (*fitted, *held_out):
                 role = "fitted" if rec.name in FITTED else "held out"
                 progress.print(f"{rec.name}: {rec.motion}, {rec.time[-1]:.0f} s at {rec.rate_hz:g} Hz, {role}")
             before = compare(world, held_out, nthread=self.threads)
             stamp = provenance(sys.argv, self.seed, inputs)
             progress.print(f"the nominal model, as it is: {words.fall(before.record)}")
-            found = diagnose(
+            diagnosis = diagnose(
                 world, fitted, held_out, seed=self.seed, nthread=self.threads, say=lambda text: status.update(text)
             )
             status.update("rendering")
             problem, places = self._pictures(folder)
             picture = {"picture": {"file": ROBOT, "places": places}} if places else {}
-            write_diagnosis(folder, {**found.record, **picture, "provenance": stamp}, found.world, found.arrays)
+            write_diagnosis(
+                folder, {**diagnosis.record, **picture, "provenance": stamp}, diagnosis.world, diagnosis.arrays
+            )
             (folder / "compared").mkdir()
             write_comparison(folder / "compared", {**before.record, "provenance": stamp}, before.arrays)
         if problem:

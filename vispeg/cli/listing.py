@@ -19,8 +19,8 @@ def show(what: str, entries: list[Entry], heading: str, family: str | None, text
     families = sorted({entry.family for entry in entries})
     if family is not None and family not in families:
         raise UserError("unknown family", key="--family", got=family, choices=families)
-    found = search(entries, text or "", family)
+    matching = search(entries, text or "", family)
     columns = [Column("name"), Column(heading), Column("what it is", prose=True)]
-    rows = [[entry.name, entry.family, entry.about] for entry in found]
-    output.give({what: [entry.record for entry in found]}, [Sheet(columns, rows)] if rows else ["none"])
+    rows = [[entry.name, entry.family, entry.about] for entry in matching]
+    output.give({what: [entry.record for entry in matching]}, [Sheet(columns, rows)] if rows else ["none"])
     return 0

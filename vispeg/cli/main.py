@@ -60,13 +60,13 @@ EXIT_USAGE, EXIT_INTERRUPT, EXIT_PIPE = 2, 130, 141
 
 def available() -> dict[str, str]:
     """Name -> first line of help of every command in this installation, without importing any of them."""
-    found = {}
+    lines = {}
     for name, module in COMMANDS.items():
         spec = importlib.util.find_spec(module)
         if spec is not None and spec.origin is not None:
             doc = ast.get_docstring(ast.parse(Path(spec.origin).read_text(encoding="utf-8"))) or ""
-            found[name] = doc.partition("\n")[0]
-    return found
+            lines[name] = doc.partition("\n")[0]
+    return lines
 
 
 def overview() -> str:
@@ -98,8 +98,8 @@ def run(argv: Sequence[str]) -> int:
 
     choose_backend()
     module = importlib.import_module(COMMANDS[argv[0]])
-    own = getattr(module, "parse", None)  # the doctor's, who has to work where the parser is what is missing
-    args = own(argv[1:]) if own else parse(module.Args, f"vispeg {argv[0]}", module.__doc__, argv[1:])
+    special = getattr(module, "parse", None)  # the doctor's, who has to work where the parser is what is missing
+    args = special(argv[1:]) if special else parse(module.Args, f"vispeg {argv[0]}", module.__doc__, argv[1:])
     output = getattr(args, "output", getattr(getattr(args, "command", None), "output", None))
     if output is not None and output.quiet:
         warnings.showwarning = lambda *_, **__: None

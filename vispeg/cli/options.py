@@ -87,12 +87,12 @@ def _leaves(kind: type[Any]) -> Iterator[tuple[Field[Any], Any]]:
 
 
 def _subcommands(hint: Any) -> dict[str, type[Any]]:
-    found = {}
+    commands = {}
     for part in get_args(_bare(hint)) if get_origin(_bare(hint)) in (Union, UnionType) else ():
         if is_dataclass(_bare(part)):
             name = next((m.name for m in getattr(part, "__metadata__", ()) if getattr(m, "name", None)), None)
-            found[str(name or _bare(part).__name__.lower())] = _bare(part)
-    return found
+            commands[str(name or _bare(part).__name__.lower())] = _bare(part)
+    return commands
 
 
 def _option(field: Field[Any], hint: Any) -> Option:

@@ -19,7 +19,7 @@ MOST = 12  # rows of a terminal
 
 @contextmanager
 def bars(totals: Mapping[str, int], unit: str, quiet: bool = False) -> Iterator[Callable[..., None]]:
-    """Bars by name, and one of all where there are several; yields `advance(name, by, note="", known=False)`.
+    """Bars by name, and one of all where there are several; yields `advance(name, by, note="", resumed=False)`.
 
     Args:
         totals: name -> how many there will be.
@@ -37,18 +37,18 @@ def bars(totals: Mapping[str, int], unit: str, quiet: bool = False) -> Iterator[
         TextColumn("{task.fields[note]}"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True), disable=quiet or not terminal) as shown:
+    with Progress(*columns, console=Console(stderr=True), disable=quiet or not terminal) as display:
         several = len(totals) > 1
-        rows = {n: shown.add_task(n, total=t, note="") for n, t in [*totals.items()][:MOST]}
-        whole = shown.add_task(f"all {unit}", total=sum(totals.values()), note="") if several else None
+        rows = {n: display.add_task(n, total=t, note="") for n, t in [*totals.items()][:MOST]}
+        overall = display.add_task(f"all {unit}", total=sum(totals.values()), note="") if several else None
         log = _Log(totals, unit, quiet or terminal)
 
-        def advance(name: str, by: int, note: str = "", known: bool = False) -> None:
+        def advance(name: str, by: int, note: str = "", resumed: bool = False) -> None:
             if name in rows:
-                shown.update(rows[name], advance=by, note=note if whole is None else "")
-            if whole is not None:
-                shown.update(whole, advance=by, note=note)
-            log.advance(name, by, note, known)
+                display.update(rows[name], advance=by, note=note if overall is None else "")
+            if overall is not None:
+                display.update(overall, advance=by, note=note)
+            log.advance(name, by, note, resumed)
 
         yield advance
 
@@ -65,7 +65,7 @@ def rendering(frames: int, quiet: bool = False) -> Iterator[tuple[Callable[[int,
             made += drawn
             advance("rendering", drawn, f"{made / max(time.monotonic() - began, 1e-9):.1f} frames/s")
 
-        yield lambda total, resumed: advance("rendering", resumed, known=True), watch
+        yield lambda total, resumed: advance("rendering", resumed, resumed=True), watch
 
 
 @contextmanager
@@ -83,7 +83,7 @@ def playing(
     wins = [0, 0]
     with bars(totals, "episodes", quiet) as advance:
         for job in jobs:
-            advance(job.entrant.name, sum(key in before for key in job.keys()), known=True)
+            advance(job.entrant.name, sum(key in before for key in job.keys()), resumed=True)
 
         def watch(new: Sequence[Episode], *_: int) -> None:
             wins[0], wins[1] = wins[0] + sum(e.success for e in new), wins[1] + len(new)
@@ -100,21 +100,21 @@ class _Log:
     def __init__(self, totals: Mapping[str, int], unit: str, quiet: bool):
         self.totals, self.unit, self.quiet = totals, unit, quiet
         self.done = dict.fromkeys(totals, 0)
-        self.known, self.told = 0, 0.0
+        self.resumed, self.share = 0, 0.0
         self.began = self.last = time.monotonic()
 
-    def advance(self, name: str, by: int, note: str, known: bool) -> None:
-        """`known`: what was done before."""
+    def advance(self, name: str, by: int, note: str, resumed: bool) -> None:
+        """`resumed`: what was done before."""
         self.done[name] += by
-        self.known += by if known else 0
+        self.resumed += by if resumed else 0
         done, total, now = sum(self.done.values()), sum(self.totals.values()), time.monotonic()
         share = done / max(total, 1)
-        if self.quiet or known or done >= total or share - self.told < SHARE or now - self.last < SECONDS:
+        if self.quiet or resumed or done >= total or share - self.share < SHARE or now - self.last < SECONDS:
             return
-        self.told, self.last = share, now
-        left = (now - self.began) * (total - done) / max(done - self.known, 1)
+        self.share, self.last = share, now
+        seconds = (now - self.began) * (total - done) / max(done - self.resumed, 1)
         each = ", ".join(f"{n} {d} of {self.totals[n]}" for n, d in self.done.items() if len(self.done) > 1)
-        words = (f"{done} of {total} {self.unit} ({share:.0%})", note, each, f"about {duration(left)} left")
+        words = (f"{done} of {total} {self.unit} ({share:.0%})", note, each, f"about {duration(seconds)} left")
         print("; ".join(filter(None, words)), file=sys.stderr, flush=True)
 
 

@@ -11,7 +11,7 @@ LARGE = 50_000_000  # bytes that take long enough for a line
 
 
 @contextmanager
-def told(title: str, size: int = 0, quiet: bool = False) -> Iterator[Callable[[float], None]]:
+def progress_bar(title: str, size: int = 0, quiet: bool = False) -> Iterator[Callable[[float], None]]:
     """Shows progress on standard error while the body runs; yields what a share from 0 to 1 is told to.
 
     Args:
@@ -32,9 +32,9 @@ def told(title: str, size: int = 0, quiet: bool = False) -> Iterator[Callable[[f
         yield lambda share: bar.update(task, completed=share)
 
 
-def shown(quiet: bool = False) -> Callable[[Path], AbstractContextManager[Callable[[float], None]]]:
+def reading_bars(quiet: bool = False) -> Callable[[Path], AbstractContextManager[Callable[[float], None]]]:
     """What shows how far a recording is read, for the functions that read several."""
-    return lambda path: told(f"reading {path}", size_of(path), quiet)
+    return lambda path: progress_bar(f"reading {path}", size_of(path), quiet)
 
 
 def size_of(recording: Path) -> int:

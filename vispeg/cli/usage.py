@@ -53,16 +53,16 @@ def one_line(framed: str) -> str:
         elif RULE in line or PLAIN_RULE in line:
             parts.append([])
     said = [" ".join(" ".join(part).split()) for part in parts]
-    kept = [text.rstrip(".") for text in said if text and not text.startswith(POINTERS)]
-    if kept and kept[0].startswith(UNKNOWN):
-        return _unknown(kept[0].removeprefix(UNKNOWN), " ".join(kept[1:]))
-    return "; ".join(kept) or "bad arguments"
+    sentences = [text.rstrip(".") for text in said if text and not text.startswith(POINTERS)]
+    if sentences and sentences[0].startswith(UNKNOWN):
+        return _unknown(sentences[0].removeprefix(UNKNOWN), " ".join(sentences[1:]))
+    return "; ".join(sentences) or "bad arguments"
 
 
-def _unknown(given: str, hints: str) -> str:
+def _unknown(options: str, hints: str) -> str:
     """The first option that there is not, and those that are most like it, without the parser's lines of help."""
     near = dict.fromkeys(re.findall(r"(?<!\S)--[a-z][a-z-]*(?!\S)", hints))
-    name = given.partition(",")[0].strip()
+    name = options.partition(",")[0].strip()
     if name in ELSEWHERE:
-        return f"{UNKNOWN}{given}; {ELSEWHERE[name]}"
-    return f"{UNKNOWN}{given}" + (f" (did you mean {' or '.join(near)}?)" if near else "")
+        return f"{UNKNOWN}{options}; {ELSEWHERE[name]}"
+    return f"{UNKNOWN}{options}" + (f" (did you mean {' or '.join(near)}?)" if near else "")

@@ -82,9 +82,9 @@ class Args:
         """Plays one episode of each policy again, the first failure or else the first, and writes the file."""
         from vispeg.report.rrd.episode import played, write_episodes
 
-        shown = []
+        replays = []
         for e in who:
-            own = [x for x in episodes if (x.policy, x.train_seed, x.control) == (e.name, e.train_seed, "")]
-            seed = next((x.seed for x in own if not x.success), own[0].seed)
-            shown += played(e, self.world, task, [seed], e.name)
-        write_episodes(file, f"evaluate {' '.join(self.policies)}", shown)
+            of_policy = [x for x in episodes if (x.policy, x.train_seed, x.control) == (e.name, e.train_seed, "")]
+            seed = next((x.seed for x in of_policy if not x.success), of_policy[0].seed)
+            replays += played(e, self.world, task, [seed], e.name)
+        write_episodes(file, f"evaluate {' '.join(self.policies)}", replays)

@@ -67,8 +67,8 @@ class Args:
             from vispeg.evaluation.entrants import entrant
             from vispeg.report.rrd.episode import played, write_episodes
 
-            shown = played(entrant(str(self.policy)), world, settings, seeds)
-            write_episodes(self.rerun, f"play {self.policy}", shown)
+            replays = played(entrant(str(self.policy)), world, settings, seeds)
+            write_episodes(self.rerun, f"play {self.policy}", replays)
             self.output.line(f"rerun: {self.rerun}")
             record["rerun"] = str(self.rerun)
         self.output.give(record, [])

@@ -150,9 +150,9 @@ class Args:
         from vispeg.core.errors import UserError
 
         others = [f for f in fields(self) if f.name not in ("resume", "steps", "films", "output")]
-        given = [f.name for f in others if getattr(self, f.name) != f.default]
-        if given:
-            got = " ".join("TASK" if name == "task" else f"--{name.replace('_', '-')}" for name in given)
+        changed = [f.name for f in others if getattr(self, f.name) != f.default]
+        if changed:
+            got = " ".join("TASK" if name == "task" else f"--{name.replace('_', '-')}" for name in changed)
             expected = "--steps and --films alone"
             raise UserError("goes on as the run was begun", key="--resume", expected=expected, got=got)
         with self._goes_on(folder):

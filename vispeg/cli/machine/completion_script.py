@@ -16,17 +16,17 @@ def words() -> dict[str, Words]:
     """Command (`camera show` where it has sub-commands) -> its options with what may follow each."""
     from vispeg.cli.main import COMMANDS
 
-    found: dict[str, Words] = {"": {"": list(COMMANDS)}}
+    table: dict[str, Words] = {"": {"": list(COMMANDS)}}
     for name, module in COMMANDS.items():
         kind = import_module(module).Args
         below = subcommands(kind)
         if below:
-            found[name] = {"": [*below]}
+            table[name] = {"": [*below]}
         for command, leaf in ({f"{name} {sub}": k for sub, k in below.items()} or {name: kind}).items():
             positional = [v for o in options(leaf) if not o.flag for v in _values(o)]
             flags = {o.flag: _values(o) for o in options(leaf) if o.flag}
-            found[command] = {"--help": (), **flags, "": list(dict.fromkeys(positional))}
-    return found
+            table[command] = {"--help": (), **flags, "": list(dict.fromkeys(positional))}
+    return table
 
 
 def script(shell: Literal["bash", "zsh", "fish"]) -> str:
@@ -83,8 +83,10 @@ def _set(values: Sequence[str]) -> str:
 def _fish(rows: Mapping[str, Words]) -> str:
     lines = ["complete -c vispeg -f"]
     for command, after in rows.items():
-        seen = " ".join(f"; and __fish_seen_subcommand_from {word}" for word in command.split()).removeprefix("; and ")
-        when = seen or "__fish_use_subcommand"
+        condition = " ".join(f"; and __fish_seen_subcommand_from {word}" for word in command.split()).removeprefix(
+            "; and "
+        )
+        when = condition or "__fish_use_subcommand"
         for flag, values in after.items():
             plain = " ".join(value for value in values if value != FILES)
             parts = ["complete -c vispeg", f"-n '{when}'"]

@@ -104,8 +104,8 @@ def examine() -> list[Finding]:
 
 def _look(name: str, look: Callable[[], Finding | Iterable[Finding]]) -> list[Finding]:
     try:
-        found = look()
-        return [found] if isinstance(found, Finding) else list(found)
+        findings = look()
+        return [findings] if isinstance(findings, Finding) else list(findings)
     except Exception as error:  # a broken installation may raise anything, and nothing of it is for a user's eyes
         needed = name in ("python", "packages", "physics")
         return [Finding(name, False, f"cannot be looked at: {meaning(error)}", needed, _INSTALL)]

@@ -48,9 +48,13 @@ def wrong_packages() -> dict[str, list[str]]:
             there.setdefault(name, []).append(requirement.name)
     modules = _modules()
     for name, packages in there.items():
-        known = {module: package for package in packages for module in modules.get(_plain(package), [_plain(package)])}
-        reasons = {m: "half installed" for m in known if not importable(m)} if name else _unimportable(list(known))
-        groups[name] += [f"{known[module]}: {reason}" for module, reason in reasons.items()]
+        package_of = {
+            module: package for package in packages for module in modules.get(_plain(package), [_plain(package)])
+        }
+        reasons = (
+            {m: "half installed" for m in package_of if not importable(m)} if name else _unimportable(list(package_of))
+        )
+        groups[name] += [f"{package_of[module]}: {reason}" for module, reason in reasons.items()]
     return groups
 
 
@@ -68,12 +72,12 @@ def _version_wrong(requirement: Any) -> str:
 
 def _modules() -> dict[str, list[str]]:
     """Package -> what it is imported by."""
-    found: dict[str, list[str]] = {}
+    imports: dict[str, list[str]] = {}
     for module, packages in metadata.packages_distributions().items():
         for package in packages:
             if not module.startswith("_"):
-                found.setdefault(_plain(package), []).append(module)
-    return {name: [name] if name in modules else modules for name, modules in found.items()}
+                imports.setdefault(_plain(package), []).append(module)
+    return {name: [name] if name in modules else modules for name, modules in imports.items()}
 
 
 def _plain(package: str) -> str:
@@ -82,19 +86,21 @@ def _plain(package: str) -> str:
 
 def _unimportable(modules: Sequence[str]) -> dict[str, str]:
     """Module -> in words, why it cannot be imported; tried in another process, which one of them may end."""
-    left, found = list(modules), {}
-    while left:
-        ok, said = run([sys.executable, "-c", _IMPORT, *left], {**os.environ, "MUJOCO_GL": "disabled"}, 120.0)
+    remaining, reasons = list(modules), {}
+    while remaining:
+        ok, said = run([sys.executable, "-c", _IMPORT, *remaining], {**os.environ, "MUJOCO_GL": "disabled"}, 120.0)
         if ok:
             break
         culprit, _, reason = said.partition(": ")
-        if culprit not in left:  # the process ended before it could tell, so each is asked for by itself
-            return found | (
-                {left[0]: said} if len(left) == 1 else {k: v for m in left for k, v in _unimportable([m]).items()}
+        if culprit not in remaining:  # the process ended before it could tell, so each is asked for by itself
+            return reasons | (
+                {remaining[0]: said}
+                if len(remaining) == 1
+                else {k: v for m in remaining for k, v in _unimportable([m]).items()}
             )
-        found[culprit] = reason
-        left = left[left.index(culprit) + 1 :]
-    return found
+        reasons[culprit] = reason
+        remaining = remaining[remaining.index(culprit) + 1 :]
+    return reasons
 
 
 def _requirements() -> list[str]:

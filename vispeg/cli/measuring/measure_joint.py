@@ -149,21 +149,23 @@ class Joint:
         check_numbers(self.stop.episodes, self.stop.workers)
         with new_folder(self.out, self.overwrite, holds="measurement", inputs=self.recordings) as folder:
             traces, name, robot = self._traces()
-            found = joints.measure(traces, stream(self.seed, "measure", "joint"))
-            details, notes = dict(found.details), list(found.notes)
-            if found.servo is not None:
+            measured = joints.measure(traces, stream(self.seed, "measure", "joint"))
+            details, notes = dict(measured.details), list(measured.notes)
+            if measured.servo is not None:
                 inertia, why = self._inertia(name, robot)
                 notes += [why] if why else []
-                details["actuator"] = {"inertia_kgm2": inertia, **parameters(found.servo, inertia)}
+                details["actuator"] = {"inertia_kgm2": inertia, **parameters(measured.servo, inertia)}
                 source = f"from {len(traces)} motions by `vispeg measure joint`"
-                (folder / "actuator.xml").write_text(text(found.servo, name, inertia, source), encoding="utf-8")
-            (folder / "joint.png").write_bytes(picture(name, found))
-            effects = tuple(joints.effects(name, found))
-            known = robot if effects else None
-            full = Measurement("joint", name, tuple(found.results), effects, known, stated, {}, tuple(notes), details)
+                (folder / "actuator.xml").write_text(text(measured.servo, name, inertia, source), encoding="utf-8")
+            (folder / "joint.png").write_bytes(picture(name, measured))
+            effects = tuple(joints.effects(name, measured))
+            of_robot = robot if effects else None
+            full = Measurement(
+                "joint", name, tuple(measured.results), effects, of_robot, stated, {}, tuple(notes), details
+            )
             full = complete(full, self.recordings, self.seed)
             (folder / "measurement.yaml").write_text(measurement_text(full), encoding="utf-8")
-        said = f"{self.out}: measurement.yaml, joint.png" + (", actuator.xml" if found.servo else "")
+        said = f"{self.out}: measurement.yaml, joint.png" + (", actuator.xml" if measured.servo else "")
         tell(full, self.out / "measurement.yaml", self.stop, self.output, said, budget=False)
         return 0
 

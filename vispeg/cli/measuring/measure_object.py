@@ -59,7 +59,7 @@ class _Common:
             effects = self._effects(outcome.results)
         except UserError as error:
             effects, notes = [], [*notes, f"it becomes no effect: {error}"]
-        found = Measurement(
+        measurement = Measurement(
             self.protocol,
             self._of(),
             outcome.results,
@@ -68,7 +68,7 @@ class _Common:
             notes=tuple(notes),
             details=outcome.details,
         )
-        full = write(found, self.out, self._inputs(), self.seed, self.overwrite)
+        full = write(measurement, self.out, self._inputs(), self.seed, self.overwrite)
         tell(full, self.out, self.stop, self.output, str(self.out))
         return 0
 

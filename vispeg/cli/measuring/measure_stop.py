@@ -69,7 +69,7 @@ def enough(measurement: Measurement, out: Path, stop: Stop, quiet: bool) -> tupl
             played = runner.run(jobs, folder, stop.workers, watch=watch)
         table = Table([replace(e, world=e.configuration, configuration="") for e in played])
         for e in measured:
-            for policy in dict.fromkeys(one.policy for one in played):
+            for policy in dict.fromkeys(episode.policy for episode in played):
                 y = table.aligned(policy, [f"{e.label} low", f"{e.label} high"])
                 moved = difference(y[f"{e.label} high"], y[f"{e.label} low"], same_networks=True)
                 rows.append({"effect": e.label, "policy": policy, "episodes": episodes} | _row(moved))

@@ -83,9 +83,13 @@ class Args:
         kind = effect(self.effect)
         if self.where is None:
             raise UserError(f"{kind.name} needs a place", expected="WHERE after it", choices=kind.targets(robot))
-        where, given = place(kind, self.where, robot), values(kind, self.set)
+        where, settings = place(kind, self.where, robot), values(kind, self.set)
         here = [e for e in world.effects if (e.effect, e.where) == (self.effect, where)]
-        return here[0].with_values(**given) if here else EffectInstance.of(self.effect, where, **completed(kind, given))
+        return (
+            here[0].with_values(**settings)
+            if here
+            else EffectInstance.of(self.effect, where, **completed(kind, settings))
+        )
 
     def _measured(self, world: World, robot: RobotModel) -> list[EffectInstance]:
         """The effects of a measurement file, intervals and all."""
@@ -94,20 +98,22 @@ class Args:
         from vispeg.worlds.measurement_file import load_measurement
         from vispeg.worlds.words import place
 
-        found = load_measurement(self.effect)
+        measurement = load_measurement(self.effect)
         if self.where is not None or self.set:
             raise UserError("a measurement has its own place and values", expected="no WHERE and no --set beside it")
-        if found.robot not in (None, world.robot) and not Path(found.robot or "").suffix:
-            raise UserError("of another robot", file=self.effect, key="robot", expected=world.robot, got=found.robot)
-        if not found.effects:
+        if measurement.robot not in (None, world.robot) and not Path(measurement.robot or "").suffix:
+            raise UserError(
+                "of another robot", file=self.effect, key="robot", expected=world.robot, got=measurement.robot
+            )
+        if not measurement.effects:
             raise UserError("has become no effect", file=self.effect, key="effects", expected="one or more")
-        for placed in found.effects:
+        for placed in measurement.effects:
             if not effect(placed.effect).targets(robot):
                 expected = f"it in a world file: `model: {self.effect}`"
                 what = f"{placed.effect} acts on a scene, not on an arm alone"
                 raise UserError(what, file=self.effect, key="effects", expected=expected)
             place(effect(placed.effect), placed.where, robot)
-        return list(found.effects)
+        return list(measurement.effects)
 
 
 def _places(world: World) -> RobotModel:
@@ -122,9 +128,9 @@ def _places(world: World) -> RobotModel:
     robot = robot_of_world(world)
     if not isinstance(robot, Scene):
         return robot
-    seen = [e.where for e in world.effects if effect(e.effect).family == "camera"]
-    own = [camera.name for camera in standard_cameras(robot.tip, robot.target)]
-    return replace(robot, cameras=tuple(dict.fromkeys([*own, *seen])))
+    extra = [e.where for e in world.effects if effect(e.effect).family == "camera"]
+    standard = [camera.name for camera in standard_cameras(robot.tip, robot.target)]
+    return replace(robot, cameras=tuple(dict.fromkeys([*standard, *extra])))
 
 
 def _is_file(text: str) -> bool:

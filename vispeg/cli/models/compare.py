@@ -42,7 +42,7 @@ class Args:
         """Compares, writes the folder, prints the table."""
         from vispeg.api.compare import compare
         from vispeg.api.inputs import model_files
-        from vispeg.cli.reading import shown
+        from vispeg.cli.reading import reading_bars
         from vispeg.core.files import reserved
         from vispeg.report.evidence import EVIDENCE, load_evidence
         from vispeg.report.rrd.comparison import write_comparison
@@ -54,7 +54,7 @@ class Args:
         inputs = (*model_files(self.model), *self.recording)
         with reserved(self.out, self.overwrite, holds="comparison", inputs=inputs):
             options = {"seconds": self.seconds, "threads": self.threads}
-            result = compare(self.model, self.recording, reading=shown(self.output.quiet), **options)
+            result = compare(self.model, self.recording, reading=reading_bars(self.output.quiet), **options)
             result.save(self.out, overwrite=self.overwrite)
         if self.rerun is not None:
             write_comparison(self.rerun, f"compare {self.model}", load_evidence(self.out / EVIDENCE))

@@ -70,7 +70,7 @@ class Args:
         from vispeg.api.diagnose import diagnose
         from vispeg.api.inputs import model_files
         from vispeg.cli.progress import stages
-        from vispeg.cli.reading import shown
+        from vispeg.cli.reading import reading_bars
         from vispeg.core.files import reserved
         from vispeg.report.text.terminal import report_line
 
@@ -79,7 +79,7 @@ class Args:
             options = {"seconds": self.seconds, "seed": self.seed, "threads": self.threads, "say": say}
             options |= {"policies": self.policy, "cell": self.world, "episodes": self.episodes}
             options["rooms"] = self.rooms
-            part, reading = self.out.with_name(self.out.name + ".part"), shown(self.output.quiet)
+            part, reading = self.out.with_name(self.out.name + ".part"), reading_bars(self.output.quiet)
             sides = (self.recording, self.validate)
             result = diagnose(self.model, *sides, baseline=self.baseline, part=part, reading=reading, **options)
             result.save(self.out, overwrite=self.overwrite)

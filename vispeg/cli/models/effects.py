@@ -73,11 +73,11 @@ class Args:
         """Raises UserError for arguments that would do nothing."""
         from vispeg.core.errors import UserError
 
-        for flag, given in (("--family", self.family), ("--search", self.search)):
-            if given is not None and self.name is not None:
+        for flag, value in (("--family", self.family), ("--search", self.search)):
+            if value is not None and self.name is not None:
                 raise UserError("is about a list of effects", key=flag, expected="no NAME beside it")
-        for flag, given in (("--where", self.where), ("--out", self.out)):
-            if given is not None and (self.name is None or self.output.json):
+        for flag, value in (("--where", self.where), ("--out", self.out)):
+            if value is not None and (self.name is None or self.output.json):
                 raise UserError("is about the picture of one effect", key=flag, expected="NAME, and no --json")
         if self.where is not None and self.out is None:
             raise UserError("says where the picture puts the effect", key="--where", expected="--out FOLDER beside it")

@@ -111,8 +111,8 @@ class Args:
 
     def _common(self) -> dict[str, Any]:
         """What both protocols take."""
-        from vispeg.cli.reading import shown
+        from vispeg.cli.reading import reading_bars
 
         part = self.out.with_name(self.out.name + ".part")
         options = {"seed": self.seed, "threads": self.threads, "part": part, "resume": self.resume}
-        return {**options, "reading": shown(self.output.quiet)}
+        return {**options, "reading": reading_bars(self.output.quiet)}

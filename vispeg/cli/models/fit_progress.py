@@ -22,7 +22,7 @@ def following(starts: int, steps: int, quiet: bool) -> Iterator[Callable[[int, T
     with Progress(*columns, console=Console(stderr=True), transient=True, disable=quiet or log) as progress:
         bars = [progress.add_task(f"start {i + 1}", total=steps, error="") for i in range(starts)]
 
-        def told(i: int, trace: Trace) -> None:
+        def follow(i: int, trace: Trace) -> None:
             nonlocal last
             done = trace.laps + min(len(trace.generations) / 10.0, steps - 1.0)
             error = f"{trace.cost:.4g} noise variances"
@@ -31,7 +31,7 @@ def following(starts: int, steps: int, quiet: bool) -> Iterator[Callable[[int, T
                 last = time.monotonic()
                 print(f"start {i + 1} of {starts}: {done:.0f} of {steps} steps at most, {error}", file=sys.stderr)
 
-        yield told
+        yield follow
 
 
 @contextmanager

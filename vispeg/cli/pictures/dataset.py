@@ -58,11 +58,11 @@ class Check:
 
         data = open_dataset(self.dataset)
         with bars({"checking": len(data)}, "frames", self.output.quiet) as advance:
-            found = check(self.dataset, lambda frames: advance("checking", frames))
-        for line in found:
+            faults = check(self.dataset, lambda frames: advance("checking", frames))
+        for line in faults:
             print(f"vispeg: error: {line}", file=sys.stderr)
-        if found:
-            self.output.give({"dataset": str(self.dataset), "wrong": found}, [])
+        if faults:
+            self.output.give({"dataset": str(self.dataset), "wrong": faults}, [])
             return 2
         megabytes = sum(f.stat().st_size for f in data.folder.rglob("*") if f.is_file()) / 1e6
         many = f"{len(data.episodes)} episode" + "s" * (len(data.episodes) != 1)

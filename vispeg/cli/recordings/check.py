@@ -20,7 +20,7 @@ from pathlib import Path
 import tyro
 
 from vispeg.cli.output import Output, Told
-from vispeg.cli.reading import size_of, told
+from vispeg.cli.reading import progress_bar, size_of
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Args:
         from vispeg.api.recording.check import check
 
         def watch(what: str, path: Path):
-            return told(f"{what} {path}", size_of(path) if what == "reading" else 0, self.output.quiet)
+            return progress_bar(f"{what} {path}", size_of(path) if what == "reading" else 0, self.output.quiet)
 
         checks = check(self.recordings, out=self.out, overwrite=self.overwrite, watch=watch)
         self.output.give(checks.record, checks.summary)

@@ -23,7 +23,7 @@ from typing import Literal
 import tyro
 
 from vispeg.cli.output import Output, Told
-from vispeg.cli.reading import told
+from vispeg.cli.reading import progress_bar
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.recordings.columns import SIGNALS
@@ -90,7 +90,7 @@ class Args:
         mapping = self._guessed() if self.guess else self.map
         if self.guess and mapping is None:
             return 0
-        with told(f"reading {self.source}", self.source.stat().st_size) as share:
+        with progress_bar(f"reading {self.source}", self.source.stat().st_size) as share:
             rec = convert(
                 self.source,
                 self.robot,
@@ -150,8 +150,8 @@ class Args:
         if self.map is not None:
             raise UserError("a map is given already", key="--guess", expected="--guess or --map, not both")
         proposal = propose(self.source, self.robot, self.torque_sensor)
-        shown = text(proposal)
-        self.output.line(shown.rstrip("\n"))
+        map_text = text(proposal)
+        self.output.line(map_text.rstrip("\n"))
         for line in advice(proposal):
             self.output.line(f"# {line}")
         if self.save_map is not None:
@@ -159,7 +159,7 @@ class Args:
                 raise UserError(
                     "is no name for a map", key="--save-map", expected="a .yaml file", got=str(self.save_map)
                 )
-            write_text_atomic(self.save_map, shown, overwrite=self.overwrite)
+            write_text_atomic(self.save_map, map_text, overwrite=self.overwrite)
             self.output.line(f"written to {self.save_map}; use it with --map {self.save_map}")
         if self.out is None or not self._confirmed():
             map_file = None if self.save_map is None else str(self.save_map)

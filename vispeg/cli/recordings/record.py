@@ -81,7 +81,7 @@ class Args:
     def run(self) -> int:
         """Simulates, writes the folder, prints what is in it."""
         from vispeg.api.recording.record import record
-        from vispeg.cli.reading import told
+        from vispeg.cli.reading import progress_bar
         from vispeg.core.files import refuse
 
         refuse(self.out, self.overwrite, holds="recording", inputs=(self.model,))
@@ -107,7 +107,7 @@ class Args:
             seed=self.seed,
             name=self.out.name,
             table=self.table,
-            watch=lambda: told("taking pictures", quiet=self.output.quiet),
+            watch=lambda: progress_bar("taking pictures", quiet=self.output.quiet),
         )
         simulated.save(self.out, overwrite=self.overwrite)
         self.output.give(
