@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -23,6 +24,7 @@ from vispeg.core.effect import STAGES, EffectInstance, Value, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.progress import Progress
+from vispeg.diagnosis.selection.accept import HELD_OUT
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.identify.fit import Fit, fit_job
 from vispeg.identify.pool import run_together
@@ -267,3 +269,24 @@ def test_a_model_within_its_floor_is_not_searched():
         evidence = evidence_of([recorded(hidden)])
         search = ContactSearch(evidence, Judge(evidence_of([recorded(hidden, seed=1)])), lambda _: None, Progress())
         assert search.worth_it(search.start(World(), 0), 0) is worth
+
+
+def test_what_acts_in_few_held_out_blocks_shows_by_its_size():
+    """Three blocks of a recording decide where they differ by much; noise of as many blocks in both ways does not."""
+    evidence = evidence_of([recorded()])
+    search = ContactSearch(evidence, Judge(evidence), lambda _: None, Progress())
+    before = np.where(search.judge.size > 0, 5.0, 0.0)
+    rng = np.random.default_rng(0)
+
+    def trial(drop: float) -> SimpleNamespace:
+        after = before + np.where(before > 0, rng.normal(0, 0.1, before.shape), 0.0)
+        after[np.flatnonzero(before[:, 2])[:3], 2] -= drop
+        return SimpleNamespace(loss=after)
+
+    state = SimpleNamespace(loss=before)
+    assert search.judge.gain(before, trial(10.0).loss).z < HELD_OUT
+    assert (
+        search.holds(state, trial(10.0))
+        and not search.holds(state, trial(1.0))
+        and not search.holds(state, trial(-10.0))
+    )

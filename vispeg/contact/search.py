@@ -124,6 +124,14 @@ class ContactSearch(Search):
         scale = self.evidence.correlated * max(1.0, trial.fit.cost)
         return drop > scale * stats.chi2.isf(0.05, max(count, 1))
 
+    def holds(self, state: State, trial: Trial) -> bool:
+        """As for joints, or by a likelihood ratio: of held-out blocks few may be such as the effect acts in.
+
+        Nothing is fitted to them, so that an effect that is not there raises their squared residual.
+        """
+        drop = float((state.loss - trial.loss).sum())
+        return super().holds(state, trial) or drop > self.evidence.correlated * stats.chi2.isf(0.05, 1)
+
     def pairs(self, trials: Sequence[Trial]) -> list[Score]:
         """The pairs of the best effects, each at the value that it had alone."""
         order = sorted(trials, key=lambda t: float(t.loss.sum()))[:PAIRED]

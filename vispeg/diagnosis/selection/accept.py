@@ -47,7 +47,7 @@ def ranked(search: Search, state: State, trials: list[Trial], tested: int) -> li
             why = f"held-out gain {100 * t.gain.relative:.1f} % is under {100 * search.evidence.least_gain:.0f} %"
         elif t.gain.z < (level if t.gain.relative < DECISIVE else stats.norm.isf(0.05)):
             why = f"held-out gain is {t.gain.z:.1f} standard errors, under {level:.1f}"
-        elif search.judge.gain(state.loss, t.loss).z < HELD_OUT:
+        elif not search.holds(state, t):
             why = "it does not show in the held-out recordings alone"
         elif absent:
             why = "its interval includes no effect"

@@ -11,7 +11,7 @@ from vispeg.core.effect import EffectInstance, effect, searchable
 from vispeg.diagnosis.evidence.localise import MissingTorque, joint_data, joint_z
 from vispeg.diagnosis.evidence.screen import Score, candidates, groups
 from vispeg.diagnosis.progress import Progress
-from vispeg.diagnosis.selection.accept import DECISIVE, LEAST_SHARE, in_order, ranked, sound
+from vispeg.diagnosis.selection.accept import DECISIVE, HELD_OUT, LEAST_SHARE, in_order, ranked, sound
 from vispeg.diagnosis.selection.judge import Judge, adds, present
 from vispeg.diagnosis.selection.law import refined
 from vispeg.diagnosis.selection.proposals import Proposals
@@ -203,6 +203,10 @@ class Search(Proposals):
     def shows(self, state: State, trial: Trial) -> bool:
         """Whether an effect that a trial adds to `state` is there: its interval leaves out null."""
         return adds(trial.fit, trial.score.count)
+
+    def holds(self, state: State, trial: Trial) -> bool:
+        """Whether what a trial adds shows in the held-out recordings alone, block by block."""
+        return self.judge.gain(state.loss, trial.loss).z >= HELD_OUT
 
     def instead(self, state: State, placed: EffectInstance) -> tuple[list[Score], int]:
         """What might stand in the place of an effect that `state` is without, best first; how many were screened."""
