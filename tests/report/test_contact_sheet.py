@@ -7,12 +7,12 @@ import sys
 import numpy as np
 import pytest
 
-from vispeg.cli.demo import Args
+from vispeg.api.demo import drawn
 from vispeg.core.errors import UserError
 from vispeg.datasets.codec import decode
 from vispeg.report.build import write_report
 from vispeg.report.drawings import contact_sheet, robot_picture
-from vispeg.report.record import SHEET
+from vispeg.report.record import ROBOT, SHEET
 
 WITHOUT_TORCH = """
 import sys
@@ -55,16 +55,16 @@ def test_report_takes_in_the_sheet_beside_it(run, diagnosis):
     assert f"data:image/png;base64,{base64.b64encode(b'any bytes').decode()}" in text
 
 
-def test_diagnosis_stands_where_no_picture_can_be_drawn(monkeypatch, tmp_path):
+def test_diagnosis_stands_where_no_picture_can_be_drawn(monkeypatch):
     def fails(**_):
         raise UserError("no OpenGL here")
 
     monkeypatch.setattr(contact_sheet, "draw", fails)
     monkeypatch.setattr(robot_picture, "draw", fails)
-    problem, places = Args()._pictures(tmp_path)
-    assert "no OpenGL" in problem and not places and not list(tmp_path.iterdir())
+    assert drawn(0) == ({}, {}, "no OpenGL here")
     flat = np.full((4, 6, 3), 7, np.uint8)
     monkeypatch.setattr(contact_sheet, "draw", lambda **_: flat)
     monkeypatch.setattr(robot_picture, "draw", lambda: (flat, {"joint4": [0.5, 0.5]}))
-    assert Args()._pictures(tmp_path) == ("", {"joint4": [0.5, 0.5]})
-    assert np.array_equal(decode((tmp_path / SHEET).read_bytes()), np.full((4, 6, 3), 7))
+    pictures, places, problem = drawn(0)
+    assert places == {"joint4": [0.5, 0.5]} and not problem and set(pictures) == {ROBOT, SHEET}
+    assert np.array_equal(decode(pictures[SHEET]), flat)

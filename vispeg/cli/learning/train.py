@@ -1,9 +1,8 @@
 """Trains a policy for the task of a world.
 
 TASK is the task and what the policy sees: peg-state, peg-proprio, peg-depth, peg-rgb or peg-rgbd, or LABEL-MODALITY of
-a task of your own. The run's folder holds config.yaml, progress.csv,
-tensorboard/ and checkpoints/best and checkpoints/last; either checkpoint is a policy that `vispeg play` and `vispeg
-evaluate` take.
+a task of your own. The run's folder holds config.yaml, progress.csv, tensorboard/ and checkpoints/best, and where it
+learned by reinforcement checkpoints/last; each checkpoint is a policy that `vispeg play` and `vispeg evaluate` take.
 
 Example:
     vispeg train peg-state --world nominal --seed 0

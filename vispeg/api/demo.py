@@ -1,0 +1,114 @@
+"""The main job on bundled recordings: what `vispeg demo` does, from Python."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, TypedDict, cast
+
+import numpy as np
+
+from vispeg.api.compare import ComparisonResult, compare
+from vispeg.api.diagnose import DiagnosisResult, diagnose
+from vispeg.api.result import Result
+from vispeg.core.assets import assets
+from vispeg.core.errors import UserError
+from vispeg.datasets.codec import encode
+from vispeg.diagnosis.schema import DiagnosisRecord
+from vispeg.report.drawings import contact_sheet, robot_picture
+from vispeg.report.record import ROBOT, SHEET
+from vispeg.report.text import words
+from vispeg.report.text.summary import Block, Line
+from vispeg.report.text.terminal import effects_table, ladder_table
+
+FITTED, HELD_OUT = ("rig-a", "rig-b"), ("rig-c",)
+
+
+class Hidden(TypedDict):
+    """An effect that was hidden in the recorded robot."""
+
+    effect: str
+    where: str
+    params: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Demonstration(Result):
+    """A diagnosis of bundled recordings, beside what was hidden in the robot that made them.
+
+    Attributes:
+        comparison: of the nominal model with the held-out recording.
+        diagnosis: what the model lacks.
+        hidden: what was hidden.
+        pictures: file name -> PNG: the robot in its cell, and what policies are trained on; empty where nothing draws.
+        problem: why there are no pictures; "" where there are.
+    """
+
+    comparison: ComparisonResult
+    diagnosis: DiagnosisResult
+    hidden: Sequence[Hidden]
+    pictures: Mapping[str, bytes]
+    problem: str = ""
+    holds = "demonstration"
+
+    @property
+    def record(self) -> Mapping[str, object]:
+        """What `vispeg demo --json` prints: diagnosis.json, and what was hidden."""
+        return {**self.diagnosis.record, "hidden": list(self.hidden)}
+
+    @property
+    def summary(self) -> list[Block]:
+        """The falling error first; the verdict, the effects, and what was hidden."""
+        record = self.diagnosis.record
+        effects = [effects_table(record)] if record["effects"] else []
+        verdict = Line(words.verdict(record), head=record["verdict"])
+        hidden = "; ".join(
+            f"{h['effect']}({h['where']}) {', '.join(f'{k} {v:g}' for k, v in h['params'].items())}"
+            for h in self.hidden
+        )
+        said = Line(f"what was hidden in the robot: {hidden}")
+        return [ladder_table(record), Line(words.fall(record)), verdict, *effects, said]
+
+    def _write(self, folder: Path) -> None:
+        for name, picture in self.pictures.items():
+            (folder / name).write_bytes(picture)
+        self.diagnosis._write(folder)
+        (folder / "compared").mkdir()
+        self.comparison._write(folder / "compared")
+
+
+def demo(*, seed: int = 0, threads: int = 2, say: Callable[[str], None] = lambda text: None) -> Demonstration:
+    """Compares the nominal iiwa14 with recordings of a robot that hides two effects, and diagnoses what it lacks.
+
+    Args:
+        seed: of whatever is drawn.
+        threads: of the simulation.
+        say: is told what is being done.
+    """
+    place = assets() / "recordings"
+    fitted, held_out = ([place / name for name in names] for names in (FITTED, HELD_OUT))
+    say("comparing")
+    before = compare("iiwa14", held_out, threads=threads)
+    after = diagnose("iiwa14", fitted, held_out, seed=seed, threads=threads, say=say)
+    say("rendering")
+    pictures, places, problem = drawn(seed)
+    if places:
+        record = {**after.record, "picture": {"file": ROBOT, "places": places}}
+        after = replace(after, record=cast(DiagnosisRecord, record))
+    truth: dict[str, Any] = json.loads((place / "truth.json").read_text(encoding="utf-8"))
+    return Demonstration(before, after, truth["hidden"], pictures, problem)
+
+
+def drawn(seed: int) -> tuple[dict[str, bytes], dict[str, list[float]], str]:
+    """The robot and the contact sheet as PNG by file name, where the robot's joints lie, and what is in the way."""
+    pictures: dict[str, bytes] = {}
+    places: dict[str, list[float]] = {}
+    try:
+        image, places = robot_picture.draw()
+        pictures[ROBOT] = encode(np.ascontiguousarray(image))
+        pictures[SHEET] = encode(contact_sheet.draw(seed=seed))
+    except UserError as error:  # the diagnosis stands without pictures
+        return pictures, places, str(error)
+    return pictures, places, ""
