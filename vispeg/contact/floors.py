@@ -27,8 +27,8 @@ from vispeg.worlds.world import World
 if TYPE_CHECKING:
     from vispeg.contact.evidence import ContactItem
 
-FORM = dict(zip(NAMES, (0.04, 0.035, 0.2, 0.15, 2.0), strict=True))  # N
-SHARE = dict(zip(NAMES, (0.005, 0.005, 0.03, 0.03, 0.03), strict=True))  # and of the force of contact
+FORM: dict[str, float] = dict(zip(NAMES, (0.03, 0.035, 0.2, 0.15, 2.0), strict=True))  # N
+SHARE: dict[str, float] = dict(zip(NAMES, (0.005, 0.005, 0.03, 0.03, 0.03), strict=True))  # and of the force of contact
 WEDGED = 0.3  # more of it in the hole, where a rocked part wedges: 0.1 mm of its roundness turns the hand by mrad
 ROCKED = 0.15  # rad at which it surely does
 LOOSE = 2  # blocks before and after a slide: when exactly a contact breaks loose no model says

@@ -66,6 +66,28 @@ def intervals(evidence: ContactEvidence, fit: Fit) -> tuple[World, np.ndarray]:
     return replace(fit.world, effects=tuple(effects)), best
 
 
+def absent(evidence: ContactEvidence, fit: Fit, axes: Sequence[int], null: np.ndarray) -> list[int]:
+    """Those of some coordinates that may as well be at their `null` (naxis,): the squared residual says no otherwise.
+
+    The others move along as the derivatives say, or stay.
+    """
+    low, high = fit.space.bounds
+    asked, points, rises = [], [], []
+    for ray in _rays(evidence, fit):
+        way = null[ray.axis] - fit.u[ray.axis]
+        if ray.axis in axes and way * ray.direction[ray.axis] >= 0:
+            share = way / ray.direction[ray.axis]
+            asked.append(ray.axis)
+            points.append(np.clip(fit.u + share * ray.direction, low, high))
+            rises.append(ray.rise)
+    base = float(fit.residual @ fit.residual)
+    gone = set()
+    for axis, rise, r in zip(asked, rises, evidence.residuals([fit.space.at(u) for u in points]), strict=True):
+        if float(r @ r) - base <= rise:
+            gone.add(axis)
+    return sorted(gone)
+
+
 def _rays(evidence: ContactEvidence, fit: Fit) -> list[Ray]:
     """Both ways along each coordinate, the others moving along and, as derivatives may mislead them, staying."""
     n = len(fit.u)

@@ -32,7 +32,7 @@ TOUCH = Thresholds().touch  # N, of contact that a place binds
 LATE = 5e-4  # s
 BLOWS, BEFORE = 0.1, 5  # share of a slide's scatter by which it drags otherwise; blocks before a tip sticks
 FAR = 0.02  # m over which that changes
-NEARLY, SLIPPED = 0.5, 3e-4  # of what a grip holds, from which a blow moves the part in it; m
+NEARLY, SLIPPED = 0.75, 1.5e-4  # of what a grip holds, from which a blow moves the part in it; m
 STUCK = 0.005  # m/s, of a tip below which it sticks
 LEAST = 0.05  # score below which a direction is no nuisance
 

@@ -10,9 +10,9 @@ import numpy as np
 from scipy import stats
 
 from vispeg.contact.evidence import ContactEvidence
-from vispeg.contact.likely import intervals
+from vispeg.contact.likely import absent, intervals
 from vispeg.contact.profile import Probe, idle, places, probed, strongest
-from vispeg.core.effect import EffectInstance, Value, effect
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.conclusion.verdict import FLOOR
 from vispeg.diagnosis.evidence.localise import MissingTorque
 from vispeg.diagnosis.evidence.screen import Score
@@ -92,30 +92,32 @@ class ContactSearch(Search):
         return len(places(self.evidence, state.world))
 
     def take(self, state: State, trial: Trial, trials: list[Trial], given: int) -> None:
-        """Adds what a trial tried, and leaves out of it the parameters whose interval includes their absence."""
-        super().take(state, trial, trials, given)
-        assert state.fit is not None
-        self._settle(state, state.fit, given)
-        effects = list(state.world.effects)
-        for i, placed in enumerate(effects):
-            kind = effect(placed.effect)
-            gone = {m for m in kind.magnitudes if _includes(placed.params[m], kind.params[m].null)}
-            if i >= given and gone and len(gone) < len([m for m in kind.magnitudes if m in kind.sizes]):
-                self.evidence.absent |= {(kind.name, m) for m in gone}
-                effects[i] = placed.with_values(**{m: kind.params[m].null for m in gone})
-        if tuple(effects) != state.world.effects:
-            (fit,) = self.fits([replace(state.world, effects=tuple(effects))], given)
-            self._settle(state, fit, given)
-
-    def _settle(self, state: State, fit: Fit, given: int) -> None:
-        """Takes a fit with intervals by the squared residual; where that is less beside it, from there."""
+        """Adds what a trial tried, without the parameters that may as well be absent; then intervals of the rest."""
+        state.steps.append((trial.bare, [t.bare for t in trials]))
+        fit = self._bare(trial.fit, given)
         world, best = intervals(self.evidence, fit)
-        if np.any(best != fit.u):
+        if np.any(best != fit.u):  # less residual beside it
             (fit,) = self.fits([fit.space.at(best)], given, iterations=2)
             world, _ = intervals(self.evidence, fit)
         fit = replace(fit, world=world)
         state.take(fit, self.judge.losses([fit.world])[0])
         state.cross = self.cross.loss_of(fit, fit.residual)
+
+    def _bare(self, fit: Fit, given: int) -> Fit:
+        """A fit anew without those of its magnitudes that may be absent; one of each effect stays."""
+        effects, space = list(fit.world.effects), fit.space
+        names = [(a.index, a.name) for a in space.axes]
+        some = [i for i, (k, name) in enumerate(names) if k >= given and name in effect(effects[k].effect).magnitudes]
+        null = np.array([space.forward(a.param.null, a) if i in some else 0.0 for i, a in enumerate(space.axes)])
+        gone = {names[i] for i in absent(self.evidence, fit, some, null)}
+        for k, placed in enumerate(effects):
+            own = {m for at, m in gone if at == k}
+            if own and len(own) < len([1 for at, _ in names if at == k]):
+                self.evidence.absent |= {(placed.effect, m) for m in own}
+                effects[k] = placed.with_values(**{m: effect(placed.effect).params[m].null for m in own})
+        if tuple(effects) == fit.world.effects:
+            return fit
+        return self.fits([replace(fit.world, effects=tuple(effects))], given)[0]
 
     def shows(self, state: State, trial: Trial) -> bool:
         """Whether a trial lowers the squared residual by more than chance; where contacts stick derivatives vanish."""
@@ -172,7 +174,3 @@ class ContactSearch(Search):
 def _fitted(trial: Trial) -> EffectInstance:
     e = trial.fit.world.effects[-1]
     return EffectInstance.of(e.effect, e.where, **{k: v.value for k, v in e.params.items()})
-
-
-def _includes(v: Value, null: float) -> bool:
-    return v.low is not None and v.high is not None and v.low <= null <= v.high
