@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 
 FORM: dict[str, float] = dict(zip(NAMES, (0.03, 0.035, 0.2, 0.15, 2.0), strict=True))  # N
 SHARE: dict[str, float] = dict(zip(NAMES, (0.005, 0.005, 0.03, 0.03, 0.03), strict=True))  # and of the force of contact
-WEDGED = 0.3  # more of it in the hole, where a rocked part wedges: 0.1 mm of its roundness turns the hand by mrad
+# more of it inside the goal, where a rocked part wedges: 0.1 mm of its roundness turns the hand by mrad
+WEDGED: dict[str, float] = dict(zip(NAMES, (0.0, 0.0, 0.0, 0.3, 0.0), strict=True))
 ROCKED = 0.15  # rad at which it surely does
 LOOSE = 2  # blocks before and after a slide: when exactly a contact breaks loose no model says
 MEDIAN = 1.25  # standard error of a median, over the standard deviation and the root of the count
@@ -60,7 +61,7 @@ def floors(item: ContactItem, nthread: int) -> np.ndarray:
             seen = np.sqrt(np.mean(left[used] ** 2, axis=0)) if used.any() else 0.0
             breaks = rows & ends
             for some, law in ((rows & ~ends, name), (breaks, name if name == "impact" else "slide")):
-                share = SHARE[law] + WEDGED * wedged(item)[some] if law == "hole" else SHARE[law]
+                share = SHARE[law] + WEDGED[law] * wedged(item)[some]
                 form = np.hypot(FORM[law], share * phase.force[some])
                 out[some] = np.hypot(seen, form[:, None] * unit)
     chatter = np.sqrt(np.maximum(phase.scatter(path.wrench) ** 2 - sigma**2, 0.0))
@@ -70,7 +71,7 @@ def floors(item: ContactItem, nthread: int) -> np.ndarray:
 
 
 def wedged(item: ContactItem) -> np.ndarray:
-    """(m,) from 0 to 1: square of how far the hand is rocked against the believed hole."""
+    """(m,) from 0 to 1: square of how far the hand is rocked against the goal's axis, the base's z."""
     path = item.path
     turn = Rotation.from_quat(path.frame, scalar_first=True)
     axis = (turn * Rotation.from_euler("XYZ", path.place[item.phase.rows(path.time), 3:])).apply([0.0, 0.0, 1.0])

@@ -30,7 +30,7 @@ class Phases:
         size: samples a block.
         speed: (m,) m/s of the tip.
         contact: (m, 6) N, N m: what the surroundings exert on the tool, flange axes and origin.
-        near: (m,) bool: touching, or the tip in the hole, where it may touch with less force than can be told.
+        near: (m,) bool: touching, or the tip inside the goal, where it may touch with less force than can be told.
         used: (m,) bool: blocks that are driven, and long enough to have forgotten how a window began.
         windows: of the path's samples that are driven.
     """
@@ -102,7 +102,7 @@ def phases(scene: Scene, touch: Touch, path: Path, block: float) -> Phases | Non
     time = (np.arange(m) + 0.5) * size * path.step
     everything = np.ones(m, bool), (slice(0, m * size),)
     middle = np.median(contact.reshape(m, size, 6), axis=1)
-    inside = scene.config.apothem  # of the believed hole; a part of the path in which walls are near
+    inside = scene.config.apothem  # of the believed goal; a part of the path in which walls are near
     over = np.hypot(touch.tip[at, 0], touch.tip[at, 1]) < 2 * inside
     near = (over & (touch.tip[at, 2] < 0)).reshape(m, size).any(axis=1) | touching
     rest = np.arange(m) < blocks
