@@ -8,6 +8,7 @@ from pathlib import Path
 
 from vispeg.core.errors import UserError
 from vispeg.learn.config import TrainConfig, read_config
+from vispeg.learn.methods.distill import DistillSettings
 from vispeg.learn.settings import SacSettings
 from vispeg.task.peg.config import PegConfig
 
@@ -27,6 +28,8 @@ class Variant:
         reward: of the task, see vispeg.task.peg.rewards.
         dof: directions that the policy moves.
         ranges: how the world's ranges open, see TrainConfig.
+        teacher: policy that it imitates; "" where it learns by reinforcement.
+        looks: in which an imitator sees each state.
     """
 
     name: str
@@ -37,6 +40,8 @@ class Variant:
     reward: str = "shaped"
     dof: tuple[str, ...] = ("x", "y", "z")
     ranges: str = "full"
+    teacher: str = ""
+    looks: int = 1
 
 
 @dataclass(frozen=True)
@@ -53,6 +58,7 @@ def configuration(variant: Variant, seed: int, budget: Budget) -> TrainConfig:
     settings = {"stack": 1 if variant.recurrent else variant.stack}
     settings |= {} if variant.reward == PegConfig.reward else {"reward": variant.reward}
     settings |= {} if variant.dof == PegConfig.dof else {"dof": list(variant.dof)}
+    recipe = {"recipe": "distill", "teacher": variant.teacher, "distill": rounds(variant, budget)}
     return TrainConfig(
         task=f"peg-{variant.modality}",
         world=variant.world,
@@ -64,7 +70,14 @@ def configuration(variant: Variant, seed: int, budget: Budget) -> TrainConfig:
         settings=settings,
         sac=SacSettings(recurrent=variant.recurrent),
         ranges=variant.ranges,
+        **(recipe if variant.teacher else {}),
     )
+
+
+def rounds(variant: Variant, budget: Budget) -> dict[str, int]:
+    """Settings of an imitator's rounds, which share the budget; half as many updates as steps, as by default."""
+    steps = max(1, budget.steps // len(DistillSettings.betas))
+    return {"steps": steps, "updates": max(1, steps // 2), "looks": variant.looks}
 
 
 def run_folder(runs: Path, variant: Variant, seed: int) -> Path:

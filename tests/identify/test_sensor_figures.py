@@ -17,6 +17,7 @@ from vispeg.identify.pictures.sensor import SensorEvidence, sensor_evidence
 from vispeg.identify.pictures.shots import Shot, shots_of
 from vispeg.identify.pictures.sight import Sight
 from vispeg.recordings.cell import CellBelief
+from vispeg.vision.photograph import photograph
 from vispeg.vision.predict import Predictor
 from vispeg.worlds.world import World
 
@@ -54,7 +55,9 @@ def measured(kind: str, *effects: EffectInstance, model: World = LIT) -> SensorE
 
 
 def typical(name: str) -> EffectInstance:
-    return EffectInstance.of(name, WRIST, **{k: p.start for k, p in effect(name).params.items()})
+    """An effect on a picture that is drawn already: what a moving camera smears is not in it, see below."""
+    sizes = {k: p.start for k, p in effect(name).params.items()}
+    return EffectInstance.of(name, WRIST, **(sizes | ({"length": 3.0, "exposure": 0.0} if name == "motion_blur" else {})))
 
 
 @pytest.mark.parametrize("name", sorted(KINDS))
@@ -95,3 +98,23 @@ def test_fall_off_is_read_from_places_seen_twice_whatever_their_colour():
     figure = [f.name for f in item.figures.table].index("fall-off")
     slope = np.nanmedian(item.figures.measured[:, figure]) - np.nanmedian(item.figures.modelled(LIT)[:, figure])
     assert -2.2 < slope < -0.9  # log2(1 - 0.8 f): between -0.8 / ln 2 at the middle and twice as much at f = 0.6
+
+
+def test_a_border_is_smeared_by_its_own_speed_and_one_at_rest_is_not():
+    scene, seconds = scene_of(CELL), 0.02
+    (camera,) = cameras_of([WRIST], scene, (320, 240))
+    motion = look_motion("look-fast", scene, 100.0, 16.0)
+    curve, stamps = CubicSpline(motion.time, motion.q_cmd), np.array([4.0, 6.5, 8.0, 9.5, 11.0])
+    blurred = EffectInstance.of("motion_blur", WRIST, length=0.0, exposure=seconds)
+    taken = photograph(scene, [camera], CELL.add(blurred), curve, stamps, 1)
+    sight = Sight("x", camera, stamps, lambda t, i: curve(t), lambda i: taken[i].rgb, lambda i: None)
+    with Predictor(scene, [camera], finer=3) as predictor:
+        some = shots_of(predictor, sight, CELL, np.zeros((len(stamps), len(scene.joints))))
+    evidence = sensor_evidence(scene, [(sight, some)], "light", LIT)
+    assert evidence is not None
+    (item,) = evidence.items
+    smear = [f.name for f in item.figures.table].index("smear")
+    assert np.nanmedian(item.figures.measured[:, smear]) == pytest.approx((1e3 * seconds) ** 2 / 12, rel=0.25)
+    assert abs(evidence.off(LIT)["smear"]) > 1.3 and abs(evidence.off(LIT.add(blurred))["smear"]) < 0.5
+    at_rest = np.abs(some[0].flow) < 5  # px/s: the gripper's own borders
+    assert at_rest.sum() > 100
