@@ -57,7 +57,9 @@ def measured(kind: str, *effects: EffectInstance, model: World = LIT) -> SensorE
 def typical(name: str) -> EffectInstance:
     """An effect on a picture that is drawn already: what a moving camera smears is not in it, see below."""
     sizes = {k: p.start for k, p in effect(name).params.items()}
-    return EffectInstance.of(name, WRIST, **(sizes | ({"length": 3.0, "exposure": 0.0} if name == "motion_blur" else {})))
+    return EffectInstance.of(
+        name, WRIST, **(sizes | ({"length": 3.0, "exposure": 0.0} if name == "motion_blur" else {}))
+    )
 
 
 @pytest.mark.parametrize("name", sorted(KINDS))

@@ -48,7 +48,7 @@ class BorderSearch(PictureSearch):
         if len(state.world.effects) - given < 2:
             return None
         trials = state.steps[0][1]
-        alone = [t for t in trials if present(t.fit, -1) and equal(self.judge, t.loss, state.loss, state.first)]
+        alone = [t for t in trials if present(t.fit, -1) and equal(self.judge, t.loss, state.loss)]
         alone.sort(key=lambda t: (parameters(t.fit.world), float(t.loss.sum())))
         return (alone[0], trials) if alone else None
 
