@@ -11,12 +11,16 @@ import vispeg.diagnosis.selection.search as searching
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.evidence.signatures import at_bound
 from vispeg.diagnosis.run import diagnose
 from vispeg.diagnosis.selection.accept import in_order
 from vispeg.diagnosis.selection.judge import Gain, Judge
 from vispeg.diagnosis.selection.search import Search
+from vispeg.diagnosis.selection.shadows import cast_out
 from vispeg.diagnosis.selection.state import State, Trial
 from vispeg.identify.evidence import Evidence
+from vispeg.identify.fit import Fit, fit_job
+from vispeg.identify.pool import run_together
 from vispeg.robots.model import load
 from vispeg.worlds.world import World
 
@@ -98,3 +102,48 @@ def test_several_are_tried_at_a_time_where_one_joint_comes_first_and_its_best_en
     assert asked[0] == (True, set(), False)
     assert (len(asked) == 2) == at_bound
     assert not at_bound or (asked[1][0] is False and asked[1][2] and "coulomb_friction" in asked[1][1])
+    asked.clear()
+    begun = State(World(recordings[0].robot), np.full((40, 1), 25e3), np.zeros(1), fit=rest.fit)
+    search.step(begun, 0)
+    assert [several for *_, several in asked] == [True], "beside a fit, several are tried from the first"
+
+
+def test_what_stands_at_a_bound_goes_where_the_search_gets_further_without_it(recordings):
+    """A limit that was taken for friction: beside it the friction gains little, in its place all."""
+    search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:], h_max=1e-3)))
+    stall = effect("torque_speed_limit").params["stall"].low
+    shadow = EffectInstance.of("torque_speed_limit", "shoulder", stall=stall, no_load=0.3)
+    bare, friction = World(recordings[0].robot), EffectInstance.of("coulomb_friction", "shoulder", torque=0.8)
+    search.fits = lambda worlds, given, **how: [held(search, w) for w in worlds]  # type: ignore[method-assign]
+    state = search.start(bare.add(shadow), 0)
+    shadowed = search.judge.mean(state.loss)
+    assert at_bound(state.world.effects[0])
+
+    def advance(other, given):
+        assert other.world == bare
+        fit = held(search, bare.add(friction))
+        other.take(fit, search.judge.losses([fit.world])[0])
+        return True
+
+    search.advance = advance  # type: ignore[method-assign]
+    assert cast_out(search, state, 0)
+    assert [e.label for e in state.world.effects] == ["coulomb_friction(shoulder)"]
+    assert search.judge.mean(state.loss) < 0.01 * shadowed
+    before = state.world
+    assert not cast_out(search, state, 0) and state.world == before, "nothing stands at a bound any more"
+
+
+def test_what_stands_at_a_bound_stays_where_nothing_better_comes_in(recordings):
+    search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:], h_max=1e-3)))
+    shadow = EffectInstance.of("torque_gain", "shoulder", gain=effect("torque_gain").params["gain"].low)
+    search.fits = lambda worlds, given, **how: [held(search, w) for w in worlds]  # type: ignore[method-assign]
+    state = search.start(World(recordings[0].robot).add(shadow), 0)
+    search.advance = lambda other, given: False  # type: ignore[method-assign]
+    assert not cast_out(search, state, 0) and [e.effect for e in state.world.effects] == ["torque_gain"]
+
+
+def held(search: Search, world: World) -> Fit:
+    """A fit that moved nothing."""
+    job = fit_job(search.evidence, world, range(len(world.effects)), iterations=1)
+    fit = run_together([job], search.evidence.residuals)[0]
+    return replace(fit, world=world, residual=search.evidence.residuals([world])[0])

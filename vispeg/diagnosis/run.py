@@ -16,6 +16,7 @@ from vispeg.diagnosis.evidence.base_parameters import base_parameters
 from vispeg.diagnosis.evidence.localise import maps, missing_torque, peaks, where_it_fails
 from vispeg.diagnosis.evidence.motionless import refuse_motionless
 from vispeg.diagnosis.evidence.remainder import dependences, sizes
+from vispeg.diagnosis.evidence.roles import recast
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.record import (
     arrays,
@@ -62,7 +63,7 @@ def diagnose(
     plan_next: bool = True,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Finds the effects that `world` lacks; every error in the record is on `held_out`.
+    """Finds the effects that `world` lacks; every error in the record is on `held_out`, or see `evidence.roles`.
 
     `progress` keeps what is worked out, so that a diagnosis with the same arguments can go on after it was killed.
 
@@ -71,6 +72,13 @@ def diagnose(
     """
     still = refuse_motionless(fitted, held_out)
     evidence, judged = evidence_for(world, fitted, nthread), evidence_for(world, held_out, nthread, h_max=1e-3)
+    roles = recast(world, evidence, judged)
+    if roles is not None:
+        say(roles.note)
+        still.append(roles.note)
+        if roles.held_out != judged.recordings:
+            fitted, held_out = roles.fitted, roles.held_out
+            evidence, judged = evidence_for(world, fitted, nthread), evidence_for(world, held_out, nthread, h_max=1e-3)
     judge = Judge(judged)
     say = Share(say, ahead=3)  # of one effect: its fit, its rivals, the next experiment
     search = Search(evidence, judge, say, progress)

@@ -1,7 +1,8 @@
 """A richer law in the place of a simple one, in all joints at once: presliding where dry friction was found.
 
 In one joint such a refinement is too small to be told from the error of the model's form; gears of one arm are alike,
-so all joints are asked together, as one candidate with one test. Where it hardly shows the simple law comes back.
+so all joints are asked together, as one candidate with one test. Where it hardly shows the simple law comes back. A
+richer effect that is no law is asked for in the place of each that comes in (`grow`).
 """
 
 from __future__ import annotations
@@ -16,9 +17,10 @@ from vispeg.core.effect import Effect, EffectInstance, effect, searchable
 from vispeg.diagnosis.evidence.dictionary import null_of
 from vispeg.diagnosis.evidence.localise import joint_data
 from vispeg.diagnosis.evidence.screen import Score
-from vispeg.diagnosis.selection.accept import DISCOVERIES, HELD_OUT, REFINEMENT
+from vispeg.diagnosis.selection.accept import DECISIVE, DISCOVERIES, HELD_OUT, REFINEMENT
 from vispeg.diagnosis.selection.bic import bic_gain
 from vispeg.diagnosis.selection.cross import reduced
+from vispeg.diagnosis.selection.judge import present
 from vispeg.diagnosis.selection.prune import LOCAL
 from vispeg.diagnosis.selection.state import State, Trial, without
 from vispeg.identify.fit import Race
@@ -107,3 +109,32 @@ def _fitted(
     k = int(np.argmin([search.judge.mean(loss) for loss in losses]))
     score = Score(starts[k][0], 0.0, tuple(starts[k][1:]), tuple(simple))
     return Trial(score, fits[k], losses[k], search.judge.gain(state.loss, losses[k]))
+
+
+def grow(search: Search, state: State, placed: EffectInstance, given: int) -> None:
+    """Puts a richer effect in the place of the one just added, which may have been its shadow: play behind a rotor.
+
+    The richer one's own fit, from afar, is easily caught where the simpler one explains most.
+    """
+    simple = next(e for e in state.world.effects if (e.effect, e.where) == (placed.effect, placed.where))
+    data = joint_data(search.missing(state.world), search.evidence.items)
+    starts: list[EffectInstance] = []
+    for name, kind in searchable().items():
+        for own, its in kind.grows_from.get(simple.effect, {}).items():
+            joints = search.evidence.items[0].robot.joints
+            for guess in kind.guesses(data[joints.index(simple.where)]) if simple.where in joints else ():
+                start = EffectInstance.of(name, simple.where, **{**guess, own: simple.params[its].value})
+                starts += [start] if start not in starts and search.evidence.sees(kind) else []
+    if not starts:
+        return
+    rest = state.world.without(simple.effect, simple.where)
+    fits = search.fits([rest.add(s) for s in starts], given, races=[Race()] * len(starts))
+    losses = search.judge.losses([f.world for f in fits])
+    k = int(np.argmin([search.judge.mean(loss) for loss in losses]))
+    gain = search.judge.gain(state.loss, losses[k])
+    if gain.relative > DECISIVE and gain.z > stats.norm.isf(0.05) and present(fits[k], -1):
+        search.say(f"{starts[k].label} stands behind {simple.label}")
+        trial = Trial(Score(starts[k], 0.0), fits[k], losses[k], gain)
+        state.steps.append((trial.bare, [trial.bare]))
+        state.take(trial.fit, trial.loss)
+        state.cross = search.cross.loss_of(trial.fit, trial.fit.residual)

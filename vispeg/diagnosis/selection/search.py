@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
-from scipy import stats
 
-from vispeg.core.effect import EffectInstance, effect, searchable
-from vispeg.diagnosis.evidence.localise import MissingTorque, joint_data, joint_z
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.diagnosis.evidence.localise import MissingTorque, joint_z
 from vispeg.diagnosis.evidence.screen import Score, candidates, groups
 from vispeg.diagnosis.progress import Progress
-from vispeg.diagnosis.selection.accept import DECISIVE, HELD_OUT, LEAST_SHARE, in_order, ranked, sound
-from vispeg.diagnosis.selection.judge import Judge, adds, present
-from vispeg.diagnosis.selection.law import refined
+from vispeg.diagnosis.selection.accept import HELD_OUT, LEAST_SHARE, in_order, ranked, sound
+from vispeg.diagnosis.selection.judge import Judge, adds
+from vispeg.diagnosis.selection.law import grow, refined
 from vispeg.diagnosis.selection.proposals import Proposals
 from vispeg.diagnosis.selection.prune import prune
+from vispeg.diagnosis.selection.shadows import cast_out
 from vispeg.diagnosis.selection.state import State, Trial, without
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit, Race, fit_job
@@ -60,8 +61,9 @@ class Search(Proposals):
         return state
 
     def go_on(self, state: State, given: int) -> None:
-        """Adds effects to a state until none earns its place, nor a richer law that of a simple one."""
-        while self.worth_it(state, given) and (self.advance(state, given) or refined(self, state, given)):
+        """Adds effects to a state until none earns its place, nor anything else that of what stands there."""
+        ways = self.advance, partial(refined, self), partial(cast_out, self)
+        while self.worth_it(state, given) and any(way(state, given) for way in ways):
             pass
 
     def start(self, world: World, given: int | None = None) -> State:
@@ -104,17 +106,16 @@ class Search(Proposals):
 
         The joints that miss most come first, and with them everything that is no joint; the other joints, whose missing
         torque they may hide, only where nothing passes there; then the first places count as tested too. Where one
-        joint alone comes first, and nothing passes but at a bound, several effects of all joints are tried at a time.
+        joint alone comes first, and nothing passes but at a bound, what all joints may have is tried as well.
         """
         missing = self.missing(state.world)
         near, rest, common = self.places(state, missing)
         state.screening = []
         several = bool(common) or state.fit is not None
         trials = self.step_at(state, given, near, missing, len(near), common, several)
-        if not several and not any(not t.rejected and sound(t) for t in trials):
-            # one light joint may hide what all the others miss, and what it lacks itself may be two effects
-            every = groups(self.evidence, state.world)
-            trials += self.step_at(state, given, [], missing, len(near), every, True)
+        every = [] if common else self.everywhere(state)  # a light joint far off may hide what all the others miss
+        if every and not any(not t.rejected and sound(t) for t in trials):
+            trials += self.step_at(state, given, [], missing, len(near), every, not several)
             trials = in_order(self.judge, state, trials)
         if rest and all(t.rejected for t in trials):
             trials = self.step_at(state, given, rest, missing, len(near) + len(rest)) + trials
@@ -138,10 +139,14 @@ class Search(Proposals):
         everywhere = list(self.evidence.items[0].robot.joints)
         first = suspects(missing, everywhere) if self.evidence.unit == "rad" else everywhere
         near = candidates(self.evidence, state.world, first)
-        done = {effect(e.effect).common for best, _ in state.steps for e in best.score.beside}
-        common = groups(self.evidence, state.world, done) if len(first) > 1 else []
+        common = self.everywhere(state) if len(first) > 1 else []
         rest = [p for p in candidates(self.evidence, state.world, everywhere) if p not in near]
         return near, rest, common
+
+    def everywhere(self, state: State) -> list[list[tuple[str, str]]]:
+        """The groups of what every arm has in every joint that no step of the search took yet."""
+        done = {effect(e.effect).common for best, _ in state.steps for e in best.score.beside}
+        return groups(self.evidence, state.world, done)
 
     def step_at(
         self,
@@ -260,32 +265,8 @@ class Search(Proposals):
         state.cross = self.cross.loss_of(fit, fit.residual)
 
     def _grow(self, state: State, placed: EffectInstance, given: int) -> None:
-        """Puts a richer effect in the place of the one just added, which may have been its shadow: play behind a rotor.
-
-        The richer one's own fit, from afar, is easily caught where the simpler one explains most.
-        """
-        simple = next(e for e in state.world.effects if (e.effect, e.where) == (placed.effect, placed.where))
-        data = joint_data(self.missing(state.world), self.evidence.items)
-        starts: list[EffectInstance] = []
-        for name, kind in searchable().items():
-            for own, its in kind.grows_from.get(simple.effect, {}).items():
-                joints = self.evidence.items[0].robot.joints
-                for guess in kind.guesses(data[joints.index(simple.where)]) if simple.where in joints else ():
-                    start = EffectInstance.of(name, simple.where, **{**guess, own: simple.params[its].value})
-                    starts += [start] if start not in starts and self.evidence.sees(kind) else []
-        if not starts:
-            return
-        rest = state.world.without(simple.effect, simple.where)
-        fits = self.fits([rest.add(s) for s in starts], given, races=[Race()] * len(starts))
-        losses = self.judge.losses([f.world for f in fits])
-        k = int(np.argmin([self.judge.mean(loss) for loss in losses]))
-        gain = self.judge.gain(state.loss, losses[k])
-        if gain.relative > DECISIVE and gain.z > stats.norm.isf(0.05) and present(fits[k], -1):
-            self.say(f"{starts[k].label} stands behind {simple.label}")
-            trial = Trial(Score(starts[k], 0.0), fits[k], losses[k], gain)
-            state.steps.append((trial.bare, [trial.bare]))
-            state.take(trial.fit, trial.loss)
-            state.cross = self.cross.loss_of(trial.fit, trial.fit.residual)
+        """Puts a richer effect in the place of the one just added, where it does better."""
+        grow(self, state, placed, given)
 
 
 def suspects(missing: Sequence[MissingTorque], joints: list[str], share: float = 0.02, most: int = 4) -> list[str]:

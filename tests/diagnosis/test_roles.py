@@ -1,0 +1,71 @@
+"""A recording in which nothing shows that a model lacks cannot judge what it lacks."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from loops import ARM, drive, recorded
+
+from vispeg.core.effect import EffectInstance
+from vispeg.core.seeds import stream
+from vispeg.diagnosis.evidence.roles import LOUD, QUIET, recast, shown
+from vispeg.diagnosis.run import diagnose
+from vispeg.identify.evidence import Evidence
+from vispeg.robots.model import load
+from vispeg.worlds.world import World
+
+LIMIT = EffectInstance.of("torque_limit", "shoulder", limit=14.0)  # N m
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory):
+    """Three motions, two of which ask the shoulder for more than its drive gives, all their time."""
+    path = tmp_path_factory.mktemp("arm") / "arm.xml"
+    path.write_text(ARM)
+    robot, out = load(path), {}
+    t = np.arange(1000) * 5e-3
+    for k, (name, size) in enumerate([("wide", 0.8), ("wider", 0.75), ("narrow", 0.05)]):
+        swing = size * (1 - np.cos(2 * np.pi * np.outer(t, [1.1 + 0.1 * k, 0.9])))
+        s = drive(robot, "position", 0.0, command=swing, seconds=5.0, rate=200.0, kp=60.0, kd=4.0)
+        rec = recorded(robot, robot.source, World().add(LIMIT), s, stream(5, k))
+        out[name] = type(rec)(**{**vars(rec), "path": Path(name)})
+    return out
+
+
+def roles(recordings, fitted: list[str], held_out: list[str]):
+    world = World(recordings["wide"].robot)
+    evidence, judged = (Evidence([recordings[n] for n in names]) for names in (fitted, held_out))
+    return recast(world, evidence, judged), evidence, judged
+
+
+def test_what_shows_something_judges_in_the_place_of_what_shows_nothing(recordings):
+    world = World(recordings["wide"].robot)
+    found, evidence, judged = roles(recordings, ["wide", "wider"], ["narrow"])
+    assert min(shown(evidence, world)) > LOUD and max(shown(judged, world)) < QUIET
+    assert found is not None
+    assert [r.name for r in found.fitted] == ["wide", "narrow"] and [r.name for r in found.held_out] == ["wider"]
+    assert "narrow" in found.note and "wider judges" in found.note
+    mean = float(np.mean(evidence.residuals([world])[0] ** 2) * evidence.items[0].measured.size * 2 / evidence.count)
+    assert np.mean(shown(evidence, world)) == pytest.approx(mean, rel=0.05), "the error of all is that of its parts"
+
+
+def test_what_one_recording_alone_shows_is_said_to_be_judged_nowhere(recordings):
+    found, evidence, judged = roles(recordings, ["narrow", "wide"], ["narrow"])
+    assert found is not None
+    assert found.fitted == evidence.recordings and found.held_out == judged.recordings
+    assert "wide is" in found.note and "another recording" in found.note
+
+
+@pytest.mark.parametrize("held_out", ["wide", "narrow"])
+def test_roles_stay_where_they_will_do(recordings, held_out):
+    """The judge shows what is missing, or nothing shows anywhere."""
+    assert roles(recordings, ["wider"] if held_out == "wide" else ["narrow"], [held_out])[0] is None
+
+
+def test_a_limit_that_the_validation_never_touches_is_named(recordings):
+    given = [recordings["wide"], recordings["wider"]], [recordings["narrow"]]
+    record = diagnose(World(recordings["wide"].robot), *given, nthread=1, plan_next=False).record
+    assert [(e["effect"], e["where"]) for e in record["effects"]] == [("torque_limit", "shoulder")]
+    assert record["effects"][0]["params"]["limit"]["value"] == pytest.approx(14.0, rel=0.01)
+    assert record["recordings"] == {"fit": ["wide", "narrow"], "validate": ["wider"]}
+    assert any("wider judges" in note for note in record["notes"])
