@@ -172,7 +172,8 @@ class Search(Proposals):
         short = shortlist(scores, BEST)
         trials = self.try_all(state, short, given, tested)
         seen = {e.where for s in short if not s.beside for e in s.members}
-        elsewhere = [s for s in scores if s.key[1] not in seen and s.gain / self.evidence.count >= PROMISE * need]
+        elsewhere = [s for s in scores if s not in short and s.key[1] not in seen]
+        elsewhere = [s for s in elsewhere if s.gain / self.evidence.count >= PROMISE * need]
         if elsewhere and all(t.rejected for t in trials):  # alike candidates at one place may have filled the list
             trials = trials + self.try_all(state, shortlist(elsewhere, BEST), given, tested)
             trials.sort(key=lambda t: bool(t.rejected))
