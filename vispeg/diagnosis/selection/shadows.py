@@ -1,4 +1,4 @@
-"""Effects that stand at their bounds where a search ends: it goes on without them, and what is better stays.
+"""Effects of joints and drives at their bounds where a search ends: it goes on without them, and what is better stays.
 
 A voltage limit of a wrist at its least torque mimics friction, rotor and bias together, and none of the three gains
 beside it: one out, and several in.
@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from vispeg.core.effect import effect
 from vispeg.diagnosis.evidence.signatures import at_bound
 from vispeg.diagnosis.selection.state import State, without
 
@@ -21,7 +22,7 @@ STEPS = 3  # that it may take to be
 
 def cast_out(search: Search, state: State, given: int) -> bool:
     """Takes out of a state what stands at a bound where a search without it gets further; whether it did."""
-    gone = [e for e in state.world.effects[given:] if at_bound(e)]
+    gone = [e for e in state.world.effects[given:] if effect(e.effect).family in ("joint", "drive") and at_bound(e)]
     if not gone or state.fit is None:
         return False
     world = without(state.world, gone)
