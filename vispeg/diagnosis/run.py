@@ -76,7 +76,7 @@ def diagnose(
     if roles is not None:
         say(roles.note)
         still.append(roles.note)
-        if roles.held_out != judged.recordings:
+        if roles.held_out is not judged.recordings:
             fitted, held_out = roles.fitted, roles.held_out
             evidence, judged = evidence_for(world, fitted, nthread), evidence_for(world, held_out, nthread, h_max=1e-3)
     judge = Judge(judged)
