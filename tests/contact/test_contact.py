@@ -26,9 +26,8 @@ from vispeg.core.seeds import stream
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.accept import HELD_OUT
 from vispeg.diagnosis.selection.judge import Judge
-from vispeg.identify.fit import Fit, fit_job
+from vispeg.identify.fit import fit_job
 from vispeg.identify.pool import run_together
-from vispeg.identify.space import Freedom, Space
 from vispeg.recordings.cell import WrenchSensor
 from vispeg.worlds.world import World
 
@@ -46,32 +45,6 @@ def chi2(recordings, world=World()) -> float:  # noqa: B008
     evidence = evidence_of(recordings)
     (r,) = evidence.residuals([world])
     return float(r @ r / evidence.count)
-
-
-def linear_fit(placed, jacobian, rest, sigma) -> Fit:
-    space = Space(World().add(placed), [0], Only(("x", "y", "z")))
-    return Fit(space.world, rest, jacobian, space, space.start, sigma, np.eye(3), cost=float(np.mean(rest**2)))
-
-
-class Only(Freedom):
-    def __init__(self, names):
-        self.names = names
-
-    def frees(self, kind, name):
-        return name in self.names
-
-
-class Line:
-    """Evidence whose residual is a straight line about a fit."""
-
-    correlated = 6.0
-
-    def __init__(self, fit):
-        self.fit = fit
-
-    def residuals(self, worlds):
-        to = [Space(w, [0], self.fit.space.freedom).start for w in worlds]
-        return [self.fit.residual + self.fit.jacobian @ (u - self.fit.u) for u in to]
 
 
 def test_the_jacobian_of_the_hand_is_mujoco_s():
@@ -193,23 +166,6 @@ def test_noise_beyond_what_is_stated_is_heard_at_rest_and_named():
     assert placed.params["torque"].value == 0.0
     assert not louder(World(), plain, plain) and not louder(World(), loud[0], plain)
     assert not louder(World().add(placed), *loud), "the model has it"
-
-
-def test_an_interval_of_a_smooth_residual_is_what_its_derivatives_say():
-    """Linear residuals: ends where the squared residual rises by the quantile, in closed form, others moving along."""
-    rng = stream(6, "likely")
-    placed = EffectInstance.of("hole_offset", "fixture", x=1e-3, y=-1e-3, z=2e-3)
-    jacobian, noise = rng.standard_normal((400, 3)) * [3.0, 1.0, 30.0], rng.standard_normal(400)
-    noise -= jacobian @ np.linalg.lstsq(jacobian, noise, rcond=None)[0]
-    noise /= noise.std() / 0.9
-    inverse = np.linalg.inv(jacobian.T @ jacobian)
-    fit = linear_fit(placed, jacobian, noise, np.sqrt(6.0 * np.diag(inverse)))
-    world, best = intervals(Line(fit), fit)
-    half = np.sqrt(3.84 * 6.0 * np.diag(inverse)) * [a.unit for a in fit.space.axes]
-    for value, h in zip((world.effects[0].params[k] for k in "xyz"), half, strict=True):
-        assert value.high - value.value == pytest.approx(h, rel=1e-6)
-        assert value.value - value.low == pytest.approx(h, rel=1e-6)
-    np.testing.assert_array_equal(best, fit.u)
 
 
 def test_what_sticks_is_told_a_least_friction_and_no_greatest():

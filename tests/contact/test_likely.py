@@ -1,0 +1,68 @@
+"""Intervals by the squared residual, and what may be absent: closed form where a residual is a straight line."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from vispeg.contact.likely import absent, intervals
+from vispeg.core.effect import EffectInstance
+from vispeg.core.seeds import stream
+from vispeg.identify.fit import Fit
+from vispeg.identify.space import Freedom, Space
+from vispeg.worlds.world import World
+
+
+def linear_fit(placed, jacobian, rest, sigma) -> Fit:
+    space = Space(World().add(placed), [0], Only(("x", "y", "z")))
+    return Fit(space.world, rest, jacobian, space, space.start, sigma, np.eye(3), cost=float(np.mean(rest**2)))
+
+
+class Only(Freedom):
+    def __init__(self, names):
+        self.names = names
+
+    def frees(self, kind, name):
+        return name in self.names
+
+
+class Line:
+    """Evidence whose residual is a straight line about a fit."""
+
+    correlated = 6.0
+
+    def __init__(self, fit):
+        self.fit = fit
+
+    def residuals(self, worlds):
+        to = [Space(w, [0], self.fit.space.freedom).start for w in worlds]
+        return [self.fit.residual + self.fit.jacobian @ (u - self.fit.u) for u in to]
+
+
+def test_an_interval_of_a_smooth_residual_is_what_its_derivatives_say():
+    """Linear residuals: ends where the squared residual rises by the quantile, in closed form, others moving along."""
+    rng = stream(6, "likely")
+    placed = EffectInstance.of("hole_offset", "fixture", x=1e-3, y=-1e-3, z=2e-3)
+    jacobian, noise = rng.standard_normal((400, 3)) * [3.0, 1.0, 30.0], rng.standard_normal(400)
+    noise -= jacobian @ np.linalg.lstsq(jacobian, noise, rcond=None)[0]
+    noise /= noise.std() / 0.9
+    inverse = np.linalg.inv(jacobian.T @ jacobian)
+    fit = linear_fit(placed, jacobian, noise, np.sqrt(6.0 * np.diag(inverse)))
+    world, best = intervals(Line(fit), fit)
+    half = np.sqrt(3.84 * 6.0 * np.diag(inverse)) * [a.unit for a in fit.space.axes]
+    for value, h in zip((world.effects[0].params[k] for k in "xyz"), half, strict=True):
+        assert value.high - value.value == pytest.approx(h, rel=1e-6)
+        assert value.value - value.low == pytest.approx(h, rel=1e-6)
+    np.testing.assert_array_equal(best, fit.u)
+
+
+def test_a_value_may_be_absent_exactly_where_its_interval_holds_null():
+    rng = stream(7, "absent")
+    placed = EffectInstance.of("hole_offset", "fixture", x=1e-3, y=-1e-3, z=2e-3)
+    jacobian, noise = rng.standard_normal((400, 3)) * [3.0, 1.0, 30.0], np.zeros(400)
+    inverse = np.linalg.inv(jacobian.T @ jacobian)
+    fit = linear_fit(placed, jacobian, noise, np.sqrt(6.0 * np.diag(inverse)))
+    half = np.sqrt(3.84 * 6.0 * np.diag(inverse))
+    for share, gone in ((0.99, [0, 1, 2]), (1.01, [])):
+        assert absent(Line(fit), fit, [0, 1, 2], fit.u + share * half) == gone
+        assert absent(Line(fit), fit, [1], fit.u - share * half) == gone[1:2]
