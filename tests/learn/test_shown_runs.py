@@ -16,9 +16,10 @@ from vispeg.datasets.shards.rendering import render
 from vispeg.learn.config import TrainConfig, read_config
 from vispeg.learn.evaluation import run_episodes, success_rate
 from vispeg.learn.methods.rounds import Rounds
+from vispeg.learn.methods.sac_run import SacRun
 from vispeg.learn.policy import load
 from vispeg.learn.settings import SacSettings
-from vispeg.learn.train import SacRun, resume, train
+from vispeg.learn.train import resume, train
 from vispeg.render.cameras.camera import Camera
 
 EYE = Camera("wrist", SIZE, SIZE, 10.0, 10.0, 7.5, 7.5, pos=(0, 0, 0.5), quat=(0.0, 1.0, 0.0, 0.0))

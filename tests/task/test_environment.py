@@ -8,7 +8,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from vispeg.core.errors import UserError
-from vispeg.task.environments.divergence import replay
+from vispeg.task.environments.replay import replay
 from vispeg.task.environments.vector import episode_seed
 from vispeg.task.peg.env import PegInHoleVec
 from vispeg.worlds.distribution import Uniform

@@ -11,7 +11,8 @@ from scipy import stats
 
 from vispeg.core.errors import UserError
 from vispeg.measure.uncertainty import Input, rectangular
-from vispeg.recordings.tables.table import Table, read_table
+from vispeg.recordings.tables.read import read_table
+from vispeg.recordings.tables.table import Table
 
 SUFFIXES = {"_deg": np.pi / 180.0, "_g": 1e-3, "_mm": 1e-3, "_cm": 1e-2, "_ms": 1e-3}  # to SI
 REPEATS_AGREE = 3.0  # standard uncertainties by which the first reading and its repeat at the end may differ

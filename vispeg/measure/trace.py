@@ -12,7 +12,8 @@ from scipy import signal
 from vispeg.core.errors import UserError
 from vispeg.recordings.load import load
 from vispeg.recordings.recording import Recording
-from vispeg.recordings.tables.table import Reading, read_table
+from vispeg.recordings.tables.read import read_table
+from vispeg.recordings.tables.table import Reading
 from vispeg.robots.model import load as load_robot
 from vispeg.sim.compiled import nominal_of
 

@@ -19,7 +19,8 @@ from vispeg.recordings.frames.read import read_frames
 from vispeg.recordings.load_cell import cell, outcomes, wrench
 from vispeg.recordings.recording import Control, Nullspace, Recording
 from vispeg.recordings.schema import ControlSection, Header, plain, read_header
-from vispeg.recordings.tables.table import Reading, Table, read_table
+from vispeg.recordings.tables.read import read_table
+from vispeg.recordings.tables.table import Reading, Table
 from vispeg.recordings.validate import check_angles, check_episodes, check_finite, check_share, check_time, check_unit
 
 HEADER, SAMPLES = "recording.yaml", ("samples.csv", "samples.parquet")

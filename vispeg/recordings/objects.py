@@ -16,7 +16,8 @@ from vispeg.formats.format import enrol
 from vispeg.formats.typed import typed
 from vispeg.formats.yaml_data import read_yaml
 from vispeg.recordings.columns import POSE
-from vispeg.recordings.tables.table import Table, read_table
+from vispeg.recordings.tables.read import read_table
+from vispeg.recordings.tables.table import Table
 from vispeg.recordings.validate import check_episodes, check_finite, check_time, check_unit
 
 FORMAT = "vispeg-object-recording/1"

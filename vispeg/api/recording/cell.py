@@ -94,9 +94,7 @@ def record_in_cell(
     felt = world.only(lambda e: effect(e.effect).family not in OPTICAL)
     rec = record_cell(felt, made, noise, rng, **options, watch=truth.append)
     drawing = {"seed": seed, "backend": backend, "progress": progress}
-    return replace(
-        rec, frames=taken(world, scene_of(world, cameras), cameras, rec, truth[0], fps, rng, **drawing)
-    )
+    return replace(rec, frames=taken(world, scene_of(world, cameras), cameras, rec, truth[0], fps, rng, **drawing))
 
 
 def names(space: str | None = None) -> list[str]:

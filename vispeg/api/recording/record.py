@@ -25,7 +25,7 @@ from vispeg.identify.motions.replay import replay
 from vispeg.identify.record import centre_of, controller
 from vispeg.identify.record import record as simulate
 from vispeg.recordings.columns import columns_of
-from vispeg.recordings.tables.table import read_table
+from vispeg.recordings.tables.read import read_table
 from vispeg.render.backends.backend import BackendName
 from vispeg.render.cameras.camera import Camera
 from vispeg.robots.model import RobotModel, load

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from vispeg.core.errors import UserError
 from vispeg.identify.excitation import Motion
 from vispeg.recordings.columns import columns_of
-from vispeg.recordings.tables.table import read_table
+from vispeg.recordings.tables.read import read_table
 from vispeg.robots.model import RobotModel
 
 

@@ -20,9 +20,9 @@ from vispeg.learn.envs import MakeEnv
 from vispeg.learn.experience.shown import from_folder
 from vispeg.learn.methods.distill import DistillSettings, distill, imitate
 from vispeg.learn.methods.rounds import ROUNDS, RoundResult, Rounds, keep_ring
+from vispeg.learn.methods.sac_run import SacRun, line
 from vispeg.learn.run_folder import begin, settled
 from vispeg.learn.teacher import Teacher, teacher_of
-from vispeg.learn.train import SacRun, line
 
 
 def distilled(

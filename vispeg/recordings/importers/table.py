@@ -11,7 +11,8 @@ from vispeg.recordings.columns import SIGNALS, columns_of
 from vispeg.recordings.importers.build import build, convert, joints_of
 from vispeg.recordings.importers.mapping import ColumnMap
 from vispeg.recordings.recording import Recording
-from vispeg.recordings.tables.table import Reading, read_table
+from vispeg.recordings.tables.read import read_table
+from vispeg.recordings.tables.table import Reading
 
 
 def import_table(

@@ -105,7 +105,7 @@ class TaskVec(VectorEnv):
         backend: of the renderer, for image modes.
         render_mode: None or `rgb_array`.
         dump: folder in which an episode that diverges leaves what
-            `vispeg.task.environments.divergence.replay` plays again.
+            `vispeg.task.environments.replay.replay` plays again.
         **settings: of the task, fields of its TaskConfig that replace the world's.
     """
 

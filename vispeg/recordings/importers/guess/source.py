@@ -11,7 +11,8 @@ from vispeg.formats.json_data import read_json
 from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.importers.guess.dialect import dialect_of
 from vispeg.recordings.importers.guess.propose import Proposal, propose
-from vispeg.recordings.tables.table import Dialect, Reading, read_table
+from vispeg.recordings.tables.read import read_table
+from vispeg.recordings.tables.table import Dialect, Reading
 
 ROWS = 200_000  # that are looked at: header and ranges need no more
 INFO = "meta/info.json"  # of a LeRobot data set, up to four folders above its tables

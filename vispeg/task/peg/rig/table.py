@@ -8,7 +8,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.recordings.columns import columns_of
-from vispeg.recordings.tables.table import read_table
+from vispeg.recordings.tables.read import read_table
 from vispeg.recordings.validate import check_finite, check_unit
 from vispeg.task.peg.rig.motions import CellMotion
 

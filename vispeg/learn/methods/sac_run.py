@@ -1,0 +1,237 @@
+"""One training run with SAC: environments, model, checkpoints, evaluations and the best policy so far."""
+
+# SB3 declares its networks and observations more widely than what stands in them here.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import deque
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3.common.logger import Logger
+
+from vispeg.core.errors import UserError
+from vispeg.core.files import new_folder
+from vispeg.core.provenance import command_line, provenance
+from vispeg.learn.checkpoint import Counters, load_state, restart_seed, save_state
+from vispeg.learn.config import TrainConfig
+from vispeg.learn.curves.loggers import curves, record
+from vispeg.learn.curves.progress import Bar, Row, Table, Watch, failures
+from vispeg.learn.device import device_of
+from vispeg.learn.envs import HELD_OUT, MakeEnv, describe, maker
+from vispeg.learn.evaluation import Outcome, run_episodes, success_rate
+from vispeg.learn.experience.shown import from_folder, made_in
+from vispeg.learn.meta import worlds
+from vispeg.learn.methods.clone import CloneSettings
+from vispeg.learn.methods.curriculum import Curriculum
+from vispeg.learn.methods.ranges import Opening
+from vispeg.learn.methods.rounds import kept_ring
+from vispeg.learn.methods.sac import AsymmetricSAC
+from vispeg.learn.modalities import modality as modality_of
+from vispeg.learn.policy import NetPolicy, save
+from vispeg.learn.run_folder import begun_by
+from vispeg.learn.sb3_env import Sb3Env
+from vispeg.worlds.randomized import RandomizedWorld
+
+DIVERGED = "diverged"  # folder of a run's episodes that stopped being finite, to be played again
+EVALUATION_ROWS = 25  # environments an evaluation steps together, at most
+
+
+class SacRun:
+    """One run in its folder; see `train` and `resume`.
+
+    Args:
+        config: what to do.
+        folder: of the run.
+        make: environments; those of the configuration's world if not given.
+        show: whether to tell of progress on stderr.
+    """
+
+    def __init__(
+        self,
+        config: TrainConfig,
+        folder: Path,
+        make: MakeEnv | None = None,
+        show: bool = True,
+    ):
+        torch.set_num_threads(config.threads)
+        self.config, self.folder, self.show = config, folder, show
+        self.modality = modality_of(config.modality)
+        self.make = make or maker(self.modality, config.world, config.sac, config.threads, folder / DIVERGED)
+        self.course = Curriculum(config.stages, config.pass_rate)
+        self.env, self.judge = self._environments()
+        self.opening: Opening | None = None
+        if config.ranges != "full":
+            drawn = getattr(self.env.env, "sim", self.env.env)  # whose world is without what no camera sees
+            world = getattr(drawn, "world", RandomizedWorld())
+            self.opening = Opening(config.ranges, world, config.steps, config.sac.warmup)
+        device = device_of(config.device)
+        self.model = AsymmetricSAC(self.env, self.modality, config.sac, seed=config.seed, device=device)
+        self.model.set_logger(Logger(None, []))
+        if config.dataset is not None and config.recipe != "distill":
+            student, beside = (self.modality.name, self.model.actor.layout), self.model.replay.observation_space
+            self.model.demos = from_folder(config.dataset, *student, config.seed, self.model.device, beside)
+        self.best: tuple[float, float] = (-1.0, 0.0)
+        self.reached = 0
+        self.recent: deque[tuple[bool, str]] = deque(maxlen=100)  # success and category of the last training episodes
+        self.command = begun_by(folder) or command_line(sys.argv)
+
+    def _environments(self) -> tuple[Sb3Env, Any]:
+        settings = self.course.settings(self.config.settings)
+        env = self.make(self.config.envs, settings)
+        judge = self.make(min(self.config.episodes, EVALUATION_ROWS), settings)
+        for vec in (env, judge):
+            if hasattr(vec, "set_level"):
+                vec.set_level(self.course.stage.level)  # type: ignore[attr-defined]
+        return Sb3Env(env), judge
+
+    def resume(self) -> None:
+        """Puts everything where the last checkpoint left it. Raises UserError where there is none."""
+        folder = self.folder / "checkpoints" / "last"
+        if not folder.is_dir():
+            raise UserError("there is no checkpoint to go on from", file=folder)
+        counters = load_state(folder, self.model)
+        self.command = counters.get("command", self.command)  # what made the policy; to resume alone would make none
+        self.best, self.reached = (counters["best"][0], counters["best"][1]), counters["reached"]
+        self.recent.extend((bool(success), str(category)) for success, category in counters["recent"])
+        if self.opening is not None and counters.get("ranges"):
+            self.opening.restore(counters["ranges"])
+        if counters["stage"] != self.course.at:
+            self._move_to(counters["stage"])
+        if (self.folder / "demos").is_dir():
+            self.model.demos = kept_ring(self.folder / "demos", self.model.replay)
+
+    def _move_to(self, stage: int) -> None:
+        self.env.close()
+        self.judge.close()
+        self.course.at = stage
+        self.env, self.judge = self._environments()
+        self.model.set_env(self.env, force_reset=False)
+
+    def _restart(self) -> None:
+        if self.opening is not None:
+            self.opening.begin(self.env, self.model.num_timesteps)
+        self.model.restart(restart_seed(self.config.seed, self.model.num_timesteps))
+
+    def run(self) -> Path:
+        """Trains to the end of the configuration's steps; returns the folder of the best policy."""
+        c, model = self.config, self.model
+        table = Table(self.folder / "progress.csv", model.num_timesteps)
+        started = time.monotonic() - table.seconds
+        logger = curves(self.folder, c)
+        model.set_logger(logger)
+        with Bar(c.steps, self.show) as bar:
+            watch = Watch(bar, self.recent, self.opening)
+            self._restart()
+            while model.num_timesteps < c.steps and self.reached < 2:
+                goal = min((model.num_timesteps // c.every + 1) * c.every, c.steps)
+                more = goal - model.num_timesteps
+                model.learn(more, watch, log_interval=None, reset_num_timesteps=False)  # type: ignore[arg-type]
+                outcomes = self.evaluate()
+                level = None if self.opening is None else self.opening.level
+                row = self.row(outcomes, time.monotonic() - started)
+                row["train_success"], row["level"] = watch.success, level
+                table.add(row)  # first, because a row without its checkpoint is dropped again, and none is missing
+                self._note(row)
+                record(logger, row, "eval", model.num_timesteps)
+                bar.say(line(row))
+                self._restart()
+        logger.close()
+        return self.close()
+
+    def close(self) -> Path:
+        """Frees the environments; returns the folder of the best policy."""
+        self.env.close()
+        self.judge.close()
+        best = self.folder / "checkpoints" / "best"
+        return best if best.is_dir() else self.folder / "checkpoints" / "last"
+
+    def evaluate(self) -> list[Outcome]:
+        """Episodes of the present actor on held-out seeds, without exploring."""
+        policy = NetPolicy(self.model.actor, self.modality.name)
+        return run_episodes(policy, self.judge, range(HELD_OUT, HELD_OUT + self.config.episodes))
+
+    def row(self, outcomes: list[Outcome], seconds: float) -> Row:
+        """A row of progress.csv."""
+        values = self.model.logger.name_to_value
+        return {
+            "steps": self.model.num_timesteps,
+            "seconds": seconds,
+            "updates": self.model._n_updates,
+            "stage": self.course.at,
+            "success": success_rate(outcomes),
+            "reward": float(np.mean([o.reward for o in outcomes])),
+            "peak_force": float(np.mean([o.info.get("peak_force", 0.0) for o in outcomes])),
+            "episode_steps": float(np.mean([o.steps for o in outcomes])),
+            "failures": failures([o.category for o in outcomes]),
+            "critic_loss": values.get("train/critic_loss"),
+            "actor_loss": values.get("train/actor_loss"),
+            "entropy": values.get("train/entropy"),
+            "temperature": values.get("train/temperature"),
+        }
+
+    def keep(self, row: Row, contender: bool = True) -> None:
+        """Exports the actor, and as the best if it did better than ever: more successes, or as many with less force.
+
+        Every evaluation's actor is kept, bad ones too: how well success at home foretells success elsewhere is only
+        known from policies that differ.
+        """
+        places = [f"steps-{row['steps']}" if row["steps"] else f"updates-{row['updates']}"]
+        score = row["success"], -row["peak_force"]
+        if contender and score > self.best:
+            self.best = score
+            places.append("best")
+        for name in places:
+            with new_folder(self.folder / "checkpoints" / name, overwrite=True, holds=None) as place:
+                save(place, self.model.actor, self.modality.name, self.meta(row))
+
+    def _note(self, row: Row) -> None:
+        """Keeps the best, moves the curriculum on, writes the checkpoint."""
+        success, last = row["success"], self.course.last
+        self.keep(row, last)
+        self.reached = self.reached + 1 if last and success >= self.config.target else 0
+        moved = self.course.after(success)
+        counters: Counters = {
+            "command": self.command,
+            "stage": self.course.at,
+            "best": list(self.best),
+            "reached": self.reached,
+            "recent": [*self.recent],
+            "ranges": None if self.opening is None else self.opening.state(),
+        }
+        with new_folder(self.folder / "checkpoints" / "last", overwrite=True, holds=None) as place:
+            save(place, self.model.actor, self.modality.name, self.meta(row))
+            save_state(place, self.model, counters)
+        if moved:
+            self._move_to(self.course.at)
+
+    def meta(self, row: Row) -> Mapping[str, object]:
+        """What a policy's record says of where it comes from."""
+        origin = provenance(sys.argv, self.config.seed)
+        record = {
+            "command": self.command,
+            "seed": self.config.seed,
+            "recipe": self.config.recipe,
+            "lr": CloneSettings.lr if self.config.recipe == "distill" else self.config.sac.lr,
+            "world_file": self.config.world,
+            "steps": row["steps"],
+            "success": row["success"],
+            "versions": origin["versions"] | {"torch": torch.__version__},
+        }
+        world = describe(self.judge)
+        return record | world | (worlds(world, made_in(self.config.dataset)) if self.config.dataset is not None else {})
+
+
+def line(row: Row) -> str:
+    """A row of progress.csv for a terminal."""
+    opened = "" if (level := row.get("level")) is None else f"  ranges {level:4.0%}"
+    return (
+        f"{row['steps']:>8} steps {row['seconds']:6.0f} s  success {row['success']:4.0%}  "
+        f"force {row['peak_force']:5.1f} N  stage {row['stage']}{opened}  {row['failures']}"
+    )
