@@ -32,11 +32,11 @@ SPURIOUS = 40  # px; smaller islands of disparity are taken for wrong matches
 
 def settings(world: World, camera: str) -> dict[str, float] | None:
     """Values of the effect's parameters for a camera in a sampled world; None where depth is rendered as usual."""
-    found = None
+    stated = None
     for placed in world.effects:
         if placed.effect == NAME and placed.where in ("all", camera):
-            found = {k: v.value for k, v in placed.params.items()}
-    return found if found and found["on"] > 0.5 else None
+            stated = {k: v.value for k, v in placed.params.items()}
+    return stated if stated and stated["on"] > 0.5 else None
 
 
 def depth(
@@ -61,18 +61,18 @@ def depth(
     Raises:
         UserError: no such camera.
     """
-    known = {c.name: c for c in renderer.cameras}
-    if camera not in known:
-        raise UserError("no such camera", got=camera, choices=known)
+    cameras = {c.name: c for c in renderer.cameras}
+    if camera not in cameras:
+        raise UserError("no such camera", got=camera, choices=cameras)
     full = {k: q.start for k, q in effect(NAME).params.items()} | dict(p)
-    scale = max(1, round(full["focal"] / known[camera].fx))
-    left, right, span = eyes(known[camera], scale, full["baseline"], full["nearest"])
-    kept = renderer.cameras
+    scale = max(1, round(full["focal"] / cameras[camera].fx))
+    left, right, span = eyes(cameras[camera], scale, full["baseline"], full["nearest"])
+    aimed = renderer.cameras
     renderer.aim([left, right])
     try:
         shots = renderer.render(qpos)
     finally:
-        renderer.aim(kept)
+        renderer.aim(aimed)
     offset = {left.name: -full["baseline"] / 2, right.name: full["baseline"] / 2}
     gray = [_seen(shots[c.name], c, offset[c.name], full, rng) for c in (left, right)]
     d = _match(gray[0], gray[1], span, int(full["window"]))[:, span:-MARGIN]

@@ -72,18 +72,18 @@ def contrast(shots: Mapping[str, Shot], cameras: Sequence[Camera], scene: Scene,
         rule: what is good enough.
     """
     rule = rule or Rule()
-    found = measure(shots, cameras, scene)
+    colours = measure(shots, cameras, scene)
     score = 1.0
     for name in (scene.held, scene.fixture, BACKGROUND):
-        own = found[name]
-        if not len(own):
+        of_part = colours[name]
+        if not len(of_part):
             return 0.0
-        kept = float(np.mean((own[:, 0] > DARK) & (own[:, 0] < BRIGHT)))
-        score = min(score, len(own) / rule.pixels, kept / (1 - rule.lost))
+        usable = float(np.mean((of_part[:, 0] > DARK) & (of_part[:, 0] < BRIGHT)))
+        score = min(score, len(of_part) / rule.pixels, usable / (1 - rule.lost))
     pairs = ((scene.held, scene.fixture), (scene.held, BACKGROUND), (scene.fixture, BACKGROUND), (scene.goal, RIM))
     for a, b in pairs:
-        if len(found[a]) and len(found[b]):
-            apart = float(np.linalg.norm(found[a].mean(axis=0) - found[b].mean(axis=0)))
+        if len(colours[a]) and len(colours[b]):
+            apart = float(np.linalg.norm(colours[a].mean(axis=0) - colours[b].mean(axis=0)))
             score = min(score, apart / (rule.mouth if a == scene.goal else rule.distance))
     return score
 
@@ -92,21 +92,21 @@ def measure(shots: Mapping[str, Shot], cameras: Sequence[Camera], scene: Scene) 
     """CIELAB colours (n, 3) of the pixels of held part, fixture, background, the mouth's inside and its rim."""
     number = {part: i for i, part in enumerate(scene.parts, start=1)}
     radius = scene.config.apothem + scene.config.chamfer
-    shown = {scene.held: (scene.held,), scene.fixture: (scene.fixture,), BACKGROUND: BEHIND}
-    out: dict[str, list[np.ndarray]] = {name: [] for name in (*shown, scene.goal, RIM)}
+    groups = {scene.held: (scene.held,), scene.fixture: (scene.fixture,), BACKGROUND: BEHIND}
+    out: dict[str, list[np.ndarray]] = {name: [] for name in (*groups, scene.goal, RIM)}
     for camera in cameras:
         shot = shots[camera.name]
         if shot.segmentation is None or shot.poses is None:
             raise ValueError("contrast needs a renderer with labels")
         colour, pose = lab(shot.rgb), shot.poses[scene.goal]
-        for name, members in shown.items():
+        for name, members in groups.items():
             out[name].append(colour[np.isin(shot.segmentation, [number[m] for m in members])])
         at = (camera.points(shot.depth) - pose[:3, 3]) @ pose[:3, :3]  # in the goal's frame
-        own = shot.segmentation == number[scene.fixture]
+        fixture = shot.segmentation == number[scene.fixture]
         reach, height = np.hypot(at[..., 0], at[..., 1]), at[..., 2]
-        out[scene.goal].append(colour[own & (reach < radius) & (height < -DEEP)])
-        out[RIM].append(colour[own & (reach < 3 * radius) & (np.abs(height) < FLAT)])
-    return {name: np.concatenate(found) for name, found in out.items()}
+        out[scene.goal].append(colour[fixture & (reach < radius) & (height < -DEEP)])
+        out[RIM].append(colour[fixture & (reach < 3 * radius) & (np.abs(height) < FLAT)])
+    return {name: np.concatenate(parts) for name, parts in out.items()}
 
 
 def delivered(shots: Mapping[str, Shot], cameras: Sequence[Camera], world: World) -> dict[str, Shot]:
@@ -124,10 +124,10 @@ def delivered(shots: Mapping[str, Shot], cameras: Sequence[Camera], world: World
     for camera in cameras if tint.effects else ():
         rgb, depth = shots[camera.name].rgb[None].astype(np.float32) / 255, shots[camera.name].depth[None]
         frame = Frame(rgb=rgb, depth=depth, K=camera.K[None], velocity=np.zeros((1, 6)), time=np.zeros(1))
-        seen = Pipeline([tint], camera.name).run(frame, [stream(0, "photometric")])
-        if seen.rgb is not None:
+        delivery = Pipeline([tint], camera.name).run(frame, [stream(0, "photometric")])
+        if delivery.rgb is not None:
             out[camera.name] = replace(
-                shots[camera.name], rgb=np.round(255 * np.clip(seen.rgb[0], 0, 1)).astype(np.uint8)
+                shots[camera.name], rgb=np.round(255 * np.clip(delivery.rgb[0], 0, 1)).astype(np.uint8)
             )
     return out
 

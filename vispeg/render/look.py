@@ -64,28 +64,28 @@ def dress(renderer: Renderer, scene: Any, world: World) -> list[int]:
         if writer.family == "camera":
             _need_rows(renderer, placed)
         writer.write(fields, values(writer, [placed], scene))
-    seen = []
+    aimed = []
     for camera in renderer.nominal:
         i, _ = rows.get(camera.name, (None, None))
         same = i is None or np.array_equal(before[camera.name], _camera_row(renderer.model, i))
-        seen.append(camera if same or i is None else model_camera.read(renderer.model, i, camera))
-    renderer.aim(seen)
+        aimed.append(camera if same or i is None else model_camera.read(renderer.model, i, camera))
+    renderer.aim(aimed)
     return renderer.refresh()
 
 
 def writers(world: World) -> list[tuple[Effect, list[EffectInstance]]]:
     """The effects of a world that write a look, each with its places, in the order in which they act."""
-    found: dict[str, list[EffectInstance]] = {}
+    placed_by: dict[str, list[EffectInstance]] = {}
     for placed in world.effects:
-        one = effect(placed.effect)
-        if one.family in OPTICAL and one.overrides("write"):
-            found.setdefault(placed.effect, []).append(placed)
-    return sorted(((effect(name), at) for name, at in found.items()), key=lambda e: (e[0].order, e[0].name))
+        kind = effect(placed.effect)
+        if kind.family in OPTICAL and kind.overrides("write"):
+            placed_by.setdefault(placed.effect, []).append(placed)
+    return sorted(((effect(name), at) for name, at in placed_by.items()), key=lambda e: (e[0].order, e[0].name))
 
 
 def _rows(renderer: Renderer) -> dict[str, tuple[int, Camera]]:
-    found = ((c, model_camera.row_of(renderer.model, c)) for c in renderer.nominal)
-    return {c.name: (i, c) for c, i in found if i is not None}
+    pairs = ((c, model_camera.row_of(renderer.model, c)) for c in renderer.nominal)
+    return {c.name: (i, c) for c, i in pairs if i is not None}
 
 
 def _camera_row(model: mujoco.MjModel, i: int) -> np.ndarray:

@@ -32,20 +32,20 @@ def part_mesh(scene: Any, part: str, site: str) -> tuple[np.ndarray, np.ndarray]
             mesh, i = model.mesh(int(geom.dataid[0])), int(geom.dataid[0])
             first, count = int(mesh.vertadr[0]), int(mesh.vertnum[0])
             start, faces = int(model.mesh_faceadr[i]), int(model.mesh_facenum[i])
-            one = trimesh.Trimesh(model.mesh_vert[first : first + count], model.mesh_face[start : start + faces])
+            solid = trimesh.Trimesh(model.mesh_vert[first : first + count], model.mesh_face[start : start + faces])
         elif kind == G.mjGEOM_BOX:
-            one = trimesh.creation.box(2 * size)
+            solid = trimesh.creation.box(2 * size)
         elif kind == G.mjGEOM_CYLINDER:
-            one = trimesh.creation.cylinder(size[0], 2 * size[1], sections=SECTIONS)
+            solid = trimesh.creation.cylinder(size[0], 2 * size[1], sections=SECTIONS)
         elif kind == G.mjGEOM_SPHERE:
-            one = trimesh.creation.icosphere(3, size[0])
+            solid = trimesh.creation.icosphere(3, size[0])
         elif kind == G.mjGEOM_CAPSULE:
-            one = trimesh.creation.capsule(2 * size[1], size[0], count=(SECTIONS, SECTIONS))
-            one.apply_translation((0.0, 0.0, -one.bounds.mean(axis=0)[2]))
+            solid = trimesh.creation.capsule(2 * size[1], size[0], count=(SECTIONS, SECTIONS))
+            solid.apply_translation((0.0, 0.0, -solid.bounds.mean(axis=0)[2]))
         else:
             raise ValueError(f"{name}: a part of geoms of type {kind}")
-        world = np.asarray(one.vertices) @ data.geom(name).xmat.reshape(3, 3).T + data.geom(name).xpos
+        world = np.asarray(solid.vertices) @ data.geom(name).xmat.reshape(3, 3).T + data.geom(name).xpos
         vertices = (world - frame.xpos) @ frame.xmat.reshape(3, 3)
-        pieces.append(trimesh.Trimesh(vertices, one.faces))
-    whole: Any = trimesh.util.concatenate(pieces)
-    return np.asarray(whole.vertices), np.asarray(whole.faces)
+        pieces.append(trimesh.Trimesh(vertices, solid.faces))
+    union: Any = trimesh.util.concatenate(pieces)
+    return np.asarray(union.vertices), np.asarray(union.faces)

@@ -200,8 +200,8 @@ class Renderer:
             picture = warp(picture)
         if not self.labels or picture.ids is None:
             return Shot(picture.rgb, picture.depth, view.matrix)
-        found = poses(self.model, self.data, view, *self._posed)
-        return Shot(picture.rgb, picture.depth, view.matrix, self._table[picture.ids], _normals(picture, view), found)
+        placed = poses(self.model, self.data, view, *self._posed)
+        return Shot(picture.rgb, picture.depth, view.matrix, self._table[picture.ids], _normals(picture, view), placed)
 
     def _pinhole(self, camera: Camera) -> Camera:
         warp = self._warps.get(camera)
@@ -231,8 +231,8 @@ class Renderer:
 
 def _normals(picture: Picture, view: View) -> Callable[[], np.ndarray]:
     """What makes a picture's normals; a caller may change the depth that it was given, so they are made of a copy."""
-    if (known := picture.normals) is not None:
-        return lambda: known
+    if (normals := picture.normals) is not None:
+        return lambda: normals
     return partial(normals_of, picture.depth.copy(), view.camera)
 
 

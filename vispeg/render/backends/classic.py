@@ -14,7 +14,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.render.backends.gl import shared
-from vispeg.render.backends.picture import HIDDEN, Picture, shown
+from vispeg.render.backends.picture import HIDDEN, Picture, is_visible
 from vispeg.render.cameras.view import View, planar
 
 SHADOW_MAP = 512  # px
@@ -67,7 +67,7 @@ class Classic:
         mujoco.mjr_setBuffer(OFFSCREEN, self._context)  # another renderer's framebuffer may be bound
         groups = self.model.geom_group.copy()
         lit = self.shadows and bool((self.model.light_castshadow & self.model.light_active).any())
-        show = shown(self.model)
+        show = is_visible(self.model)
         try:
             return [self._one(data, view, show, lit, ids) for view in views]
         finally:
@@ -87,8 +87,8 @@ class Classic:
 
     def _one(self, data: mujoco.MjData, view: View, show: np.ndarray, lit: bool, ids: bool) -> Picture:
         model = self.model
-        seen = show if lit else show & view.in_sight(data.geom_xpos, model.geom_rbound)
-        model.geom_group[:] = np.where(seen, 0, HIDDEN)
+        visible = show if lit else show & view.in_sight(data.geom_xpos, model.geom_rbound)
+        model.geom_group[:] = np.where(visible, 0, HIDDEN)
         frustum = view.frustum()
         for camera in self._scene.camera:  # one an eye; both alike
             for key, value in frustum.items():
@@ -104,16 +104,16 @@ class Classic:
         rgb, buffer = np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32)
         mujoco.mjr_render(rect, self._scene, self._context)
         mujoco.mjr_readPixels(rgb, buffer, rect, self._context)
-        found = self._ids(rect, width, height) if ids else None
-        return Picture(np.ascontiguousarray(rgb[::-1]), planar(buffer[::-1]), found)
+        geom_ids = self._ids(rect, width, height) if ids else None
+        return Picture(np.ascontiguousarray(rgb[::-1]), planar(buffer[::-1]), geom_ids)
 
     def _ids(self, rect: mujoco.MjrRect, width: int, height: int) -> np.ndarray:
         """(H, W) int32 geom ids, -1 where there is none: a second render, each geom in a flat colour of its own."""
-        kept, coded = self._scene.flags.copy(), np.empty((height, width, 3), np.uint8)
+        flags, coded = self._scene.flags.copy(), np.empty((height, width, 3), np.uint8)
         self._scene.flags[[R.mjRND_SEGMENT.value, R.mjRND_IDCOLOR.value]] = 1
         mujoco.mjr_render(rect, self._scene, self._context)
         mujoco.mjr_readPixels(coded, None, rect, self._context)
-        self._scene.flags[:] = kept
+        self._scene.flags[:] = flags
         table = np.full(self._scene.ngeom + 1, -1, np.int32)
         for geom in self._scene.geoms[: self._scene.ngeom]:
             if geom.segid >= 0 and geom.objtype == mujoco.mjtObj.mjOBJ_GEOM.value:

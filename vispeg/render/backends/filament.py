@@ -20,7 +20,7 @@ import numpy as np
 
 from vispeg.core.broken import in_words
 from vispeg.core.errors import UserError
-from vispeg.render.backends.picture import COLLISION, HIDDEN, Picture, shown
+from vispeg.render.backends.picture import COLLISION, HIDDEN, Picture, is_visible
 from vispeg.render.backends.raycast import cast
 from vispeg.render.cameras.view import View, planar
 
@@ -57,7 +57,7 @@ class Filament:
         """One picture a view, in order; `data` has its kinematics and lights done."""
         scene, lights, things = self._prepare()
         groups = self.model.geom_group.copy()
-        self.model.geom_group[~shown(self.model)] = HIDDEN
+        self.model.geom_group[~is_visible(self.model)] = HIDDEN
         try:
             lights.update(data)
             things.update(data)
@@ -101,8 +101,8 @@ class Filament:
         depth = planar(buffer)
         if not ids:
             return Picture(rgb, depth)
-        _, found, normals = cast(self.model, data, view)
-        return Picture(rgb, depth, found, (normals @ view.rot).astype(np.float32))
+        _, geom_ids, normals = cast(self.model, data, view)
+        return Picture(rgb, depth, geom_ids, (normals @ view.rot).astype(np.float32))
 
     def _request(self, scene: Any, target: Any, view: View, depth: bool) -> Any:
         mjrf, request = self._mjrf, self._mjrf.RenderRequest()
@@ -141,8 +141,8 @@ def unusable() -> str:
     if "vispeg-drawn" in done.stdout:
         return ""
     lines = [line.strip() for line in (done.stderr + "\n" + done.stdout).splitlines() if line.strip()]
-    told = [line for line in lines if line.startswith("reason")]
-    return told[-1][:160] if told else in_words("\n".join(lines)) or "it ended without a word"
+    reasons = [line for line in lines if line.startswith("reason")]
+    return reasons[-1][:160] if reasons else in_words("\n".join(lines)) or "it ended without a word"
 
 
 def _headless() -> dict[str, str]:
@@ -153,11 +153,11 @@ def _headless() -> dict[str, str]:
 def _quiet() -> Iterator[None]:
     """Keeps the library's own log, which it writes past Python, from the standard output that a program may parse."""
     sys.stdout.flush()
-    kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
+    stdout, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
     try:
         os.dup2(nowhere, 1)
         yield
     finally:
-        os.dup2(kept, 1)
-        os.close(kept)
+        os.dup2(stdout, 1)
+        os.close(stdout)
         os.close(nowhere)

@@ -59,6 +59,6 @@ def colours(model: mujoco.MjModel) -> np.ndarray:
     return out
 
 
-def shown(model: mujoco.MjModel) -> np.ndarray:
+def is_visible(model: mujoco.MjModel) -> np.ndarray:
     """(ngeom,) whether a geom is for the eye: below the collision groups and not wholly transparent."""
     return (model.geom_group < COLLISION) & (colours(model)[:, 3] > 0)

@@ -13,10 +13,10 @@ BELOW = tuple(f"vis.headlight.{x}" for x in ("ambient", "diffuse", "specular"))
 
 def place(model: mujoco.MjModel, name: str) -> np.ndarray:
     """The array of a model by its name, dotted below the top level; a view."""
-    found = model
+    value = model
     for part in name.split("."):
-        found = getattr(found, part)
-    return np.asarray(found)
+        value = getattr(value, part)
+    return np.asarray(value)
 
 
 class Pristine:
@@ -27,8 +27,8 @@ class Pristine:
 
     def restore(self, model: mujoco.MjModel) -> None:
         """Makes the visual fields of `model` what they were, bit for bit."""
-        for name, kept in self._kept.items():
-            place(model, name)[...] = kept
+        for name, array in self._kept.items():
+            place(model, name)[...] = array
 
 
 def _visual(model: mujoco.MjModel) -> Iterator[tuple[str, np.ndarray]]:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from vispeg.render.backends.picture import HIDDEN, Picture, shown
+from vispeg.render.backends.picture import HIDDEN, Picture, is_visible
 from vispeg.render.backends.shading import shade
 from vispeg.render.cameras.view import NEAR, REACH, View
 
@@ -37,11 +37,11 @@ class Raycast:
         """Nothing: no driver memory is held."""
 
     def _one(self, data: mujoco.MjData, view: View) -> Picture:
-        depth, found, normals = cast(self.model, data, view)
+        depth, geom_ids, normals = cast(self.model, data, view)
         rays = view.camera.rays()
         points = view.pos + (rays * depth[..., None]) @ view.rot.T
-        rgb = shade(self.model, data, found, points, normals, view)
-        return Picture(rgb, depth.astype(np.float32), found, (normals @ view.rot).astype(np.float32))
+        rgb = shade(self.model, data, geom_ids, points, normals, view)
+        return Picture(rgb, depth.astype(np.float32), geom_ids, (normals @ view.rot).astype(np.float32))
 
 
 def cast(model: mujoco.MjModel, data: mujoco.MjData, view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -54,8 +54,8 @@ def cast(model: mujoco.MjModel, data: mujoco.MjData, view: View) -> tuple[np.nda
     rays = view.camera.rays()
     shape, length = rays.shape[:2], np.linalg.norm(rays, axis=-1)
     directions = ((rays / length[..., None]) @ view.rot.T).reshape(-1, 3)
-    depth, found, normals = cast_rays(model, data, view.pos, directions, length.ravel())
-    return depth.reshape(shape), found.reshape(shape), normals.reshape(*shape, 3)
+    depth, geom_ids, normals = cast_rays(model, data, view.pos, directions, length.ravel())
+    return depth.reshape(shape), geom_ids.reshape(shape), normals.reshape(*shape, 3)
 
 
 def cast_rays(
@@ -76,13 +76,13 @@ def cast_rays(
     ids, distance, normals = np.empty((n, 1), np.int32), np.empty((n, 1)), np.zeros((3 * n, 1))
     start, unit = np.array(pos, float).reshape(3, 1), np.ascontiguousarray(directions).reshape(-1, 1)
     groups = model.geom_group.copy()
-    model.geom_group[~shown(model)] = HIDDEN
+    model.geom_group[~is_visible(model)] = HIDDEN
     try:
         mujoco.mj_multiRay(model, data, start, unit, SEEN[:, None], True, -1, ids, distance, normals, n, 20 * REACH)
     finally:
         model.geom_group[:] = groups
     depth = distance[:, 0] / length
     none = (distance[:, 0] < 0) | (depth < NEAR) | (depth > REACH)
-    found, normals = ids[:, 0], normals.reshape(n, 3)
-    depth[none], found[none], normals[none] = 0, -1, 0
-    return depth, found, normals
+    geom_ids, normals = ids[:, 0], normals.reshape(n, 3)
+    depth[none], geom_ids[none], normals[none] = 0, -1, 0
+    return depth, geom_ids, normals

@@ -103,16 +103,16 @@ def scaled(board: Board, factor: float) -> Board:
     return replace(board, square=factor * board.square, marker=factor * board.marker)
 
 
-def as_effect(found: BoardScale, board: Board, stated: HandEye) -> BoardEffect:
+def as_effect(scale: BoardScale, board: Board, stated: HandEye) -> BoardEffect:
     """For a record: before and after where something changes."""
-    value, half = found.value, found.half
-    moved = found.larger.camera[:3, 3] - stated.camera[:3, 3]
+    value, half = scale.value, scale.half
+    moved = scale.larger.camera[:3, 3] - stated.camera[:3, 3]
     return {
         "effect": NAME,
         "where": "board",
         "params": {"factor": {"value": value, "low": value - half, "high": value + half}},
         "square_m": value * board.square,
-        "board_scatter_mm": [1e3 * stated.scatter, 1e3 * found.larger.scatter],
-        "robot_error_mm": [1e3 * float(stated.robot[0]), 1e3 * float(found.larger.robot[0])],
+        "board_scatter_mm": [1e3 * stated.scatter, 1e3 * scale.larger.scatter],
+        "robot_error_mm": [1e3 * float(stated.robot[0]), 1e3 * float(scale.larger.robot[0])],
         "moves_camera_mm": (1e3 * moved).tolist(),
     }

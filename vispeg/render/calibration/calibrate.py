@@ -107,25 +107,25 @@ def calibrate(
     if camera is None:
         fit = estimate(views, board, distortion)
         camera = fit.intrinsics
-    seen = np.stack([board_pose(view, board, camera) for view in views])
-    whole: HandEye | None = None
+    board_poses = np.stack([board_pose(view, board, camera) for view in views])
+    hand_eye: HandEye | None = None
     if flange is not None:
-        views, seen = turn_views(views, seen, flange, board)
-        whole = solve(views, board, camera, flange, mount)
-        _refuse_other_way(whole, views, board, camera, flange, mount)
-    inner, outer = _half_widths(views, board, camera, fit, distortion, flange, mount, whole)
+        views, board_poses = turn_views(views, board_poses, flange, board)
+        hand_eye = solve(views, board, camera, flange, mount)
+        _refuse_other_way(hand_eye, views, board, camera, flange, mount)
+    inner, outer = _half_widths(views, board, camera, fit, distortion, flange, mount, hand_eye)
     if inner is not None and (inner[:2] / camera.focal).max() > LOOSE:
         raise undetermined(f"fx {camera.focal[0]:.4g} +- {inner[0]:.2g} px")
-    scale = None if whole is None or flange is None else board_scale(views, board, camera, flange, mount, whole)
+    scale = None if hand_eye is None or flange is None else board_scale(views, board, camera, flange, mount, hand_eye)
     return Calibration(
         camera,
         fit,
         inner,
-        mount if whole is not None else None,
-        whole,
+        mount if hand_eye is not None else None,
+        hand_eye,
         outer,
         tuple(views),
-        np.array([view_error(view, board, camera, pose) for view, pose in zip(views, seen, strict=True)]),
+        np.array([view_error(view, board, camera, pose) for view, pose in zip(views, board_poses, strict=True)]),
         scale,
     )
 
@@ -138,40 +138,40 @@ def _half_widths(
     distortion: Distortion,
     flange: np.ndarray | None,
     mount: Mount,
-    whole: HandEye | None,
+    hand_eye: HandEye | None,
 ) -> tuple[np.ndarray | None, np.ndarray | None]:
     """Of the intrinsics (9,) and of the camera's place (6,), each None where it was not estimated."""
 
-    def shift(kept: np.ndarray) -> np.ndarray:
-        some, lens, out = [views[i] for i in kept], camera, []
+    def shift(retained: np.ndarray) -> np.ndarray:
+        some, lens, out = [views[i] for i in retained], camera, []
         try:
             if fit is not None:
                 lens = estimate(some, board, distortion, start=camera).intrinsics
                 out.append(lens.values - camera.values)
-            if whole is not None and flange is not None:
-                near = solve(some, board, lens, flange[kept], mount, start=whole)
-                out.append(difference(near.camera, whole.camera))
+            if hand_eye is not None and flange is not None:
+                near = solve(some, board, lens, flange[retained], mount, start=hand_eye)
+                out.append(difference(near.camera, hand_eye.camera))
         except UserError as error:
-            left = ", ".join(view.name for i, view in enumerate(views) if i not in kept)
-            raise UserError(f"all rests on {left}; take more images: without it, {error}") from error
+            without = ", ".join(view.name for i, view in enumerate(views) if i not in retained)
+            raise UserError(f"all rests on {without}; take more images: without it, {error}") from error
         return np.concatenate(out)
 
-    if fit is None and whole is None:
+    if fit is None and hand_eye is None:
         return None, None
     half = half_widths(leave_out(len(views), shift))
     inner = None if fit is None else np.maximum(half[: len(NAMES)], 1.96 * fit.std)
-    outer = None if whole is None else np.maximum(half[-6:], 1.96 * whole.std)
+    outer = None if hand_eye is None else np.maximum(half[-6:], 1.96 * hand_eye.std)
     return inner, outer
 
 
 def _refuse_other_way(
-    found: HandEye, views: Sequence[View], board: Board, camera: Intrinsics, flange: np.ndarray, mount: Mount
+    hand_eye: HandEye, views: Sequence[View], board: Board, camera: Intrinsics, flange: np.ndarray, mount: Mount
 ) -> None:
     """Refuses poses that fit far better the other way round: inverses, or a camera that sits on the other end.
 
     Base-in-flange poses of a camera on the flange make the equations of a camera on the base, so one trial finds both.
     """
-    off = float(np.median(found.pixels))
+    off = float(np.median(hand_eye.pixels))
     if off < SUSPICIOUS:
         return
     try:

@@ -35,22 +35,22 @@ class Chain:
     """Differences between the flange as the camera and as the robot have it, as a function of X and Z.
 
     Args:
-        seen: camera_T_board of each view, shape (n, 4, 4).
-        noise: covariance of `seen`, shape (n, 6, 6): translation in the camera's frame, rotation in the board's.
+        board_poses: camera_T_board of each view, shape (n, 4, 4).
+        noise: covariance of `board_poses`, shape (n, 6, 6): translation in the camera's frame, rotation in the board's.
         flange: base_T_flange as the robot reports it, shape (n, 4, 4).
         in_hand: whether the camera is on the flange.
     """
 
-    def __init__(self, seen: np.ndarray, noise: np.ndarray, flange: np.ndarray, in_hand: bool):
-        self.seen, self.noise, self.flange, self.in_hand = seen, noise, flange, in_hand
+    def __init__(self, board_poses: np.ndarray, noise: np.ndarray, flange: np.ndarray, in_hand: bool):
+        self.board_poses, self.noise, self.flange, self.in_hand = board_poses, noise, flange, in_hand
         self.robot = FLOOR.copy()  # s_t m, s_r rad
-        self.whiten = np.broadcast_to(np.eye(6), (len(seen), 6, 6))
-        self.trust = np.ones(len(seen))
+        self.whiten = np.broadcast_to(np.eye(6), (len(board_poses), 6, 6))
+        self.trust = np.ones(len(board_poses))
 
-    def differences(self, x: np.ndarray, z: np.ndarray, seen: np.ndarray | None = None) -> np.ndarray:
+    def differences(self, x: np.ndarray, z: np.ndarray, board_poses: np.ndarray | None = None) -> np.ndarray:
         """Shape (..., n, 6): m on the base's axes, rad on the flange's; X and Z may be many, shape (..., 1, 4, 4)."""
-        seen = self.seen if seen is None else seen
-        predicted = z @ inverse(seen) @ inverse(x) if self.in_hand else x @ seen @ inverse(z)
+        board_poses = self.board_poses if board_poses is None else board_poses
+        predicted = z @ inverse(board_poses) @ inverse(x) if self.in_hand else x @ board_poses @ inverse(z)
         turn = np.swapaxes(self.flange[:, :3, :3], 1, 2) @ predicted[..., :3, :3]
         turned = Rotation.from_matrix(turn.reshape(-1, 3, 3)).as_rotvec().reshape(*turn.shape[:-2], 3)
         return np.concatenate([predicted[..., :3, 3] - self.flange[:, :3, 3], turned], axis=-1)
@@ -62,14 +62,14 @@ class Chain:
             trust: weight of each view, 0 to 1, shape (n,).
         """
         now = self.differences(x, z)
-        moved = shifted(self.seen, STEPS[:, None])  # (12, n, 4, 4)
+        moved = shifted(self.board_poses, STEPS[:, None])  # (12, n, 4, 4)
         forth, back = np.split(self.differences(x, z, moved), 2)
         jacobian = np.moveaxis(forth - back, 0, -1) / (2 * STEP)  # (n, 6, 6)
         camera = jacobian @ self.noise @ np.swapaxes(jacobian, 1, 2)
         share = 1 - 2 / len(now)  # X and Z take what two views give
         variance = np.average(now**2, axis=0, weights=trust) / share
-        left = variance - np.average(np.diagonal(camera, axis1=1, axis2=2), axis=0, weights=trust)
-        self.robot = np.maximum(np.sqrt(np.maximum(left.reshape(2, 3).mean(axis=1), 0)), FLOOR)
+        excess = variance - np.average(np.diagonal(camera, axis1=1, axis2=2), axis=0, weights=trust)
+        self.robot = np.maximum(np.sqrt(np.maximum(excess.reshape(2, 3).mean(axis=1), 0)), FLOOR)
         total = camera + np.diag(np.repeat(self.robot**2, 3))
         self.whiten = np.linalg.inv(np.linalg.cholesky(total))
         self.trust = trust
@@ -94,24 +94,24 @@ class Chain:
 
         A board s times as large lies s times as far, so one column more in the linear problem at the solution.
         """
-        larger, smaller = self.seen.copy(), self.seen.copy()
+        larger, smaller = self.board_poses.copy(), self.board_poses.copy()
         larger[:, :3, 3] *= 1 + STEP
         smaller[:, :3, 3] *= 1 - STEP
         forth, back = self.differences(x, z, larger), self.differences(x, z, smaller)
         column = np.sqrt(self.trust)[:, None] * np.einsum("nij,nj->ni", self.whiten, (forth - back) / (2 * STEP))
         basis = np.linalg.qr(self.slopes(x, z))[0]
-        own = column.ravel() - basis @ (basis.T @ column.ravel())  # what X and Z cannot do as well
-        square = float(own @ own)
-        return 1 - float(own @ self.weighted(x, z).ravel()) / square, square**-0.5
+        independent = column.ravel() - basis @ (basis.T @ column.ravel())  # what X and Z cannot do as well
+        square = float(independent @ independent)
+        return 1 - float(independent @ self.weighted(x, z).ravel()) / square, square**-0.5
 
 
-def pose_noise(views: Sequence[View], board: Board, camera: Intrinsics, seen: np.ndarray) -> np.ndarray:
+def pose_noise(views: Sequence[View], board: Board, camera: Intrinsics, board_poses: np.ndarray) -> np.ndarray:
     """Covariance of each camera_T_board from its pixels, s^2 (J^T J)^-1, shape (n, 6, 6).
 
     s is one for all views: their pooled residual, six degrees of freedom a view less.
     """
     normal, squares, count = np.empty((len(views), 6, 6)), 0.0, 0
-    for number, (view, pose) in enumerate(zip(views, seen, strict=True)):
+    for number, (view, pose) in enumerate(zip(views, board_poses, strict=True)):
         points = board.points[view.ids]
         moved = camera.project(move(shifted(pose, STEPS), points).reshape(-1, 3)).reshape(12, -1)
         jacobian = (moved[:6] - moved[6:]) / (2 * STEP)  # (6, 2 corners)

@@ -40,10 +40,10 @@ def pictures(folder: str | Path) -> list[Path]:
     root = Path(folder)
     if not root.is_dir():
         raise UserError("no such folder of images", file=folder)
-    found = [p for p in root.iterdir() if p.suffix.lower() in PICTURES and not p.name.startswith(".")]
-    if not found:
+    files = [p for p in root.iterdir() if p.suffix.lower() in PICTURES and not p.name.startswith(".")]
+    if not files:
         raise UserError("no image here", file=folder, expected=f"files ending in {' '.join(PICTURES)}")
-    return sorted(found, key=lambda p: [int(s) if s.isdigit() else s for s in _pieces(p.name)])
+    return sorted(files, key=lambda p: [int(s) if s.isdigit() else s for s in _pieces(p.name)])
 
 
 def read_grey(path: Path) -> np.ndarray:
@@ -102,10 +102,10 @@ def _alike(a: View, b: View) -> bool:
 
 def find(image: np.ndarray, board: Board, name: str = "image") -> View | None:
     """The board in one grey picture, uint8 (height, width), or None where it is not found."""
-    found = _chessboard(image, board) if board.kind == "chessboard" else _charuco(image, board)
-    if found is None:
+    corners = _chessboard(image, board) if board.kind == "chessboard" else _charuco(image, board)
+    if corners is None:
         return None
-    ids, pixels = found
+    ids, pixels = corners
     return View(name, (image.shape[1], image.shape[0]), ids, pixels.astype(float))
 
 
@@ -161,8 +161,8 @@ def _other_pattern(image: np.ndarray, board: Board) -> str:
     """A hint where the board is there but was described in another usual way."""
     if board.kind == "charuco":
         other = replace(board, legacy=not board.legacy)
-        seen = _charuco(image, other) is not None
-        return f" (it is there {'with' if other.legacy else 'without'} --legacy)" if seen else ""
+        there = _charuco(image, other) is not None
+        return f" (it is there {'with' if other.legacy else 'without'} --legacy)" if there else ""
     for more in (-1, 1):
         columns, rows = board.columns + more, board.rows + more
         if min(columns, rows) >= 3 and _chessboard(image, replace(board, columns=columns, rows=rows)) is not None:

@@ -101,18 +101,18 @@ def solve(
     if mount not in MOUNTS:
         raise UserError("unknown mount", key="--mount", got=mount, choices=MOUNTS)
     in_hand = mount == "flange"
-    seen = np.stack([board_pose(view, board, camera) for view in views])
+    board_poses = np.stack([board_pose(view, board, camera) for view in views])
     outer = flange if in_hand else inverse(flange)  # of the body that carries the camera
     if start is None:
         check_motion(flange)
-        methods = closed_forms(outer, seen)
-        starts = [(x, _mean(outer @ x @ seen)) for x in methods.values()]
+        methods = closed_forms(outer, board_poses)
+        starts = [(x, _mean(outer @ x @ board_poses)) for x in methods.values()]
     else:
         methods, starts = start.methods, [(start.camera, start.board)]
-    chain = Chain(seen, pose_noise(views, board, camera, seen), flange, in_hand)
+    chain = Chain(board_poses, pose_noise(views, board, camera, board_poses), flange, in_hand)
     x, z, std = refine(chain, starts, ROUNDS if start is None else 2)
     path = inverse(x) @ inverse(outer) @ z  # (n, 4, 4) camera_T_board through the robot
-    origins = (outer @ x @ seen)[:, :3, 3]
+    origins = (outer @ x @ board_poses)[:, :3, 3]
     return HandEye(
         camera=x,
         board=z,
@@ -126,12 +126,12 @@ def solve(
     )
 
 
-def closed_forms(outer: np.ndarray, seen: np.ndarray) -> dict[str, np.ndarray]:
+def closed_forms(outer: np.ndarray, board_poses: np.ndarray) -> dict[str, np.ndarray]:
     """X by each of OpenCV's methods.
 
     Args:
         outer: pose of the body that carries the camera, in the frame in which the board rests, shape (n, 4, 4).
-        seen: camera_T_board, shape (n, 4, 4).
+        board_poses: camera_T_board, shape (n, 4, 4).
 
     Raises:
         UserError: none of them finds one.
@@ -144,8 +144,8 @@ def closed_forms(outer: np.ndarray, seen: np.ndarray) -> dict[str, np.ndarray]:
             turn, shift = cv2.calibrateHandEye(
                 list(outer[:, :3, :3]),
                 list(outer[:, :3, 3]),
-                list(seen[:, :3, :3]),
-                list(seen[:, :3, 3]),
+                list(board_poses[:, :3, :3]),
+                list(board_poses[:, :3, 3]),
                 method=getattr(cv2, f"CALIB_HAND_EYE_{name}"),
             )
         except cv2.error:
@@ -168,10 +168,10 @@ def refine(
     from scipy.optimize import least_squares
 
     x, z = min(starts, key=lambda pair: float(np.median(np.linalg.norm(chain.differences(*pair), axis=1))))
-    trust, covariance = np.ones(len(chain.seen)), np.eye(12)
+    trust, covariance = np.ones(len(chain.board_poses)), np.eye(12)
     for _ in range(rounds):
         chain.weigh(x, z, trust)
-        found = least_squares(
+        solution = least_squares(
             lambda by, x, z: chain.weighted(shifted(x, by[:6]), shifted(z, by[6:])).ravel(),
             np.zeros(12),
             jac=lambda by, x, z: chain.slopes(shifted(x, by[:6]), shifted(z, by[6:])),
@@ -179,9 +179,9 @@ def refine(
             x_scale="jac",
             max_nfev=50,
         )
-        x, z = shifted(x, found.x[:6]), shifted(z, found.x[6:])
+        x, z = shifted(x, solution.x[:6]), shifted(z, solution.x[6:])
         trust = 1 / (1 + np.mean(chain.standard(x, z) ** 2, axis=1) / KNEE**2)
-        covariance = np.linalg.pinv(found.jac.T @ found.jac)
+        covariance = np.linalg.pinv(solution.jac.T @ solution.jac)
     return x, z, np.sqrt(np.diag(covariance)[:6])
 
 

@@ -45,15 +45,17 @@ def _visp(text: str, file: Path) -> Intrinsics:
     text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL)
 
     def value(tag: str, default: float | None = None) -> float:
-        found = re.findall(rf"<{tag}>\s*([-+.\deE]+)\s*</{tag}>", text)
-        if not found and default is not None:
+        matches = re.findall(rf"<{tag}>\s*([-+.\deE]+)\s*</{tag}>", text)
+        if not matches and default is not None:
             return default
-        if len(found) != 1:
-            raise UserError("not the XML of one ViSP camera model", file=file, key=tag, expected="once", got=len(found))
+        if len(matches) != 1:
+            raise UserError(
+                "not the XML of one ViSP camera model", file=file, key=tag, expected="once", got=len(matches)
+            )
         try:
-            return float(found[0])
+            return float(matches[0])
         except ValueError as error:
-            raise UserError("not a number", file=file, key=tag, got=found[0]) from error
+            raise UserError("not a number", file=file, key=tag, got=matches[0]) from error
 
     if value("kud", 0.0) != 0:
         raise UserError("ViSP's distortion is not Brown's", file=file, key="kud", expected=0, got=value("kud"))

@@ -13,7 +13,7 @@ from vispeg.render.calibration.rigid import angles, inverse, transform
 
 
 def turn_views(
-    views: Sequence[View], seen: np.ndarray, flange: np.ndarray, board: Board
+    views: Sequence[View], board_poses: np.ndarray, flange: np.ndarray, board: Board
 ) -> tuple[list[View], np.ndarray]:
     """Renumbers the corners of views that begin at the other end than the first view.
 
@@ -21,19 +21,19 @@ def turn_views(
     another angle, so the set of half turns is chosen that makes all pairs agree best, beginning from every view's own.
 
     Args:
-        seen: camera_T_board of each view, shape (n, 4, 4).
+        board_poses: camera_T_board of each view, shape (n, 4, 4).
         flange: base_T_flange of each view, shape (n, 4, 4).
 
     Returns:
         The views and camera_T_board with one numbering. Unchanged for a board that has a top.
     """
     if not board.two_ways:
-        return list(views), seen
+        return list(views), board_poses
     columns, rows = board.grid
     half = transform(np.array([0, 0, np.pi]), board.square * np.array([columns - 1, rows - 1, 0.0]))
     count = len(views)
     robot = _pair_angles(flange)
-    both = np.stack([seen, seen @ half])  # (2, n, 4, 4)
+    both = np.stack([board_poses, board_poses @ half])  # (2, n, 4, 4)
     best: tuple[float, np.ndarray] | None = None
     for anchor in range(count):
         turned = np.zeros(count, int)

@@ -16,30 +16,30 @@ SCALE = 2  # enlarged, so that half a pixel can be seen
 DETECTED, FITTED, ROBOT = (80, 220, 80), (255, 140, 40), (60, 60, 255)  # BGR: green, blue, red
 
 
-def overlay(path: Path, found: Calibration, board: Board, number: int, flange: np.ndarray | None) -> bytes:
+def overlay(path: Path, calibration: Calibration, board: Board, number: int, flange: np.ndarray | None) -> bytes:
     """A PNG of one view: detected corners (green rings), reprojected with a free board pose (blue), by robot (red).
 
     Args:
         path: the picture.
-        number: which of `found.views` it is.
+        number: which of `calibration.views` it is.
         flange: base_T_flange of this view, shape (4, 4); None without poses.
     """
     import cv2
 
-    view, points = found.views[number], board.points[found.views[number].ids]
+    view, points = calibration.views[number], board.points[calibration.views[number].ids]
     image = cv2.cvtColor(cv2.resize(read_grey(path), None, fx=SCALE, fy=SCALE), cv2.COLOR_GRAY2BGR)
     for at in _pixels(view.pixels):
         cv2.circle(image, at, 5, DETECTED, 1, cv2.LINE_AA)
-    fitted = found.camera.project(move(board_pose(view, board, found.camera), points))
+    fitted = calibration.camera.project(move(board_pose(view, board, calibration.camera), points))
     for at in _pixels(fitted):
         cv2.drawMarker(image, at, FITTED, cv2.MARKER_CROSS, 7, 1, cv2.LINE_AA)
-    words = [("detected", DETECTED), (f"reprojected {found.fit_pixels[number]:.2f} px", FITTED)]
-    if found.hand_eye is not None and flange is not None:
-        outer = flange if found.mount == "flange" else inverse(flange)
-        pose = inverse(found.hand_eye.camera) @ inverse(outer) @ found.hand_eye.board
-        for at in _pixels(found.camera.project(move(pose, points))):
+    words = [("detected", DETECTED), (f"reprojected {calibration.fit_pixels[number]:.2f} px", FITTED)]
+    if calibration.hand_eye is not None and flange is not None:
+        outer = flange if calibration.mount == "flange" else inverse(flange)
+        pose = inverse(calibration.hand_eye.camera) @ inverse(outer) @ calibration.hand_eye.board
+        for at in _pixels(calibration.camera.project(move(pose, points))):
             cv2.drawMarker(image, at, ROBOT, cv2.MARKER_TILTED_CROSS, 7, 1, cv2.LINE_AA)
-        words.append((f"through the robot {found.hand_eye.pixels[number]:.2f} px", ROBOT))
+        words.append((f"through the robot {calibration.hand_eye.pixels[number]:.2f} px", ROBOT))
     x = 10
     for word, colour in words:
         for ink, width in (((0, 0, 0), 4), (colour, 1)):

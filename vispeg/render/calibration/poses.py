@@ -114,5 +114,5 @@ def _near(pose: np.ndarray, path: Path, where: str) -> np.ndarray:
 
 
 def _number(name: str) -> int | None:
-    found = re.findall(r"\d+", Path(name).stem)
-    return int(found[-1]) if found else None
+    numbers = re.findall(r"\d+", Path(name).stem)
+    return int(numbers[-1]) if numbers else None

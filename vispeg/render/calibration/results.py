@@ -44,7 +44,7 @@ class CalibrationRecord(TypedDict):
     notes: list[str]
 
 
-def record(found: Calibration, board: Board, missed: dict[str, str]) -> CalibrationRecord:
+def record(calibration: Calibration, board: Board, missed: dict[str, str]) -> CalibrationRecord:
     """What results.json holds, provenance aside: SI and degrees as the names say, intervals as half widths.
 
     Args:
@@ -56,94 +56,98 @@ def record(found: Calibration, board: Board, missed: dict[str, str]) -> Calibrat
     return {
         "format": FORMAT,
         "board": described,
-        "images": {"used": len(found.views), "left_out": missed},
-        "intrinsics": _intrinsics(found),
-        "hand_eye": _hand_eye(found),
-        "effects": _effects(found, board),
-        "views": views(found),
-        "notes": notes(found, missed),
+        "images": {"used": len(calibration.views), "left_out": missed},
+        "intrinsics": _intrinsics(calibration),
+        "hand_eye": _hand_eye(calibration),
+        "effects": _effects(calibration, board),
+        "views": views(calibration),
+        "notes": notes(calibration, missed),
     }
 
 
-def _effects(found: Calibration, board: Board) -> list[BoardEffect]:
-    scale, stated = found.board_scale, found.hand_eye
+def _effects(calibration: Calibration, board: Board) -> list[BoardEffect]:
+    scale, stated = calibration.board_scale, calibration.hand_eye
     return [] if scale is None or stated is None or not scale.named else [as_effect(scale, board, stated)]
 
 
-def views(found: Calibration) -> list[ViewRow]:
+def views(calibration: Calibration) -> list[ViewRow]:
     """One record a view: corners, reprojection px with a free board pose and through the robot, misfit."""
     out: list[ViewRow] = []
-    for number, (view, error) in enumerate(zip(found.views, found.fit_pixels, strict=True)):
+    for number, (view, error) in enumerate(zip(calibration.views, calibration.fit_pixels, strict=True)):
         row: ViewRow = {"file": view.name, "corners": len(view.ids), "reprojection_px": float(error)}
-        if found.hand_eye is not None:
-            row["through_robot_px"] = float(found.hand_eye.pixels[number])
-            row["misfit"] = float(found.hand_eye.misfit[number])
+        if calibration.hand_eye is not None:
+            row["through_robot_px"] = float(calibration.hand_eye.pixels[number])
+            row["misfit"] = float(calibration.hand_eye.misfit[number])
         out.append(row)
     return out
 
 
-def notes(found: Calibration, missed: dict[str, str]) -> list[str]:
+def notes(calibration: Calibration, missed: dict[str, str]) -> list[str]:
     """Warnings, a line each."""
     out = []
     if missed:
         out.append("left out: " + "; ".join(f"{name} {why}" for name, why in missed.items()))
-    middle = float(np.median(found.fit_pixels))
-    for view, error in zip(found.views, found.fit_pixels, strict=True):
+    middle = float(np.median(calibration.fit_pixels))
+    for view, error in zip(calibration.views, calibration.fit_pixels, strict=True):
         if error > FAR_OFF * middle:
             out.append(f"{view.name}: reprojection {error:.2f} px against {middle:.2f} px elsewhere; blurred?")
-    if found.hand_eye is not None:
-        for view, misfit in zip(found.views, found.hand_eye.misfit, strict=True):
+    if calibration.hand_eye is not None:
+        for view, misfit in zip(calibration.views, calibration.hand_eye.misfit, strict=True):
             if misfit > ODD:
                 out.append(f"{view.name}: the flange pose is {misfit:.1f} standard deviations off; moving, or swapped?")
-        robot = found.hand_eye.robot * PER_UNIT[[0, 3]]
+        robot = calibration.hand_eye.robot * PER_UNIT[[0, 3]]
         if (robot > DISAGREE).any():
-            told = f"poses and images disagree by {robot[0]:.1f} mm and {robot[1]:.1f} deg"
-            out.append(f"{told}: poses of other images, or taken while moving?")
-        scale = found.board_scale
+            disagreement = f"poses and images disagree by {robot[0]:.1f} mm and {robot[1]:.1f} deg"
+            out.append(f"{disagreement}: poses of other images, or taken while moving?")
+        scale = calibration.board_scale
         if scale is not None and scale.named:
             within = f"[{scale.value - scale.half:.3f}, {scale.value + scale.half:.3f}]"
             out.append(f"by the robot's motion the board is {scale.value:.3f} {within} times as large: --square?")
-        spread = np.ptp(np.stack([x[:3, 3] for x in found.hand_eye.methods.values()]), axis=0).max()
-        if found.hand_eye_half is not None and spread > 3 * found.hand_eye_half[:3].max():
+        spread = np.ptp(np.stack([x[:3, 3] for x in calibration.hand_eye.methods.values()]), axis=0).max()
+        if calibration.hand_eye_half is not None and spread > 3 * calibration.hand_eye_half[:3].max():
             out.append(f"closed-form methods differ by {1e3 * spread:.1f} mm: turn the flange farther")
-    if found.intrinsics is not None:
-        pixels = np.concatenate([view.pixels for view in found.views])
-        cover = np.ptp(pixels, axis=0) / np.array(found.camera.size)
+    if calibration.intrinsics is not None:
+        pixels = np.concatenate([view.pixels for view in calibration.views])
+        cover = np.ptp(pixels, axis=0) / np.array(calibration.camera.size)
         if cover.min() < COVER:
             width, height = (f"{100 * part:.0f} %" for part in cover)
             out.append(f"corners cover {width} of the width and {height} of the height: distortion is a guess outside")
     return out
 
 
-def _intrinsics(found: Calibration) -> Mapping[str, object]:
-    half, fit = found.intrinsics_half, found.intrinsics
-    out: dict[str, object] = {"width": found.camera.size[0], "height": found.camera.size[1], "fitted": fit is not None}
-    out["values"] = dict(zip(NAMES, found.camera.values.tolist(), strict=True))
+def _intrinsics(calibration: Calibration) -> Mapping[str, object]:
+    half, fit = calibration.intrinsics_half, calibration.intrinsics
+    out: dict[str, object] = {
+        "width": calibration.camera.size[0],
+        "height": calibration.camera.size[1],
+        "fitted": fit is not None,
+    }
+    out["values"] = dict(zip(NAMES, calibration.camera.values.tolist(), strict=True))
     if half is not None and fit is not None:
         out["half_width_95"] = dict(zip(NAMES, half.tolist(), strict=True))
         out["half_width_95_pixel_noise"] = dict(zip(NAMES, (1.96 * fit.std).tolist(), strict=True))
-    out["reprojection_px"] = float(np.sqrt(np.mean(found.fit_pixels**2)))
+    out["reprojection_px"] = float(np.sqrt(np.mean(calibration.fit_pixels**2)))
     return out
 
 
-def _hand_eye(found: Calibration) -> Mapping[str, object] | None:
-    eye, half = found.hand_eye, found.hand_eye_half
+def _hand_eye(calibration: Calibration) -> Mapping[str, object] | None:
+    eye, half = calibration.hand_eye, calibration.hand_eye_half
     if eye is None or half is None:
         return None
     return {
-        "parent": found.mount,
+        "parent": calibration.mount,
         "pos_m": eye.camera[:3, 3].tolist(),
         "quat_wxyz": quaternion(eye.camera).tolist(),
         "half_width_95": {"pos_m": half[:3].tolist(), "turn_rad": half[3:].tolist()},
         "half_width_95_one_fit": {"pos_m": (1.96 * eye.std[:3]).tolist(), "turn_rad": (1.96 * eye.std[3:]).tolist()},
         "board": {
-            "parent": "base" if found.mount == "flange" else "flange",
+            "parent": "base" if calibration.mount == "flange" else "flange",
             "pos_m": eye.board[:3, 3].tolist(),
             "quat_wxyz": quaternion(eye.board).tolist(),
         },
         "board_scale_by_robot": None
-        if found.board_scale is None
-        else {"value": found.board_scale.value, "half_width_95": found.board_scale.half},
+        if calibration.board_scale is None
+        else {"value": calibration.board_scale.value, "half_width_95": calibration.board_scale.half},
         "board_scatter_mm": 1e3 * eye.scatter,
         "robot_error": {"mm": 1e3 * float(eye.robot[0]), "deg": float(np.degrees(eye.robot[1]))},
         "through_robot_px": float(np.sqrt(np.mean(eye.pixels**2))),

@@ -112,13 +112,13 @@ class Camera:
         """(..., 2) X/Z and Y/Z of what pixels (..., 2) show; NaN where the lens shows nothing."""
         return undistort((pixels - (self.cx, self.cy)) / (self.fx, self.fy), self.distortion)
 
-    def _numbers(self, key: str, given: Any, size: int) -> tuple[float, ...]:
+    def _numbers(self, key: str, value: Any, size: int) -> tuple[float, ...]:
         try:
-            values = np.asarray(given, float).reshape(-1)
+            values = np.asarray(value, float).reshape(-1)
         except (TypeError, ValueError):
             values = np.array([np.nan])
         if len(values) != size or not np.isfinite(values).all():
-            raise self._wrong(key, f"{size} finite number{'s' * (size > 1)}", given)
+            raise self._wrong(key, f"{size} finite number{'s' * (size > 1)}", value)
         return tuple(values.tolist())
 
     def _wrong(self, key: str, expected: str, got: Any) -> UserError:

@@ -56,7 +56,7 @@ def load_cameras(path: str | Path) -> tuple[Camera, ...]:
     many = rest["cameras"] if "cameras" in rest else [rest]
     if not isinstance(many, list) or not many:
         raise UserError("not a list of cameras", file=path, key="cameras", got=many)
-    cameras = tuple(from_record(one, path) for one in many)
+    cameras = tuple(from_record(entry, path) for entry in many)
     names = [camera.name for camera in cameras]
     if len(set(names)) < len(names):
         raise UserError("two cameras of one name", file=path, key="cameras", got=names)
@@ -90,8 +90,8 @@ def save_cameras(
         raise UserError(f"a camera file of style '{style}' holds one camera", file=path, got=[c.name for c in many])
     records = [to_record(camera) for camera in many]
     if style == "vispeg":
-        whole = {"format": FORMAT, **records[0]} if len(many) == 1 else {"format": FORMAT, "cameras": records}
-        text = yaml.safe_dump(whole, sort_keys=False, default_flow_style=None)
+        content = {"format": FORMAT, **records[0]} if len(many) == 1 else {"format": FORMAT, "cameras": records}
+        text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
     else:
         text = (_ros if style == "ros" else _opencv)(many[0])
     return write_text_atomic(path, text, overwrite=overwrite)

@@ -33,8 +33,8 @@ def standard_cameras(tip: float = TIP, goal: Sequence[float] = GOAL) -> tuple[Ca
     distance = float(np.linalg.norm(target - MOUNT))
     crop = wide.moved(name="wrist_crop", fx=distance / CROP_SCALE, fy=distance / CROP_SCALE)
     pos = np.add(goal, EXTERNAL)
-    seen = looking_at(pos, np.asarray(goal, float), np.array([0.0, 0.0, 1.0]))
-    external = square("external", focal_of(EXTERNAL_FOV)).moved(pos=tuple(pos.tolist()), quat=seen)
+    view_quat = looking_at(pos, np.asarray(goal, float), np.array([0.0, 0.0, 1.0]))
+    external = square("external", focal_of(EXTERNAL_FOV)).moved(pos=tuple(pos.tolist()), quat=view_quat)
     return wide, crop, external
 
 

@@ -93,8 +93,8 @@ def parent_of(model: mujoco.MjModel, name: str) -> tuple[str, int]:
     if name == WORLD:
         return "world", 0
     for kind, of in (("site", mujoco.mjtObj.mjOBJ_SITE), ("body", mujoco.mjtObj.mjOBJ_BODY)):
-        if (found := mujoco.mj_name2id(model, of, name)) >= 0:
-            return kind, found
+        if (index := mujoco.mj_name2id(model, of, name)) >= 0:
+            return kind, index
     names = (WORLD, *(model.site(i).name for i in range(model.nsite)))
     raise UserError("a camera sits on nothing", key="parent", expected="a site or body", got=name, choices=names)
 
