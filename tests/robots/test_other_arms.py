@@ -1,5 +1,6 @@
 """The peg task on arms of seven joints and six, each by one world file; their guards; their null space."""
 
+import mujoco
 import numpy as np
 import pytest
 import yaml
@@ -9,8 +10,10 @@ from vispeg.control.avoidance import away, potential
 from vispeg.control.laws import osc, task_inertia
 from vispeg.control.singularity import singular
 from vispeg.core.errors import UserError
+from vispeg.report.live.shapes import visible
 from vispeg.robots.declare import RobotConfig
 from vispeg.robots.model import load
+from vispeg.robots.scene import SceneConfig, build
 from vispeg.sim.compiled import nominal_of
 from vispeg.sim.home import home_of
 from vispeg.task.guards import CATEGORIES, Guards
@@ -157,3 +160,23 @@ def test_a_declared_flange_limits_and_bodies_without(tmp_path):
     for wrong in ({"flange": "elsewhere"}, {"home": (0.0,) * 7}, {"without": ("hand",)}):
         with pytest.raises(UserError):
             load(path, declared=RobotConfig(path, **wrong))
+
+
+def test_shapes_for_contact_are_not_drawn_over_those_for_the_eye(tmp_path):
+    """Files differ in the groups of their geoms: robosuite's for contact are in group 0, Menagerie's in group 3."""
+    write(tmp_path, "ur5e", UR5E)
+    spec = mujoco.MjSpec.from_file(str(tmp_path / "ur5e.xml"))
+    shapes = [geom for geom in spec.geoms if geom.parent.name != "world"]
+    for geom in shapes:
+        geom.group, geom.name, geom.contype = 0, f"{geom.parent.name}-contact", 1
+        kind = {"contype": 0, "conaffinity": 0, "group": 1, "mass": 0.0}
+        geom.parent.add_geom(name=f"{geom.parent.name}-eye", size=(0.02, 0.02, 0.02), **kind)
+    model = spec.compile()
+    assert {model.geom(g).name for g in visible(model)} == {f"{geom.parent.name}-eye" for geom in shapes}
+    (tmp_path / "dressed.xml").write_text(spec.to_xml())
+    robot = RobotConfig(str(tmp_path / "dressed.xml"), velocity_limit=SPEED["ur5e"])
+    scene = build(SceneConfig(robot=robot))
+    assert all(name.endswith("-eye") for name in scene.parts["arm"]) and len(scene.parts["arm"]) == len(shapes)
+    cell = scene.spec().compile()
+    collides = [cell.geom(f"{geom.parent.name}-contact") for geom in shapes]
+    assert all(geom.group[0] == 3 and geom.conaffinity[0] for geom in collides), "they touch all the same"

@@ -109,9 +109,17 @@ def _check_names(robot: RobotConfig) -> None:
 
 
 def _visible(spec: mujoco.MjSpec) -> tuple[str, ...]:
-    """Names of the arm's geoms that are seen; those without a name get one."""
+    """Names of the arm's geoms that are seen; those without a name get one.
+
+    Files differ in the group of their shapes for contact: in a body with shapes that do not collide, the others are.
+    """
     held = {g.name for body in (spec.body("tool"), *spec.body("tool").bodies) for g in body.geoms}
     visible = [g for g in spec.geoms if g.group < 3 and g.parent.name != "world" and g.name not in held - {""}]
+    dressed = {g.parent.name for g in visible if not (g.contype or g.conaffinity)}
+    for geom in visible:
+        if geom.parent.name in dressed and (geom.contype or geom.conaffinity):
+            geom.group = 3
+    visible = [g for g in visible if g.group < 3]
     for i, geom in enumerate(visible):
         geom.name = geom.name or f"arm{i}"
     return tuple(g.name for g in visible)
