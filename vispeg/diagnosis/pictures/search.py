@@ -15,7 +15,8 @@ from vispeg.core.effect import OPTICAL, REGISTRY, EffectInstance, effect
 from vispeg.diagnosis.conclusion.rivals import Rivals, merely_richer
 from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.selection.accept import equal, ranked
-from vispeg.diagnosis.selection.judge import Judge, adds, present
+from vispeg.diagnosis.selection.judge import Judge, present
+from vispeg.diagnosis.selection.shown import Shown
 from vispeg.diagnosis.selection.state import State, Trial
 from vispeg.identify.fit import Fit, fit_job
 from vispeg.identify.pictures.evidence import BorderEvidence
@@ -27,7 +28,7 @@ Pictured = BorderEvidence | SensorEvidence
 LEAST_SHARE = 0.01  # of the squared error that an effect so far removed: what its form leaves is not another effect
 
 
-class PictureSearch:
+class PictureSearch(Shown):
     """The loop over one kind of picture evidence, fitted and held out.
 
     Args:
@@ -193,10 +194,6 @@ class PictureSearch:
         loss = self.judge.losses([world])[0]
         residual = self.evidence.residuals([world])[0]
         return State(world, loss, residual, fit, state.first, state.steps)
-
-    def shows(self, state: State, trial: Trial) -> bool:
-        """Whether an effect that a trial adds to `state` is there: its interval leaves out null."""
-        return adds(trial.fit, trial.score.count)
 
     def _prune(self, state: State, given: int) -> None:
         """Takes out, one by one, what the others have made superfluous."""

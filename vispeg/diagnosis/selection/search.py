@@ -11,12 +11,13 @@ from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.evidence.localise import MissingTorque, joint_z
 from vispeg.diagnosis.evidence.screen import Score, candidates, groups
 from vispeg.diagnosis.progress import Progress
-from vispeg.diagnosis.selection.accept import HELD_OUT, LEAST_SHARE, in_order, ranked, sound
-from vispeg.diagnosis.selection.judge import Judge, adds
+from vispeg.diagnosis.selection.accept import LEAST_SHARE, in_order, ranked, sound
+from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.law import grow, refined
 from vispeg.diagnosis.selection.proposals import Proposals
 from vispeg.diagnosis.selection.prune import prune
 from vispeg.diagnosis.selection.shadows import cast_out
+from vispeg.diagnosis.selection.shown import Shown
 from vispeg.diagnosis.selection.state import State, Trial, without
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit, Race, fit_job
@@ -30,7 +31,7 @@ PROMISE = 0.3  # of the gain that a step needs, which the score test must promis
 SINGLE = 0.97  # of what a group promises that one effect must promise alone for the group not to be tried
 
 
-class Search(Proposals):
+class Search(Shown, Proposals):
     """The discovery loop over fitted evidence and a held-out judge.
 
     Attributes:
@@ -205,14 +206,6 @@ class Search(Proposals):
             out.append([t.bare if t.rejected else t for t in own])
             at += len(scores)
         return out
-
-    def shows(self, state: State, trial: Trial) -> bool:
-        """Whether an effect that a trial adds to `state` is there: its interval leaves out null."""
-        return adds(trial.fit, trial.score.count)
-
-    def holds(self, state: State, trial: Trial) -> bool:
-        """Whether what a trial adds shows in the held-out recordings alone, block by block."""
-        return self.judge.gain(state.loss, trial.loss).z >= HELD_OUT
 
     def instead(self, state: State, placed: EffectInstance) -> tuple[list[Score], int]:
         """What might stand in the place of an effect that `state` is without, best first; how many were screened."""
