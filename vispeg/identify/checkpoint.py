@@ -114,11 +114,11 @@ class Checkpoint:
 
 
 def _example(folder: Path) -> Path:
-    kept = Checkpoint(folder / "fit" / "checkpoint.json", "example", 2, resume=False)
-    kept.traces[0].generation([3.0, 2.0])
-    kept.traces[1].point(np.array([0.1, 0.2]), np.eye(3))
-    kept.traces[1].lap(1, 1.5)
-    return kept.file
+    checkpoint = Checkpoint(folder / "fit" / "checkpoint.json", "example", 2, resume=False)
+    checkpoint.traces[0].generation([3.0, 2.0])
+    checkpoint.traces[1].point(np.array([0.1, 0.2]), np.eye(3))
+    checkpoint.traces[1].lap(1, 1.5)
+    return checkpoint.file
 
 
 @enrol(FORMAT, _example)
@@ -130,7 +130,7 @@ def _read(file: Path, key: str, starts: int) -> list[Trace]:
     with as_written(file, "vispeg fit", "remove it to begin anew"):
         data = CHECKPOINT.read(file)
         rows = [{name: row[name] for name in KEPT} for row in data["traces"]]
-        known, traces = data["key"], [typed(Trace, row, file, f"traces[{i}]") for i, row in enumerate(rows)]
-    if known != key or len(traces) != starts:
+        stored_key, traces = data["key"], [typed(Trace, row, file, f"traces[{i}]") for i, row in enumerate(rows)]
+    if stored_key != key or len(traces) != starts:
         raise UserError("belongs to another fit; drop --resume to begin anew", file=file)
     return traces

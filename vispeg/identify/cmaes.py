@@ -39,16 +39,16 @@ def minimise(
     randn = np.random.RandomState(int(rng.integers(1, 2**31))).randn
     options = {"bounds": [low.tolist(), high.tolist()], "seed": np.nan, "randn": randn, "verbose": -9}
     search = cma.CMAEvolutionStrategy(start, sigma, options)
-    known = list(trace.generations) if trace is not None else []
+    evaluated = list(trace.generations) if trace is not None else []
     for k in range(generations):
         if search.stop():
             break
         points = search.ask()
-        if k < len(known):
-            search.tell(points, known[k])
+        if k < len(evaluated):
+            search.tell(points, evaluated[k])
             continue
-        found = [float(c) for c in costs([np.asarray(x) for x in points])]
-        search.tell(points, found)
+        values = [float(c) for c in costs([np.asarray(x) for x in points])]
+        search.tell(points, values)
         if trace is not None:
-            trace.generation(found)
+            trace.generation(values)
     return np.asarray(search.result.xbest)

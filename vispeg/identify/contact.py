@@ -50,16 +50,16 @@ def contact_of(rec: Recording, robot: RobotModel) -> Contact | None:
         rec: with `ft`, and `wrench` that says how it is to be read.
         robot: the nominal arm with its declared tool.
     """
-    seen = touch(rec, robot, LIGHT) if rec.ft is not None and rec.wrench is not None else None
-    if seen is None or not seen.touching.any():
+    contact = touch(rec, robot, LIGHT) if rec.ft is not None and rec.wrench is not None else None
+    if contact is None or not contact.touching.any():
         return None
     episode = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
     free, acts = np.ones(len(rec.time), bool), np.zeros(len(rec.time), bool)
     for number in np.unique(episode):
         rows = np.flatnonzero(episode == number)
-        free[rows] = ~_widened(rec.time[rows], seen.touching[rows], AFTER)
-        acts[rows] = _widened(rec.time[rows], seen.touching[rows], GRAZE)
-    wrench, torque = np.nan_to_num(seen.contact), np.zeros(rec.q.shape)
+        free[rows] = ~_widened(rec.time[rows], contact.touching[rows], AFTER)
+        acts[rows] = _widened(rec.time[rows], contact.touching[rows], GRAZE)
+    wrench, torque = np.nan_to_num(contact.contact), np.zeros(rec.q.shape)
     some = np.flatnonzero(acts)
     for start in range(0, len(some), ROWS):
         rows = some[start : start + ROWS]

@@ -88,8 +88,8 @@ class Evidence(Freedom):
     def simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
         """Per item, the channels (nworld, m, nch) that the worlds predict; recent answers are remembered."""
         key = tuple(worlds) if len(worlds) <= 4 else None
-        for known, answer in self._recent:
-            if known == key:
+        for worlds_key, answer in self._recent:
+            if worlds_key == key:
                 return answer
         answer = with_gains(self.items, self._simulated(worlds))
         if key is not None:

@@ -265,9 +265,9 @@ def motion(
         options: the motion's own.
     """
     room = room_of(robot, rate_hz, duration, centre, share)
-    known = (*MOTIONS, "osc")
-    if name not in known:
-        raise UserError("unknown motion", got=name, choices=known)
+    choices = (*MOTIONS, "osc")
+    if name not in choices:
+        raise UserError("unknown motion", got=name, choices=choices)
     if name == "osc":
         still = np.tile(room.centre, (len(room.time), 1))
         return Motion(name, room.time, still, np.zeros_like(still), osc_targets(room, rng, **options))

@@ -149,8 +149,8 @@ class _Point:
     def __init__(self, space: Space, submit: Submit, trace: Trace | None = None, columns: np.ndarray | None = None):
         self.space, self.submit, self.trace, self.columns = space, submit, trace, columns
         self.known: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}  # residual, and derivatives that are not `columns`
-        told = [] if trace is None else trace.points
-        self.answers = {np.array(u, float).tobytes(): np.array(answer, float) for u, answer in told}
+        points = [] if trace is None else trace.points
+        self.answers = {np.array(u, float).tobytes(): np.array(answer, float) for u, answer in points}
 
     def at(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residual (m,) and Jacobian (m, n) of a point."""
@@ -198,9 +198,9 @@ def _cma(
     def costs(points: list[np.ndarray]) -> list[float]:
         return [_cost(r) for r in submit([space.at(low + span * x) for x in points])]
 
-    zero, one = np.zeros(len(span)), np.ones(len(span))
+    zero, ones = np.zeros(len(span)), np.ones(len(span))
     start = (u0 - low) / span
-    return low + span * minimise(costs, start, zero, one, sigma=0.2, generations=budget, rng=rng, trace=trace)
+    return low + span * minimise(costs, start, zero, ones, sigma=0.2, generations=budget, rng=rng, trace=trace)
 
 
 def _summary(evidence: Evidence, space: Space, u: np.ndarray, converged: bool, point: _Point) -> Fit:

@@ -74,8 +74,8 @@ class TorqueEvidence(Evidence):
         """Sensor torque (m, nj) of one world along one measured motion."""
         item, seg, ddq = self.items[i], self.items[i].segment, self._ddq[i]
         robot, active = item.robot, activate(item.robot, [world])
-        one = mjb.Batch(compiled(robot), 1, nthread=1)
-        fields = Fields(one, robot)
+        batch = mjb.Batch(compiled(robot), 1, nthread=1)
+        fields = Fields(batch, robot)
         for a in active:
             a.effect.write(fields, a.p)
         mass, bias = self._body(i, world)
@@ -145,11 +145,11 @@ def _items(rec: Recording, sigma: np.ndarray, contact: Contact | None) -> list[I
         raise UserError(f"the controller is unknown and {why}", file=header, key=key, expected=expected)
     number = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
     free = np.ones(len(rec.time), bool) if contact is None else contact.free
-    found = [_item(rec, rec.tau, np.flatnonzero(number == n), sigma, free) for n in np.unique(number)]
-    found = [item for item in found if item.valid.any()]
-    if not found:
+    items = [_item(rec, rec.tau, np.flatnonzero(number == n), sigma, free) for n in np.unique(number)]
+    items = [item for item in items if item.valid.any()]
+    if not items:
         raise UserError(f"too short to compare: every episode lasts under {2 * ENDS:g} s", file=rec.path)
-    return found
+    return items
 
 
 def _item(rec: Recording, tau: np.ndarray, rows: np.ndarray, sigma: np.ndarray, free: np.ndarray) -> Item:

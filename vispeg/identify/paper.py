@@ -64,18 +64,18 @@ def cut(rec: Recording, pieces: int = PIECES, steps: int = STEPS) -> Pieces:
         raise UserError(
             "another controller", file=rec.path, key="control.mode", expected=expected, got=rec.control.mode
         )
-    robot, whole = robot_of(rec), segments(rec)
-    if len(whole) not in (1, pieces):
+    robot, runs = robot_of(rec), segments(rec)
+    if len(runs) not in (1, pieces):
         raise UserError(
-            "cannot be cut", file=rec.path, key="episode", expected=f"1 or {pieces} episodes", got=len(whole)
+            "cannot be cut", file=rec.path, key="episode", expected=f"1 or {pieces} episodes", got=len(runs)
         )
-    parts = pieces // len(whole)
-    ticks = min(s.ticks for s in whole) // parts
+    parts = pieces // len(runs)
+    ticks = min(s.ticks for s in runs) // parts
     if ticks < steps:
         raise UserError(
             "is too short", file=rec.path, expected=f"{parts * steps} control ticks or more", got=parts * ticks
         )
-    out = [_piece(s, k * ticks, ticks, steps) for s in whole for k in range(parts)]
+    out = [_piece(s, k * ticks, ticks, steps) for s in runs for k in range(parts)]
     path = rec.ee[:, :3] if rec.ee is not None else flange_pose(robot, rec.q)[:, :3]
     measured = np.stack(
         [np.stack([np.interp(s.rows, np.arange(len(path)), column) for column in path.T], 1) for s in out]
@@ -83,21 +83,21 @@ def cut(rec: Recording, pieces: int = PIECES, steps: int = STEPS) -> Pieces:
     return Pieces(robot, tuple(out), measured)
 
 
-def _piece(whole: Segment, first: int, ticks: int, steps: int) -> Segment:
+def _piece(run: Segment, first: int, ticks: int, steps: int) -> Segment:
     rows = slice(first, first + ticks)
     # ticks at which the flange is compared; the last one is the end
     at = np.arange(1, steps + 1) * ticks // steps - 1
-    grid = np.interp((first + at) * whole.tick, whole.time, whole.rows)  # row numbers, whole where the clocks agree
-    command = {name: values[rows] for name, values in whole.command.items()}
-    q, dq, raw = whole.q[rows], whole.dq[rows], whole.q_raw[rows]
-    return Segment(whole.control, whole.tick, command, q, dq, raw, at * whole.tick, grid)
+    grid = np.interp((first + at) * run.tick, run.time, run.rows)  # row numbers, whole where the clocks agree
+    command = {name: values[rows] for name, values in run.command.items()}
+    q, dq, raw = run.q[rows], run.dq[rows], run.q_raw[rows]
+    return Segment(run.control, run.tick, command, q, dq, raw, at * run.tick, grid)
 
 
 def paths(pieces: Pieces, worlds: Sequence[World], nthread: int = 1) -> np.ndarray:
     """Flange positions (nworld, npiece, nstep, 3) m of simulated worlds; NaN where a rollout diverged."""
-    found = simulate(pieces.robot, worlds, pieces.segments, h_max=2e-3, nthread=nthread, want_ee=True)
-    out = np.stack([r.ee[:, :, :3] for r in found if r.ee is not None], axis=1)
-    out[np.stack([r.diverged for r in found], axis=1)] = np.nan
+    responses = simulate(pieces.robot, worlds, pieces.segments, h_max=2e-3, nthread=nthread, want_ee=True)
+    out = np.stack([r.ee[:, :, :3] for r in responses if r.ee is not None], axis=1)
+    out[np.stack([r.diverged for r in responses], axis=1)] = np.nan
     return out
 
 

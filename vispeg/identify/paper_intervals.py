@@ -119,8 +119,8 @@ def _half_widths(space: Coordinates, gap: np.ndarray, slope: np.ndarray) -> np.n
     hessian, gradients = _curvature(slope, gap), _gradients(slope, gap)
     independent = np.einsum("kmp,kmq->pq", slope, slope) / samples  # of the gradients, if errors were
     scale, axes = np.linalg.eigh(independent)
-    shown = scale > SHOWN * scale.max()
-    spread = ((gradients @ axes[:, shown]) ** 2).sum(axis=0) / scale[shown] * pieces / (pieces - 1)
+    informative = scale > SHOWN * scale.max()
+    spread = ((gradients @ axes[:, informative]) ** 2).sum(axis=0) / scale[informative] * pieces / (pieces - 1)
     alike = max(float(spread.mean()), 1.0)
     information = hessian * samples / (_norms(gap).mean() * alike) + np.diag(_prior(space, gap)) * samples / (
         _norms(gap).mean()

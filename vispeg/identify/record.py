@@ -68,8 +68,8 @@ def controller(
     width = 6 if mode == "osc" else len(robot.joints)
     default = (np.full(6, OSC_KP), np.full(6, OSC_KD)) if mode == "osc" else servo(robot, centre, rate_hz)
     gains = []
-    for name, given, usual in (("kp", kp, default[0]), ("kd", kd, default[1])):
-        value = usual if given is None else np.asarray(given, float)
+    for name, stated, usual in (("kp", kp, default[0]), ("kd", kd, default[1])):
+        value = usual if stated is None else np.asarray(stated, float)
         if value.shape != (width,) or not (np.isfinite(value) & (value >= 0)).all():
             raise UserError("wrong gains", key=name, expected=f"{width} numbers, none negative", got=value.tolist())
         gains.append(value)

@@ -52,8 +52,8 @@ def stirred(evidence: Evidence, world: World) -> float:
         options = {"h_max": h_max, "along": True, "reading_noise": noise}
         (response,) = simulate(item.robot, [world, *draws], [item.segment], **options)
         moved = (response.q[1:] - response.q[:1]) / sigma
-        known = plain**2 if coarse else 0.0  # what is sensed has the readings' own noise in it
-        total += np.where(item.valid[:, : item.nj], moved**2 - known, 0.0).sum(axis=(1, 2))
+        floor = plain**2 if coarse else 0.0  # what is sensed has the readings' own noise in it
+        total += np.where(item.valid[:, : item.nj], moved**2 - floor, 0.0).sum(axis=(1, 2))
     total = total[np.isfinite(total)]  # a draw that throws the arm away is no measure of the rest
     return max(float(np.quantile(total, share)), 0.0) / max(count, 1) if len(total) else 0.0
 
@@ -68,9 +68,11 @@ def _begun(item: Item, world: World, draw: int) -> World:
             if e.where in (joint, "all")
         ]
         if width := max(steps, default=0.0):
-            own = [e.params["offset"].value for e in world.effects if (e.effect, e.where) == ("encoder_offset", joint)]
-            offset = sum(own) + width * rng.uniform(-0.5, 0.5)
-            world = world.without("encoder_offset", joint) if own else world
+            offsets = [
+                e.params["offset"].value for e in world.effects if (e.effect, e.where) == ("encoder_offset", joint)
+            ]
+            offset = sum(offsets) + width * rng.uniform(-0.5, 0.5)
+            world = world.without("encoder_offset", joint) if offsets else world
             world = world.add(EffectInstance.of("encoder_offset", joint, offset=offset))
     return world
 

@@ -34,7 +34,7 @@ def border_evidence(
 
 def _items(sights: Sequence[Sight], points: Sequence[Points], noise: dict[str, float]) -> list[Item]:
     out = []
-    for sight, found in zip(sights, points, strict=True):
-        sigma = noise.get(sight.camera.name) or noise_of(found.along)
-        out.append(Item(sight, found, trust(found.along, sigma), np.array([sigma])))
+    for sight, edges in zip(sights, points, strict=True):
+        sigma = noise.get(sight.camera.name) or noise_of(edges.along)
+        out.append(Item(sight, edges, trust(edges.along, sigma), np.array([sigma])))
     return out

@@ -51,18 +51,18 @@ def of_depth(kind: Effect) -> bool:
 
 def depth_figures(picture: np.ndarray, shot: Shot) -> np.ndarray:
     """Figures (as in `TABLE`) of one depth picture (H, W) m, measured or modelled."""
-    seen, found = shot.seen, depth_residual(picture, shot.seen)
-    kind, z = np.digitize(seen.depth, NEARER), seen.depth
-    inside = found.interior & (kind < len(NEARER))
-    good = inside & np.isfinite(found.error)
+    prediction, residual = shot.seen, depth_residual(picture, shot.seen)
+    kind, z = np.digitize(prediction.depth, NEARER), prediction.depth
+    inside = residual.interior & (kind < len(NEARER))
+    good = inside & np.isfinite(residual.error)
     apart = np.full(picture.shape, np.nan)
-    apart[:, 1:] = np.abs(found.error[:, 1:] - found.error[:, :-1])
+    apart[:, 1:] = np.abs(residual.error[:, 1:] - residual.error[:, :-1])
     apart[~good] = np.nan
     error, scatter = [], []
     for k in range(1, len(NEARER)):
         rows = good & (kind == k)
         enough = rows.sum() >= FEW
-        error.append(float(np.median(found.error[rows] / z[rows])) if enough else np.nan)
+        error.append(float(np.median(residual.error[rows] / z[rows])) if enough else np.nan)
         steps = apart[rows & np.isfinite(apart)]
         least = ORDINARY[0] + ORDINARY[1] * float(np.median(z[rows])) ** 2 if enough else 0.0
         # half the difference of two independent readings has their standard deviation times 0.954 as median
@@ -75,7 +75,7 @@ def depth_figures(picture: np.ndarray, shot: Shot) -> np.ndarray:
         lost.sum() / inside.sum() if inside.sum() >= FEW else np.nan,
         lost.sum() / starts if starts > 5 else np.nan,
     ]
-    return np.concatenate([error, _lean(found.error, good, shot), scatter, gone, _beside(picture, seen.depth)])
+    return np.concatenate([error, _lean(residual.error, good, shot), scatter, gone, _beside(picture, prediction.depth)])
 
 
 def _lean(error: np.ndarray, good: np.ndarray, shot: Shot) -> np.ndarray:

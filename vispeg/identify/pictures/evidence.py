@@ -117,8 +117,8 @@ class BorderEvidence(Evidence):
         return [self._residual(world) for world in worlds]
 
     def _residual(self, world: World) -> np.ndarray:
-        for known, answer in self._recent:
-            if known == world:
+        for earlier, answer in self._recent:
+            if earlier == world:
                 return answer
         parts = []
         for item, away, whiten in zip(self.items, self.misplaced(world), self._whiten, strict=True):
@@ -247,8 +247,8 @@ def _edges(p: Points, scale: np.ndarray, away: np.ndarray) -> list[np.ndarray]:
     place = np.column_stack([p.body, facing, np.floor(p.local / PLACE).astype(int)])
     for labels in (facing[:, None], p.parts, one_way, place):
         for rows in _alike(labels):
-            left = abs(scale[rows] @ away[rows]) / max(scale[rows] @ scale[rows], 1e-9)
-            out.append(rows * max(EDGE_BIAS, left) * scale)
+            remainder = abs(scale[rows] @ away[rows]) / max(scale[rows] @ scale[rows], 1e-9)
+            out.append(rows * max(EDGE_BIAS, remainder) * scale)
     return out + [rows * EDGE_BIAS_HERE * scale for rows in _alike(np.column_stack([one_way, p.frame]))]
 
 

@@ -74,8 +74,10 @@ class LightFigures:
             return self.still
         out = []
         for shot, still in zip(self.shots, self.still, strict=True):
-            seen = type(shot.seen)(shot.seen.eye, shot.seen.q, still, shot.seen.depth, shot.seen.parts, shot.seen.pose)
-            out.append(through_sensor(noise, seen, SEED + shot.number)[0])
+            picture = type(shot.seen)(
+                shot.seen.eye, shot.seen.q, still, shot.seen.depth, shot.seen.parts, shot.seen.pose
+            )
+            out.append(through_sensor(noise, picture, SEED + shot.number)[0])
         return out
 
     def _figures(self, pictures: Sequence[np.ndarray], grain: Sequence[np.ndarray], seconds: float) -> np.ndarray:

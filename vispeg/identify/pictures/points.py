@@ -51,14 +51,14 @@ class Points:
 
 def gather(predictor: Predictor, sight: Sight, world: World, window: float) -> Points:
     """The border points that a world predicts, each sought within `window` px in the picture."""
-    name, geometry, found = sight.camera.name, predictor.geometry, []
+    name, geometry, parts = sight.camera.name, predictor.geometry, []
     for i, rgb, b in _drawn(predictor, sight, world):
         ahead, behind = (geometry.cast(name, b.pixel + side * b.normal)[2] for side in (BESIDE, -BESIDE))
         b = b.some((ahead == b.parts[:, 1]) & (behind == b.parts[:, 0]))
         edges = search(rgb, b, window)
-        found.append(_points(i, b, np.where((edges.rival < RIVAL) & (edges.strength > FAINT), edges.along, np.nan)))
-    points = _joined(found)
-    if not found or not values_of(world, "rolling_shutter", name):
+        parts.append(_points(i, b, np.where((edges.rival < RIVAL) & (edges.strength > FAINT), edges.along, np.nan)))
+    points = _joined(parts)
+    if not parts or not values_of(world, "rolling_shutter", name):
         return points
     shift = pixels(geometry, sight, world, points) - points.pixel  # rows that were exposed at other times
     along = points.along - np.sum(shift * points.normal, axis=1)

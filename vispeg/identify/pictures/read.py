@@ -39,8 +39,8 @@ def _curve(rec: Recording, episode: int) -> CubicSpline | None:
     """`joints_at` of an episode without gaps, its spline made once; None where readings are missing."""
     rows = slice(None) if rec.episode is None else rec.episode == episode
     time, q = rec.time[rows], rec.q[rows]
-    whole = np.isfinite(q).all() and len(time) >= 4 and np.diff(time).max() <= GAP / rec.rate_hz
-    return CubicSpline(time, q, extrapolate=False) if whole else None
+    unbroken = np.isfinite(q).all() and len(time) >= 4 and np.diff(time).max() <= GAP / rec.rate_hz
+    return CubicSpline(time, q, extrapolate=False) if unbroken else None
 
 
 def _sight(rec: Recording, name: str, frames: Frames) -> Sight:

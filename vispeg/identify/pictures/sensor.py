@@ -104,8 +104,8 @@ class SensorEvidence(Evidence):
 
     def misplaced(self, world: World) -> list[np.ndarray]:
         """Per item, (frames, figures) measured less modelled in units of the scatter; NaN where not known."""
-        for known, answer in self._recent_figures:
-            if known == world:
+        for earlier, answer in self._recent_figures:
+            if earlier == world:
                 return answer
         out = []
         for item in self.items:

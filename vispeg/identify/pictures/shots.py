@@ -65,11 +65,11 @@ def shots_of(predictor: Predictor, sight: Sight, world: World, posture: np.ndarr
         (before,), (q,), (after,) = (sight.at(np.array([i]), late + t) for t in (-LATER, 0.0, LATER))
         if not np.isfinite([before, q, after]).all():
             continue
-        seen = predictor.draw(name, q + posture[i])
-        borders = borders_of(seen, predictor.geometry, step=3.0)
+        picture = predictor.draw(name, q + posture[i])
+        borders = borders_of(picture, predictor.geometry, step=3.0)
         velocity, flow = _motion(predictor.geometry, name, borders, before + posture[i], after + posture[i])
         measured = sight.rgb(int(i)), sight.depth(int(i))
-        out.append(Shot(int(i), *measured, seen, borders, flow, velocity, _fixed(predictor, seen)))
+        out.append(Shot(int(i), *measured, picture, borders, flow, velocity, _fixed(predictor, picture)))
     return out
 
 
@@ -87,8 +87,8 @@ def _motion(
     return np.concatenate([turn.T @ (then - p), rotation]) / (2 * LATER), (moved[1] - moved[0]) / (2 * LATER)
 
 
-def _fixed(predictor: Predictor, seen: Seen) -> np.ndarray:
+def _fixed(predictor: Predictor, picture: Seen) -> np.ndarray:
     """(H, W) bool: pixels of parts none of whose geoms move with the arm."""
     geometry = predictor.geometry
     moving = geometry.table[:-1][geometry.model.body_weldid[geometry.model.geom_bodyid] != 0]
-    return (seen.parts > 0) & ~np.isin(seen.parts, moving)
+    return (picture.parts > 0) & ~np.isin(picture.parts, moving)
