@@ -123,6 +123,8 @@ def train(
     Raises:
         UserError: no such task, world or teacher; numbers that cannot be; `out` holds something else.
     """
+    if wandb is not None:  # before torch: who asks for curves is told of both, one after the other
+        require("wandb", "--wandb")
     require("torch", "training")
     from vispeg.learn import train as running
     from vispeg.learn.config import TrainConfig
@@ -135,8 +137,6 @@ def train(
     if recurrent and chosen.get("stack") not in (None, 1):
         expected = "one of them, as the LSTM stands in place of the stack"
         raise UserError("a memory and a stack", key="--stack", expected=expected, got=chosen["stack"])
-    if wandb is not None:
-        require("wandb", "--wandb")
     world = str(world)
     asked = world_of(world, dict(chosen))[1]
     sac = defaults(bool(modality(_modality(task, asked, world)).kinds))
