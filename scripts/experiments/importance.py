@@ -93,6 +93,8 @@ def lost(table: dict[str, Any], modality: str) -> list[dict[str, Any]]:
         if whole in (c["first"], c["second"]):
             sign = 1.0 if c["first"] == whole else -1.0
             other = c["second"] if sign > 0 else c["first"]
+            if not other.startswith(f"{modality}-no-"):
+                continue
             d = c["difference"]
             low, high = sorted((sign * d["low"], sign * d["high"]))
             factor = other.removeprefix(f"{modality}-no-")

@@ -8,6 +8,7 @@ import pytest
 
 from vispeg.api.recording.record import record as simulate
 from vispeg.core.effect import EffectInstance
+from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import MOTIONS, motion
@@ -196,3 +197,9 @@ def test_the_command_and_its_function_give_the_same(vispeg, tmp_path, model, mot
         one, other = (top / name for top in tops)
         assert one.is_dir() or one.read_bytes() == other.read_bytes(), name
     assert made.recording.motion in str(made) and "<" in made._repr_html_()
+
+
+@pytest.mark.parametrize("option", [{"cameras": ("wrist_wide",)}, {"look": "S/1"}, {"force_limit": 20.0}])
+def test_an_option_of_cells_is_refused_for_an_arm_alone(option):
+    with pytest.raises(UserError, match="not for an arm alone"):
+        simulate("iiwa14", "triangle", **option)

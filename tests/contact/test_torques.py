@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.noise import NOISE
 from vispeg.recordings.regimes import FREE
 from vispeg.robots.tools import CELL
-from vispeg.sim.external import BLOCK, PRIOR, external, flange_jacobian, solved
+from vispeg.sim.external import BLOCK, PRIOR, _steady, external, flange_jacobian, solved
 from vispeg.sim.touch import touch
 from vispeg.task.belief import believed
 from vispeg.task.peg.rig.motions import CellMotion, Place, press
@@ -115,3 +116,13 @@ def test_what_touches_without_wrench_and_torques_is_refused_in_one_line(pressed)
     air = replace(deaf, **{k: getattr(deaf, k)[:400] for k in ("time", "q", "dq", "ee", "ee_cmd")})
     assert touches(rec, FOUND.scene) and not touches(air, FOUND.scene)
     assert felt([pressed]) and felt([rec]) and not felt([air])
+
+
+@pytest.mark.parametrize("joints", [6, 7])
+@pytest.mark.parametrize("seconds", [0.3, 3.0])
+def test_what_is_left_of_torques_is_told_for_six_joints_and_for_an_episode_that_hardly_begins(joints, seconds):
+    """No combination of six joints' torques is free of a wrench; an episode shorter than its rest leaves the sensor."""
+    rng, n = stream(4, "steady"), round(100 * seconds)
+    rec = SimpleNamespace(time=np.arange(n) / 100.0, tau=rng.normal(0.0, 10.0, (n, joints)), rate_hz=100.0)
+    off = _steady(rec, rng.normal(0.0, 0.1, (n, joints)), rng.normal(0.0, 1.0, (n, 6, joints)), np.full(joints, 0.1))
+    assert off.shape == (joints,) and np.all(np.isfinite(off)) and np.all(off > 0)

@@ -53,13 +53,16 @@ def closed_loop(
         except UserError as error:
             said.append(f"not run again in closed loop: {error}")
             continue
+        played = {name: ran for name, ran in runs.items() if ran is not None}
+        if len(played) < len(runs):
+            said.append(f"{rec.name}: not run again in closed loop: its task cannot play a recording again")
+            continue
         felt = touching(episode)
         read = felt.recording if felt.torques is None else calm(felt.recording, felt.torques)
         trials = {"measured": _trial(read, found.scene, rec.outcomes[0])}
-        for name, ran in runs.items():
-            if ran is not None:
-                same = replace(read, q=ran[0], ft=ran[1], wrench=WrenchSensor())
-                trials[name] = _trial(same, found.scene, ran[2])
+        for name, ran in played.items():
+            same = replace(read, q=ran[0], ft=ran[1], wrench=WrenchSensor())
+            trials[name] = _trial(same, found.scene, ran[2])
         out.append({"recording": rec.name, "trials": trials})
     return out, said
 
@@ -69,7 +72,7 @@ def _first(rec: Recording) -> Recording:
     if rec.episode is None:
         return rec
     rows = np.flatnonzero(rec.episode == rec.outcomes[0].episode)
-    columns = ("time", "q", "dq", "tau", "tau_cmd", "ee", "ee_cmd", "ft", "episode")
+    columns = ("time", "q", "dq", "tau", "tau_cmd", "ee", "ee_cmd", "ft", "episode", "q_cmd", "dq_cmd", "load")
     cut = {name: getattr(rec, name)[rows] for name in columns if getattr(rec, name) is not None}
     return replace(rec, **cut, outcomes=rec.outcomes[:1])
 

@@ -159,15 +159,18 @@ def _steady(rec: Recording, left: np.ndarray, jac: np.ndarray, white: np.ndarray
     for rows in episodes(rec.time):
         clock = rec.time[rows] - rec.time[rows[0]]
         zero = left[rows[clock <= STILL]].mean(axis=0)
-        off.append(_blocks(left[rows[(clock > STILL) & (clock <= AIR)]] - zero, size))
+        air = rows[(clock > STILL) & (clock <= AIR)]
+        if len(air):  # an episode may end before
+            off.append(_blocks(left[air] - zero, size))
         beside = np.einsum("njk,nj->nk", blind[rows], left[rows] - zero)
         across.append(_blocks(beside, size))
-        weights.append(_blocks((blind[rows] ** 2).reshape(len(rows), -1), size))
+        weights.append(_blocks((blind[rows] ** 2).sum(axis=2), size))
     noise = white**2 / size
-    free = np.maximum(np.quantile(np.concatenate(off) ** 2, MOSTLY, axis=0) - QUANTILE * noise, 0.0)
+    moved = np.concatenate(off) if off else np.zeros((1, left.shape[1]))
+    free = np.maximum(np.quantile(moved**2, MOSTLY, axis=0) - QUANTILE * noise, 0.0)
     square = linear**2 + free
     seen = float(np.sum(np.concatenate(across) ** 2))
-    weight = np.concatenate(weights).reshape(-1, left.shape[1], blind.shape[2]).sum(axis=(0, 2))
+    weight = np.concatenate(weights).sum(axis=0)
     told = float(weight @ square)
     extra = seen - float(weight @ noise)
     return np.sqrt(square * max(1.0, extra / told if told > 0 else 1.0))
@@ -176,4 +179,4 @@ def _steady(rec: Recording, left: np.ndarray, jac: np.ndarray, white: np.ndarray
 def _blocks(values: np.ndarray, size: int) -> np.ndarray:
     """Means (m, k) over blocks of `size` of (n, k)."""
     m = max(1, len(values) // size)
-    return values[: m * size].reshape(m, -1, values.shape[1]).mean(axis=1)
+    return values[: m * size].reshape(m, min(size, len(values)), values.shape[1]).mean(axis=1)

@@ -35,7 +35,7 @@ PAIRS = (
     ("focal_error", "lens_distortion"),
 )
 UNKNOWN = ("bent_flange", "tilted_fixture", "moved_fixture", "water_on_lens")
-# The motion that `vispeg check` names for what the ordinary one is too slow for
+# The motion that a diagnosis names under `not_excited` for what the ordinary one is too slow for
 MOTIONS = {"motion_blur": "look-fast", "rolling_shutter": "look-fast"}
 MOVES = ("camera_offset", "focal_error", "principal_point_error", "lens_distortion", "camera_delay", "rolling_shutter")
 

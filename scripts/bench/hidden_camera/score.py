@@ -13,7 +13,8 @@ def judged(case, result: dict[str, Any]) -> dict[str, Any]:
     found = {(e["effect"], e["where"]): e for e in result["effects"]}
     among = set(found) | {(o["effect"], o["where"]) for e in found.values() for o in e["indistinguishable_from"]}
     sure = result["verdict"] == "identified"
-    right = set(hidden) <= among and bool(hidden) and not set(found) - set(hidden) - among
+    classes = [{key, *((o["effect"], o["where"]) for o in e["indistinguishable_from"])} for key, e in found.items()]
+    right = set(hidden) <= among and bool(hidden) and all(c & set(hidden) for c in classes)
     silent = {(n["effect"], n["where"]): n.get("numbers") for n in result["not_excited"]}
     unseen = {key for key, v in hidden.items() if key in silent and set(v) <= set(silent[key] or v)}
     errors, inside = {}, []
@@ -41,7 +42,8 @@ def judged(case, result: dict[str, Any]) -> dict[str, Any]:
 
 def table(rows: list[dict[str, Any]]) -> str:
     """Markdown of all rows, with the shares on top."""
-    single = [r for r in rows if r["kind"] in ("single", "pair") and not r["silent"]]
+    every = [r for r in rows if r["kind"] in ("single", "pair")]
+    single = [r for r in every if not r["silent"]]
     silent = [r for r in rows if r["silent"]]
     none, unknown = ([r for r in rows if r["kind"] == k] for k in ("none", "unknown"))
     inside = [x for r in single for x in r["inside"]]
@@ -51,8 +53,9 @@ def table(rows: list[dict[str, Any]]) -> str:
 
     lines = ["| what | result |", "|---|---|"]
     lines.append(
-        f"| hidden effects all named (or among what cannot be told apart) | {share([r['right'] for r in single])} |"
+        f"| hidden effects all named (or among what cannot be told apart) | {share([r['right'] for r in every])} |"
     )
+    lines.append(f"| the same without cases that it lists as not excited | {share([r['right'] for r in single])} |")
     said = share([not r["named"] for r in silent])
     lines.append(f"| hidden effects that no picture of the case can show: said so, and none named | {said} |")
     lines.append(f"| confidently wrong | {share([r['wrong'] for r in rows])} |")

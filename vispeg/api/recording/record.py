@@ -137,6 +137,13 @@ def _of_joints(asked: Asked) -> bool:
 
 
 def _of_arm(asked: Asked, world: World) -> SimulatedRecording:
+    asked.refuse(
+        "not for an arm alone",
+        "a motion that touches or looks, in a cell",
+        cameras=((), [], None),
+        look=(None,),
+        force_limit=(None,),
+    )
     if asked.tool is not None:
         world = replace(world, tool=None if asked.tool == "none" else asked.tool)
     robot = load(world.robot, tool=world.tool)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.pictures.agreement import agreement
 from vispeg.diagnosis.pictures.search import PictureSearch
@@ -47,8 +49,9 @@ class BorderSearch(PictureSearch):
         """One effect alone that does as well as all that were taken."""
         if len(state.world.effects) - given < 2:
             return None
-        trials = state.steps[0][1]
-        alone = [t for t in trials if present(t.fit, -1) and equal(self.judge, t.loss, state.loss)]
+        trials, base = state.steps[0][1], replace(state.world, effects=state.world.effects[:given])
+        alone = [t for t in trials if not t.rejected and present(t.fit, -1) and equal(self.judge, t.loss, state.loss)]
+        alone = [t for t in alone if not self.doubt(t.score.placed, t.fit.world, base, given)]
         alone.sort(key=lambda t: (parameters(t.fit.world), float(t.loss.sum())))
         return (alone[0], trials) if alone else None
 

@@ -51,7 +51,9 @@ def taken_over(search: PictureSearch, state: State) -> np.ndarray:
     """(k,) standard errors of the coordinates from what the best of the refused effects beside them would take over."""
     fit = state.fit
     assert fit is not None
-    richer = [t for t in state.last if t.gain.z > HELD_OUT and t.gain.relative > search.evidence.least_gain]
+    accepted = [(e.effect, e.where) for e in state.world.effects]  # the last refusals may be beside another world
+    beside = [t for t in state.last if [(e.effect, e.where) for e in t.fit.world.effects[: len(accepted)]] == accepted]
+    richer = [t for t in beside if t.gain.z > HELD_OUT and t.gain.relative > search.evidence.least_gain]
     if not richer or len(richer[0].fit.u) <= len(fit.u):
         return np.zeros(len(fit.u))
     return np.abs(richer[0].fit.u[: len(fit.u)] - fit.u) / np.sqrt(3)
