@@ -10,6 +10,16 @@ from vispeg.report.record import Record
 from vispeg.report.sections import VIEWS
 from vispeg.report.sections.views import _difference, context
 
+SILENT = [  # of a record today, of one number alone, and of a record from before reasons were given
+    {
+        "effect": "camera_delay",
+        "where": "wrist",
+        "why": "a typical one moves these borders by 0.05 px",
+        "motion": "look-fast",
+    },
+    {"effect": "motion_blur", "where": "wrist", "numbers": ["length"], "why": "no figure", "motion": "look-fast"},
+    {"effect": "exposure", "where": "wrist"},
+]
 ROW = {"camera": "wrist", "distance_m": 0.25, "rms_px": 2.0, "largest_px": 3.0, "uncertainty_px": 0.1}
 
 
@@ -21,7 +31,7 @@ def record() -> Record:
     arrays |= {"view/0/normal": np.tile([1.0, 0.0], (4, 1)), "view/0/along_before": np.full(4, 3.0)}
     arrays |= {"view/0/along_after": np.zeros(4), "projection/0/pixels": np.zeros((3, 4, 2))}
     arrays |= {"projection/0/shift": np.ones((3, 4, 2)), "projection/0/sigma": np.ones((3, 4))}
-    views = {"projection": [ROW], "halves": {"px": 0.1, "uncertainty_px": 0.2}, "remainder": [], "not_excited": []}
+    views = {"projection": [ROW], "halves": {"px": 0.1, "uncertainty_px": 0.2}, "remainder": [], "not_excited": SILENT}
     return Record("diagnosis", {"verdict": "identified", "views": views}, Evidence(views=arrays))
 
 
@@ -33,6 +43,8 @@ def test_the_page_shows_frames_depth_and_the_projection():
     ]  # fmt: skip
     assert len(values["rows"][0]["depth"]) == 5 and values["maps"][0]["svg"].startswith("<svg")
     text = render(record())
+    for said in ("camera_delay(wrist): a typical one", "motion_blur(wrist), length: no figure", "exposure(wrist)."):
+        assert said in text
     assert "2.00 px" in text and "look-b, wrist, 3.00 s" in text and "views" in VIEWS
     assert context(Record("diagnosis", {"verdict": "identified"}, Evidence())) is None
 
