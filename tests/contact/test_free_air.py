@@ -26,7 +26,7 @@ STEP = 2e-3
 
 
 def swung(amplitude: float, hz: float = 0.5) -> Path:
-    """3 s from rest, to and fro along the hand's x axis, high over the table."""
+    """3 s from rest, back and forth along the hand's x axis, high over the table."""
     time = np.arange(1500) * STEP
     soft, way = np.clip((time - 0.5) / 0.5, 0.0, 1.0), 2 * np.pi * hz
     place = np.zeros((len(time), 6))
