@@ -266,15 +266,37 @@ def test_the_terminal_says_what_cannot_be_told_apart(diagnosis, tmp_path, capsys
 
 
 def test_candidates_say_what_was_in_the_model_already(run, diagnosis):
-    assert "Tried beside" not in _page(run(diagnosis())).text
+    assert "tried beside" not in _page(run(diagnosis())).text
     record = diagnosis()
     record["candidates"][0]["tried_beside"] = []
     record["candidates"][1]["tried_beside"] = [{"effect": "payload", "where": "flange"}]
     text = _page(run(record)).text
-    assert "Tried beside" in text
-    assert "viscous_friction(joint4)the model as given31 %" in text
-    assert "backlash(joint2)payload(flange)−2.0 %" in text
+    given, added = (
+        text.index("1 tried beside the model as given, best gain 31 %"),
+        text.index("1 tried beside payload(flange)"),
+    )
+    assert given < text.index("viscous_friction(joint4)31 %") < added < text.index("backlash(joint2)−2.0 %")
     assert "cogging(joint6)–" in text, "a record of before says nothing about it"
+
+
+@pytest.mark.parametrize("count", [1, 2, 4, 5, 12])
+def test_many_effects_come_as_one_table_and_what_stands_behind_it_is_closed(run, diagnosis, count):
+    record = diagnosis()
+    friction = record["effects"][1]
+    record["effects"] = [friction | {"where": f"joint{i + 1}"} for i in range(count)]
+    record["effects"][-1]["tentative"] = count > 1
+    page = _page(run(record))
+    assert ("The model lacks" in page.text) == (count > 1)
+    assert ("details" in page.tags) == (count > 4)
+    if count > 1:
+        glance = page.text[page.text.index("The model lacks") :]
+        assert "1.31 N m1.224 to 1.401named" in glance.replace("1.312", "1.31") and "1.401tentative" in glance
+    assert page.text.count("friction torque in motion and at rest") == count, "each still has its own table"
+
+
+def test_the_page_says_first_what_to_record_next(run, diagnosis):
+    text = _page(run(diagnosis())).text
+    assert text.index("Next. Record slow triangle on joint4") < text.index("What was found", text.index("Next."))
 
 
 def test_a_value_at_its_bound_is_marked_in_every_table(run, diagnosis):

@@ -7,8 +7,8 @@ naming it here. One that answers the mouse names its SCRIPTS and STYLES, files o
 
 DIAGNOSIS = (
     "headline",
-    "explore",
     "found",
+    "explore",
     "where_it_fails",
     "measured_vs_model",
     "maps",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from vispeg.report.drawings.figures import MUTED
@@ -22,7 +22,7 @@ def context(record: Record) -> Mapping[str, object]:
     top = screened[:MOST_SCREENED]
     low, high = _decades([number(row.get("score")) for row in top])
     return {
-        "tried": [
+        "tried": _by_model(
             {
                 "effect": label(row),
                 "beside": _beside(row),
@@ -34,7 +34,7 @@ def context(record: Record) -> Mapping[str, object]:
                 "why": str(row.get("rejected_because") or "–"),
             }
             for row in tried
-        ],
+        ),
         "screened": [
             {
                 "effect": label(row),
@@ -45,7 +45,6 @@ def context(record: Record) -> Mapping[str, object]:
             for row in top
         ],
         "ends": (powers(10.0**low, 1), powers(10.0**high, 1)),
-        "beside": any("tried_beside" in row for row in tried),
         "errors": any(number(row.get("gain_standard_errors")) is not None for row in tried),
         "grouped": any(row.get("cosine_group") is not None for row in screened),
         "unscreened": max(0, len(screened) - MOST_SCREENED),
@@ -53,10 +52,18 @@ def context(record: Record) -> Mapping[str, object]:
     }
 
 
+def _by_model(tried: Iterable[dict[str, str]]) -> list[dict[str, Any]]:
+    """The rows of each model that candidates were added to, by its effects; models in the order of their best row."""
+    models: dict[str, list[dict[str, str]]] = {}
+    for row in tried:
+        models.setdefault(row["beside"], []).append(row)
+    return [{"beside": beside, "size": beside.count("(") or 1, "rows": its} for beside, its in models.items()]
+
+
 def _beside(row: Mapping[str, Any]) -> str:
-    """What was in the model already when a candidate was added to it."""
+    """What was in the model already when a candidate was added to it; empty where a record does not say."""
     if "tried_beside" not in row:
-        return "–"
+        return ""
     return ", ".join(label(other) for other in rows(row, "tried_beside")) or "the model as given"
 
 

@@ -16,13 +16,17 @@ from vispeg.report.text.quantities import number, plain, prefix, scaled
 
 TITLE = "What was found"
 STRONG = 0.9
+MOST_OPEN = 4  # effects whose tables stand open
 AT_BOUND = "at a bound: the true value may lie beyond"
 
 
 def context(record: Record) -> Mapping[str, object]:
     """The effects with a row a parameter, earlier values that moved, and how the estimates are correlated."""
     listed = [e for e in [*record.rows("effects"), *record.rows("partial")] if in_part(record, e)]
+    everything = [*listed, *(e for e in record.rows("effects") if not in_part(record, e))]
     return {
+        "glance": [_glance(e) for e in sorted(everything, key=lambda e: bool(e.get("tentative")))],
+        "folded": len(everything) > MOST_OPEN,
         "effects": [_effect(e) for e in record.rows("effects") if not e.get("partial")],
         "partial": [_effect(e) for e in listed if not e.get("tentative")],
         "tentative": [_effect(e) for e in listed if e.get("tentative")],
@@ -71,6 +75,13 @@ def _effect(effect: Mapping[str, Any]) -> Mapping[str, object]:
         "params": params,
         "remarks": any(row["remark"] for row in params),
     }
+
+
+def _glance(effect: Mapping[str, Any]) -> Mapping[str, object]:
+    """An effect as one row: its name, each value with its interval, and how sure the name is."""
+    others = [effect_words.named(other) for other in rows(effect, "indistinguishable_from")]
+    sure = "tentative" if effect.get("tentative") else f"or {words.join(others, 'or')}" if others else "named"
+    return {"words": effect_words.named(effect), "params": _params(effect), "sure": sure}
 
 
 def bounds_of(effect: str, param: str) -> Param | None:

@@ -36,6 +36,7 @@ def context(record: Record) -> Mapping[str, object]:
         "picture": chart(lambda shape: ladder_figure(record, shape), "ladder", words.fall(values)),
         "ladder": ladder_rows(record),
         "fitted": any(number(row.get("fit_error")) is not None for row in record.rows("ladder")),
+        "onward": words.onward(values) if record.kind == "diagnosis" else "",
         "reason": str(values.get("reason") or "").rstrip("."),
         "judged": _judged(record),
         "robot": "" if record.robot is None else data_link(record.robot),
