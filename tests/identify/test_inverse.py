@@ -37,7 +37,7 @@ def evidence():
 
 
 def accelerations(item):
-    return item.segment.known["ddq"]
+    return item.segment.cache["ddq"]
 
 
 def test_nominal_torque_is_mujocos_inverse(evidence):

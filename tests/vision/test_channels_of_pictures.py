@@ -11,7 +11,7 @@ from vispeg.render.cameras.camera import Camera
 from vispeg.vision.depth import BASELINE, depth_quality, depth_residual
 from vispeg.vision.eye import Eye
 from vispeg.vision.photometry import light_residual
-from vispeg.vision.predict import TO_LINEAR, Seen, encoded
+from vispeg.vision.predict import TO_LINEAR, Rendering, encoded
 
 CAMERA = Camera("eye", 160, 120, 150.0, 150.0, 79.5, 59.5)
 TILT = np.array([0.3, -0.2, 1.0])  # of a plane n . p = d
@@ -30,7 +30,7 @@ def seen():
         * np.array([1.0, 0.8, 0.5])
         * np.where(parts == BOX, 0.5, 1)[..., None]
     )
-    return Seen(Eye(CAMERA, CAMERA), np.zeros(1), encoded(light), depth.astype(np.float32), parts, np.eye(4))
+    return Rendering(Eye(CAMERA, CAMERA), np.zeros(1), encoded(light), depth.astype(np.float32), parts, np.eye(4))
 
 
 def test_scale_bias_and_noise_of_depth(seen):

@@ -44,7 +44,7 @@ def test_lost_repeated_and_badly_lit_frames_are_counted():
     (found,) = check_frames(of_frames(times, pictures, depth), None)
     assert (found.lost, found.repeated, found.frames) == (3, 1, 17) and found.rate_hz == pytest.approx(10)
     assert found.fill_rate == 50.0 and found.near == pytest.approx(0.5) and abs(found.brightness - 128) < 1
-    assert not found.told and found.coverage is None
+    assert not found.precision and found.coverage is None
     said = " ".join(warnings_of(found))
     assert "3 frames were lost" in said and "1 frames are the one before" in said and "50 % of the depth" in said
     (bright,) = check_frames(of_frames(np.arange(3) * 0.1, [np.full_like(p, 255) for p in grey(128, 3)]), None)
@@ -86,8 +86,8 @@ def test_motions_tell_what_theory_says():
     still = told("look", scene, cameras, fixed=True)
     for key, mixed in every["look"].items():
         assert mixed.sigma < min(one[key].sigma for one in (*list(every.values())[1:], still)), key
-    assert every["look"]["camera_delay.delay"].sigma < 4.0 and every["look"]["camera_offset.rz"].told
-    assert not any(still[key].told for key in ("camera_delay.delay", "camera_offset.z", "focal_error.fx"))
+    assert every["look"]["camera_delay.delay"].sigma < 4.0 and every["look"]["camera_offset.rz"].determined
+    assert not any(still[key].determined for key in ("camera_delay.delay", "camera_offset.z", "focal_error.fx"))
     assert still["camera_delay.delay"].sigma > 400, "nothing moves: the prior is all there is"
     assert every["look-sideways"]["camera_delay.delay"].sigma < 0.3 * every["look-roll"]["camera_delay.delay"].sigma
     assert every["look"]["focal_error.fx"].sigma < 0.5 * every["look-sideways"]["focal_error.fx"].sigma

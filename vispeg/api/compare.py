@@ -129,4 +129,4 @@ def compared_pictures(rec: Recording, world: World, reading: Reading = silent) -
             except UserError as error:
                 raise UserError(str(error), file=rec.path / "frames/cameras.yaml") from error
     with reading(rec.path) as progress:
-        return compare_frames(rec, scene, belief.world.add(*world.effects), told=progress)
+        return compare_frames(rec, scene, belief.world.add(*world.effects), progress=progress)

@@ -47,9 +47,9 @@ def closed_loop(
     for rec in recordings:
         if len(out) == MOST or not rec.outcomes or rec.control.mode != "osc" or rec.ee_cmd is None:
             continue
-        episode, found = _first(rec), believed(rec.cell, rec.path / "recording.yaml")
+        episode, cell = _first(rec), believed(rec.cell, rec.path / "recording.yaml")
         try:
-            runs = {name: task_of(found.config).again(episode, world, nthread) for name, world in models.items()}
+            runs = {name: task_of(cell.config).again(episode, world, nthread) for name, world in models.items()}
         except UserError as error:
             said.append(f"not run again in closed loop: {error}")
             continue
@@ -59,10 +59,10 @@ def closed_loop(
             continue
         felt = touching(episode)
         read = felt.recording if felt.torques is None else calm(felt.recording, felt.torques)
-        trials = {"measured": _trial(read, found.scene, rec.outcomes[0])}
+        trials = {"measured": _trial(read, cell.scene, rec.outcomes[0])}
         for name, ran in played.items():
             same = replace(read, q=ran[0], ft=ran[1], wrench=WrenchSensor())
-            trials[name] = _trial(same, found.scene, ran[2])
+            trials[name] = _trial(same, cell.scene, ran[2])
         out.append({"recording": rec.name, "trials": trials})
     return out, said
 

@@ -40,7 +40,7 @@ class Driven:
 
 def drive(
     scene: Scene,
-    whole: Scene,
+    cell: Scene,
     path: Path,
     worlds: Sequence[World],
     wrench: np.ndarray,
@@ -53,7 +53,7 @@ def drive(
 
     Args:
         scene: a hand, see `vispeg.contact.hand`.
-        whole: the cell with its arm, whose contacts are as soft as these shall be.
+        cell: the cell with its arm, whose contacts are as soft as these shall be.
         path: measured.
         worlds: with effects of contact and tool alone.
         wrench: (nworld, n, 6) what each world takes for the wrench on the tool, flange axes.
@@ -62,7 +62,7 @@ def drive(
         nthread: of the batch.
         shift: (nworld, 6) m and rad by which each hand is off its path, in the axes that the hand starts in.
     """
-    batch = hands(scene, whole, path, worlds, nthread)
+    batch = hands(scene, cell, path, worlds, nthread)
     if shift is not None:
         body, turn = compiled(scene).body(scene.base).id, Rotation.from_quat(path.frame, scalar_first=True)
         batch.expand("body_pos")[:, body] = path.origin + turn.apply(shift[:, :3])
@@ -93,7 +93,7 @@ def drive(
     return Driven(correction, zero, places)
 
 
-def hands(scene: Scene, whole: Scene, path: Path, worlds: Sequence[World], nthread: int = 1) -> mjb.Batch:
+def hands(scene: Scene, cell: Scene, path: Path, worlds: Sequence[World], nthread: int = 1) -> mjb.Batch:
     """A batch of hands, one a world, in the frame of a path's start; arguments as for `drive`.
 
     MuJoCo regularizes a contact by the inverse weights of its bodies, so that without the arm behind it a tool would
@@ -102,7 +102,7 @@ def hands(scene: Scene, whole: Scene, path: Path, worlds: Sequence[World], nthre
     """
     active = activate(scene, worlds)
     parts = [a.effect.name for a in active]
-    model, behind = compiled(scene, parts), compiled(whole, parts)
+    model, behind = compiled(scene, parts), compiled(cell, parts)
     batch = mjb.Batch(model, len(worlds), nthread=nthread)
     fields = Fields(batch, scene)
     for a in active:
@@ -113,7 +113,7 @@ def hands(scene: Scene, whole: Scene, path: Path, worlds: Sequence[World], nthre
     derive(batch, fields)
     weight, on_arm = batch.expand("body_invweight0"), {behind.body(b).name: b for b in range(behind.nbody)}
     for b in range(1, model.nbody):
-        own, at = model.body_invweight0[b], on_arm.get(model.body(b).name)
+        hand_weight, at = model.body_invweight0[b], on_arm.get(model.body(b).name)
         if at is not None:
-            weight[:, b] *= np.divide(behind.body_invweight0[at], own, out=np.ones(2), where=own > 0)
+            weight[:, b] *= np.divide(behind.body_invweight0[at], hand_weight, out=np.ones(2), where=hand_weight > 0)
     return batch

@@ -108,8 +108,8 @@ class ContactEvidence(Evidence):
         hands: dict[int, Scene] = {}
         self.items: list[ContactItem] = []
         for t in touching:
-            one = hands.setdefault(id(t.scene), hand(t.scene, self.hold))
-            self.items += _items(t, one, SECONDS / len(touching), self.hold, nthread)
+            scene = hands.setdefault(id(t.scene), hand(t.scene, self.hold))
+            self.items += _items(t, scene, SECONDS / len(touching), self.hold, nthread)
         self.notes: list[str] = notes([(t.recording, t.torques) for t in touching])
         self.absent: set[tuple[str, str]] = set()
         self.floor_from = "simulated repeats with the stated noise"
@@ -159,8 +159,8 @@ class ContactEvidence(Evidence):
     def simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
         """Per item, the wrench (nworld, m, 6) in blocks that the worlds need for the measured path."""
         key = tuple(worlds) if len(worlds) <= 4 else None
-        for known, answer in self._recent:
-            if known == key:
+        for cached, answer in self._recent:
+            if cached == key:
                 return answer
         answer = self._simulated(worlds)
         if key is not None:
@@ -189,9 +189,11 @@ class ContactEvidence(Evidence):
 
 def driven(item: ContactItem, worlds: Sequence[World], nthread: int = 1) -> Driven:
     """Hands of worlds of one structure along one item's path."""
-    own = [hand_world(item.source.believed, w) for w in worlds]
-    wrench = np.stack([readings(item.path, item.hand, w) for w in own])
-    return drive(item.hand, item.source.scene, item.path, own, wrench, item.phase.rest, item.phase.windows, nthread)
+    hand_worlds = [hand_world(item.source.believed, w) for w in worlds]
+    wrench = np.stack([readings(item.path, item.hand, w) for w in hand_worlds])
+    return drive(
+        item.hand, item.source.scene, item.path, hand_worlds, wrench, item.phase.rest, item.phase.windows, nthread
+    )
 
 
 def displaced(item: ContactItem, nthread: int = 1) -> np.ndarray:
@@ -227,13 +229,13 @@ def _alike(worlds: Sequence[World]) -> list[np.ndarray]:
     return [np.array(rows) for rows in groups.values()]
 
 
-def _items(t: Touching, one: Scene, seconds: float, hold: Grasp, nthread: int) -> list[ContactItem]:
+def _items(t: Touching, scene: Scene, seconds: float, hold: Grasp, nthread: int) -> list[ContactItem]:
     rec = t.recording
     number = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
-    told = rec if t.torques is None else calm(rec, t.torques)
-    felt = touch(replace(told, wrench=rec.wrench or WrenchSensor()), t.scene)
+    calmed = rec if t.torques is None else calm(rec, t.torques)
+    felt = touch(replace(calmed, wrench=rec.wrench or WrenchSensor()), t.scene)
     assert felt is not None  # `touching` refused a recording without a wrench
-    out = [_item(t, felt, one, np.flatnonzero(number == n), seconds, hold, nthread) for n in np.unique(number)]
+    out = [_item(t, felt, scene, np.flatnonzero(number == n), seconds, hold, nthread) for n in np.unique(number)]
     out = [i for i in out if i is not None]
     if not out:
         raise UserError(
@@ -243,7 +245,7 @@ def _items(t: Touching, one: Scene, seconds: float, hold: Grasp, nthread: int) -
 
 
 def _item(
-    t: Touching, felt: Touch, one: Scene, rows: np.ndarray, seconds: float, hold: Grasp, nthread: int
+    t: Touching, felt: Touch, scene: Scene, rows: np.ndarray, seconds: float, hold: Grasp, nthread: int
 ) -> ContactItem | None:
     rec = t.recording
     path = along(t.scene, rec, t.wrench, rows, H_MAX)
@@ -258,7 +260,7 @@ def _item(
     )
     measured = phase.medians(path.wrench[None])[0]
     sigma = np.ones_like(measured)
-    item = ContactItem(rec, segment, t.scene, (), path, phase, t, one, hold, sigma)
+    item = ContactItem(rec, segment, t.scene, (), path, phase, t, scene, hold, sigma)
     sigma = floors(item, nthread)
     valid = np.isfinite(measured) & phase.valid[:, None]
     force, torque = slice(0, 3), slice(3, 6)
@@ -266,7 +268,7 @@ def _item(
         Channel("force", measured[:, force], sigma[:, force], valid[:, force]),
         Channel("moment", measured[:, torque], sigma[:, torque], valid[:, torque]),
     )
-    item = ContactItem(rec, segment, t.scene, channels, path, phase, t, one, hold, sigma)
+    item = ContactItem(rec, segment, t.scene, channels, path, phase, t, scene, hold, sigma)
     return replace(item, nuisance=nuisance(item, displaced(item, nthread)))
 
 

@@ -49,21 +49,21 @@ def floors(item: ContactItem, nthread: int) -> np.ndarray:
     sigma = noise(item)
     read = read + sigma * rng.standard_normal(read.shape)
     again = replace(path, place=place, rate=rate)
-    left = phase.medians(
+    residual = phase.medians(
         drive(item.hand, item.source.scene, again, [world], read[None], phase.rest, phase.windows, nthread).correction
     )[0]
-    out = np.empty_like(left)
+    out = np.empty_like(residual)
     ends = np.convolve(phase.of("slide"), np.ones(2 * LOOSE + 1), "same") > 0
     unit = np.repeat([1.0, LEVER], 3)
     for name in NAMES:
         rows, used = phase.of(name), phase.of(name) & phase.valid & ~phase.resting
         if rows.any():
-            seen = np.sqrt(np.mean(left[used] ** 2, axis=0)) if used.any() else 0.0
+            rms = np.sqrt(np.mean(residual[used] ** 2, axis=0)) if used.any() else 0.0
             breaks = rows & ends
             for some, law in ((rows & ~ends, name), (breaks, name if name == "impact" else "slide")):
                 share = SHARE[law] + WEDGED[law] * wedged(item)[some]
                 form = np.hypot(FORM[law], share * phase.force[some])
-                out[some] = np.hypot(seen, form[:, None] * unit)
+                out[some] = np.hypot(rms, form[:, None] * unit)
     chatter = np.sqrt(np.maximum(phase.scatter(path.wrench) ** 2 - sigma**2, 0.0))
     out = np.hypot(out, MEDIAN / np.sqrt(phase.size) * chatter)
     out[phase.resting] = np.repeat([DRIFT, DRIFT * LEVER], 3)

@@ -23,8 +23,8 @@ def touching(rec: Recording) -> Touching:
     """
     cell = believed(rec.cell, rec.path / "recording.yaml")
     if rec.ft is None or not sensed(rec):
-        rec, found = estimated(rec, cell.scene)
-        return Touching(rec, cell.scene, found.wrench, cell.world, found)
+        rec, torques = estimated(rec, cell.scene)
+        return Touching(rec, cell.scene, torques.wrench, cell.world, torques)
     sensor = rec.wrench or WrenchSensor()
     turn = Rotation.from_quat(flange_pose(cell.scene.nominal, np.nan_to_num(rec.q))[:, 3:], scalar_first=True)
     wrench = canonical(rec.ft, sensor, turn.as_matrix())

@@ -24,17 +24,17 @@ PARTS = {"force": slice(0, 3), "torque": slice(3, 6)}
 def heard(item: ContactItem) -> tuple[np.ndarray, np.ndarray]:
     """White noise of each channel (6,) while the hand rests, N and N m, and its standard error."""
     rest = item.path.rows[item.path.clock < item.path.time[item.phase.rest.stop - 1]]
-    seen = highpass_sigma(item.source.wrench[rest])
-    return seen, SPREAD * seen / np.sqrt(2 * len(rest))
+    level = highpass_sigma(item.source.wrench[rest])
+    return level, SPREAD * level / np.sqrt(2 * len(rest))
 
 
 def noise(item: ContactItem) -> np.ndarray:
     """(6,) N, N m: as stated, or as heard where that is clearly more or nothing is stated."""
-    seen, error = heard(item)
+    level, error = heard(item)
     stated = wrench_noise(item.recording.noise)
     if stated is None:
-        return seen
-    return np.where(_louder([item])[0], np.maximum(seen, stated), stated)
+        return level
+    return np.where(_louder([item])[0], np.maximum(level, stated), stated)
 
 
 def louder(world: World, fitted: Sequence[ContactItem], held_out: Sequence[ContactItem]) -> tuple[EffectInstance, ...]:
@@ -42,12 +42,12 @@ def louder(world: World, fitted: Sequence[ContactItem], held_out: Sequence[Conta
     items = [[i for i in group if wrench_noise(i.recording.noise) is not None] for group in (fitted, held_out)]
     if not all(items) or any(e.effect == "wrench_noise" for e in world.effects):
         return ()
-    more, seen, error, stated = _louder(items[0])
+    more, level, error, stated = _louder(items[0])
     more = more & _louder(items[1])[0]
     params = {}
     for name, part in PARTS.items():
         if more[part].any():
-            middle, wide = seen[part].mean(), 1.96 * error[part].mean() / np.sqrt(3)
+            middle, wide = level[part].mean(), 1.96 * error[part].mean() / np.sqrt(3)
             levels = np.maximum(np.array([middle, middle - wide, middle + wide]) ** 2 - stated[part].mean() ** 2, 0.0)
             params[name] = Value(*np.sqrt(levels).tolist())
     placed = EffectInstance.of("wrench_noise", "flange")
@@ -57,14 +57,14 @@ def louder(world: World, fitted: Sequence[ContactItem], held_out: Sequence[Conta
 def _louder(items: Sequence[ContactItem]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Which channels' halves are (6,) louder than stated by more than `LOUDER` and chance; heard, its error, stated."""
     values = [heard(i) for i in items]
-    seen = np.sqrt(np.mean([s**2 for s, _ in values], axis=0))
+    level = np.sqrt(np.mean([s**2 for s, _ in values], axis=0))
     error = np.sqrt(np.sum([e**2 for _, e in values], axis=0)) / len(values)
     stated = np.sqrt(np.mean([np.square(_stated(i)) for i in items], axis=0))
     more = np.zeros(6, bool)
     for part in PARTS.values():
-        low = seen[part].mean() - 3.0 * error[part].mean() / np.sqrt(3)
+        low = level[part].mean() - 3.0 * error[part].mean() / np.sqrt(3)
         more[part] = low > LOUDER * stated[part].mean()
-    return more, seen, error, stated
+    return more, level, error, stated
 
 
 def _stated(item: ContactItem) -> np.ndarray:

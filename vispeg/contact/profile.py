@@ -82,12 +82,12 @@ def profile(evidence: ContactEvidence, world: World, where: Sequence[tuple[str, 
 def idle(probes: Sequence[Probe]) -> set[tuple[str, str]]:
     """(effect, parameter) that no size of gains a `SHARE` of what the effect's best parameter does."""
     top: dict[str, float] = {}
-    own: dict[tuple[str, str], float] = {}
+    best: dict[tuple[str, str], float] = {}
     for p in probes:
         key = p.placed.effect, p.name
         top[p.placed.effect] = max(top.get(p.placed.effect, -np.inf), p.gain)
-        own[key] = max(own.get(key, -np.inf), p.gain)
-    return {key for key, gain in own.items() if gain < max(SHARE * top[key[0]], 0.0) and gain < top[key[0]]}
+        best[key] = max(best.get(key, -np.inf), p.gain)
+    return {key for key, gain in best.items() if gain < max(SHARE * top[key[0]], 0.0) and gain < top[key[0]]}
 
 
 FELT = 5.0  # standard deviations by which some size must move the residual for an effect to be excited

@@ -48,8 +48,8 @@ def where_it_fails(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> 
             grid[:, k] += r[item.phase.code == k].sum(axis=0)
     share = grid / max(float(grid.sum()), 1e-300)
     order = np.argsort(-share, axis=None)
-    found = [np.unravel_index(i, share.shape) for i in order]
-    rows: list[Failure] = [{"joint": COLUMNS[j], "regime": NAMES[k], "share": float(share[j, k])} for j, k in found]
+    places = [np.unravel_index(i, share.shape) for i in order]
+    rows: list[Failure] = [{"joint": COLUMNS[j], "regime": NAMES[k], "share": float(share[j, k])} for j, k in places]
     return [r for r in rows if r["share"] >= LEAST_SHARE][:8]
 
 
@@ -101,9 +101,9 @@ def not_excited(silent: Sequence[tuple[str, str]]) -> list[NotExcited]:
     """Effects of which no size changes the wrench, each with the motion that would show it."""
     out: list[NotExcited] = []
     for name, where in silent:
-        shown = effect(name).shown_by
+        motions = effect(name).shown_by
         why = "no size of it changes the wrench in these recordings"
-        out.append({"effect": name, "where": where, "why": why, "motion": shown[0] if shown else "insert"})
+        out.append({"effect": name, "where": where, "why": why, "motion": motions[0] if motions else "insert"})
     return out
 
 

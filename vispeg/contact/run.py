@@ -46,20 +46,20 @@ def diagnose_contact(
     evidence, judged = evidence_of(fitted, nthread), evidence_of(held_out, nthread)
     judge, say = Judge(judged), Share(say, ahead=2)
     search = ContactSearch(evidence, judge, say, progress)
-    given = len(world.effects)
+    n_fixed = len(world.effects)
     before_fit, before_held = evidence.residuals([world])[0], judged.residuals([world])[0]
     silent = search.silent(world)
     state = search.run(world)
     say.ahead = 1
-    rivals = find_rivals(search, state, given, say) if len(state.world.effects) > given else []
+    rivals = find_rivals(search, state, n_fixed, say) if len(state.world.effects) > n_fixed else []
     after_held = judged.residuals([state.world])[0]
     before, after = judge.mean(judge.loss(before_held)), judge.mean(state.loss)
     noise = louder(world, evidence.items, judged.items)
-    found = state.world.add(*noise)
-    verdict = decide(before, after, len(found.effects) - given, rivals, [])
+    fitted_world = state.world.add(*noise)
+    verdict = decide(before, after, len(fitted_world.effects) - n_fixed, rivals, [])
     final = with_origin(
-        widened(state.world, given, before, after).add(*noise),
-        given,
+        widened(state.world, n_fixed, before, after).add(*noise),
+        n_fixed,
         fitted,
         held_out,
         judged.angle_rms(before_held),
@@ -67,7 +67,7 @@ def diagnose_contact(
         verdict.partial,
     )
     predicted = judged.simulated([world, state.world])
-    models = {"given": world, "corrected": final} if len(final.effects) > given else {"given": world}
+    models = {"given": world, "corrected": final} if len(final.effects) > n_fixed else {"given": world}
     replayed, said = closed_loop(held_out, models, nthread)
     unseen = not_excited(silent)
     record: DiagnosisRecord = {
@@ -75,7 +75,7 @@ def diagnose_contact(
         "evidence": "contact",
         "verdict": verdict.verdict,
         "reason": verdict.reason,
-        "effects": effects(final, given, rivals, found),
+        "effects": effects(final, n_fixed, rivals, fitted_world),
         "ladder": ladder(evidence, judged, state, before_fit, before_held),
         "noise_floor": {"value": judged.floor, "unit": "N RMS", "from": judged.floor_from},
         "where_it_fails": where_it_fails(judged, predicted),
@@ -85,7 +85,7 @@ def diagnose_contact(
         "not_excited": unseen,
         "closed_loop": replayed,
         "next_experiment": separating(rivals, unseen),
-        "candidates": candidates(state, rivals, given),
+        "candidates": candidates(state, rivals, n_fixed),
         "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in screening(state)],
         "correlations": correlations(state),

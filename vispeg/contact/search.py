@@ -39,13 +39,13 @@ class ContactSearch(Search):
         """No torque of a joint is looked at."""
         return []
 
-    def worth_it(self, state: State, given: int) -> bool:
+    def worth_it(self, state: State, n_fixed: int) -> bool:
         """Up to so many effects, and where the model as given is beyond the floor or an effect clearly shows.
 
         Floors count errors that a good sensor does not have: an effect may show below 1 floor variance. What is not
         sure fails in `step`.
         """
-        added = len(state.world.effects) - given
+        added = len(state.world.effects) - n_fixed
         if added or self.judge.mean(state.loss) > 1.0:
             return added < self.evidence.most_effects
         probes = self.probed(state.world, places(self.evidence, state.world))
@@ -54,16 +54,16 @@ class ContactSearch(Search):
     def fits(
         self,
         worlds: Sequence[World],
-        given: int,
+        n_fixed: int,
         *,
         races: Sequence[Race] | None = None,
         iterations: int = 6,
         columns: Sequence[np.ndarray | None] | None = None,
     ) -> list[Fit]:
         """As for joints, but all derivatives anew: where another effect comes in, contacts come and go."""
-        return super().fits(worlds, given, races=races, iterations=min(iterations, 6))
+        return super().fits(worlds, n_fixed, races=races, iterations=min(iterations, 6))
 
-    def step(self, state: State, given: int) -> list[Trial]:
+    def step(self, state: State, n_fixed: int) -> list[Trial]:
         """Profiles the library, fits the best and, where none of them reaches the floor, their pairs."""
         scores, tested = self.scored(state), self.tested(state)
         need = max(self.evidence.least_gain * self.judge.mean(state.loss), self.least_share * state.scale)
@@ -71,12 +71,12 @@ class ContactSearch(Search):
         short = [s for i, s in enumerate(scores[:SINGLES]) if i < 2 or s.gain > WORTH * scores[0].gain]
         if not short:
             return []
-        trials = self.try_all(state, short, given, tested)
+        trials = self.try_all(state, short, n_fixed, tested)
         best = min(trials, key=lambda t: float(t.loss.sum()))
         if len(trials) < 2 or self.judge.mean(best.loss) < FLOOR:
             return trials
         pairs = self.pairs(trials)
-        trials = trials + (self.try_all(state, pairs, given, tested) if pairs else [])
+        trials = trials + (self.try_all(state, pairs, n_fixed, tested) if pairs else [])
         return sorted(trials, key=lambda t: (bool(t.rejected), float(t.loss.sum())))
 
     def scored(self, state: State) -> list[Score]:
@@ -91,33 +91,33 @@ class ContactSearch(Search):
         """Every effect that is not in the world yet."""
         return len(places(self.evidence, state.world))
 
-    def take(self, state: State, trial: Trial, trials: list[Trial], given: int) -> None:
+    def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
         """Adds what a trial tried, without the parameters that may as well be absent; then intervals of the rest."""
         state.steps.append((trial.bare, [t.bare for t in trials]))
-        fit = self._bare(trial.fit, given)
+        fit = self._bare(trial.fit, n_fixed)
         world, best = intervals(self.evidence, fit)
         if np.any(best != fit.u):  # less residual beside it
-            (fit,) = self.fits([fit.space.at(best)], given, iterations=2)
+            (fit,) = self.fits([fit.space.at(best)], n_fixed, iterations=2)
             world, _ = intervals(self.evidence, fit)
         fit = replace(fit, world=world)
         state.take(fit, self.judge.losses([fit.world])[0])
         state.cross = self.cross.loss_of(fit, fit.residual)
 
-    def _bare(self, fit: Fit, given: int) -> Fit:
+    def _bare(self, fit: Fit, n_fixed: int) -> Fit:
         """A fit anew without those of its magnitudes that may be absent; one of each effect stays."""
         effects, space = list(fit.world.effects), fit.space
         names = [(a.index, a.name) for a in space.axes]
-        some = [i for i, (k, name) in enumerate(names) if k >= given and name in effect(effects[k].effect).magnitudes]
+        some = [i for i, (k, name) in enumerate(names) if k >= n_fixed and name in effect(effects[k].effect).magnitudes]
         null = np.array([space.forward(a.param.null, a) if i in some else 0.0 for i, a in enumerate(space.axes)])
         gone = {names[i] for i in absent(self.evidence, fit, some, null)}
         for k, placed in enumerate(effects):
-            own = {m for at, m in gone if at == k}
-            if own and len(own) < len([1 for at, _ in names if at == k]):
-                self.evidence.absent |= {(placed.effect, m) for m in own}
-                effects[k] = placed.with_values(**{m: effect(placed.effect).params[m].null for m in own})
+            dropped = {m for at, m in gone if at == k}
+            if dropped and len(dropped) < len([1 for at, _ in names if at == k]):
+                self.evidence.absent |= {(placed.effect, m) for m in dropped}
+                effects[k] = placed.with_values(**{m: effect(placed.effect).params[m].null for m in dropped})
         if tuple(effects) == fit.world.effects:
             return fit
-        return self.fits([replace(fit.world, effects=tuple(effects))], given)[0]
+        return self.fits([replace(fit.world, effects=tuple(effects))], n_fixed)[0]
 
     def shows(self, state: State, trial: Trial) -> bool:
         """Whether a trial lowers the squared residual by more than chance; where contacts stick derivatives vanish."""
@@ -167,7 +167,7 @@ class ContactSearch(Search):
         near = [p for p in where if p in beside or p[0] in alike]
         return [s for s in strongest(self.probed(state.world, near))[:PAIRED] if s.gain > 0], len(where)
 
-    def _grow(self, state: State, placed: EffectInstance, given: int) -> None:
+    def _grow(self, state: State, placed: EffectInstance, n_fixed: int) -> None:
         """No effect of contact is a richer form of another."""
 
 

@@ -58,15 +58,15 @@ def estimated(rec: Recording, scene: Scene) -> tuple[Recording, External]:
         UserError: no joint torques.
     """
     refuse_numb(rec)
-    found = external(rec, scene.nominal)
-    force, torque = found.noise
+    estimate = external(rec, scene.nominal)
+    force, torque = estimate.noise
     noise = {**rec.noise, "ft": force, "ft_torque": torque}
-    return replace(rec, ft=found.wrench, wrench=WrenchSensor(), noise=noise), found
+    return replace(rec, ft=estimate.wrench, wrench=WrenchSensor(), noise=noise), estimate
 
 
-def calm(rec: Recording, found: External) -> Recording:
+def calm(rec: Recording, estimate: External) -> Recording:
     """What a touch is told by: the same wrench with the noise that a sample has."""
-    still = found.wrench[rec.time <= rec.time[0] + STILL]
+    still = estimate.wrench[rec.time <= rec.time[0] + STILL]
     force, torque = (float(still[:, part].std(axis=0).mean()) for part in (slice(0, 3), slice(3, 6)))
     return replace(rec, noise={**rec.noise, "ft": force, "ft_torque": torque})
 
@@ -85,37 +85,39 @@ def unsure(item: ContactItem) -> list[np.ndarray]:
     """Columns (m, 6) N, N m for `vispeg.contact.nuisance`: errors of joint torques of their usual size, and what the
     posture does not see; none where a wrench was measured.
     """
-    found = item.source.torques
-    if found is None:
+    estimate = item.source.torques
+    if estimate is None:
         return []
     rows = item.path.rows[item.phase.rows(item.path.clock)]
-    time, gain = item.phase.time, found.gain[rows]
+    time, gain = item.phase.time, estimate.gain[rows]
     out = []
-    for j, size in enumerate(found.steady):
+    for j, size in enumerate(estimate.steady):
         push = size * gain[:, :, j]
         for middle in np.arange(0.0, time[-1] + HOLDS, HOLDS):
             hat = np.maximum(0.0, 1 - np.abs(time - middle) / HOLDS)
             out.append(push * hat[:, None])
-    for b, along in enumerate(found.blind[rows]):
+    for b, along in enumerate(estimate.blind[rows]):
         for column in along.T[np.abs(along).max(axis=0) > 0]:
-            one = np.zeros((len(rows), 6))
-            one[b] = column
-            out.append(one)
+            error = np.zeros((len(rows), 6))
+            error[b] = column
+            out.append(error)
     return out
 
 
-def said(rec: Recording, found: External) -> str:
+def said(rec: Recording, estimate: External) -> str:
     """A note for the user: how well forces are known, axis by axis of the flange, and what is not seen."""
-    sigma = np.sqrt(np.mean(found.sigma**2, axis=0))
-    seen = ~np.any(found.blind != 0, axis=(1, 2))
-    level = np.sqrt(np.mean(found.sigma[seen] ** 2, axis=0)) if seen.any() else sigma
-    known = ", ".join(f"{axis} {v:.2g}" for axis, v in zip(AXES, level[:3], strict=True))
+    sigma = np.sqrt(np.mean(estimate.sigma**2, axis=0))
+    complete = ~np.any(estimate.blind != 0, axis=(1, 2))
+    level = np.sqrt(np.mean(estimate.sigma[complete] ** 2, axis=0)) if complete.any() else sigma
+    accuracy = ", ".join(f"{axis} {v:.2g}" for axis, v in zip(AXES, level[:3], strict=True))
     text = f"{rec.name}: no force sensor; the wrench is told from joint torques, whose friction and hysteresis leave it"
-    text += f" unsure by {known} N along the flange's axes: intervals are wider, and joints are not diagnosed beside it"
-    if seen.all():
+    text += (
+        f" unsure by {accuracy} N along the flange's axes: intervals are wider, and joints are not diagnosed beside it"
+    )
+    if complete.all():
         return text
-    worst = found.blind[int(np.argmax(np.abs(found.blind).sum(axis=(1, 2))))]
-    return f"{text}; {_blind(worst)} in {100 * float(np.mean(~seen)):.0f} % of the samples"
+    worst = estimate.blind[int(np.argmax(np.abs(estimate.blind).sum(axis=(1, 2))))]
+    return f"{text}; {_blind(worst)} in {100 * float(np.mean(~complete)):.0f} % of the samples"
 
 
 def _blind(columns: np.ndarray) -> str:
@@ -130,4 +132,4 @@ def _blind(columns: np.ndarray) -> str:
 
 def notes(pairs: Sequence[tuple[Recording, External | None]]) -> list[str]:
     """Those of recordings without a wrench."""
-    return [said(rec, found) for rec, found in pairs if found is not None]
+    return [said(rec, estimate) for rec, estimate in pairs if estimate is not None]

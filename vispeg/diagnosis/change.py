@@ -53,12 +53,12 @@ def diagnose_change(
     say("what changed")
     marked = {e.label: e for e in arm.world.effects}
     held = replace(arm.world, effects=tuple(replace(e, partial=False) for e in arm.world.effects))
-    found = diagnose(held, fitted, held_out, plan_next=plan_next, progress=both, **options)
+    change = diagnose(held, fitted, held_out, plan_next=plan_next, progress=both, **options)
     effects = tuple(
-        replace(e, partial=marked[e.label].partial) if e.label in marked else e for e in found.world.effects
+        replace(e, partial=marked[e.label].partial) if e.label in marked else e for e in change.world.effects
     )
     return replace(
-        found,
-        world=replace(found.world, effects=effects),
-        record=found.record | {"baseline": {key: arm.record[key] for key in TOLD}},
+        change,
+        world=replace(change.world, effects=effects),
+        record=change.record | {"baseline": {key: arm.record[key] for key in TOLD}},
     )

@@ -65,10 +65,10 @@ class ObjectSearch:
 
     def run(self, world: World) -> World:
         """Adds effects until none lowers the held-out error enough."""
-        given, loss = len(world.effects), self.judge.losses([world])[0]
-        while len(world.effects) - given < self.evidence.most_effects:
+        n_fixed, loss = len(world.effects), self.judge.losses([world])[0]
+        while len(world.effects) - n_fixed < self.evidence.most_effects:
             self.say(f"{world.label}: held-out {self.judge.mean(loss):.1f} x noise variance")
-            tried = self._ranked(world, loss, given)
+            tried = self._ranked(world, loss, n_fixed)
             good = [t for t in tried if not t.why]
             if not good:
                 self.last = tried
@@ -77,9 +77,9 @@ class ObjectSearch:
             world, loss = good[0].world, good[0].loss
         return world
 
-    def _ranked(self, world: World, loss: np.ndarray, given: int) -> list[Tried]:
+    def _ranked(self, world: World, loss: np.ndarray, n_fixed: int) -> list[Tried]:
         starts = self.screened(world)
-        fits = self.fits([world.add(p) for p in starts[:BEST]], given)
+        fits = self.fits([world.add(p) for p in starts[:BEST]], n_fixed)
         level = stats.norm.isf(LEVEL / max(len(starts), 1))
         out = [self._tried(f, p, loss, level) for f, p in zip(fits, starts[:BEST], strict=True)]
         return sorted(out, key=lambda t: (bool(t.why), float(t.loss.sum())))
@@ -102,9 +102,9 @@ class ObjectSearch:
             self.silent.setdefault(name, "no size of it moves the object otherwise")
         return [p for _, p in sorted(best.values(), key=lambda b: -b[0])]
 
-    def fits(self, worlds: Sequence[World], given: int) -> list[World]:
+    def fits(self, worlds: Sequence[World], n_fixed: int) -> list[World]:
         """Joint fits of all effects that were added."""
-        return [line_searches(self.evidence, w, range(given, len(w.effects))) for w in worlds]
+        return [line_searches(self.evidence, w, range(n_fixed, len(w.effects))) for w in worlds]
 
     def _tried(self, fit: World, placed: EffectInstance, loss: np.ndarray, level: float) -> Tried:
         after = self.judge.losses([fit])[0]
@@ -115,14 +115,14 @@ class ObjectSearch:
             why = f"held-out gain is {gain.z:.1f} standard errors, under {level:.1f}"
         return Tried(fit, placed, after, gain, why)
 
-    def rivals(self, world: World, given: int) -> dict[str, list[EffectInstance]]:
+    def rivals(self, world: World, n_fixed: int) -> dict[str, list[EffectInstance]]:
         """For each added effect, those that do as well in its place on the held-out tosses."""
         out, best = {}, self.judge.losses([world])[0]
-        for e in world.effects[given:]:
+        for e in world.effects[n_fixed:]:
             without = world.without(e.effect, e.where)
             before = self.judge.losses([without])[0]
             others = [p for p in self.screened(without) if p.effect != e.effect][:BEST]
-            fits = self.fits([without.add(p) for p in others], given)
+            fits = self.fits([without.add(p) for p in others], n_fixed)
             same = [
                 p
                 for p, f in zip(others, fits, strict=True)
@@ -152,13 +152,13 @@ def diagnose_object(
     judged = Restarts(held_out, model, first, sigma=evidence.sigma, nthread=nthread)
     judge = Judge(judged)  # type: ignore[arg-type]
     search = ObjectSearch(evidence, judge, say)
-    given = len(world.effects)
+    n_fixed = len(world.effects)
     final = search.run(world)
-    final = with_intervals(evidence, final, range(given, len(final.effects)), np.random.default_rng([seed, 19]))
+    final = with_intervals(evidence, final, range(n_fixed, len(final.effects)), np.random.default_rng([seed, 19]))
     say("what else would do as well")
-    equals = search.rivals(final, given)
+    equals = search.rivals(final, n_fixed)
     before, after = (judge.mean(judge.losses([w])[0]) for w in (world, final))
-    verdict = decide(before, after, len(final.effects) - given, [], [])
+    verdict = decide(before, after, len(final.effects) - n_fixed, [], [])
     named = [label for label, others in equals.items() if others]
     if verdict.verdict == "identified" and named:
         verdict = type(verdict)("ambiguous", f"these tosses cannot tell {', '.join(named)} from other effects")
@@ -166,13 +166,13 @@ def diagnose_object(
     rows = windows(fitted, held_out, world, final, model, evidence.sigma, seed, nthread)
     distance = [judged.errors(w)[0] for w in (world, final)]
     rms = [float(np.sqrt(np.mean(d**2))) for d in distance]
-    found = with_origin(final, given, fitted, held_out, *rms, verdict.partial)  # type: ignore[arg-type]
+    result = with_origin(final, n_fixed, fitted, held_out, *rms, verdict.partial)  # type: ignore[arg-type]
     record: DiagnosisRecord = {
         "format": "vispeg-diagnosis/1",
         "object": model.name,
         "verdict": verdict.verdict,
         "reason": verdict.reason,
-        "effects": [_effect(e, equals.get(e.label, [])) for e in found.effects[given:]],
+        "effects": [_effect(e, equals.get(e.label, [])) for e in result.effects[n_fixed:]],
         "ladder": _ladder(evidence, judged, world, search),
         "noise_floor": {"value": judged.floor, "unit": "m RMS", "from": judged.floor_from},
         "unexplained": verdict.unexplained,
@@ -180,10 +180,10 @@ def diagnose_object(
         "candidates": _candidates(search),
         "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
         "restarts": rows,
-        "contact": contact_numbers(model, found),
+        "contact": contact_numbers(model, result),
         "notes": [f"{n}({model.name}) cannot be told: {why}" for n, why in search.silent.items()],
     }  # fmt: skip
-    return Diagnosis(record, found, {})
+    return Diagnosis(record, result, {})
 
 
 def contact_numbers(model: ObjectModel, world: World) -> dict[str, float]:
@@ -231,7 +231,7 @@ def windows(
             for name in effect(e.effect).magnitudes:
                 got: Profile = profile(evidence, after, e, name, rng)
                 parameters.append({
-                    "parameter": got.label, "best": got.best, "low": got.low, "high": got.high, "told": got.told,
+                    "parameter": got.label, "best": got.best, "low": got.low, "high": got.high, "told": got.determined,
                     "profile": {"value": got.values.tolist(), "error": got.error.tolist()},
                 })  # fmt: skip
         rows.append({**row, "parameters": parameters})

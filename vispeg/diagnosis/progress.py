@@ -66,8 +66,8 @@ def _hash(data: Any) -> str:
 
 
 def _example(folder: Path) -> Path:
-    kept = Progress(folder / "diagnosis" / "progress.json", "example")
-    kept.recall("how far?", lambda: {"score": [0.5, 0.25]})
+    progress = Progress(folder / "diagnosis" / "progress.json", "example")
+    progress.recall("how far?", lambda: {"score": [0.5, 0.25]})
     return folder / "diagnosis" / "progress.json"
 
 

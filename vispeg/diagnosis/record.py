@@ -29,7 +29,7 @@ def screening(state: State) -> list[Score]:
 
 def with_origin(
     world: World,
-    given: int,
+    n_fixed: int,
     fitted: Sequence[Recording],
     held_out: Sequence[Recording],
     before: float,
@@ -37,7 +37,7 @@ def with_origin(
     partial: bool,
     unsure: Collection[str] = (),
 ) -> World:
-    """The world whose effects after the first `given` say what they were fitted and judged on.
+    """The world whose effects after the first `n_fixed` say what they were fitted and judged on.
 
     `unsure` has the labels of those whose names are not certain.
     """
@@ -47,19 +47,19 @@ def with_origin(
         "heldout_error_before": float(before),
         "heldout_error_after": float(after),
     }
-    found = (replace(e, origin=origin, partial=partial, tentative=e.label in unsure) for e in world.effects[given:])
-    effects = world.effects[:given] + tuple(found)
+    added = (replace(e, origin=origin, partial=partial, tentative=e.label in unsure) for e in world.effects[n_fixed:])
+    effects = world.effects[:n_fixed] + tuple(added)
     return replace(world, effects=effects)
 
 
-def effects(world: World, given: int, rivals: Sequence[Rivals], fitted: World) -> list[FoundEffect]:
+def effects(world: World, n_fixed: int, rivals: Sequence[Rivals], fitted: World) -> list[FoundEffect]:
     """What was found, each with what these recordings cannot tell it from.
 
     `fitted` has the intervals that statistics alone give; those of `world` count the error of the model's form too.
     """
     by_label = {r.label: r for r in rivals}
     out = []
-    for e in world.effects[given:]:
+    for e in world.effects[n_fixed:]:
         placed = without_origin(e)
         params: dict[str, dict[str, object]] = {name: {**values} for name, values in placed["params"].items()}
         for name, v in next(f for f in fitted.effects if f.label == e.label).params.items():
@@ -105,7 +105,7 @@ def ladder(evidence: Evidence, judged: Evidence, state: State, fit0: np.ndarray,
     return rungs
 
 
-def candidates(state: State, rivals: Sequence[Rivals], given: int) -> list[Candidate]:
+def candidates(state: State, rivals: Sequence[Rivals], n_fixed: int) -> list[Candidate]:
     """What else was tried, and why it was refused."""
     out = []
     for best, trials in state.steps:
@@ -113,24 +113,24 @@ def candidates(state: State, rivals: Sequence[Rivals], given: int) -> list[Candi
             if t is best:
                 continue
             why = t.rejected or f"{best.score.label} explains the held-out data as well or better"
-            out.append(_candidate(t, why, given))
-    out += [_candidate(t, t.rejected, given) for t in state.last]
-    seen = {(c["effect"], c["where"]) for c in out}
+            out.append(_candidate(t, why, n_fixed))
+    out += [_candidate(t, t.rejected, n_fixed) for t in state.last]
+    listed = {(c["effect"], c["where"]) for c in out}
     for r in rivals:
         out += [
             _candidate(
                 t,
                 t.rejected or ("indistinguishable from" if t in r.equals else "explains less than") + f" {r.label}",
-                given,
+                n_fixed,
             )
             for t in r.tried
-            if t.score.key not in seen
+            if t.score.key not in listed
         ]
     return out
 
 
-def _candidate(t: Trial, why: str, given: int) -> Candidate:
-    beside = [e for e in t.fit.world.effects[given:] if not t.score.has(e)]
+def _candidate(t: Trial, why: str, n_fixed: int) -> Candidate:
+    beside = [e for e in t.fit.world.effects[n_fixed:] if not t.score.has(e)]
     return {
         "effect": t.score.key[0],
         "where": t.score.key[1],

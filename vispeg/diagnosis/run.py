@@ -82,12 +82,12 @@ def diagnose(
     judge = Judge(judged)
     say = Share(say, ahead=3)  # of one effect: its fit, its rivals, the next experiment
     search = Search(evidence, judge, say, progress)
-    world, given = _opened(world)
+    world, n_fixed = _opened(world)
     before_fit = evidence.residuals([world])[0]
     before_held = judged.residuals([world])[0]
-    state = search.run(world, given)
+    state = search.run(world, n_fixed)
     say.ahead = 1
-    rivals = settled(search, state, given, say)
+    rivals = settled(search, state, n_fixed, say)
     after_held = judged.residuals([state.world])[0]
     before, after = judge.mean(judge.loss(before_held)), judge.mean(state.loss)
     before_missing, after_missing = search.missing(world), search.missing(state.world)
@@ -102,14 +102,14 @@ def diagnose(
         say("least squares of base parameters, to compare with")
         least = base_parameters(evidence, judged, world)
     mark = None if least is None else _mean_square(judged, least)
-    verdict = decide(before, after, len(state.world.effects) - given, rivals, depends, floor, mark)
-    unsure = open_ended(state, given)
+    verdict = decide(before, after, len(state.world.effects) - n_fixed, rivals, depends, floor, mark)
+    unsure = open_ended(state, n_fixed)
     if verdict.partial and state.fit is not None:
         say("asking which names are certain")
-        unsure = tentative(state, given, search.exchanges(state), rivals)
+        unsure = tentative(state, n_fixed, search.exchanges(state), rivals)
     final = with_origin(
-        widened(state.world, given, before, after - floor + 1.0),
-        given,
+        widened(state.world, n_fixed, before, after - floor + 1.0),
+        n_fixed,
         fitted,
         held_out,
         judged.angle_rms(before_held),
@@ -118,11 +118,11 @@ def diagnose(
         unsure,
     )
     equals = [(f"{t.score.label} in place of {r.label}", t.fit.world) for r in rivals for t in r.equals]
-    drawing = arrays(judged, predicted) | subsets(judged, state.world, given, equals)
-    drawn, left = maps(held[0]), maps(held[1])
+    drawing = arrays(judged, predicted) | subsets(judged, state.world, n_fixed, equals)
+    drawn, final_maps = maps(held[0]), maps(held[1])
     for axis, (edges, grid) in drawn.items():
         drawing[f"map/{axis}/edges"], drawing[f"map/{axis}/before"] = edges, grid
-        drawing[f"map/{axis}/after"] = left[axis][1]
+        drawing[f"map/{axis}/after"] = final_maps[axis][1]
     upcoming, more = (None, {})
     if plan_next:
         say.ahead = 0
@@ -132,7 +132,7 @@ def diagnose(
         "format": "vispeg-diagnosis/1",
         "verdict": verdict.verdict,
         "reason": verdict.reason,
-        "effects": effects(final, given, rivals, state.world),
+        "effects": effects(final, n_fixed, rivals, state.world),
         "ladder": ladder(evidence, judged, state, before_fit, before_held),
         "noise_floor": {
             "value": judged.floor,
@@ -140,12 +140,12 @@ def diagnose(
             "from": judged.floor_from if judged.floor_from != "estimated" else evidence.floor_from,
         },
         "where_it_fails": where_it_fails(before_missing, joints),
-        "residual_peaks": peaks(drawn, joints, left),
+        "residual_peaks": peaks(drawn, joints, final_maps),
         "unexplained": verdict.unexplained,
         "remainder": sizes(held[1], joints) if verdict.partial else [],
         "channels": channels(judged, predicted, least),
         "next_experiment": upcoming,
-        "candidates": candidates(state, rivals, given),
+        "candidates": candidates(state, rivals, n_fixed),
         "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in screening(state)],
         "correlations": correlations(state),

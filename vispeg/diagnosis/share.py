@@ -27,6 +27,6 @@ class Share:
         """The next piece begins."""
         self.share = max(self.share, self.behind / (self.behind + 1 + self.ahead))
         took = time.monotonic() - self.began
-        left = f", about {took * (1 - self.share) / self.share:.0f} s left" if self.share and took > 5 else ""
+        remaining = f", about {took * (1 - self.share) / self.share:.0f} s left" if self.share and took > 5 else ""
         self.behind += 1
-        self.say(f"{self.share:.0%}{left}: {text}")
+        self.say(f"{self.share:.0%}{remaining}: {text}")

@@ -26,7 +26,7 @@ class Profile:
         values: (POINTS,) of the parameter.
         error: (POINTS,) mean squared whitened residual.
         best, low, high: the least error's value with its 95 % interval.
-        told: whether these windows determine it.
+        determined: whether these windows determine it.
     """
 
     label: str
@@ -35,7 +35,7 @@ class Profile:
     best: float
     low: float
     high: float
-    told: bool
+    determined: bool
 
 
 def sizes(param: Param) -> list[float]:
@@ -68,5 +68,5 @@ def profile(evidence: Restarts, world: World, placed: EffectInstance, name: str,
     low, best, high = (float(back(v)) for v in (ends[0], lowest(axis, error), ends[1]))
     inside = low > values[0] * (1 + 1e-9) and high < values[-1] * (1 - 1e-9)
     narrow = param.null <= 0 or high / max(low, 1e-12) < WIDE
-    told = bool(inside and narrow and error.max() > (1 + FLAT) * error.min())
-    return Profile(f"{placed.label}.{name}", values, error, best, low, high, told)
+    determined = bool(inside and narrow and error.max() > (1 + FLAT) * error.min())
+    return Profile(f"{placed.label}.{name}", values, error, best, low, high, determined)

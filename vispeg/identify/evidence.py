@@ -246,7 +246,7 @@ def _items(rec: Recording, contact: Contact | None) -> list[Item]:
             late &= contact.free[segment.rows][:, None]
             grid = np.arange(segment.ticks) * segment.tick
             torque = contact.torque[segment.rows].T
-            segment.known[EXTERNAL] = np.stack([np.interp(grid, segment.time, joint) for joint in torque], axis=1)
+            segment.cache[EXTERNAL] = np.stack([np.interp(grid, segment.time, joint) for joint in torque], axis=1)
         q, kind = rec.q[segment.rows], "servo" if rec.control.mode == "servo" else "angle"
         channels = [Channel(kind, q, np.hypot(noise["q"], MODEL_SIGMA), np.isfinite(q) & late)]
         if rec.tau is not None and rec.torque_sensor != "none":

@@ -148,24 +148,26 @@ class _Point:
 
     def __init__(self, space: Space, submit: Submit, trace: Trace | None = None, columns: np.ndarray | None = None):
         self.space, self.submit, self.trace, self.columns = space, submit, trace, columns
-        self.known: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}  # residual, and derivatives that are not `columns`
+        self.evaluated: dict[
+            bytes, tuple[np.ndarray, np.ndarray]
+        ] = {}  # residual, and derivatives that are not `columns`
         points = [] if trace is None else trace.points
         self.answers = {np.array(u, float).tobytes(): np.array(answer, float) for u, answer in points}
 
     def at(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residual (m,) and Jacobian (m, n) of a point."""
         key = u.tobytes()
-        if key not in self.known:
+        if key not in self.evaluated:
             steps, first = self.space.steps(u), 0 if self.columns is None else self.columns.shape[1]
             points = [u] + [u + np.eye(len(u))[i] * steps[i] for i in range(first, len(u))]
             r, *moved = self.submit([self.space.at(p) for p in points])
             fresh = [(m - r) / s for m, s in zip(moved, steps[first:], strict=True)]
             jac = np.stack(fresh, axis=1) if fresh else np.empty((len(r), 0))
-            if self.known:  # the solver ends at this point or at the best one before
-                best = min(self.known, key=lambda k: float(np.sum(self.known[k][0] ** 2)))
-                self.known = {best: self.known[best]}
-            self.known[key] = (r, jac)
-        r, jac = self.known[key]
+            if self.evaluated:  # the solver ends at this point or at the best one before
+                best = min(self.evaluated, key=lambda k: float(np.sum(self.evaluated[k][0] ** 2)))
+                self.evaluated = {best: self.evaluated[best]}
+            self.evaluated[key] = (r, jac)
+        r, jac = self.evaluated[key]
         return r, jac if self.columns is None else np.column_stack([self.columns, jac])
 
     def answer(self, u: np.ndarray) -> np.ndarray:

@@ -55,7 +55,7 @@ class TorqueEvidence(Evidence):
         touched = [(rec, contact_of(rec, robot_of(rec))) for rec in recordings]
         self.notes += [contact.said(rec.name) for rec, contact in touched if contact is not None]
         self.items = [item for rec, contact in touched for item in _items(rec, sigma, contact)]
-        self._ddq = [i.segment.known["ddq"] for i in self.items]
+        self._ddq = [i.segment.cache["ddq"] for i in self.items]
         self._rigid: dict[tuple[int, str], tuple[np.ndarray, np.ndarray]] = {}
 
     least_gain = 0.002
@@ -87,7 +87,7 @@ class TorqueEvidence(Evidence):
         dry = np.broadcast_to(fields["dof_frictionloss"][0, dof], needed.shape).copy()
         loop = EffectLoop(active)
         needed = needed + loop.friction(x, dry) * np.tanh(seg.dq / STICK)
-        beside = loop.along(x, seg.known["path"], seg.known["at"])
+        beside = loop.along(x, seg.cache["path"], seg.cache["at"])
         needed = needed if beside is None else needed - beside
         return loop.inverse(needed, item.recording.torque_sensor)
 
@@ -162,7 +162,7 @@ def _item(rec: Recording, tau: np.ndarray, rows: np.ndarray, sigma: np.ndarray, 
     control = Control("unknown", rec.rate_hz)
     raw = np.where(np.isfinite(raw), raw, q)
     segment = Segment(control, 1.0 / rec.rate_hz, {}, q, dq, raw, time, rows[thin])
-    segment.known.update(ddq=ddq, path=path, at=at)
+    segment.cache.update(ddq=ddq, path=path, at=at)
     inside = (time >= ENDS) & (time <= time[-1] - ENDS)
     valid = np.isfinite(tau) & (inside & free[rows][thin])[:, None]
     return Item(rec, segment, robot, (Channel("needed", tau, sigma, valid),))

@@ -58,8 +58,8 @@ def to_mjcf(world: World, meshes: str = "meshes") -> Exported:
     robot = load(world.robot, tool=world.tool)
     native = tuple(e for e in world.effects if is_native(effect(e.effect)))
     spec = robot.spec()
-    kept = World(world.robot, world.tool, tuple(e for e in native if e.effect not in MOTOR))
-    plant = Plant(robot, [kept], STEP, STEP, 1)
+    native_world = World(world.robot, world.tool, tuple(e for e in native if e.effect not in MOTOR))
+    plant = Plant(robot, [native_world], STEP, STEP, 1)
     _numbers(spec, robot, plant)
     _motors(spec, robot, [e for e in native if e.effect in MOTOR])
     spec.option.timestep = STEP

@@ -76,12 +76,12 @@ def external(rec: Recording, arm: RobotModel) -> External:
     """
     assert rec.tau is not None
     q, dq, ddq = (np.nan_to_num(v) for v in smooth(rec.time, rec.q, MOTION_HZ))
-    left = np.nan_to_num(rec.tau) - needed(arm, q, dq, ddq)
+    residual = np.nan_to_num(rec.tau) - needed(arm, q, dq, ddq)
     jac = flange_jacobian(arm, q)
     white = _white(rec)
-    steady = _steady(rec, left, jac, white)
+    steady = _steady(rec, residual, jac, white)
     gain, blind = solved(jac, np.sqrt(white**2 + steady**2))
-    wrench = np.einsum("nij,nj->ni", gain, np.nan_to_num(smooth(rec.time, left, WRENCH_HZ)[0]))
+    wrench = np.einsum("nij,nj->ni", gain, np.nan_to_num(smooth(rec.time, residual, WRENCH_HZ)[0]))
     return External(wrench, gain, white, steady, blind)
 
 
@@ -145,7 +145,7 @@ def _white(rec: Recording) -> np.ndarray:
     return np.maximum(highpass_sigma(rec.tau[start[rec.time[start] <= rec.time[start[0]] + STILL]]), 1e-6)
 
 
-def _steady(rec: Recording, left: np.ndarray, jac: np.ndarray, white: np.ndarray) -> np.ndarray:
+def _steady(rec: Recording, residual: np.ndarray, jac: np.ndarray, white: np.ndarray) -> np.ndarray:
     """How far joint torques are off for longer than a block (nj,) N m.
 
     That a torque sensor is not linear; what the first moves in free air leave (mostly, as friction shows while a joint
@@ -158,22 +158,22 @@ def _steady(rec: Recording, left: np.ndarray, jac: np.ndarray, white: np.ndarray
     size = max(1, round(BLOCK * rec.rate_hz))
     for rows in episodes(rec.time):
         clock = rec.time[rows] - rec.time[rows[0]]
-        zero = left[rows[clock <= STILL]].mean(axis=0)
+        zero = residual[rows[clock <= STILL]].mean(axis=0)
         air = rows[(clock > STILL) & (clock <= AIR)]
         if len(air):  # an episode may end before
-            off.append(_blocks(left[air] - zero, size))
-        beside = np.einsum("njk,nj->nk", blind[rows], left[rows] - zero)
+            off.append(_blocks(residual[air] - zero, size))
+        beside = np.einsum("njk,nj->nk", blind[rows], residual[rows] - zero)
         across.append(_blocks(beside, size))
         weights.append(_blocks((blind[rows] ** 2).sum(axis=2), size))
     noise = white**2 / size
-    moved = np.concatenate(off) if off else np.zeros((1, left.shape[1]))
+    moved = np.concatenate(off) if off else np.zeros((1, residual.shape[1]))
     free = np.maximum(np.quantile(moved**2, MOSTLY, axis=0) - QUANTILE * noise, 0.0)
     square = linear**2 + free
-    seen = float(np.sum(np.concatenate(across) ** 2))
+    measured = float(np.sum(np.concatenate(across) ** 2))
     weight = np.concatenate(weights).sum(axis=0)
-    told = float(weight @ square)
-    extra = seen - float(weight @ noise)
-    return np.sqrt(square * max(1.0, extra / told if told > 0 else 1.0))
+    expected = float(weight @ square)
+    extra = measured - float(weight @ noise)
+    return np.sqrt(square * max(1.0, extra / expected if expected > 0 else 1.0))
 
 
 def _blocks(values: np.ndarray, size: int) -> np.ndarray:

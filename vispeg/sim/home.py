@@ -66,8 +66,8 @@ def _worth(robot: RobotModel, q: np.ndarray, jac: np.ndarray, pos: np.ndarray) -
     plane through the base's axis and the flange at `pos` (3,): an elbow to the side may meet what stands there.
     """
     low, high = bounds(robot)
-    left = np.minimum(q - low, high - q) / (0.5 * (high - low))
-    free = np.minimum(singular(jac), ENOUGH) * np.clip(left.min(axis=1), 0.0, ROOM)
+    margin = np.minimum(q - low, high - q) / (0.5 * (high - low))
+    free = np.minimum(singular(jac), ENOUGH) * np.clip(margin.min(axis=1), 0.0, ROOM)
     links = _links(robot, q)
     aside = np.abs(links[:, :, 0] * pos[1] - links[:, :, 1] * pos[0]).mean(axis=1) / np.hypot(*pos[:2])
     height = np.where(links[:, :, 2].min(axis=1) > CLEAR, links[:, :, 2].mean(axis=1), 0.0)

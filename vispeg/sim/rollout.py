@@ -121,8 +121,8 @@ class _Run:
         self.controller = Controller(robot, self.rows, self.nominal, self.reference[0], along)
         self.inertia = self.rows.constant(lambda s: once(s, robot, apparent_inertia), len(robot.joints))
         self.external = None  # N m by tick, where something pushes the arm
-        if any(EXTERNAL in s.known for s in segments):
-            self.external = self.rows.by_tick(lambda s: s.known.get(EXTERNAL, np.zeros_like(s.q)))
+        if any(EXTERNAL in s.cache for s in segments):
+            self.external = self.rows.by_tick(lambda s: s.cache.get(EXTERNAL, np.zeros_like(s.q)))
         self.observer = None
         if observer and self.controller.mode in ("torque", "passive", "unknown"):
             self.observer = Observer(robot, self.rows, self.reference, self.inertia)
@@ -182,9 +182,9 @@ class _Run:
         grid = np.arange(ticks) * self.tick
         if len(s.time) <= ticks and bool(np.all(np.abs(s.time - grid[: len(s.time)]) < 0.05 * self.tick)):
             return values[:, : len(s.time)]
-        left = np.clip(np.searchsorted(grid, s.time, side="right") - 1, 0, ticks - 2)
-        w = ((s.time - grid[left]) / self.tick)[None, :, None]
-        return values[:, left] * (1 - w) + values[:, left + 1] * w
+        below = np.clip(np.searchsorted(grid, s.time, side="right") - 1, 0, ticks - 2)
+        w = ((s.time - grid[below]) / self.tick)[None, :, None]
+        return values[:, below] * (1 - w) + values[:, below + 1] * w
 
 
 __all__ = ["ReadingNoise", "Response", "simulate"]

@@ -83,8 +83,8 @@ def touch(rec: Recording, robot: RobotModel, thresholds: Thresholds | None = Non
     weight = compiled(arm).opt.gravity
     weighed = rec.wrench is not None and rec.wrench.tared == "weight"
     needed = _needed(_tool(arm), axes, twist[:, 3:], rate, np.zeros(3) if weighed else weight)
-    left = needed - np.concatenate([rotated(quat, wrench[:, :3]), rotated(quat, wrench[:, 3:])], axis=1)
-    contact = _zeroed(rec, left, axes)
+    residual = needed - np.concatenate([rotated(quat, wrench[:, :3]), rotated(quat, wrench[:, 3:])], axis=1)
+    contact = _zeroed(rec, residual, axes)
     lever = np.array([0.0, 0.0, scene.tip]) if scene else np.zeros(3)
     tip = pos + axes @ lever
     velocity = twist[:, :3] + np.cross(twist[:, 3:], axes @ lever)
@@ -148,9 +148,9 @@ def _needed(tool: tuple, axes: np.ndarray, omega: np.ndarray, rate: np.ndarray, 
     return np.concatenate([force, spin + np.cross(r, force)], axis=1)
 
 
-def _zeroed(rec: Recording, left: np.ndarray, axes: np.ndarray) -> np.ndarray:
-    """`left` (n, 6), base axes, less the sensor's zero, which is constant in the flange's axes."""
-    halves = [np.einsum("nji,nj->ni", axes, v) for v in (left[:, :3], left[:, 3:])]
+def _zeroed(rec: Recording, residual: np.ndarray, axes: np.ndarray) -> np.ndarray:
+    """`residual` (n, 6), base axes, less the sensor's zero, which is constant in the flange's axes."""
+    halves = [np.einsum("nji,nj->ni", axes, v) for v in (residual[:, :3], residual[:, 3:])]
     inner = np.concatenate(halves, axis=1)
     for rows in episodes(rec.time):
         start = rows[rec.time[rows] <= rec.time[rows[0]] + STILL]

@@ -15,18 +15,18 @@ NARROW, WIDE = 0.8, 2.4  # px, sigma of the searches
 CONTRAST = 25.0  # grey levels that an edge goes over, for its shape to be told
 
 
-def softness(picture: np.ndarray, borders: Borders, found: Displacements) -> np.ndarray:
+def softness(picture: np.ndarray, borders: Borders, displacements: Displacements) -> np.ndarray:
     """(n,) px, sigma of the Gaussian that each border is blurred by; NaN where it is weak, or was not found.
 
     A picture that is not blurred at all has 0.3 px: its pixels are as wide.
     """
     good = np.flatnonzero(
-        (found.strength > CONTRAST) & np.isfinite(found.along) & (borders.free.min(axis=1) > 3 * WIDE)
+        (displacements.strength > CONTRAST) & np.isfinite(displacements.along) & (borders.free.min(axis=1) > 3 * WIDE)
     )
     out = np.full(len(borders), np.nan)
     if not len(good):
         return out
-    some, at = borders.some(good), found.along[good]
+    some, at = borders.some(good), displacements.along[good]
     answers = []
     for sigma in (NARROW, WIDE):
         reach = round(1.0 / STEP)

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from vispeg.vision.geometry import Geometry
-from vispeg.vision.predict import Seen
+from vispeg.vision.predict import Rendering
 
 HALVINGS = 7  # of the step between two pixels, until a border lies within 1/256 px
 REACH = 6.0  # px along a border from which its direction is taken: a shorter piece follows round corners
@@ -28,7 +28,7 @@ class Borders:
     Attributes:
         pixel: (n, 2) px.
         normal: (n, 2) of unit length, from the nearer surface to the farther.
-        parts: (n, 2) the part on the near side and that on the far side, counted as `Seen.parts`.
+        parts: (n, 2) the part on the near side and that on the far side, counted as `Rendering.parts`.
         depth: (n,) m of the near surface, along the optical axis.
         body: (n,) id of the body that carries the near surface.
         local: (n, 3) the point in that body's axes, m.
@@ -55,18 +55,18 @@ class Borders:
         return np.einsum("ni,ni->n", geometry.project(camera, self.body, self.local) - self.pixel, self.normal)
 
 
-def borders_of(seen: Seen, geometry: Geometry, step: float = 2.0, margin: float = 4.0) -> Borders:
+def borders_of(rendering: Rendering, geometry: Geometry, step: float = 2.0, margin: float = 4.0) -> Borders:
     """The borders of a predicted picture, to a hundredth of a pixel by casting rays.
 
     Args:
-        seen: the picture.
+        rendering: the picture.
         geometry: in the world and posture that it was drawn in.
         step: px between two points of a border, about.
         margin: px at the edge of the image without points.
     """
-    name = seen.eye.believed.name
-    inner, outer = _crossings(seen.parts)
-    height, width = seen.parts.shape
+    name = rendering.eye.believed.name
+    inner, outer = _crossings(rendering.parts)
+    height, width = rendering.parts.shape
     mid = (inner + outer) / 2
     far = np.minimum(mid, (width - 1, height - 1) - mid).min(axis=1) if len(mid) else np.zeros(0)
     inner, outer = inner[far > margin], outer[far > margin]
@@ -78,7 +78,7 @@ def borders_of(seen: Seen, geometry: Geometry, step: float = 2.0, margin: float 
     keep = np.flatnonzero(straight)[_thinned(at[straight], pairs[straight], step)]
     at, pairs, normal, depth, geom = (x[keep] for x in (at, pairs, normal, depth, geom))
     body, local = geometry.local(name, at, depth, geom)
-    return Borders(at, normal, pairs, depth, body, local, _free(seen.parts, at, normal))
+    return Borders(at, normal, pairs, depth, body, local, _free(rendering.parts, at, normal))
 
 
 def _none() -> Borders:

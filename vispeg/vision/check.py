@@ -15,7 +15,7 @@ from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene
 from vispeg.vision.blur import softness
 from vispeg.vision.borders import Borders, borders_of
-from vispeg.vision.excites import Told, View, excited
+from vispeg.vision.excites import Precision, View, excited
 from vispeg.vision.eye import camera_of
 from vispeg.vision.predict import Predictor
 from vispeg.vision.search import search
@@ -47,7 +47,7 @@ class CameraCheck:
         distance: m, least and greatest of the borders that the hand does not carry; their ratio tells scale from bias.
         tilt, roll: degrees between the two most different views, of the optical axis and about it.
         speed: m/s and rad/s, the greatest of the camera against the cell.
-        told: how well each number of the camera's errors would be known.
+        precision: how well each number of the camera's errors would be known.
     """
 
     camera: str
@@ -70,7 +70,7 @@ class CameraCheck:
     tilt: float | None = None
     roll: float | None = None
     speed: tuple[float, float] | None = None
-    told: tuple[Told, ...] = ()
+    precision: tuple[Precision, ...] = ()
 
     def to_json(self) -> Mapping[str, object]:
         """Plain data."""
@@ -78,14 +78,14 @@ class CameraCheck:
 
 
 def check_frames(
-    rec: Recording, scene: Scene | None, told: Callable[[float], None] = lambda share: None
+    rec: Recording, scene: Scene | None, progress: Callable[[float], None] = lambda share: None
 ) -> list[CameraCheck]:
     """Examines the frames of a recording, camera by camera.
 
     Args:
         rec: with frames.
         scene: the cell with the recording's cameras, or None where nothing is stated of it: no views then.
-        told: is told which share is done.
+        progress: called with the share that is done.
 
     Raises:
         UserError: a damaged picture.
@@ -101,7 +101,7 @@ def check_frames(
         if scene is not None and frames is not None and frames.cameras[name].pose is not None:
             values |= _views(rec, looked, scene)
         out.append(CameraCheck(name, len(mine), mine[0].camera.mount, **values))
-        told((number + 1) / len(frames.names if frames is not None else ()))
+        progress((number + 1) / len(frames.names if frames is not None else ()))
     return out
 
 
@@ -162,7 +162,7 @@ def _views(rec: Recording, frames: Frames, scene: Scene) -> Mapping[str, Any]:
             soft.append(_soft(frames[int(i)], borders))
         if not views:
             return {}
-        told = excited(predictor.geometry, name, views)
+        excitations = excited(predictor.geometry, name, views)
         speed = _speed(predictor, name, views)
     parts = list(scene.parts)
     carried = [1 + parts.index(part) for part in ("gripper", scene.held) if part in parts]
@@ -176,7 +176,7 @@ def _views(rec: Recording, frames: Frames, scene: Scene) -> Mapping[str, Any]:
         "tilt": tilt,
         "roll": roll,
         "speed": speed,
-        "told": tuple(told),
+        "precision": tuple(excitations),
     }
 
 
@@ -238,14 +238,14 @@ def warnings_of(check: CameraCheck) -> list[str]:
         out.append(f"{name}: borders come by {check.coverage:.0%} of the image: nothing is told of the lens elsewhere")
     if check.distance is not None and check.near is not None and check.distance[1] < 1.5 * check.distance[0]:
         out.append(f"{name}: distances differ by less than 1.5 times: scale and bias of depth look the same")
-    dark = [t for t in check.told if not t.told]
+    dark = [t for t in check.precision if not t.determined]
     if dark:
         said = ", ".join(f"{t.effect}.{t.parameter} ({t.sigma:.2g} {t.unit})" for t in dark)
         out.append(f"{name}: cannot tell {said}: {_advice(dark, check.mount)}")
     return out
 
 
-def _advice(dark: Sequence[Told], mount: str | None) -> str:
+def _advice(dark: Sequence[Precision], mount: str | None) -> str:
     """The motion that would tell what is dark."""
     names = {t.effect for t in dark}
     if mount == "base":

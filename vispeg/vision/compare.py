@@ -18,7 +18,7 @@ from vispeg.vision.borders import Borders
 from vispeg.vision.depth import DepthQuality, DepthResidual, depth_quality, depth_residual
 from vispeg.vision.eye import camera_of
 from vispeg.vision.photometry import LightResidual, light_residual
-from vispeg.vision.predict import Predictor, Seen, through_sensor
+from vispeg.vision.predict import Predictor, Rendering, through_sensor
 from vispeg.vision.search import Displacements, search
 from vispeg.vision.shutter import DRAWN, Path, Shutter, exposed_borders
 from vispeg.worlds.world import World
@@ -44,17 +44,17 @@ class Compared:
     Attributes:
         recording: name.
         frame: as measured.
-        seen: as predicted.
-        borders, found: predicted, and where the picture has them.
+        rendering: as predicted.
+        borders, displacements: predicted, and where the picture has them.
         depth, quality: residual and figures of depth.
         light: residual of colour.
     """
 
     recording: str
     frame: RecordedFrame
-    seen: Seen
+    rendering: Rendering
     borders: Borders
-    found: Displacements | None
+    displacements: Displacements | None
     depth: DepthResidual | None
     quality: DepthQuality | None
     light: LightResidual | None
@@ -62,7 +62,7 @@ class Compared:
     @property
     def border_rms(self) -> float | None:
         """RMS displacement of the borders, px."""
-        return _rms(None if self.found is None else self.found.along)
+        return _rms(None if self.displacements is None else self.displacements.along)
 
     @property
     def depth_error(self) -> np.ndarray:
@@ -91,7 +91,7 @@ class Compared:
             "time": self.frame.time,
             "episode": self.frame.episode,
             "border_px": self.border_rms,
-            "borders": 0 if self.found is None else int(np.isfinite(self.found.along).sum()),
+            "borders": 0 if self.displacements is None else int(np.isfinite(self.displacements.along).sum()),
             "depth_mm": self.depth_rms,
             "grey": self.light_rms,
             "fill_rate": None if quality is None else quality.fill_rate,
@@ -113,7 +113,7 @@ def compare_frames(
     world: World,
     *,
     backend: BackendName = "auto",
-    told: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> list[Compared]:
     """Predicts each frame of a recording at its measured joint angles.
 
@@ -124,7 +124,7 @@ def compare_frames(
         scene: the cell as its user believes it, whose cameras are the recording's.
         world: the effects that the model has.
         backend: of the renderer.
-        told: is told which share is done.
+        progress: called with the share that is done.
 
     Raises:
         UserError: a camera without a pose, or no frame whose joint angles are known.
@@ -141,7 +141,7 @@ def compare_frames(
             shutter, path = shutters[frame.camera.name], _path(rec, frame.episode)
             if np.isfinite(path(frame.time + shutter.span)).all():
                 done.append(compare_one(rec.name, frame, predictor, shutter, path))
-            told((i + 1) / len(frames))
+            progress((i + 1) / len(frames))
     if not done:
         raise UserError("no frame lies where the joint angles are known", file=rec.path)
     return done
@@ -163,29 +163,29 @@ def compare_one(recording: str, frame: RecordedFrame, predictor: Predictor, shut
         path: times (n,) s -> measured angles (n, nj) rad.
     """
     drawn, borders = exposed_borders(predictor, frame.camera.name, shutter, path, frame.time)
-    seen = _delivered(predictor.world, drawn)
+    rendering = _delivered(predictor.world, drawn)
     rgb, depth = frame.rgb, frame.depth
-    residual = None if depth is None else depth_residual(depth, seen)
+    residual = None if depth is None else depth_residual(depth, rendering)
     flat = 1 + list(predictor.scene.parts).index(FLAT) if FLAT in predictor.scene.parts else None
     return Compared(
         recording,
         frame,
-        seen,
+        rendering,
         borders,
         None if rgb is None else search(rgb, borders, WINDOW),
         residual,
-        None if depth is None or residual is None else depth_quality(depth, seen, residual, flat),
-        None if rgb is None else light_residual(rgb, seen),
+        None if depth is None or residual is None else depth_quality(depth, rendering, residual, flat),
+        None if rgb is None else light_residual(rgb, rendering),
     )
 
 
-def _delivered(world: World, seen: Seen) -> Seen:
+def _delivered(world: World, rendering: Rendering) -> Rendering:
     """The picture after what the world's sensor does to it alike in every frame: no noise, nothing that is lost."""
     steady = world.only(lambda e: effect(e.effect).family == "camera" and e.effect not in (*DRAWN, *CHANCE))
     if not steady.effects:
-        return seen
-    rgb, depth = through_sensor(steady, seen, 0, bend=False)
-    return replace(seen, rgb=rgb, depth=depth)
+        return rendering
+    rgb, depth = through_sensor(steady, rendering, 0, bend=False)
+    return replace(rendering, rgb=rgb, depth=depth)
 
 
 def summary(compared: Sequence[Compared]) -> list[dict[str, object]]:
@@ -193,7 +193,7 @@ def summary(compared: Sequence[Compared]) -> list[dict[str, object]]:
     out = []
     for name in dict.fromkeys(c.frame.camera.name for c in compared):
         mine = [c for c in compared if c.frame.camera.name == name]
-        along = [c.found.along for c in mine if c.found is not None]
+        along = [c.displacements.along for c in mine if c.displacements is not None]
         depth = [c.depth_error for c in mine if c.depth is not None]
         quality = [c.quality for c in mine if c.quality is not None]
         light = [c.light for c in mine if c.light is not None]
@@ -229,5 +229,5 @@ def _median(parts: Sequence[np.ndarray], size: bool = False) -> float | None:
 
 
 def _middle(values: Sequence[float | None]) -> float | None:
-    known = [v for v in values if v is not None]
-    return float(np.median(known)) if known else None
+    present = [v for v in values if v is not None]
+    return float(np.median(present)) if present else None

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vispeg.vision.predict import Seen
+from vispeg.vision.predict import Rendering
 
 CLEAR = 5  # px from a border at which a pixel is interior
 BAND = 3  # px to either side of a border
@@ -38,20 +38,20 @@ class DepthResidual:
     missing: np.ndarray
 
 
-def depth_residual(measured: np.ndarray, seen: Seen, clear: int = CLEAR, band: int = BAND) -> DepthResidual:
+def depth_residual(measured: np.ndarray, rendering: Rendering, clear: int = CLEAR, band: int = BAND) -> DepthResidual:
     """Measured minus predicted depth.
 
     Args:
         measured: (H, W) m, 0 = no reading.
-        seen: the prediction.
+        rendering: the prediction.
         clear, band: px from a border at which a pixel is interior, or belongs to the band.
     """
     import cv2
 
-    predicted, there = seen.depth, seen.depth > 0
+    predicted, there = rendering.depth, rendering.depth > 0
     edge = np.zeros(there.shape, bool)
     for axis in (0, 1):
-        a, b = (np.moveaxis(x, axis, 0) for x in (seen.parts, predicted))
+        a, b = (np.moveaxis(x, axis, 0) for x in (rendering.parts, predicted))
         step = (a[1:] != a[:-1]) | (np.abs(b[1:] - b[:-1]) > JUMP * np.maximum(np.minimum(b[1:], b[:-1]), 1e-3))
         mark = np.moveaxis(edge, axis, 0)
         mark[1:] |= step
@@ -82,26 +82,28 @@ class DepthQuality:
     distance: float | None
 
 
-def depth_quality(measured: np.ndarray, seen: Seen, residual: DepthResidual, flat: int | None) -> DepthQuality:
+def depth_quality(
+    measured: np.ndarray, rendering: Rendering, residual: DepthResidual, flat: int | None
+) -> DepthQuality:
     """The figures of one picture.
 
     Args:
         measured: (H, W) m, 0 = no reading.
-        seen: the prediction.
+        rendering: the prediction.
         residual: of the two.
-        flat: the part whose surface is a plane (a table), counted as `Seen.parts`; None where there is none.
+        flat: the part whose surface is a plane (a table), counted as `Rendering.parts`; None where there is none.
     """
     inside, read = residual.interior, measured > 0
     both = inside & read
     fill = 100.0 * float(both.sum()) / max(int(inside.sum()), 1)
     if not both.any():
         return DepthQuality(fill, None, None, None, None, None)
-    accuracy = 100.0 * float(np.median(residual.error[both] / seen.depth[both]))
-    plane = both & (seen.parts == flat) if flat is not None else np.zeros_like(both)
+    accuracy = 100.0 * float(np.median(residual.error[both] / rendering.depth[both]))
+    plane = both & (rendering.parts == flat) if flat is not None else np.zeros_like(both)
     rest: tuple[float | None, ...] = (None, None, None)
     if plane.sum() >= PLANE:
-        rest = _plane(measured[plane].astype(float), seen.eye.rays()[plane], seen.eye.believed.fx)
-    return DepthQuality(fill, accuracy, *rest, float(np.median(seen.depth[both])))
+        rest = _plane(measured[plane].astype(float), rendering.eye.rays()[plane], rendering.eye.believed.fx)
+    return DepthQuality(fill, accuracy, *rest, float(np.median(rendering.depth[both])))
 
 
 def _plane(z: np.ndarray, rays: np.ndarray, focal: float) -> tuple[float, float, float]:

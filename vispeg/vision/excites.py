@@ -35,14 +35,14 @@ PRIOR = {"%": 0.2, "px": 30.0, "1": 0.2, "mm": 0.1, "deg": 0.2, "ms": 0.5}  # fa
 
 
 @dataclass(frozen=True)
-class Told:
-    """How well one number of an effect would be known. `sigma` in `unit`; `told` whether that is well enough."""
+class Precision:
+    """How well one number of an effect would be known. `sigma` in `unit`; `determined`: whether that is well enough."""
 
     effect: str
     parameter: str
     sigma: float
     unit: str
-    told: bool
+    determined: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class View:
     dq: np.ndarray
 
 
-def excited(geometry: Geometry, camera: str, views: Sequence[View]) -> list[Told]:
+def excited(geometry: Geometry, camera: str, views: Sequence[View]) -> list[Precision]:
     """What these views of a camera tell of each number of its errors.
 
     Args:
@@ -86,11 +86,11 @@ def excited(geometry: Geometry, camera: str, views: Sequence[View]) -> list[Told
     prior = [PRIOR[unit] for unit in units] + [FIXTURE_PRIOR] * len(shifts)
     sigma = np.sqrt(np.diag(np.linalg.inv(information + np.diag(1 / np.square(prior)))))
     out = [
-        Told(effect, p, float(s * factor), unit, bool(s < enough))
+        Precision(effect, p, float(s * factor), unit, bool(s < enough))
         for (effect, p, _, enough, unit, factor), s in zip(names, sigma, strict=False)
     ]
     late = float(sigma[len(names)])
-    return [*out, Told(DELAY[0], DELAY[1], late * DELAY[4], DELAY[3], late < DELAY[2])]
+    return [*out, Precision(DELAY[0], DELAY[1], late * DELAY[4], DELAY[3], late < DELAY[2])]
 
 
 def _robot(into: Sequence[np.ndarray], names: Sequence[tuple], view: View, geometry: Geometry) -> np.ndarray:

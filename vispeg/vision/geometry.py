@@ -70,8 +70,8 @@ class Geometry:
         for c in self.cameras:
             row = self._rows[c.name]
             there = any((getattr(self.model, n)[row] != self._nominal[n][row]).any() for n in PLACES[2:])
-            seen = model_camera.read(self.model, row, c) if there and row is not None else c
-            self.eyes[c.name] = Eye(seen, c, lens_of(world, c.name), delay_of(world, c.name))
+            camera = model_camera.read(self.model, row, c) if there and row is not None else c
+            self.eyes[c.name] = Eye(camera, c, lens_of(world, c.name), delay_of(world, c.name))
         offset = values(effect("encoder_offset"), [world.effects], self.scene)
         self.offsets = next(iter(offset.values()))[0]
 

@@ -20,7 +20,7 @@ from vispeg.render.cameras.camera import Camera
 from vispeg.render.cameras.pipeline import Pipeline
 from vispeg.robots.scene import Scene
 from vispeg.vision.eye import recorded_of
-from vispeg.vision.predict import Predictor, Seen
+from vispeg.vision.predict import Predictor, Rendering
 from vispeg.vision.shutter import DRAWN, Path, Shutter, exposed
 from vispeg.worlds.places import acts_on
 from vispeg.worlds.split import optical
@@ -42,7 +42,7 @@ def photograph(
     backend: BackendName = "auto",
     shadows: bool = False,
     finer: int = FINER,
-    told: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> Frames:
     """Pictures of a cell along a motion.
 
@@ -55,7 +55,7 @@ def photograph(
         seed: of what the sensors draw.
         backend, shadows: of the renderer.
         finer: rays a pixel in each direction, an odd number.
-        told: is told which share is done.
+        progress: called with the share that is done.
     """
     scene = replace(scene, cameras=tuple(c.name for c in cameras))
     frames: list[RecordedFrame] = []
@@ -65,10 +65,10 @@ def photograph(
             shutter, sensor = Shutter.of(world, camera.name), _sensor(world, camera)
             recorded = recorded_of(camera, DEPTH_UNIT)
             for i, time in enumerate(times):
-                seen = exposed(predictor, camera.name, shutter, path, float(time))
-                rgb, depth = _sensed(sensor, camera, seen, float(time), stream(seed, "frames", camera.name, i))
+                rendering = exposed(predictor, camera.name, shutter, path, float(time))
+                rgb, depth = _sensed(sensor, camera, rendering, float(time), stream(seed, "frames", camera.name, i))
                 frames.append(RecordedFrame(float(time), recorded, rgb, depth))
-                told((k * len(times) + i + 1) / (len(cameras) * len(times)))
+                progress((k * len(times) + i + 1) / (len(cameras) * len(times)))
     frames.sort(key=lambda frame: frame.time)
     return Frames({frame.camera.name: frame.camera for frame in frames}, tuple(frames))
 
@@ -88,13 +88,13 @@ def _still(placed: EffectInstance, camera: str) -> EffectInstance:
 
 
 def _sensed(
-    sensor: Pipeline, camera: Camera, seen: Seen, time: float, rng: np.random.Generator
+    sensor: Pipeline, camera: Camera, rendering: Rendering, time: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     frame = Frame(
-        rgb=seen.rgb[None].astype(np.float32) / 255,
-        depth=seen.depth[None].copy(),
+        rgb=rendering.rgb[None].astype(np.float32) / 255,
+        depth=rendering.depth[None].copy(),
         K=camera.K[None],
-        truth=seen.depth[None],
+        truth=rendering.depth[None],
         velocity=np.zeros((1, 6)),
         time=np.array([time]),
     )

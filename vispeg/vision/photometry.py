@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vispeg.vision.predict import TO_LINEAR, Seen, encoded
+from vispeg.vision.predict import TO_LINEAR, Rendering, encoded
 
 SATURATED = (2, 253)  # grey levels between which a pixel still says how much light there was
 ROUNDS, CUT = 4, 3.0  # of a robust fit: what is off by more than CUT sigma is left out
@@ -36,18 +36,18 @@ class LightResidual:
     inlier: float
 
 
-def light_residual(measured: np.ndarray, seen: Seen) -> LightResidual:
+def light_residual(measured: np.ndarray, rendering: Rendering) -> LightResidual:
     """Measured (H, W, 3) uint8 less predicted colour, after the affine map of linear light that fits best."""
-    light, predicted = TO_LINEAR[measured], TO_LINEAR[seen.rgb]
-    good = (measured > SATURATED[0]) & (measured < SATURATED[1]) & (seen.parts > 0)[..., None]
-    gain, offset, kept = np.ones(3), np.zeros(3), 0
+    light, predicted = TO_LINEAR[measured], TO_LINEAR[rendering.rgb]
+    good = (measured > SATURATED[0]) & (measured < SATURATED[1]) & (rendering.parts > 0)[..., None]
+    gain, offset, n_used = np.ones(3), np.zeros(3), 0
     for c in range(3):
         y, x = light[..., c][good[..., c]].astype(float), predicted[..., c][good[..., c]].astype(float)
         gain[c], offset[c], n = _affine(x, y)
-        kept += n
+        n_used += n
     matched = encoded(predicted * gain.astype(np.float32) + offset.astype(np.float32))
     error = np.where(good, measured.astype(np.float32) - matched, np.nan)
-    return LightResidual(error, gain, offset, matched, kept / max(int(good.sum()), 1))
+    return LightResidual(error, gain, offset, matched, n_used / max(int(good.sum()), 1))
 
 
 def _affine(x: np.ndarray, y: np.ndarray) -> tuple[float, float, int]:

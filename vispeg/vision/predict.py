@@ -27,7 +27,7 @@ TIMED = ("camera_delay", "dropped_frames")  # what a picture of one moment canno
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class Rendering:
     """One predicted picture.
 
     Attributes:
@@ -93,7 +93,7 @@ class Predictor:
             self._looks = looks
         self.world = world
 
-    def draw(self, camera: str, q: np.ndarray) -> Seen:
+    def draw(self, camera: str, q: np.ndarray) -> Rendering:
         """What a camera sees at measured joint angles q (nj,) rad, before its sensor makes anything of it."""
         geometry, eye = self.geometry, self.geometry.eyes[camera]
         geometry.at(np.asarray(q, float))
@@ -107,17 +107,19 @@ class Predictor:
             rgb, depth, parts = _bent(drawn, rgb, depth, parts)
         if self.finer > 1:
             rgb, depth, parts = _coarser(rgb, depth, parts, self.finer)
-        return Seen(eye, np.array(q, float), rgb, depth, parts, shot.pose)
+        return Rendering(eye, np.array(q, float), rgb, depth, parts, shot.pose)
 
-    def sensed(self, seen: Seen, seed: int, velocity: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    def sensed(
+        self, rendering: Rendering, seed: int, velocity: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """The picture as the world's sensor delivers it: rgb (H, W, 3) uint8 and depth (H, W) float32 m, 0 = none.
 
         Args:
-            seen: of this predictor, in its present world.
+            rendering: of this predictor, in its present world.
             seed: of what the sensor draws.
             velocity: (6,) m/s, rad/s of the camera in its own axes, for motion blur; at rest if not given.
         """
-        return through_sensor(self.world, seen, seed, velocity, bend=False)
+        return through_sensor(self.world, rendering, seed, velocity, bend=False)
 
     def close(self) -> None:
         """Frees the renderer."""
@@ -131,25 +133,25 @@ class Predictor:
 
 
 def through_sensor(
-    world: World, seen: Seen, seed: int, velocity: np.ndarray | None = None, bend: bool = True
+    world: World, rendering: Rendering, seed: int, velocity: np.ndarray | None = None, bend: bool = True
 ) -> tuple[np.ndarray, np.ndarray]:
     """A rendered picture after the image effects of a world; those of time (delay, dropped frames) are left out.
 
     Args:
         world: without ranges.
-        seen: what was drawn.
+        rendering: what was drawn.
         seed: of what the sensor draws.
         velocity: (6,) m/s and rad/s of the camera in its own axes.
         bend: whether the lens's distortion is among the effects, or in the picture already.
     """
-    name = seen.eye.believed.name
-    left = TIMED if bend else (*TIMED, "lens_distortion")
-    sensor = optical(world, [name]).only(lambda e: effect(e.effect).family == "camera" and e.effect not in left)
+    name = rendering.eye.believed.name
+    skipped = TIMED if bend else (*TIMED, "lens_distortion")
+    sensor = optical(world, [name]).only(lambda e: effect(e.effect).family == "camera" and e.effect not in skipped)
     frame = Frame(
-        rgb=seen.rgb[None].astype(np.float32) / 255,
-        depth=seen.depth[None].copy(),
-        K=seen.eye.believed.K[None],
-        truth=seen.depth[None],
+        rgb=rendering.rgb[None].astype(np.float32) / 255,
+        depth=rendering.depth[None].copy(),
+        K=rendering.eye.believed.K[None],
+        truth=rendering.depth[None],
         velocity=np.zeros((1, 6)) if velocity is None else np.asarray(velocity, float)[None],
         time=np.zeros(1),
     )

@@ -30,15 +30,15 @@ def pictures(compared: Sequence[Compared]) -> tuple[dict[str, object], dict[str,
     order = sorted(range(len(rows)), key=lambda i: -badness(rows[i]))
     cameras = summary(compared)
     arrays: dict[str, np.ndarray] = {}
-    shown: list[dict[str, object]] = []
+    rows_drawn: list[dict[str, object]] = []
     for number, camera in enumerate(cameras):
         mine = [compared[i] for i in order if rows[i]["camera"] == camera["camera"]]
-        for one in mine[:WORST]:
-            arrays |= {f"picture/{len(shown)}/{name}": image for name, image in side_by_side(one).items()}
-            shown.append(one.row())
+        for comparison in mine[:WORST]:
+            arrays |= {f"picture/{len(rows_drawn)}/{name}": image for name, image in side_by_side(comparison).items()}
+            rows_drawn.append(comparison.row())
         arrays |= {f"camera/{number}/{name}": values for name, values in _places(mine).items()}
         arrays[f"camera/{number}/distance"] = _over_distance(mine)
-    return {"cameras": cameras, "frames": [rows[i] for i in order], "shown": shown}, arrays
+    return {"cameras": cameras, "frames": [rows[i] for i in order], "shown": rows_drawn}, arrays
 
 
 def badness(row: Mapping[str, Any]) -> float:
@@ -46,30 +46,36 @@ def badness(row: Mapping[str, Any]) -> float:
     return next((float(row[key]) for key in ("border_px", "depth_mm", "grey") if row[key] is not None), 0.0)
 
 
-def side_by_side(one: Compared) -> dict[str, np.ndarray]:
+def side_by_side(comparison: Compared) -> dict[str, np.ndarray]:
     """Pictures (H, W, 3) uint8 of one frame: predicted, measured with its borders, difference; depth the same way."""
     out: dict[str, np.ndarray] = {}
-    rgb, depth = one.frame.rgb, one.frame.depth
-    if rgb is not None and one.light is not None:
-        out = {"rendered": one.seen.rgb, "measured": _with_borders(rgb, one), "difference": _difference(one.light)}
-    if depth is not None and one.depth is not None:
-        span = _span(one.seen.depth)
-        out["depth_rendered"], out["depth_measured"] = (depth_picture(z, *span) for z in (one.seen.depth, depth))
-        out["depth_difference"] = _signed(one.depth.error, one.depth.missing)
+    rgb, depth = comparison.frame.rgb, comparison.frame.depth
+    if rgb is not None and comparison.light is not None:
+        out = {
+            "rendered": comparison.rendering.rgb,
+            "measured": _with_borders(rgb, comparison),
+            "difference": _difference(comparison.light),
+        }
+    if depth is not None and comparison.depth is not None:
+        span = _span(comparison.rendering.depth)
+        out["depth_rendered"], out["depth_measured"] = (
+            depth_picture(z, *span) for z in (comparison.rendering.depth, depth)
+        )
+        out["depth_difference"] = _signed(comparison.depth.error, comparison.depth.missing)
     return {name: _small(image) for name, image in out.items()}
 
 
-def _with_borders(rgb: np.ndarray, one: Compared) -> np.ndarray:
+def _with_borders(rgb: np.ndarray, comparison: Compared) -> np.ndarray:
     """The measured picture with predicted borders, and a line from each to where it was found."""
     import cv2
 
     image = np.ascontiguousarray(rgb).copy()
-    if one.found is None:
+    if comparison.displacements is None:
         return image
-    there = np.isfinite(one.found.along)
-    ends = one.borders.pixel + np.nan_to_num(one.found.along)[:, None] * one.borders.normal
+    there = np.isfinite(comparison.displacements.along)
+    ends = comparison.borders.pixel + np.nan_to_num(comparison.displacements.along)[:, None] * comparison.borders.normal
     sub = 16  # OpenCV draws at fractions of a pixel
-    for start, end, good in zip(one.borders.pixel, ends, there, strict=True):
+    for start, end, good in zip(comparison.borders.pixel, ends, there, strict=True):
         a, b = (tuple(np.rint(sub * p).astype(int).tolist()) for p in (start, end))
         if good:
             cv2.line(image, a, b, FOUND, 1, cv2.LINE_AA, 4)
@@ -110,11 +116,11 @@ def _places(mine: Sequence[Compared]) -> dict[str, np.ndarray]:
     """Borders of one camera that were found, thinned to `POINTS`: pixel, normal (n, 2), along px, depth m, time s."""
     size = np.array([mine[0].frame.camera.width, mine[0].frame.camera.height])
     parts: list[np.ndarray] = []
-    for one in mine:
-        if one.found is not None:
-            b, good = one.borders, np.isfinite(one.found.along)
-            time = np.full(len(b), one.frame.time)
-            table = np.column_stack([b.pixel, b.normal, one.found.along, b.depth, time])
+    for comparison in mine:
+        if comparison.displacements is not None:
+            b, good = comparison.borders, np.isfinite(comparison.displacements.along)
+            time = np.full(len(b), comparison.frame.time)
+            table = np.column_stack([b.pixel, b.normal, comparison.displacements.along, b.depth, time])
             parts.append(table[good])
     table = np.concatenate(parts) if parts else np.zeros((0, 7))
     table = table[:: max(1, -(-len(table) // POINTS))]
@@ -135,11 +141,11 @@ def _over_distance(mine: Sequence[Compared]) -> np.ndarray:
     not add.
     """
     near, error = [], []
-    for one in mine:
-        if one.depth is not None:
-            good = one.depth.interior & np.isfinite(one.depth.error)
-            near.append(one.seen.depth[good][::7])
-            error.append(1e3 * one.depth.error[good][::7])
+    for comparison in mine:
+        if comparison.depth is not None:
+            good = comparison.depth.interior & np.isfinite(comparison.depth.error)
+            near.append(comparison.rendering.depth[good][::7])
+            error.append(1e3 * comparison.depth.error[good][::7])
     z, e = (np.concatenate(x) if x else np.zeros(0) for x in (near, error))
     if len(z) < DISTANCES:
         return np.zeros((0, 4))

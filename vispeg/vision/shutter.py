@@ -10,7 +10,7 @@ import numpy as np
 from vispeg.effects.common.light import to_linear
 from vispeg.vision.borders import Borders, borders_of
 from vispeg.vision.eye import values_of
-from vispeg.vision.predict import Predictor, Seen, encoded
+from vispeg.vision.predict import Predictor, Rendering, encoded
 from vispeg.worlds.world import World
 
 DRAWN = ("camera_delay", "rolling_shutter", "lens_distortion")  # in the picture before its sensor gets it
@@ -52,7 +52,7 @@ class Shutter:
         return strips - self.delay, looks
 
 
-def exposed(predictor: Predictor, camera: str, shutter: Shutter, path: Path, time: float) -> Seen:
+def exposed(predictor: Predictor, camera: str, shutter: Shutter, path: Path, time: float) -> Rendering:
     """One frame, each strip of rows at its own time; posture and pose are those of the middle strip.
 
     Args:
@@ -67,17 +67,17 @@ def exposed(predictor: Predictor, camera: str, shutter: Shutter, path: Path, tim
 
 def exposed_borders(
     predictor: Predictor, camera: str, shutter: Shutter, path: Path, time: float
-) -> tuple[Seen, Borders]:
+) -> tuple[Rendering, Borders]:
     """One frame as `exposed` draws it, and its borders: of each strip where they are when its rows are read."""
-    strips, found = [], []
+    strips, pieces = [], []
     for k, at in enumerate(_strips(shutter)):
-        seen = _open(predictor, camera, path(time + at))
-        predictor.geometry.at(seen.q)
-        borders, height = borders_of(seen, predictor.geometry), len(seen.depth)
+        rendering = _open(predictor, camera, path(time + at))
+        predictor.geometry.at(rendering.q)
+        borders, height = borders_of(rendering, predictor.geometry), len(rendering.depth)
         row = np.clip(np.rint(borders.pixel[:, 1]).astype(int), 0, height - 1)
-        found.append(borders.some(_strip_of(height, len(_strips(shutter)))[row] == k))
-        strips.append(seen)
-    columns = ([getattr(b, f.name) for b in found] for f in fields(Borders))
+        pieces.append(borders.some(_strip_of(height, len(_strips(shutter)))[row] == k))
+        strips.append(rendering)
+    columns = ([getattr(b, f.name) for b in pieces] for f in fields(Borders))
     return _joined(strips), Borders(*(np.concatenate(c) for c in columns))
 
 
@@ -87,13 +87,13 @@ def _strips(shutter: Shutter) -> np.ndarray:
     return strips[:, None] + looks
 
 
-def _open(predictor: Predictor, camera: str, postures: np.ndarray) -> Seen:
+def _open(predictor: Predictor, camera: str, postures: np.ndarray) -> Rendering:
     """The mean light of some postures (m, nj); depth and part of the middle one."""
     some = [predictor.draw(camera, q) for q in postures]
     middle = some[len(some) // 2]
     if len(some) == 1:
         return middle
-    light = np.mean([to_linear(seen.rgb.astype(np.float32) / 255) for seen in some], axis=0)
+    light = np.mean([to_linear(rendering.rgb.astype(np.float32) / 255) for rendering in some], axis=0)
     return replace(middle, rgb=encoded(light))
 
 
@@ -102,7 +102,7 @@ def _strip_of(height: int, count: int) -> np.ndarray:
     return np.minimum(np.arange(height) * count // height, count - 1)
 
 
-def _joined(strips: list[Seen]) -> Seen:
+def _joined(strips: list[Rendering]) -> Rendering:
     """The rows of each strip, the middle one's posture."""
     if len(strips) == 1:
         return strips[0]

@@ -171,7 +171,7 @@ def taken(
     times = np.arange(LATEST, rec.time[-1] - LATEST, 1 / fps)
     times = times + rng.uniform(0, 0.5 / rec.rate_hz, len(times))
     curve = CubicSpline(rec.time, truth)
-    return photograph(scene, cameras, world, curve, times, seed, backend=backend, shadows=shadows, told=progress)
+    return photograph(scene, cameras, world, curve, times, seed, backend=backend, shadows=shadows, progress=progress)
 
 
 __all__ = ["LOOKS", "cameras_of", "look_of", "record_look", "refuse_rate", "scene_of", "taken"]

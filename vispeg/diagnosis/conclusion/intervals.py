@@ -11,33 +11,35 @@ from vispeg.core.params import Param
 from vispeg.worlds.world import World
 
 
-def widened(world: World, given: int, before: float, after: float) -> World:
+def widened(world: World, n_fixed: int, before: float, after: float) -> World:
     """Fitted intervals widened by what the model's form leaves: no fit is truer than the share of error it removes.
 
     The amplitude of the held-out excess that remains over the one there was is taken as a relative standard error of
     each value's distance from null. It acts on a logarithmic scale, so that an effect whose statistical interval leaves
     out null is not said to be perhaps absent because something else is missing too.
     """
-    left = 1.96 * float(np.sqrt(max(after - 1.0, 0.0) / max(before - 1.0, 1e-9)))
+    relative_error = 1.96 * float(np.sqrt(max(after - 1.0, 0.0) / max(before - 1.0, 1e-9)))
     effects = list(world.effects)
-    for i, e in enumerate(effects[given:], given):
-        known = effect(e.effect).params
-        effects[i] = replace(e, params={name: _wider(v, known[name], left) for name, v in e.params.items()})
+    for i, e in enumerate(effects[n_fixed:], n_fixed):
+        parameters = effect(e.effect).params
+        effects[i] = replace(
+            e, params={name: _wider(v, parameters[name], relative_error) for name, v in e.params.items()}
+        )
     return replace(world, effects=tuple(effects))
 
 
-def _wider(v: Value, p: Param, left: float) -> Value:
+def _wider(v: Value, p: Param, relative_error: float) -> Value:
     if v.low is None or v.high is None:
         return v
     null = p.origin
     if p.scale == "log":
-        half = np.hypot(np.log(v.high / v.low) / 2, left)
+        half = np.hypot(np.log(v.high / v.low) / 2, relative_error)
         ends = v.value * np.exp([-half, half])
     elif v.low <= null <= v.high:
-        more = left * abs(v.value - null)
+        more = relative_error * abs(v.value - null)
         ends = np.array([v.value - np.hypot(v.value - v.low, more), v.value + np.hypot(v.high - v.value, more)])
     else:
         ratio = np.log((np.array([v.low, v.high]) - null) / (v.value - null))
-        ends = null + (v.value - null) * np.exp(np.sign(ratio) * np.hypot(ratio, left))
+        ends = null + (v.value - null) * np.exp(np.sign(ratio) * np.hypot(ratio, relative_error))
     low, high = np.clip(np.sort(ends), p.low, p.high)
     return Value(v.value, float(min(low, v.value)), float(max(high, v.value)))

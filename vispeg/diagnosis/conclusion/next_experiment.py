@@ -50,8 +50,8 @@ def next_experiment(
     if sigma < DECISIVE:
         why = f"no motion of the menu separates {names[0]} from {names[1]} by {DECISIVE:g} sigma (the best, {name}, by "
         return {"motion": "", "why": f"{why}{sigma:.2g})", "expected_separation_sigma": round(sigma, 2)}, {}
-    found = stage.record(name, f"separates {names[0]} from {names[1]}", sigma)
-    return found, stage.arrays(name) | {"next/A": a, "next/B": b}
+    motion = stage.record(name, f"separates {names[0]} from {names[1]}", sigma)
+    return motion, stage.arrays(name) | {"next/A": a, "next/B": b}
 
 
 class _Stage:

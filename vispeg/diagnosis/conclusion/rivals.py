@@ -29,73 +29,73 @@ class Rivals:
     tried: tuple[Trial, ...]
 
 
-def settled(search: Search, state: State, given: int, say: Callable[[str], None]) -> list[Rivals]:
+def settled(search: Search, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
     """Rivals of what was accepted, after those of them that are better on held-out data have taken its place."""
-    rivals = find_rivals(search, state, given, say) if len(state.world.effects) > given else []
+    rivals = find_rivals(search, state, n_fixed, say) if len(state.world.effects) > n_fixed else []
     for _ in range(EXCHANGES):
         better = [(t, r) for r in rivals for t in r.equals if _better(search, state, t, r.label)]
-        if not better or len(state.world.effects) - given < 2:
+        if not better or len(state.world.effects) - n_fixed < 2:
             break
         trial, rival = min(better, key=lambda at: float(at[0].loss.sum()))
         out = next(e for e in state.world.effects if e.label == rival.label)
         say(f"{trial.score.label} comes in the place of {out.label}")
         swapped = replace(trial, score=replace(trial.score, out=(out,)))
-        search.take(state, swapped, [swapped], given)
-        search.go_on(state, given)  # beside it, something else may pass
-        rivals = find_rivals(search, state, given, say)
+        search.take(state, swapped, [swapped], n_fixed)
+        search.go_on(state, n_fixed)  # beside it, something else may pass
+        rivals = find_rivals(search, state, n_fixed, say)
     return rivals
 
 
 def _better(search: Search, state: State, rival: Trial, label: str) -> bool:
     """Whether a rival belongs in the place of the effect `label`."""
-    (own,) = [e for e in state.world.effects if e.label == label]
-    least = 0.0 if usual(rival.score.placed, own) else BETTER
+    (accepted,) = [e for e in state.world.effects if e.label == label]
+    least = 0.0 if usual(rival.score.placed, accepted) else BETTER
     return search.judge.gain(state.loss, rival.loss).relative >= least
 
 
-def find_rivals(search: Search, state: State, given: int, say: Callable[[str], None]) -> list[Rivals]:
+def find_rivals(search: Search, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
     """Rivals of every accepted effect, all the others kept and refitted."""
-    chosen = state.world.effects[given:]
+    chosen = state.world.effects[n_fixed:]
     if len(chosen) == 1 and len(state.steps) == 1:
         return [_compare(search, state, chosen[0].label, list(state.steps[0][1]), state.first)]
     if len(chosen) > search.few:
-        return _proposed(search, state, given, say)
+        return _proposed(search, state, n_fixed, say)
     out = []
     for placed in chosen:
         say(f"looking for rivals of {placed.label}")
-        (reduced,) = _without(search, state, [placed], given)
+        (reduced,) = _without(search, state, [placed], n_fixed)
         scores, tested = search.instead(reduced, placed)
-        trials = search.try_all(reduced, scores, given, tested) if scores else []
+        trials = search.try_all(reduced, scores, n_fixed, tested) if scores else []
         out.append(_compare(search, state, placed.label, trials, search.judge.mean(reduced.loss)))
     return out
 
 
-def _proposed(search: Search, state: State, given: int, say: Callable[[str], None]) -> list[Rivals]:
+def _proposed(search: Search, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
     """Rivals that linear algebra proposes in the place of each of many effects, fitted and judged side by side."""
     say("asking what may stand in the place of each effect")
     asked = {e.label: e.rivals for e in search.exchanges(state) if e.rivals}
-    placed = [e for e in state.world.effects[given:] if e.label in asked]
+    placed = [e for e in state.world.effects[n_fixed:] if e.label in asked]
     size = 8 * state.residual.size * (1 + len(state.world.effects)) * (1 + 2 * MOST)  # bytes of derivatives, an effect
-    some, found = max(1, AT_ONCE // size), {}
+    some, by_label = max(1, AT_ONCE // size), {}
     for start in range(0, len(placed), some):
         part = placed[start : start + some]
         say(f"looking for rivals of {', '.join(e.label for e in part)}")
-        reduced = _without(search, state, part, given)
+        reduced = _without(search, state, part, n_fixed)
         tries = [
             (beside, [Score(r, 0.0) for r in asked[e.label][:MOST]], len(asked[e.label]))
             for e, beside in zip(part, reduced, strict=True)
         ]
-        for e, beside, own in zip(part, reduced, search.try_each(tries, given), strict=True):
-            found[e.label] = _compare(search, state, e.label, own, search.judge.mean(beside.loss))
-    return [found.get(e.label, Rivals(e.label, (), ())) for e in state.world.effects[given:]]
+        for e, beside, trials in zip(part, reduced, search.try_each(tries, n_fixed), strict=True):
+            by_label[e.label] = _compare(search, state, e.label, trials, search.judge.mean(beside.loss))
+    return [by_label.get(e.label, Rivals(e.label, (), ())) for e in state.world.effects[n_fixed:]]
 
 
-def _without(search: Search, state: State, gone: Sequence[EffectInstance], given: int) -> list[State]:
+def _without(search: Search, state: State, gone: Sequence[EffectInstance], n_fixed: int) -> list[State]:
     """The state without each of these effects, the others fitted anew with the derivatives that they had."""
     worlds = [state.world.without(e.effect, e.where) for e in gone]
     fits: list[Fit | None] = [None] * len(gone)
-    if gone and len(worlds[0].effects) > given and state.fit is not None:
-        fits = [*search.fits(worlds, given, iterations=5, columns=[state.derivatives([e]) for e in gone])]
+    if gone and len(worlds[0].effects) > n_fixed and state.fit is not None:
+        fits = [*search.fits(worlds, n_fixed, iterations=5, columns=[state.derivatives([e]) for e in gone])]
     worlds = [world if fit is None else fit.world for world, fit in zip(worlds, fits, strict=True)]
     bare = search.evidence.residuals(worlds) if None in fits else []
     out = []

@@ -31,22 +31,22 @@ def choices(count: int) -> np.ndarray:
 
 
 def subsets(
-    judged: Evidence, world: World, given: int, alternatives: Sequence[tuple[str, World]] = ()
+    judged: Evidence, world: World, n_fixed: int, alternatives: Sequence[tuple[str, World]] = ()
 ) -> dict[str, np.ndarray]:
     """Arrays of `evidence.npz` under `choice/`: no value is fitted anew, each effect keeps the one it has in `world`.
 
     Args:
         judged: held-out evidence.
-        world: the model with everything that was added behind its first `given` effects.
+        world: the model with everything that was added behind its first `n_fixed` effects.
         alternatives: label and world of each rival that explains the held-out data as well.
 
     Returns:
         on (m, k) bool; effect, where (k,); rival (m,) its label or ""; error (m,) held-out RMS and joints (m, nj), in
         `unit`; and for item r r/time (p,), r/residual (m, p, nj), measured minus predicted, NaN where not valid.
     """
-    added = world.effects[given:]
+    added = world.effects[n_fixed:]
     on = choices(len(added))
-    worlds = [replace(world, effects=(*world.effects[:given], *_chosen(added, row))) for row in on]
+    worlds = [replace(world, effects=(*world.effects[:n_fixed], *_chosen(added, row))) for row in on]
     worlds += [rival for _, rival in alternatives]
     nothing = np.zeros((len(alternatives), len(added)), bool)
     labels = [""] * len(on) + [label for label, _ in alternatives]

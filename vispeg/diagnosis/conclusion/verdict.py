@@ -30,7 +30,7 @@ class Verdict:
 def decide(
     before: float,
     after: float,
-    found: int,
+    n_added: int,
     rivals: Sequence[Rivals],
     depends: Sequence[Dependence],
     floor: float = 1.0,
@@ -40,7 +40,7 @@ def decide(
 
     Args:
         before, after: held-out mean squared whitened residual of the user's model and of the final one; 1 is the floor.
-        found: effects added.
+        n_added: effects added.
         rivals: of the added effects.
         depends: what the final residual depends on.
         floor: of the final model, in noise variances; above 1 where encoders are coarse or the loop feeds noise back.
@@ -51,7 +51,7 @@ def decide(
     at_floor = after <= FLOOR * floor
     top = depends[0] if depends else None
     most = min(FARTHEST * floor, np.inf if mark is None else MARK * mark)
-    if not at_floor and (explained < EXPLAINED or after > most or not found):
+    if not at_floor and (explained < EXPLAINED or after > most or not n_added):
         on = [{"input": d.input, "joint": d.joint, "share": d.share} for d in depends if d.share >= CONVINCING]
         what = f"it depends on {on[0]['input']} at {on[0]['joint']}" if on else "no single input predicts it"
         text = f"a residual {after:.1f} times the noise variance remains that no known effect explains; {what}"
@@ -59,7 +59,7 @@ def decide(
             text += f"; least squares of all masses, friction and bias leaves {mark:.1f}"
         rest = {"depends_on": on, "text": text, "explained_share": round(explained, 4)}
         return Verdict("unexplained", text, rest, partial=True)
-    if not found:
+    if not n_added:
         return Verdict("adequate", f"held-out error is {after:.2f} times the noise variance and no effect lowers it")
     names = {r.label for r in rivals if r.equals}
     if names:

@@ -31,8 +31,8 @@ def base_parameters(fitted: TorqueEvidence, held_out: TorqueEvidence, world: Wor
     solution = np.linalg.lstsq(x / scale, y, rcond=RANK)[0] / scale
     out = []
     for item, residual in zip(held_out.items, _residuals(held_out, world), strict=True):
-        left = residual - (columns(item) @ solution).reshape(residual.shape)
-        out.append(np.where(item.valid, left, 0.0))
+        rest = residual - (columns(item) @ solution).reshape(residual.shape)
+        out.append(np.where(item.valid, rest, 0.0))
     return out
 
 
@@ -52,11 +52,11 @@ def _residuals(evidence: TorqueEvidence, world: World) -> list[np.ndarray]:
 def columns(item: Item) -> np.ndarray:
     """Derivatives (m nj, 10 nlink + 4 nj) of the joint torques along an item's motion."""
     seg, nj = item.segment, item.nj
-    ddq = seg.known["ddq"]
+    ddq = seg.cache["ddq"]
     rigid = _rigid(item, ddq)  # (m, nj, 10 nlink)
     each = np.stack([np.tanh(seg.dq / STICK), seg.dq, ddq, np.ones_like(seg.dq)], axis=2)  # (m, nj, 4)
-    own = np.einsum("njk,ji->njik", each, np.eye(nj)).reshape(len(ddq), nj, -1)
-    return np.concatenate([rigid, own], axis=2).reshape(len(ddq) * nj, -1)
+    joint_columns = np.einsum("njk,ji->njik", each, np.eye(nj)).reshape(len(ddq), nj, -1)
+    return np.concatenate([rigid, joint_columns], axis=2).reshape(len(ddq) * nj, -1)
 
 
 def _rigid(item: Item, ddq: np.ndarray) -> np.ndarray:

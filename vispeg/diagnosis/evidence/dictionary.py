@@ -72,15 +72,15 @@ class Dictionary:
             base = base - fit.jacobian @ away
             blocks.append(-fit.jacobian)
             for index in sorted({a.index for a in fit.space.axes}):
-                own = np.array([i for i, a in enumerate(fit.space.axes) if a.index == index])
-                bounds = np.array([low[own], high[own]]) - (fit.u - away)[own]
-                self.entries.append(Entry(fit.world.effects[index], own, bounds, index=index))
+                indices = np.array([i for i, a in enumerate(fit.space.axes) if a.index == index])
+                bounds = np.array([low[indices], high[indices]]) - (fit.u - away)[indices]
+                self.entries.append(Entry(fit.world.effects[index], indices, bounds, index=index))
             at = fit.jacobian.shape[1]
         for s in signatures:
-            own = np.arange(at, at + s.columns.shape[1])
-            self.entries.append(Entry(s.probe, own, s.bounds, s))
+            indices = np.arange(at, at + s.columns.shape[1])
+            self.entries.append(Entry(s.probe, indices, s.bounds, s))
             blocks.append(s.columns)
-            at += len(own)
+            at += len(indices)
         self.fitted = [k for k, e in enumerate(self.entries) if e.signature is None]
         blocks.append(base[:, None])
         parts = [_gram(blocks, rows) for rows in folds] or [_gram(blocks, slice(0, len(base)))]
@@ -102,8 +102,8 @@ class Dictionary:
         x = solve_triangular(root, along)
         if np.any(x < bounds[0]) or np.any(x > bounds[1]):
             x = lsq_linear(root, along, bounds=bounds + np.array([[-1e-9], [1e-9]])).x
-        left = self.total - along @ along + np.sum((along - root @ x) ** 2)
-        return float(left), x / self.scale[i]
+        error = self.total - along @ along + np.sum((along - root @ x) ** 2)
+        return float(error), x / self.scale[i]
 
     def at(self, chosen: Sequence[int], coefficients: np.ndarray) -> float:
         """Squared residual of the entries `chosen` at coefficients that another evidence gave."""
@@ -115,9 +115,9 @@ class Dictionary:
 
     def crossed(self, chosen: Sequence[int]) -> float:
         """The same with each fold predicted by coefficients of the others; what stands at its bound stays there."""
-        whole, x = self.loss(chosen)
+        in_sample, x = self.loss(chosen)
         if not self.parts or not len(chosen):
-            return whole
+            return in_sample
         i = np.concatenate([self.entries[k].columns for k in chosen])
         bounds = np.concatenate([self.entries[k].bounds for k in chosen], axis=1)
         span = np.abs(x) + 1e-12
@@ -126,11 +126,11 @@ class Dictionary:
         for part in self.parts:
             gram, slope = part[np.ix_(i, i)], part[i, -1]
             rest, pull = self.gram[np.ix_(i, i)] - gram, self.slope[i] - slope
-            own, free = x.copy(), ~held
+            refit, free = x.copy(), ~held
             if free.any():
                 inner = rest[np.ix_(free, free)] + RIDGE * np.eye(int(free.sum()))
-                own[free] = np.linalg.solve(inner, pull[free] - rest[np.ix_(free, held)] @ x[held])
-            total += part[-1, -1] - 2.0 * own @ slope + own @ gram @ own
+                refit[free] = np.linalg.solve(inner, pull[free] - rest[np.ix_(free, held)] @ x[held])
+            total += part[-1, -1] - 2.0 * refit @ slope + refit @ gram @ refit
         return float(total)
 
     def gains(self, chosen: Sequence[int]) -> np.ndarray:
@@ -155,10 +155,10 @@ class Dictionary:
         coefficients, out, at = self.loss(chosen)[1], [], 0
         for k in chosen:
             entry = self.entries[k]
-            own = coefficients[at : at + len(entry.columns)]
-            at += len(own)
+            part = coefficients[at : at + len(entry.columns)]
+            at += len(part)
             if entry.signature is not None:
-                out.append(entry.signature.placed(own.tolist()))
+                out.append(entry.signature.placed(part.tolist()))
         return out
 
 

@@ -67,7 +67,7 @@ def missing_torque(item: Item, predicted: np.ndarray, seed: int = 0) -> MissingT
         valid = item.valid.any(axis=1)
         gap = _filled(item.measured - predicted)
         load = predicted[valid]
-        q, dq, ddq = seg.q[valid], seg.dq[valid], seg.known["ddq"][valid]
+        q, dq, ddq = seg.q[valid], seg.dq[valid], seg.cache["ddq"][valid]
         return MissingTorque(seg.time[valid], q, dq, ddq, load, load, gap[valid], item.sigma)
     q, dq, ddq = smooth(seg.time, _filled(item.measured[:, :nj]), CUTOFF_HZ)
     nominal = Nominal(compiled(item.robot), item.robot.joints, item.robot.flange, m, 1)

@@ -81,12 +81,12 @@ def groups(evidence: Evidence, world: World, done: Collection[str] = ()) -> list
 
     Kinds (`Effect.common`) that are `done` are not asked for again.
     """
-    found: dict[str, list[tuple[str, str]]] = {}
+    places_by_effect: dict[str, list[tuple[str, str]]] = {}
     for name, place in candidates(evidence, world, evidence.items[0].robot.joints):
         common = effect(name).common
         if common and common not in done and place != "all":
-            found.setdefault(common, []).append((name, place))
-    return [places for places in found.values() if len(places) > 1]
+            places_by_effect.setdefault(common, []).append((name, place))
+    return [places for places in places_by_effect.values() if len(places) > 1]
 
 
 def screen(

@@ -41,27 +41,27 @@ class Agreement:
         return ""
 
 
-def agreement(search: PictureSearch, added: World, without: World, given: int) -> Agreement:
+def agreement(search: PictureSearch, added: World, without: World, n_fixed: int) -> Agreement:
     """Of two fitted worlds, one of which has an effect more.
 
     Args:
         search: of borders.
         added, without: the worlds, fitted to the first recording.
-        given: number of effects that are not fitted.
+        n_fixed: number of effects that are not fitted.
     """
     judged = search.judged
     assert isinstance(judged, BorderEvidence)
-    free = [w for w in (added, without) if len(w.effects) > given]
-    again = [f.world for f in search.fits(free, given, judged)]
+    free = [w for w in (added, without) if len(w.effects) > n_fixed]
+    again = [f.world for f in search.fits(free, n_fixed, judged)]
     first = _difference(judged, added, without)
     second = _difference(judged, again[0], again[1] if len(free) == 2 else without)
     return Agreement(_rms(first), _rms(first - second))
 
 
-def _difference(judged: BorderEvidence, one: World, other: World) -> np.ndarray:
+def _difference(judged: BorderEvidence, first: World, other: World) -> np.ndarray:
     """(n,) px along the normals between two worlds' borders, at trusted points; NaN at the rest."""
     trusted = np.concatenate([item.valid[:, 0] for item in judged.items])
-    a, b = (np.concatenate(judged.misplaced(w)) for w in (one, other))
+    a, b = (np.concatenate(judged.misplaced(w)) for w in (first, other))
     return np.where(trusted, a - b, np.nan)
 
 

@@ -25,44 +25,44 @@ class BorderSearch(PictureSearch):
 
     def run(self, world: World) -> State:
         """Adds effects until none earns its place; then lets what does as well with less take the place of others."""
-        state, given = super().run(world), len(world.effects)
+        state, n_fixed = super().run(world), len(world.effects)
         for _ in range(ROUNDS):
-            better = self._simpler(state, given) or self._exchange(state, given)
+            better = self._simpler(state, n_fixed) or self._exchange(state, n_fixed)
             if better is None:
                 break
             trial, trials = better
-            self.take(state, trial, trials, given)
-            self._prune(state, given)
-            while self.worth_it(state, given) and self.advance(state, given):
+            self.take(state, trial, trials, n_fixed)
+            self._prune(state, n_fixed)
+            while self.worth_it(state, n_fixed) and self.advance(state, n_fixed):
                 pass
         return state
 
-    def doubt(self, placed: EffectInstance, added: World, without: World, given: int) -> str:
+    def doubt(self, placed: EffectInstance, added: World, without: World, n_fixed: int) -> str:
         """As `PictureSearch`: others can do it, or the recordings differ on what it does."""
-        return agreement(self, added, without, given).doubt(self.least_of(placed))
+        return agreement(self, added, without, n_fixed).doubt(self.least_of(placed))
 
     def least_of(self, placed: EffectInstance) -> float:
         """As `PictureSearch`: what only motion makes is not made by a look."""
         return MOVING if placed.effect in OF_TIME else self.least
 
-    def _simpler(self, state: State, given: int) -> tuple[Trial, list[Trial]] | None:
+    def _simpler(self, state: State, n_fixed: int) -> tuple[Trial, list[Trial]] | None:
         """One effect alone that does as well as all that were taken."""
-        if len(state.world.effects) - given < 2:
+        if len(state.world.effects) - n_fixed < 2:
             return None
-        trials, base = state.steps[0][1], replace(state.world, effects=state.world.effects[:given])
+        trials, base = state.steps[0][1], replace(state.world, effects=state.world.effects[:n_fixed])
         alone = [t for t in trials if not t.rejected and present(t.fit, -1) and equal(self.judge, t.loss, state.loss)]
-        alone = [t for t in alone if not self.doubt(t.score.placed, t.fit.world, base, given)]
+        alone = [t for t in alone if not self.doubt(t.score.placed, t.fit.world, base, n_fixed)]
         alone.sort(key=lambda t: (parameters(t.fit.world), float(t.loss.sum())))
         return (alone[0], trials) if alone else None
 
-    def _exchange(self, state: State, given: int) -> tuple[Trial, list[Trial]] | None:
+    def _exchange(self, state: State, n_fixed: int) -> tuple[Trial, list[Trial]] | None:
         """An effect in whose place another one does better, all else fitted anew."""
-        best, chosen = (1.0 - BETTER) * float(state.loss.sum()), state.world.effects[given:]
-        found = None
+        best, chosen = (1.0 - BETTER) * float(state.loss.sum()), state.world.effects[n_fixed:]
+        replacement = None
         for placed in chosen if len(chosen) > 1 else ():
-            reduced = self._without(state, placed, given)
+            reduced = self._without(state, placed, n_fixed)
             places = [p for p in self.places(reduced.world) if p != (placed.effect, placed.where)]
-            trials = self.questioned(reduced, self.step(reduced, given, places), given)
+            trials = self.questioned(reduced, self.step(reduced, n_fixed, places), n_fixed)
             if trials and not trials[0].rejected and float(trials[0].loss.sum()) < best:
-                best, found = float(trials[0].loss.sum()), (trials[0], trials)
-        return found
+                best, replacement = float(trials[0].loss.sum()), (trials[0], trials)
+        return replacement

@@ -63,7 +63,7 @@ def _silent(kind: str, name: str, where: str, numbers: Mapping[str, float]) -> d
     return said | {"why": f"a typical one ({sizes}) changes no figure of {kind}", "motion": SHOWN.get(name, MOVE)}
 
 
-def motion_between(one: str, others: Sequence[str]) -> str:
+def motion_between(effect_name: str, others: Sequence[str]) -> str:
     """The motion that tells an effect from others."""
-    words = [SEPARATE.get(frozenset({one, other})) for other in others]
+    words = [SEPARATE.get(frozenset({effect_name, other})) for other in others]
     return next((w for w in words if w), MOVE)

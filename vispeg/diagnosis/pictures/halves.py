@@ -33,12 +33,12 @@ class Halves:
         return self.difference > max(WRONG * self.uncertainty, LEAST)
 
 
-def compare_halves(search: PictureSearch, borders: Borders, world: World, given: int) -> Halves | None:
+def compare_halves(search: PictureSearch, borders: Borders, world: World, n_fixed: int) -> Halves | None:
     """The world's effects fitted to every other view and to the rest; None where nothing was fitted."""
-    if len(world.effects) <= given:
+    if len(world.effects) <= n_fixed:
         return None
     evidence, judged = borders
-    fits = [search.fits([world], given, evidence.part(k, 2))[0] for k in (0, 1)]
+    fits = [search.fits([world], n_fixed, evidence.part(k, 2))[0] for k in (0, 1)]
     spread = sum(uncertainty(judged, f) ** 2 for f in fits)
     return Halves(judged.change(fits[0].world, fits[1].world), float(np.sqrt(spread)))
 

@@ -61,9 +61,9 @@ def left_over(
                 continue
             shift = _robust(a["normal"][rows], a["away"][rows], noise)
             predicted = b["normal"][held] @ shift
-            seen = b["away"][held]
-            w = np.maximum(trust(seen, noise), trust(seen - predicted, noise))
-            drop = float(np.sum(w * (seen**2 - (seen - predicted) ** 2)))
+            away = b["away"][held]
+            w = np.maximum(trust(away, noise), trust(away - predicted, noise))
+            drop = float(np.sum(w * (away**2 - (away - predicted) ** 2)))
             size = float(np.sqrt(np.mean(predicted**2)))
             fine[value] = drop
             if drop > 0:

@@ -57,28 +57,30 @@ def diagnose_pictures(
     mine, theirs = sights_of(fitted), sights_of(held_out)
     say("bringing the predicted borders onto the pictures")
     evidence, judged = border_evidence(scene, mine, theirs, world)
-    search, given = BorderSearch(evidence, judged, say), len(world.effects)
+    search, n_fixed = BorderSearch(evidence, judged, say), len(world.effects)
     say("fitting what moves the borders")
     state = search.run(world)
-    rivals = search.rivals(state, given)
-    halves = compare_halves(search, (evidence, judged), state.world, given)
-    state = confirmed(search, state, given)
+    rivals = search.rivals(state, n_fixed)
+    halves = compare_halves(search, (evidence, judged), state.world, n_fixed)
+    state = confirmed(search, state, n_fixed)
     cameras = list({s.camera.name: s.camera for s in (*mine, *theirs)}.values())
     say("looking for what is left")
     with Predictor(scene, cameras) as predictor:
         wide = [[(s, gather(predictor, s, state.world, WIDE)) for s in some] for some in (mine, theirs)]
-    left = left_over(wide[0], wide[1], list(scene.parts))
+    remainder = left_over(wide[0], wide[1], list(scene.parts))
     before, after, lost = judged.error(world), judged.error(state.world), _lost(wide[1])
-    of_borders = decide(before, after, len(state.world.effects) - given, rivals, left, halves, lost)
+    of_borders = decide(before, after, len(state.world.effects) - n_fixed, rivals, remainder, halves, lost)
     sensed = []
     if of_borders.verdict != "unexplained":  # where things do not stand where they are drawn, no sensor can be told
         sensed = sensor_search(scene, (mine, theirs), (evidence, judged), world, state.world, say)
     verdict, rivals = with_sensor(of_borders, sensed), [*rivals, *(r for s in sensed for r in s.rivals)]
     fitted_world = state.world.add(*(e for s in sensed for e in s.added))
-    final = with_origin(replace(state.world, cell=world.cell), given, fitted, held_out, before, after, verdict.partial)
+    final = with_origin(
+        replace(state.world, cell=world.cell), n_fixed, fitted, held_out, before, after, verdict.partial
+    )
     for s in sensed:
-        told = with_origin(s.state.world, given, fitted, held_out, s.errors[0], s.errors[1], verdict.partial)
-        final = final.add(*told.effects[given:])
+        sensor_world = with_origin(s.state.world, n_fixed, fitted, held_out, s.errors[0], s.errors[1], verdict.partial)
+        final = final.add(*sensor_world.effects[n_fixed:])
     with Predictor(scene, cameras) as predictor:
         drawn = shown_pictures(predictor, theirs, world, final, judged, seed)
     maps = projections(judged.geometry, world, final, state.fit)
@@ -87,16 +89,16 @@ def diagnose_pictures(
         "format": "vispeg-diagnosis/1",
         "verdict": verdict.verdict,
         "reason": verdict.reason,
-        "effects": effects(final, given, rivals, fitted_world),
+        "effects": effects(final, n_fixed, rivals, fitted_world),
         "ladder": _ladder(evidence, judged, world, state),
         "noise_floor": {"value": floor, "unit": "px RMS", "from": evidence.floor_from},
         "where_it_fails": [],
         "residual_peaks": [],
         "unexplained": verdict.unexplained,
         "channels": [_channel(judged, world, state.world), *(s.channel for s in sensed)],
-        "next_experiment": _next(state, rivals, given),
+        "next_experiment": _next(state, rivals, n_fixed),
         "candidates": [
-            c for x in (state, *(s.state for s in sensed)) for c in candidates(x, rivals if x is state else (), given)
+            c for x in (state, *(s.state for s in sensed)) for c in candidates(x, rivals if x is state else (), n_fixed)
         ],
         "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in screening(state)],
@@ -111,7 +113,7 @@ def diagnose_pictures(
             "borders": {"fit": evidence.count, "validate": judged.count, "without_edge": round(lost, 3)},
             "projection": [p.as_dict() for p in maps],
             "halves": None if halves is None else {"px": halves.difference, "uncertainty_px": halves.uncertainty},
-            "remainder": [{"input": x.input, "where": x.where, "share": x.share, "px": x.size} for x in left],
+            "remainder": [{"input": x.input, "where": x.where, "share": x.share, "px": x.size} for x in remainder],
             "sensor": [s.as_dict() for s in sensed],
             "not_excited": not_excited(search, sensed, state.world),
         },
@@ -150,7 +152,7 @@ def _channel(judged, before: World, after: World) -> Channel:
     }
 
 
-def _next(state: State, rivals: Sequence[Rivals], given: int) -> NextMotion | None:
+def _next(state: State, rivals: Sequence[Rivals], n_fixed: int) -> NextMotion | None:
     for r in rivals:
         if r.equals:
             others = [t.score.key[0] for t in r.equals]

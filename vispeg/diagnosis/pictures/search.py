@@ -56,8 +56,8 @@ class PictureSearch(Shown):
 
     def run(self, world: World) -> State:
         """Adds effects until none earns its place on the views to judge on."""
-        state, given = self.start(world), len(world.effects)
-        while self.worth_it(state, given) and self.advance(state, given):
+        state, n_fixed = self.start(world), len(world.effects)
+        while self.worth_it(state, n_fixed) and self.advance(state, n_fixed):
             pass
         return state
 
@@ -66,33 +66,33 @@ class PictureSearch(Shown):
         loss = self.judge.losses([world])[0]
         return State(world, loss, self.evidence.residuals([world])[0], first=self.judge.mean(loss))
 
-    def worth_it(self, state: State, given: int) -> bool:
+    def worth_it(self, state: State, n_fixed: int) -> bool:
         """Whether a step may be taken: up to so many effects."""
-        return len(state.world.effects) - given < self.evidence.most_effects
+        return len(state.world.effects) - n_fixed < self.evidence.most_effects
 
-    def advance(self, state: State, given: int) -> bool:
+    def advance(self, state: State, n_fixed: int) -> bool:
         """Adds the effect that earns its place best; False where none does, or where it did not stay."""
-        trials = self.questioned(state, self.step(state, given), given)
+        trials = self.questioned(state, self.step(state, n_fixed), n_fixed)
         state.screening = [t.score for t in trials]
         if not trials or trials[0].rejected:
             state.last = trials
             return False
         before = state.world.label
-        self.take(state, trials[0], trials, given)
-        self._prune(state, given)
+        self.take(state, trials[0], trials, n_fixed)
+        self._prune(state, n_fixed)
         return state.world.label != before
 
-    def questioned(self, state: State, trials: list[Trial], given: int) -> list[Trial]:
+    def questioned(self, state: State, trials: list[Trial], n_fixed: int) -> list[Trial]:
         """The trials, those that pass and are doubted after all behind the first that is not."""
         doubted = []
         for t in trials:
-            why = t.rejected or self.doubt(t.score.placed, t.fit.world, state.world, given)
+            why = t.rejected or self.doubt(t.score.placed, t.fit.world, state.world, n_fixed)
             if not why:
                 break
             doubted.append(replace(t, rejected=why))
         return [*trials[len(doubted) :], *doubted]
 
-    def doubt(self, placed: EffectInstance, added: World, without: World, given: int) -> str:
+    def doubt(self, placed: EffectInstance, added: World, without: World, n_fixed: int) -> str:
         """Why an effect that one of two fitted worlds has more than the other is no name, "" where it is one."""
         return ""
 
@@ -100,7 +100,7 @@ class PictureSearch(Shown):
         """By how much an effect has to change the pictures."""
         return self.least
 
-    def take(self, state: State, trial: Trial, trials: list[Trial], given: int) -> None:
+    def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
         """Adds what a trial tried, one of `trials`."""
         self.say(f"{trial.score.label}: {self.judged.error(trial.fit.world):.2f} {self.judged.unit} left")
         state.steps.append((trial, trials))
@@ -129,19 +129,19 @@ class PictureSearch(Shown):
         """How many places share the level of the test where one of them is tried beside a state."""
         return len(self.places(state.world))
 
-    def step(self, state: State, given: int, places: Sequence[tuple[str, str]] | None = None) -> list[Trial]:
+    def step(self, state: State, n_fixed: int, places: Sequence[tuple[str, str]] | None = None) -> list[Trial]:
         """Fits every place's effect beside what was accepted and judges all; those that pass come first."""
         places = self.places(state.world) if places is None else list(places)
-        return self.try_all(state, [Score(self._start(*at), 0.0) for at in places], given, len(places))
+        return self.try_all(state, [Score(self._start(*at), 0.0) for at in places], n_fixed, len(places))
 
-    def try_all(self, state: State, scores: Sequence[Score], given: int, tested: int) -> list[Trial]:
+    def try_all(self, state: State, scores: Sequence[Score], n_fixed: int, tested: int) -> list[Trial]:
         """Fits each score's effect beside what was accepted and judges all; those that pass come first.
 
         `tested` places share the level of the test.
         """
         if not scores:
             return []
-        fits = self.fits([state.world.add(s.placed) for s in scores], given)
+        fits = self.fits([state.world.add(s.placed) for s in scores], n_fixed)
         losses = self.judge.losses([f.world for f in fits])
         trials = []
         for score, fit, loss in zip(scores, fits, losses, strict=True):
@@ -157,23 +157,23 @@ class PictureSearch(Shown):
             out.append(replace(t, rejected=why))
         return sorted(out, key=lambda t: bool(t.rejected))
 
-    def fits(self, worlds: Sequence[World], given: int, evidence: Pictured | None = None) -> list[Fit]:
-        """Fits everything after the first `given` effects of each world."""
+    def fits(self, worlds: Sequence[World], n_fixed: int, evidence: Pictured | None = None) -> list[Fit]:
+        """Fits everything after the first `n_fixed` effects of each world."""
         chosen = self.evidence if evidence is None else evidence
-        jobs = [fit_job(chosen, w, range(given, len(w.effects)), iterations=12) for w in worlds]
+        jobs = [fit_job(chosen, w, range(n_fixed, len(w.effects)), iterations=12) for w in worlds]
         return run_together(jobs, chosen.residuals)
 
     def shift(self, world: World, placed: EffectInstance) -> float:
         """RMS change that one effect of a world makes to the held-out views."""
         return self.judged.change(world, world.without(placed.effect, placed.where))
 
-    def rivals(self, state: State, given: int) -> list[Rivals]:
+    def rivals(self, state: State, n_fixed: int) -> list[Rivals]:
         """For every accepted effect, what the views to judge on cannot tell from it, the others fitted anew."""
         out = []
-        for placed in state.world.effects[given:]:
-            reduced = self._without(state, placed, given)
+        for placed in state.world.effects[n_fixed:]:
+            reduced = self._without(state, placed, n_fixed)
             places = [p for p in self.places(reduced.world) if p != (placed.effect, placed.where)]
-            trials = self.step(reduced, given, places)
+            trials = self.step(reduced, n_fixed, places)
             without = self.judge.mean(reduced.loss)
             equals = [
                 t
@@ -186,19 +186,19 @@ class PictureSearch(Shown):
             out.append(Rivals(placed.label, tuple(equals), tuple(trials)))
         return out
 
-    def _without(self, state: State, placed: EffectInstance, given: int) -> State:
+    def _without(self, state: State, placed: EffectInstance, n_fixed: int) -> State:
         world, fit = state.world.without(placed.effect, placed.where), None
-        if len(world.effects) > given:
-            (fit,) = self.fits([world], given)
+        if len(world.effects) > n_fixed:
+            (fit,) = self.fits([world], n_fixed)
             world = fit.world
         loss = self.judge.losses([world])[0]
         residual = self.evidence.residuals([world])[0]
         return State(world, loss, residual, fit, state.first, state.steps)
 
-    def _prune(self, state: State, given: int) -> None:
+    def _prune(self, state: State, n_fixed: int) -> None:
         """Takes out, one by one, what the others have made superfluous."""
-        while len(state.world.effects) - given > 1:
-            rests = [(e, self._without(state, e, given)) for e in state.world.effects[given:]]
+        while len(state.world.effects) - n_fixed > 1:
+            rests = [(e, self._without(state, e, n_fixed)) for e in state.world.effects[n_fixed:]]
             gains = [self.judge.gain(r.loss, state.loss) for _, r in rests]
             idle = [
                 i
@@ -206,7 +206,7 @@ class PictureSearch(Shown):
                 if g.relative < self.evidence.least_gain
                 or g.z < 1.645
                 or self.shift(state.world, e) < self.least_of(e)
-                or self.doubt(e, state.world, r.world, given)
+                or self.doubt(e, state.world, r.world, n_fixed)
             ]
             if not idle:
                 return

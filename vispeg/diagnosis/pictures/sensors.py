@@ -117,10 +117,10 @@ def sensor_search(
         if evidence is None or judged is None:
             continue
         say(f"fitting what the sensor does to {kind}")
-        search, given = SensorSearch(evidence, judged, say), len(world.effects)
+        search, n_fixed = SensorSearch(evidence, judged, say), len(world.effects)
         state = search.run(world)
-        rivals = search.rivals(state, given)
-        out.append(Sensed(kind, confirmed(search, state, given), rivals, judged, world, search.silent(world)))
+        rivals = search.rivals(state, n_fixed)
+        out.append(Sensed(kind, confirmed(search, state, n_fixed), rivals, judged, world, search.silent(world)))
     return out
 
 

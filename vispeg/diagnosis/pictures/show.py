@@ -52,10 +52,10 @@ def shown_pictures(
 
 def _worst(judged: BorderEvidence, world: World) -> list[tuple[int, int]]:
     """(item, frame) of the frames with the greatest misplacement, the worst first."""
-    found = []
+    errors = []
     for index, (item, away) in enumerate(zip(judged.items, judged.misplaced(world), strict=True)):
         good = item.valid[:, 0] & np.isfinite(away)
         for frame in np.unique(item.points.frame[good]):
             rows = good & (item.points.frame == frame)
-            found.append((float(np.sqrt(np.mean(away[rows] ** 2))), index, int(frame)))
-    return [(i, f) for _, i, f in sorted(found, reverse=True)[:MOST]]
+            errors.append((float(np.sqrt(np.mean(away[rows] ** 2))), index, int(frame)))
+    return [(i, f) for _, i, f in sorted(errors, reverse=True)[:MOST]]

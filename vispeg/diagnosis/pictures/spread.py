@@ -26,11 +26,11 @@ from vispeg.diagnosis.selection.state import State
 from vispeg.identify.fit import Fit
 
 
-def confirmed(search: PictureSearch, state: State, given: int) -> State:
+def confirmed(search: PictureSearch, state: State, n_fixed: int) -> State:
     """The state with intervals that allow for where the recordings to judge on would put its effects."""
-    if state.fit is None or len(state.world.effects) <= given:
+    if state.fit is None or len(state.world.effects) <= n_fixed:
         return state
-    (other,) = search.fits([state.world], given, search.judged)
+    (other,) = search.fits([state.world], n_fixed, search.judged)
     form = np.hypot(of_form(state.fit, search.evidence.alike()), taken_over(search, state))
     fit = widened(state.fit, other, len(np.unique(search.evidence.blocks())), form)
     return replace(state, fit=fit, world=fit.world)
@@ -68,9 +68,9 @@ def widened(fit: Fit, other: Fit, blocks: int, of_form: np.ndarray | float = 0.0
         of_form: (k,) standard errors from what is off in all recordings alike.
     """
     count, away = len(fit.u), np.abs(fit.u - other.u) / np.sqrt(2)
-    own = max(2, blocks - count)
+    spare = max(2, blocks - count)
     more = max(0.0, float(np.mean((away / np.maximum(fit.sigma, 1e-12)) ** 2)) - 1.0)
-    freedom = (1 + more) ** 2 / (1 / own + more**2 / count)
+    freedom = (1 + more) ** 2 / (1 / spare + more**2 / count)
     t = float(stats.t.ppf(0.975, freedom))
     sigma = np.hypot(np.maximum(np.sqrt(1 + more) * fit.sigma, away), of_form)
     (low, high), placed = fit.space.bounds, list(fit.world.effects)

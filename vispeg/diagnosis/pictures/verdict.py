@@ -18,9 +18,9 @@ LOST = 0.5  # share of the predicted borders without an edge near, from which on
 def decide(
     before: float,
     after: float,
-    found: int,
+    n_added: int,
     rivals: Sequence[Rivals],
-    left: Sequence[Left],
+    remainder: Sequence[Left],
     halves: Halves | None,
     lost: float,
 ) -> Verdict:
@@ -28,13 +28,13 @@ def decide(
 
     Args:
         before, after: held-out misplacement of the borders, RMS px.
-        found: effects added.
+        n_added: effects added.
         rivals: of the added effects.
-        left: what the remainder depends on.
+        remainder: what the remainder depends on.
         halves: whether two halves of the views agree.
         lost: share of predicted borders that the held-out pictures have no edge at.
     """
-    convincing = [x for x in left if _convinces(x)]
+    convincing = [x for x in remainder if _convinces(x)]
     on = [{"input": x.input, "joint": x.where, "share": round(x.share, 3), "px": round(x.size, 2)} for x in convincing]
     if convincing:
         top = convincing[0]
@@ -49,7 +49,7 @@ def decide(
     if lost > LOST:
         text = f"{100 * lost:.0f} % of the predicted borders have no edge near them in the pictures"
         return Verdict("unexplained", text, {"depends_on": on, "text": text}, partial=True)
-    if not found:
+    if not n_added:
         return Verdict(
             "adequate", f"borders lie within {after:.2f} px of where they are predicted; no effect lowers it"
         )
@@ -66,13 +66,13 @@ def _convinces(x: Left) -> bool:
 
 def with_sensor(borders: Verdict, sensed: Sequence[Sensed]) -> Verdict:
     """The verdict on borders, with what the same pictures say of the sensor."""
-    found = [s for s in sensed if s.added]
-    if borders.verdict == "unexplained" or not found:
+    added = [s for s in sensed if s.added]
+    if borders.verdict == "unexplained" or not added:
         return borders
-    names = sorted(r.label for s in found for r in s.rivals if r.equals)
+    names = sorted(r.label for s in added for r in s.rivals if r.equals)
     if names or borders.verdict == "ambiguous":
         text = f"these views cannot tell {', '.join(names)} from other effects" if names else borders.reason
         return Verdict("ambiguous", text)
-    falls = [f"{s.kind} from {s.errors[0]:.1f} to {s.errors[1]:.1f} times its scatter" for s in found]
+    falls = [f"{s.kind} from {s.errors[0]:.1f} to {s.errors[1]:.1f} times its scatter" for s in added]
     said = [borders.reason] if borders.verdict == "identified" else []
     return Verdict("identified", "; ".join([*said, f"held-out figures of {' and of '.join(falls)}"]))

@@ -43,7 +43,7 @@ class Said:
 
     room: Room
     diagnosis: Diagnosis
-    given: tuple[EffectInstance, ...]
+    assumed: tuple[EffectInstance, ...]
 
     @property
     def added(self) -> tuple[EffectInstance, ...]:
@@ -71,12 +71,12 @@ def conduct(rooms: Sequence[Room], world: World, say: Callable[[str], None]) -> 
         news = False
         for room in rooms:
             others = [s for name, s in said.items() if name != room.name]
-            given = tuple(e for s in others for e in s.firm if room.heeds(effect(e.effect)))
-            if room.name in said and _alike(said[room.name].given, given):
+            assumed = tuple(e for s in others for e in s.firm if room.heeds(effect(e.effect)))
+            if room.name in said and _alike(said[room.name].assumed, assumed):
                 continue
-            beside = f", with {', '.join(e.label for e in given)} as others found them" if given else ""
+            beside = f", with {', '.join(e.label for e in assumed)} as others found them" if assumed else ""
             say(f"{room.name}{beside}")
-            said[room.name], news = Said(room, room.diagnose(world.add(*given)), given), True
+            said[room.name], news = Said(room, room.diagnose(world.add(*assumed)), assumed), True
         if not news:
             break
     return [said[room.name] for room in rooms]
@@ -114,7 +114,7 @@ def joined(said: Sequence[Said], world: World) -> Diagnosis:
         "candidates": [c for r in records for c in r["candidates"]],
         "recordings": lead["recordings"],
         "channels": [c for r in records for c in r.get("channels", [])],
-        "remainder": [left for r in records for left in r.get("remainder", [])],
+        "remainder": [entry for r in records for entry in r.get("remainder", [])],
         "notes": [f"{s.room.name}: {note}" for s in said for note in s.diagnosis.record["notes"]],
         "rooms": [_row(s) for s in said],
     }
@@ -123,8 +123,8 @@ def joined(said: Sequence[Said], world: World) -> Diagnosis:
 
 
 def _row(s: Said) -> RoomRecord:
-    given = [{"effect": e.effect, "where": e.where} for e in s.given]
-    return cast("RoomRecord", {"room": s.room.name, "given": given, "record": s.diagnosis.record})
+    assumed = [{"effect": e.effect, "where": e.where} for e in s.assumed]
+    return cast("RoomRecord", {"room": s.room.name, "given": assumed, "record": s.diagnosis.record})
 
 
 def _fall(record: Mapping[str, Any]) -> float:

@@ -70,8 +70,8 @@ class Judge:
         """Mean squared whitened residual of a world that is right: 1, and more where its encoders are coarse."""
         more = 0.0
         for item in self.evidence.items if self.evidence.unit == "rad" else ():
-            own = reading_noise(item, world) / item.sigma[: item.nj]
-            more += float(((own**2 - 1.0) * item.valid[:, : item.nj].sum(axis=0)).sum())
+            ratio = reading_noise(item, world) / item.sigma[: item.nj]
+            more += float(((ratio**2 - 1.0) * item.valid[:, : item.nj].sum(axis=0)).sum())
         return float(1.0 + more / max(self.size.sum(), 1))
 
     def apart(self, gain: Gain) -> bool:

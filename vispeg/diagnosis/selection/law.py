@@ -30,15 +30,15 @@ if TYPE_CHECKING:
     from vispeg.diagnosis.selection.search import Search
 
 
-def refined(search: Search, state: State, given: int) -> bool:
+def refined(search: Search, state: State, n_fixed: int) -> bool:
     """Puts a richer law in the place of a simple one where it earns that; whether one came in."""
-    left = search.judge.mean(state.loss) - search.judge.floor(state.world)
-    for simple, kind in laws(search, state.world, given):
+    excess = search.judge.mean(state.loss) - search.judge.floor(state.world)
+    for simple, kind in laws(search, state.world, n_fixed):
         removed = _removed(search, state, simple)
-        if left < REFINEMENT * removed:
+        if excess < REFINEMENT * removed:
             continue
         starts = _starts(search, state, simple, kind)
-        trial = _fitted(search, state, simple, starts, given)
+        trial = _fitted(search, state, simple, starts, n_fixed)
         crossed = state.cross, search.cross.loss_of(trial.fit, trial.fit.residual)
         tested = search.judge.gain(state.loss, trial.loss, crossed)
         if (
@@ -49,10 +49,10 @@ def refined(search: Search, state: State, given: int) -> bool:
         ):
             continue
         joints = list(search.evidence.items[0].robot.joints)
-        shown = [e for e in simple if trial.gain.joints[joints.index(e.where)] >= LOCAL]
-        if shown and len(shown) < len(simple):
-            found = {e.where: e for e in trial.fit.world.effects if e.effect == kind.name}
-            trial = _fitted(search, state, shown, [[found[e.where] for e in shown]], given)
+        visible = [e for e in simple if trial.gain.joints[joints.index(e.where)] >= LOCAL]
+        if visible and len(visible) < len(simple):
+            by_joint = {e.where: e for e in trial.fit.world.effects if e.effect == kind.name}
+            trial = _fitted(search, state, visible, [[by_joint[e.where] for e in visible]], n_fixed)
         search.say(f"{trial.score.label} in the place of {simple[0].effect}")
         state.steps.append((trial.bare, [trial.bare]))
         state.take(trial.fit, trial.loss)
@@ -61,10 +61,10 @@ def refined(search: Search, state: State, given: int) -> bool:
     return False
 
 
-def laws(search: Search, world: World, given: int) -> Iterator[tuple[list[EffectInstance], Effect]]:
+def laws(search: Search, world: World, n_fixed: int) -> Iterator[tuple[list[EffectInstance], Effect]]:
     """What stands in several joints of a world, and each kind that contains it under the same names of magnitudes."""
-    for name in dict.fromkeys(e.effect for e in world.effects[given:] if effect(e.effect).family == "joint"):
-        simple = [e for e in world.effects[given:] if e.effect == name]
+    for name in dict.fromkeys(e.effect for e in world.effects[n_fixed:] if effect(e.effect).family == "joint"):
+        simple = [e for e in world.effects[n_fixed:] if e.effect == name]
         taken = {(e.effect, e.where) for e in world.effects}
         for kind in searchable().values():
             same = name in kind.contains and set(effect(name).magnitudes) == set(kind.magnitudes)
@@ -88,10 +88,10 @@ def _starts(search: Search, state: State, simple: list[EffectInstance], kind: Ef
     data = joint_data(search.missing(state.world), search.evidence.items)
     joints = list(search.evidence.items[0].robot.joints)
     guesses = [kind.guesses(data[joints.index(e.where)]) or [{}] for e in simple]
-    shapes = [[{k: v for k, v in g.items() if kind.params[k].shape} for g in own] for own in guesses]
+    shapes = [[{k: v for k, v in g.items() if kind.params[k].shape} for g in options] for options in guesses]
     out = []
     for n in range(max(map(len, shapes))):
-        placed = zip(simple, (own[min(n, len(own) - 1)] for own in shapes), strict=True)
+        placed = zip(simple, (options[min(n, len(options) - 1)] for options in shapes), strict=True)
         out.append([
             EffectInstance.of(kind.name, e.where, **{**shape, **{m: e.params[m].value for m in kind.magnitudes}})
             for e, shape in placed
@@ -100,18 +100,18 @@ def _starts(search: Search, state: State, simple: list[EffectInstance], kind: Ef
 
 
 def _fitted(
-    search: Search, state: State, simple: list[EffectInstance], starts: list[list[EffectInstance]], given: int
+    search: Search, state: State, simple: list[EffectInstance], starts: list[list[EffectInstance]], n_fixed: int
 ) -> Trial:
     """The best fit of a richer law in the place of the simple one, from several starts, on the held-out recordings."""
     worlds = [without(state.world, simple).add(*start) for start in starts]
-    fits = search.fits(worlds, given, races=[Race()] * len(worlds))
+    fits = search.fits(worlds, n_fixed, races=[Race()] * len(worlds))
     losses = search.judge.losses([f.world for f in fits])
     k = int(np.argmin([search.judge.mean(loss) for loss in losses]))
     score = Score(starts[k][0], 0.0, tuple(starts[k][1:]), tuple(simple))
     return Trial(score, fits[k], losses[k], search.judge.gain(state.loss, losses[k]))
 
 
-def grow(search: Search, state: State, placed: EffectInstance, given: int) -> None:
+def grow(search: Search, state: State, placed: EffectInstance, n_fixed: int) -> None:
     """Puts a richer effect in the place of the one just added, which may have been its shadow: play behind a rotor.
 
     The richer one's own fit, from afar, is easily caught where the simpler one explains most.
@@ -120,15 +120,15 @@ def grow(search: Search, state: State, placed: EffectInstance, given: int) -> No
     data = joint_data(search.missing(state.world), search.evidence.items)
     starts: list[EffectInstance] = []
     for name, kind in searchable().items():
-        for own, its in kind.grows_from.get(simple.effect, {}).items():
+        for param_name, its in kind.grows_from.get(simple.effect, {}).items():
             joints = search.evidence.items[0].robot.joints
             for guess in kind.guesses(data[joints.index(simple.where)]) if simple.where in joints else ():
-                start = EffectInstance.of(name, simple.where, **{**guess, own: simple.params[its].value})
+                start = EffectInstance.of(name, simple.where, **{**guess, param_name: simple.params[its].value})
                 starts += [start] if start not in starts and search.evidence.sees(kind) else []
     if not starts:
         return
     rest = state.world.without(simple.effect, simple.where)
-    fits = search.fits([rest.add(s) for s in starts], given, races=[Race()] * len(starts))
+    fits = search.fits([rest.add(s) for s in starts], n_fixed, races=[Race()] * len(starts))
     losses = search.judge.losses([f.world for f in fits])
     k = int(np.argmin([search.judge.mean(loss) for loss in losses]))
     gain = search.judge.gain(state.loss, losses[k])

@@ -89,27 +89,27 @@ class _Both:
     def __call__(self, chosen: list[int]) -> tuple[float, float]:
         key = tuple(chosen)
         if key not in self.answers:
-            left, coefficients = self.fitted.loss(chosen)
-            self.answers[key] = left, self.held.at(chosen, coefficients)
+            error, coefficients = self.fitted.loss(chosen)
+            self.answers[key] = error, self.held.at(chosen, coefficients)
         return self.answers[key]
 
 
 def _exchange(fitted: Ground, held: Ground, both: _Both, model: list[int], k: int, beside: np.ndarray) -> Exchange:
     entries, rest = fitted.dictionary.entries, [m for m in model if m != k]
-    (left, left_held), (without, without_held) = both(model), both(rest)
+    (error, left_held), (without, without_held) = both(model), both(rest)
     instead = fitted.dictionary.gains(rest)
     asked = [c for c in range(len(entries)) if c not in model and not _richer(entries[c].placed, entries[k].placed)]
     asked = [c for c in asked if instead[c] > 0]
-    costs = {c: (without - instead[c]) - (left - beside[c]) for c in asked}  # bounds aside
-    share = min((without - left) / fitted.left(k), (without_held - left_held) / held.left(k))
-    alike = [c for c in asked if costs[c] < max(fitted.needed(k), ALIKE * (without - left))] if share >= SURE else []
+    costs = {c: (without - instead[c]) - (error - beside[c]) for c in asked}  # bounds aside
+    share = min((without - error) / fitted.left(k), (without_held - left_held) / held.left(k))
+    alike = [c for c in asked if costs[c] < max(fitted.needed(k), ALIKE * (without - error))] if share >= SURE else []
     shaken = []
     for c in alike:
         (other, other_held), (more, more_held) = both([*rest, c]), both([*model, c])
         weak = other - more < fitted.needed(k)
         if weak or other_held - min(left_held, more_held) < held.needed(k):
             shaken.append(c)
-    near = left + SLACK * min(fitted.left(k), without - left)
+    near = error + SLACK * min(fitted.left(k), without - error)
     close = [c for c in asked if without - instead[c] < near]
     close = [c for c in close if both([*rest, c])[0] < near]
     better = [c for c in alike if both([*rest, c])[1] < left_held]
@@ -120,32 +120,34 @@ def _exchange(fitted: Ground, held: Ground, both: _Both, model: list[int], k: in
     return Exchange(entries[k].placed.label, float(share), tuple(labels), placed)
 
 
-def open_ended(state: State, given: int) -> frozenset[str]:
-    """Labels of the effects after the first `given` with a value at its bound, or an interval that includes null.
+def open_ended(state: State, n_fixed: int) -> frozenset[str]:
+    """Labels of the effects after the first `n_fixed` with a value at its bound, or an interval that includes null.
 
     Something else pushes a value there: such an effect is not named, whatever the verdict.
     """
     out = set()
-    for index, placed in enumerate(state.world.effects[given:], given):
+    for index, placed in enumerate(state.world.effects[n_fixed:], n_fixed):
         if at_bound(placed) or (state.fit is not None and not present(state.fit, index)):
             out.add(placed.label)
     return frozenset(out)
 
 
-def tentative(state: State, given: int, exchanged: Sequence[Exchange], rivals: Sequence[Rivals]) -> frozenset[str]:
-    """Labels of the effects after the first `given` that must not be named.
+def tentative(state: State, n_fixed: int, exchanged: Sequence[Exchange], rivals: Sequence[Rivals]) -> frozenset[str]:
+    """Labels of the effects after the first `n_fixed` that must not be named.
 
     An effect is named where nothing shakes it, or only what was fitted in its place and lost on held-out recordings;
     where few proven rivals do, it is named with them.
     """
     proven = {r.label: {t.score.label for t in r.equals} for r in rivals}
     tried = {r.label: {t.score.label for t in r.tried} for r in rivals}
-    found = {e.label: e for e in exchanged}
-    out = set(open_ended(state, given))
-    for index, placed in enumerate(state.world.effects[given:], given):
-        label, own = placed.label, found.get(placed.label)
+    by_label = {e.label: e for e in exchanged}
+    out = set(open_ended(state, n_fixed))
+    for index, placed in enumerate(state.world.effects[n_fixed:], n_fixed):
+        label, exchange = placed.label, by_label.get(placed.label)
         equals = proven.get(label, set())
-        unsure = own is not None and (own.costs < SURE or bool(set(own.shaken) - tried.get(label, set())))
+        unsure = exchange is not None and (
+            exchange.costs < SURE or bool(set(exchange.shaken) - tried.get(label, set()))
+        )
         if unsure or len(equals) > CLASS or _entangled(state, index):
             out.add(label)
     return frozenset(out)
@@ -157,8 +159,8 @@ def _entangled(state: State, index: int) -> bool:
         return False
     kinds = [effect(e.effect) for e in state.fit.world.effects]
     axes = [(i, a.index) for i, a in enumerate(state.fit.space.axes) if a.name in kinds[a.index].magnitudes]
-    own, other = [i for i, k in axes if k == index], [i for i, k in axes if k != index]
-    return bool(np.any(np.abs(state.fit.correlation[np.ix_(own, other)]) > CORRELATED))
+    inside, other = [i for i, k in axes if k == index], [i for i, k in axes if k != index]
+    return bool(np.any(np.abs(state.fit.correlation[np.ix_(inside, other)]) > CORRELATED))
 
 
 def _richer(candidate: EffectInstance, placed: EffectInstance) -> bool:

@@ -63,9 +63,9 @@ class Proposals:
             return [[[_plain(e) for e in s.members], s.gain, [_plain(e) for e in s.out]] for s in scores]
 
         asked = [[list(p) for p in group] for group in (places, *groups)]
-        found = self.progress.recall(["screen", model_text(world), asked, several], work_out)
+        proposals = self.progress.recall(["screen", model_text(world), asked, several], work_out)
         out = []
-        for members, gain, gone in found:
+        for members, gain, gone in proposals:
             first, *beside = (EffectInstance.of(name, where, **values) for name, where, values in members)
             placed = tuple(EffectInstance.of(name, where, **values) for name, where, values in gone)
             out.append(Score(first, gain, tuple(beside), placed))
@@ -84,11 +84,11 @@ class Proposals:
             places = candidates(self.evidence, state.world, list(self.evidence.items[0].robot.joints))
             asked = probes(places, self.evidence.items[0], joint_data(self.missing(state.world), self.evidence.items))
             fitted = self._ground(self.cross.judge, state.world, fit, asked)
-            found = exchanges(fitted, self._ground(self.judge, state.world, self._held_out(fit), asked))
-            return [[e.label, e.costs, list(e.shaken), [_plain(r) for r in e.rivals]] for e in found]
+            results = exchanges(fitted, self._ground(self.judge, state.world, self._held_out(fit), asked))
+            return [[e.label, e.costs, list(e.shaken), [_plain(r) for r in e.rivals]] for e in results]
 
-        found = self.progress.recall(["exchanges", model_text(state.world)], work_out)
-        return [Exchange(a, b, tuple(c), tuple(EffectInstance.of(n, w, **v) for n, w, v in d)) for a, b, c, d in found]
+        rows = self.progress.recall(["exchanges", model_text(state.world)], work_out)
+        return [Exchange(a, b, tuple(c), tuple(EffectInstance.of(n, w, **v) for n, w, v in d)) for a, b, c, d in rows]
 
     def _held_out(self, fit: Fit) -> Fit:
         """The same fit with its residual and its derivatives on the held-out recordings."""
@@ -107,9 +107,9 @@ class Proposals:
             if fitted
             else signatures(judge.evidence, world, fit.residual, asked)
         )
-        left, count = judge.loss(fit.residual).sum(axis=0), judge.size.sum(axis=0)
+        surplus, count = judge.loss(fit.residual).sum(axis=0), judge.size.sum(axis=0)
         floor, joints = judge.floor(world), judge.evidence.items[0].robot.joints
-        over = {joint: (left[j], count[j]) for j, joint in enumerate(joints)} | {"": (left.sum(), count.sum())}
+        over = {joint: (surplus[j], count[j]) for j, joint in enumerate(joints)} | {"": (surplus.sum(), count.sum())}
         excess = {where: float(max(a - floor * n, LEAST * n, 1.0)) for where, (a, n) in over.items()}
         return Ground(Dictionary(fit.residual, taken, fit), excess)
 

@@ -22,17 +22,17 @@ WORSE = 0.05  # of the held-out squared error, by which it may rise when somethi
 LOCAL = 0.01  # of the squared residual in its own joint that a member of a group must remove
 
 
-def prune(search: Search, state: State, given: int) -> None:
+def prune(search: Search, state: State, n_fixed: int) -> None:
     """Drops from the state what is not needed, the least needed first, and fits the rest anew."""
     spare = True
-    while state.fit is not None and len(state.world.effects) - given > 1:
-        dropped = (_spare(search, state, given) if spare else []) or _refused(search, state, given)
+    while state.fit is not None and len(state.world.effects) - n_fixed > 1:
+        dropped = (_spare(search, state, n_fixed) if spare else []) or _refused(search, state, n_fixed)
         if not dropped:
             return
         gone = [state.world.effects[k] for k in dropped]
         world, columns = without(state.world, gone), state.derivatives(gone)
         search.say(f"no longer needed: {', '.join(e.label for e in gone)}")
-        (fit,) = search.fits([world], given, iterations=4, columns=[columns])
+        (fit,) = search.fits([world], n_fixed, iterations=4, columns=[columns])
         loss = search.judge.losses([fit.world])[0]
         if search.judge.mean(loss) > (1.0 + WORSE) * search.judge.mean(state.loss):  # no straight line led there
             if len(gone) == 1:
@@ -43,14 +43,14 @@ def prune(search: Search, state: State, given: int) -> None:
         state.cross = search.cross.loss_of(fit, fit.residual)
 
 
-def _spare(search: Search, state: State, given: int) -> list[int]:
+def _spare(search: Search, state: State, n_fixed: int) -> list[int]:
     """Effects of groups that the fitted recordings alone show to be useless, one after the other."""
     fit, gone = state.fit, []
     assert fit is not None
     null = null_of(fit)
-    asked = [k for k in range(given, len(state.world.effects)) if state.grouped(state.world.effects[k])]
+    asked = [k for k in range(n_fixed, len(state.world.effects)) if state.grouped(state.world.effects[k])]
     best = search.cross.loss(fit.residual, fit.jacobian)
-    while len(asked) > len(gone) and len(state.world.effects) - given - len(gone) > 1:
+    while len(asked) > len(gone) and len(state.world.effects) - n_fixed - len(gone) > 1:
         tried = []
         for k in asked:
             if k in gone:
@@ -68,11 +68,11 @@ def _spare(search: Search, state: State, given: int) -> list[int]:
     return gone
 
 
-def _refused(search: Search, state: State, given: int) -> list[int]:
+def _refused(search: Search, state: State, n_fixed: int) -> list[int]:
     """The effect that the held-out recordings need least, if they do not need it."""
     fit = state.fit
     assert fit is not None
-    null, places = null_of(fit), list(range(given, len(state.world.effects)))
+    null, places = null_of(fit), list(range(n_fixed, len(state.world.effects)))
     worlds, crossed = [], []
     for k in places:
         out = [i for i, a in enumerate(fit.space.axes) if a.index == k]

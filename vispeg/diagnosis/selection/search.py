@@ -51,58 +51,58 @@ class Search(Shown, Proposals):
         self.say = say
         self.least_share = min(LEAST_SHARE, evidence.least_gain)
 
-    def run(self, world: World, given: int | None = None) -> State:
-        """Adds effects until none earns its place on the held-out recordings; those after the first `given` may move.
+    def run(self, world: World, n_fixed: int | None = None) -> State:
+        """Adds effects until none earns its place on the held-out recordings; those after the first `n_fixed` may move.
 
         By default all of `world` stays as it is.
         """
-        given = len(world.effects) if given is None else given
-        state = self.start(world, given)
-        self.go_on(state, given)
+        n_fixed = len(world.effects) if n_fixed is None else n_fixed
+        state = self.start(world, n_fixed)
+        self.go_on(state, n_fixed)
         return state
 
-    def go_on(self, state: State, given: int) -> None:
+    def go_on(self, state: State, n_fixed: int) -> None:
         """Adds effects to a state until none earns its place, nor anything else that of what stands there."""
         ways = self.advance, partial(refined, self), partial(cast_out, self)
-        while self.worth_it(state, given) and any(way(state, given) for way in ways):
+        while self.worth_it(state, n_fixed) and any(way(state, n_fixed) for way in ways):
             pass
 
-    def start(self, world: World, given: int | None = None) -> State:
-        """Where a search for what `world` lacks begins: what is open in it, after the first `given`, is fitted anew."""
+    def start(self, world: World, n_fixed: int | None = None) -> State:
+        """Where a search for what `world` lacks begins: its open effects after the first `n_fixed` are fitted anew."""
         residual, loss = self.evidence.residuals([world])[0], self.judge.losses([world])[0]
         state = State(world, loss, residual, first=self.judge.mean(loss))
-        if given is not None and given < len(world.effects):
-            self.say(f"fitting {len(world.effects) - given} partial effects of the model anew")
-            (fit,) = self.fits([world], given)
+        if n_fixed is not None and n_fixed < len(world.effects):
+            self.say(f"fitting {len(world.effects) - n_fixed} partial effects of the model anew")
+            (fit,) = self.fits([world], n_fixed)
             state.take(fit, self.judge.losses([fit.world])[0])
             state.opened, state.cross = fit.world, self.cross.loss_of(fit, fit.residual)
             return state
         state.missing, state.cross = self.missing(world), self.cross.loss(residual)
         return state
 
-    def advance(self, state: State, given: int) -> bool:
+    def advance(self, state: State, n_fixed: int) -> bool:
         """Adds the effect that earns its place best; False where none does, or where it did not stay."""
         before = state.world.label
         self.say(f"{before}: held-out {self.judge.mean(state.loss):.3f} x noise variance; screening")
-        trials = self.step(state, given)
+        trials = self.step(state, n_fixed)
         accepted = [t for t in trials if not t.rejected]
         if not accepted:
             state.last = trials
             return False
         best = accepted[0]
-        self.take(state, best, trials, given)
+        self.take(state, best, trials, n_fixed)
         if not best.score.beside:
-            self._grow(state, best.score.placed, given)
-        prune(self, state, given)
+            self._grow(state, best.score.placed, n_fixed)
+        prune(self, state, n_fixed)
         return state.world.label != before  # what came in may have gone out again
 
-    def worth_it(self, state: State, given: int) -> bool:
+    def worth_it(self, state: State, n_fixed: int) -> bool:
         """Whether a step may be taken, and enough is left above the floor for one to be able to pass."""
-        left = self.judge.mean(state.loss) - self.judge.floor(state.world)
-        enough = left > AT_FLOOR - 1.0 and (state.fit is None or left > self.least_share * state.scale)
-        return enough and len(state.world.effects) - given < self.evidence.most_effects
+        excess = self.judge.mean(state.loss) - self.judge.floor(state.world)
+        enough = excess > AT_FLOOR - 1.0 and (state.fit is None or excess > self.least_share * state.scale)
+        return enough and len(state.world.effects) - n_fixed < self.evidence.most_effects
 
-    def step(self, state: State, given: int) -> list[Trial]:
+    def step(self, state: State, n_fixed: int) -> list[Trial]:
         """Screens the library against the state, fits the best, judges them; the ones that pass come first.
 
         The joints that miss most come first, and with them everything that is no joint; the other joints, whose missing
@@ -113,13 +113,13 @@ class Search(Shown, Proposals):
         near, rest, common = self.places(state, missing)
         state.screening = []
         several = bool(common) or state.fit is not None
-        trials = self.step_at(state, given, near, missing, len(near), common, several)
+        trials = self.step_at(state, n_fixed, near, missing, len(near), common, several)
         every = [] if common else self.everywhere(state)  # a light joint far off may hide what all the others miss
         if every and not any(not t.rejected and sound(t) for t in trials):
-            trials += self.step_at(state, given, [], missing, len(near), every, not several)
+            trials += self.step_at(state, n_fixed, [], missing, len(near), every, not several)
             trials = in_order(self.judge, state, trials)
         if rest and all(t.rejected for t in trials):
-            trials = self.step_at(state, given, rest, missing, len(near) + len(rest)) + trials
+            trials = self.step_at(state, n_fixed, rest, missing, len(near) + len(rest)) + trials
         return trials
 
     def scored(self, state: State) -> list[Score]:
@@ -152,7 +152,7 @@ class Search(Shown, Proposals):
     def step_at(
         self,
         state: State,
-        given: int,
+        n_fixed: int,
         places: Sequence[tuple[str, str]],
         missing: Sequence[MissingTorque],
         tested: int,
@@ -171,20 +171,20 @@ class Search(Shown, Proposals):
         if not scores or scores[0].gain / self.evidence.count < PROMISE * need:
             return []
         short = shortlist(scores, BEST)
-        trials = self.try_all(state, short, given, tested)
-        seen = {e.where for s in short if not s.beside for e in s.members}
-        elsewhere = [s for s in scores if s not in short and s.key[1] not in seen]
+        trials = self.try_all(state, short, n_fixed, tested)
+        tested_places = {e.where for s in short if not s.beside for e in s.members}
+        elsewhere = [s for s in scores if s not in short and s.key[1] not in tested_places]
         elsewhere = [s for s in elsewhere if s.gain / self.evidence.count >= PROMISE * need]
         if elsewhere and all(t.rejected for t in trials):  # alike candidates at one place may have filled the list
-            trials = trials + self.try_all(state, shortlist(elsewhere, BEST), given, tested)
+            trials = trials + self.try_all(state, shortlist(elsewhere, BEST), n_fixed, tested)
             trials.sort(key=lambda t: bool(t.rejected))
         return trials
 
-    def try_all(self, state: State, scores: Sequence[Score], given: int, tested: int) -> list[Trial]:
+    def try_all(self, state: State, scores: Sequence[Score], n_fixed: int, tested: int) -> list[Trial]:
         """Fits each score's effect jointly with what was accepted, and judges all on the held-out recordings."""
-        return self.try_each([(state, scores, tested)], given)[0]
+        return self.try_each([(state, scores, tested)], n_fixed)[0]
 
-    def try_each(self, tries: Sequence[tuple[State, Sequence[Score], int]], given: int) -> list[list[Trial]]:
+    def try_each(self, tries: Sequence[tuple[State, Sequence[Score], int]], n_fixed: int) -> list[list[Trial]]:
         """The same for several (state, scores, places tested), all fitted side by side; a state's candidates race.
 
         A rollout of many rows costs little more than one of a few.
@@ -195,15 +195,15 @@ class Search(Shown, Proposals):
         worlds = [without(state.world, s.out).add(*s.members) for state, s in flat]
         self.say(f"fitting {', '.join(dict.fromkeys(s.label for _, s in flat))}")
         races = [race for race, (_, scores, _) in ((Race(), t) for t in tries) for _ in scores]
-        fits = self.fits(worlds, given, races=races, columns=[state.derivatives(s.out) for state, s in flat])
+        fits = self.fits(worlds, n_fixed, races=races, columns=[state.derivatives(s.out) for state, s in flat])
         trials = []
         for (state, s), f, loss in zip(flat, fits, self.judge.losses([f.world for f in fits]), strict=True):
             crossed = state.cross, self.cross.loss_of(f, f.residual)
             trials.append(Trial(s, f, loss, self.judge.gain(state.loss, loss, crossed)))
         out, at = [], 0
         for state, scores, tested in tries:
-            own = ranked(self, state, trials[at : at + len(scores)], tested)
-            out.append([t.bare if t.rejected else t for t in own])
+            ordered = ranked(self, state, trials[at : at + len(scores)], tested)
+            out.append([t.bare if t.rejected else t for t in ordered])
             at += len(scores)
         return out
 
@@ -218,13 +218,13 @@ class Search(Shown, Proposals):
     def fits(
         self,
         worlds: Sequence[World],
-        given: int,
+        n_fixed: int,
         *,
         races: Sequence[Race] | None = None,
         iterations: int = 8,
         columns: Sequence[np.ndarray | None] | None = None,
     ) -> list[Fit]:
-        """Fits everything after the first `given` effects of each world; where each ended is remembered.
+        """Fits everything after the first `n_fixed` effects of each world; where each ended is remembered.
 
         With `races`, one for each world, what falls far behind in its race gives up. With `columns`, one for each, the
         derivatives to the first coordinates are taken as an earlier fit had them.
@@ -234,7 +234,7 @@ class Search(Shown, Proposals):
         raced = [None] * len(worlds) if races is None else list(races)
 
         def job(k: int, ended: tuple[Sequence[float], bool] | None = None):
-            free = range(given, len(worlds[k].effects))
+            free = range(n_fixed, len(worlds[k].effects))
             options = {"race": raced[k], "iterations": iterations, "ended": ended, "columns": held[k]}
             return fit_job(self.evidence, worlds[k], free, **options)
 
@@ -243,24 +243,24 @@ class Search(Shown, Proposals):
             return [[f.u.tolist(), f.converged] for f in fresh]
 
         quick = [None if c is None else c.shape[1] for c in held]
-        question = ["fits", [model_text(w) for w in worlds], given, races is not None, iterations, quick]
-        known = self.progress.recall(question, work_out)
-        again = [job(k, (u, bool(c))) for k, (u, c) in enumerate(known)]
+        question = ["fits", [model_text(w) for w in worlds], n_fixed, races is not None, iterations, quick]
+        ends = self.progress.recall(question, work_out)
+        again = [job(k, (u, bool(c))) for k, (u, c) in enumerate(ends)]
         return fresh or run_together(again, self.evidence.residuals)
 
-    def take(self, state: State, trial: Trial, trials: list[Trial], given: int) -> None:
+    def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
         """Adds what a trial tried, one of `trials`; derivatives that earlier effects had are taken anew."""
         state.steps.append((trial.bare, [t.bare for t in trials]))
         fit, loss = trial.fit, trial.loss
         if state.fit is not None:
-            (fit,) = self.fits([fit.world], given, iterations=3)
+            (fit,) = self.fits([fit.world], n_fixed, iterations=3)
             loss = self.judge.losses([fit.world])[0]
         state.take(fit, loss)
         state.cross = self.cross.loss_of(fit, fit.residual)
 
-    def _grow(self, state: State, placed: EffectInstance, given: int) -> None:
+    def _grow(self, state: State, placed: EffectInstance, n_fixed: int) -> None:
         """Puts a richer effect in the place of the one just added, where it does better."""
-        grow(self, state, placed, given)
+        grow(self, state, placed, n_fixed)
 
 
 def suspects(missing: Sequence[MissingTorque], joints: list[str], share: float = 0.02, most: int = 4) -> list[str]:

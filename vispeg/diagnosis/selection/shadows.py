@@ -20,15 +20,15 @@ BETTER = 0.01  # of the held-out squared error, that a world without them must b
 STEPS = 3  # that it may take to be
 
 
-def cast_out(search: Search, state: State, given: int) -> bool:
+def cast_out(search: Search, state: State, n_fixed: int) -> bool:
     """Takes out of a state what stands at a bound where a search without it gets further; whether it did."""
-    gone = [e for e in state.world.effects[given:] if effect(e.effect).family in ("joint", "drive") and at_bound(e)]
+    gone = [e for e in state.world.effects[n_fixed:] if effect(e.effect).family in ("joint", "drive") and at_bound(e)]
     if not gone or state.fit is None:
         return False
     world = without(state.world, gone)
     search.say(f"going on without {', '.join(e.label for e in gone)}: at a bound")
-    if len(world.effects) > given:
-        (fit,) = search.fits([world], given, columns=[state.derivatives(gone)])
+    if len(world.effects) > n_fixed:
+        (fit,) = search.fits([world], n_fixed, columns=[state.derivatives(gone)])
         world, residual = fit.world, fit.residual
     else:
         fit, residual = None, search.evidence.residuals([world])[0]
@@ -36,7 +36,7 @@ def cast_out(search: Search, state: State, given: int) -> bool:
     cross = search.cross.loss_of(fit, residual)
     other = replace(state, world=world, loss=loss, residual=residual, fit=fit, cross=cross, steps=[*state.steps])
     for _ in range(STEPS):
-        if not (search.worth_it(other, given) and search.advance(other, given)) or other.fit is None:
+        if not (search.worth_it(other, n_fixed) and search.advance(other, n_fixed)) or other.fit is None:
             return False
         if search.judge.gain(state.loss, other.loss).relative >= BETTER:
             state.take(other.fit, other.loss)

@@ -33,14 +33,14 @@ def together(dictionary: Dictionary, most: int) -> Score | None:
     fixed = [k for k in dictionary.fitted if not dictionary.entries[k].straight]
     before = [k for k in dictionary.fitted if k not in fixed]
     chosen = list(before)
-    left = dictionary.crossed([*fixed, *chosen])
+    error = dictionary.crossed([*fixed, *chosen])
     while len(fixed) + len(chosen) < most:
-        found = _best(dictionary, fixed, chosen, left)
-        if found is None:
+        candidate = _best(dictionary, fixed, chosen, error)
+        if candidate is None:
             break
-        chosen.append(found[1])
-        left = _exchanged(dictionary, fixed, chosen, left - found[0])
-        left = _lighter(dictionary, fixed, chosen, left)
+        chosen.append(candidate[1])
+        error = _exchanged(dictionary, fixed, chosen, error - candidate[0])
+        error = _lighter(dictionary, fixed, chosen, error)
     new, gone = [k for k in chosen if k not in before], [k for k in before if k not in chosen]
     if not new or len(new) + len(gone) < 2:
         return None
@@ -50,24 +50,26 @@ def together(dictionary: Dictionary, most: int) -> Score | None:
     return Score(members[0], gain, tuple(members[1:]), out)
 
 
-def _best(dictionary: Dictionary, fixed: list[int], chosen: list[int], left: float) -> tuple[float, int] | None:
+def _best(dictionary: Dictionary, fixed: list[int], chosen: list[int], error: float) -> tuple[float, int] | None:
     """(gain, entry) of the best straight effect beside the chosen ones, of those that promise as much as they must."""
     gains = dictionary.gains([*fixed, *chosen])
     gains[[k for k, e in enumerate(dictionary.entries) if not e.straight]] = 0.0
-    found = []
+    candidates = []
     for k in (int(k) for k in np.argsort(-gains)[:LOOKED] if gains[k] > 0):
         coefficients = dictionary.loss([*fixed, *chosen, k])[1]
         signature = dictionary.entries[k].signature
         if signature is None or signature.possible(coefficients[-len(dictionary.entries[k].columns) :].tolist()):
-            found.append((left - dictionary.crossed([*fixed, *chosen, k]), k))
-    found = [f for f in found if f[0] >= _least(dictionary, f[1]) * left]  # what helps its own fold may hurt the others
-    if not found:
+            candidates.append((error - dictionary.crossed([*fixed, *chosen, k]), k))
+    candidates = [
+        f for f in candidates if f[0] >= _least(dictionary, f[1]) * error
+    ]  # what helps its own fold may hurt the others
+    if not candidates:
         return None
-    top = max(found)[0]
-    equal = [f for f in found if f[0] >= (1 - TIE) * top]
+    top = max(candidates)[0]
+    equal = [f for f in candidates if f[0] >= (1 - TIE) * top]
     best = min(equal, key=lambda f: (dictionary.entries[f[1]].size, -f[0]))
     placed = [e.placed for e in dictionary.entries]
-    common = [f for f in found if usual(placed[f[1]], placed[best[1]]) and f[0] >= PRIOR * best[0]]
+    common = [f for f in candidates if usual(placed[f[1]], placed[best[1]]) and f[0] >= PRIOR * best[0]]
     return max(common, default=best)
 
 
@@ -81,31 +83,31 @@ def usual(a: EffectInstance, b: EffectInstance) -> bool:
     return a.where == b.where and bool(effect(a.effect).common) and not effect(b.effect).common
 
 
-def _exchanged(dictionary: Dictionary, fixed: list[int], chosen: list[int], left: float) -> float:
+def _exchanged(dictionary: Dictionary, fixed: list[int], chosen: list[int], error: float) -> float:
     """Puts better effects in the place of chosen ones, in `chosen` itself; the error that is left then."""
     for _ in range(ROUNDS):
         moved = False
         for k in list(chosen):
             rest = [c for c in chosen if c != k]
             without = dictionary.crossed([*fixed, *rest])
-            found = _best(dictionary, fixed, rest, without)
-            if found is None or dictionary.entries[found[1]].key == dictionary.entries[k].key:
+            candidate = _best(dictionary, fixed, rest, without)
+            if candidate is None or dictionary.entries[candidate[1]].key == dictionary.entries[k].key:
                 continue
-            other = dictionary.entries[found[1]].placed
-            worth = found[0] * (PRIOR if usual(dictionary.entries[k].placed, other) else 1.0)
-            if without - found[0] < BETTER * left and worth > without - left:
-                chosen[chosen.index(k)], left, moved = found[1], without - found[0], True
+            other = dictionary.entries[candidate[1]].placed
+            worth = candidate[0] * (PRIOR if usual(dictionary.entries[k].placed, other) else 1.0)
+            if without - candidate[0] < BETTER * error and worth > without - error:
+                chosen[chosen.index(k)], error, moved = candidate[1], without - candidate[0], True
         if not moved:
             break
-    return left
+    return error
 
 
-def _lighter(dictionary: Dictionary, fixed: list[int], chosen: list[int], left: float) -> float:
+def _lighter(dictionary: Dictionary, fixed: list[int], chosen: list[int], error: float) -> float:
     """Takes out of `chosen` what carries less than half of what one more must; the error that is left then."""
     for k in list(chosen):
         rest = [c for c in chosen if c != k]
         without = dictionary.crossed([*fixed, *rest])
-        if rest and without < (1 + LEAST / 2) * left:
+        if rest and without < (1 + LEAST / 2) * error:
             chosen.remove(k)
-            left = without
-    return left
+            error = without
+    return error

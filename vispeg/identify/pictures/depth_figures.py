@@ -51,7 +51,7 @@ def of_depth(kind: Effect) -> bool:
 
 def depth_figures(picture: np.ndarray, shot: Shot) -> np.ndarray:
     """Figures (as in `TABLE`) of one depth picture (H, W) m, measured or modelled."""
-    prediction, residual = shot.seen, depth_residual(picture, shot.seen)
+    prediction, residual = shot.rendering, depth_residual(picture, shot.rendering)
     kind, z = np.digitize(prediction.depth, NEARER), prediction.depth
     inside = residual.interior & (kind < len(NEARER))
     good = inside & np.isfinite(residual.error)
@@ -85,7 +85,7 @@ def _lean(error: np.ndarray, good: np.ndarray, shot: Shot) -> np.ndarray:
     some &= good
     if some.sum() < FEW:
         return np.full(2, np.nan)
-    rays, e, z = shot.seen.eye.rays()[some], error[some].astype(float), shot.seen.depth[some].astype(float)
+    rays, e, z = shot.rendering.eye.rays()[some], error[some].astype(float), shot.rendering.depth[some].astype(float)
     design = np.column_stack([rays[:, :2], z, np.ones(len(z))])
     design, keep = design - design.mean(0) * [1, 1, 1, 0], np.ones(len(z), bool)
     for _ in range(3):

@@ -74,8 +74,13 @@ class LightFigures:
             return self.still
         out = []
         for shot, still in zip(self.shots, self.still, strict=True):
-            picture = type(shot.seen)(
-                shot.seen.eye, shot.seen.q, still, shot.seen.depth, shot.seen.parts, shot.seen.pose
+            picture = type(shot.rendering)(
+                shot.rendering.eye,
+                shot.rendering.q,
+                still,
+                shot.rendering.depth,
+                shot.rendering.parts,
+                shot.rendering.pose,
             )
             out.append(through_sensor(noise, picture, SEED + shot.number)[0])
         return out
@@ -101,11 +106,11 @@ def _smooth(picture: np.ndarray) -> np.ndarray:
 
 def _gains(picture: np.ndarray, shot: Shot) -> np.ndarray:
     """(3,) octaves of green, and of red and blue against green, over the prediction: medians over the room's parts."""
-    light, predicted = TO_LINEAR[picture], TO_LINEAR[shot.seen.rgb]
+    light, predicted = TO_LINEAR[picture], TO_LINEAR[shot.rendering.rgb]
     clear = shot.fixed & (picture.max(-1) < 252) & (predicted.min(-1) > 1e-3)
     out = []
-    for part in np.unique(shot.seen.parts[clear]):
-        rows = clear & (shot.seen.parts == part)
+    for part in np.unique(shot.rendering.parts[clear]):
+        rows = clear & (shot.rendering.parts == part)
         if rows.sum() >= FEW:
             octaves = np.median(np.log2(np.maximum(light[rows], 1e-4)) - np.log2(predicted[rows]), 0)
             out.append([octaves[1], octaves[0] - octaves[1], octaves[2] - octaves[1]])
@@ -147,7 +152,7 @@ def _grain(picture: np.ndarray, shot: Shot) -> np.ndarray:
     local = np.sqrt(np.maximum(cv2.boxFilter(cv2.filter2D(green, -1, mask) ** 2, -1, (7, 7)), 0))
     kind, inside = (
         np.digitize(cv2.boxFilter(green, -1, (7, 7)), LEVELS),
-        depth_residual(shot.seen.depth, shot.seen).interior,
+        depth_residual(shot.rendering.depth, shot.rendering).interior,
     )
     out = []
     for k in range(1, len(LEVELS)):

@@ -68,26 +68,26 @@ class Links:
 
 def links_of(shots: Sequence[Shot]) -> Links:
     """Places of the room on a grid in each frame, and where the other frames show them."""
-    clear = [depth_residual(s.seen.depth, s.seen).interior & s.fixed for s in shots]
+    clear = [depth_residual(s.rendering.depth, s.rendering).interior & s.fixed for s in shots]
     rows: list[np.ndarray] = []
     start = 0
     for s, inside in zip(shots, clear, strict=True):
         height, width = inside.shape
         v, u = np.mgrid[APART // 2 : height : APART, APART // 2 : width : APART].reshape(2, -1)
         v, u = v[inside[v, u]], u[inside[v, u]]
-        points = s.seen.eye.rays()[v, u] * s.seen.depth[v, u, None]
-        room = points @ s.seen.pose[:3, :3].T + s.seen.pose[:3, 3]
+        points = s.rendering.eye.rays()[v, u] * s.rendering.depth[v, u, None]
+        room = points @ s.rendering.pose[:3, :3].T + s.rendering.pose[:3, 3]
         for number, (other, free) in enumerate(zip(shots, clear, strict=True)):
-            here = (room - other.seen.pose[:3, 3]) @ other.seen.pose[:3, :3]
-            at = np.rint(np.nan_to_num(other.seen.eye.project(here), nan=-1)).astype(int)
+            here = (room - other.rendering.pose[:3, 3]) @ other.rendering.pose[:3, :3]
+            at = np.rint(np.nan_to_num(other.rendering.eye.project(here), nan=-1)).astype(int)
             inner = (at >= 0).all(1) & (at < [width, height]).all(1) & (here[:, 2] > 0)
             a, b = np.where(inner[:, None], at, 0).T
-            near = np.abs(other.seen.depth[b, a] - here[:, 2]) < SAME[0] + SAME[1] * here[:, 2]
-            same = inner & near & free[b, a] & (other.seen.parts[b, a] == s.seen.parts[v, u])
+            near = np.abs(other.rendering.depth[b, a] - here[:, 2]) < SAME[0] + SAME[1] * here[:, 2]
+            same = inner & near & free[b, a] & (other.rendering.parts[b, a] == s.rendering.parts[v, u])
             index = np.flatnonzero(same)
             rows.append(np.column_stack([index + start, np.full(len(index), number), at[index]]))
         start += len(v)
     table = np.concatenate(rows) if rows else np.zeros((0, 4), int)
-    secant = [np.sum(s.seen.eye.rays() ** 2, -1) for s in shots]  # squared, of each pixel's angle
+    secant = [np.sum(s.rendering.eye.rays() ** 2, -1) for s in shots]  # squared, of each pixel's angle
     fall = np.array([1 - 1 / secant[f][b, a] ** 2 for _, f, a, b in table])
     return Links(table[:, 0], table[:, 1], table[:, 2:], fall, len(shots))

@@ -13,7 +13,7 @@ from vispeg.identify.pictures.sight import Sight
 from vispeg.vision.borders import Borders, borders_of
 from vispeg.vision.eye import delay_of
 from vispeg.vision.geometry import Geometry
-from vispeg.vision.predict import Predictor, Seen, through_sensor
+from vispeg.vision.predict import Predictor, Rendering, through_sensor
 from vispeg.worlds.world import World
 
 MOST = 16  # frames of a sight: figures are means over thousands of pixels
@@ -28,7 +28,7 @@ class Shot:
     Attributes:
         number: of the frame in its sight.
         rgb, depth: as measured, None where the frame has none.
-        seen: the prediction.
+        rendering: the prediction.
         borders: of the prediction.
         flow: (n,) px/s by which each border moves along its normal.
         velocity: (6,) m/s and rad/s of the camera in its own axes.
@@ -38,7 +38,7 @@ class Shot:
     number: int
     rgb: np.ndarray | None
     depth: np.ndarray | None
-    seen: Seen
+    rendering: Rendering
     borders: Borders
     flow: np.ndarray
     velocity: np.ndarray
@@ -47,7 +47,7 @@ class Shot:
     def sensed(self, world: World, kinds: Callable[[Effect], bool]) -> tuple[np.ndarray, np.ndarray]:
         """The predicted picture after those effects of a world: rgb (H, W, 3) uint8, depth (H, W) float32 m."""
         sensor = world.only(lambda e: kinds(effect(e.effect)))
-        return through_sensor(sensor, self.seen, SEED + self.number, self.velocity, bend=False)
+        return through_sensor(sensor, self.rendering, SEED + self.number, self.velocity, bend=False)
 
 
 def shots_of(predictor: Predictor, sight: Sight, world: World, posture: np.ndarray) -> list[Shot]:
@@ -87,7 +87,7 @@ def _motion(
     return np.concatenate([turn.T @ (then - p), rotation]) / (2 * LATER), (moved[1] - moved[0]) / (2 * LATER)
 
 
-def _fixed(predictor: Predictor, picture: Seen) -> np.ndarray:
+def _fixed(predictor: Predictor, picture: Rendering) -> np.ndarray:
     """(H, W) bool: pixels of parts none of whose geoms move with the arm."""
     geometry = predictor.geometry
     moving = geometry.table[:-1][geometry.model.body_weldid[geometry.model.geom_bodyid] != 0]

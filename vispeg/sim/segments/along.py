@@ -15,9 +15,9 @@ from vispeg.sim.segments.segment import Segment
 def once(s: Segment, robot: RobotModel, get: Callable[[Segment, RobotModel], np.ndarray]) -> np.ndarray:
     """`get(s, robot)`, remembered with the segment."""
     key = (get.__name__, id(robot))
-    if key not in s.known:
-        s.known[key] = get(s, robot)
-    return s.known[key]
+    if key not in s.cache:
+        s.cache[key] = get(s, robot)
+    return s.cache[key]
 
 
 def measured_gravity(s: Segment, robot: RobotModel) -> np.ndarray:

@@ -11,7 +11,7 @@ from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Control, Recording
 from vispeg.sim.segments.start import start_state
 
-EXTERNAL = "external"  # in `Segment.known`: (n, nj) N m that act on the links from outside, on the control grid
+EXTERNAL = "external"  # in `Segment.cache`: (n, nj) N m that act on the links from outside, on the control grid
 START_HZ = 20.0  # bandwidth of the motion that gives a closed loop its start state
 SERVO_TICK = 2.5e-3  # s, at most, between the instants at which a new goal may reach a servo
 HELD_HZ = 40.0  # of the motion that an observer holds a rollout to: its corners must not be rounded
@@ -29,7 +29,7 @@ class Segment:
         q_raw: (n, nj) measured angles as the controller read them.
         time: (m,) sample times relative to the first tick, s.
         rows: (m,) row numbers in the recording.
-        known: nominal quantities along the motion, computed once (inertia, gravity and its slope).
+        cache: nominal quantities along the motion, computed once (inertia, gravity and its slope).
     """
 
     control: Control
@@ -40,7 +40,7 @@ class Segment:
     q_raw: np.ndarray
     time: np.ndarray
     rows: np.ndarray
-    known: dict = field(default_factory=dict, compare=False, repr=False)
+    cache: dict = field(default_factory=dict, compare=False, repr=False)
 
     @property
     def ticks(self) -> int:

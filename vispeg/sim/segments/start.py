@@ -21,8 +21,8 @@ def start_state(time: np.ndarray, q: np.ndarray, sigma: np.ndarray) -> tuple[np.
         q: (n, nj) rad, without gaps.
         sigma: (nj,) rad, white noise.
     """
-    found = [_one(time - time[0], column, s) for column, s in zip(q.T, sigma, strict=True)]
-    return np.array([f[0] for f in found]), np.array([f[1] for f in found])
+    fits = [_one(time - time[0], column, s) for column, s in zip(q.T, sigma, strict=True)]
+    return np.array([f[0] for f in fits]), np.array([f[1] for f in fits])
 
 
 def _one(time: np.ndarray, q: np.ndarray, sigma: float) -> tuple[float, float]:
