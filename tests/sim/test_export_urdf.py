@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from vispeg.api.urdf import fits, to_urdf
+from vispeg.api.export.urdf import fits, to_urdf
 from vispeg.core.effect import EffectInstance, searchable
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream

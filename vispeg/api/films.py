@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
+from vispeg.report.text.summary import Block, Line, html
 
 
 @dataclass(frozen=True)
@@ -56,3 +58,92 @@ def films(
                 yield Film(played.seed, category, force, str(out / file.name))
     finally:
         env.close()
+
+
+@dataclass(frozen=True)
+class Films:
+    """Videos of a policy's episodes.
+
+    Attributes:
+        policy: its folder or name, as it was asked for.
+        world: that it was played in.
+        films: one an episode, in the order of the seeds.
+        rerun: the same episodes for the Rerun viewer, where they were asked for.
+    """
+
+    policy: str
+    world: str
+    films: Sequence[Film]
+    rerun: Path | None = None
+
+    @property
+    def record(self) -> dict[str, object]:
+        """What `vispeg play --json` prints."""
+        rerun = {} if self.rerun is None else {"rerun": str(self.rerun)}
+        return {"policy": self.policy, "world": self.world, "films": [asdict(film) for film in self.films], **rerun}
+
+    @property
+    def summary(self) -> list[Block]:
+        """How each episode ended, and where its video lies."""
+        rerun = [] if self.rerun is None else [f"rerun: {self.rerun}"]
+        return [Line(text, path=True) for text in (*(film.line for film in self.films), *rerun)]
+
+    def _repr_html_(self) -> str:
+        return html(self.summary)
+
+
+def play(
+    policy: str | Path,
+    *,
+    world: str | Path | None = None,
+    clearance: float | None = None,
+    episodes: int = 3,
+    seed: int = 0,
+    out: str | Path | None = None,
+    rerun: str | Path | None = None,
+    overwrite: bool = False,
+    watch: Callable[[Film], None] = lambda film: None,
+) -> Films:
+    """Plays a policy and writes a video of each episode.
+
+    Args:
+        policy: a folder, or the name of a policy that comes with the package.
+        world: a built-in world or a world file; the one that the policy was trained in where not given.
+        clearance: diametral, mm; where not given the world's, or the policy's own in the world it was trained in.
+        episodes: how many.
+        seed: of the first; the next ones count up.
+        out: folder of the videos; films/POLICY-WORLD where not given.
+        rerun: a file FILE.rrd for the Rerun viewer with the same episodes.
+        overwrite: whether `out` and `rerun` may be replaced.
+        watch: called with each video once it is written.
+
+    Raises:
+        UserError: no such policy or world; no episodes; `out` or `rerun` is there.
+    """
+    from vispeg.learn.coarse_to_fine import open_policy
+    from vispeg.learn.envs import home
+    from vispeg.learn.meta import made_for
+    from vispeg.report.rrd.stream import check_target
+
+    if episodes < 1:
+        raise UserError("must be at least 1", key="episodes", got=episodes)
+    if rerun is not None:
+        check_target(Path(rerun), overwrite)
+    opened = open_policy(policy)
+    place = home(opened) if world is None else str(world)
+    settings: dict[str, object] = {}
+    if clearance is not None:
+        settings = {"clearance_mm": clearance}
+    elif world is None:
+        settings = dict(made_for(opened.meta))
+    folder = Path("films") / f"{Path(policy).resolve().name}-{Path(place).stem}" if out is None else Path(out)
+    seeds, made = [seed + k for k in range(episodes)], list[Film]()
+    for film in films(policy, place, settings, seeds, folder, overwrite):
+        made.append(film)
+        watch(film)
+    if rerun is not None:
+        from vispeg.evaluation.entrants import entrant
+        from vispeg.report.rrd.episode import played, write_episodes
+
+        write_episodes(Path(rerun), f"play {policy}", played(entrant(str(policy)), place, settings, seeds))
+    return Films(str(policy), place, made, None if rerun is None else Path(rerun))

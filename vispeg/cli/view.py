@@ -48,51 +48,30 @@ class Args:
     def run(self) -> int:
         """Serves the page until it is interrupted."""
         import sys
-        import threading
         import webbrowser
-        from dataclasses import replace
 
         from vispeg.core.extras import require
         from vispeg.view.opened import opened
 
-        what = opened(self.sources)
-        what = what if self.model is None else replace(what, model=self.model)
+        sources = opened(self.sources, self.model)
         if self.native:
-            return self._native(what.model)
+            return self._native(sources.model)
         require("viser", "vispeg view")
         from vispeg.view.app import App
 
-        app = App(what, self.out, port=self.port, threads=self.threads, dark=self.dark)
+        app = App(sources, self.out, port=self.port, threads=self.threads, dark=self.dark)
         self.output.give({"url": app.url, "out": str(self.out)}, [f"{app.url} (Ctrl-C ends it)"])
         sys.stdout.flush()  # a program that started this one reads the address now
         if self.browser and not self.output.json:
             webbrowser.open(app.url)
-        try:
-            threading.Event().wait()
-        except KeyboardInterrupt:
-            return 0
-        finally:
-            app.close()
+        app.serve()
         return 0
 
     def _native(self, model: str) -> int:
         """MuJoCo's own viewer; it needs a display."""
-        import os
-        import sys
+        from vispeg.api.export.viewer import open_viewer
 
-        from vispeg.api.inputs import read_model
-        from vispeg.core.errors import UserError
-        from vispeg.sim.export import compiled_with
-
-        world = read_model(model)
-        if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-            raise UserError("there is no display", key="--native", expected="a desktop; without --native a page")
-        import mujoco.viewer
-
-        made, left_out = compiled_with(world)
-        self.output.give(
-            {"model": model, "left_out": [e.label for e in left_out]},
-            [f"{model} in MuJoCo's viewer", *(f"not in it, MuJoCo has no element for it: {e.label}" for e in left_out)],
-        )
-        mujoco.viewer.launch(made)
+        viewer = open_viewer(model)
+        self.output.give(viewer.record, viewer.summary)
+        viewer.launch()
         return 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import re
+import threading
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -79,6 +80,15 @@ class App:
         """A run's checkpoint is to be played: the page of policies does it."""
         self.show(self.policies.title)
         self.policies.choose(policy)
+
+    def serve(self) -> None:
+        """Answers until the program is interrupted, then closes."""
+        try:
+            threading.Event().wait()
+        except KeyboardInterrupt:
+            return
+        finally:
+            self.close()
 
     def close(self) -> None:
         """Ends the workers and the server."""

@@ -49,8 +49,12 @@ class Opened:
         return next((title for title, what in named.items() if what), "Import" if self.logs else "Diagnose")
 
 
-def opened(sources: Sequence[str]) -> Opened:
+def opened(sources: Sequence[str], chosen: str | None = None) -> Opened:
     """Tells apart what was named.
+
+    Args:
+        sources: names, files and folders of any kind.
+        chosen: the model, whatever is among `sources`.
 
     Raises:
         UserError: something that is not there, or nothing that can be shown.
@@ -90,7 +94,7 @@ def opened(sources: Sequence[str]) -> Opened:
             logs.append(path)
         else:
             raise UserError("is nothing that can be shown", file=text, expected=EXPECTED)
-    return Opened(tuple(dict.fromkeys(recordings)), model, tuple(logs), world, policy, dataset, run)
+    return Opened(tuple(dict.fromkeys(recordings)), chosen or model, tuple(logs), world, policy, dataset, run)
 
 
 def _recordings(folder: Path) -> list[Path]:

@@ -33,10 +33,8 @@ class Args:
 
     def run(self) -> int:
         """Writes the folder."""
-        from vispeg.learn.coarse_to_fine import combine
+        from vispeg.api.learning.combine import combine
 
-        combine(self.coarse, self.fine, self.within_mm / 1000, self.out, self.overwrite)
-        both = {"coarse": str(self.coarse), "fine": str(self.fine), "within_mm": self.within_mm}
-        line = f"{self.out}: {self.coarse.name}, from {self.within_mm:g} mm on {self.fine.name}"
-        self.output.give({"policy": str(self.out), **both}, [line])
+        result = combine(self.coarse, self.fine, self.out, within=self.within_mm / 1000, overwrite=self.overwrite)
+        self.output.give(result.record, result.summary)
         return 0

@@ -20,8 +20,6 @@ import tyro
 
 from vispeg.cli.output import Output, Told
 
-ENDS = {"onnx": ".onnx", "mjcf": ".xml", "urdf": ".urdf"}
-
 
 @dataclass(frozen=True)
 class Args:
@@ -39,46 +37,13 @@ class Args:
 
     def run(self) -> int:
         """Writes the file and says what is in it."""
-        from vispeg.core.errors import UserError
+        if self.to == "onnx":
+            from vispeg.api.export.policy import export_policy
 
-        if self.out.suffix.lower() != ENDS[self.to]:
-            expected = f"a name that ends in {ENDS[self.to]} (--to {self.to})"
-            raise UserError(f"not an {self.to.upper()} file", key="--out", expected=expected, got=str(self.out))
-        return self._policy() if self.to == "onnx" else self._model()
+            result = export_policy(self.source, self.out, overwrite=self.overwrite)
+        else:
+            from vispeg.api.export.model import export_model
 
-    def _policy(self) -> int:
-        from vispeg.learn.onnx import export
-        from vispeg.learn.policy import load
-
-        policy = load(self.source)
-        export(policy, self.out, self.overwrite)
-        shapes = ", ".join(f"{key} {list(shape)}" for key, shape in policy.actor.layout.shapes.items())
-        inputs = {key: list(shape) for key, shape in policy.actor.layout.shapes.items()}
-        record = {"onnx": str(self.out), "modality": policy.modality, "inputs": inputs}
-        self.output.give(record, [f"{self.out}: {policy.modality}, inputs {shapes}"])
-        return 0
-
-    def _model(self) -> int:
-        from vispeg.api.inputs import read_model
-        from vispeg.api.urdf import to_urdf
-        from vispeg.core.files import write_bytes_atomic, write_text_atomic
-        from vispeg.core.marker import apart
-        from vispeg.sim.export import to_mjcf
-
-        world = read_model(self.source)
-        apart(self.out, (self.source, world.robot))
-        made = (to_mjcf if self.to == "mjcf" else to_urdf)(world, f"{self.out.stem}-meshes")
-        write_text_atomic(self.out, made.xml, overwrite=self.overwrite)
-        for name, file in made.meshes.items():
-            write_bytes_atomic(self.out.parent / name, file.read_bytes(), overwrite=True)
-        native, rest = ([e.label for e in effects] for effects in (made.native, made.left_out))
-        lines = [f"{self.out}: {world.robot}, {len(made.meshes)} meshes beside it"]
-        lines += [f"in it: {label}" for label in native]
-        who = "MuJoCo" if self.to == "mjcf" else "URDF"
-        lines += [f"not in it, {who} has no element for it: {label}" for label in rest]
-        record = {self.to: str(self.out), "meshes": [*made.meshes], "native": native, "left_out": rest}
-        if rotors := getattr(made, "rotors", {}):
-            record["rotor_inertia"] = rotors
-            lines.append(f"not in it, URDF has no element for it: rotor inertia of {', '.join(rotors)}")
-        self.output.give(record, lines)
+            result = export_model(self.source, self.out, self.to, overwrite=self.overwrite)
+        self.output.give(result.record, result.summary)
         return 0

@@ -54,21 +54,24 @@ class Args:
 
     def run(self) -> int:
         """Fine-tunes and says what it brought."""
-        from vispeg.formats.json_data import read_json
-        from vispeg.learn.methods.finetune import FinetuneSettings, finetune_in_worlds
+        from vispeg.api.learning.finetune import finetune
 
-        settings = FinetuneSettings(self.demos, self.updates, self.lr, known=self.known, episodes=self.episodes)
-        out = finetune_in_worlds(
+        result = finetune(
             self.policy,
             self.world,
-            self.known_world,
-            self.teacher,
             self.out,
-            settings,
-            self.seed,
+            teacher=self.teacher,
             dataset=self.dataset,
+            demos=self.demos,
+            updates=self.updates,
+            lr=self.lr,
+            known=self.known,
+            known_world=self.known_world,
+            episodes=self.episodes,
+            seed=self.seed,
             device=self.device,
             overwrite=self.overwrite,
+            say=(lambda text: None) if self.output.quiet else self.output.line,
         )
-        self.output.give({"policy": str(out), **read_json(Path(out) / "finetune.json")}, [f"policy: {out}"])
+        self.output.give(result.record, result.summary if self.output.quiet else result.summary[-1:])
         return 0

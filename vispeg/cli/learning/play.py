@@ -7,7 +7,7 @@ Example:
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import tyro
@@ -39,37 +39,18 @@ class Args:
 
     def run(self) -> int:
         """Plays and writes."""
-        from vispeg.api.films import Film, films
-        from vispeg.core.errors import UserError
-        from vispeg.learn.coarse_to_fine import open_policy
-        from vispeg.learn.envs import home
-        from vispeg.learn.meta import made_for
-        from vispeg.report.rrd.stream import check_target
+        from vispeg.api.films import play
 
-        if self.episodes < 1:
-            raise UserError("must be at least 1", key="episodes", got=self.episodes)
-        if self.rerun is not None:
-            check_target(self.rerun, self.overwrite)
-        policy = open_policy(self.policy)
-        world, settings = self.world or home(policy), {}
-        if self.clearance is not None:
-            settings = {"clearance_mm": self.clearance}
-        elif self.world is None:
-            settings = dict(made_for(policy.meta))
-        out = self.out or Path("films") / f"{self.policy.resolve().name}-{Path(world).stem}"
-        seeds = [self.seed + k for k in range(self.episodes)]
-        made = list[Film]()
-        for film in films(self.policy, world, settings, seeds, out, self.overwrite):
-            made.append(film)
-            self.output.line(film.line)
-        record = {"policy": str(self.policy), "world": world, "films": [asdict(film) for film in made]}
-        if self.rerun is not None:
-            from vispeg.evaluation.entrants import entrant
-            from vispeg.report.rrd.episode import played, write_episodes
-
-            replays = played(entrant(str(self.policy)), world, settings, seeds)
-            write_episodes(self.rerun, f"play {self.policy}", replays)
-            self.output.line(f"rerun: {self.rerun}")
-            record["rerun"] = str(self.rerun)
-        self.output.give(record, [])
+        result = play(
+            self.policy,
+            world=self.world,
+            clearance=self.clearance,
+            episodes=self.episodes,
+            seed=self.seed,
+            out=self.out,
+            rerun=self.rerun,
+            overwrite=self.overwrite,
+            watch=lambda film: self.output.line(film.line),
+        )
+        self.output.give(result.record, [] if result.rerun is None else [f"rerun: {result.rerun}"])
         return 0

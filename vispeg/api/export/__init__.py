@@ -1,0 +1,1 @@
+"""Policies and models for programs that know nothing of this package."""

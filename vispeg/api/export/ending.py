@@ -1,0 +1,14 @@
+"""What an exported file must be called."""
+
+from pathlib import Path
+
+from vispeg.core.errors import UserError
+
+ENDINGS = {"onnx": ".onnx", "mjcf": ".xml", "urdf": ".urdf"}
+
+
+def check_ending(out: Path, to: str) -> None:
+    """Raises UserError for a file whose name does not end as its format's do."""
+    if out.suffix.lower() != ENDINGS[to]:
+        expected = f"a name that ends in {ENDINGS[to]} (--to {to})"
+        raise UserError(f"not an {to.upper()} file", key="--out", expected=expected, got=str(out))

@@ -1,0 +1,87 @@
+"""A model with its effects as MJCF or URDF: what `vispeg export MODEL` does, from Python."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from vispeg.api.export.ending import check_ending
+from vispeg.api.export.urdf import to_urdf
+from vispeg.api.inputs import read_model
+from vispeg.core.files import write_bytes_atomic, write_text_atomic
+from vispeg.core.marker import apart
+from vispeg.report.text.summary import Block, Line, html
+from vispeg.sim.export import to_mjcf
+from vispeg.worlds.world import World
+
+
+@dataclass(frozen=True)
+class ExportedModel:
+    """A model in a file that other programs read.
+
+    Attributes:
+        file: the MJCF or URDF.
+        to: its format.
+        robot: of the model.
+        meshes: files beside it.
+        native: labels of the effects that are in it.
+        left_out: of those that the format has no element for.
+        rotors: joint -> rotor inertia in kg m2 that a URDF cannot hold.
+    """
+
+    file: Path
+    to: Literal["mjcf", "urdf"]
+    robot: str
+    meshes: Sequence[str]
+    native: Sequence[str]
+    left_out: Sequence[str]
+    rotors: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def record(self) -> dict[str, object]:
+        """What `vispeg export --json` prints."""
+        rotors = {"rotor_inertia": dict(self.rotors)} if self.rotors else {}
+        effects = {"native": [*self.native], "left_out": [*self.left_out]}
+        return {self.to: str(self.file), "meshes": [*self.meshes], **effects, **rotors}
+
+    @property
+    def summary(self) -> list[Block]:
+        """The file, the effects in it, and those that are not."""
+        program = "MuJoCo" if self.to == "mjcf" else "URDF"
+        lines = [f"{self.file}: {self.robot}, {len(self.meshes)} meshes beside it"]
+        lines += [f"in it: {label}" for label in self.native]
+        lines += [f"not in it, {program} has no element for it: {label}" for label in self.left_out]
+        if self.rotors:
+            lines.append(f"not in it, URDF has no element for it: rotor inertia of {', '.join(self.rotors)}")
+        return [Line(text, path=True) for text in lines]
+
+    def _repr_html_(self) -> str:
+        return html(self.summary)
+
+
+def export_model(
+    model: str | Path | World, out: str | Path, to: Literal["mjcf", "urdf"], *, overwrite: bool = False
+) -> ExportedModel:
+    """Writes an arm with its effects; meshes are copied beside the file.
+
+    Args:
+        model: a world, a model file, a robot's name, or a path to an MJCF or URDF.
+        out: file, .xml or .urdf.
+        to: the format.
+        overwrite: whether it may be replaced.
+
+    Raises:
+        UserError: no such model, one that the format cannot hold, another ending, or `out` is there.
+    """
+    path = Path(out)
+    check_ending(path, to)
+    world = model if isinstance(model, World) else read_model(str(model))
+    apart(path, (world.robot,) if isinstance(model, World) else (model, world.robot))
+    made = (to_mjcf if to == "mjcf" else to_urdf)(world, f"{path.stem}-meshes")
+    write_text_atomic(path, made.xml, overwrite=overwrite)
+    for name, file in made.meshes.items():
+        write_bytes_atomic(path.parent / name, file.read_bytes(), overwrite=True)
+    labels = ([e.label for e in effects] for effects in (made.native, made.left_out))
+    return ExportedModel(path, to, world.robot, [*made.meshes], *labels, getattr(made, "rotors", {}))

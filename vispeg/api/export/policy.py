@@ -1,0 +1,62 @@
+"""A policy as ONNX, for controllers without torch: what `vispeg export POLICY` does, from Python."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from vispeg.api.export.ending import check_ending
+from vispeg.core.extras import require
+from vispeg.report.text.summary import Block, Line, html
+
+
+@dataclass(frozen=True)
+class ExportedPolicy:
+    """A policy in an ONNX file.
+
+    Attributes:
+        file: the ONNX.
+        modality: what the policy sees.
+        inputs: name of each input -> its shape without the batch.
+    """
+
+    file: Path
+    modality: str
+    inputs: Mapping[str, tuple[int, ...]]
+
+    @property
+    def record(self) -> dict[str, object]:
+        """What `vispeg export --json` prints."""
+        inputs = {name: list(shape) for name, shape in self.inputs.items()}
+        return {"onnx": str(self.file), "modality": self.modality, "inputs": inputs}
+
+    @property
+    def summary(self) -> list[Block]:
+        """The file and what it wants."""
+        inputs = ", ".join(f"{name} {list(shape)}" for name, shape in self.inputs.items())
+        return [Line(f"{self.file}: {self.modality}, inputs {inputs}", path=True)]
+
+    def _repr_html_(self) -> str:
+        return html(self.summary)
+
+
+def export_policy(policy: str | Path, out: str | Path, *, overwrite: bool = False) -> ExportedPolicy:
+    """Writes a policy's deterministic action as an ONNX model.
+
+    Args:
+        policy: a folder, or the name of a policy that comes with the package.
+        out: file, .onnx.
+        overwrite: whether it may be replaced.
+
+    Raises:
+        UserError: no such policy, one of two networks, another ending than .onnx, or `out` is there.
+    """
+    check_ending(Path(out), "onnx")
+    require("torch", "export")
+    from vispeg.learn import onnx
+    from vispeg.learn.policy import load
+
+    opened = load(policy)
+    file = onnx.export(opened, out, overwrite)
+    return ExportedPolicy(file, opened.modality, dict(opened.actor.layout.shapes))

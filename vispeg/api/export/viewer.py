@@ -1,0 +1,66 @@
+"""A model in MuJoCo's own viewer, with the effects that MuJoCo has elements for: what `vispeg view --native` does."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from vispeg.api.inputs import read_model
+from vispeg.core.errors import UserError
+from vispeg.report.text.summary import Block, Line
+from vispeg.sim.export import compiled_with
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+@dataclass(frozen=True)
+class NativeViewer:
+    """A model that MuJoCo's viewer is about to show.
+
+    Attributes:
+        name: of the model, as it was asked for.
+        model: compiled, with its effects.
+        left_out: labels of the effects that MuJoCo has no element for.
+    """
+
+    name: str
+    model: mujoco.MjModel
+    left_out: Sequence[str]
+
+    @property
+    def record(self) -> dict[str, object]:
+        """What `vispeg view --native --json` prints."""
+        return {"model": self.name, "left_out": [*self.left_out]}
+
+    @property
+    def summary(self) -> list[Block]:
+        """The model, and the effects that the viewer does not show."""
+        lines = [f"{self.name} in MuJoCo's viewer"]
+        lines += [f"not in it, MuJoCo has no element for it: {label}" for label in self.left_out]
+        return [Line(text, path=True) for text in lines]
+
+    def launch(self) -> None:
+        """Opens the window; returns when it is closed."""
+        import mujoco.viewer
+
+        mujoco.viewer.launch(self.model)
+
+
+def open_viewer(name: str) -> NativeViewer:
+    """Compiles a model for the viewer.
+
+    Args:
+        name: a model file, a robot's name, or a path to an MJCF or URDF.
+
+    Raises:
+        UserError: no such model, or no display.
+    """
+    world = read_model(name)
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise UserError("there is no display", key="--native", expected="a desktop; without --native a page")
+    model, left_out = compiled_with(world)
+    return NativeViewer(name, model, [e.label for e in left_out])

@@ -1,0 +1,1 @@
+"""Policies made from other policies: fine-tuned, combined, exported."""

@@ -1,0 +1,76 @@
+"""Two policies as one: what `vispeg combine` does, from Python."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from vispeg.api.policies import load_policy
+from vispeg.core.extras import require
+from vispeg.report.text.summary import Block, Line, html
+
+if TYPE_CHECKING:
+    from vispeg.learn.policy import Policy
+
+
+@dataclass(frozen=True)
+class CombinedPolicy:
+    """A coarse policy that sees, and a fine one that takes over near the goal.
+
+    Attributes:
+        folder: of the two as one policy.
+        coarse, fine: their folders or names.
+        within: distance from the goal's axis at which the fine one takes over, m.
+    """
+
+    folder: Path
+    coarse: str
+    fine: str
+    within: float
+
+    def open(self) -> Policy:
+        """The two as one policy, which acts."""
+        return load_policy(self.folder)
+
+    @property
+    def record(self) -> dict[str, object]:
+        """What `vispeg combine --json` prints."""
+        return {
+            "policy": str(self.folder),
+            "coarse": self.coarse,
+            "fine": self.fine,
+            "within_mm": round(1000 * self.within, 6),
+        }
+
+    @property
+    def summary(self) -> list[Block]:
+        """Which policy acts where."""
+        text = f"{self.folder}: {Path(self.coarse).name}, from {1000 * self.within:g} mm on {Path(self.fine).name}"
+        return [Line(text, path=True)]
+
+    def _repr_html_(self) -> str:
+        return html(self.summary)
+
+
+def combine(
+    coarse: str | Path, fine: str | Path, out: str | Path, *, within: float = 0.006, overwrite: bool = False
+) -> CombinedPolicy:
+    """Writes two policies and where one takes over into one folder, which is used as any policy's.
+
+    Args:
+        coarse: folder or name of the policy that begins.
+        fine: of the one that takes over; it may read no more than the coarse one.
+        out: folder of the two.
+        within: distance of the tip from the goal's axis, as the coarse policy sees it, at which the fine one takes
+            over, m.
+        overwrite: whether `out` may be replaced.
+
+    Raises:
+        UserError: no such policies, or such that do not fit; `within` is not above 0; `out` is there.
+    """
+    require("torch", "combining policies")
+    from vispeg.learn import coarse_to_fine
+
+    coarse_to_fine.combine(Path(coarse), Path(fine), within, Path(out), overwrite)
+    return CombinedPolicy(Path(out), str(coarse), str(fine), within)

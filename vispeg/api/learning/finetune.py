@@ -1,0 +1,111 @@
+"""A trained policy is fine-tuned in a target world: what `vispeg finetune` does, from Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from vispeg.api.policies import load_policy
+from vispeg.core.extras import require
+from vispeg.formats.json_data import read_json
+from vispeg.report.text.summary import Block, Line, html
+
+if TYPE_CHECKING:
+    from vispeg.learn.policy import Policy
+
+
+@dataclass(frozen=True)
+class FinetunedPolicy:
+    """A policy that was fine-tuned.
+
+    Attributes:
+        folder: of the policy.
+        measured: finetune.json: success `before` and `after` in the target world (shares), settings, seed.
+    """
+
+    folder: Path
+    measured: Mapping[str, object]
+
+    def open(self) -> Policy:
+        """The policy, which acts."""
+        return load_policy(self.folder)
+
+    @property
+    def record(self) -> dict[str, object]:
+        """What `vispeg finetune --json` prints."""
+        return {"policy": str(self.folder), **self.measured}
+
+    @property
+    def summary(self) -> list[Block]:
+        """Success before and after, and where the policy is."""
+        change = [
+            f"success {when} fine-tuning: {share:.0%}"
+            for when in ("before", "after")
+            if isinstance(share := self.measured.get(when), float)
+        ]
+        return [*(Line(text) for text in change), Line(f"policy: {self.folder}", path=True)]
+
+    def _repr_html_(self) -> str:
+        return html(self.summary)
+
+
+def finetune(
+    policy: str | Path,
+    world: str | Path,
+    out: str | Path,
+    *,
+    teacher: str = "expert",
+    dataset: str | Path | None = None,
+    demos: int = 100,
+    updates: int = 2000,
+    lr: float | None = None,
+    known: float = 0.15,
+    known_world: str | None = None,
+    episodes: int = 50,
+    seed: int = 0,
+    device: Literal["cpu", "cuda", "auto"] = "cpu",
+    overwrite: bool = False,
+    say: Callable[[str], None] = lambda text: None,
+) -> FinetunedPolicy:
+    """Fine-tunes a policy in a target world on a few demonstrations; see docs/learning.md.
+
+    Args:
+        policy: a folder, or the name of a policy that comes with the package.
+        world: the target: a built-in world's name or a world file.
+        out: folder of the new policy.
+        teacher: who demonstrates: `expert` for the scripted policy, or a state policy's folder or name.
+        dataset: demonstrations in LeRobot's layout, in place of the teacher's.
+        demos: successful demonstrations in the target world.
+        updates: gradient steps.
+        lr: learning rate; a tenth of the one that the policy was trained at where not given.
+        known: share of each batch from the world that the policy was trained in, 0 to 0.5.
+        known_world: that world, where the policy's own record does not name a built-in one.
+        episodes: of the evaluations before and after.
+        seed: of everything random.
+        device: where the network runs.
+        overwrite: whether `out` may be replaced.
+        say: called with a sentence on each stage.
+
+    Raises:
+        UserError: no such policy, world or teacher; the policy does not fit the world; `out` is there.
+    """
+    require("torch", "fine-tuning")
+    from vispeg.learn.methods import finetune as tuning
+
+    settings = tuning.FinetuneSettings(demos, updates, lr, known=known, episodes=episodes)
+    folder = tuning.finetune_in_worlds(
+        Path(policy),
+        str(world),
+        known_world,
+        teacher,
+        Path(out),
+        settings,
+        seed,
+        dataset=None if dataset is None else Path(dataset),
+        device=device,
+        overwrite=overwrite,
+        say=say,
+    )
+    return FinetunedPolicy(folder, read_json(folder / "finetune.json"))
