@@ -30,11 +30,11 @@ from vispeg.worlds.world import World
 
 Model = World | str | Path
 Source = Recording | str | Path
-Told = Callable[[float], None]  # is told the share that is read, 0 to 1
-Reading = Callable[[Path], AbstractContextManager[Told]]
+Share = Callable[[float], None]  # is told the share that is read, 0 to 1
+Reading = Callable[[Path], AbstractContextManager[Share]]
 
 
-def silent(path: Path) -> AbstractContextManager[Told]:
+def silent(path: Path) -> AbstractContextManager[Share]:
     """Shows nothing while a recording is read."""
     return nullcontext(lambda share: None)
 

@@ -15,7 +15,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Args:
     """Threads of the simulation."""
     overwrite: bool = False
     """Replace OUT if it is there."""
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Runs the demonstration; the table of falling error comes first."""
@@ -45,12 +45,12 @@ class Args:
         console = Console(stderr=True, highlight=False, quiet=self.output.quiet)
         console.print(f"fitted: {', '.join(FITTED)}; held out: {', '.join(HELD_OUT)}")
         with console.status("reading") as status:
-            shown = demo(seed=self.seed, threads=self.threads, say=status.update)
-            shown.save(self.out, overwrite=self.overwrite)
-        if shown.problem:
-            console.print(f"no pictures of the cell: {shown.problem}")
+            demonstration = demo(seed=self.seed, threads=self.threads, say=status.update)
+            demonstration.save(self.out, overwrite=self.overwrite)
+        if demonstration.problem:
+            console.print(f"no pictures of the cell: {demonstration.problem}")
         pictures = (("the robot and its cell", ROBOT), ("what policies are trained on", SHEET))
-        files = [f"{what}: {self.out / name}" for what, name in pictures if name in shown.pictures]
+        files = [f"{what}: {self.out / name}" for what, name in pictures if name in demonstration.pictures]
         report = f"report: {self.out / 'report.html'}  ({time.monotonic() - start:.0f} s)"
-        self.output.give(shown.record, [*shown.summary, *files, report])
+        self.output.give(demonstration.record, [*demonstration.summary, *files, report])
         return 0

@@ -1,4 +1,4 @@
-"""`--json` and `--quiet`, which every command has: how it tells its result, and whether it shows its progress."""
+"""`--json` and `--quiet`, which every command has: the form of its result, and whether it shows its progress."""
 
 from __future__ import annotations
 
@@ -37,4 +37,4 @@ class Output:
             print(text, flush=True)
 
 
-Told = Annotated[Output, tyro.conf.arg(name="")]
+OutputOptions = Annotated[Output, tyro.conf.arg(name="")]

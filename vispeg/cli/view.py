@@ -1,7 +1,7 @@
 """Opens a page in the browser: see where a model fails, add an effect by a click, watch the error fall.
 
-The page is served on this machine alone. Every step on it is also shown as the command that does the same. What it
-works out is kept in OUT, so that a page that was stopped goes on where it stood.
+The page is served on this machine alone. It shows each step also as the command that does the same. Results are written
+to OUT, so that a page that was stopped goes on from there.
 
 Example:
     vispeg view rig-a rig-b rig-c
@@ -19,7 +19,7 @@ from pathlib import Path
 
 import tyro
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 
 
 @dataclass(frozen=True)
@@ -38,12 +38,12 @@ class Args:
     browser: bool = True
     """Open the browser."""
     dark: bool = False
-    """Light on dark, whatever the system says."""
+    """Dark mode, whatever the system's setting."""
     native: bool = False
     """Show the model, with the effects that MuJoCo has elements for, in MuJoCo's own viewer instead."""
     threads: int = 2
     """Threads of the simulation."""
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Serves the page until it is interrupted."""

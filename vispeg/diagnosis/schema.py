@@ -135,7 +135,7 @@ class NotExcited(Place):
     motion: str
 
 
-class Told(TypedDict):
+class Summary(TypedDict):
     """What every diagnosis says, and what a change says of its baseline."""
 
     verdict: str
@@ -210,7 +210,7 @@ class Replayed(TypedDict):
     trials: dict[str, Trial]
 
 
-class DiagnosisRecord(Told):
+class DiagnosisRecord(Summary):
     """The record. Keys that are not required are of robots in joint or torque space, or of free objects."""
 
     format: str
@@ -227,7 +227,7 @@ class DiagnosisRecord(Told):
     correlations: NotRequired[Correlations | None]
     parameters_moved: NotRequired[list[Moved]]
     windows: NotRequired[Sequence[Mapping[str, object]]]
-    baseline: NotRequired[Told]
+    baseline: NotRequired[Summary]
     provenance: NotRequired[Mapping[str, object]]
     object: NotRequired[str]
     restarts: NotRequired[Sequence[Mapping[str, object]]]

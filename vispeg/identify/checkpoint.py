@@ -39,7 +39,7 @@ class Trace:
             (n + 1, n + 1) as `vispeg.identify.fit` makes it.
         laps: least-squares steps done.
         cost: the best mean squared whitened residual so far.
-        told: called after each evaluation and each step.
+        watch: called after each evaluation and each step.
     """
 
     candidates: list[float] = field(default_factory=list)
@@ -47,28 +47,28 @@ class Trace:
     points: list[tuple[list[float], list[list[float]]]] = field(default_factory=list)
     laps: int = 0
     cost: float = math.inf
-    told: Callable[[], None] = lambda: None
+    watch: Callable[[], None] = lambda: None
 
     def chosen(self, costs: list[float]) -> None:
         """The candidates have been evaluated."""
         self.candidates = [float(c) for c in costs]
-        self.told()
+        self.watch()
 
     def generation(self, costs: list[float]) -> None:
         """A CMA-ES population has been evaluated."""
         self.generations.append([float(c) for c in costs])
         self.cost = min(self.cost, *costs)
-        self.told()
+        self.watch()
 
     def point(self, u: np.ndarray, answer: np.ndarray) -> None:
         """A point of least squares has been evaluated."""
         self.points.append((u.tolist(), answer.tolist()))
-        self.told()
+        self.watch()
 
     def lap(self, laps: int, cost: float) -> None:
         """So many least-squares steps have been made."""
         self.laps, self.cost = laps, float(cost)
-        self.told()
+        self.watch()
 
 
 KEPT = ("candidates", "generations", "points", "laps", "cost")
@@ -82,26 +82,26 @@ class Checkpoint:
         key: whatever the fit depends on; a checkpoint of another fit is refused.
         starts: number of traces.
         resume: go on from the file where there is one; otherwise begin anew.
-        told: called after each step of any start, with its number and trace.
+        watch: called after each step of any start, with its number and trace.
 
     Raises:
         UserError: the file is of another fit or cannot be read.
     """
 
     def __init__(
-        self, file: Path, key: Any, starts: int, resume: bool, told: Callable[[int, Trace], None] = lambda i, t: None
+        self, file: Path, key: Any, starts: int, resume: bool, watch: Callable[[int, Trace], None] = lambda i, t: None
     ):
-        self.file, self.told = file, told
+        self.file, self.watch = file, watch
         self.key = hashlib.sha256(json.dumps(key, sort_keys=True, default=str).encode()).hexdigest()
         self.traces = _read(file, self.key, starts) if resume and file.is_file() else [Trace() for _ in range(starts)]
         self._lock = threading.Lock()  # starts run in threads of their own
         for i, trace in enumerate(self.traces):
-            trace.told = lambda i=i: self._told(i)
+            trace.watch = lambda i=i: self._stepped(i)
 
-    def _told(self, i: int) -> None:
+    def _stepped(self, i: int) -> None:
         with self._lock:
             self._write()
-        self.told(i, self.traces[i])
+        self.watch(i, self.traces[i])
 
     def _write(self) -> None:
         rows = [{name: getattr(t, name) for name in KEPT} for t in self.traces]

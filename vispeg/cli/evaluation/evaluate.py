@@ -1,4 +1,4 @@
-"""Evaluates policies in one world: success with its interval, time, force, how they fail, against each other, controls.
+"""Evaluates policies in one world: success with its interval, time, force, kinds of failure, differences, controls.
 
 A policy is a folder with policy.json and policy.safetensors, NAME=FOLDER, or `expert`, the scripted one; several are
 compared on the same seeds.
@@ -40,7 +40,7 @@ class Args:
     episodes: int = 100
     """Episodes of every policy."""
     controls: tuple[str, ...] = ()
-    """shuffled, frozen, hole_fixed: the same policies with their sight taken away in that way."""
+    """Controls: the same policies with images that are shuffled or frozen, or with a hole that never moves."""
     clearance: float | None = None
     """Diametral clearance in mm in place of the world's."""
     videos: int = 4

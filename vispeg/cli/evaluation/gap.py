@@ -1,10 +1,10 @@
 """The transfer gap: policies in several worlds on the same seeds, what each loses, and to which factor of the change.
 
-The first world is the one of training. A world named after others (VNP after V, N, P) is split into their shares. The
-controls are played in the first world and the last; the blind one is a policy of its own, modality `proprio`. A policy
-that was trained in a target is refused, unless --fine-tuned says that this is meant. A real robot's records (CSV:
-policy, configuration, seed, outcome, category) take a target's place with --measured. Episodes that `vispeg evaluate`
-or an earlier gap wrote are taken in with --records and not played again; given the policies too, they are filmed.
+The first world is the training world; the others are targets. The loss in a world that combines others (VNP combines V,
+N and P) is split into their shares. Controls are played in the first and the last world; the blind control is a policy
+of its own, of modality `proprio`. A policy that was trained in a target is refused without --fine-tuned. --measured
+puts a real robot's trials in the place of a target (CSV: policy, configuration, seed, outcome, category). --records
+takes episodes of `vispeg evaluate` or of an earlier gap, which are not played again; films need the policies too.
 Writes OUT/gap.json, OUT/gap.html, OUT/episodes.jsonl.
 
 Example:
@@ -48,7 +48,7 @@ class Args:
     robot: str = "robot"
     """The name of the measured target in tables."""
     videos: int = 2
-    """Seeds of each policy filmed in the first world and the last, those that are lost on the way first; 0 for none."""
+    """Episodes of each policy filmed in the first and the last world; those that fail only in the last come first."""
     fine_tuned: bool = False
     """Allow policies that were trained or fine-tuned in a target."""
     trials: Played = Trials()

@@ -1,6 +1,6 @@
-"""Pushes and hard positions: success where the hole is hardest to find, still and pushed by 20-60 N for 0.2 s.
+"""Tests policies at the hard positions of the hole, with and without pushes of 20 to 60 N for 0.2 s.
 
-Writes OUT/perturb.json and OUT/perturb.html: an interval a position, and what the push costs there.
+Writes OUT/perturb.json and OUT/perturb.html: success with its interval at each position, and what the pushes cost.
 
 Example:
     vispeg perturb runs/peg-state/best --world randomized --episodes 40 --out pushed

@@ -1,8 +1,8 @@
-"""Success against one parameter of one effect, as a curve with bands: how wrong may a camera be, how late a command.
+"""Draws success over one parameter of one effect, with intervals: how wrong may a camera be, how late a command.
 
 SWEEP is focal-length, camera-shift, camera-turn, depth-noise, light, latency, image-latency, encoder-noise, force-bias,
-force-noise, friction, or EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,... Or it is a model file that a diagnosis wrote:
-what each effect in it costs, success without it and with it. What only images show is swept with policies that see.
+force-noise, friction, or EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,... Or it is a model file that a
+diagnosis wrote: success without and with each of its effects. Effects on images need policies that see.
 Writes OUT/sensitivity.json and OUT/sensitivity.html.
 
 Example:

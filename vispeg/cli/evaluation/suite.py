@@ -1,10 +1,9 @@
-"""The regression suite: named configurations in the training world and in a target, over versions of a policy.
+"""Runs a regression suite: named configurations in the training world and in a target, over versions of a policy.
 
 `run` plays one version and writes OUT/suite.json and OUT/suite.html. `compare` takes such folders, oldest first: the
 correlation between training world and target over the versions (healthy above 0.8, alarm below 0.6), and what fell from
-the last but one to the last on the same seeds. A mean fall from training world to target that is above 5 points beyond
-doubt is an alarm whatever the correlation. Both exit with 1 on an alarm, `compare` also on a regression, so that they
-can guard CI.
+the last but one to the last on the same seeds. A mean loss from training world to target that is above 5 points with
+95 % confidence is an alarm too. Both exit with 1 on an alarm, `compare` also on a regression, so that CI can use them.
 
 Example:
     vispeg suite run runs/peg-depth/best --train S --target VNP --version 3 --out suite/v3
@@ -21,7 +20,7 @@ from typing import Annotated
 import tyro
 
 from vispeg.cli.evaluation.trials import Played, Trials
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 from vispeg.core.interrupt import goes_on
 
 
@@ -76,10 +75,10 @@ class Compare:
     folders: tyro.conf.Positional[tuple[Path, ...]]
     """Folders that `vispeg suite run` wrote."""
     out: Path | None = None
-    """Folder for compare.json and suite.html; nothing is written without."""
+    """Folder for compare.json and suite.html; without it nothing is written."""
     overwrite: bool = False
     """Replace OUT's result."""
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Prints what fell and the health of every version; 1 on an alarm or a regression."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Protocol, TypedDict
 
 import tyro
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 
 if TYPE_CHECKING:
     from vispeg.api.playing import Playing
@@ -43,12 +43,12 @@ class Trials:
     """Trials."""
 
     seed: int = 0
-    """Seed of the episodes: the same seed, the same starts and draws of the world."""
+    """Seed of the episodes. The same seed gives the same starts and draws of the world."""
     workers: int = 1
     """Processes."""
     overwrite: bool = False
     """Replace OUT's result."""
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     def options(self, out: Path) -> Options:
         """Of a function that plays episodes into this folder, with a bar for each policy."""

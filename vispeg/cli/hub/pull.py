@@ -7,7 +7,7 @@ from pathlib import Path
 
 import tyro
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 
 
 @dataclass(frozen=True)
@@ -19,12 +19,12 @@ class Pull:
     out: Path
     """The new folder."""
     dataset: bool = False
-    """It is a dataset; a policy without."""
+    """The repository holds a dataset. Without this, a policy."""
     revision: str | None = None
     """Branch, tag or commit."""
     overwrite: bool = False
     """Replace OUT if it is there."""
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Fetches it and says where it is."""

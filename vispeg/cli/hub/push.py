@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import tyro
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 
 
 @dataclass(frozen=True)
@@ -18,12 +18,12 @@ class Push:
     repository: tyro.conf.Positional[str]
     """OWNER/NAME on the hub."""
     revision: str | None = None
-    """Branch to push to; a dataset is tagged on the main one alone."""
+    """Branch to push to. A dataset gets its tag only on the main branch."""
     private: bool = False
     """Make the new repository private."""
     overwrite: bool = False
     """Replace the policy or dataset that is there, by a new commit."""
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Sends it and says where it is."""

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import tyro
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 
 
 @dataclass(frozen=True)
@@ -24,12 +24,12 @@ class Args:
     fine: tyro.conf.Positional[Path]
     """Folder or name of the policy that takes over; it may read no more than the coarse one."""
     out: Path
-    """Folder of the two as one policy."""
+    """Folder of the combined policy."""
     within_mm: float = 6.0
-    """Distance of the tip from the goal's axis, as the coarse policy sees it, at which the fine one takes over, mm."""
+    """Distance of the tip from the goal's axis, as the coarse one estimates it, where the fine one takes over, mm."""
     overwrite: bool = False
     """Replace OUT if it is there."""
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Writes the folder."""

@@ -15,7 +15,7 @@ from typing import Literal
 
 import tyro
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Args:
     """Where the network runs."""
     overwrite: bool = False
     """Replace OUT if it is there."""
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Fine-tunes and says what it brought."""

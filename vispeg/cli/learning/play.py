@@ -12,7 +12,7 @@ from pathlib import Path
 
 import tyro
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Args:
     """A file FILE.rrd for the Rerun viewer with the same episodes in 3D: forces, what the policy sees and estimates."""
     overwrite: bool = False
     """Replace OUT if it is there."""
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Plays and writes."""

@@ -1,4 +1,4 @@
-"""Lists the policies that come with the package, by the names that every command takes for a folder.
+"""Lists the policies that come with the package. Every command takes their names in place of a folder.
 
 Example:
     vispeg policies
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 
 
 @dataclass(frozen=True)
@@ -17,10 +17,10 @@ class Args:
     """Arguments of `vispeg policies`."""
 
     family: str | None = None
-    """List those that see this alone: `state`, `proprio`, `depth`, `rgb`, `rgbd`."""
+    """Only those of one modality: `state`, `proprio`, `depth`, `rgb`, `rgbd`."""
     search: str | None = None
-    """List those that have this text in their name or words."""
-    output: Told = Output()
+    """Only those with this text in their name or description."""
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Prints the list."""

@@ -1,8 +1,8 @@
 """Trains a policy for the task of a world.
 
 TASK is the task and what the policy sees: peg-state, peg-proprio, peg-depth, peg-rgb or peg-rgbd, or LABEL-MODALITY of
-a task of your own. The run's folder holds config.yaml, progress.csv, tensorboard/ and checkpoints/best, and where it
-learned by reinforcement checkpoints/last; each checkpoint is a policy that `vispeg play` and `vispeg evaluate` take.
+a task of your own. The run's folder holds config.yaml, progress.csv, tensorboard/ and checkpoints/best, and after
+reinforcement learning checkpoints/last. Each checkpoint is a policy: `vispeg play` and `vispeg evaluate` take it.
 
 Example:
     vispeg train peg-state --world nominal --seed 0
@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 from vispeg.core.interrupt import goes_on
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class Args:
     task: tyro.conf.Positional[str | None] = None
     """Task and modality, such as peg-depth (peg-state, -proprio, -depth, -rgb, -rgbd); not needed with --resume."""
     recipe: Literal["sac", "distill", "distill+sac"] = "sac"
-    """Reinforcement learning, imitation of a teacher that knows the state, or the one after the other."""
+    """Reinforcement learning, imitation of a teacher that knows the state, or imitation before reinforcement."""
     world: str = "nominal"
     """A built-in world's name or a world file."""
     clearance: float | None = None
@@ -98,7 +98,7 @@ class Args:
     resume: Path | None = None
     """Goes on with the run in this folder, from its last checkpoint, as if it had never stopped. Of the other options
     only --steps and --films may stand beside it."""
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Trains and says where the policy is."""

@@ -1,4 +1,4 @@
-"""Lists the worlds that come with the package, by the names that --world takes.
+"""Lists the worlds that come with the package. Every option --world takes their names.
 
 Example:
     vispeg worlds
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 
 
 @dataclass(frozen=True)
@@ -17,10 +17,10 @@ class Args:
     """Arguments of `vispeg worlds`."""
 
     family: str | None = None
-    """List those that are `fixed`, or `randomized`, alone."""
+    """Only those of one kind: `fixed` or `randomized`."""
     search: str | None = None
-    """List those that have this text in their name or words."""
-    output: Told = Output()
+    """Only those with this text in their name or description."""
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Prints the list."""

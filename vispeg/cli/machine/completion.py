@@ -13,7 +13,7 @@ from typing import Literal
 
 import tyro
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Args:
 
     shell: tyro.conf.Positional[Literal["bash", "zsh", "fish"]]
     """The shell."""
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Prints the script."""

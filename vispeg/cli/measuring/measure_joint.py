@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import tyro
 
 from vispeg.cli.measuring.measure_stop import Asked, Stop
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 
 if TYPE_CHECKING:
     from vispeg.measure.trace import Trace
@@ -41,7 +41,7 @@ class Plan:
     """Seed of the order."""
     overwrite: bool = False
     """Replace OUT if it is there."""
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Writes the folder and prints the order."""
@@ -105,7 +105,7 @@ class Plan:
 class Joint:
     """Measures a joint's servo, frequency response, friction and backlash from recordings of commanded motions.
 
-    Finds in each what it can read: steps, sines of three periods or more, sweeps, ramps out and back. Writes
+    Uses steps, sines of three periods or more, sweeps, and ramps out and back, where it finds them. Writes
     OUT/measurement.yaml, OUT/actuator.xml (MuJoCo) and OUT/joint.png.
 
     Example: vispeg measure joint runs/* --joint joint4 --out joint4
@@ -117,19 +117,19 @@ class Joint:
     out: Path
     """Folder of the results."""
     joint: str | None = None
-    """The joint; of recordings that which moves most where not given."""
+    """The joint. Not given, the one that moves most in the recordings."""
     columns: tuple[str, ...] = ()
-    """Of tables: time=COLUMN q_cmd=COLUMN q=COLUMN and, where there is one, tau=COLUMN (s, rad, N m)."""
+    """For tables: time=COLUMN q_cmd=COLUMN q=COLUMN and, where there is one, tau=COLUMN (s, rad, N m)."""
     inertia: float | None = None
-    """Inertia that the joint turns, kg m2, for the actuator; of the robot's model where not given, else 1."""
+    """Inertia that the joint turns, kg m2, for the actuator. Not given, that of the robot's model, or 1."""
     conditions: tuple[str, ...] = ()
-    """What else counts, such as temperature=21; kept in the file."""
+    """Conditions to note in the file, such as temperature=21."""
     seed: int = 0
     """Seed of the Monte Carlo propagation."""
     overwrite: bool = False
     """Replace OUT if it is there."""
     stop: Asked = Stop()
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Measures, writes the folder, prints the numbers."""

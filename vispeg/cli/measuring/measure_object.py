@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 import tyro
 
 from vispeg.cli.measuring.measure_stop import Asked, Stop
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 
 if TYPE_CHECKING:
     import numpy as np
@@ -32,13 +32,13 @@ class _Common:
     accuracy: tuple[str, ...] = ()
     """Limit of the instrument's error a column, such as mass_g=2; none where not given."""
     conditions: tuple[str, ...] = ()
-    """What else counts, such as surface=steel temperature=21; kept in the file."""
+    """Conditions to note in the file, such as surface=steel temperature=21."""
     seed: int = 0
     """Seed of the Monte Carlo propagation."""
     overwrite: bool = False
     """Replace OUT if it is there."""
     stop: Asked = Stop()
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     protocol: ClassVar[str]
 

@@ -20,7 +20,7 @@ class Stop:
     """Whether it is enough."""
 
     policy: tuple[str, ...] = ()
-    """Policies (folders or names): says whether the interval is narrow enough for them."""
+    """Policies (folders or names) to play at both ends of the interval: says whether it is narrow enough for them."""
     world: str = "nominal"
     """The world in which they are played, and from which nominal values are read."""
     episodes: int = 400

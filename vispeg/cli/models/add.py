@@ -1,7 +1,7 @@
-"""Adds an effect to a model file, or sets the values of one that is there; or adds what a measurement became.
+"""Adds an effect to a model file, sets the values of one that is there, or adds the effects of a measurement.
 
-MODEL is left as it is unless --out names it and --overwrite is given. Parameters that are not set keep the model's
-value; of a new effect, sizes that are not set are null if another is, typical if none is.
+MODEL is replaced only where --out names it and --overwrite is there. Parameters that are not set keep the model's
+value. A new effect with no value set has its typical size; with some set, its other sizes are null.
 
 Example:
     vispeg add iiwa14 coulomb_friction joint4 --set torque=1.2 --out model.yaml
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import tyro
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 
 if TYPE_CHECKING:
     from vispeg.core.effect import EffectInstance, Value
@@ -41,7 +41,7 @@ class Args:
     """Values, such as torque=1.2 velocity=0.05."""
     overwrite: bool = False
     """Replace OUT if it is there."""
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Writes the model file and prints what is in it."""

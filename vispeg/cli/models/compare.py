@@ -1,4 +1,4 @@
-"""Compares a model with recordings, without fitting anything: how far off it is, at which joint, and when.
+"""Compares a model with recordings, without a fit: how large its error is, at which joint, and when.
 
 Writes OUT/compare.json, OUT/evidence.npz and OUT/report.html.
 
@@ -14,7 +14,7 @@ from pathlib import Path
 
 import tyro
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 from vispeg.recordings.windows import SECONDS
 
 
@@ -36,7 +36,7 @@ class Args:
     """A file FILE.rrd for the Rerun viewer: the measured arm and the model's, every joint over time."""
     overwrite: bool = False
     """Replace OUT if it is there."""
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Compares, writes the folder, prints the table."""

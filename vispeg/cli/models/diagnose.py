@@ -4,14 +4,14 @@ Writes OUT/diagnosis.json, OUT/report.html and OUT/model.yaml (the model with wh
 record. Exits 0 with a verdict: adequate, identified, ambiguous or unexplained. A diagnosis that was killed goes on
 where it stood when the same command is given again: what it had worked out lies in OUT.part until it is done.
 
-With --baseline, what changed since those recordings is sought: a payload, what a repair did. What the baseline lacks is
-found first and stands in the model; `effects` is the difference.
+--baseline asks what changed since those recordings: a payload, the result of a repair. The effects that the model lacks
+already in the baseline are found first and added to it; `effects` then holds the change alone.
 
-With --policy, a policy then plays its cell with the identified model, and again with every value drawn from its
-interval and the torque that stays unexplained played back: what is left costs so many points of success.
+--policy asks what the remaining error costs a policy: it is played with the identified model, and again with each value
+drawn from its interval and the unexplained torque added. The difference is in points of success.
 
-Recordings of a cell with joint torques, a wrench and pictures are looked at in three rooms, one after the other and
-again where one has named what another has to know: one record, one page, a verdict of each room and one of all.
+Recordings of a cell may hold joint torques, a wrench and pictures. Each is diagnosed in a room of its own (joints,
+contact, pictures), again where another room has named an effect that it needs. One page has all verdicts.
 
 Example:
     vispeg diagnose iiwa14 --recording rig-a --recording rig-b --validate rig-c --out found
@@ -27,7 +27,7 @@ from typing import Literal
 
 import tyro
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 from vispeg.core.interrupt import goes_on
 from vispeg.recordings.windows import SECONDS
 
@@ -47,11 +47,11 @@ class Args:
     baseline: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
     """A recording of the same robot as it was before; two or more, the last one is judged on."""
     policy: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
-    """A policy's folder, or `expert`, to say what the remainder costs it; give the flag once for each."""
+    """A policy's folder or name, or `expert`: says what the remaining error costs it; give the flag once for each."""
     world: str = "nominal"
-    """The cell that it plays in: a built-in world's name or a world file."""
+    """World that the policy plays in: a built-in world's name or a world file."""
     episodes: int = 100
-    """Its episodes, with and without the remainder each."""
+    """Episodes of the policy, as many with the remaining error as without."""
     rooms: tuple[Literal["joints", "contact", "pictures"], ...] = ()
     """Of a cell, where the cause is looked for; where not given, in all that the recordings have something for."""
     seconds: float = SECONDS
@@ -62,7 +62,7 @@ class Args:
     """Threads of the simulation."""
     overwrite: bool = False
     """Replace OUT if it is there."""
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     @goes_on()
     def run(self) -> int:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import tyro
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 
 if TYPE_CHECKING:
     from vispeg.core.effect import Effect
@@ -32,16 +32,16 @@ class Args:
     where: str | None = None
     """Where the picture puts the effect (a joint, a link, flange, base, all)."""
     robot: str = "iiwa14"
-    """A robot's name or a path to an MJCF or URDF: it says which places there are."""
+    """A robot's name or a path to an MJCF or URDF, whose joints and links are the places."""
     out: Path | None = None
     """Folder for the picture, effect-NAME.png; without it none is drawn."""
     overwrite: bool = False
     """Draw the picture anew if it is there."""
     family: Literal["joint", "drive", "sensor", "body", "contact", "task", "camera", "appearance"] | None = None
-    """List those of one family alone."""
+    """Only those of one family."""
     search: str | None = None
-    """List those that have this text in their name, words or parameters."""
-    output: Told = Output()
+    """Only those with this text in their name, description or parameters."""
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Prints the list, or one effect's words, equation and parameters; draws its picture where asked to."""

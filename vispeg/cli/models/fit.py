@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import tyro
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 from vispeg.core.interrupt import goes_on
 from vispeg.recordings.windows import SECONDS
 
@@ -64,7 +64,7 @@ class Args:
     """Go on with a fit that was stopped."""
     overwrite: bool = False
     """Replace OUT if it is there."""
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     @goes_on("--resume")
     def run(self) -> int:

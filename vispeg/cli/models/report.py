@@ -11,7 +11,7 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Args:
     """Folder that `vispeg diagnose`, `vispeg compare` or `vispeg fit` wrote."""
     overwrite: bool = False
     """Replace a report.html that is there already."""
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Writes OUT/report.html, prints its path and the headline; 0 on success."""

@@ -8,7 +8,7 @@ from typing import Literal
 
 import tyro
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Calibrate:
     dictionary: str = "DICT_4X4_50"
     """ChArUco: OpenCV's name of the dictionary."""
     legacy: bool = False
-    """ChArUco: printed by OpenCV before 4.6, beginning with a marker though the rows are even."""
+    """ChArUco: a board printed by OpenCV before 4.6, which begins with a marker where the number of rows is even."""
     poses: Path | None = None
     """The flange on the base in each image: CSV (file, x, y, z in m, qw, qx, qy, qz), or a folder of ViSP's YAML."""
     mount: Literal["flange", "base"] = "flange"
@@ -44,12 +44,12 @@ class Calibrate:
     intrinsics: Path | None = None
     """Known intrinsics instead of fitted ones: a camera file, OpenCV's, ROS's or ViSP's."""
     distortion: Literal["none", "radial", "brown4", "brown5"] = "brown4"
-    """Lens terms to fit: none; k1 k2; and p1 p2; and k3."""
+    """Lens terms to fit: none; radial: k1 k2; brown4: k1 k2 p1 p2; brown5: k1 k2 p1 p2 k3."""
     name: str = "camera"
     """The camera's name in camera.yaml."""
     overwrite: bool = False
     """Replace OUT if it exists."""
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Finds the board, fits, writes the folder, prints the tables."""

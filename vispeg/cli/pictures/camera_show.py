@@ -7,7 +7,7 @@ from pathlib import Path
 
 import tyro
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class Show:
 
     file: tyro.conf.Positional[Path]
     """Camera file."""
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Prints a row a camera."""

@@ -1,4 +1,4 @@
-"""Looks at rendered datasets: a page of what is in one, what is wrong with one, another layout of one.
+"""Shows, checks and converts rendered datasets.
 
 Example:
     vispeg dataset show frames --out frames-page
@@ -15,7 +15,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Show:
     """Frames on the contact sheet."""
     overwrite: bool = False
     """Replace OUT if it is there."""
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Writes the page and says where."""
@@ -48,7 +48,7 @@ class Check:
 
     dataset: tyro.conf.Positional[Path]
     """Folder of the dataset."""
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Prints what is wrong, a line each."""
@@ -84,7 +84,7 @@ class Export:
     """BOP, or plain PNG and CSV files."""
     overwrite: bool = False
     """Replace OUT if it is there."""
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Writes it and says where."""

@@ -1,4 +1,4 @@
-"""Renders a dataset of a world's task: its expert plays, and its moments are drawn in several looks by the cameras.
+"""Renders a dataset: the expert plays a world's task, and its cameras draw each moment in several looks.
 
 The folder is laid out as LeRobotDataset v3.0 (or for BOP, or as plain files). A rendering that was stopped goes on when
 the same command is given again, and ends with the same bytes; until then it lives in OUT.unfinished. The bytes depend
@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 from vispeg.core.interrupt import goes_on
 
 
@@ -32,7 +32,7 @@ class Args:
     frames: int = 2000
     """Frames in all: one moment in one look, seen by every camera."""
     looks: int = 1
-    """Looks of every episode; its physics runs once."""
+    """Looks in which every episode is drawn. Its physics runs once."""
     cameras: tuple[str, ...] = ()
     """Cameras to look through; the world's where not given."""
     size: int = 64
@@ -40,9 +40,9 @@ class Args:
     seed: int = 0
     """Seed of everything."""
     noise: float = 0.2
-    """Standard deviation of what disturbs the expert's actions, as a share of the greatest action."""
+    """Noise on the expert's actions: standard deviation, as a share of the greatest action."""
     no_labels: bool = False
-    """Leave out the pictures of parts; drawing is quicker then. Poses are kept."""
+    """Draw no segmentation images, which is quicker. Poses are still written."""
     workers: int = 2
     """Processes of one thread each; 0 for none but this one."""
     engine: Literal["local", "ray"] = "local"
@@ -54,7 +54,7 @@ class Args:
     overwrite: bool = False
     """Replace OUT, if it is there, once the new dataset is complete."""
 
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     @goes_on()
     def run(self) -> int:

@@ -1,11 +1,11 @@
-"""Checks recordings before anybody fits to them: clock, bad readings, limits, tracking, noise, excitation.
+"""Checks recordings before a fit: clock, bad readings, limits, tracking, noise, excitation.
 
-Of frames it says what clock, light, depth and views are like, and which errors of a camera they would tell.
+For camera frames: clock, light, depth, views, and which errors of a camera they can show.
 
-Where a wrench was recorded and the recording says how it is to be read, also what the tool touched, how hard and how
-fast, and which effects of contact that can tell.
+For a recorded wrench whose sensor is described: what the tool touched, how hard and how fast, and which effects of
+contact that can show.
 
-Exits 0 when the recordings can be used, whatever it warns about; 2 with one line when one cannot.
+Exits 0 when the recordings can be used, with or without warnings; 2 with one line when one cannot.
 
 Example:
     vispeg check rig-a rig-b
@@ -19,7 +19,7 @@ from pathlib import Path
 
 import tyro
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 from vispeg.cli.reading import progress_bar, size_of
 
 
@@ -33,7 +33,7 @@ class Args:
     """Folder for report.html, check.json and a picture of each recording."""
     overwrite: bool = False
     """Replace OUT if it exists."""
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Prints what was found, and writes it if asked."""

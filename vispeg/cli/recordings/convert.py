@@ -22,7 +22,7 @@ from typing import Literal
 
 import tyro
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 from vispeg.cli.reading import progress_bar
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
@@ -45,15 +45,15 @@ class Args:
     guess: bool = False
     """Tables: propose the map, with a reason for each column, and ask before it is used."""
     yes: bool = False
-    """With --guess: take what is proposed."""
+    """With --guess: accept the proposed map without a question."""
     save_map: Path | None = None
-    """With --guess: write what is proposed into this file, to be looked at and passed as --map."""
+    """With --guess: write the proposed map to this file, to be edited and passed as --map."""
     rate_hz: float | None = None
-    """Of an object's archive without `time`: samples a second."""
+    """For an object's archive without `time`: samples a second."""
     episodes: str | None = None
-    """Of an object's archive: the tosses taken, FIRST:LAST, LAST not included, so that others are left to judge on."""
+    """For an object's archive: the tosses to take, FIRST:LAST without LAST. The others can be used to validate."""
     insist: bool = False
-    """Take the stated units even where they cannot be true."""
+    """Accept the stated units even where they cannot be true."""
     topic: str | None = None
     """Bags: the JointState topic with what was measured (default: the only one)."""
     command_topic: str | None = None
@@ -65,14 +65,14 @@ class Args:
     images: tuple[str, ...] = ()
     """Pictures to take over: topics of a bag, videos of a LeRobot table (observation.images.wrist), or all."""
     cameras: Path | None = None
-    """A camera file with what the source does not say of its cameras: intrinsics, and where they sit."""
+    """A camera file with the intrinsics and poses that the source does not hold."""
     torque_sensor: Literal["joint", "motor", "none"] | None = None
-    """What measured torque is: behind the gear (joint) or from the current (motor). Not stated, it is not used."""
+    """Where torque was measured: behind the gear (joint) or from the current (motor). Not stated, it is not used."""
     table: Literal["csv", "parquet"] = "csv"
     """Format of the samples."""
     overwrite: bool = False
     """Replace OUT if it exists."""
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Writes the recording and says what is in it."""

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import tyro
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 
 
 @dataclass(frozen=True)
@@ -25,11 +25,11 @@ class Args:
     name: tyro.conf.Positional[str | None] = None
     """The motion to write; all are listed where not given."""
     model: str | None = None
-    """The robot that moves: peg-cell or a world for motions that touch, where not given; else iiwa14."""
+    """The robot that moves. Not given, peg-cell for motions in contact, else iiwa14."""
     out: Path | None = None
     """The CSV to write."""
     duration: float = 5.0
-    """Seconds, of joint motions; those that touch have their own length."""
+    """Length of a joint motion, s. Motions in contact have a length of their own."""
     rate: float = 500.0
     """Commands a second."""
     seed: int = 0
@@ -37,10 +37,10 @@ class Args:
     overwrite: bool = False
     """Replace OUT if it is there."""
     family: str | None = None
-    """List those in `joint`, `cartesian` or `contact` space alone."""
+    """Only those in `joint`, `cartesian` or `contact` space."""
     search: str | None = None
-    """List those that have this text in their name or words."""
-    output: Told = Output()
+    """Only those with this text in their name or description."""
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Prints the list, or writes one."""

@@ -1,13 +1,13 @@
 """Records a simulated robot: runs a model through a motion and writes a recording folder with sensor noise.
 
 MOTION is fourier, chirp, triangle, steps, sweep, mix, osc, or a CSV with time, q_cmd.* and (optional) dq_cmd.*, such as
-the next_experiment/samples.csv that `vispeg diagnose` writes. `--effects` hides more than the model file says. A named
-motion is made smaller where a joint would pass its speed limit, and that is said; a CSV is replayed as it stands.
+the next_experiment/samples.csv that `vispeg diagnose` writes. `--effects` adds effects to those of the model file. A
+named motion is made smaller where a joint would pass its speed limit, with a note; a CSV is replayed unchanged.
 In a cell (MODEL is peg-cell, a world, or a model with `cell`) MOTION may also be free, press, slide, insert, rock, tap,
 insert-turned, hard-press, touch-datum, mix, expert (a whole insertion by the scripted policy) or a CSV with time and
-ee_cmd.*: the tool touches, the wrench is recorded, the task's own controller runs; with `--cameras` pictures are taken.
-Or it is look, look-tilt, look-roll, look-approach, look-sideways or look-fast: cameras take pictures, nothing touches.
-look-and-insert is both.
+ee_cmd.*. The task's controller runs and the wrench is recorded; with `--cameras` pictures are taken too.
+look, look-tilt, look-roll, look-approach, look-sideways and look-fast take pictures without contact; look-and-insert
+has both.
 
 Example:
     vispeg record iiwa14 --motion fourier --effects coulomb_friction:joint4:torque=1.2 --seed 1 --out rig-a
@@ -24,7 +24,7 @@ from typing import Literal
 
 import tyro
 
-from vispeg.cli.output import Output, Told
+from vispeg.cli.output import Output, OutputOptions
 from vispeg.core.errors import UserError
 
 
@@ -49,7 +49,7 @@ class Args:
     kd: tuple[float, ...] | None = None
     """Damping: one a joint (N m s/rad), or six for osc (1/s)."""
     effects: tuple[str, ...] = ()
-    """Effects hidden in the robot, each NAME:WHERE[:param=number,...]."""
+    """Effects hidden in the robot, each EFFECT:WHERE[:param=number,...]."""
     tool: str | None = None
     """A tool at the flange that the recording declares (none, meg50, meg50+peg40); the model file's where not given."""
     noise: tuple[str, ...] = ()
@@ -67,16 +67,16 @@ class Args:
     size: str = "320x240"
     """Pictures: width and height of the cell's cameras, px."""
     fps: float = 3.0
-    """Pictures: pictures a second of each camera."""
+    """Pictures: frames a second of each camera."""
     look: str | None = None
-    """Pictures: how the cell looks, WORLD/SEED as in S/3: what that world draws; the plain cell where not given."""
+    """Pictures: look of the cell, WORLD/SEED, such as S/3: what that world draws for that seed. Not given: plain."""
     renderer: Literal["auto", "classic", "raycast", "filament"] = "auto"
-    """Pictures: what draws the pictures."""
+    """Pictures: the renderer."""
     seed: int = 0
     """Seed of the motion and of the noise."""
     overwrite: bool = False
     """Replace OUT if it is there."""
-    output: Told = Output()
+    output: OutputOptions = Output()
 
     def run(self) -> int:
         """Simulates, writes the folder, prints what is in it."""

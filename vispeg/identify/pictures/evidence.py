@@ -165,10 +165,10 @@ class BorderEvidence(Evidence):
         """The cell."""
         return self.geometry.scene
 
-    def change(self, one: World, other: World) -> float:
+    def change(self, first: World, other: World) -> float:
         """RMS px along the normals between two worlds' borders, over trusted points."""
         square = weight = 0.0
-        for item, a, b in zip(self.items, self.misplaced(one), self.misplaced(other), strict=True):
+        for item, a, b in zip(self.items, self.misplaced(first), self.misplaced(other), strict=True):
             good = item.valid[:, 0] & np.isfinite(a - b)
             square, weight = square + float(np.sum((a - b)[good] ** 2)), weight + float(good.sum())
         return float(np.sqrt(square / max(weight, 1.0)))

@@ -137,21 +137,21 @@ class SensorEvidence(Evidence):
         ]
         return np.concatenate(columns)
 
-    def change(self, one: World, other: World) -> float:
+    def change(self, first: World, other: World) -> float:
         """The figure that differs most between two worlds on the whole, in multiples of what is ordinary."""
-        return max((abs(v) for v in self._apart(self.misplaced(one), self.misplaced(other)).values()), default=0.0)
+        return max((abs(v) for v in self._apart(self.misplaced(first), self.misplaced(other)).values()), default=0.0)
 
     def off(self, world: World) -> dict[str, float]:
         """By name, by how much figures differ from a world's on the whole, in multiples of what is ordinary."""
         return self._apart(self.misplaced(world), [np.zeros_like(m) for m in self.misplaced(world)])
 
-    def moves(self, one: World, other: World) -> dict[str, float]:
+    def moves(self, first: World, other: World) -> dict[str, float]:
         """By name, by how much figures differ between two worlds, in multiples of what is ordinary."""
-        return self._apart(self.misplaced(one), self.misplaced(other))
+        return self._apart(self.misplaced(first), self.misplaced(other))
 
-    def _apart(self, one: Sequence[np.ndarray], other: Sequence[np.ndarray]) -> dict[str, float]:
+    def _apart(self, first: Sequence[np.ndarray], other: Sequence[np.ndarray]) -> dict[str, float]:
         out: dict[str, float] = {}
-        for item, a, b in zip(self.items, one, other, strict=True):
+        for item, a, b in zip(self.items, first, other, strict=True):
             for k, figure in enumerate(item.figures.table):
                 apart = (a - b)[:, k][np.isfinite((a - b)[:, k])]
                 if len(apart) >= len(a) / 3:

@@ -64,15 +64,15 @@ def cameras(checks: Sequence[CameraCheck]) -> list[Sheet]:
     ):
         columns = [Column("camera"), *(Column(head, right=True) for head in heads)]
         made.append(Sheet(columns, [[c.camera, *cells(c)] for c in checks]))
-    informative = [c for c in checks if c.told]
+    informative = [c for c in checks if c.precision]
     if informative:
-        columns = [Column("would tell, 1 sigma"), *(Column(c.camera, right=True) for c in informative)]
+        columns = [Column("precision, 1 sigma"), *(Column(c.camera, right=True) for c in informative)]
         rows = [
             [
                 f"{row[0].effect}.{row[0].parameter}",
-                *(f"{t.sigma:.2g} {unit(t.unit)}".strip() + ("" if t.told else " !") for t in row),
+                *(f"{t.sigma:.2g} {unit(t.unit)}".strip() + ("" if t.determined else " !") for t in row),
             ]
-            for row in zip(*(c.told for c in informative), strict=True)
+            for row in zip(*(c.precision for c in informative), strict=True)
         ]
         made.append(Sheet(columns, rows))
     return made

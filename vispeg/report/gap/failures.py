@@ -52,11 +52,11 @@ def _figure(values: Mapping[str, Any], shape: Shape) -> Figure | None:
         ax.set_visible(False)
     for panel, (ax, policy) in enumerate(zip(axes, policies, strict=False)):
         for j, world in enumerate(worlds):
-            counts, left = categories.get((policy["name"], world), {}), 0.0
+            counts, start = categories.get((policy["name"], world), {}), 0.0
             for c in names:
                 share = 100 * counts.get(c, 0) / max(1, sum(counts.values()))
-                ax.barh(j, share, left=left, height=0.72, color=colours[c])
-                left += share
+                ax.barh(j, share, left=start, height=0.72, color=colours[c])
+                start += share
         ax.set(ylim=(len(worlds) - 0.4, -0.6))
         ax.set_title(policy["name"], color=MEASURED)
         ax.set_yticks(range(len(worlds)), worlds if panel % columns == 0 else [""] * len(worlds))

@@ -12,12 +12,12 @@ HIDDEN = 3  # geom groups from here on are for contact and marks
 def visible(model: mujoco.MjModel) -> list[int]:
     """The geoms that are drawn: in a body with shapes that do not collide, those alone."""
     clear = (model.geom_rgba[:, 3] == 0) & (model.geom_matid < 0)
-    seen = (model.geom_group < HIDDEN) & ~clear
+    drawn = (model.geom_group < HIDDEN) & ~clear
     collides = (model.geom_contype > 0) | (model.geom_conaffinity > 0)
     dressed = np.zeros(model.nbody, bool)
-    dressed[model.geom_bodyid[seen & ~collides]] = True
+    dressed[model.geom_bodyid[drawn & ~collides]] = True
     dressed[0] = False  # the world's shapes belong to no one thing
-    return [int(g) for g in np.flatnonzero(seen & ~(collides & dressed[model.geom_bodyid]))]
+    return [int(g) for g in np.flatnonzero(drawn & ~(collides & dressed[model.geom_bodyid]))]
 
 
 def colour_of(model: mujoco.MjModel, g: int) -> tuple[float, ...]:

@@ -42,7 +42,7 @@ def restarts_table(diagnosis: Mapping[str, Any]) -> Sheet:
         Column("Parameter"),
         Column("Best", right=True),
         Column("95 % interval"),
-        Column("Told"),
+        Column("Determined"),
     ]
     cells = []
     for row in rows(diagnosis, "restarts"):
@@ -83,9 +83,9 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
     for a, b, r in correlations(_record(diagnosis))["strong"][:3]:
         out.append(Line(f"note: {a} and {b} are correlated by {r}: trust their combination more than either"))
     out += [Line(f"note: {row['said']}") for row in diagnosis.get("windows") or ()]
-    for one in (diagnosis, *(said["record"] for said in rows(diagnosis, "rooms"))):
-        if one.get("evidence") == "contact":
-            out += _contact(one)
+    for record in (diagnosis, *(said["record"] for said in rows(diagnosis, "rooms"))):
+        if record.get("evidence") == "contact":
+            out += _contact(record)
     if diagnosis.get("verdict"):
         out.append(Line(f"next: {words.onward(diagnosis)}"))
         out += [Line(said) for said in words.paid(diagnosis)]
@@ -97,12 +97,12 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
 def _contact(diagnosis: Mapping[str, Any]) -> list[Block]:
     """What a diagnosis of contact says besides: the insertion in closed loop, and notes."""
     out: list[Block] = []
-    found = [(row["recording"], *item) for row in rows(diagnosis, "closed_loop") for item in row["trials"].items()]
-    if found:
+    trials = [(row["recording"], *item) for row in rows(diagnosis, "closed_loop") for item in row["trials"].items()]
+    if trials:
         heads = [Column("Closed loop"), Column("Peak", right=True), Column("In contact", right=True), Column("Outcome")]
         cells = [
             [f"{name}: {run}", quantity(t["peak_force"], "N"), quantity(t["contact_s"], "s"), t["outcome"]]
-            for name, run, t in found
+            for name, run, t in trials
         ]
         out.append(Sheet(heads, cells))
     return [*out, *(Line(f"note: {note}") for note in diagnosis.get("notes") or ())]

@@ -33,11 +33,11 @@ class Steps(Protocol):
         """Where a search for what a world lacks begins."""
         ...
 
-    def worth_it(self, state: State, given: int) -> bool:
+    def worth_it(self, state: State, n_fixed: int) -> bool:
         """Whether another step may be taken."""
         ...
 
-    def advance(self, state: State, given: int) -> bool:
+    def advance(self, state: State, n_fixed: int) -> bool:
         """Adds the effect that earns its place best; False where none does."""
         ...
 
@@ -49,11 +49,11 @@ class Steps(Protocol):
         """How many candidates share the level of a test."""
         ...
 
-    def try_all(self, state: State, scores: Sequence[Score], given: int, tested: int) -> list[Trial]:
+    def try_all(self, state: State, scores: Sequence[Score], n_fixed: int, tested: int) -> list[Trial]:
         """Fits candidates and judges them."""
         ...
 
-    def take(self, state: State, trial: Trial, trials: list[Trial], given: int) -> None:
+    def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
         """Adds what a trial tried."""
         ...
 
