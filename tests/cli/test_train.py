@@ -96,7 +96,7 @@ def test_stack_directions_and_reward_are_asked_for_and_kept_through_the_runs_fil
         (["--clearance", "1", "--curriculum", "2", "3"], ["--curriculum", "widest first"]),
         (["--start-radius", "0.01", "0.005"], ["--start-radius", "nearest first", "below the 0.02 m"]),
         (["--ranges", "adaptive", "--world", "searching", "--curriculum", "6"], ["ranges", "a curriculum opens"]),
-        (["--stack", "4", "--recurrent", "64"], ["--stack", "a memory and a stack"]),
+        (["--stack", "4", "--recurrent", "64"], ["--stack", "an LSTM and stacked observations"]),
         (["--dof", "x", "q"], ["dof", "unknown directions", "choices: x, y, z, rx, ry, rz"]),
         (["--stack", "0"], ["stack", "too small"]),
         (["--ranges", "schedule", "--recipe", "distill"], ["ranges", "distillation alone"]),

@@ -89,7 +89,7 @@ def test_a_picture_cut_short_is_named(before, tmp_path):
     cut = edit(2, lambda v: {"bytes": v["bytes"][:60], "path": None})
     changed(copy, lambda t: with_column(t, "observation.images.eye_depth", cut))
     found = check(copy)
-    assert len(found) == 1 and "frame 2, observation.images.eye_depth: is no picture" in found[0]
+    assert len(found) == 1 and "frame 2, observation.images.eye_depth: is not a picture" in found[0]
 
 
 def test_repeated_frames_are_named(copy):

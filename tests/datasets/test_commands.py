@@ -38,7 +38,7 @@ def test_render_check_show_and_mistakes(tmp_path, monkeypatch, capsys):
         (["render", "--world", "nominal", "--frames", "0", "--out", "e"], "frames"),
         (["render", "--world", "nominal", "--looks", "2", "--out", "e"], "varies nothing that is seen"),
         (["render", "--world", "nominal", "--cameras", "wrist", "--out", "e"], "unknown camera"),
-        (["dataset", "check", "d-page"], "is no dataset"),
+        (["dataset", "check", "d-page"], "is not a dataset"),
     ):
         assert main(args) == 2
         lines = capsys.readouterr().err.strip().splitlines()

@@ -96,7 +96,7 @@ def test_repeated_frames_and_wrong_depth_are_found(folder, kind):
     if kind == "folder":
         one, other = folder / "episode-00000/eye-00%d.png", folder / "episode-00000/eye_depth-00%d.png"
     cv2.imwrite(str(other) % 1, np.zeros((8, 12), np.uint8))
-    assert any("a picture of another kind" in line and "uint16" in line for line in check(folder))
+    assert any("a picture of the wrong type" in line and "uint16" in line for line in check(folder))
     shutil.copy(str(other) % 0, str(other) % 1)
     shutil.copy(str(one) % 0, str(one) % 1)
     if kind == "bop":

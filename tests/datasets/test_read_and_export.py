@@ -50,7 +50,7 @@ def test_a_reader_of_some_features_reads_those(folder):
 
 
 def test_what_is_no_dataset_is_told_so(tmp_path, folder):
-    with pytest.raises(UserError, match="is no dataset"):
+    with pytest.raises(UserError, match="is not a dataset"):
         Dataset(tmp_path)
     (tmp_path / "d.unfinished").mkdir()
     with pytest.raises(UserError, match="not finished"):

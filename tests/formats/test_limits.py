@@ -38,7 +38,7 @@ XML_BOMB = '<!DOCTYPE x [<!ENTITY a "aa"><!ENTITY b "&a;&a;">]><x>&b;</x>'
         ('x: "\\0"', "no text"),
         ("x: !!python/object/apply:os.system [id]", "a tag beyond plain data"),
         ("x: !!binary aGk=", "a tag beyond plain data"),
-        ("? [1]\n: 2", "a key is no text"),
+        ("? [1]\n: 2", "a key is not text"),
         ("a: 1\n---\nb: 2", "second document"),
         ("a: [", "is not YAML"),
         ("# nothing", "is empty"),
@@ -108,9 +108,9 @@ def test_a_pipe_a_folder_a_device_and_what_is_too_large_are_no_files(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "large").write_bytes(b"a" * 2000)
     for path, said in (
-        (tmp_path / "pipe", "is no regular file"),
+        (tmp_path / "pipe", "is not a regular file"),
         (tmp_path, "is a folder"),
-        ("/dev/zero", "is no regular file"),
+        ("/dev/zero", "is not a regular file"),
         (tmp_path / "large", "is too large; expected at most 1 kB; got '2 kB'"),
         (tmp_path / "gone", "no such file"),
         (tmp_path / ("a" * 300), "cannot be read: file name too long"),

@@ -137,7 +137,7 @@ def test_a_killed_reinforcement_beside_a_folder_goes_on_with_the_same_curve(fold
 
 def test_a_folder_that_is_none_leaves_no_run_and_a_teacher_beside_it_is_refused(tmp_path):
     for recipe in ("sac", "distill"):
-        with pytest.raises(UserError, match="is no dataset"):
+        with pytest.raises(UserError, match="is not a dataset"):
             train(config(tmp_path / "nowhere", recipe), tmp_path / "run", make, False)
         assert not (tmp_path / "run").exists()
     with pytest.raises(UserError, match="keeps the looks"):

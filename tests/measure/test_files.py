@@ -70,7 +70,7 @@ def test_a_mass_goes_into_a_model_with_its_interval(here, capsys):
     [
         (["--out", "mu.txt"], "ends in .yaml"),
         (["--out", "slides.yaml"], "exists already"),
-        (["--out", "mu.yaml", "--where", "hand"], "becomes no effect"),
+        (["--out", "mu.yaml", "--where", "hand"], "has no effect in a model"),
         (["--out", "mu.yaml", "--conditions", "steel"], "NAME=TEXT"),
         (["--out", "mu.yaml", "--resolution", "angle_deg=x"], "not a size"),
     ],
@@ -80,7 +80,7 @@ def test_bad_arguments(here, argv, said, capsys):
     code = main(["measure", "friction", "slides.csv", "--resolution", "angle_deg=0.1", *argv])
     out = capsys.readouterr()
     assert said in " ".join((out.out + out.err).split())
-    assert code == (0 if said == "becomes no effect" else 2)
+    assert code == (0 if said == "has no effect in a model" else 2)
     assert (here / "slides.yaml").read_text() == "mine"
 
 

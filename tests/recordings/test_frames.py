@@ -130,9 +130,9 @@ BAD = {
     "no index": (lambda f: (f / "frames" / "index.csv").unlink(), "index.csv: no such file"),
     "no picture": (lambda f: (f / "frames" / "room-00001-rgb.png").unlink(), "line 5, column rgb: no such picture"),
     "size": (size, "has another size; expected 10 x 10 px, as camera 'room' in cameras.yaml; got '10 x 9'"),
-    "depth of 8 bits": (shallow, "wrist-00000-depth.png: is of another kind; expected a 16-bit picture"),
+    "depth of 8 bits": (shallow, "wrist-00000-depth.png: has the wrong type; expected a 16-bit picture"),
     "cut": (cut, "wrist-00002-depth.png: is cut short"),
-    "text": (lambda f: (f / "frames" / "wrist-00000-rgb.png").write_text("x" * 50), "is no PNG"),
+    "text": (lambda f: (f / "frames" / "wrist-00000-rgb.png").write_text("x" * 50), "is not a PNG"),
     "nan": (lambda f: edited(f, "index.csv", "0.5,wrist", "nan,wrist"), "line 4, column time: is not a finite number"),
     "who": (lambda f: edited(f, "index.csv", "0.5,wrist", "0.5,wrst"), "did you mean 'wrist'"),
     "twice": (lambda f: edited(f, "index.csv", "0.5,wrist", "0.1,wrist"), "two frames of one camera at one time"),
@@ -144,7 +144,7 @@ BAD = {
     ),
     "focal": (lambda f: camera(f, fx=-3.0), "wrist.fx"),
     "nan focal": (lambda f: camera(f, fy=float("nan")), "wrist.fy: is not finite"),
-    "no rotation": (lambda f: camera(f, flange_T_camera=np.ones((4, 4)).tolist()), "pose that is no rigid motion"),
+    "no rotation": (lambda f: camera(f, flange_T_camera=np.ones((4, 4)).tolist()), "pose that is not a rigid motion"),
     "two poses": (lambda f: camera(f, base_T_camera=np.eye(4).tolist()), "both base_T_camera and flange_T_camera"),
 }
 

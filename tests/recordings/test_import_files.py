@@ -116,9 +116,9 @@ BAD_MAPS = {
     "q.joint9: a": "choices: .*q.joint1",
     "q.joint1: {column: a, unit: degrees}": "unknown unit.*choices: .*deg",
     "q.joint1: {column: a, unit: [deg]}": "unknown unit",
-    "q.joint1: {columns: a}": "says no column",
+    "q.joint1: {columns: a}": "names no column",
     "q.joint1: {column: a, scale: big}": "q.joint1.scale",
-    "q.joint1: 1.5": "says no column",
+    "q.joint1: 1.5": "names no column",
     "[a]": "mapping",
     "joints: {joint9: a}": "joint9",
     "recording: 3": "recording",
@@ -146,7 +146,7 @@ def test_what_cannot_be_converted(tmp_path):
 @pytest.mark.parametrize("guessed", [False, True])
 def test_a_pipe_is_no_table(tmp_path, guessed):
     os.mkfifo(tmp_path / "log.csv")
-    with pytest.raises(UserError, match="is no regular file"):
+    with pytest.raises(UserError, match="is not a regular file"):
         Args(tmp_path / "log.csv", "iiwa14", tmp_path / "out", guess=guessed).run()
     (tmp_path / "folder.csv").mkdir()
     with pytest.raises(UserError, match="folder.csv"):

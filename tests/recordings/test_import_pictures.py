@@ -203,7 +203,7 @@ def test_what_is_wrong_with_videos_is_said(tmp_path):
         import_video(table, rec, ("wist",), {}, tmp_path)
     film = next((tmp_path / "set").rglob("episode_000000.mp4"))
     film.write_bytes(film.read_bytes()[:200])
-    with pytest.raises(UserError, match="is no video that can be decoded"):
+    with pytest.raises(UserError, match="is not a video that can be decoded"):
         import_video(table, rec, ("wrist",), {}, tmp_path)
     with pytest.raises(UserError, match="belongs to no LeRobot data set"):
         import_video(tmp_path / "x.parquet", rec, ("wrist",), {}, tmp_path)

@@ -33,7 +33,7 @@ def refused(kind, folder, change, said, monkeypatch):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('<mass value="2"/>', '<mass value="inf"/>', "upper.mass.value: no arm has this; expected at most 1e"),
+        ('<mass value="2"/>', '<mass value="inf"/>', "upper.mass.value: too large for an arm; expected at most 1e"),
         ('<mass value="2"/>', '<mass value="-2"/>', "upper.mass: negative mass"),
         ('<mass value="2"/>', '<mass value="heavy"/>', "upper.mass.value: not a number; got 'heavy'"),
         ('ixx="0.03"', 'ixx="nan"', "upper.inertia.ixx: not a number"),
@@ -42,7 +42,7 @@ def refused(kind, folder, change, said, monkeypatch):
         ('xyz="0 0 0.4"', 'xyz="0 nan 0.4"', "shoulder.origin.xyz: not a number"),
         ('xyz="0 0 0.4"', 'xyz="0 0.4"', "shoulder.origin.xyz: another count of numbers; expected 3"),
         ('lower="-2" upper="2"', 'lower="2" upper="-2"', "shoulder: limits are inverted"),
-        ('type="revolute"', 'type="planar"', "shoulder: a joint of another kind; got 'planar'; choices"),
+        ('type="revolute"', 'type="planar"', "shoulder: a joint of an unknown type; got 'planar'; choices"),
         ('type="revolute"', 'type="revolut"', "did you mean 'revolute'"),
         ("</robot>", TWICE, "elbow: two joints of one name"),
         ("</robot>", '<link name="upper"/></robot>', "upper: two links of one name"),

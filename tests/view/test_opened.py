@@ -16,7 +16,7 @@ def test_recordings_folders_of_them_models_and_logs(rigs, tmp_path):
     assert found.model == str(rigs / "arm.xml") and found.logs == (log,)
 
 
-@pytest.mark.parametrize(("name", "said"), [("none", "is not there"), ("x.txt", "nothing that can be shown")])
+@pytest.mark.parametrize(("name", "said"), [("none", "is not there"), ("x.txt", "cannot be shown")])
 def test_what_cannot_be_shown_is_said(tmp_path, name, said):
     if name == "x.txt":
         (tmp_path / name).write_text("?")

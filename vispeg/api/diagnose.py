@@ -126,7 +126,7 @@ def diagnose(
     thing, asked = object_world(model), bool(policies)
     if thing is not None:
         if asked:
-            raise UserError("no policy plays with an object alone", key="--policy", expected="a robot's model")
+            raise UserError("a policy needs a robot, not a free object", key="--policy", expected="a robot's model")
         if not isinstance(baseline, Sequence) or len(baseline):
             raise UserError("an object has no baseline", key="--baseline", expected="two diagnoses, one of each state")
         tosses = diagnose_tosses(thing, recordings, validate, seed, threads, say)

@@ -118,7 +118,7 @@ def read_inputs(
     if both:
         raise UserError("fitted and held out at once", file=sorted(both)[0], expected="different recordings")
     if not 0 <= seconds < float("inf"):
-        raise UserError("is no length", key="--seconds", expected="seconds, or 0 for all", got=seconds)
+        raise UserError("not a length", key="--seconds", expected="seconds, or 0 for all", got=seconds)
     fitted, held_out = (tuple(_read(s, world, seconds, signals, reading) for s in sources) for sources in (fit, judge))
     for held, path in zip(held_out, map(_path, judge), strict=True):
         for other, rec in zip(map(_path, fit), fitted, strict=True):

@@ -136,7 +136,7 @@ def train(
     chosen = dict(settings or {})
     if recurrent and chosen.get("stack") not in (None, 1):
         expected = "one of them, as the LSTM stands in place of the stack"
-        raise UserError("a memory and a stack", key="--stack", expected=expected, got=chosen["stack"])
+        raise UserError("an LSTM and stacked observations", key="--stack", expected=expected, got=chosen["stack"])
     world = str(world)
     asked = world_of(world, dict(chosen))[1]
     sac = defaults(bool(modality(_modality(task, asked, world)).kinds))

@@ -43,7 +43,7 @@ def decode(data: bytes, where: str = "") -> np.ndarray:
         except cv2.error:  # a header that promises more pixels than OpenCV allows
             image = None
     if image is None:
-        raise UserError("is no picture, or cut short", key=where or None, got=f"{len(data)} bytes")
+        raise UserError("is not a picture, or cut short", key=where or None, got=f"{len(data)} bytes")
     return np.ascontiguousarray(image[..., ::-1]) if image.ndim == 3 else image
 
 

@@ -45,7 +45,9 @@ def read_info(folder: Path) -> Info:
     if not is_file(path):
         unfinished = folder.with_name(folder.name + ".unfinished") if folder.name else folder
         begun = folder.name.endswith(".unfinished") or (unfinished.is_dir() and not folder.exists())
-        hint = "its rendering is not finished: repeat the `vispeg render` that began it" if begun else "is no dataset"
+        hint = (
+            "its rendering is not finished: repeat the `vispeg render` that began it" if begun else "is not a dataset"
+        )
         raise UserError(hint, file=folder, expected=f"a folder with {INFO}")
     info = read_json(path)
     if not isinstance(info, dict) or info.get("codebase_version") != VERSION:
@@ -87,7 +89,7 @@ def check_features(features: Any, path: Path) -> None:
             raise UserError("not a picture's shape", file=path, key=f"{key}.shape", expected=expected, got=shape)
         for entry, kinds in (("names", (list, dict)), ("info", (dict,))):
             if feature.get(entry) is not None and not isinstance(feature[entry], kinds):
-                raise UserError("of another kind", file=path, key=f"{key}.{entry}", got=feature[entry])
+                raise UserError("has the wrong type", file=path, key=f"{key}.{entry}", got=feature[entry])
         unit = (feature.get("info") or {}).get("depth_unit", "m")
         if unit != "m":
             raise UserError("another unit", file=path, key=f"{key}.info.depth_unit", expected="m", got=unit)

@@ -106,7 +106,7 @@ def checked(rows: Sequence[Mapping[str, object]], kinds: Mapping[str, Callable[[
     for i, row in enumerate(rows):
         for key, right in kinds.items():
             if row.get(key) is not None and not right(row[key]):
-                raise UserError("of another kind", file=path, key=f"row {i}, {key}", got=row[key])
+                raise UserError("has the wrong type", file=path, key=f"row {i}, {key}", got=row[key])
 
 
 def _short(error: BaseException) -> str:

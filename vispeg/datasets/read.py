@@ -185,7 +185,7 @@ class Dataset:
             episode = full_table["episode_index"]
             if not pa.types.is_integer(episode.type):
                 got = str(episode.type)
-                raise UserError("of another kind", file=path, key="episode_index", expected="integers", got=got)
+                raise UserError("has the wrong type", file=path, key="episode_index", expected="integers", got=got)
             rows = full_table.filter(pc.equal(episode, number)).select(columns)
         length = self.episodes[number]["length"]
         if len(rows) != length:
@@ -202,5 +202,5 @@ class Dataset:
         image, shape = decode(value, f"{where}, {name}"), pixel_shape(feature)
         if image.shape != shape or image.dtype != pixel_type(feature):
             expected, got = f"{shape} {pixel_type(feature)}", f"{image.shape} {image.dtype}"
-            raise UserError("a picture of another kind", key=f"{where}, {name}", expected=expected, got=got)
+            raise UserError("a picture of the wrong type", key=f"{where}, {name}", expected=expected, got=got)
         return image

@@ -183,7 +183,7 @@ def _parse(line: bytes, path: Path, number: int) -> Episode:
         row[key] = math.nan if value is None else measure(key, value, where)
     profile = row.get("force_profile")
     if not isinstance(profile, list | None) or not isinstance(row.get("video"), str | None):
-        raise UserError("force_profile is no list, or video no path", **where, got=profile)
+        raise UserError("force_profile is not a list, or video is not a path", **where, got=profile)
     if profile is not None:
         row["force_profile"] = tuple(measure("force_profile", force, where) for force in profile)
     if row["success"] != (row["category"] == "success"):

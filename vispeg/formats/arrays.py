@@ -40,7 +40,7 @@ def read_arrays(path: str | Path, *, most: int = 2000 * MB) -> dict[str, np.ndar
 
 def _array(value: object) -> np.ndarray:
     if not isinstance(value, np.ndarray):
-        raise ValueError("an entry that is no array")
+        raise ValueError("an entry that is not an array")
     return value
 
 

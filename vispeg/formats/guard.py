@@ -117,7 +117,7 @@ def _beyond(value: Any, finite: bool, levels: int) -> tuple[str, str | None, lis
     if isinstance(value, float):
         return ("is not finite", "a finite number", []) if finite and not math.isfinite(value) else None
     if isinstance(value, str):
-        return ("holds a character that is no text", None, []) if NOT_TEXT.search(value) else None
+        return ("holds a character that is not text", None, []) if NOT_TEXT.search(value) else None
     if isinstance(value, int):
         return ("is a number with too many digits", f"at most {DIGITS}", []) if abs(value) >= 10**DIGITS else None
     if not isinstance(value, dict | list):
@@ -126,7 +126,7 @@ def _beyond(value: Any, finite: bool, levels: int) -> tuple[str, str | None, lis
         return "is nested too deeply", f"at most {DEPTH} levels", []
     for key, item in value.items() if isinstance(value, dict) else enumerate(value):
         if isinstance(key, str) and NOT_TEXT.search(key):
-            return "a key holds a character that is no text", None, []
+            return "a key holds a character that is not text", None, []
         if fault := _beyond(item, finite, levels - 1):
             fault[2].append(key)
             return fault

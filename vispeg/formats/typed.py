@@ -62,7 +62,7 @@ def as_user_error(error: ValidationError, file: str | Path, key: str = "") -> Us
         choices = [part.strip(" '") for part in str(context["expected"]).replace(" or ", ", ").split(",")]
         return UserError("is not one of the choices", file=file, key=where, got=first["input"], choices=choices)
     if first["type"] in KINDS:
-        return UserError("is of another kind", file=file, key=where, expected=KINDS[first["type"]], got=first["input"])
+        return UserError("has the wrong type", file=file, key=where, expected=KINDS[first["type"]], got=first["input"])
     said = first["msg"].removeprefix("Value error, ")
     return UserError(said[:1].lower() + said[1:], file=file, key=where, got=first["input"])
 

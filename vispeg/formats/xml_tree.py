@@ -55,7 +55,7 @@ class _Tree:
         if self.count > ELEMENTS:
             self.refuse("has too many elements", f"at most {ELEMENTS}")
         if any(NOT_TEXT.search(text) for text in attributes.values()):
-            self.refuse("holds a character that is no text")
+            self.refuse("holds a character that is not text")
         self.builder.start(tag, attributes)
 
     def end(self, tag: str) -> None:

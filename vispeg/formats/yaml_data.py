@@ -102,7 +102,7 @@ class _Builder:
         for event in self.until(yaml.MappingEndEvent):
             self.line = event.start_mark.line + 1
             if not isinstance(event, yaml.ScalarEvent):
-                raise self.error("a key is no text", expected="a word")
+                raise self.error("a key is not text", expected="a word")
             self.take(1)
             key, line = event.value, self.line
             value = self.value(next(self.events), levels)

@@ -114,7 +114,7 @@ class Restarts:
         flight = [_some(w, ~t, False) for w, t in zip(every, touch, strict=True) if (~t).any()]
         hits = [_some(w, t, True) for w, t in zip(every, touch, strict=True) if t.any()]
         if not hits:
-            raise UserError("the object never comes near the table", file=recordings[0].path)
+            raise UserError("the object never touches the table", file=recordings[0].path)
         self.flight = self._spread(flight)
         self.floor_from = "windows in free flight"
         if sigma is None:

@@ -119,7 +119,7 @@ def _meta(meta: Any, path: Path) -> None:
     for key, record in (("meta", meta), ("meta.finetuned", tuned if isinstance(tuned, dict) else {})):
         for name, kind in (("world", str), ("world_hash", str), ("world_file", str), ("task", dict)):
             if not isinstance(record.get(name), kind | None):
-                raise UserError("of another kind", file=path, key=f"{key}.{name}", got=record[name])
+                raise UserError("has the wrong type", file=path, key=f"{key}.{name}", got=record[name])
         hashes, made_of = record.get("world_hashes") or [], record.get("world_parts") or {}
         if not isinstance(hashes, list) or not all(isinstance(h, str) for h in hashes):
             raise UserError("not a list of hashes", file=path, key=f"{key}.world_hashes", got=hashes)

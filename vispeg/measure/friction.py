@@ -70,5 +70,5 @@ def _angles(r: Readings, function):
     if len(bad):
         got = f"{angle[bad[0]]:.4g} rad"
         key, expected = f"row {bad[0] + 2}, column angle", "an angle between 0 and 90 degrees: rad, or angle_deg"
-        raise UserError("is no incline", file=r.file, key=key, expected=expected, got=got)
+        raise UserError("is not an incline", file=r.file, key=key, expected=expected, got=got)
     return function(angle)

@@ -102,7 +102,7 @@ def choose(readings: Readings, forms: Mapping[str, Sequence[str]]) -> str:
             return form
     expected = " or ".join(f"columns {', '.join(columns)} ({form})" for form, columns in forms.items())
     raise UserError(
-        "is no table of this protocol", file=readings.file, expected=expected, got=", ".join(readings.columns)
+        "is not a table of this protocol", file=readings.file, expected=expected, got=", ".join(readings.columns)
     )
 
 

@@ -73,7 +73,7 @@ def _slopes(r: Readings) -> dict[tuple[float, int, float], float]:
         if rows.sum() < RAMP or np.ptp(r["force"][rows]) < LEAST:
             what = f"pose {p:g}, on {o:g}, ramp {n:g}"
             expected = f"{RAMP} readings or more that span {LEAST:g} N above {LEAST:g} N"
-            raise UserError("is no ramp", file=r.file, key=what, expected=expected, got=int(rows.sum()))
+            raise UserError("is not a ramp", file=r.file, key=what, expected=expected, got=int(rows.sum()))
         force = r["force"][rows] - r["force"][rows].mean()
         out[p, int(o), n] = float(force @ r["depth"][rows] / (force @ force))
     return out

@@ -121,7 +121,7 @@ def load_object_recording(path: Path | str) -> ObjectRecording:
     data = read_yaml(header_file)
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         got = data.get("format") if isinstance(data, dict) else data
-        raise UserError("is no recording of an object", file=header_file, key="format", expected=FORMAT, got=got)
+        raise UserError("is not a recording of an object", file=header_file, key="format", expected=FORMAT, got=got)
     header = typed(Header, data, header_file)
     tables = [folder / name for name in ("samples.csv", "samples.parquet") if (folder / name).is_file()]
     if len(tables) != 1:

@@ -131,5 +131,5 @@ def picture_of(key: str, image: np.ndarray) -> np.ndarray:
     """An observed image (C, H, W) as people see it, (H, W, 3) uint8."""
     kind = kind_of(key)
     if kind is None:
-        raise ValueError(f"{key} is no image")
+        raise ValueError(f"{key} is not an image")
     return kind.picture(image)

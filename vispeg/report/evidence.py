@@ -162,7 +162,9 @@ class _Reader:
         pictures = {k: v for k, v in self.arrays.items() if k.startswith(("picture/", "camera/"))}
         for key, image in pictures.items():
             if key.startswith("picture/") and (image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8):
-                raise UserError("is no picture", file=self.path, key=key, expected="(H, W, 3) uint8", got=image.shape)
+                raise UserError(
+                    "is not a picture", file=self.path, key=key, expected="(H, W, 3) uint8", got=image.shape
+                )
         views = {k: v for k, v in self.arrays.items() if k.startswith(("view/", "projection/"))}
         joint = self.joints, unit, tuple(traces), tuple(torques), maps, self.next(), self.choices()
         phases = tuple(self.need(f"{r}/phase").astype(int) for r in rows if f"{r}/phase" in self.arrays)

@@ -100,7 +100,7 @@ def load_object(source: str | Path) -> ObjectModel:
     joints = spec.joints
     if len(joints) != 1 or joints[0].type != FREE:
         raise UserError(
-            "is no free object", file=path, expected="one body with a freejoint", got=f"{len(joints)} joints"
+            "is not a free object", file=path, expected="one body with a freejoint", got=f"{len(joints)} joints"
         )
     body = joints[0].parent
     if not body.name:

@@ -53,7 +53,7 @@ def check_urdf(root: ET.Element, path: Path) -> None:
 def _joint(joint: ET.Element, path: Path) -> None:
     name, kind = joint.get("name"), joint.get("type")
     if kind not in JOINTS:
-        raise UserError("a joint of another kind", file=path, key=name, got=kind, choices=JOINTS)
+        raise UserError("a joint of an unknown type", file=path, key=name, got=kind, choices=JOINTS)
     axis = joint.find("axis")
     if axis is not None and kind != "fixed" and math.hypot(*_numbers(axis, "xyz", 3, f"{name}.axis", path)) < 1e-6:
         raise UserError("an axis without a direction", file=path, key=f"{name}.axis", got=axis.get("xyz"))
@@ -73,7 +73,7 @@ def _numbers(element: ET.Element, key: str, count: int, where: str, path: Path) 
     if len(values) != count:
         raise UserError("another count of numbers", file=path, key=where, expected=count, got=text)
     if any(abs(value) > LARGEST for value in values):
-        raise UserError("no arm has this", file=path, key=where, expected=f"at most {LARGEST:g}", got=text)
+        raise UserError("too large for an arm", file=path, key=where, expected=f"at most {LARGEST:g}", got=text)
     return values
 
 

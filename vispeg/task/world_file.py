@@ -166,10 +166,10 @@ def _fixed(e: EffectInstance) -> Mapping[str, object]:
 def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> str:
     """Adds what a file says to `parts`: its bases first, then its model, then its own words. Gives its name."""
     if path in above:
-        raise UserError("a world that is based on itself", file=path, key="base", got=path.stem)
+        raise UserError("the world is based on itself", file=path, key="base", got=path.stem)
     parts.files += 1
     if parts.files > FILES:
-        raise UserError("a world of too many files", file=path, key="base", expected=f"at most {FILES}")
+        raise UserError("the world has too many files", file=path, key="base", expected=f"at most {FILES}")
     data = WORLD.read(path)
     name = _typed(data.get("name", path.stem), str, path, "name")
     bases = _given(data, "base", [])

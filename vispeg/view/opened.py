@@ -93,7 +93,7 @@ def opened(sources: Sequence[str], chosen: str | None = None) -> Opened:
         elif path.suffix.lower() in TABLES or path.is_dir() and (path / "metadata.yaml").is_file():
             logs.append(path)
         else:
-            raise UserError("is nothing that can be shown", file=text, expected=EXPECTED)
+            raise UserError("cannot be shown", file=text, expected=EXPECTED)
     return Opened(tuple(dict.fromkeys(recordings)), chosen or model, tuple(logs), world, policy, dataset, run)
 
 

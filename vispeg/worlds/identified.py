@@ -95,7 +95,7 @@ def _measured(stated: Identified, robot: str) -> tuple[RandomizedEffect, ...]:
     if measurement.robot not in (None, robot):
         raise UserError("a measurement of another robot", file=path, key="robot", expected=robot, got=measurement.robot)
     if not measurement.effects:
-        raise UserError("has become no effect", file=path, key="effects", expected="one or more")
+        raise UserError("holds no effect", file=path, key="effects", expected="one or more")
     return tuple(_ranged(placed, stated) for placed in measurement.effects)
 
 

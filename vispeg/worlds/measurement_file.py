@@ -188,11 +188,11 @@ def _plain(value: Any) -> Any:
 
 def _text(value: Any, path: str | Path, key: str) -> str:
     if not isinstance(value, str):
-        raise UserError("is of another kind", file=path, key=key, expected="text", got=value)
+        raise UserError("has the wrong type", file=path, key=key, expected="text", got=value)
     return value
 
 
 def _mapping(value: Any, path: str | Path, key: str) -> Mapping[str, Any]:
     if not isinstance(value, dict):
-        raise UserError("is of another kind", file=path, key=key, expected="a mapping", got=value)
+        raise UserError("has the wrong type", file=path, key=key, expected="a mapping", got=value)
     return value

@@ -126,9 +126,9 @@ def convert_object(
     source, robot = Path(source), placed(robot)
     if source.suffix.lower() != ".npz":
         expected = "an .npz archive with `state` and `start`; a table is a recording already, see docs/formats.md"
-        raise UserError("is nothing that can be converted", file=source, expected=expected)
+        raise UserError("cannot be converted", file=source, expected=expected)
     if rate_hz is not None and not 1 <= rate_hz <= 100_000:
-        raise UserError("is no rate", key="--rate-hz", expected="1 to 100000 samples a second", got=rate_hz)
+        raise UserError("not a rate", key="--rate-hz", expected="1 to 100000 samples a second", got=rate_hz)
     rec = import_object(source, load_object(robot).name, rate_hz, first, last)
     write_object(rec, Path(out), overwrite, inputs=(source, robot))
     return rec

@@ -39,7 +39,7 @@ def scene_of(world: World, cameras: Sequence[Camera] = ()) -> Scene:
     """The cell of a model, with these cameras for effects to act on. Raises UserError for an arm without a cell."""
     if world.cell is None:
         expected = "peg-cell, a world's name or file, or a model file with `cell:`"
-        raise UserError("an arm alone has nothing to look at", key="model", expected=expected, got=world.robot)
+        raise UserError("pictures need a cell", key="model", expected=expected, got=world.robot)
     scene = believed(world.cell).scene
     return replace(scene, cameras=tuple(c.name for c in cameras)) if cameras else scene
 

@@ -153,7 +153,7 @@ class Args:
         if changed:
             got = " ".join("TASK" if name == "task" else f"--{name.replace('_', '-')}" for name in changed)
             expected = "--steps and --films alone"
-            raise UserError("goes on as the run was begun", key="--resume", expected=expected, got=got)
+            raise UserError("a resumed run keeps its options", key="--resume", expected=expected, got=got)
         with self._goes_on(folder):
             self._tell(resume(folder, self.steps, show=not self.output.quiet))
         return 0

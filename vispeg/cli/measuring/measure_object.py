@@ -58,7 +58,7 @@ class _Common:
         try:
             effects = self._effects(outcome.results)
         except UserError as error:
-            effects, notes = [], [*notes, f"it becomes no effect: {error}"]
+            effects, notes = [], [*notes, f"it has no effect in a model: {error}"]
         measurement = Measurement(
             self.protocol,
             self._of(),

@@ -106,7 +106,7 @@ class Args:
                 "of another robot", file=self.effect, key="robot", expected=world.robot, got=measurement.robot
             )
         if not measurement.effects:
-            raise UserError("has become no effect", file=self.effect, key="effects", expected="one or more")
+            raise UserError("holds no effect", file=self.effect, key="effects", expected="one or more")
         for placed in measurement.effects:
             if not effect(placed.effect).targets(robot):
                 expected = f"it in a world file: `model: {self.effect}`"

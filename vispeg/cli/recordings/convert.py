@@ -138,7 +138,7 @@ class Args:
             return 0, None
         first, colon, last = self.episodes.partition(":")
         if not (colon and (first or "0").isdigit() and (last or "0").isdigit()) or len(self.episodes) > 20:
-            raise UserError("is no range", key="--episodes", expected="FIRST:LAST, such as 0:285", got=self.episodes)
+            raise UserError("not a range", key="--episodes", expected="FIRST:LAST, such as 0:285", got=self.episodes)
         return int(first or 0), int(last) if last else None
 
     def _guessed(self) -> ColumnMap | None:
@@ -157,7 +157,7 @@ class Args:
         if self.save_map is not None:
             if self.save_map.suffix.lower() not in (".yaml", ".yml"):
                 raise UserError(
-                    "is no name for a map", key="--save-map", expected="a .yaml file", got=str(self.save_map)
+                    "not a name for a map", key="--save-map", expected="a .yaml file", got=str(self.save_map)
                 )
             write_text_atomic(self.save_map, map_text, overwrite=self.overwrite)
             self.output.line(f"written to {self.save_map}; use it with --map {self.save_map}")

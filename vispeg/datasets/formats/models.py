@@ -37,9 +37,9 @@ def read_ply(path: Path) -> Mesh:
         mesh: Any = trimesh.load_mesh(io.BytesIO(data), file_type="ply", process=False)
         vertices, faces = np.asarray(mesh.vertices, float), np.asarray(mesh.faces, int)
     except Exception as error:  # trimesh raises whatever its parser met
-        raise UserError("is no PLY mesh", file=path, got=type(error).__name__) from None
+        raise UserError("is not a PLY mesh", file=path, got=type(error).__name__) from None
     if not len(vertices) or not len(faces) or not np.isfinite(vertices).all() or faces.max() >= len(vertices):
-        raise UserError("is no PLY mesh", file=path, expected="finite vertices, and triangles of them")
+        raise UserError("is not a PLY mesh", file=path, expected="finite vertices, and triangles of them")
     return vertices, faces
 
 

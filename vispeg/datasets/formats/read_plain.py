@@ -23,7 +23,7 @@ LONGEST = 100_000  # frames of an episode
 
 
 class Plain(Stored):
-    """See Stored. Raises UserError for what is no dataset of plain files, or one that contradicts itself."""
+    """See Stored. Raises UserError for what is not a dataset of plain files, or one that contradicts itself."""
 
     def __init__(self, folder: str | Path):
         super().__init__(folder)

@@ -87,5 +87,5 @@ def picture(path: Path, feature: Feature, step: float = DEPTH_STEP) -> np.ndarra
     kind = np.dtype(np.uint16 if is_depth(feature) else np.uint8)
     if image.shape != pixel_shape(feature) or image.dtype != kind:
         expected = f"{pixel_shape(feature)} {kind}"
-        raise UserError("a picture of another kind", file=path, expected=expected, got=f"{image.shape} {image.dtype}")
+        raise UserError("a picture of the wrong type", file=path, expected=expected, got=f"{image.shape} {image.dtype}")
     return (image * np.float32(step)).astype(np.float32) if is_depth(feature) else image

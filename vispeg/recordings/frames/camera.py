@@ -79,7 +79,7 @@ class _Section(BaseModel):
             turn = matrix[:3, :3]
             square = np.abs(turn @ turn.T - np.eye(3)).max() < ROTATION and np.linalg.det(turn) > 0
             if not square or np.abs(matrix[3] - (0, 0, 0, 1)).max() > ROTATION:
-                raise ValueError("has a pose that is no rigid motion (4 x 4, rows of a rotation, then 0 0 0 1)")
+                raise ValueError("has a pose that is not a rigid motion (4 x 4, rows of a rotation, then 0 0 0 1)")
         return self
 
 

@@ -34,7 +34,7 @@ def head(file: Path) -> Head:
         stream.seek(max(0, stream.tell() - len(END)))
         end = stream.read()
     if len(begin) < 33 or begin[:8] != SIGNATURE or begin[12:16] != b"IHDR":
-        raise UserError("is no PNG", file=file)
+        raise UserError("is not a PNG", file=file)
     if end != END:
         raise UserError("is cut short", file=file, expected="a whole PNG")
     width, height, bits, kind = struct.unpack(">IIBB", begin[16:26])

@@ -82,7 +82,7 @@ def _rows(file: Path) -> list[tuple[int, dict[str, str]]]:
                 raise UserError("wrong number of cells", file=file, key=key, expected=len(names), got=len(cells))
             out.append((reader.line_num, dict(zip(names, cells, strict=True))))
     except csv.Error as error:
-        raise UserError(f"is no table ({error})", file=file, key=f"line {reader.line_num}") from None
+        raise UserError(f"is not a table ({error})", file=file, key=f"line {reader.line_num}") from None
     if not out:
         raise UserError("holds no frames", file=file)
     return out
@@ -127,7 +127,7 @@ def _picture(place: Path, said: str, camera: RecordedCamera, kind: str, line: in
         raise UserError("no such picture", file=place / INDEX, key=f"line {line}, column {kind}", got=said)
     about, (bits, expected) = head(path), KINDS[kind]
     if about.bits != bits or (kind == "depth" and about.colours != 1):
-        raise UserError("is of another kind", file=path, expected=expected, got=f"{about.bits} bits a channel")
+        raise UserError("has the wrong type", file=path, expected=expected, got=f"{about.bits} bits a channel")
     if (about.width, about.height) != (camera.width, camera.height):
         expected = f"{camera.width} x {camera.height} px, as camera '{camera.name}' in {CAMERAS}"
         raise UserError("has another size", file=path, expected=expected, got=f"{about.width} x {about.height}")

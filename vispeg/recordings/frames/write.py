@@ -39,7 +39,7 @@ def write_frames(frames: Frames, folder: Path, episodes: bool = False) -> Path:
     for frame in frames:
         name = frame.camera.name
         if not name.isprintable() or set(name) & set('/\\,"') or name != name.strip() or not name.strip("."):
-            raise UserError("is no name for files", file=place, key="camera", got=name)
+            raise UserError("cannot be a file's name", file=place, key="camera", got=name)
         stem, cells = f"{name}-{count[name]:05d}", [repr(float(frame.time)), name]
         count[name] += 1
         for kind, source in (("rgb", frame.rgb_source), ("depth", frame.depth_source)):

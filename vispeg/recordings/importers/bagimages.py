@@ -139,7 +139,7 @@ def _compressed(message: Any, source: Path, topic: str) -> tuple[np.ndarray, flo
     except cv2.error:
         image = None
     if image is None:
-        raise UserError(f"{topic}: a picture is no JPEG or PNG, or cut short", file=source, got=said)
+        raise UserError(f"{topic}: a picture is not a JPEG or PNG, or cut short", file=source, got=said)
     if image.ndim == 2:
         return image.astype(np.float32) * np.float32(DEPTH_UNIT), DEPTH_UNIT
     return np.ascontiguousarray(image[..., ::-1]), DEPTH_UNIT

@@ -138,4 +138,4 @@ def _decoded(file: Path, times: np.ndarray, start: float) -> Iterator[tuple[floa
                 while waiting and waiting[0][1] < frame.time - 0.5 * period:
                     waiting.pop(0)  # a frame that the video lacks
     except (FFmpegError, IndexError, ValueError) as error:
-        raise UserError(f"is no video that can be decoded ({error})", file=file) from error
+        raise UserError(f"is not a video that can be decoded ({error})", file=file) from error

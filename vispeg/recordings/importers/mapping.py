@@ -94,7 +94,7 @@ def map_from(data: Any, file: Path, joints: Sequence[str]) -> ColumnMap:
         if target in OTHER:
             continue
         if target not in targets:
-            raise UserError("is no column of a recording", file=file, got=target, choices=[*targets, *OTHER])
+            raise UserError("is not a column of a recording", file=file, got=target, choices=[*targets, *OTHER])
         columns[target] = _source(value, target, file)
     return ColumnMap(file, columns, renamed, recording, _dialect(_section(data, "table", file), file))
 
@@ -124,7 +124,9 @@ def _source(value: Any, target: str, file: Path) -> Source:
     if isinstance(value, str | int):
         return Source(str(value))
     if not isinstance(value, dict) or "column" not in value:
-        raise UserError("says no column", file=file, key=target, expected="a name or {column: .., unit: ..}", got=value)
+        raise UserError(
+            "names no column", file=file, key=target, expected="a name or {column: .., unit: ..}", got=value
+        )
     keys = ("column", "unit", "scale", "offset")
     for key in value:
         if key not in keys:

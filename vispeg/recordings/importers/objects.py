@@ -41,7 +41,7 @@ def import_object(
     bad = np.union1d(bad, np.flatnonzero(np.abs(norm - 1) > UNIT))
     if len(bad):
         expected = "finite numbers, columns 3 to 6 a unit quaternion w x y z"
-        raise UserError("is no pose", file=source, key=f"state, row {bad[0]}", expected=expected)
+        raise UserError("is not a pose", file=source, key=f"state, row {bad[0]}", expected=expected)
     edges = _edges(arrays, len(state), source)
     count = len(edges) - 1
     stop = count if last is None else last
@@ -84,5 +84,5 @@ def _edges(arrays: dict[str, np.ndarray], n: int, source: Path) -> np.ndarray:
     edges = np.unique(np.append(start, n)) if np.isfinite(start).all() else start
     valid = start.ndim == 1 and len(start) > 0 and np.isfinite(start).all() and (np.floor(start) == start).all()
     if not valid or edges[0] != 0 or edges[-1] != n or (np.diff(start) <= 0).any():
-        raise UserError("is no list of first rows", file=source, key="start", expected=f"rising from 0, at most {n}")
+        raise UserError("is not a list of first rows", file=source, key="start", expected=f"rising from 0, at most {n}")
     return edges.astype(int)

@@ -76,6 +76,4 @@ def read_source(
 
         return import_npz(source, robot, joints, mapping, **header)
     choices = (*TABLES, ".npz", *BAGS, "a ROS 2 bag's folder")
-    raise UserError(
-        "is nothing that can be converted", file=source, got=source.suffix.lower() or source.name, choices=choices
-    )
+    raise UserError("cannot be converted", file=source, got=source.suffix.lower() or source.name, choices=choices)

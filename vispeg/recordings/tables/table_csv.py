@@ -57,7 +57,7 @@ def header(line: str, dialect: Dialect, file: Path) -> list[str]:
 def opened(file: Path) -> Iterator[BinaryIO]:
     """The bytes of a file, unpacked where it is gzipped, without a byte order mark; `raw` says how far it is."""
     if file.exists() and not file.is_file():  # a pipe would never end, or never begin
-        raise UserError("is no regular file", file=file, expected="a table")
+        raise UserError("is not a regular file", file=file, expected="a table")
     with file.open("rb") as raw:
         packed = file.suffix.lower() == ".gz"
         stream = _Limited(gzip.GzipFile(fileobj=raw) if packed else raw, raw, file)

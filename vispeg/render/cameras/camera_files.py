@@ -49,7 +49,7 @@ def load_cameras(path: str | Path) -> tuple[Camera, ...]:
         text = text.partition("\n")[2].replace("!!opencv-matrix", "")
     record = parse_yaml(text, path)
     if not isinstance(record, dict):
-        raise UserError("is no camera file", file=path, expected=f"'format: {FORMAT}', OpenCV's or ROS's YAML")
+        raise UserError("is not a camera file", file=path, expected=f"'format: {FORMAT}', OpenCV's or ROS's YAML")
     if opencv or "camera_matrix" in record:
         return (_from_matrix(record, path),)
     rest = CAMERAS.open(record, path)

@@ -96,7 +96,7 @@ def parent_of(model: mujoco.MjModel, name: str) -> tuple[str, int]:
         if (index := mujoco.mj_name2id(model, of, name)) >= 0:
             return kind, index
     names = (WORLD, *(model.site(i).name for i in range(model.nsite)))
-    raise UserError("a camera sits on nothing", key="parent", expected="a site or body", got=name, choices=names)
+    raise UserError("a camera without a parent", key="parent", expected="a site or body", got=name, choices=names)
 
 
 def view_of(camera: Camera, parent: tuple[str, int], data: mujoco.MjData) -> View:
