@@ -83,5 +83,5 @@ def export_model(
     write_text_atomic(path, made.xml, overwrite=overwrite)
     for name, file in made.meshes.items():
         write_bytes_atomic(path.parent / name, file.read_bytes(), overwrite=True)
-    labels = ([e.label for e in effects] for effects in (made.native, made.left_out))
-    return ExportedModel(path, to, world.robot, [*made.meshes], *labels, getattr(made, "rotors", {}))
+    native, left_out = ([e.label for e in effects] for effects in (made.native, made.left_out))
+    return ExportedModel(path, to, world.robot, [*made.meshes], native, left_out, getattr(made, "rotors", {}))
