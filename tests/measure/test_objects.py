@@ -138,7 +138,7 @@ def test_compliance_of_the_arm_is_subtracted_pose_by_pose():
         (mass, "mass\n0.4\n0.41\n", (), "resolution of 'mass' is not stated"),
         (mass, "mass\n0.4\n\n0.41\n", ("mass=1e-3",), "reading is missing|wrong number"),
         (mass, "mass_g\n400\nx\n", ("mass_g=1",), "row 3, column mass_g: is not a number"),
-        (mass, "weight\n400\n", (), "no table of this protocol"),
+        (mass, "weight\n400\n", (), "not a table of this protocol"),
         (mass, "mass\n0.40\n0.41\n0.41\n0.41\n0.40\n0.41\n0.9\n", ("mass=1e-3",), "drifts"),
         (mass, "mass,mass_g\n0.4,400\n0.4,400\n", (), "same column in two units"),
         (friction, "angle\n17.2\n17.3\n", ("angle=0.1",), "row 2, column angle: is not an incline"),

@@ -52,7 +52,7 @@ def context(record: Record) -> Mapping[str, object]:
     }
 
 
-def _by_model(tried: Iterable[dict[str, str]]) -> list[dict[str, Any]]:
+def _by_model(tried: Iterable[dict[str, str]]) -> list[Mapping[str, object]]:
     """The rows of each model that candidates were added to, by its effects; models in the order of their best row."""
     models: dict[str, list[dict[str, str]]] = {}
     for row in tried:
