@@ -70,7 +70,7 @@ def test_pictures_come_back_bit_for_bit(dtype):
         image = (rng.uniform(0, 255, shape)).astype(dtype)
         assert np.array_equal(decode(encode(image)), image) and decode(encode(image)).dtype == image.dtype
     for broken in (b"", b"PNG", encode(np.zeros((4, 4), np.uint8))[:40]):
-        with pytest.raises(UserError, match="frame 3.*no picture"):
+        with pytest.raises(UserError, match="frame 3.*not a picture"):
             decode(broken, "frame 3")
 
 

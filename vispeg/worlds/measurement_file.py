@@ -165,6 +165,11 @@ def is_measurement(path: str | Path) -> bool:
 
 def measurement_text(measurement: Measurement) -> str:
     """The file; `load_measurement` of it gives the measurement back."""
+    return yaml.dump(measurement_data(measurement), Dumper=Plain, sort_keys=False, allow_unicode=True, width=120)
+
+
+def measurement_data(measurement: Measurement) -> dict[str, object]:
+    """The same as plain data."""
     data: dict[str, object] = {"format": FORMAT, "protocol": measurement.protocol, "of": measurement.of}
     data |= {"robot": measurement.robot} if measurement.robot else {}
     data["results"] = [_plain(asdict(quantity)) for quantity in measurement.results]
@@ -172,7 +177,7 @@ def measurement_text(measurement: Measurement) -> str:
     for key in ("conditions", "raw", "notes", "details", "provenance"):
         if value := getattr(measurement, key):
             data[key] = _plain(value)
-    return yaml.dump(data, Dumper=Plain, sort_keys=False, allow_unicode=True, width=120)
+    return data
 
 
 def _plain(value: Any) -> Any:
