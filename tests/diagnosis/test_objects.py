@@ -130,7 +130,7 @@ def test_what_is_no_object_is_refused(cube, tmp_path):
         CUBE.replace("</worldbody>", "<body><joint/><geom size='.1'/></body></worldbody>")
     )
     assert is_object(cube) and not is_object(tmp_path / "two.xml")
-    with pytest.raises(UserError, match="no free object"):
+    with pytest.raises(UserError, match="not a free object"):
         load_object(tmp_path / "two.xml")
     with pytest.raises(UserError, match="another object"):
         Restarts([replace(tossed(8, 1), name_of="ball")], load_object(cube), 0.04)

@@ -143,7 +143,7 @@ def test_what_no_camera_can_be_is_said_in_one_line(changes, said):
     ("text", "said"),
     [
         ("format: vispeg-camera/2\n", "unknown format"),
-        ("- 1\n", "no camera file"),
+        ("- 1\n", "not a camera file"),
         ("a: [\n", "not YAML"),
         ("format: vispeg-camera/1\nname: a\nwidth: 64\n", "height: is missing"),
         ("format: vispeg-camera/1\nname: a\nwdith: 64\n", "did you mean 'width'"),
