@@ -1,4 +1,4 @@
-"""Finds what a robot model is missing, and trains peg insertion that transfers.
+"""Finds what a robot model is missing, and trains policies that transfer.
 
 The names in `__all__` are the public face. Each is imported when it is first used, so that `import vispeg` is quick.
 """
@@ -74,5 +74,5 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
 
 
-if "gymnasium" in sys.modules:  # `gymnasium.make("vispeg:PegInHole-v0")` imports this and looks in its own registry
-    import_module("vispeg.task")  # enrols the task; otherwise left to whoever needs it, as it takes time
+if "gymnasium" in sys.modules:  # `gymnasium.make("vispeg:NAME")` imports this and looks in its own registry
+    import_module("vispeg.task")  # enrols the tasks; otherwise left to whoever needs it, as it takes time

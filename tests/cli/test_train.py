@@ -57,7 +57,11 @@ def begun(vispeg, monkeypatch, tmp_path):
 
 def clearances(config):
     """Of all stages, what the settings say being the last one's, as the environments are made."""
-    return [config.settings.get("clearance_mm") if s.clearance_mm is None else s.clearance_mm for s in config.stages]
+    return [s.settings.get("clearance_mm", config.settings.get("clearance_mm")) for s in config.stages]
+
+
+def width(mm):
+    return {"clearance_mm": mm}
 
 
 def test_shipped_policies_commands_mean_what_they_meant(asked):
@@ -70,13 +74,13 @@ def test_shipped_policies_commands_mean_what_they_meant(asked):
 
 def test_a_curriculum_leads_to_the_worlds_own_clearance(asked, tmp_path):
     (tmp_path / "fine.yaml").write_text("format: vispeg-world/1\ntask: {clearance_mm: 0.5, start_radius: 0.03}\n")
-    wide = Stage(6.0, level=0.5)
+    wide = Stage(width(6.0), level=0.5)
     assert asked("--curriculum", "6").stages == (wide, Stage())
     assert asked("--curriculum", "6", "3").stages == (wide, Stage())  # 3 mm is nominal's own
-    assert asked("--world", "fine.yaml", "--curriculum", "6", "1").stages == (wide, Stage(1.0), Stage())
+    assert asked("--world", "fine.yaml", "--curriculum", "6", "1").stages == (wide, Stage(width(1.0)), Stage())
     near = asked("--world", "fine.yaml", "--curriculum", "6", "1", "--start-radius", "0.02").stages
-    assert near == (Stage(6.0, 0.02, 0.5), Stage(1.0), Stage())
-    assert asked("--start-radius", "0.005", "0.01").stages == (Stage(None, 0.005, 0.5), Stage(None, 0.01), Stage())
+    assert near == (Stage(width(6.0), 0.02, 0.5), Stage(width(1.0)), Stage())
+    assert asked("--start-radius", "0.005", "0.01").stages == (Stage({}, 0.005, 0.5), Stage({}, 0.01), Stage())
 
 
 def test_stack_directions_and_reward_are_asked_for_and_kept_through_the_runs_file(asked, tmp_path):

@@ -16,9 +16,9 @@ from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.noise import NOISE
 from vispeg.robots.tools import CELL
 from vispeg.task.belief import believed
-from vispeg.task.peg.rig.motions import CellMotion, Place, free
-from vispeg.task.peg.rig.path import commands
-from vispeg.task.peg.rig.record import record_cell
+from vispeg.task.rig.motions import CellMotion, Place, free
+from vispeg.task.rig.path import commands
+from vispeg.task.rig.record import record_cell
 from vispeg.worlds.world import World
 
 DOWN = np.array([0.0, 1.0, 0.0, 0.0])  # the flange looks down

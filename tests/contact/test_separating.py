@@ -12,9 +12,9 @@ from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.noise import NOISE
 from vispeg.robots.tools import CELL
 from vispeg.task.belief import believed
-from vispeg.task.peg.rig.motions import NEAR, CellMotion, Place
-from vispeg.task.peg.rig.path import commands, quarter
-from vispeg.task.peg.rig.record import record_cell
+from vispeg.task.rig.motions import NEAR, CellMotion, Place
+from vispeg.task.rig.path import commands, quarter
+from vispeg.task.rig.record import record_cell
 from vispeg.worlds.world import World
 
 MODEL = World("iiwa14", CELL, cell=CellBelief("nominal"))

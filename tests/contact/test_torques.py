@@ -25,9 +25,9 @@ from vispeg.robots.tools import CELL
 from vispeg.sim.external import BLOCK, PRIOR, _steady, external, flange_jacobian, solved
 from vispeg.sim.touch import touch
 from vispeg.task.belief import believed
-from vispeg.task.peg.rig.motions import CellMotion, Place, press
-from vispeg.task.peg.rig.path import commands
-from vispeg.task.peg.rig.record import record_cell
+from vispeg.task.rig.motions import CellMotion, Place, press
+from vispeg.task.rig.path import commands
+from vispeg.task.rig.record import record_cell
 from vispeg.task.start import home
 from vispeg.worlds.world import World
 

@@ -10,7 +10,8 @@ from rendered import EYE, LAYOUT, PLAN, frame, source
 
 from vispeg.core.errors import UserError
 from vispeg.datasets.codec import decode, encode, to_steps
-from vispeg.datasets.formats.bop import box, matrix
+from vispeg.datasets.example import write_dataset
+from vispeg.datasets.formats.bop import box, matrix, objects
 from vispeg.datasets.formats.registry import export
 from vispeg.datasets.layout import COUNTED
 from vispeg.datasets.read import Dataset
@@ -147,3 +148,11 @@ def test_torch_items_are_the_frames(folder):
     assert np.array_equal(item["observation.depth.eye"][0].numpy(), want["observation.depth.eye"])
     named = Frames(folder, ["observation.images.eye", "observation.depth.eye", "action"], task_names=True)[7]
     assert set(named) == {"rgb_eye", "depth_eye", "action"}
+
+
+def test_objects_of_bop_are_what_a_dataset_has_poses_of(folder, tmp_path):
+    assert objects(Dataset(folder)) == {1: ("peg", "label.peg"), 2: ("fixture", "label.hole")}
+    other = write_dataset(tmp_path)  # of another task, with other names
+    assert objects(Dataset(other)) == {1: ("tool", "label.tool"), 2: ("fixture", "label.goal")}
+    with pytest.raises(UserError, match="no pose of an object"):
+        objects(Dataset(other, ["action", "label.camera.eye"]))

@@ -7,8 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from vispeg.core.effect import EffectInstance, effect, of_family
+from vispeg.core.rotation import quaternion
 from vispeg.render.backends.backend import Renderer
-from vispeg.render.cameras.camera import Camera, quaternion
+from vispeg.render.cameras.camera import Camera
 from vispeg.render.cameras.standard import standard_cameras
 from vispeg.render.look import Fields, dress
 from vispeg.robots.scene import build
@@ -34,7 +35,7 @@ def by_hand(camera: Camera, name: str, p: dict[str, float]) -> Camera:
         return camera.moved(cx=camera.cx + p["x"], cy=camera.cy + p["y"])
     turn = Rotation.from_rotvec([p["rx"], p["ry"], p["rz"]]).as_matrix()
     shift = camera.rotation @ [p["x"], p["y"], p["z"]]
-    return camera.moved(pos=tuple(camera.pos + shift), quat=quaternion(camera.rotation @ turn))
+    return camera.moved(pos=tuple(camera.pos + shift), quat=tuple(quaternion(camera.rotation @ turn).tolist()))
 
 
 @pytest.mark.parametrize("where", ["wrist_wide", "external"])

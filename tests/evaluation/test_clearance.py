@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from vispeg.cli.evaluation.trials import at_clearance
 from vispeg.cli.main import main
+from vispeg.cli.tolerance import at_tolerance
 from vispeg.core.assets import assets
 from vispeg.evaluation.entrants import entrants
 from vispeg.evaluation.records import read
@@ -41,7 +41,7 @@ def test_a_policy_that_does_not_say_what_it_was_made_for_is_taken_as_it_is(capsy
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "policy.json").write_text(json.dumps(record | {"meta": {}}))
     who, world = entrants([str(tmp_path / "mine"), "state-0.5mm"]), load_world("searching")
-    assert [e.clearance_mm for e in who] == [None, 0.5]
-    assert at_clearance(who, world, 2.0) == {"clearance_mm": 2.0}
+    assert [e.tolerance for e in who] == [None, 0.5]
+    assert at_tolerance(who, world, 2.0) == {"clearance_mm": 2.0}
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("state-0.5mm was made for 0.5 mm, here it is 2 mm")

@@ -1,5 +1,6 @@
 """Typed from birth: untyped mappings become fewer, and the public face has none."""
 
+import ast
 import inspect
 from pathlib import Path
 
@@ -24,3 +25,23 @@ def test_the_public_face_is_typed(name):
     for parameter in signature.parameters.values():
         assert parameter.annotation is not inspect.Parameter.empty, parameter
     assert "dict[str, Any]" not in str(signature)
+
+
+def public(tree):
+    """Functions of a module, and of its classes, whose names have no underscore in front."""
+    for node in tree.body:
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+            yield from public(node)
+        elif isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+            yield node
+
+
+@pytest.mark.parametrize("file", sorted((ROOM / "api").rglob("*.py")), ids=lambda file: file.stem)
+def test_what_commands_do_is_typed_from_python(file):
+    for function in public(ast.parse(file.read_text(encoding="utf-8"))):
+        given = function.args
+        others = [a for a in (*given.posonlyargs, *given.args, *given.kwonlyargs) if a.arg not in ("self", "cls")]
+        hints = [a.annotation for a in (*others, given.vararg, given.kwarg) if a is not None]
+        assert None not in hints and function.returns is not None, function.name
+        text = " ".join(map(ast.unparse, [*hints, function.returns]))
+        assert "dict[str, Any]" not in text, function.name

@@ -333,7 +333,7 @@ def test_a_curriculum_moves_on_only_by_success():
 )
 def test_stages_lead_to_the_task_as_it_is(wide, near, made):
     *first, last = stages(wide, near, PegConfig(clearance_mm=0.5))
-    assert [(stage.clearance_mm, stage.radius) for stage in first] == made and last == Stage()
+    assert [(stage.settings.get("clearance_mm"), stage.radius) for stage in first] == made and last == Stage()
     assert [stage.level for stage in first] == [0.5, 1.0, 1.0][: len(made)]
 
 

@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from vispeg.recordings.checks.contact_check import Touched, examine, said, together
-from vispeg.recordings.regimes import FREE, HOLE, IMPACT, PRESS, SLIDE
+from vispeg.core.effect import REGISTRY, Effect
+from vispeg.recordings.checks.contact_check import NEEDS, Touched, examine, said, together
+from vispeg.recordings.regimes import FREE, IMPACT, INSIDE, PRESS, SLIDE
 
 RATE = 100.0
 
 
-def made(*pieces, hole=True, yaw=0.0, tilt=0.0):
+def made(*pieces, goal=True, yaw=0.0, tilt=0.0):
     """A recording from pieces (regime, seconds, N, tip velocity m/s), after a second in free air."""
     pieces = ((FREE, 1.0, 0.0, (0.0, 0.0, 0.0)), *pieces)
     count = [round(seconds * RATE) for _, seconds, _, _ in pieces]
@@ -18,7 +19,7 @@ def made(*pieces, hole=True, yaw=0.0, tilt=0.0):
     velocity = np.repeat(np.array([p[3] for p in pieces], float), count, axis=0)
     n = len(regime)
     lean = np.where(regime == FREE, tilt, 0.0)
-    return Touched(np.arange(n) / RATE, np.zeros(n, int), regime, force, velocity, lean, np.full(n, yaw), hole)
+    return Touched(np.arange(n) / RATE, np.zeros(n, int), regime, force, velocity, lean, np.full(n, yaw), goal)
 
 
 def press(newton, seconds=1.0):
@@ -41,7 +42,7 @@ def test_nothing_slid():
     found = examine(made(press(5.0), press(20.0)))
     assert found.excited["contact_friction"] == "nothing slid"
     assert found.excited["contact_stiffness"] == "" and found.excited["hole_tilt"] == ""
-    assert found.excited["hole_clearance"] == "never pressed in the hole"
+    assert found.excited["hole_clearance"] == "never inserted and pressed"
     assert found.excited["contact_damping"] == "nothing was hit"
     assert "60 N" in found.excited["gripper_slip"]
 
@@ -65,10 +66,10 @@ def test_damping_takes_impacts_at_two_speeds():
 
 
 def test_the_hole_needs_to_be_touched_and_believed_in():
-    inside = (HOLE, 1.0, 6.0, (0.0, 0.0, 0.0))
+    inside = (INSIDE, 1.0, 6.0, (0.0, 0.0, 0.0))
     assert examine(made(inside)).excited["hole_offset"] == ""
-    assert examine(made(inside, hole=False)).excited["hole_offset"] == ""
-    assert "`cell`" in examine(made(press(5.0), hole=False)).excited["hole_offset"]
+    assert examine(made(inside, goal=False)).excited["hole_offset"] == ""
+    assert "`cell`" in examine(made(press(5.0), goal=False)).excited["hole_offset"]
 
 
 def test_mass_takes_a_tilt_in_free_air_and_the_zero_a_second_of_it():
@@ -79,13 +80,30 @@ def test_mass_takes_a_tilt_in_free_air_and_the_zero_a_second_of_it():
 
 
 def test_grip_is_told_from_hole_by_two_insertions_with_the_flange_turned():
-    inside = (HOLE, 1.0, 6.0, (0.0, 0.0, 0.0))
+    inside = (INSIDE, 1.0, 6.0, (0.0, 0.0, 0.0))
     straight, turned = examine(made(inside)), examine(made(inside, yaw=1.5))
     assert "turned by 90" in straight.excited["grip_pose"] and "turned by 90" in turned.excited["grip_pose"]
     assert together([straight, turned])["grip_pose"] == ""
     assert together([straight, straight])["grip_pose"] != ""
+    assert "turned by 90" in together([straight, examine(made(press(5.0)))])["grip_pose"], "one of them was inserted"
     both = together([examine(made(slide(0.02), slide(-0.02))), examine(made(press(5.0), press(20.0)))])
     assert both["contact_friction"] == "" and both["contact_stiffness"] == "" and both["gripper_slip"]
+
+
+def test_what_each_effect_needs_is_told_of_a_users_own_too():
+    """An effect says what it needs; it is listed with those of the library, and its pair by the effect's own word."""
+    wanted = {name: e.needs for name, e in REGISTRY.items() if e.needs}
+    assert set(wanted.values()) == set(NEEDS)
+
+    class LatchSpring(Effect):
+        name, family, params, needs, told_from = "latch_spring", "contact", {}, "weighing", {"tool_com": "free"}
+
+    try:
+        found = examine(made(press(5.0), press(20.0), tilt=0.5)).excited
+        assert found["latch_spring"].startswith("cannot be told from tool_com: weigh")
+        assert found["object_mass"].startswith("cannot be told from tool_mass: weigh")
+    finally:
+        del REGISTRY["latch_spring"]
 
 
 def test_seconds_and_histograms_add_up():

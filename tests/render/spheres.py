@@ -3,13 +3,16 @@
 import mujoco
 import numpy as np
 
-from vispeg.render.cameras.camera import Camera, quaternion
+from vispeg.core.rotation import quaternion
+from vispeg.render.cameras.camera import Camera
 
 BALLS = np.array([[0.0, 0.0, 0.8], [0.22, 0.12, 0.9], [-0.2, 0.1, 1.0], [0.15, -0.14, 0.75], [-0.16, -0.12, 0.7]])
 RADIUS = 0.04  # m
 POS = np.array([0.3, -0.4, 1.1])
 AXES = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
-EYE = Camera("eye", 320, 240, 300, 300, 159.5, 119.5, parent="base", pos=tuple(POS), quat=quaternion(AXES))
+EYE = Camera(
+    "eye", 320, 240, 300, 300, 159.5, 119.5, parent="base", pos=tuple(POS), quat=tuple(quaternion(AXES).tolist())
+)
 
 
 def model(extra: str = "") -> mujoco.MjModel:

@@ -9,8 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from vispeg.core.errors import UserError
 from vispeg.core.lens import undistort
+from vispeg.core.rotation import quaternion
 from vispeg.core.seeds import stream
-from vispeg.render.cameras.camera import Camera, looking_at, quaternion, rotation
+from vispeg.render.cameras.camera import Camera, looking_at, rotation
 from vispeg.render.cameras.camera_files import load_camera, load_cameras, save_cameras
 from vispeg.render.cameras.standard import CROP_SCALE, WIDE_FOV, standard_cameras
 

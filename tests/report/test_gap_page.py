@@ -125,12 +125,12 @@ def test_the_headline_crowns_who_sees_and_marks_who_is_told_the_hole():
     few = headline(teacher, blind, seeing[0])
     assert few["title"].startswith("d1 keeps most")
     assert [n for n, *_ in few["figures"]] == ["d1", "state", "blind"] == [line["policy"] for line in few["lines"]]
-    assert [line["role"] for line in few["lines"]] == ["", "teacher, told the hole", "blind"]
-    assert few["figures"][1][2].startswith("teacher, told the hole; lost")
+    assert [line["role"] for line in few["lines"]] == ["", "teacher, told the goal", "blind"]
+    assert few["figures"][1][2].startswith("teacher, told the goal; lost")
     assert headline(teacher, blind)["title"] == "state keeps most in VP: 100 %"
     html = render(gap([*teacher, *blind, *seeing[0]], worlds=list(WORLDS)))
     alone(html)
-    assert html.count("teacher, told the hole</span>") == 2
+    assert html.count("teacher, told the goal</span>") == 2
     assert html.count("blind control</span>") == 1
 
 

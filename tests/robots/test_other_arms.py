@@ -1,5 +1,7 @@
 """The peg task on arms of seven joints and six, each by one world file; their guards; their null space."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -15,7 +17,7 @@ from vispeg.robots.declare import RobotConfig
 from vispeg.robots.model import load
 from vispeg.robots.scene import SceneConfig, build
 from vispeg.sim.compiled import nominal_of
-from vispeg.sim.home import home_of
+from vispeg.sim.home import bounds, home_of
 from vispeg.task.guards import CATEGORIES, Guards
 from vispeg.task.peg.config import PegConfig
 from vispeg.task.peg.env import PegInHoleVec
@@ -91,6 +93,13 @@ def test_a_solved_home_holds_the_pose_within_limits_and_away_from_singularities(
     np.testing.assert_array_equal(home, home_of(robot, pos, down))
     with pytest.raises(UserError, match="cannot hold"):
         home_of(robot, (1.8, 0.0, 0.2), down)
+
+
+def test_a_first_joint_close_to_the_table_keeps_no_arm_from_standing(tmp_path, monkeypatch):
+    robot = arm(tmp_path, "panda")
+    first = min(float(height) for height in robot.compile().body_pos[1:3, 2] if height > 0)
+    monkeypatch.setattr("vispeg.sim.home.CLEAR", first + 0.01)  # where that joint stands, no posture changes
+    assert len(home_of(robot, (0.6, 0.0, 0.265), (0.0, 1.0, 0.0, 0.0))) == 7
 
 
 @pytest.mark.parametrize("name", CHAINS)
@@ -180,3 +189,12 @@ def test_shapes_for_contact_are_not_drawn_over_those_for_the_eye(tmp_path):
     cell = scene.spec().compile()
     collides = [cell.geom(f"{geom.parent.name}-contact") for geom in shapes]
     assert all(geom.group[0] == 3 and geom.conaffinity[0] for geom in collides), "they touch all the same"
+
+
+def test_joints_without_limits_are_bounded_by_a_turn():
+    arm = load("iiwa14")
+    some = np.array([[-np.inf, np.inf], [-1.0, 2.0], [-9.0, 9.0], *arm.range[3:]])
+    with np.errstate(all="raise"):
+        low, high = bounds(replace(arm, range=some))
+    assert low[:3] == pytest.approx([-np.pi, -1.0, -np.pi]) and high[:3] == pytest.approx([np.pi, 2.0, np.pi])
+    assert np.array_equal(np.transpose([low, high])[3:], arm.range[3:])

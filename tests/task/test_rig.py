@@ -8,14 +8,14 @@ import pytest
 from vispeg.core.effect import EffectInstance
 from vispeg.recordings.load import load
 from vispeg.recordings.noise import NOISE
-from vispeg.recordings.regimes import HOLE, IMPACT, PRESS, REGIMES, SLIDE, Thresholds, regimes, touching
+from vispeg.recordings.regimes import IMPACT, INSIDE, PRESS, REGIMES, SLIDE, Thresholds, regimes, touching
 from vispeg.recordings.write import write
 from vispeg.sim.touch import touch
 from vispeg.task.belief import believed
-from vispeg.task.peg.rig.expert import record_expert
-from vispeg.task.peg.rig.motions import AIR, PATHS, motion
-from vispeg.task.peg.rig.record import record_cell
-from vispeg.task.peg.rig.replay import replay
+from vispeg.task.rig.expert import record_expert
+from vispeg.task.rig.motions import AIR, PATHS, motion
+from vispeg.task.rig.record import record_cell
+from vispeg.task.rig.replay import replay
 from vispeg.worlds.model_file import load_model
 
 CELL = load_model("peg-cell")
@@ -53,16 +53,16 @@ def test_each_motion_excites_what_it_is_for(touches):
     for name, regime, least in (
         ("press", PRESS, 0.3),
         ("slide", SLIDE, 0.1),
-        ("insert", HOLE, 0.3),
-        ("insert-turned", HOLE, 0.3),
-        ("rock", HOLE, 0.1),
+        ("insert", INSIDE, 0.3),
+        ("insert-turned", INSIDE, 0.3),
+        ("rock", INSIDE, 0.1),
         ("hard-press", PRESS, 0.4),
         ("tap", IMPACT, 0.01),
         ("touch-datum", PRESS, 0.2),
-        ("look-and-insert", HOLE, 0.1),
+        ("look-and-insert", INSIDE, 0.1),
     ):
         assert share[name][regime] > least, name
-    assert all(share["mix"][r] > 0.002 for r in (PRESS, SLIDE, HOLE, IMPACT))
+    assert all(share["mix"][r] > 0.002 for r in (PRESS, SLIDE, INSIDE, IMPACT))
     look = share["look-and-insert"]
     assert look[0] > 0.5, "most of it is seen from free air"
     forces = {name: t.force for name, (_, t) in touches.items()}
@@ -139,10 +139,10 @@ def test_regimes_by_force_speed_and_depth():
     speed = np.array([0.0, 0, 0, 0, 0.02, 0.02, 0, 0])
     depth = np.array([-1.0, -1, -1, -1, -1, 0.01, 0.01, 0.01])
     slow = np.zeros(8)
-    assert regimes(time, force, speed, slow, depth).tolist() == [0, 0, PRESS, PRESS, SLIDE, HOLE, HOLE, 0]
+    assert regimes(time, force, speed, slow, depth).tolist() == [0, 0, PRESS, PRESS, SLIDE, INSIDE, INSIDE, 0]
     fast = np.where(np.arange(8) == 1, 0.05, 0.0)
     hit = regimes(time, force, speed, fast, depth, Thresholds(impact=0.015))
-    assert hit.tolist() == [0, 0, IMPACT, IMPACT, SLIDE, HOLE, HOLE, 0]
+    assert hit.tolist() == [0, 0, IMPACT, IMPACT, SLIDE, INSIDE, INSIDE, 0]
 
 
 def test_a_world_that_believes_in_a_tilt_says_so(tmp_path):

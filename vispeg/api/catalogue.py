@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 from vispeg.identify.excitation import MOTIONS, osc_targets
 from vispeg.identify.motions.look_motion import ABOUT
+from vispeg.learn.meta import made_for
 from vispeg.learn.record import PAIR, read_record
 from vispeg.learn.shipped import names, policy_folder
-from vispeg.task.peg.rig.expert import EXPERT
-from vispeg.task.peg.rig.motions import PATHS
+from vispeg.task.registry import FIRST, kind_of, task
+from vispeg.task.rig.expert import EXPERT
 from vispeg.task.world_file import BUILT_IN, WORLD, built_in
 
 
@@ -48,12 +49,13 @@ def policies() -> list[Entry]:
     for name in names():
         record = read_record(policy_folder(name))
         meta = record["meta"]
-        success, clearance = meta.get("success"), (meta.get("task") or {}).get("clearance_mm")
+        success, made = meta.get("success"), made_for(meta)
         kind = "two policies in one" if record["format"] == PAIR.name else "one network"
         parts = [f"trained in {meta.get('world', '?')}", kind]
-        parts += [f"{clearance:g} mm clearance"] if clearance is not None else []
+        if (tolerance := kind_of(meta.get("task") or {}).tolerance) is not None and made:
+            parts.append(f"{made[tolerance.setting]:g} {tolerance.unit} {tolerance.name}")
         parts += [f"{100 * success:.0f} % success there"] if success is not None else []
-        more = {"world": meta.get("world"), "clearance_mm": clearance, "success": success, "steps": meta.get("steps")}
+        more = {"world": meta.get("world"), **made, "success": success, "steps": meta.get("steps")}
         entries.append(Entry(name, str(record["modality"]), ", ".join(parts), more))
     return entries
 
@@ -63,7 +65,9 @@ def motions() -> list[Entry]:
     entries = [Entry(name, "joint", _sentence(inspect.getdoc(f) or ""), {}) for name, f in MOTIONS.items()]
     looks = [Entry(name, "cell", about, {}) for name, about in ABOUT.items()]
     entries.append(Entry("osc", "cartesian", _sentence(inspect.getdoc(osc_targets) or ""), {}))
-    entries += [Entry(name, "contact", _sentence(inspect.getdoc(f) or ""), {}) for name, f in PATHS.items()]
+    entries += [
+        Entry(name, "contact", _sentence(inspect.getdoc(f) or ""), {}) for name, f in task(FIRST).motions.items()
+    ]
     return [*entries, Entry(EXPERT, "contact", "A whole insertion by the task's scripted policy", {}), *looks]
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from vispeg.api.playing import Played, Playing, check_numbers, folders, play, silent, stamped
+from vispeg.api.playing import Played, Playing, check_controls, check_numbers, folders, play, silent, stamped
 from vispeg.evaluation import gap as gaps
 from vispeg.evaluation.films.media import film_failures
 from vispeg.evaluation.folder import workplace
@@ -56,7 +56,7 @@ def evaluate(
         policies: folders, names of policies that come with the package, `NAME=FOLDER`, or `expert`, the scripted one.
         world: a built-in world's name or a world file.
         episodes: of every policy.
-        controls: of `vispeg.evaluation.controls.CONTROLS`: the same policies with their sight taken away in that way.
+        controls: as in `vispeg.evaluation.controls`: the same policies with their sight taken away in that way.
         task: settings in place of the world's, such as `steps`.
         videos: failures of each policy that are filmed; needs `out`.
         seed: another number plays other episodes.
@@ -69,9 +69,10 @@ def evaluate(
     Raises:
         UserError: a policy, a world or a control that there is not, or `out` holds something else.
     """
-    check_numbers(episodes, workers, controls)
+    check_numbers(episodes, workers)
     named = [str(p) for p in ([policies] if isinstance(policies, str | Path) else policies)]
     who, file = ready(named), load_world(world)
+    controls = check_controls(controls, file)
     sources = [file.path, *(e.path for e in who)]
     with workplace(out, "evaluate.json", overwrite, sources) as place:
         settings = [Setting(str(world), file.name, task=dict(task or {}), control=c) for c in ("", *controls)]

@@ -96,7 +96,7 @@ def play(
     policy: str | Path,
     *,
     world: str | Path | None = None,
-    clearance: float | None = None,
+    tolerance: float | None = None,
     episodes: int = 3,
     seed: int = 0,
     out: str | Path | None = None,
@@ -109,7 +109,8 @@ def play(
     Args:
         policy: a folder, or the name of a policy that comes with the package.
         world: a built-in world or a world file; the one that the policy was trained in where not given.
-        clearance: diametral, mm; where not given the world's, or the policy's own in the world it was trained in.
+        tolerance: of the task (`TaskConfig.tolerance`); where not given the world's, or the policy's own in the world
+            that it was trained in.
         episodes: how many.
         seed: of the first; the next ones count up.
         out: folder of the videos; films/POLICY-WORLD where not given.
@@ -124,6 +125,8 @@ def play(
     from vispeg.learn.envs import home
     from vispeg.learn.meta import made_for
     from vispeg.report.rrd.stream import check_target
+    from vispeg.task.registry import with_tolerance
+    from vispeg.task.world_file import load_world
 
     if episodes < 1:
         raise UserError("must be at least 1", key="episodes", got=episodes)
@@ -132,8 +135,8 @@ def play(
     opened = open_policy(policy)
     place = home(opened) if world is None else str(world)
     settings: dict[str, object] = {}
-    if clearance is not None:
-        settings = {"clearance_mm": clearance}
+    if tolerance is not None:
+        settings |= with_tolerance(load_world(place).task, tolerance)
     elif world is None:
         settings = dict(made_for(opened.meta))
     folder = Path("films") / f"{Path(policy).resolve().name}-{Path(place).stem}" if out is None else Path(out)

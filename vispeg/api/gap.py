@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from vispeg.api.playing import Played, Playing, check_numbers, play, silent, stamped
+from vispeg.api.playing import Played, Playing, check_controls, check_numbers, play, silent, stamped
 from vispeg.core.errors import UserError
 from vispeg.evaluation import gap as gaps
 from vispeg.evaluation import stored
-from vispeg.evaluation.controls import CONTROLS
 from vispeg.evaluation.entrants import EXPERT, Entrant, refuse_trained_on
 from vispeg.evaluation.films.media import film_seeds
 from vispeg.evaluation.folder import workplace
@@ -47,21 +46,22 @@ class GapResult(Played):
 
 @dataclass(frozen=True)
 class _Worlds:
-    """The worlds of a gap: what the user named, their files, and those in which controls are played."""
+    """The worlds of a gap: what the user named, their files, and which controls are played where."""
 
     sources: tuple[str, ...]
     files: tuple[WorldFile, ...]
     controlled: tuple[str, ...]
+    controls: tuple[str, ...]
 
     @property
     def names(self) -> list[str]:
         return [file.name for file in self.files]
 
-    def settings(self, controls: Sequence[str]) -> list[Setting]:
+    def settings(self) -> list[Setting]:
         """Every world, then the controls where they are played."""
         places = dict(zip(self.names, self.sources, strict=True))
         plain = [Setting(world, name) for name, world in places.items()]
-        return plain + [Setting(places[name], name, control=c) for name in self.controlled for c in controls]
+        return plain + [Setting(places[name], name, control=c) for name in self.controlled for c in self.controls]
 
 
 def gap(
@@ -69,7 +69,7 @@ def gap(
     worlds: Sequence[str | Path] = WORLDS,
     *,
     episodes: int = 100,
-    controls: Sequence[str] = CONTROLS,
+    controls: Sequence[str] | None = None,
     control_worlds: Sequence[str] | None = None,
     records: Sequence[str | Path] = (),
     measured: str | Path | None = None,
@@ -89,7 +89,7 @@ def gap(
         worlds: built-in worlds' names or world files; the first is the training world. One that is named after others
             (VNP after V, N, P) is split into their shares.
         episodes: of every policy in every world.
-        controls: of `vispeg.evaluation.controls.CONTROLS`.
+        controls: as in `vispeg.evaluation.controls`; all that the first world has where not given.
         control_worlds: those of `worlds` in which the controls are played; the first and the last where not given.
         records: files of episodes that are there already; they are not played again.
         measured: CSV of a real robot's trials.
@@ -112,13 +112,13 @@ def gap(
     read: list[str | Path | None] = [*files, measured, *(e.path for e in who)]
     chosen = None
     if who:
-        check_numbers(episodes, workers, controls)
-        chosen = _worlds(worlds, control_worlds, who, fine_tuned)
+        check_numbers(episodes, workers)
+        chosen = _worlds(worlds, controls, control_worlds, who, fine_tuned)
         read += [file.path for file in chosen.files]
         if stored_before:  # OUT, which may hold the records, is not touched before they fit
             with TemporaryDirectory() as folder:
                 seeds = seeds_of(episodes, seed)
-                stored.check(make_jobs(who, chosen.settings(controls), seeds, Path(folder)), stored_before, files)
+                stored.check(make_jobs(who, chosen.settings(), seeds, Path(folder)), stored_before, files)
     names = [str(w) for w in worlds] if chosen is None else chosen.names
     with workplace(out if who else None, "gap.json", overwrite, read) as place:
         jobs: list[Job] = []
@@ -126,7 +126,7 @@ def gap(
         if chosen is not None:
             if stored_before:
                 stored.take_in(stored_before, place)
-            jobs = make_jobs(who, chosen.settings(controls), seeds_of(episodes, seed), place / "worlds")
+            jobs = make_jobs(who, chosen.settings(), seeds_of(episodes, seed), place / "worlds")
             played = play(jobs, place, workers, playing)
         ends = {e.key: e for e in [*stored_before, *played]}
         every = [*ends.values(), *trials.episodes]
@@ -147,7 +147,11 @@ def gap(
 
 
 def _worlds(
-    sources: Sequence[str | Path], control_worlds: Sequence[str] | None, who: Sequence[Entrant], fine_tuned: bool
+    sources: Sequence[str | Path],
+    controls: Sequence[str] | None,
+    control_worlds: Sequence[str] | None,
+    who: Sequence[Entrant],
+    fine_tuned: bool,
 ) -> _Worlds:
     """The worlds, none of whose targets a policy was trained in."""
     files = [load_world(w) for w in sources]
@@ -163,7 +167,7 @@ def _worlds(
     for file in files[1:]:
         if not fine_tuned:
             refuse_trained_on(who, file.name, file.hash, file.path, training=files[0].path)
-    return _Worlds(tuple(map(str, sources)), tuple(files), tuple(controlled))
+    return _Worlds(tuple(map(str, sources)), tuple(files), tuple(controlled), check_controls(controls, files[0]))
 
 
 def _measured(csv: str | Path | None, networks: Sequence[tuple[str, int]], robot: str) -> Trials:

@@ -14,12 +14,14 @@ from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.core.provenance import digest, here
 from vispeg.evaluation import runner
-from vispeg.evaluation.controls import CONTROLS
+from vispeg.evaluation.controls import controls_of
 from vispeg.evaluation.entrants import Entrant
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import Job
 from vispeg.evaluation.records import Episode, append
 from vispeg.report.gap.build import write
+from vispeg.task.registry import scene_of
+from vispeg.task.world_file import WorldFile
 
 Playing = Callable[[Sequence[Job], Path], AbstractContextManager[runner.Watch]]
 
@@ -79,12 +81,18 @@ def folders(who: Iterable[Entrant]) -> list[Path]:
     return [e.path for e in who if e.path.exists()]
 
 
-def check_numbers(episodes: int, workers: int, controls: Iterable[str] = ()) -> None:
-    """Raises UserError for numbers that make no sense, or an unknown control."""
+def check_numbers(episodes: int, workers: int) -> None:
+    """Raises UserError for numbers that make no sense."""
     if episodes < 1:
         raise UserError("no episodes", key="--episodes", expected="1 or more", got=episodes)
     if workers < 1:
         raise UserError("no workers", key="--workers", expected="1 or more", got=workers)
-    for control in controls:
-        if control not in CONTROLS:
-            raise UserError("unknown control", key="--controls", got=control, choices=CONTROLS)
+
+
+def check_controls(controls: Sequence[str] | None, world: WorldFile) -> tuple[str, ...]:
+    """The controls that are asked for, all that the world's cell has for None. Raises UserError for an unknown one."""
+    choices = controls_of(scene_of(world.task))
+    for control in controls or ():
+        if control not in choices:
+            raise UserError("unknown control", key="--controls", got=control, choices=choices)
+    return choices if controls is None else tuple(controls)

@@ -98,7 +98,8 @@ def _subcommands(hint: Any) -> dict[str, type[Any]]:
 def _option(field: Field[Any], hint: Any) -> Option:
     positional = POSITIONAL in getattr(hint, "__metadata__", ())
     bare, plain = _bare(hint), _plain(hint)
-    flag = "" if positional else f"--{field.name.replace('_', '-')}"
+    word = getattr(_config(hint), "name", None) or field.name
+    flag = "" if positional else f"--{word.replace('_', '-')}"
     return Option(field.name, flag, _choices(bare), bare is not bool, plain is Path)
 
 

@@ -14,6 +14,7 @@ RULE, PLAIN_RULE = "─", "-"  # the latter where the terminal writes ASCII alon
 FRAME = "│╭╮╰╯ " + RULE
 POINTERS = ("For full helptext", "Argument helptext")
 UNKNOWN = "Unrecognized options: "
+NAMES = ("{task}", "{cell}", "{held}", "{tolerance}")  # in help, of what the package's own task has
 ELSEWHERE = {  # what is looked for as an option and stands elsewhere
     "--modality": "what a policy sees is in the name of its task, as in TASK-depth, and in its folder",
     "--obs-mode": "what a policy sees is in the name of its task, as in TASK-depth, and in its folder",
@@ -36,11 +37,26 @@ def parse(kind: type[Any], program: str, description: str | None, argv: Sequence
     flags = (tyro.conf.FlagCreatePairsOff,)
     try:
         with redirect_stderr(text):
-            return tyro.cli(kind, prog=program, description=description, args=list(argv), config=flags)
+            return tyro.cli(kind, prog=program, description=filled(description or ""), args=list(argv), config=flags)
     except SystemExit as stop:
         if not stop.code:
             raise
         raise UserError(f"{one_line(text.getvalue())}; see {program} --help") from None
+
+
+def filled(text: str) -> str:
+    """A help text with what the package's own task and its cell are called in place of {task}, {cell}, {held} and the
+    like.
+    """
+    if not any(key in text for key in NAMES):
+        return text
+    from vispeg.cli.tolerance import FLAG
+    from vispeg.recordings.cell import OPEN_CELL
+    from vispeg.task.registry import FIRST, scene_of, task
+
+    for key, name in zip(NAMES, (task(FIRST).label, OPEN_CELL, scene_of({}).held, FLAG), strict=True):
+        text = text.replace(key, name)
+    return text
 
 
 def one_line(framed: str) -> str:

@@ -42,7 +42,9 @@ class Effect(ABC):
         stage: when a diagnosis of contact looks for it (one of STAGES, in their order); empty: never.
         sizes: parameter -> values at which that diagnosis tries it; the others it leaves as they are.
         shown_by: motions of contact (`vispeg record`) that show it; empty: any.
-        told_from: effects that may look the same -> the motion that tells them apart.
+        told_from: effects that may look the same -> the motion that tells them apart; either of the two may say it.
+        needs: what a recording of contact must hold before it can tell this effect, a key of
+            `vispeg.recordings.checks.contact_check.NEEDS`; empty: not checked.
         step: greatest physics step at which its own motion stays stable, s.
         grows_from: simpler effects that it may be mistaken for, each with {own parameter: the simpler one's parameter}
             from whose fitted value its own fit should start.
@@ -72,6 +74,7 @@ class Effect(ABC):
     sizes: ClassVar[Mapping[str, tuple[float, ...]]] = {}
     shown_by: ClassVar[tuple[str, ...]] = ()
     told_from: ClassVar[Mapping[str, str]] = {}
+    needs: ClassVar[str] = ""
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)

@@ -24,14 +24,14 @@ FEATURES = {
     "observation.state": numbers(("a", "b")),
     "action": numbers(("x", "y", "z")),
     "next.done": flag(),
-    "label.peg": numbers(POSE),
-    "label.hole": numbers(POSE),
+    "label.tool": numbers(POSE),
+    "label.goal": numbers(POSE),
     "label.camera.eye": numbers(POSE),
     "observation.images.eye": picture(EYE),
     "observation.depth.eye": depth(EYE),
     "label.parts.eye": parts(EYE),
 }
-LAYOUT = Layout(FEATURES, (EYE,), ("arm", "peg"), 6.25, "Do it.", "nobody")
+LAYOUT = Layout(FEATURES, (EYE,), ("arm", "tool"), 6.25, "Do it.", "nobody")
 
 
 def write_dataset(folder: Path) -> Path:
@@ -53,8 +53,8 @@ def invented(plan: Plan, layout: Layout, shard: Shard) -> Iterator[Episode]:
         frame = {"observation.state": rng.standard_normal(2), "action": rng.uniform(-1, 1, 3)}
         frame |= {
             "next.done": step == shard.frames - 1,
-            "label.peg": pose,
-            "label.hole": pose,
+            "label.tool": pose,
+            "label.goal": pose,
             "label.camera.eye": pose,
         }
         frame["observation.images.eye"] = rng.integers(0, 256, (8, 12, 3), dtype=np.uint8)

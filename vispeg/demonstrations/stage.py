@@ -16,6 +16,7 @@ from itertools import count
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.core.rotation import quaternion
 from vispeg.core.seeds import stream
 from vispeg.datasets.episode import Episode, Recorder
 from vispeg.datasets.layout import Layout, colour_of, depth_of, truth_of
@@ -25,7 +26,6 @@ from vispeg.demonstrations.plan import scene_of, task_of
 from vispeg.demonstrations.sensing import ROWS as SENSOR_ROWS
 from vispeg.demonstrations.sensing import Clip, sense
 from vispeg.render.backends.backend import Renderer, Shot
-from vispeg.render.cameras.camera import quaternion
 from vispeg.render.cameras.camera_files import to_record
 from vispeg.render.cameras.rig import camera_velocity
 from vispeg.render.contrast import TRIES, redraw

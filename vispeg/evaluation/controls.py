@@ -2,8 +2,8 @@
 
 * `shuffled`: every episode sees the images of another one that runs beside it. A policy that looks must fail.
 * `frozen`: the first image for the whole episode. What is left is what one look is worth.
-* `hole_fixed`: the hole at its nominal place in every episode (a change of the world, see `AT_NOMINAL`). A policy that
-  succeeds only here has learnt a place, not to look.
+* `GOAL_fixed`, GOAL being the cell's name of the goal: the goal at its nominal place in every episode (a change of the
+  world). A policy that succeeds only here has learnt a place, not to look.
 
 The fourth, a blind policy, is one of its own: modality `proprio`.
 """
@@ -15,14 +15,24 @@ from typing import Any
 
 import numpy as np
 
+from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.evaluation.overlay import Change
 from vispeg.render.image_kinds import kind_of
+from vispeg.robots.scene import Scene
 
-FIXED = "hole_fixed"
-CONTROLS = ("shuffled", "frozen", FIXED)
 ON_IMAGES = ("shuffled", "frozen")
-AT_NOMINAL = (Change("hole_offset", {"x": 0.0, "y": 0.0, "z": 0.0}),)
+FIXED = "_fixed"  # ends the name of the control that keeps the goal where it is
+
+
+def controls_of(scene: Scene) -> tuple[str, ...]:
+    """The controls of policies in a cell; that of the goal's place where an effect moves it."""
+    return *ON_IMAGES, *([scene.goal + FIXED] if effect(scene.offset).targets(scene) else [])
+
+
+def at_nominal(scene: Scene) -> Change:
+    """What keeps the goal of a cell at its nominal place."""
+    return Change(scene.offset, {"x": 0.0, "y": 0.0, "z": 0.0})
 
 
 class Controlled:

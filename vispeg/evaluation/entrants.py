@@ -11,12 +11,12 @@ from typing import Any
 from vispeg.core.errors import UserError
 from vispeg.core.extras import require
 from vispeg.core.provenance import digest
-from vispeg.learn.meta import clearance_of, interface, worlds
+from vispeg.learn.meta import interface, tolerance_of, worlds
 from vispeg.learn.record import read_record
 from vispeg.learn.shipped import policy_folder
 from vispeg.task.world_file import built_in, parts
 
-EXPERT = "expert"  # the scripted policy of vispeg.task.peg.expert takes part under this name
+EXPERT = "expert"  # the scripted policy of a task takes part under this name
 TRAINING = "S"  # the frozen training world; what it is made of is held out from nobody
 
 
@@ -33,7 +33,7 @@ class Entrant:
         task: the part of the task that it was made for (stack, dof, cameras, ...).
         digest: SHA-256 of its folder.
         parts: what those worlds are put together from, see `vispeg.task.world_file.parts`.
-        clearance_mm: diametral clearance that it was made for; None where it does not say.
+        tolerance: that it was made for, see `vispeg.task.config.Tolerance`; None where it does not say.
     """
 
     name: str
@@ -44,7 +44,7 @@ class Entrant:
     task: Mapping[str, Any]
     digest: str
     parts: Mapping[str, str] = field(default_factory=dict)
-    clearance_mm: float | None = None
+    tolerance: float | None = None
 
     @property
     def scripted(self) -> bool:
@@ -81,7 +81,7 @@ def entrant(text: str) -> Entrant:
         interface(meta),
         digest(path),
         made_in["world_parts"],
-        clearance_of(meta),
+        tolerance_of(meta),
     )
 
 
@@ -151,7 +151,7 @@ def refuse_trained_on(
 def _stem(path: Path) -> str:
     """The folder's name; of a run's checkpoint (runs/TASK/TIME_sSEED/checkpoints/best) the task's.
 
-    Of one that was kept on the way (checkpoints/steps-8000), the task's and the steps: `peg-depth@8000`.
+    Of one that was kept on the way (checkpoints/steps-8000), the task's and the steps: `LABEL-depth@8000`.
     """
     place = path.resolve()
     if match := re.fullmatch(r"(?:steps|updates)-(\d+)", place.name):

@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from vispeg.core.seeds import stream
-from vispeg.evaluation.controls import AT_NOMINAL, FIXED
+from vispeg.evaluation.controls import ON_IMAGES, at_nominal
 from vispeg.evaluation.entrants import Entrant
 from vispeg.evaluation.overlay import Change, overlay
 from vispeg.render.image_kinds import MODES
+from vispeg.task.registry import scene_of
+from vispeg.task.world_file import load_world
 
 # of evaluation; training's are drawn below 2^31 at random: of two thousand episodes one meets one of 500 here in one
 # run of two thousand
@@ -115,12 +117,14 @@ def make_jobs(
     """
     jobs, seeing = [], {e.modality: has_eyes(e) for e in who}
     for s in settings:
-        changes = (*s.changes, *AT_NOMINAL) if s.control == FIXED else s.changes
+        changes = s.changes
+        if s.control and s.control not in ON_IMAGES:
+            changes = (*changes, at_nominal(scene_of(load_world(s.world).task)))
         label = "-".join(part for part in (s.name, s.configuration, s.control) if part)
         made = overlay(s.world, label, folder, changes, s.task)
         for e in who:
             sees = seeing[e.modality]
-            if s.control in ("shuffled", "frozen") and not sees:
+            if s.control in ON_IMAGES and not sees:
                 continue
             rows = IMAGE_ROWS if sees else STATE_ROWS
             job = Job(e, str(made.path), s.name, made.hash, tuple(seeds), s.control, s.configuration, s.pushes, profile)

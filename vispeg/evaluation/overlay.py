@@ -11,7 +11,10 @@ from typing import Any
 import yaml
 
 from vispeg.core.files import write_text_atomic
+from vispeg.task.registry import scene_of
 from vispeg.task.world_file import FORMAT, WorldFile, load_world
+
+HELD = "held"  # a place: the part that the gripper of the world's cell holds
 
 
 @dataclass(frozen=True)
@@ -21,7 +24,7 @@ class Change:
     Attributes:
         effect: its name.
         params: a number or a distribution a parameter, as in a world file.
-        where: the place, or "*": wherever the base world has the effect, else everywhere.
+        where: the place, or "*": wherever the base world has the effect, else everywhere; HELD: what the gripper holds.
     """
 
     effect: str
@@ -40,10 +43,10 @@ def overlay(
     world = load_world(base)
     if not changes and not task:
         return world
-    entries = []
+    entries, held = [], scene_of({**world.task, **(task or {})}).held
     for change in changes:
         places = [r.where for r in world.world.ranges if r.effect == change.effect]
-        for where in (places or ["all"]) if change.where == "*" else [change.where]:
+        for where in (places or ["all"]) if change.where == "*" else [held if change.where == HELD else change.where]:
             entries.append({"effect": change.effect, "where": where, "params": dict(change.params)})
     head = {"format": FORMAT, "name": name, "base": str(world.path.resolve())}
     data = {**head, "task": dict(task or {}), "effects": entries}

@@ -14,6 +14,7 @@ from vispeg.core.files import write_text_atomic
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.typed import typed
 from vispeg.learn.settings import SacSettings
+from vispeg.task.registry import FIRST, kind_of
 
 FORMAT = "vispeg-train/1"
 RECIPES = ("sac", "distill", "distill+sac")
@@ -25,14 +26,18 @@ class Stage:
     """One step of a curriculum.
 
     Attributes:
-        clearance_mm: diametral; None for the task's own.
+        settings: of the task in place of its own, such as its tolerance.
         radius: lateral range of starts, m; None for the task's own.
         level: how far draws may leave nominal, 0 to 1.
     """
 
-    clearance_mm: float | None = None
+    settings: Mapping[str, float] = field(default_factory=dict)
     radius: float | None = None
     level: float = 1.0
+
+    def plain(self) -> dict[str, object]:
+        """As the file has it: the settings by their names, beside `radius` and `level`."""
+        return {**self.settings, "radius": self.radius, "level": self.level}
 
 
 @dataclass(frozen=True)
@@ -40,7 +45,7 @@ class TrainConfig:
     """A run.
 
     Attributes:
-        task: `<label>-<modality>`, such as `peg-depth`: the label of the world's task, see vispeg.task.contract.
+        task: `<label>-<modality>`: the label of the world's task, see vispeg.task.contract.
         recipe: `sac`, `distill` or `distill+sac`.
         world: built-in name or path of a world file.
         steps: environment steps in all.
@@ -112,7 +117,7 @@ class TrainConfig:
         """Writes YAML."""
         data = {"format": FORMAT, **asdict(self)}
         data["settings"] = {k: list(v) if isinstance(v, tuple) else v for k, v in self.settings.items()}
-        data["stages"] = [asdict(stage) for stage in self.stages]
+        data["stages"] = [stage.plain() for stage in self.stages]
         data["sac"]["hidden"] = list(self.sac.hidden)
         write_text_atomic(path, yaml.safe_dump(data, sort_keys=False), overwrite=True)
 
@@ -121,8 +126,10 @@ CONFIG = Format(FORMAT, "a training run's configuration", keys=tuple(f.name for 
 
 
 def _example(folder: Path) -> Path:
-    stages = (Stage(clearance_mm=6.0), Stage())
-    TrainConfig("peg-state", stages=stages, settings={"start_height": (0.02, 0.04)}).write(folder / "config.yaml")
+    kind = kind_of({})
+    easier = {} if kind.tolerance is None else {kind.tolerance.setting: 6.0}
+    stages = (Stage(easier), Stage())
+    TrainConfig(f"{FIRST}-state", stages=stages, settings={"start_height": (0.02, 0.04)}).write(folder / "config.yaml")
     return folder / "config.yaml"
 
 
@@ -135,4 +142,15 @@ def read_config(path: Path) -> TrainConfig:
     """
     if not path.exists():
         raise UserError("not a training run's folder", file=path, expected="config.yaml in it")
-    return typed(TrainConfig, CONFIG.read(path), path)
+    data = dict(CONFIG.read(path))
+    if isinstance(data.get("stages"), list):
+        data["stages"] = [_stage(entry) for entry in data["stages"]]
+    return typed(TrainConfig, data, path)
+
+
+def _stage(entry: object) -> object:
+    """An entry of `stages` as `Stage` has it; what is no mapping is left to who checks it."""
+    if not isinstance(entry, Mapping):
+        return entry
+    settings = {key: value for key, value in entry.items() if key not in ("radius", "level") and value is not None}
+    return {"settings": settings, **{key: entry[key] for key in ("radius", "level") if key in entry}}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, TypedDict
 
-from vispeg.task.registry import config_of, task_of
+from vispeg.task.registry import config_of, kind_of, task_of
 from vispeg.task.terms import Observation
 from vispeg.task.world_file import built_in, parts
 
@@ -26,16 +26,17 @@ def observed(meta: Mapping[str, Any]) -> Observation:
     return Observation(task_of(config).terms, config)
 
 
-def clearance_of(meta: Mapping[str, Any]) -> float | None:
-    """Diametral clearance in mm that a policy was made for; None where its record does not say."""
-    stated = (meta.get("task") or {}).get("clearance_mm")
-    return float(stated) if isinstance(stated, (int, float)) else None
+def tolerance_of(meta: Mapping[str, Any]) -> float | None:
+    """The tolerance (`TaskConfig.tolerance`) that a policy was made for; None where its record does not say."""
+    return next(iter(made_for(meta).values()), None)
 
 
 def made_for(meta: Mapping[str, Any]) -> Mapping[str, float]:
     """Settings of the task that a policy was made for, where they may differ from those of its world."""
-    clearance = clearance_of(meta)
-    return {} if clearance is None else {"clearance_mm": clearance}
+    task = meta.get("task") or {}
+    tolerance = kind_of(task).tolerance if task else None
+    stated = None if tolerance is None else task.get(tolerance.setting)
+    return {} if tolerance is None or not isinstance(stated, (int, float)) else {tolerance.setting: float(stated)}
 
 
 class Origin(TypedDict, total=False):

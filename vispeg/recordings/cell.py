@@ -17,10 +17,10 @@ class CellBelief:
     """What stands in the cell as the user believes it, in the words of a world file; `vispeg.task.belief` builds it.
 
     Attributes:
-        world: a built-in world's name, the absolute path of a world file, or `peg-cell`; "" for the default cell.
-        task: what differs from it, keys of a world file's `task`: `fixture`, `clearance_mm`, `diameter`, `friction`, ..
+        world: a built-in world's name, the absolute path of a world file, or OPEN_CELL; "" for the default cell.
+        task: what differs from it, keys of a world file's `task`, such as `fixture` and `friction`.
         robot: arm, flange and gripper, as a world file's `robot`; None where the world says it.
-        effects: what else is believed, as in a model file: each `effect`, `where`, `params` (`hole_tilt`, `grip_pose`).
+        effects: what else is believed, as in a model file: each `effect`, `where`, `params`.
     """
 
     world: str = ""

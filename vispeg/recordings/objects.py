@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 import yaml
@@ -12,15 +12,16 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
-from vispeg.formats.format import enrol
+from vispeg.formats.format import Format, enrol
 from vispeg.formats.typed import typed
-from vispeg.formats.yaml_data import read_yaml
 from vispeg.recordings.columns import POSE
 from vispeg.recordings.tables.read import read_table
 from vispeg.recordings.tables.table import Table
 from vispeg.recordings.validate import check_episodes, check_finite, check_time, check_unit
 
 FORMAT = "vispeg-object-recording/1"
+KEYS = ("object", "rate_hz", "noise", "motion", "notes")
+OBJECT = Format(FORMAT, "a recording of an object", KEYS, needed=KEYS[:2])
 RATES = ("vx", "vy", "vz", "wx", "wy", "wz")
 POSE_COLUMNS = [f"object.{tail}" for tail in POSE]
 RATE_COLUMNS = [f"object.{tail}" for tail in RATES]
@@ -39,7 +40,6 @@ class Header(BaseModel):
     """recording.yaml of an object."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
-    format: Literal["vispeg-object-recording/1"]
     object: Annotated[str, Field(min_length=1)]
     rate_hz: Positive
     noise: Noise = Noise()
@@ -96,15 +96,6 @@ def _example(folder: Path) -> Path:
     return write_object(made, folder / "toss")
 
 
-def is_object_recording(folder: Path | str) -> bool:
-    """Whether a folder's recording.yaml says that it is an object's; False where it cannot be read."""
-    try:
-        data = read_yaml(Path(folder) / "recording.yaml")
-    except UserError:
-        return False
-    return isinstance(data, dict) and data.get("format") == FORMAT
-
-
 @enrol(FORMAT, _example)
 def load_object_recording(path: Path | str) -> ObjectRecording:
     """The recording in a folder with recording.yaml and samples.csv or samples.parquet.
@@ -118,11 +109,7 @@ def load_object_recording(path: Path | str) -> ObjectRecording:
     header_file = folder / "recording.yaml"
     if not header_file.is_file():
         raise UserError("holds no recording.yaml", file=folder)
-    data = read_yaml(header_file)
-    if not isinstance(data, dict) or data.get("format") != FORMAT:
-        got = data.get("format") if isinstance(data, dict) else data
-        raise UserError("is not a recording of an object", file=header_file, key="format", expected=FORMAT, got=got)
-    header = typed(Header, data, header_file)
+    header = typed(Header, OBJECT.read(header_file), header_file)
     tables = [folder / name for name in ("samples.csv", "samples.parquet") if (folder / name).is_file()]
     if len(tables) != 1:
         raise UserError("needs one table", file=folder, expected="samples.csv or samples.parquet", got=len(tables))

@@ -1,4 +1,4 @@
-"""What a tool does at an instant: in free air, pressing, sliding, in the hole, or hitting."""
+"""What a tool does at an instant: in free air, pressing, sliding, inserted, or hitting."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-REGIMES = ("free", "press", "slide", "hole", "impact")
-FREE, PRESS, SLIDE, HOLE, IMPACT = range(len(REGIMES))
+REGIMES = ("free", "press", "slide", "hole", "impact")  # as JSON files have them
+FREE, PRESS, SLIDE, INSIDE, IMPACT = range(len(REGIMES))
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class Thresholds:
     Attributes:
         touch: contact force from which the tool touches, N; it does until the force is under half of that.
         slide: speed of the tip along the surface from which it slides, m/s.
-        inside: depth of the tip below the hole's mouth from which it is in the hole, m.
+        inside: depth of the tip in the goal from which it counts as inserted, m.
         hit: speed of the tip against what it meets from which the first touch is an impact, m/s.
         impact: for how long after the first touch, s.
     """
@@ -52,8 +52,7 @@ def regimes(
         force: (n,) N, length of the contact force.
         speed: (n,) m/s, of the tip along the surface that it touches.
         approach: (n,) m/s, of the tip in all.
-        inside: (n,) m, depth of the tip below the hole's mouth where it is over the hole, else negative; None where
-            there is no hole.
+        inside: (n,) m, depth of the tip in the goal where it is over it, else negative; None where there is no goal.
         thresholds: where one regime ends and another begins.
 
     Returns:
@@ -63,7 +62,7 @@ def regimes(
     touch = touching(force, th.touch)
     out = np.where(touch, np.where(speed > th.slide, SLIDE, PRESS), FREE)
     if inside is not None:
-        out[touch & (inside > th.inside)] = HOLE
+        out[touch & (inside > th.inside)] = INSIDE
     before = np.concatenate([[False], touch[:-1]])
     for first in np.flatnonzero(touch & ~before):
         start = max(0, int(np.searchsorted(time, time[first] - th.impact)))

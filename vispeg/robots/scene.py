@@ -38,6 +38,7 @@ class Scene(RobotModel):
         target: nominal place of the goal, base frame, m.
         goal, tip_site: names of the sites that the task brings together, z of both along the way in.
         held, fixture: bodies of what the gripper holds and of what the goal is part of.
+        offset, tilt: effects that move the goal and turn it: where the fixture really stands.
         slip: slide joint of the held part in the gripper; "" where it cannot slip.
     """
 
@@ -52,6 +53,8 @@ class Scene(RobotModel):
     tip_site: str = "peg_tip"
     held: str = "peg"
     fixture: str = "fixture"
+    offset: str = "hole_offset"
+    tilt: str = "hole_tilt"
     slip: str = "peg_slip"
 
 

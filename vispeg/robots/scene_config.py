@@ -9,6 +9,8 @@ from vispeg.core.errors import UserError
 from vispeg.robots import hole, tools
 from vispeg.robots.declare import RobotConfig
 
+OTHERS = ("robot", "mesh_scale", "mesh_concavity", "peg_density")  # settings that are no numbers of the built-in shapes
+
 
 @dataclass(frozen=True, kw_only=True)
 class PegGeometry:
@@ -99,6 +101,11 @@ class SceneConfig(PegGeometry):
                 expected=f"{near:g} to {far:g} m from the base's axis, {below:g} to 0.4 m high",
                 got=self.fixture,
             )
+
+    @property
+    def gap(self) -> float:
+        """The clearance, m."""
+        return 1e-3 * self.clearance_mm
 
     @property
     def apothem(self) -> float:

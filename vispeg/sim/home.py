@@ -15,7 +15,7 @@ from vispeg.sim.reach import reach
 
 TRIES, ITERATIONS, EXACT = 200, 60, 1e-6  # starts, steps from each; m and rad together
 TURN = np.pi  # rad: a joint of more than one turn either way is looked at within one
-CLEAR = 0.10  # m: joints are at least so high over the table's top, z = 0
+CLEAR = 0.10  # m: joints that a posture moves are at least so high over the table's top, z = 0
 ENOUGH, ROOM = 0.15, 0.2  # smallest singular value, share of a half range: more of either is no better
 ASIDE = 0.05  # m
 ROUND = 1e-3  # rad
@@ -52,9 +52,9 @@ def _solved(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) 
 
 def bounds(robot: RobotModel) -> tuple[np.ndarray, np.ndarray]:
     """Least and greatest angle (nj,) rad of each joint, one turn where its file states none or more."""
-    low, high = robot.range.T
-    mid = np.where(np.isfinite(low), 0.5 * (low + high), 0.0)
-    half = np.minimum(np.where(np.isfinite(low), 0.5 * (high - low), TURN), TURN)
+    limited = np.isfinite(robot.range).all(axis=1, keepdims=True)
+    low, high = np.where(limited, robot.range, (-TURN, TURN)).T
+    mid, half = 0.5 * (low + high), np.minimum(0.5 * (high - low), TURN)
     return mid - half, mid + half
 
 
@@ -70,7 +70,9 @@ def _worth(robot: RobotModel, q: np.ndarray, jac: np.ndarray, pos: np.ndarray) -
     free = np.minimum(singular(jac), ENOUGH) * np.clip(margin.min(axis=1), 0.0, ROOM)
     links = _links(robot, q)
     aside = np.abs(links[:, :, 0] * pos[1] - links[:, :, 1] * pos[0]).mean(axis=1) / np.hypot(*pos[:2])
-    height = np.where(links[:, :, 2].min(axis=1) > CLEAR, links[:, :, 2].mean(axis=1), 0.0)
+    height = links[:, :, 2]
+    sunk = (height < CLEAR) & (np.ptp(height, axis=0) > 1e-9)  # where the first joint stands, no posture changes
+    height = np.where(sunk.any(axis=1), 0.0, height.mean(axis=1))
     return free * height * np.exp(-aside / ASIDE)
 
 

@@ -16,9 +16,28 @@ DOF = ("x", "y", "z", "rx", "ry", "rz")
 Weights = tuple[tuple[str, float], ...]
 
 
+@dataclass(frozen=True)
+class Tolerance:
+    """The setting that says how much room the goal leaves: a curriculum begins with more, a policy is made for one.
+
+    Attributes:
+        setting: field of the task's settings; more of it is easier.
+        name: what people call it.
+        unit: of the setting.
+    """
+
+    setting: str
+    name: str
+    unit: str = "mm"
+
+
 @dataclass(frozen=True, kw_only=True)
 class TaskConfig:
     """SI units unless the name says otherwise. A task adds fields of its own in a subclass.
+
+    Class attributes:
+        rewards: the task's reward terms.
+        tolerance: the setting that makes the task easier or harder; None where there is none.
 
     Attributes:
         name: of the task, see vispeg.task.registry.
@@ -45,6 +64,7 @@ class TaskConfig:
     """
 
     rewards: ClassVar[Rewards]
+    tolerance: ClassVar[Tolerance | None] = None
 
     name: str = ""
     robot: RobotConfig = RobotConfig()

@@ -16,6 +16,7 @@ import numpy as np
 from vispeg.robots.scene import Scene
 from vispeg.task.config import TaskConfig
 from vispeg.task.environments.track import Track
+from vispeg.task.rig.motions import PATHS, Motions
 from vispeg.task.terms import Term
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ class Task(ABC):
         categories: how an episode may end; `success`, `force limit` and `diverged` are among them, and those of the
             arm's guards (vispeg.task.guards).
         hard_positions: a `vispeg-positions/1` file of places that are tried one by one, or None.
+        motions: name -> commanded path of the motions that `vispeg record` makes in its cell.
     """
 
     label: ClassVar[str]
@@ -58,6 +60,7 @@ class Task(ABC):
     terms: ClassVar[tuple[Term, ...]]
     categories: ClassVar[tuple[str, ...]]
     hard_positions: ClassVar[Path | None] = None
+    motions: ClassVar[Motions] = PATHS
 
     # Cell -----------------------------------------------------------------------------------------------------
     @abstractmethod

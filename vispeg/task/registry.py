@@ -17,12 +17,14 @@ from pathlib import Path
 from typing import Any
 
 from vispeg.core.errors import UserError
+from vispeg.robots.scene import Scene
+from vispeg.task import ROOMS
 from vispeg.task.config import TaskConfig
 from vispeg.task.contract import Task
 
 GROUP = "vispeg.tasks"
-FIRST = "peg"  # the task of a world that names none
-OURS = {FIRST: "vispeg.task.peg.task:PegTask"}
+OURS: dict[str, str] = {name: room.TASK for name, room in ROOMS.items()}
+(FIRST,) = (name for name, room in ROOMS.items() if room.UNNAMED)  # the task of a world that names none
 
 
 @cache
@@ -72,6 +74,22 @@ def config_of(settings: Mapping[str, Any], file: str | None = None) -> TaskConfi
         UserError: no such task, an unknown key, a wrong type or value.
     """
     return kind_of(settings, file).of({"name": FIRST, **settings}, file)
+
+
+def with_tolerance(settings: Mapping[str, Any], value: float | None) -> Mapping[str, float]:
+    """The setting that gives a world's task another tolerance; none for None. Raises UserError: it has no tolerance."""
+    if value is None:
+        return {}
+    tolerance = kind_of(settings).tolerance
+    if tolerance is None:
+        raise UserError("this task has none to set", key="tolerance", expected="a world of another task", got=value)
+    return {tolerance.setting: value}
+
+
+def scene_of(settings: Mapping[str, Any]) -> Scene:
+    """The cell that the settings of a world's task ask for. Raises UserError as `config_of`."""
+    config = config_of(settings)
+    return task_of(config).cell(config)
 
 
 def digest_of(name: str) -> str | None:

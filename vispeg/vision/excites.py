@@ -28,7 +28,7 @@ NUMBERS: dict[str, dict[str, tuple[float, float, str, float]]] = {
     },
 }
 DELAY = ("camera_delay", "delay", 2e-3, "ms", 1e3)  # effect, parameter, what counts as told, unit, factor
-FIXTURE, FIXTURE_PRIOR = "hole_offset", 5e-3  # m: where the fixture stands is known no better
+FIXTURE_PRIOR = 5e-3  # m: where the fixture stands is known no better
 ROBOT_M, ROBOT_RAD = 1e-4, 3.5e-4  # m, rad: how well an arm comes back to a pose
 BORDER = 1.5  # px, of a border by itself: 0.3 px, of which twenty neighbours share the same error
 PRIOR = {"%": 0.2, "px": 30.0, "1": 0.2, "mm": 0.1, "deg": 0.2, "ms": 0.5}  # far beyond anything: keeps inverses finite
@@ -63,7 +63,7 @@ def excited(geometry: Geometry, camera: str, views: Sequence[View]) -> list[Prec
         views: with borders as predicted in the nominal world.
     """
     names = [(effect, p, *spec) for effect, many in NUMBERS.items() for p, spec in many.items()]
-    shifts = [(FIXTURE, axis) for axis in "xyz"]
+    shifts = [(geometry.scene.offset, axis) for axis in "xyz"]
     size = len(names) + 1 + len(shifts)
     information = np.zeros((size, size))
     fixture = geometry.scene.fixture

@@ -9,8 +9,9 @@ import numpy as np
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.lens import distort, undistort
+from vispeg.core.rotation import quaternion
 from vispeg.recordings.frames.camera import RecordedCamera
-from vispeg.render.cameras.camera import PINHOLE, Camera, quaternion
+from vispeg.render.cameras.camera import PINHOLE, Camera
 from vispeg.worlds.places import acts_on
 from vispeg.worlds.world import World
 
@@ -92,7 +93,7 @@ def camera_of(recorded: RecordedCamera) -> Camera:
         recorded.distortion,
         recorded.mount,
         tuple(recorded.pose[:3, 3].tolist()),
-        quaternion(_orthonormal(recorded.pose[:3, :3])),
+        tuple(quaternion(_orthonormal(recorded.pose[:3, :3])).tolist()),
     )
 
 

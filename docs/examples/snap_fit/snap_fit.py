@@ -17,7 +17,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.robots.declare import RobotConfig
 from vispeg.robots.scene import CAMERAS, Scene, SceneConfig, build
-from vispeg.task.config import DOF, TaskConfig
+from vispeg.task.config import DOF, TaskConfig, Tolerance
 from vispeg.task.contract import Task
 from vispeg.task.environments.simulation import TaskSimulation
 from vispeg.task.environments.track import Track
@@ -56,6 +56,7 @@ class SnapConfig(TaskConfig):
     """
 
     rewards: ClassVar[Rewards] = REWARDS
+    tolerance: ClassVar[Tolerance | None] = Tolerance("clearance_mm", "clearance")
     clearance_mm: float = 1.0
     spring: float = 3000.0
     fixture: tuple[float, float, float] = SceneConfig.fixture

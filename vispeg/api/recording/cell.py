@@ -22,13 +22,19 @@ from vispeg.render.backends.backend import BackendName
 from vispeg.render.cameras.camera import Camera
 from vispeg.robots.model import load
 from vispeg.task.belief import believed
-from vispeg.task.peg.rig import table
-from vispeg.task.peg.rig.expert import EXPERT, record_expert
-from vispeg.task.peg.rig.motions import PATHS, CellMotion, motion
-from vispeg.task.peg.rig.record import record_cell
+from vispeg.task.registry import FIRST, task, task_of
+from vispeg.task.rig import table
+from vispeg.task.rig.expert import EXPERT, record_expert
+from vispeg.task.rig.motions import CellMotion, motion
+from vispeg.task.rig.record import record_cell
 from vispeg.worlds.world import World
 
-MOTIONS = (*PATHS, EXPERT)
+
+def motions_of(world: World | None = None) -> tuple[str, ...]:
+    """Names of the motions of a world's cell, those of the package's own task without a cell, and of its expert."""
+    cell = None if world is None else world.cell
+    offered = task(FIRST) if cell is None else task_of(believed(cell).config)
+    return *offered.motions, EXPERT
 
 
 def cell_motion(
@@ -49,9 +55,10 @@ def cell_motion(
     if Path(name).suffix:
         return table.read(Path(name), rate_hz, force_limit)
     belief = believed(world.cell)
-    if name not in PATHS:
-        raise UserError("not a motion of a cell", key="--motion", got=name, choices=MOTIONS)
-    made = motion(name, belief.scene, belief.config, rate_hz, stream(seed, "record", name))
+    paths = task_of(belief.config).motions
+    if name not in paths:
+        raise UserError("not a motion of a cell", key="--motion", got=name, choices=(*paths, EXPERT))
+    made = motion(name, belief.scene, belief.config, rate_hz, stream(seed, "record", name), paths)
     return made if force_limit is None else CellMotion(made.name, made.time, made.ee_cmd, force_limit)
 
 
@@ -97,9 +104,9 @@ def record_in_cell(
     return replace(rec, frames=taken(world, scene_of(world, cameras), cameras, rec, truth[0], fps, rng, **drawing))
 
 
-def names(space: str | None = None) -> list[str]:
-    """Names of motions that are commanded paths: all, or those in one space (`joint`, `contact`)."""
-    spaces = {"joint": [*JOINT], "contact": [*PATHS]}
+def names(space: str | None = None, model: str | None = None) -> list[str]:
+    """Names of motions that are commanded paths: all, or those in one space (`joint`, `contact`), of a model's cell."""
+    spaces = {"joint": [*JOINT], "contact": [*motions_of(None if model is None else read_model(model))[:-1]]}
     return [name for key, some in spaces.items() if space in (None, key) for name in some]
 
 
@@ -110,7 +117,7 @@ def commands(model: str, name: str, *, rate_hz: float, seed: int, duration: floa
         UserError: no such motion or model, or one that the arm cannot make.
     """
     world = read_model(model)
-    if name in PATHS and (world.cell is not None or name not in JOINT):
+    if name in motions_of(world) and (world.cell is not None or name not in JOINT):
         made = cell_motion(world, name, rate_hz=rate_hz, seed=seed)
         return table.text(made), float(made.time[-1])
     robot = load(world.robot, tool=world.tool)

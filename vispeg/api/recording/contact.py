@@ -41,7 +41,7 @@ def check_contact(rec: Recording) -> tuple[ContactCheck, Touch] | None:
     episode = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
     tilt = np.arccos(np.clip(axis @ axis[0], -1.0, 1.0))
     yaw = np.unwrap(np.arctan2(side[:, 1], side[:, 0]))
-    hole = isinstance(robot, Scene)
+    goal = isinstance(robot, Scene)
     return examine(
-        Touched(rec.time, episode, contact.regime, contact.force, contact.velocity, tilt, yaw, hole)
+        Touched(rec.time, episode, contact.regime, contact.force, contact.velocity, tilt, yaw, goal)
     ), contact

@@ -15,7 +15,7 @@ from vispeg.core.seeds import stream
 from vispeg.formats.guard import is_file
 from vispeg.identify.motions.look_motion import LOOKS, look_motion
 from vispeg.identify.record import centre_of, controller, record
-from vispeg.recordings.cell import CellBelief
+from vispeg.recordings.cell import OPEN_CELL, CellBelief
 from vispeg.recordings.frames.frames import Frames
 from vispeg.recordings.noise import NOISE
 from vispeg.recordings.recording import Recording
@@ -38,7 +38,7 @@ MOST = 5000  # frames
 def scene_of(world: World, cameras: Sequence[Camera] = ()) -> Scene:
     """The cell of a model, with these cameras for effects to act on. Raises UserError for an arm without a cell."""
     if world.cell is None:
-        expected = "peg-cell, a world's name or file, or a model file with `cell:`"
+        expected = f"{OPEN_CELL}, a world's name or file, or a model file with `cell:`"
         raise UserError("pictures need a cell", key="model", expected=expected, got=world.robot)
     scene = believed(world.cell).scene
     return replace(scene, cameras=tuple(c.name for c in cameras)) if cameras else scene

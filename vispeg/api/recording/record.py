@@ -12,8 +12,7 @@ import numpy as np
 
 from vispeg.api.inputs import Model, read_model
 from vispeg.api.recording.asked import Asked
-from vispeg.api.recording.cell import MOTIONS as OF_CELLS
-from vispeg.api.recording.cell import record_in_cell
+from vispeg.api.recording.cell import motions_of, record_in_cell
 from vispeg.api.recording.look import cameras_of, look_of, record_look, scene_of
 from vispeg.api.recording.simulated import SimulatedRecording
 from vispeg.core.effect import EffectInstance
@@ -118,9 +117,10 @@ def record(
     if repeat < 1:
         raise UserError("nothing to record", key="--repeat", expected="1 or more", got=repeat)
     world = model if isinstance(model, World) else read_model(str(model))
-    if asked.motion.startswith("look") and not asked.is_file and asked.motion not in OF_CELLS:
+    of_cells = motions_of(world)
+    if asked.motion.startswith("look") and not asked.is_file and asked.motion not in of_cells:
         made = _of_cameras(asked, world, watch)
-    elif world.cell is not None and (asked.motion in OF_CELLS or not _of_joints(asked)):
+    elif world.cell is not None and (asked.motion in of_cells or not _of_joints(asked)):
         made = _of_contact(asked, world, watch)
     else:
         made = _of_arm(asked, world)

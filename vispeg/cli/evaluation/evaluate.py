@@ -6,7 +6,7 @@ Writes OUT/evaluate.json, OUT/evaluate.html, OUT/episodes.jsonl and videos of fa
 goes on when the command is given again.
 
 Example:
-    vispeg evaluate runs/peg-state/20261121-0900_s0/checkpoints/best --world randomized --episodes 500
+    vispeg evaluate runs/{task}-state/20261121-0900_s0/checkpoints/best --world randomized --episodes 500
     vispeg evaluate depth=runs/d/best rgb=runs/r/best --world S --controls shuffled frozen --workers 2 --out compared
 """
 
@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 import tyro
 
-from vispeg.cli.evaluation.trials import Played, Trials, at_clearance
+from vispeg.cli.evaluation.trials import Played, Trials
+from vispeg.cli.tolerance import Room, at_tolerance
 from vispeg.core.interrupt import goes_on
 
 if TYPE_CHECKING:
@@ -40,9 +41,9 @@ class Args:
     episodes: int = 100
     """Episodes of every policy."""
     controls: tuple[str, ...] = ()
-    """Controls: the same policies with images that are shuffled or frozen, or with a hole that never moves."""
-    clearance: float | None = None
-    """Diametral clearance in mm in place of the world's."""
+    """Controls: the same policies with images shuffled or frozen, or with a goal that never moves (GOAL_fixed)."""
+    tolerance: Room = None
+    """How much wider the goal is than what goes into it, mm, in place of the world's."""
     videos: int = 4
     """Failures of each policy that are filmed; 0 for none."""
     rerun: Path | None = None
@@ -60,7 +61,7 @@ class Args:
         if self.rerun is not None:
             check_target(self.rerun, self.trials.overwrite)
         who, world = entrants(self.policies), load_world(self.world)
-        task = at_clearance(who, world, self.clearance)
+        task = at_tolerance(who, world, self.tolerance)
         out = self.out or Path("evaluated") / f"{'+'.join(dict.fromkeys(e.name for e in who))}-{world.name}"
         result = evaluate(
             self.policies,

@@ -37,8 +37,8 @@ class Args:
     """Built-in worlds' names or world files; the first is the training world."""
     episodes: int = 100
     """Episodes of every policy in every world."""
-    controls: tuple[str, ...] = ("shuffled", "frozen", "hole_fixed")
-    """Controls: shuffled, frozen, hole_fixed."""
+    controls: tuple[str, ...] | None = None
+    """shuffled, frozen, and GOAL_fixed with the cell's name of the goal; all of them where not given."""
     control_worlds: tuple[str, ...] | None = None
     """Those of --worlds in which the controls are played; where not given, the first and the last."""
     records: tuple[Path, ...] = ()

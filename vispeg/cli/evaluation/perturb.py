@@ -1,10 +1,10 @@
-"""Tests policies at the hard positions of the hole, with and without pushes of 20 to 60 N for 0.2 s.
+"""Tests policies at the hard positions of the goal, with and without pushes of 20 to 60 N for 0.2 s.
 
 Writes OUT/perturb.json and OUT/perturb.html: success with its interval at each position, and what the pushes cost.
 
 Example:
-    vispeg perturb runs/peg-state/best --world randomized --episodes 40 --out pushed
-    vispeg perturb runs/peg-depth/best --positions my-positions.yaml --force 20 40 --out pushed
+    vispeg perturb runs/{task}-state/best --world randomized --episodes 40 --out pushed
+    vispeg perturb runs/{task}-depth/best --positions my-positions.yaml --force 20 40 --out pushed
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from pathlib import Path
 
 import tyro
 
-from vispeg.cli.evaluation.trials import Played, Trials, at_clearance
+from vispeg.cli.evaluation.trials import Played, Trials
+from vispeg.cli.tolerance import Room, at_tolerance
 from vispeg.core.interrupt import goes_on
 
 
@@ -36,8 +37,8 @@ class Args:
     """s, of a push."""
     positions: Path | None = None
     """A list of your own, `format: vispeg-positions/1`."""
-    clearance: float | None = None
-    """Diametral clearance in mm in place of the world's."""
+    tolerance: Room = None
+    """How much wider the goal is than what goes into it, mm, in place of the world's."""
     trials: Played = Trials()
 
     @goes_on()
@@ -54,7 +55,7 @@ class Args:
             force=self.force,
             duration=self.duration,
             positions=self.positions,
-            task=at_clearance(entrants(self.policies), load_world(self.world), self.clearance),
+            task=at_tolerance(entrants(self.policies), load_world(self.world), self.tolerance),
             **self.trials.options(self.out),
         )
         self.trials.give(result, self.out / result.page)

@@ -6,8 +6,8 @@ the last but one to the last on the same seeds. A mean loss from training world 
 95 % confidence is an alarm too. Both exit with 1 on an alarm, `compare` also on a regression, so that CI can use them.
 
 Example:
-    vispeg suite run runs/peg-depth/best --train S --target VNP --version 3 --out suite/v3
-    vispeg suite run runs/peg-depth/best --train S --measured robot.csv --version 3 --out suite/v3
+    vispeg suite run runs/{task}-depth/best --train S --target VNP --version 3 --out suite/v3
+    vispeg suite run runs/{task}-depth/best --train S --measured robot.csv --version 3 --out suite/v3
     vispeg suite compare suite/v1 suite/v2 suite/v3 --out suite/compared
 """
 

@@ -1,9 +1,8 @@
-"""What commands that play episodes share: which ones, in how many processes, at which clearance, and the result."""
+"""What commands that play episodes share: which ones, in how many processes, and the result."""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Protocol, TypedDict
@@ -14,9 +13,7 @@ from vispeg.cli.output import Output, OutputOptions
 
 if TYPE_CHECKING:
     from vispeg.api.playing import Playing
-    from vispeg.evaluation.entrants import Entrant
     from vispeg.report.text.summary import Block
-    from vispeg.task.world_file import WorldFile
 
 
 class Options(TypedDict):
@@ -71,21 +68,3 @@ class Trials:
 
 
 Played = Annotated[Trials, tyro.conf.arg(name="")]
-
-
-def at_clearance(who: Iterable[Entrant], world: WorldFile, clearance: float | None) -> Mapping[str, float]:
-    """The task of `world` that `--clearance` changes; says which policies were made for another clearance than that.
-
-    Args:
-        who: entrants.
-        world: what they are judged in.
-        clearance: diametral, mm, in place of the world's; None for the world's own.
-    """
-    from vispeg.task.registry import config_of
-
-    task = {} if clearance is None else {"clearance_mm": clearance}
-    here = getattr(config_of({**world.task, **task}), "clearance_mm", None)
-    for e in who:
-        if e.clearance_mm not in (None, here):
-            print(f"{e.name} was made for {e.clearance_mm:g} mm, here it is {here:g} mm (--clearance)", file=sys.stderr)
-    return task

@@ -2,7 +2,7 @@
 
 Example:
     vispeg combine depth-S state-0.5mm --within-mm 6 --out depth-then-contact
-    vispeg evaluate depth-then-contact --world S --clearance 0.5
+    vispeg evaluate depth-then-contact --world S {tolerance} 0.5
 """
 
 from __future__ import annotations

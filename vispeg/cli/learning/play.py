@@ -1,7 +1,7 @@
-"""Plays a policy and writes a video of each episode: the cell, the policy's own view, and where it thinks the peg is.
+"""Plays a policy and writes a video of each episode: the cell, the policy's own view, and its estimate of the goal.
 
 Example:
-    vispeg play runs/peg-depth/20261121-0900_s0/checkpoints/best --episodes 3 --out films
+    vispeg play runs/{task}-depth/20261121-0900_s0/checkpoints/best --episodes 3 --out films
     vispeg play state-3mm --world P --seed 7 --rerun seed-7.rrd --out films
 """
 
@@ -13,6 +13,7 @@ from pathlib import Path
 import tyro
 
 from vispeg.cli.output import Output, OutputOptions
+from vispeg.cli.tolerance import Room
 
 
 @dataclass(frozen=True)
@@ -25,8 +26,9 @@ class Args:
     """Folder of the videos; films/POLICY-WORLD where not given."""
     world: str | None = None
     """A built-in world or a world file; the one that the policy was trained in where not given."""
-    clearance: float | None = None
-    """Diametral clearance in mm; where not given the world's, or the policy's own in the world it was trained in."""
+    tolerance: Room = None
+    """How much wider the goal is than what goes into it, mm; where not given the world's, or the policy's own in
+    the world it was trained in."""
     episodes: int = 3
     """How many episodes."""
     seed: int = 0
@@ -44,7 +46,7 @@ class Args:
         result = play(
             self.policy,
             world=self.world,
-            clearance=self.clearance,
+            tolerance=self.tolerance,
             episodes=self.episodes,
             seed=self.seed,
             out=self.out,

@@ -1,17 +1,18 @@
 """Trains a policy for the task of a world.
 
-TASK is the task and what the policy sees: peg-state, peg-proprio, peg-depth, peg-rgb or peg-rgbd, or LABEL-MODALITY of
-a task of your own. The run's folder holds config.yaml, progress.csv, tensorboard/ and checkpoints/best, and after
-reinforcement learning checkpoints/last. Each checkpoint is a policy: `vispeg play` and `vispeg evaluate` take it.
+TASK is the task and what the policy sees: {task}-state, {task}-proprio, {task}-depth, {task}-rgb or {task}-rgbd, or
+LABEL-MODALITY of a task of your own. The run's folder holds config.yaml, progress.csv, tensorboard/ and
+checkpoints/best, and after reinforcement learning checkpoints/last. Each checkpoint is a policy: `vispeg play` and
+`vispeg evaluate` take it.
 
 Example:
-    vispeg train peg-state --world nominal --seed 0
-    vispeg train peg-state --clearance 0.5 --curriculum 3 1 --target 0.98
-    vispeg train peg-state --world randomized --ranges adaptive
-    vispeg train peg-state --world P --dof x y z rx ry --stack 4
-    vispeg train peg-depth --recipe distill+sac --teacher runs/peg-state/best
-    vispeg train peg-depth --recipe distill --dataset demos
-    vispeg train --resume runs/peg-state/20261121-0900_s0 --steps 200000
+    vispeg train {task}-state --world nominal --seed 0
+    vispeg train {task}-state {tolerance} 0.5 --curriculum 3 1 --target 0.98
+    vispeg train {task}-state --world randomized --ranges adaptive
+    vispeg train {task}-state --world P --dof x y z rx ry --stack 4
+    vispeg train {task}-depth --recipe distill+sac --teacher runs/{task}-state/best
+    vispeg train {task}-depth --recipe distill --dataset demos
+    vispeg train --resume runs/{task}-state/20261121-0900_s0 --steps 200000
 """
 
 from __future__ import annotations
@@ -23,7 +24,9 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
+from vispeg.cli.options import options
 from vispeg.cli.output import Output, OutputOptions
+from vispeg.cli.tolerance import Room
 from vispeg.core.interrupt import goes_on
 
 if TYPE_CHECKING:
@@ -35,17 +38,18 @@ class Args:
     """Arguments of `vispeg train`."""
 
     task: tyro.conf.Positional[str | None] = None
-    """Task and modality, such as peg-depth (peg-state, -proprio, -depth, -rgb, -rgbd); not needed with --resume."""
+    """LABEL-MODALITY: the world's task and what the policy sees, of state, proprio, depth, rgb, rgbd; not needed with
+    --resume."""
     recipe: Literal["sac", "distill", "distill+sac"] = "sac"
     """Reinforcement learning, imitation of a teacher that knows the state, or imitation before reinforcement."""
     world: str = "nominal"
     """A built-in world's name or a world file."""
-    clearance: float | None = None
-    """Diametral clearance in mm; the world's where not given."""
+    tolerance: Room = None
+    """How much wider the goal is than what goes into it, mm; the world's where not given."""
     curriculum: tuple[float, ...] = ()
-    """Wider clearances (mm) to begin with, widest first; the run moves on when an evaluation reaches 80 %."""
+    """Wider tolerances (mm) to begin with, widest first; the run moves on when an evaluation reaches 80 %."""
     start_radius: tuple[float, ...] = ()
-    """Lateral ranges of starts (m) to begin with, nearest first, each beside a clearance of --curriculum."""
+    """Lateral ranges of starts (m) to begin with, nearest first, each beside a tolerance of --curriculum."""
     stack: int | None = None
     """Observations and actions that the policy sees, the present one included; the world's where not given (2)."""
     dof: tuple[str, ...] = ()
@@ -110,8 +114,11 @@ class Args:
 
     def _train(self) -> int:
         from vispeg.api.train import new_run, train
+        from vispeg.task.registry import with_tolerance
+        from vispeg.task.world_file import load_world
 
-        settings = {"clearance_mm": self.clearance, "stack": self.stack, "dof": self.dof or None, "reward": self.reward}
+        settings = {"stack": self.stack, "dof": self.dof or None, "reward": self.reward}
+        settings |= with_tolerance(load_world(self.world).task if self.tolerance is not None else {}, self.tolerance)
         task = self.task or ""
         out = self.out or new_run(task, self.seed)
         with self._goes_on(out):
@@ -151,7 +158,8 @@ class Args:
         others = [f for f in fields(self) if f.name not in ("resume", "steps", "films", "output")]
         changed = [f.name for f in others if getattr(self, f.name) != f.default]
         if changed:
-            got = " ".join("TASK" if name == "task" else f"--{name.replace('_', '-')}" for name in changed)
+            flags = {option.name: option.flag or option.name.upper() for option in options(type(self))}
+            got = " ".join(flags[name] for name in changed)
             expected = "--steps and --films alone"
             raise UserError("a resumed run keeps its options", key="--resume", expected=expected, got=got)
         with self._goes_on(folder):

@@ -6,7 +6,7 @@ by source, and the effect that it becomes. `vispeg add MODEL FILE` and a world's
 Example:
     vispeg measure plan joint4 --robot iiwa14 --out plan
     vispeg measure joint runs/* --joint joint4 --out joint4
-    vispeg measure friction slides.csv --where peg --resolution angle_deg=0.1 --out friction.yaml
+    vispeg measure friction slides.csv --resolution angle_deg=0.1 --out friction.yaml
 """
 
 from __future__ import annotations

@@ -13,11 +13,10 @@ def cell_value(what: Literal["mass", "friction"], part: str, world: str) -> floa
     """
     from vispeg.core.errors import UserError
     from vispeg.effects.common.parts import body_of, held, shapes, touching
-    from vispeg.task.registry import config_of, task_of
+    from vispeg.task.registry import scene_of
     from vispeg.task.world_file import load_world
 
-    config = config_of(load_world(world).task)
-    scene = task_of(config).cell(config)
+    scene = scene_of(load_world(world).task)
     parts = touching(scene) if what == "friction" else held(scene)
     if part not in parts:
         raise UserError(f"has no {what} that an effect scales", key="--where", got=part, choices=parts)
@@ -25,3 +24,11 @@ def cell_value(what: Literal["mass", "friction"], part: str, world: str) -> floa
     if what == "mass":
         return float(model.body(body_of(part)).mass[0])
     return float(model.geom_friction[shapes(model, part), 0].max())
+
+
+def held(world: str) -> str:
+    """The part that the gripper holds in the cell of a world. Raises UserError: an unknown world."""
+    from vispeg.task.registry import scene_of
+    from vispeg.task.world_file import load_world
+
+    return scene_of(load_world(world).task).held

@@ -105,13 +105,13 @@ class _FromTable(_Common):
 class Mass(_FromTable):
     """Weighs: columns mass and, where the empty scale was read before each, tare (kg; or mass_g, tare_g).
 
-    Example: vispeg measure mass peg.csv --where peg --resolution mass_g=1 --out mass.yaml
+    Example: vispeg measure mass tool.csv --resolution mass_g=1 --out mass.yaml
     """
 
     where: str = "flange"
-    """What was weighed: `peg` (becomes object_mass), or a thing at the `flange` (becomes payload)."""
+    """What was weighed: a thing at the `flange` (becomes payload), or the part that the gripper holds (object_mass)."""
     nominal: float | None = None
-    """Mass of the peg in the model, kg; that of the world's cell where not given."""
+    """Mass of the part in the model, kg; that of the world's cell where not given."""
     protocol: ClassVar[str] = "mass"
 
     def _of(self) -> str:
@@ -185,19 +185,21 @@ class Friction(_Common):
     Columns: angle (rad, or angle_deg) at which it lets go; with distance and time also how it slid; or normal and
     tangential (N); and place (a number) of three places or more. Recordings have `ft`, begin in free air, and slide.
 
-    Example: vispeg measure friction slides.csv --where peg --resolution angle_deg=0.1 --out friction.yaml
+    Example: vispeg measure friction slides.csv --resolution angle_deg=0.1 --out friction.yaml
     """
 
     readings: tyro.conf.Positional[tuple[Path, ...]]
     """One table, or recordings."""
-    where: str = "peg"
-    """The part: peg, fixture, gripper, table."""
+    where: str | None = None
+    """The part, such as fixture, gripper or table; what the gripper holds where not given."""
     nominal: float | None = None
     """Coefficient of the part in the model; that of the world's cell where not given."""
     protocol: ClassVar[str] = "friction"
 
     def _of(self) -> str:
-        return self.where
+        from vispeg.cli.measuring.measure_nominal import held
+
+        return self.where or held(self.stop.world)
 
     def _inputs(self) -> Sequence[Path]:
         return self.readings
@@ -215,23 +217,25 @@ class Friction(_Common):
         from vispeg.cli.measuring.measure_nominal import cell_value
         from vispeg.measure.becomes import scaled
 
-        nominal = self.nominal or cell_value("friction", self.where, self.stop.world)
-        return [scaled(results[0], self.where, nominal)]
+        nominal = self.nominal or cell_value("friction", self._of(), self.stop.world)
+        return [scaled(results[0], self._of(), nominal)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Restitution(_FromTable):
     """Finds the coefficient of restitution: columns t1 t2 t3 (s) of three touches, flight1 flight2, or drop bounce (m).
 
-    Example: vispeg measure restitution bounces.csv --where peg --resolution t1=0.001 t2=0.001 t3=0.001 --out e.yaml
+    Example: vispeg measure restitution bounces.csv --resolution t1=0.001 t2=0.001 t3=0.001 --out e.yaml
     """
 
-    where: str = "peg"
-    """The part: peg, fixture, gripper, table."""
+    where: str | None = None
+    """The part, such as fixture, gripper or table; what the gripper holds where not given."""
     protocol: ClassVar[str] = "restitution"
 
     def _of(self) -> str:
-        return self.where
+        from vispeg.cli.measuring.measure_nominal import held
+
+        return self.where or held(self.stop.world)
 
     def _measure(self, rng: np.random.Generator) -> Outcome:
         from vispeg.measure.restitution import measure
@@ -243,7 +247,7 @@ class Restitution(_FromTable):
         from vispeg.measure.becomes import placed
 
         q = results[0]
-        return [placed("restitution", self.where, {"e": Value(q.value, q.low, q.high)}, q)]
+        return [placed("restitution", self._of(), {"e": Value(q.value, q.low, q.high)}, q)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -263,7 +267,7 @@ class Stiffness(_Common):
     fixture: tuple[Path, ...] = ()
     """Recordings of presses on the fixture."""
     where: str = "fixture"
-    """The part: peg, fixture, gripper, table."""
+    """The part, such as fixture, gripper or table."""
     nominal: float | None = None
     """Stiffness of the contact in the model, N/m; without it the measurement becomes no effect."""
     protocol: ClassVar[str] = "stiffness"

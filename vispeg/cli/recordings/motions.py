@@ -5,7 +5,7 @@ A robot can replay it: `time`, and `q_cmd.*`, `dq_cmd.*` of the joints or, where
 Example:
     vispeg motions
     vispeg motions --family joint
-    vispeg motions press --model peg-cell --out press.csv
+    vispeg motions press --model {cell} --out press.csv
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Args:
     name: tyro.conf.Positional[str | None] = None
     """The motion to write; all are listed where not given."""
     model: str | None = None
-    """The robot that moves. Not given, peg-cell for motions in contact, else iiwa14."""
+    """The robot that moves. Not given, the default cell for motions in contact, else iiwa14."""
     out: Path | None = None
     """The CSV to write."""
     duration: float = 5.0
@@ -58,14 +58,16 @@ class Args:
         from vispeg.api.recording.cell import commands, names
         from vispeg.core.errors import UserError
         from vispeg.core.files import write_text_atomic
+        from vispeg.recordings.cell import OPEN_CELL
 
-        if name not in names():
-            raise UserError("unknown motion", key="name", got=name, choices=names())
+        choices = names(model=self.model)
+        if name not in choices:
+            raise UserError("unknown motion", key="name", got=name, choices=choices)
         if self.out is None or self.out.suffix != ".csv":
             raise UserError("where to?", key="--out", expected="a .csv file", got=self.out)
         if self.overwrite and self.out.exists():
             _refuse_other(self.out)
-        model = self.model or ("peg-cell" if name in names("contact") else "iiwa14")
+        model = self.model or (OPEN_CELL if name in names("contact") else "iiwa14")
         text, seconds = commands(model, name, rate_hz=self.rate, seed=self.seed, duration=self.duration)
         write_text_atomic(self.out, text, overwrite=self.overwrite)
         values = {"motion": name, "model": model, "seconds": seconds, "rate_hz": self.rate, "out": str(self.out)}

@@ -3,7 +3,7 @@
 MOTION is fourier, chirp, triangle, steps, sweep, mix, osc, or a CSV with time, q_cmd.* and (optional) dq_cmd.*, such as
 the next_experiment/samples.csv that `vispeg diagnose` writes. `--effects` adds effects to those of the model file. A
 named motion is made smaller where a joint would pass its speed limit, with a note; a CSV is replayed unchanged.
-In a cell (MODEL is peg-cell, a world, or a model with `cell`) MOTION may also be free, press, slide, insert, rock, tap,
+In a cell (MODEL is {cell}, a world, or a model with `cell`) MOTION may also be free, press, slide, insert, rock, tap,
 insert-turned, hard-press, touch-datum, mix, expert (a whole insertion by the scripted policy) or a CSV with time and
 ee_cmd.*. The task's controller runs and the wrench is recorded; with `--cameras` pictures are taken too.
 look, look-tilt, look-roll, look-approach, look-sideways and look-fast take pictures without contact; look-and-insert
@@ -11,8 +11,8 @@ has both.
 
 Example:
     vispeg record iiwa14 --motion fourier --effects coulomb_friction:joint4:torque=1.2 --seed 1 --out rig-a
-    vispeg record peg-cell --motion slide --effects contact_friction:peg:scale=1.7 --noise ft=0.1 --out slide-a
-    vispeg record peg-cell --motion look --cameras wrist_wide --effects camera_offset:wrist_wide:x=0.004 --out look-a
+    vispeg record {cell} --motion slide --effects contact_friction:{held}:scale=1.7 --noise ft=0.1 --out slide-a
+    vispeg record {cell} --motion look --cameras wrist_wide --effects camera_offset:wrist_wide:x=0.004 --out look-a
     vispeg record model.yaml --motion found/next_experiment/samples.csv --out rig-d
 """
 
@@ -51,7 +51,7 @@ class Args:
     effects: tuple[str, ...] = ()
     """Effects hidden in the robot, each EFFECT:WHERE[:param=number,...]."""
     tool: str | None = None
-    """A tool at the flange that the recording declares (none, meg50, meg50+peg40); the model file's where not given."""
+    """A tool at the flange that the recording declares, such as none or meg50; the model file's where not given."""
     noise: tuple[str, ...] = ()
     """Sensor noise, such as q=2e-5 dq=1e-3 tau=0.2 ee=1e-4 ft=0.1 ft_torque=0.005 (1 sigma, SI)."""
     force_limit: float | None = None

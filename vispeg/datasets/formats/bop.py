@@ -1,14 +1,15 @@
 """Writes a dataset as BOP does (bop.felk.cvut.cz, "BOP data format"): what pose estimators read.
 
-A scene is one episode through one camera, since a scene's pictures are of one size. Objects are 1, the peg, whose frame
-is at its tip, and 2, the fixture, whose frame is at the hole's mouth; millimetres. `cam_K` are the intrinsics that a
-picture was drawn with, not those that a user of the camera believes. BOP knows no lens; where a world bends one, the
-coefficients stand beside as `cam_distortion`.
+A scene is one episode through one camera, since a scene's pictures are of one size. Objects are what the dataset has
+poses of, counted from 1: what the gripper holds, whose frame is at its tip, and the fixture, whose frame is the goal's;
+millimetres. `cam_K` are the intrinsics that a picture was drawn with, not those that a user of the camera believes. BOP
+knows no lens; where a world bends one, the coefficients stand beside as `cam_distortion`.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,14 +22,31 @@ from vispeg.datasets.layout import colour_of, depth_of
 from vispeg.datasets.read import Dataset
 from vispeg.render.cameras.camera import Camera, rotation
 
-OBJECTS = {1: ("peg", "label.peg"), 2: ("fixture", "label.hole")}
+FIXTURE = "fixture"  # the part that the goal belongs to
 MM = 1000.0
+Things = Mapping[int, tuple[str, str]]  # number -> part, key of its pose
+
+
+def objects(data: Dataset) -> Things:
+    """Number -> (part, key of its pose) of what a dataset has poses of; a pose that bears no part's name is the goal's.
+
+    Raises:
+        UserError: no such pose.
+    """
+    poses = [key for key in data.features if key.startswith("label.") and not key.startswith("label.camera.")]
+    poses = [key for key in poses if data.features[key].get("shape") == [7]]
+    if not poses:
+        raise UserError("has no pose of an object, which BOP is about", file=data.folder, key="label.NAME")
+    names = [key.removeprefix("label.") for key in poses]
+    parts = [name if name in data.parts else FIXTURE for name in names]
+    return dict(enumerate(zip(parts, poses, strict=True), start=1))
 
 
 def write_bop(source: Path, out: Path) -> None:
     """Writes the dataset in `source` into `out`: `train/SCENE/{rgb,depth,mask_visib}` and the scenes' JSON files."""
     data = Dataset(source)
-    poses = [label for _, label in OBJECTS.values()] + [f"label.camera.{name}" for name in data.cameras]
+    things = objects(data)
+    poses = [f"label.camera.{name}" for name in data.cameras]
     if missing := [name for name in poses if data.features.get(name, {}).get("shape") != [7]]:
         raise UserError("has no such pose, which BOP is about", file=source, key=missing[0])
     if not data.cameras:
@@ -38,26 +56,26 @@ def write_bop(source: Path, out: Path) -> None:
         frames = data.episode(number)
         drawn = data.drawn_cameras(number)
         for name in data.cameras:
-            _scene(out / "train" / f"{scene:06d}", data, frames, drawn[name])
+            _scene(out / "train" / f"{scene:06d}", data, things, frames, drawn[name])
             scene += 1
-    _models(out, data)
+    _models(out, data, things)
     first = next(iter(data.cameras.values()))
     general = {k: getattr(first, k) for k in ("fx", "fy", "cx", "cy", "width", "height")}
     _json(out / "camera.json", general | {"depth_scale": DEPTH_STEP * MM})
-    objects = {str(i): {"name": name, "frame": label.partition(".")[2]} for i, (name, label) in OBJECTS.items()}
+    named = {str(i): {"name": name, "frame": label.partition(".")[2]} for i, (name, label) in things.items()}
     scenes = [
         [f"{len(data.cameras) * n + i:06d}", n, c]
         for n in range(len(data.episodes))
         for i, c in enumerate(data.cameras)
     ]
     keys = ("scene", "episode", "camera")
-    _json(out / "dataset_info.json", {"objects": objects, "scenes": [dict(zip(keys, s, strict=True)) for s in scenes]})
+    _json(out / "dataset_info.json", {"objects": named, "scenes": [dict(zip(keys, s, strict=True)) for s in scenes]})
 
 
-def _models(out: Path, data: Dataset) -> None:
+def _models(out: Path, data: Dataset, things: Things) -> None:
     """`models/obj_NNNNNN.ply` in mm and `models_info.json`; none of a dataset that was written before it had meshes."""
     models = {}
-    for number, (part, _) in OBJECTS.items():
+    for number, (part, _) in things.items():
         if part in data.models:
             vertices, faces = data.models[part]
             models[str(number)] = described((MM * vertices, faces))
@@ -67,7 +85,7 @@ def _models(out: Path, data: Dataset) -> None:
         _json(out / "models/models_info.json", models)
 
 
-def _scene(folder: Path, data: Dataset, frames: dict[str, np.ndarray], camera: Camera) -> None:
+def _scene(folder: Path, data: Dataset, things: Things, frames: dict[str, np.ndarray], camera: Camera) -> None:
     cameras, truth, extent = {}, {}, {}
     colour, depth = colour_of(camera.name), depth_of(camera.name, frames)
     for kind in ("rgb", "depth", "mask_visib"):
@@ -84,7 +102,7 @@ def _scene(folder: Path, data: Dataset, frames: dict[str, np.ndarray], camera: C
             "cam_t_w2c": (MM * view[:3, 3]).tolist(),
         } | ({"cam_distortion": list(camera.distortion)} if any(camera.distortion) else {})
         truth[str(i)], extent[str(i)] = [], []
-        for j, (number, (part, label)) in enumerate(OBJECTS.items()):
+        for j, (number, (part, label)) in enumerate(things.items()):
             at = view @ matrix(frames[label][i])
             entry = {"cam_R_m2c": at[:3, :3].ravel().tolist(), "cam_t_m2c": (MM * at[:3, 3]).tolist(), "obj_id": number}
             truth[str(i)].append(entry)

@@ -22,6 +22,7 @@ class ObjectMass(Effect):
     sizes = {"scale": (0.4, 2.0)}
     shown_by = ("free",)
     told_from = {"tool_mass": "free", "wrench_bias": "free"}
+    needs = "weighing"
 
     def targets(self, model):
         return [*held(model), *getattr(model, "free", ())]

@@ -26,6 +26,7 @@ class ToolCom(Effect):
     sizes = dict.fromkeys("xyz", (0.01,))
     shown_by = ("free",)
     told_from = {"wrench_bias": "free", "object_mass": "free"}
+    needs = "tilt"
 
     def targets(self, model):
         return in_scene(model, "gripper")

@@ -27,6 +27,7 @@ class ToolMass(Effect):
     sizes = {"mass": (-0.1, 0.1, 0.4)}
     shown_by = ("free",)
     told_from = {"object_mass": "free", "wrench_bias": "free", "wrench_gain": "free"}
+    needs = "tilt"
 
     def targets(self, model):
         return in_scene(model, "gripper")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from vispeg.core.rotation import quaternion
+
 
 def tensor(fields, body: int) -> np.ndarray:
     """Inertia (nsim, 3, 3) about the centre of mass, body axes, kg m^2."""
@@ -43,10 +45,3 @@ def rotation(quat: np.ndarray) -> np.ndarray:
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
     return np.moveaxis(np.array(rows), 2, 0)
-
-
-def quaternion(mat: np.ndarray) -> np.ndarray:
-    """Unit quaternions (n, 4) wxyz of rotation matrices (n, 3, 3)."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_matrix(mat).as_quat(scalar_first=True)

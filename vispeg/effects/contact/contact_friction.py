@@ -22,7 +22,8 @@ class ContactFriction(Effect):
     stage = "friction"
     sizes = {"scale": (0.4, 0.7, 1.5, 2.2)}
     shown_by = ("slide", "insert")
-    told_from = {"hole_tilt": "slide", "grip_pose": "slide"}
+    told_from = {"grip_pose": "slide"}
+    needs = "two directions"
 
     def targets(self, model):
         return touching(model)

@@ -26,6 +26,7 @@ class ContactStiffness(Effect):
     sizes = {"scale": (0.05, 0.2, 0.5, 3.0)}
     shown_by = ("press", "hard-press")
     told_from = {"fixture_compliance": "hard-press"}
+    needs = "two forces"
 
     def targets(self, model):
         return touching(model)

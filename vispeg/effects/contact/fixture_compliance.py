@@ -30,7 +30,8 @@ class FixtureCompliance(Effect):
     stage = "compliance"
     sizes = {**dict.fromkeys("xyz", (1e-5, 4e-5)), **dict.fromkeys(("roll", "pitch"), (2e-4, 1e-3))}
     shown_by = ("press", "hard-press", "rock")
-    told_from = {"contact_stiffness": "hard-press", "peg_grasp_compliance": "insert-turned"}
+    told_from = {"contact_stiffness": "hard-press"}
+    needs = "two forces"
 
     def targets(self, model):
         return named(model, "fixture")

@@ -22,6 +22,7 @@ class GripperSlip(Effect):
     sizes = {"grip": (0.07, 0.15, 0.3, 0.6)}
     shown_by = ("hard-press",)
     told_from = {"grip_pose": "hard-press"}
+    needs = "hard press"
 
     def targets(self, model):
         return held(model) if getattr(model, "slip", "") else []

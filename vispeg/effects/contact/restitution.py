@@ -43,6 +43,7 @@ class Restitution(Effect):
     order = 60
     params = {"e": Param(0.0, 0.0, 0.98, "1", start=0.5, doc="least fraction of the speed that comes back")}
     writes = frozenset({"geom_solref"})
+    needs = "two speeds"
 
     def targets(self, model):
         return touching(model)

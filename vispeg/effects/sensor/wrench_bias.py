@@ -25,6 +25,7 @@ class WrenchBias(WristEffect):
     sizes = {**dict.fromkeys(FORCE, (1.0,)), **dict.fromkeys(TORQUE, (0.1,))}
     shown_by = ("free",)
     told_from = {"tool_mass": "free", "tool_com": "free", "object_mass": "free"}
+    needs = "free air"
 
     def wrench(self, state, wrench, x, p):
         return wrench + axes(p)

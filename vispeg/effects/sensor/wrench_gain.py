@@ -21,6 +21,7 @@ class WrenchGain(WristEffect):
     sizes = {"gain": (0.8, 0.93, 1.07, 1.25)}
     shown_by = ("free", "hard-press")
     told_from = {"tool_mass": "free"}
+    needs = "two forces"
 
     def wrench(self, state, wrench, x, p):
         return p["gain"] * wrench

@@ -33,6 +33,7 @@ class GripPose(Effect):
     }
     shown_by = ("press", "insert", "touch-datum")
     told_from = {"hole_offset": "touch-datum", "hole_tilt": "insert-turned"}
+    needs = "turned insertions"
 
     def targets(self, model):
         return named(model, "peg")

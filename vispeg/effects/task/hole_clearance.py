@@ -25,6 +25,7 @@ class HoleClearance(Effect):
     sizes = {"width": (-2.5e-3, -1e-3, -4e-4, 4e-4, 1e-3)}
     shown_by = ("insert", "rock")
     told_from = {"fixture_compliance": "hard-press"}
+    needs = "insertion"
 
     def targets(self, model):
         user_block = hasattr(model, "config") and model.config.hole_mesh  # a user's block has no ring of walls to move

@@ -36,7 +36,8 @@ class HoleTilt(Effect):
     stage = "geometry"
     sizes = dict.fromkeys(("roll", "pitch"), (-0.04, -0.012, 0.012, 0.04))
     shown_by = ("press", "insert", "rock")
-    told_from = {"grip_pose": "insert-turned"}
+    told_from = {"grip_pose": "insert-turned", "contact_friction": "slide"}
+    needs = "press"
 
     def targets(self, model):
         return named(model, "fixture")

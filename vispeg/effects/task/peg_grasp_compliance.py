@@ -31,6 +31,7 @@ class PegGraspCompliance(Effect):
     sizes = {**dict.fromkeys("xy", (1e-5, 4e-5)), **dict.fromkeys(("roll", "pitch"), (5e-4, 3e-3))}
     shown_by = ("insert", "rock", "slide")
     told_from = {"fixture_compliance": "insert-turned"}
+    needs = "two forces"
 
     def targets(self, model):
         return named(model, "peg")

@@ -1,6 +1,6 @@
 """Pushes, and hard positions: where a policy that does well on average does not.
 
-Kaspar and Bock (docs/sources.md) pushed the arm away from the hole by hand, and say no force. Here every pushed episode
+Kaspar and Bock (docs/sources.md) pushed the arm away from the goal by hand, and say no force. Here every pushed episode
 gets 20-60 N from any side for 0.2 s. Every position of a frozen list is tried as often as asked
 for, still and pushed on the same seeds, each with its own interval: an average over positions hides the one that
 always fails.
@@ -24,7 +24,8 @@ from vispeg.evaluation.statistics.decide import decide
 from vispeg.evaluation.table import Cell, Table
 from vispeg.formats.format import Format, copy, enrol
 from vispeg.task.contract import Task
-from vispeg.task.registry import FIRST, task
+from vispeg.task.registry import FIRST, scene_of, task
+from vispeg.task.world_file import load_world
 
 FORMAT = "vispeg-perturb/1"
 LIST = Format("vispeg-positions/1", "a list of positions", keys=("name", "about", "positions"))
@@ -56,14 +57,14 @@ def positions(path: Path | None = None, of: Task | None = None) -> list[HardPosi
 
 
 def settings(world: str, name: str, listed: Sequence[HardPosition], pushes: Pushes | None = None) -> list[Setting]:
-    """Still and pushed: where the world puts the hole, then every position, from right above its nominal place."""
-    entries = []
+    """Still and pushed: where the world puts the goal, then every position, from right above its nominal place."""
+    entries, scene = [], scene_of(load_world(world).task)
     for push, suffix in ((None, ""), (pushes or Pushes(), ", pushed")):
         entries.append(Setting(world, name, FREE + suffix, pushes=push))
         for p in listed:
             tilt = {k: float(v) for k, v in p.items() if k in ("roll", "pitch", "yaw") and isinstance(v, int | float)}
-            changes = [Change("hole_offset", {"x": float(p.get("x", 0.0)), "y": float(p.get("y", 0.0)), "z": 0.0})]
-            changes += [Change("hole_tilt", tilt)] if tilt else []
+            changes = [Change(scene.offset, {"x": float(p.get("x", 0.0)), "y": float(p.get("y", 0.0)), "z": 0.0})]
+            changes += [Change(scene.tilt, tilt)] if tilt else []
             height = {"start_height": [float(p["height"])] * 2} if "height" in p else {}
             task = {"start_radius": 0.0, **height}
             entries.append(Setting(world, name, p["name"] + suffix, tuple(changes), task, push))

@@ -14,7 +14,7 @@ from vispeg.core.effect import OPTICAL, effect
 from vispeg.core.errors import UserError
 from vispeg.evaluation.entrants import Entrant
 from vispeg.evaluation.jobs import Setting, has_eyes
-from vispeg.evaluation.overlay import Change
+from vispeg.evaluation.overlay import HELD, Change
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.schema.stress import Curve, SweepPoint, SweepRecord
 from vispeg.evaluation.statistics.crossed import difference, rate
@@ -84,7 +84,7 @@ SWEEPS = {
     "encoder-noise": Sweep("encoder_noise", ("sd",), (0.0, 0.0005, 0.001, 0.002, 0.005, 0.01)),
     "force-bias": Sweep("wrench_bias", ("fx", "fy", "fz"), (0.0, 0.25, 0.5, 1.0, 2.0, 4.0)),
     "force-noise": Sweep("wrench_noise", ("force",), (0.0, 0.1, 0.3, 1.0, 3.0)),
-    "friction": Sweep("contact_friction", ("scale",), (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0), "peg"),
+    "friction": Sweep("contact_friction", ("scale",), (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0), HELD),
 }
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.learn.config import Stage
+from vispeg.task.config import TaskConfig
 
 
 class Curriculum:
@@ -42,29 +43,39 @@ class Curriculum:
 
     def settings(self, settings: Mapping[str, Any]) -> Mapping[str, Any]:
         """The task's settings at this stage, from the run's own."""
-        overrides = {"clearance_mm": self.stage.clearance_mm, "start_radius": self.stage.radius}
-        return {**settings, **{key: value for key, value in overrides.items() if value is not None}}
+        radius = {} if self.stage.radius is None else {"start_radius": self.stage.radius}
+        return {**settings, **self.stage.settings, **radius}
 
 
-def stages(clearances: Sequence[float], radii: Sequence[float], task: Any) -> tuple[Stage, ...]:
-    """Stages that narrow the hole, move the start away and open the world; the last one is the task as it is.
+def stages(tolerances: Sequence[float], radii: Sequence[float], task: TaskConfig) -> tuple[Stage, ...]:
+    """Stages that narrow the tolerance, move the start away and open the world; the last one is the task as it is.
 
     The first has half of every range, all others have all of it.
 
     Args:
-        clearances: diametral, mm, of the stages before the last, widest first.
+        tolerances: of the stages before the last, widest first, in the unit of the task's own.
         radii: lateral ranges of their starts, m, nearest first. Where one list is shorter, the task's own value stands.
         task: what is trained for; either list may end with its value, which is not trained for twice.
 
     Raises:
-        UserError: a list is out of order, or does not lead to the task's own value.
+        UserError: a list is out of order, or does not lead to the task's own value; a task without a tolerance.
     """
-    wide_first = f"widest first, above the {task.clearance_mm:g} mm that are trained for"
+    wide = _wide(tolerances, task)
     near_first = f"above 0, nearest first, below the {task.start_radius:g} m that are trained for"
-    wide = _towards(clearances, np.inf, task.clearance_mm, "--curriculum", wide_first)
     near = _towards(radii, 0.0, task.start_radius, "--start-radius", near_first)
     easier = enumerate(zip_longest(wide, near))
-    return (*(Stage(mm, radius, level=1.0 if i else 0.5) for i, (mm, radius) in easier), Stage())
+    return (*(Stage(some or {}, radius, level=1.0 if i else 0.5) for i, (some, radius) in easier), Stage())
+
+
+def _wide(tolerances: Sequence[float], task: TaskConfig) -> list[dict[str, float]]:
+    """The setting of each stage that has one of its own."""
+    if not tolerances:
+        return []
+    if task.tolerance is None:
+        raise UserError("this task has no tolerance to begin wider with", key="--curriculum", got=tuple(tolerances))
+    name, target = task.tolerance.setting, getattr(task, task.tolerance.setting)
+    order = f"widest first, above the {target:g} {task.tolerance.unit} that are trained for"
+    return [{name: value} for value in _towards(tolerances, np.inf, target, "--curriculum", order)]
 
 
 def _towards(values: Sequence[float], easiest: float, target: float, key: str, order: str) -> list[float]:

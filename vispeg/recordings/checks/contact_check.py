@@ -12,17 +12,31 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vispeg.recordings.regimes import FREE, HOLE, IMPACT, PRESS, REGIMES, SLIDE
+from vispeg.core.effect import REGISTRY, effect
+from vispeg.recordings.regimes import FREE, IMPACT, INSIDE, PRESS, REGIMES, SLIDE
 
 AIR = 0.8  # s in free air from which the sensor's zero can be told
 TILT = 0.4  # rad that the tool must be tilted in free air to tell its mass and centre from the sensor's zero
 LONG = 0.5  # s in a regime that is enough to tell something
 RATIO = 2.0  # of the largest press to the smallest, to tell a compliance from a height
-TURN = 0.8  # rad that the flange must be turned about its axis in contact to tell grip from hole
+TURN = 0.8  # rad that the flange must be turned about its axis in contact to tell grip from goal
 HARD = 60.0  # N from which a grip may slip
 SPEEDS = 1.6  # ratio of two impacts' speeds
-WORDS = {"free": "in free air", "press": "pressing", "slide": "sliding", "hole": "in the hole", "impact": "hitting"}
+SAID = ("in free air", "pressing", "sliding", "inserted", "hitting")
+WORDS: dict[str, str] = dict(zip(REGIMES, SAID, strict=True))
 FORCES = (2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # N
+NEEDS = {  # what an effect needs (`Effect.needs`), in the order in which effects are listed
+    "free air": "a while in free air",
+    "tilt": "the tool tilted in free air",
+    "weighing": "that, with and without the held part",
+    "press": "a press",
+    "two forces": "presses with two forces",
+    "two directions": "a slide there and back",
+    "two speeds": "impacts at two speeds",
+    "insertion": "an insertion",
+    "turned insertions": "insertions with the flange turned between them",
+    "hard press": "a press that the grip may not hold",
+}
 
 
 @dataclass(frozen=True)
@@ -64,7 +78,7 @@ class Touched:
         velocity: (n, 3) m/s of the tip.
         tilt: rad, of the tool's axis from the start's.
         yaw: rad, of the flange's x axis about the base's vertical.
-        hole: whether a hole is believed in.
+        goal: whether a goal is believed in.
     """
 
     time: np.ndarray
@@ -74,7 +88,7 @@ class Touched:
     velocity: np.ndarray
     tilt: np.ndarray
     yaw: np.ndarray
-    hole: bool
+    goal: bool
 
 
 def examine(t: Touched) -> ContactCheck:
@@ -117,57 +131,63 @@ def _free_start(t: Touched, number: int) -> float:
 
 def _excited(t: Touched, summary: ContactCheck, step: float) -> dict[str, str]:
     """Effect -> why it cannot be told, "" where it can."""
+    lacks = _lacking(t, summary, step)
+    needing = sorted((list(NEEDS).index(e.needs), name) for name, e in REGISTRY.items() if e.needs)
+    return {name: lacks[effect(name).needs].format(other=next(iter(effect(name).told_from), "")) for _, name in needing}
+
+
+def _lacking(t: Touched, summary: ContactCheck, step: float) -> dict[str, str]:
+    """Key of `NEEDS` -> what the recording lacks of it, "" for nothing; `{other}` stands for what looks the same."""
     s, free = summary.seconds, t.regime == FREE
     tilted = float(t.tilt[free].max(initial=0.0)) >= TILT
-    pressed = s["press"] + s["slide"] >= LONG
-    inside = s["hole"] >= LONG
-    turned = summary.yaw[1] - summary.yaw[0] >= TURN
-    steady = t.force[(t.regime == PRESS) | (t.regime == HOLE)]
+    pressed = s[REGIMES[PRESS]] + s[REGIMES[SLIDE]] >= LONG
+    steady = t.force[(t.regime == PRESS) | (t.regime == INSIDE)]
     several = len(steady) > 10 and np.quantile(steady, 0.95) >= RATIO * max(np.quantile(steady, 0.1), 1e-9)
     speeds = [v for v in summary.hits if v > 0]
-    no_air = "" if summary.begins_free >= AIR else f"only {summary.begins_free:.2g} s in free air at the start"
-    touched = "" if pressed or inside else "nothing was pressed"
-    level = "" if several else touched or "pressed with one force only: press with 5 and with 20 N"
-    hole = "" if inside else "never pressed in the hole" if t.hole else "no `cell` says where a hole is"
-    grip = hole or ("" if turned else "cannot be told from hole_offset: insert again with the flange turned by 90 deg")
-    slid = "" if s["slide"] >= LONG else "nothing slid"
-    one_way = slid or ("" if summary.directions >= 2 else "slid in one direction only: slide there and back")
-    lean = no_air or ("" if tilted else f"the tool was not tilted by {np.degrees(TILT):.0f} deg in free air")
-    hit = "nothing was hit" if not speeds else "" if max(speeds) >= SPEEDS * min(speeds) else "hit at one speed only"
     hard = float(np.sum(t.force[t.regime == PRESS] >= HARD)) * step >= 0.2 * LONG
-    slip = "" if hard else f"never pressed with {HARD:.0f} N"
+    air = "" if summary.begins_free >= AIR else f"only {summary.begins_free:.2g} s in free air at the start"
+    lean = air or ("" if tilted else f"the tool was not tilted by {np.degrees(TILT):.0f} deg in free air")
+    touched = "" if pressed or _inserted(summary) else "nothing was pressed"
+    level = "" if several else touched or "pressed with one force only: press with 5 and with 20 N"
+    slid = "" if s[REGIMES[SLIDE]] >= LONG else "nothing slid"
+    inside = "never inserted and pressed" if t.goal else "no `cell` says where the goal is"
+    inside = "" if _inserted(summary) else inside
+    turned = summary.yaw[1] - summary.yaw[0] >= TURN
     return {
-        "wrench_bias": no_air,
-        "tool_mass": lean,
-        "tool_com": lean,
-        "object_mass": lean or "cannot be told from tool_mass: weigh with and without the peg",
-        "contact_stiffness": level,
-        "contact_friction": one_way,
-        "contact_damping": hit,
-        "restitution": hit,
-        "hole_offset": hole,
-        "hole_tilt": touched,
-        "hole_clearance": hole,
-        "fixture_compliance": level,
-        "peg_grasp_compliance": level,
-        "grip_pose": grip,
-        "gripper_slip": slip,
-        "wrench_gain": level,
+        "free air": air,
+        "tilt": lean,
+        "weighing": lean or "cannot be told from {other}: weigh with and without the held part",
+        "press": touched,
+        "two forces": level,
+        "two directions": slid
+        or ("" if summary.directions >= 2 else "slid in one direction only: slide there and back"),
+        "two speeds": "nothing was hit"
+        if not speeds
+        else ("" if max(speeds) >= SPEEDS * min(speeds) else "hit at one speed only"),
+        "insertion": inside,
+        "turned insertions": inside
+        or ("" if turned else "cannot be told from {other}: insert again with the flange turned by 90 deg"),
+        "hard press": "" if hard else f"never pressed with {HARD:.0f} N",
     }
+
+
+def _inserted(check: ContactCheck) -> bool:
+    return check.seconds[REGIMES[INSIDE]] >= LONG
 
 
 def together(checks: Sequence[ContactCheck]) -> dict[str, str]:
     """Effect -> why these recordings together cannot tell it, "" where they can.
 
-    One that tells an effect is enough; a grip is told from a hole by insertions with the flange turned between them.
+    One that tells an effect is enough; a grip is told from the goal's place by insertions with the flange turned
+    between them.
     """
     out = {}
+    most = max(checks, key=lambda check: list(check.excited.values()).count(""))  # it says what is lacking
     for name in checks[0].excited:
-        why = [c.excited[name] for c in checks]
-        out[name] = "" if "" in why else min(why, key=len)
-    inside = [c for c in checks if not c.excited["hole_offset"]]
+        out[name] = "" if any(not check.excited[name] for check in checks) else most.excited[name]
+    inside = [c for c in checks if _inserted(c)]
     if inside and max(c.yaw[1] for c in inside) - min(c.yaw[0] for c in inside) >= TURN:
-        out["grip_pose"] = ""
+        out |= {name: "" for name in out if effect(name).needs == "turned insertions"}
     return out
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.core.rotation import quaternion
 from vispeg.render.calibration.board import Board
 from vispeg.render.calibration.board_scale import BoardScale, board_scale
 from vispeg.render.calibration.detect import View
@@ -24,7 +25,7 @@ from vispeg.render.calibration.intrinsics import (
     view_error,
 )
 from vispeg.render.calibration.orientation import turn_views
-from vispeg.render.calibration.rigid import difference, quaternion
+from vispeg.render.calibration.rigid import difference
 from vispeg.render.cameras.camera import Camera
 
 MIN_VIEWS = 4  # three fix the answer, and leaving one out must leave three
@@ -68,7 +69,7 @@ class Calibration:
         if self.hand_eye is None or self.mount is None:
             return camera
         place = self.hand_eye.camera
-        return camera.moved(parent=self.mount, pos=tuple(place[:3, 3]), quat=tuple(quaternion(place)))
+        return camera.moved(parent=self.mount, pos=tuple(place[:3, 3]), quat=tuple(quaternion(place[:3, :3]).tolist()))
 
 
 def calibrate(

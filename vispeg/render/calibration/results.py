@@ -7,11 +7,11 @@ from typing import NotRequired, TypedDict
 
 import numpy as np
 
+from vispeg.core.rotation import quaternion
 from vispeg.render.calibration.board import Board
 from vispeg.render.calibration.board_scale import BoardEffect, as_effect
 from vispeg.render.calibration.calibrate import Calibration
 from vispeg.render.calibration.intrinsics import NAMES
-from vispeg.render.calibration.rigid import quaternion
 
 FORMAT = "vispeg-calibration/1"
 ODD = 3.0  # standard deviations from which a view is named
@@ -137,13 +137,13 @@ def _hand_eye(calibration: Calibration) -> Mapping[str, object] | None:
     return {
         "parent": calibration.mount,
         "pos_m": eye.camera[:3, 3].tolist(),
-        "quat_wxyz": quaternion(eye.camera).tolist(),
+        "quat_wxyz": quaternion(eye.camera[:3, :3]).tolist(),
         "half_width_95": {"pos_m": half[:3].tolist(), "turn_rad": half[3:].tolist()},
         "half_width_95_one_fit": {"pos_m": (1.96 * eye.std[:3]).tolist(), "turn_rad": (1.96 * eye.std[3:]).tolist()},
         "board": {
             "parent": "base" if calibration.mount == "flange" else "flange",
             "pos_m": eye.board[:3, 3].tolist(),
-            "quat_wxyz": quaternion(eye.board).tolist(),
+            "quat_wxyz": quaternion(eye.board[:3, :3]).tolist(),
         },
         "board_scale_by_robot": None
         if calibration.board_scale is None
@@ -152,6 +152,7 @@ def _hand_eye(calibration: Calibration) -> Mapping[str, object] | None:
         "robot_error": {"mm": 1e3 * float(eye.robot[0]), "deg": float(np.degrees(eye.robot[1]))},
         "through_robot_px": float(np.sqrt(np.mean(eye.pixels**2))),
         "methods": {
-            name: {"pos_m": x[:3, 3].tolist(), "quat_wxyz": quaternion(x).tolist()} for name, x in eye.methods.items()
+            name: {"pos_m": x[:3, 3].tolist(), "quat_wxyz": quaternion(x[:3, :3]).tolist()}
+            for name, x in eye.methods.items()
         },
     }

@@ -21,11 +21,6 @@ def from_quaternion(translation: np.ndarray, wxyz: np.ndarray) -> np.ndarray:
     return transform(Rotation.from_quat(wxyz, scalar_first=True).as_rotvec(), translation)
 
 
-def quaternion(matrix: np.ndarray) -> np.ndarray:
-    """The unit quaternion (w, x, y, z), w >= 0, of a 4x4 or 3x3 matrix."""
-    return Rotation.from_matrix(matrix[:3, :3]).as_quat(canonical=True, scalar_first=True)
-
-
 def inverse(matrix: np.ndarray) -> np.ndarray:
     """The inverse of rigid transforms, shape (..., 4, 4)."""
     out = np.zeros_like(matrix)

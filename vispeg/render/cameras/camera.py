@@ -9,11 +9,11 @@ from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.lens import distort, undistort
+from vispeg.core.rotation import quaternion
 
 MAX_SIDE = 8192  # px
 PINHOLE = (0.0, 0.0, 0.0, 0.0, 0.0)
@@ -148,14 +148,6 @@ def rotation(quat: tuple[float, ...] | np.ndarray) -> np.ndarray:
     )
 
 
-def quaternion(matrix: np.ndarray) -> tuple[float, ...]:
-    """(4,) w, x, y, z with w >= 0 of a rotation matrix (3, 3)."""
-    quat = np.empty(4)
-    mujoco.mju_mat2Quat(quat, np.ascontiguousarray(matrix, float).ravel())
-    w, x, y, z = (quat if quat[0] >= 0 else -quat).tolist()
-    return w, x, y, z
-
-
 def looking_at(pos: np.ndarray, target: np.ndarray, up: np.ndarray) -> tuple[float, ...]:
     """(4,) w, x, y, z of a camera at `pos` that looks at `target` with `up` upwards in the image. (3,) each, m."""
     forward = np.subtract(target, pos).astype(float)
@@ -163,4 +155,4 @@ def looking_at(pos: np.ndarray, target: np.ndarray, up: np.ndarray) -> tuple[flo
     if not np.linalg.norm(right) > 1e-9:
         raise UserError("a camera cannot look along its own 'up'", got=(tuple(pos), tuple(target), tuple(up)))
     z, x = forward / np.linalg.norm(forward), right / np.linalg.norm(right)
-    return quaternion(np.column_stack([x, np.cross(z, x), z]))
+    return tuple(quaternion(np.column_stack([x, np.cross(z, x), z])).tolist())

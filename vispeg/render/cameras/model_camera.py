@@ -9,7 +9,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from vispeg.render.cameras.camera import Camera, quaternion, rotation
+from vispeg.core.rotation import quaternion
+from vispeg.render.cameras.camera import Camera, rotation
 from vispeg.render.cameras.view import WORLD, parent_of
 
 FLIP = np.diag([1.0, -1.0, -1.0])  # OpenCV's axes in MuJoCo's, and back
@@ -65,7 +66,7 @@ def read(model: mujoco.MjModel, row: int, camera: Camera) -> Camera:
         cx=centre[0],
         cy=centre[1],
         pos=rot.T @ (model.cam_pos[row] - pos),
-        quat=quaternion(rot.T @ rotation(quat) @ FLIP),
+        quat=tuple(quaternion(rot.T @ rotation(quat) @ FLIP).tolist()),
     )
 
 

@@ -36,4 +36,4 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object] | None:
     ]
     if not tables and not blind:
         return None
-    return {"tables": tables, "heads": [words.CONTROLS.get(k, k) for k in kinds], "blind": blind}
+    return {"tables": tables, "heads": [words.control(k) for k in kinds], "blind": blind}

@@ -5,18 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from vispeg.evaluation.controls import FIXED
+
 Row = Mapping[str, Any]
 CONTROLS = {
     "": "",
     "shuffled": "images of another episode",
     "frozen": "first image for ever",
-    "hole_fixed": "hole at its nominal place",
 }
 ROLES = {  # of modalities that do not look for the goal, and of the policy that was never trained
     "": "",
-    "scripted": "scripted, told the hole",
-    "state": "teacher, told the hole",
-    "privileged": "teacher, told hole and physics",
+    "scripted": "scripted, told the goal",
+    "state": "teacher, told the goal",
+    "privileged": "teacher, told goal and physics",
     "proprio": "blind",
 }
 
@@ -58,7 +59,7 @@ def p_value(p: float | None) -> str:
 
 
 def role(policy: Row) -> str:
-    """What sets a policy apart from those that see: `teacher, told the hole`, `blind`, or nothing."""
+    """What sets a policy apart from those that see: `teacher, told the goal`, `blind`, or nothing."""
     return ROLES.get("scripted" if policy.get("scripted") else str(policy["modality"]), "")
 
 
@@ -70,5 +71,12 @@ def conclusion(row: Row) -> str:
 
 def name(row: Row) -> str:
     """`depth`, or `depth, first image for ever` under a control."""
-    control = row.get("control", "")
-    return f"{row['policy']}, {CONTROLS.get(control, control)}" if control else str(row["policy"])
+    kind = row.get("control", "")
+    return f"{row['policy']}, {control(kind)}" if kind else str(row["policy"])
+
+
+def control(kind: str) -> str:
+    """`first image for ever`; of one that keeps the goal in place, `goal at its nominal place`."""
+    if kind.endswith(FIXED):
+        return f"{kind.removesuffix(FIXED)} at its nominal place"
+    return CONTROLS.get(kind, kind)

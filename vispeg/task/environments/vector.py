@@ -75,17 +75,18 @@ MEANT = {  # what others call it -> what it is called here, where spelling does 
     **dict.fromkeys(("resolution", "width", "height", "img_size"), "image_size"),
     **dict.fromkeys(("threads", "num_threads", "n_threads"), "nthread"),
     **dict.fromkeys(("renderer", "engine"), "backend"),
-    **dict.fromkeys(("tolerance", "gap", "play"), "clearance_mm"),
     "frame_stack": "stack",
 }
+TOLERANCE = ("tolerance", "gap", "play")  # what others call the setting of `TaskConfig.tolerance`
 
 
 def check_names(names: Iterable[str], others: Iterable[str], kind: type[TaskConfig]) -> None:
     """Raises UserError for a keyword argument that is neither a field of the task's settings nor among `others`."""
     choices = (*others, *(f.name for f in fields(kind)))
+    meant = MEANT if kind.tolerance is None else {**MEANT, **dict.fromkeys(TOLERANCE, kind.tolerance.setting)}
     for name in names:
         if name not in choices:
-            raise UserError("no such setting of the task", got=name, choices=choices, meant=MEANT.get(name, ""))
+            raise UserError("no such setting of the task", got=name, choices=choices, meant=meant.get(name, ""))
 
 
 TOLD = ("success", "category", "seed", "time", "peak_force", "lateral_error", "depth")  # as arrays in `infos`

@@ -2,6 +2,8 @@
 
 from gymnasium.envs.registration import register, registry
 
+TASK, UNNAMED = "vispeg.task.peg.task:PegTask", True
+
 if "PegInHole-v0" not in registry:
     register(
         "PegInHole-v0",

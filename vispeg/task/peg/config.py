@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from vispeg.core.errors import UserError
 from vispeg.robots.scene_config import PegGeometry, SceneConfig
-from vispeg.task.config import TaskConfig
+from vispeg.task.config import TaskConfig, Tolerance
 from vispeg.task.peg.rewards import REWARDS
 from vispeg.task.rewards import Rewards
 
@@ -25,6 +25,7 @@ class PegConfig(PegGeometry, TaskConfig):
     """
 
     rewards: ClassVar[Rewards] = REWARDS
+    tolerance: ClassVar[Tolerance | None] = Tolerance("clearance_mm", "clearance")
 
     name: str = "peg"
     solref: tuple[float, float] = (0.004, 1.0)

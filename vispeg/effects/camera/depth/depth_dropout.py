@@ -4,8 +4,8 @@ A pixel is lost where a Gaussian field of variance 1 is below u, the quantile of
 low-passed over L px, crosses u upwards exp(-u^2 / 2) / (2 pi sqrt(2) L) times a px, so a run of lost pixels is share
 2 pi sqrt(2) L exp(u^2 / 2) px long on average, and L follows from `size`. Below about 2 px the pixels themselves make
 it longer: single ones, drawn independently, come in runs of 1 / (1 - share). Source: Rice, Mathematical analysis of
-random noise, Bell System Technical Journal 24, 1945, section 3.3. Range: 0 to 15 % of an image. Unlike the blobs of
-`grazing_holes` these know neither surface nor the last frame.
+random noise, Bell System Technical Journal 24, 1945, section 3.3. Range: 0 to 15 % of an image. These blobs know
+neither the surface nor the last frame.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from vispeg.effects.common.field import correlated
 
 
 class DepthDropout(CameraEffect):
-    """Holes anywhere, others in every frame."""
+    """Readings that are missing anywhere, elsewhere in each frame."""
 
     name = "depth_dropout"
     channel = "depth"
     order = 36
     params = {
         "share": Param(0.0, 0.0, 0.5, "1", start=0.05, doc="of pixels without a reading"),
-        "size": Param(3.0, 0.0, 12.0, "px", start=3.0, shape=True, doc="of a hole: mean run of lost pixels in a row"),
+        "size": Param(3.0, 0.0, 12.0, "px", start=3.0, shape=True, doc="mean run of lost pixels in a row"),
     }
 
     def image(self, state, frame, p, rng):

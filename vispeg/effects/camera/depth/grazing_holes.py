@@ -1,9 +1,9 @@
-"""Holes: pixels without a reading, likelier on surfaces seen at a grazing angle, on dark ones and on shining ones.
+"""Pixels without a reading, likelier on surfaces seen at a grazing angle, on dark ones and on shining ones.
 
 A pixel is lost with probability 1 - (1 - P_grazing) (1 - P_dark) (1 - P_shine) (1 - P_blobs), where P_grazing =
 grazing / (1 + exp(-(a - angle) / 4 deg)) for an incidence a, P_dark = dark max(0, 1 - I / 0.05) for linear luminance
 I, P_shine = shine for I > 0.9. The draw is a field correlated over `size` px, of which each frame keeps a share
-`rho`: so holes come as blobs that stay for a while. The form follows Sweeney et al., A supervised approach to
+`rho`: so they come as blobs that stay for a while. The form follows Sweeney et al., A supervised approach to
 predicting noise in depth images, ICRA 2019; no source fixes its numbers: 0 to 15 % of an image is lost in practice.
 """
 
@@ -23,17 +23,17 @@ DARK, BRIGHT = 0.05, 0.9  # linear luminance below and above which a matcher fin
 
 
 class GrazingHoles(CameraEffect):
-    """Holes where a surface turns away, or reflects too little or too much."""
+    """Readings that are missing where a surface turns away, or reflects too little or too much."""
 
     name = "grazing_holes"
     order = 14
     params = {
-        "grazing": Param(0.0, 0.0, 1.0, "1", start=0.8, doc="chance of a hole on a surface seen edge-on"),
+        "grazing": Param(0.0, 0.0, 1.0, "1", start=0.8, doc="chance of no reading on a surface seen edge-on"),
         "dark": Param(0.0, 0.0, 1.0, "1", start=0.5, doc="chance on a black surface"),
         "shine": Param(0.0, 0.0, 1.0, "1", start=0.3, doc="chance in a highlight"),
         "blobs": Param(0.0, 0.0, 0.3, "1", start=0.02, doc="chance anywhere"),
         "angle": Param(1.3, 0.6, 1.5, "rad", start=1.3, shape=True, doc="incidence at which `grazing` is half felt"),
-        "size": Param(1.5, 0.0, 8.0, "px", start=1.5, shape=True, doc="of a hole: length of the field's low-pass"),
+        "size": Param(1.5, 0.0, 8.0, "px", start=1.5, shape=True, doc="length of the field's low-pass"),
         "rho": Param(0.9, 0.0, 0.99, "1", start=0.9, shape=True, doc="share of the field kept from frame to frame"),
     }
 

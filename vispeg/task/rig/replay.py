@@ -1,6 +1,6 @@
 """Recordings of a cell run again in closed loop: what worlds would have done under the controller that ran.
 
-The last judge of a contact model: paths part at the edge of a hole, so it judges what is accepted and fits nothing.
+The last judge of a contact model: paths part at the edge of the goal, so it judges what is accepted and fits nothing.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Recording
 from vispeg.sim.segments.start import start_state
 from vispeg.task.belief import believed
-from vispeg.task.peg.rig.run import STEP, Ran, run
+from vispeg.task.rig.run import STEP, Ran, run
 from vispeg.worlds.world import World
 
 

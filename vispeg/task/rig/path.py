@@ -23,7 +23,7 @@ class Frame:
     """Where the tip is asked to be, how the tool is turned, and what it is to exert there.
 
     Attributes:
-        tip: m from the centre of the hole's mouth, base axes.
+        tip: m from the goal's nominal place, base axes.
         turn: rotation vector of the tool from straight down, rad, base axes.
         yaw: turn of the flange about the vertical before that, rad.
         force: N, base axes, that the tip is to exert on what it meets: the spring of the controller is wound up by it.
@@ -81,7 +81,7 @@ def commands(frames: np.ndarray, scene: Scene, stiffness: tuple[float, float]) -
     """Flange poses (n, 7) m and w x y z to command, so that the controller exerts what the frames ask for.
 
     An operational space controller holds the flange by a spring: a pose error `e` gives the wrench `Lambda K e`. The
-    error that gives a force at the tip is `K^-1 Lambda^-1 (f, r x f)`, with Lambda of the nominal arm over the hole and
+    error that gives a force at the tip is `K^-1 Lambda^-1 (f, r x f)`, with Lambda of the nominal arm over the goal and
     r from the flange to the tip.
 
     Args:
@@ -114,7 +114,7 @@ def facing(yaw: np.ndarray) -> np.ndarray:
 
 
 def quarter(scene: Scene) -> float:
-    """A quarter turn of the flange over the hole, to the side that leaves the last joints more room, rad."""
+    """A quarter turn of the flange over the goal, to the side that leaves the last joints more room, rad."""
     nominal, at = nominal_of(scene.nominal, 1), np.array(scene.target) + [0, 0, 0.03 + scene.tip]
     margins = []
     for yaw in (np.pi / 2, -np.pi / 2):
@@ -135,12 +135,12 @@ def start_angles(scene: Scene, pose: np.ndarray) -> np.ndarray:
 
 
 def posture(scene: Scene) -> np.ndarray:
-    """Joint angles (nj,) rad over the hole: what the null space is pulled to."""
+    """Joint angles (nj,) rad over the goal: what the null space is pulled to."""
     return start_angles(scene, np.concatenate([np.array(scene.target) + [0, 0, 0.03 + scene.tip], DOWN]))
 
 
 def _softness(scene: Scene, stiffness: tuple[float, float]) -> np.ndarray:
-    """(6, 6) pose error a wrench at the flange, straight over the hole."""
+    """(6, 6) pose error a wrench at the flange, straight over the goal."""
     mass, jac, *_ = nominal_of(scene.nominal, 1).operational(posture(scene)[None])
     inverse = (jac @ np.linalg.solve(mass, np.swapaxes(jac, 1, 2)))[0]
     return inverse / np.repeat(stiffness, 3)[:, None]

@@ -1,13 +1,13 @@
 """Motions that make a cell show what its model lacks of contact; each begins with a second in free air.
 
 What each is for: free air shows the tool's mass and centre and the sensor's zero; presses stiffness, compliance and
-heights; slides friction; insertions clearance and the hole's place; a hard press what slips; taps damping; a datum what
-is grip and what is hole.
+heights; slides friction; insertions the gap and the goal's place; a hard press what slips; taps damping; a datum what
+is grip and what is goal.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,11 +15,11 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.robots.scene import Scene
 from vispeg.task.config import TaskConfig
-from vispeg.task.peg.rig.path import Frame, Path, commands, quarter
+from vispeg.task.rig.path import Frame, Path, commands, quarter
 
 OVER = 0.03  # m: the tip over the fixture in free air
 NEAR = 0.0015  # m over a surface, from where it is approached slowly
-LOOK, LOOKS = 0.06, 14  # m of the tip over the hole about which a look moves, and the views that it moves through
+LOOK, LOOKS = 0.06, 14  # m of the tip over the goal about which a look moves, and the views that it moves through
 AIR = 1.1  # s in free air that every motion begins with
 
 
@@ -53,18 +53,18 @@ class Place:
     rng: np.random.Generator
 
     @property
-    def clearance(self) -> float:
-        """Diameter of the hole less that of the peg, m."""
-        return 1e-3 * self.scene.config.clearance_mm
+    def gap(self) -> float:
+        """Width of the goal less that of what goes into it, m."""
+        return self.scene.config.gap
 
     @property
     def depth(self) -> float:
-        """Of the hole, m."""
+        """Of the goal, m."""
         return self.scene.config.depth
 
     @property
     def aside(self) -> float:
-        """Distance from the hole's axis, m, at which the peg stands on the middle of the fixture's rim."""
+        """Distance from the goal's axis, m, at which the held part stands on the middle of the fixture's rim."""
         config = self.scene.config
         return 0.5 * (config.apothem + config.chamfer + config.block)
 
@@ -73,7 +73,7 @@ class Place:
         return float(value * (1 + share * self.rng.uniform(-1.0, 1.0)))
 
     def begin(self, over: float = OVER) -> Path:
-        """In free air over the hole: a nod on either side shows the sensor's zero."""
+        """In free air over the goal: a nod on either side shows the sensor's zero."""
         start = Frame((0.0, 0.0, over))
         nod = self.vary(0.05)
         return Path(start).to(0.5).to(0.3, turn=(nod, 0.0, 0.0)).to(AIR - 0.8, turn=(0.0, 0.0, 0.0))
@@ -92,7 +92,7 @@ def free(place: Place) -> Path:
 
 
 def press(place: Place, count: int = 4) -> Path:
-    """Presses straight down with 5 to 25 N at `count` places about the hole."""
+    """Presses straight down with 5 to 25 N at `count` places about the goal."""
     path, first = place.begin(), place.rng.uniform(0, np.pi / 2)
     for k in range(count):
         angle = first + 2 * np.pi * k / count
@@ -104,8 +104,8 @@ def press(place: Place, count: int = 4) -> Path:
 
 
 def slide(place: Place) -> Path:
-    """Slides a cross beside the hole, each line there and back, pressing with two forces; the tool leans sideways, so
-    that a peg's flat end meets the fixture at one place of its rim and not now here, now there.
+    """Slides a cross beside the goal, each line there and back, pressing with two forces; the tool leans sideways, so
+    that a flat end meets the fixture at one place of its rim and not now here, now there.
     """
     path, lean = place.begin(), place.vary(0.07)
     for force in (place.vary(8.0), place.vary(16.0)):
@@ -141,9 +141,9 @@ def insert(place: Place, yaw: float = 0.0) -> Path:
 
 
 def _inserted(path: Path, place: Place) -> Path:
-    """The insertion itself, from free air over the hole."""
+    """The insertion itself, from free air over the goal."""
     angle = place.rng.uniform(0, 2 * np.pi)
-    x, y = 0.6 * place.clearance * np.cos(angle), 0.6 * place.clearance * np.sin(angle)
+    x, y = 0.6 * place.gap * np.cos(angle), 0.6 * place.gap * np.sin(angle)
     path.to(0.6, tip=(x, y, 0.004)).to(0.8, tip=(x, y, -0.004)).to(0.3, tip=(0, 0, -0.004))
     for share, force in ((0.45, place.vary(5.0)), (0.85, place.vary(13.0))):
         path.to(0.7, tip=(0, 0, -share * place.depth))
@@ -156,15 +156,15 @@ def _inserted(path: Path, place: Place) -> Path:
 
 
 def insert_turned(place: Place) -> Path:
-    """The same with the flange turned by 90 deg: tells the peg's grip from the hole's place."""
+    """The same with the flange turned by 90 deg: tells the grip from the goal's place."""
     return insert(place, quarter(place.scene))
 
 
 def rock(place: Place) -> Path:
-    """Tilts the peg in the hole until it stands across, about both axes, both ways."""
+    """Tilts the held part in the goal until it stands across, about both axes, both ways."""
     inside = 0.8 * place.depth
     path = place.begin().to(0.6, tip=(0, 0, 0.004)).to(1.0, tip=(0, 0, -inside))
-    tilt = place.vary(1.0, 0.05) * (place.clearance / inside + 0.03)
+    tilt = place.vary(1.0, 0.05) * (place.gap / inside + 0.03)
     for axis in (0, 1):
         for sign in (1.0, -1.0):
             turn = [0.0, 0.0, 0.0]
@@ -174,7 +174,7 @@ def rock(place: Place) -> Path:
 
 
 def hard_press(place: Place) -> Path:
-    """Presses with 60 to 115 N at two places: what holds the peg slips or does not, springs give way."""
+    """Presses with 60 to 115 N at two places: the grip slips or does not, springs give way."""
     path, first = place.begin(), place.rng.uniform(0, np.pi)
     for angle in (first, first + np.pi):
         _down(path, place.aside * np.cos(angle), place.aside * np.sin(angle), 10.0)
@@ -229,10 +229,10 @@ def mix(place: Place) -> Path:
 
 
 def look_and_insert(place: Place) -> Path:
-    """Looks about the hole from all sides, slides beside it, goes in as `insert` does: for joints, wrench and cameras.
+    """Looks about the goal from all sides, slides beside it, goes in as `insert` does: for joints, wrench and cameras.
 
-    The hand tilts, rolls, approaches and moves sideways at once, each both ways and at changing speed, the hole kept in
-    sight of a camera on the hand: turns leave the hole's mouth where it is.
+    The hand tilts, rolls, approaches and moves sideways at once, each both ways and at changing speed, the goal kept in
+    sight of a camera on the hand: turns leave the goal where it is.
     """
     path = place.begin(LOOK)
     path.to(0.3, pivot=-LOOK)
@@ -260,7 +260,8 @@ def _up(path: Path) -> None:
     path.to(0.5, tip=(x, y, 0.006), force=(0, 0, 0))
 
 
-PATHS: dict[str, Callable[[Place], Path]] = {
+Motions = Mapping[str, Callable[[Place], Path]]
+PATHS: Motions = {
     "free": free,
     "press": press,
     "slide": slide,
@@ -276,22 +277,24 @@ PATHS: dict[str, Callable[[Place], Path]] = {
 ROOM = 1.25  # the controller's force limit over the greatest force that is asked for
 
 
-def motion(name: str, scene: Scene, config: TaskConfig, rate_hz: float, rng: np.random.Generator) -> CellMotion:
+def motion(
+    name: str, scene: Scene, config: TaskConfig, rate_hz: float, rng: np.random.Generator, paths: Motions = PATHS
+) -> CellMotion:
     """A motion by name, for the believed cell.
 
     Args:
-        name: of `PATHS`.
+        name: of `paths`.
         scene: the believed cell.
         config: its task, whose controller will hold the flange.
-        rate_hz: ticks a second.
-        rng: chance.
+        rate_hz, rng: ticks a second, chance.
+        paths: the motions of the task, see `vispeg.task.contract.Task.motions`.
 
     Raises:
         UserError: no such motion, or one that this arm cannot make.
     """
-    if name not in PATHS:
-        raise UserError("unknown motion of a cell", key="--motion", got=name, choices=(*PATHS, "expert"))
-    time, frames = PATHS[name](Place(scene, rng)).frames(rate_hz)
+    if name not in paths:
+        raise UserError("unknown motion of a cell", key="--motion", got=name, choices=(*paths, "expert"))
+    time, frames = paths[name](Place(scene, rng)).frames(rate_hz)
     most = ROOM * float(np.linalg.norm(frames[:, 6:9], axis=1).max())
     ee_cmd = commands(frames, scene, config.stiffness)
     return CellMotion(name, time, ee_cmd, most if most > config.force_limit else None)

@@ -10,22 +10,21 @@ from typing import Literal
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.recordings.cell import LEVER, CellBelief, Outcome, WrenchSensor
+from vispeg.recordings.cell import LEVER, OPEN_CELL, CellBelief, Outcome, WrenchSensor
 from vispeg.recordings.noise import noisy
 from vispeg.recordings.recording import Control, Nullspace, Recording
 from vispeg.robots.declared import carried
 from vispeg.robots.scene import Scene
-from vispeg.robots.scene_config import SceneConfig
+from vispeg.robots.scene_config import OTHERS, SceneConfig
 from vispeg.sim.compiled import flange_pose
 from vispeg.task.belief import Believed, believed
 from vispeg.task.config import TaskConfig
 from vispeg.task.control import DAMPING, POSTURE
-from vispeg.task.peg.rig.motions import CellMotion
-from vispeg.task.peg.rig.path import posture, start_angles
-from vispeg.task.peg.rig.run import STEP, Ran, run
+from vispeg.task.registry import task_of
+from vispeg.task.rig.motions import CellMotion
+from vispeg.task.rig.path import posture, start_angles
+from vispeg.task.rig.run import STEP, Ran, run
 from vispeg.worlds.world import World
-
-OTHERS = ("robot", "mesh_scale", "mesh_concavity", "peg_density")  # of a cell: not numbers of the built-in shapes
 
 
 def controller(scene: Scene, config: TaskConfig, rate_hz: float, force_limit: float | None = None) -> Control:
@@ -165,7 +164,7 @@ def with_noise(
 def _believed(world: World) -> Believed:
     if world.cell is None:
         raise UserError(
-            "a motion of a cell needs one", key="model", expected="peg-cell, a world or a model with `cell`"
+            "a motion of a cell needs one", key="model", expected=f"{OPEN_CELL}, a world or a model with `cell`"
         )
     return believed(world.cell)
 
@@ -173,9 +172,9 @@ def _believed(world: World) -> Believed:
 def outcome_of(belief: Believed, ran: Ran) -> tuple[Outcome, ...]:
     """Whether the tip got to the depth that the task asks for without more force than it allows."""
     config, tip, peak = belief.config, ran.tip[0], float(ran.touch[0].max())
-    over = np.hypot(tip[:, 0], tip[:, 1]) < 0.5 * getattr(config, "diameter", 0.0)
+    over = np.hypot(tip[:, 0], tip[:, 1]) < 0.5 * belief.scene.config.diameter
     depth = float(np.max(-tip[over, 2], initial=0.0))
     if peak > config.force_abort:
         return (Outcome(False, 0, "force limit", peak, depth),)
-    deep = depth >= getattr(config, "success_depth", 0.8) * belief.scene.config.depth
+    deep = depth >= -float(task_of(config).goal(config)[2])
     return (Outcome(deep, 0, "success" if deep else "search" if depth < 0.002 else "jam", peak, depth),)

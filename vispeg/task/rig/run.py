@@ -28,7 +28,7 @@ class Ran:
     Attributes:
         q, dq, tau: (.., nj) rad, rad/s, N m behind the gear.
         ft: (.., 6) N, N m: what the flange exerts on the tool, in the flange's frame.
-        tip: (.., 3) m, true place of the tip in the true hole's frame.
+        tip: (.., 3) m, true place of the tip in the true goal's frame.
         touch: (..,) N, greatest true contact force of the tick that ends there.
         true: (.., nj) rad, where the joints are, which only a bystander (a camera) can see; NaN where nobody looked.
         diverged: (nworld,) bool.

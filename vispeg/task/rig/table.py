@@ -10,7 +10,7 @@ from vispeg.core.errors import UserError
 from vispeg.recordings.columns import columns_of
 from vispeg.recordings.tables.read import read_table
 from vispeg.recordings.validate import check_finite, check_unit
-from vispeg.task.peg.rig.motions import CellMotion
+from vispeg.task.rig.motions import CellMotion
 
 
 def text(motion: CellMotion) -> str:
