@@ -16,7 +16,7 @@ from vispeg.diagnosis.run import diagnose
 from vispeg.diagnosis.selection.accept import in_order
 from vispeg.diagnosis.selection.judge import Gain, Judge
 from vispeg.diagnosis.selection.search import Search
-from vispeg.diagnosis.selection.shadows import cast_out
+from vispeg.diagnosis.selection.shadows import cast_out, dismissed
 from vispeg.diagnosis.selection.state import State, Trial
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit, fit_job
@@ -91,7 +91,7 @@ def test_several_are_tried_at_a_time_where_one_joint_comes_first_and_its_best_en
     search, asked = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:]))), []
     alone, rest = trial("torque_speed_limit", 90.0, at_bound), trial("coulomb_friction", 100.0)
 
-    def step_at(state, given, places, missing, tested, common=(), several=False):
+    def step_at(state, n_fixed, places, missing, tested, common=(), several=False):
         asked.append((bool(places), {name for group in common for name, _ in group}, several))
         return [rest] if several else [alone]
 
@@ -114,12 +114,12 @@ def test_what_stands_at_a_bound_goes_where_the_search_gets_further_without_it(re
     stall = effect("torque_speed_limit").params["stall"].low
     shadow = EffectInstance.of("torque_speed_limit", "shoulder", stall=stall, no_load=0.3)
     bare, friction = World(recordings[0].robot), EffectInstance.of("coulomb_friction", "shoulder", torque=0.8)
-    search.fits = lambda worlds, given, **how: [held(search, w) for w in worlds]  # type: ignore[method-assign]
+    search.fits = lambda worlds, n_fixed, **how: [held(search, w) for w in worlds]  # type: ignore[method-assign]
     state = search.start(bare.add(shadow), 0)
     shadowed = search.judge.mean(state.loss)
     assert at_bound(state.world.effects[0])
 
-    def advance(other, given):
+    def advance(other, n_fixed):
         assert other.world == bare
         fit = held(search, bare.add(friction))
         other.take(fit, search.judge.losses([fit.world])[0])
@@ -136,9 +136,9 @@ def test_what_stands_at_a_bound_goes_where_the_search_gets_further_without_it(re
 def test_what_stands_at_a_bound_stays_where_nothing_better_comes_in(recordings):
     search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:], h_max=1e-3)))
     shadow = EffectInstance.of("torque_gain", "shoulder", gain=effect("torque_gain").params["gain"].low)
-    search.fits = lambda worlds, given, **how: [held(search, w) for w in worlds]  # type: ignore[method-assign]
+    search.fits = lambda worlds, n_fixed, **how: [held(search, w) for w in worlds]  # type: ignore[method-assign]
     state = search.start(World(recordings[0].robot).add(shadow), 0)
-    search.advance = lambda other, given: False  # type: ignore[method-assign]
+    search.advance = lambda other, n_fixed: False  # type: ignore[method-assign]
     assert not cast_out(search, state, 0) and [e.effect for e in state.world.effects] == ["torque_gain"]
 
 
@@ -147,3 +147,19 @@ def held(search: Search, world: World) -> Fit:
     job = fit_job(search.evidence, world, range(len(world.effects)), iterations=1)
     fit = run_together([job], search.evidence.residuals)[0]
     return replace(fit, world=world, residual=search.evidence.residuals([world])[0])
+
+
+@pytest.mark.parametrize("worth", [True, False])
+def test_a_member_of_a_group_at_its_bound_goes_at_once_if_the_others_are_worth_having(recordings, worth):
+    search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:], h_max=1e-3)))
+    bare = World(recordings[0].robot)
+    gain = EffectInstance.of("torque_gain", "shoulder", gain=effect("torque_gain").params["gain"].low)
+    other = EffectInstance.of("coulomb_friction", "shoulder" if worth else "elbow", torque=0.8)
+    search.fits = lambda worlds, n_fixed, **how: [held(search, w) for w in worlds]  # type: ignore[method-assign]
+    (before,) = search.judge.losses([bare])
+    state = search.start(bare.add(gain, other), 0)
+    score = Score(gain, 1.0, (other,))
+    state.steps, state.last = [(replace(trial("torque_gain", 90.0), score=score), [])], [trial("cogging", 90.0)]
+    dismissed(search, state, before, score, 0)
+    assert [e.effect for e in state.world.effects] == ["coulomb_friction"] if worth else len(state.world.effects) == 2
+    assert len(state.last) == (not worth) and len(state.steps) == 1

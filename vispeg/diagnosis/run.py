@@ -103,10 +103,12 @@ def diagnose(
         least = base_parameters(evidence, judged, world)
     mark = None if least is None else _mean_square(judged, least)
     verdict = decide(before, after, len(state.world.effects) - n_fixed, rivals, depends, floor, mark)
+    changing = search.changes(state, n_fixed)
     unsure = open_ended(state, n_fixed)
     if verdict.partial and state.fit is not None:
         say("asking which names are certain")
         unsure = tentative(state, n_fixed, search.exchanges(state), rivals)
+    unsure |= {c.label for c in changing}
     final = with_origin(
         widened(state.world, n_fixed, before, after - floor + 1.0),
         n_fixed,
@@ -157,6 +159,7 @@ def diagnose(
             *(note for note in judged.notes if note not in evidence.notes),
             *coarse_encoders(fitted[0], judged),
             *_stirred(fed_back),
+            *(c.said() for c in changing),
         ],
     }
     return Diagnosis(record, final, drawing | more)

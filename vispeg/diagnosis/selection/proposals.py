@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.diagnosis.evidence.constancy import Change, changes
 from vispeg.diagnosis.evidence.dictionary import Dictionary
 from vispeg.diagnosis.evidence.localise import MissingTorque, joint_data, missing_torque
 from vispeg.diagnosis.evidence.screen import Score, candidates, screen
@@ -107,11 +108,14 @@ class Proposals:
             if fitted
             else signatures(judge.evidence, world, fit.residual, asked)
         )
-        surplus, count = judge.loss(fit.residual).sum(axis=0), judge.size.sum(axis=0)
-        floor, joints = judge.floor(world), judge.evidence.items[0].robot.joints
-        over = {joint: (surplus[j], count[j]) for j, joint in enumerate(joints)} | {"": (surplus.sum(), count.sum())}
-        excess = {where: float(max(a - floor * n, LEAST * n, 1.0)) for where, (a, n) in over.items()}
-        return Ground(Dictionary(fit.residual, taken, fit), excess)
+        return Ground(Dictionary(fit.residual, taken, fit), excess(judge, world, fit.residual))
+
+    def changes(self, state: State, n_fixed: int) -> list[Change]:
+        """Effects of the fit that are not the same at all times and positions; see `evidence.constancy`."""
+        if state.fit is None:
+            return []
+        surplus = excess(self.cross.judge, state.world, state.fit.residual)
+        return changes(self.evidence.items, state.fit, n_fixed, surplus)
 
     def signatures(
         self,
@@ -138,6 +142,14 @@ class Proposals:
     def _straight(self, world: World) -> list[tuple[str, str]]:
         everywhere = candidates(self.evidence, world, list(self.evidence.items[0].robot.joints))
         return [(name, where) for name, where in everywhere if effect(name).straight]
+
+
+def excess(judge: Judge, world: World, residual: np.ndarray) -> dict[str, float]:
+    """Squared residual over the noise that is left in each joint, and over all under ""; never 0."""
+    total, count = judge.loss(residual).sum(axis=0), judge.size.sum(axis=0)
+    floor, joints = judge.floor(world), judge.evidence.items[0].robot.joints
+    over = {joint: (total[j], count[j]) for j, joint in enumerate(joints)} | {"": (total.sum(), count.sum())}
+    return {where: float(max(a - floor * n, LEAST * n, 1.0)) for where, (a, n) in over.items()}
 
 
 def _plain(placed: EffectInstance) -> list:

@@ -16,7 +16,7 @@ from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.law import grow, refined
 from vispeg.diagnosis.selection.proposals import Proposals
 from vispeg.diagnosis.selection.prune import prune
-from vispeg.diagnosis.selection.shadows import cast_out
+from vispeg.diagnosis.selection.shadows import cast_out, dismissed
 from vispeg.diagnosis.selection.shown import Shown
 from vispeg.diagnosis.selection.state import State, Trial, without
 from vispeg.identify.evidence import Evidence
@@ -89,9 +89,11 @@ class Search(Shown, Proposals):
         if not accepted:
             state.last = trials
             return False
-        best = accepted[0]
+        best, loss = accepted[0], state.loss
         self.take(state, best, trials, n_fixed)
-        if not best.score.beside:
+        if best.score.beside:
+            dismissed(self, state, loss, best.score, n_fixed)
+        else:
             self._grow(state, best.score.placed, n_fixed)
         prune(self, state, n_fixed)
         return state.world.label != before  # what came in may have gone out again

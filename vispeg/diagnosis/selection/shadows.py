@@ -1,15 +1,20 @@
-"""Effects of joints and drives at their bounds where a search ends: it goes on without them, and what is better stays.
+"""Effects of joints and drives at their bounds: shadows of something else.
 
-A voltage limit of a wrist at its least torque mimics friction, rotor and bias together, and none of the three gains
-beside it: one out, and several in.
+One that came in with others goes out again at once. Where a search ends it goes on without the others, and what is
+better stays: a voltage limit of a wrist at its least torque mimics friction, rotor and bias together, and none of the
+three gains beside it: one out, and several in.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from vispeg.core.effect import effect
+import numpy as np
+
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.evidence.signatures import at_bound
 from vispeg.diagnosis.selection.state import State, without
 
@@ -20,26 +25,51 @@ BETTER = 0.01  # of the held-out squared error, that a world without them must b
 STEPS = 3  # that it may take to be
 
 
+def dismissed(search: Search, state: State, before: np.ndarray, score: Score, n_fixed: int) -> None:
+    """Drops the members at a bound of what just came in, if the others are better than the held-out loss `before`."""
+    gone = [e for e in _stuck(state, n_fixed) if score.has(e)]
+    if gone and len(gone) < score.count:
+        other = _without(search, state, gone, n_fixed)
+        if search.judge.gain(before, other.loss).relative >= search.evidence.least_gain:
+            search.say(f"without {', '.join(e.label for e in gone)}: at a bound")
+            _become(state, other)
+
+
 def cast_out(search: Search, state: State, n_fixed: int) -> bool:
     """Takes out of a state what stands at a bound where a search without it gets further; whether it did."""
-    gone = [e for e in state.world.effects[n_fixed:] if effect(e.effect).family in ("joint", "drive") and at_bound(e)]
+    gone = _stuck(state, n_fixed)
     if not gone or state.fit is None:
         return False
-    world = without(state.world, gone)
     search.say(f"going on without {', '.join(e.label for e in gone)}: at a bound")
-    if len(world.effects) > n_fixed:
-        (fit,) = search.fits([world], n_fixed, columns=[state.derivatives(gone)])
-        world, residual = fit.world, fit.residual
-    else:
-        fit, residual = None, search.evidence.residuals([world])[0]
-    loss = search.judge.losses([world])[0]
-    cross = search.cross.loss_of(fit, residual)
-    other = replace(state, world=world, loss=loss, residual=residual, fit=fit, cross=cross, steps=[*state.steps])
+    other = _without(search, state, gone, n_fixed)
     for _ in range(STEPS):
         if not (search.worth_it(other, n_fixed) and search.advance(other, n_fixed)) or other.fit is None:
             return False
         if search.judge.gain(state.loss, other.loss).relative >= BETTER:
-            state.take(other.fit, other.loss)
-            state.cross, state.steps = other.cross, other.steps
+            _become(state, other)
             return True
     return False
+
+
+def _stuck(state: State, n_fixed: int) -> list[EffectInstance]:
+    return [e for e in state.world.effects[n_fixed:] if effect(e.effect).family in ("joint", "drive") and at_bound(e)]
+
+
+def _without(search: Search, state: State, gone: Sequence[EffectInstance], n_fixed: int) -> State:
+    """A state without some effects, the others fitted anew; steps that brought in nothing else were none."""
+    world, fit = without(state.world, gone), None
+    if len(world.effects) > n_fixed:
+        (fit,) = search.fits([world], n_fixed, columns=[state.derivatives(gone)])
+        world, residual = fit.world, fit.residual
+    else:
+        residual = search.evidence.residuals([world])[0]
+    loss, cross = search.judge.losses([world])[0], search.cross.loss_of(fit, residual)
+    labels = {e.label for e in gone}
+    steps = [s for s in state.steps if not {e.label for e in s[0].score.members} <= labels]
+    return replace(state, world=world, loss=loss, residual=residual, fit=fit, cross=cross, steps=steps, last=[])
+
+
+def _become(state: State, other: State) -> None:
+    assert other.fit is not None
+    state.take(other.fit, other.loss)
+    state.cross, state.steps, state.last, state.screening = other.cross, other.steps, other.last, other.screening

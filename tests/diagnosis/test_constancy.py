@@ -1,0 +1,91 @@
+"""Effects that a fit takes for constant and that are not: they stand in for something that changes."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from vispeg.core.effect import EffectInstance
+from vispeg.core.seeds import stream
+from vispeg.diagnosis.evidence.constancy import PARTS, changes
+from vispeg.identify.space import Space
+from vispeg.worlds.world import World
+
+ROWS, JOINTS = 800, ("joint1", "joint2")
+FRICTION = EffectInstance.of("coulomb_friction", "joint1", torque=2.0)
+BIAS = EffectInstance.of("joint_bias", "joint2", torque=0.5)
+
+
+@pytest.fixture(scope="module")
+def items() -> list:
+    """Two recordings of two joints, 8 s each; the second one in two windows."""
+    out, rng = [], stream(3, "moves")
+    for pieces in (1, 2):
+        recording = SimpleNamespace(time=np.arange(ROWS) * 0.01)
+        q = np.sin(np.outer(recording.time, rng.uniform(1.0, 3.0, 2)) + rng.uniform(0, 6, 2))
+        for rows in np.array_split(np.arange(ROWS), pieces):
+            segment = SimpleNamespace(rows=rows, time=recording.time[rows] - recording.time[rows[0]])
+            robot = SimpleNamespace(joints=JOINTS)
+            out.append(SimpleNamespace(robot=robot, recording=recording, segment=segment, posture=q[rows],
+                                       measured=np.zeros((len(rows), 2))))  # fmt: skip
+    return out
+
+
+def columns(items) -> np.ndarray:
+    """Whitened derivative (n, 2) of the residual to friction and to bias: 100 times the noise a unit."""
+    direction = np.concatenate([np.sign(np.gradient(i.posture[:, 0])) for i in items])
+    out = np.zeros((len(direction), 2, 2))
+    out[:, 0, 0], out[:, 1, 1] = -100.0 * direction, -100.0
+    return out.reshape(-1, 2)
+
+
+def ages(items) -> np.ndarray:
+    return np.concatenate([i.recording.time[i.segment.rows] for i in items])
+
+
+def fitted(items, share: np.ndarray) -> SimpleNamespace:
+    """The fit of an arm whose friction is `share` (m,) of 2 N m, with noise; the bias is what it is taken for."""
+    jac, rng = columns(items), stream(4, "noise")
+    space = Space(World().add(FRICTION, BIAS), range(2))
+    truth = np.repeat(share, 2)[:, None] * jac[:, :1] * (0.0 - space.start[0])  # what friction adds to the residual
+    measured = truth[:, 0] - jac[:, 1] * space.start[1] + rng.standard_normal(len(jac))
+    u = np.linalg.lstsq(-jac, measured, rcond=None)[0]
+    return SimpleNamespace(world=space.at(u), residual=measured + jac @ u, jacobian=jac, space=space, u=u)
+
+
+def left(fit) -> dict[str, float]:
+    squares = (fit.residual**2).reshape(-1, 2).sum(axis=0) - len(fit.residual) / 2
+    return {joint: float(max(s, 10.0)) for joint, s in zip(JOINTS, squares, strict=True)}
+
+
+def test_a_constant_effect_is_constant_whatever_else_is_left(items):
+    fit = fitted(items, np.ones(2 * ROWS))
+    assert changes(items, fit, 0, left(fit)) == []
+    rough = 3.0 * np.repeat(stream(5, "rough").standard_normal(2 * ROWS // 20), 20)  # missing, in no relation to either
+    fit.residual = fit.residual + np.repeat(rough, 2)
+    assert changes(items, fit, 0, left(fit)) == []
+    slight = fitted(items, 1.0 - 0.02 * ages(items))
+    assert changes(items, slight, 0, left(slight)) == [], "it hardly changes"
+
+
+def test_friction_that_falls_with_time_is_none_and_the_parts_are_those_of_least_squares(items):
+    fit = fitted(items, np.exp(-ages(items) / 2.0))
+    (change,) = changes(items, fit, 0, left(fit))
+    assert (change.label, change.over) == ("coulomb_friction(joint1)", "time") and change.share > 0.8
+    assert list(change.parts) == sorted(change.parts, reverse=True)
+    quarter = np.repeat(np.minimum(ages(items) // 2.0, PARTS - 1), 2)
+    apart = np.column_stack([fit.jacobian[:, 0] * (quarter == s) for s in range(PARTS)] + [fit.jacobian[:, 1]])
+    moved = np.linalg.lstsq(apart, -fit.residual, rcond=None)[0]
+    assert change.parts == pytest.approx(1.0 + moved[:PARTS] / fit.u[0], rel=1e-4)
+    drop = np.sum(fit.residual**2) - np.sum((fit.residual + apart @ moved) ** 2)
+    assert change.share == pytest.approx(drop / left(fit)["joint1"], rel=1e-4)
+    assert "as the recordings go on" in change.said()
+    assert changes(items, fit, 1, left(fit)) == [], "what was given is not asked"
+
+
+def test_friction_at_one_angle_alone_is_none(items):
+    angle = np.concatenate([i.posture[:, 0] for i in items])
+    fit = fitted(items, 3.0 * np.exp(-(((angle - 0.8) / 0.2) ** 2)))
+    (change,) = changes(items, fit, 0, left(fit))
+    assert (change.label, change.over) == ("coulomb_friction(joint1)", "position")
+    assert change.parts[-1] > 1.5 > 0.5 > change.parts[0]
