@@ -26,6 +26,19 @@ def test_a_motion_written_as_a_table_is_the_motion_by_name(vispeg, tmp_path):
     assert believed(a.cell).world.effects == ()
 
 
+def test_a_look_written_as_a_table_is_photographed_like_the_look_by_name(vispeg, tmp_path):
+    assert vispeg("motions", "look-tilt", "--out", "tilt.csv", "--rate", "100")[0] == 0
+    options = ["--rate", "100", "--cameras", "wrist_wide", "--fps", "0.1", "--size", "32x24"]
+    for motion, out in (("look-tilt", "a"), ("tilt.csv", "b")):
+        assert vispeg("record", "peg-cell", "--motion", motion, *options, "--out", out)[0] == 0
+    a, b = load(tmp_path / "a"), load(tmp_path / "b")
+    assert a.frames and b.frames and len(a.frames) == len(b.frames) == 2
+    assert np.abs(a.q_cmd - b.q_cmd).max() < 1e-8 and a.cell == b.cell
+    assert all(np.array_equal(x.rgb, y.rgb) for x, y in zip(a.frames, b.frames, strict=True))
+    code, _, error = vispeg("record", "peg-cell", "--motion", "tilt.csv", *options, "--duration", "9", "--out", "c")
+    assert code == 2 and "--duration" in error
+
+
 def test_whole_insertions_state_their_outcome(vispeg, tmp_path):
     code, said, _ = vispeg(
         "record", "nominal", "--motion", "expert", "--rate", "200", "--table", "parquet", "--out", "e"

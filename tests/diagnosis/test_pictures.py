@@ -178,3 +178,13 @@ def test_a_depth_camera_s_scale_is_named_and_nothing_else():
     (found,) = result.world.effects
     assert found.label == f"depth_scale({WRIST})"
     assert found.params["factor"].low <= 1.02 <= found.params["factor"].high
+
+
+@pytest.mark.slow
+def test_a_small_error_of_the_lens_is_named_or_said_to_be_alike_with_px_and_a_motion():
+    record = diagnosed(EffectInstance.of("focal_error", WRIST, fx=0.008, fy=0.008)).record
+    assert record["verdict"] in ("identified", "ambiguous")
+    rivals = [r for e in record["effects"] for r in e["indistinguishable_from"]]
+    assert len(record["views"]["confounded"]) == len(rivals)
+    for row in record["views"]["confounded"]:
+        assert row["views_px"] < 0.2 and row["motion"] and row["projection"]

@@ -10,12 +10,14 @@ from typing import Literal
 import numpy as np
 
 from vispeg.api.inputs import read_model
+from vispeg.api.recording.look import DURATION as LOOK_S
 from vispeg.api.recording.look import refuse_rate, scene_of, taken
 from vispeg.core.effect import OPTICAL, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.identify.excitation import MOTIONS as JOINT
 from vispeg.identify.excitation import motion as excitation
+from vispeg.identify.motions.look_motion import LOOKS, look_motion
 from vispeg.recordings.columns import columns_of
 from vispeg.recordings.recording import Recording
 from vispeg.render.backends.backend import BackendName
@@ -28,6 +30,8 @@ from vispeg.task.rig.expert import EXPERT, record_expert
 from vispeg.task.rig.motions import CellMotion, motion
 from vispeg.task.rig.record import record_cell
 from vispeg.worlds.world import World
+
+JOINT_S = 5.0  # s that motions of joints take
 
 
 def motions_of(world: World | None = None) -> tuple[str, ...]:
@@ -105,13 +109,14 @@ def record_in_cell(
 
 
 def names(space: str | None = None, model: str | None = None) -> list[str]:
-    """Names of motions that are commanded paths: all, or those in one space (`joint`, `contact`), of a model's cell."""
-    spaces = {"joint": [*JOINT], "contact": [*motions_of(None if model is None else read_model(model))[:-1]]}
+    """Names of motions that are commanded paths: all, or those in one space (`joint`, `contact`, `cell`), of a model's cell."""
+    world = None if model is None else read_model(model)
+    spaces = {"joint": [*JOINT], "contact": [*motions_of(world)[:-1]], "cell": [*LOOKS]}
     return [name for key, some in spaces.items() if space in (None, key) for name in some]
 
 
-def commands(model: str, name: str, *, rate_hz: float, seed: int, duration: float) -> tuple[str, float]:
-    """A motion as the text of a CSV that a robot can replay, and how long it takes, s.
+def commands(model: str, name: str, *, rate_hz: float, seed: int, duration: float | None) -> tuple[str, float]:
+    """A motion as the text of a CSV that a robot can replay, and how long it takes, s; `duration` of those of joints.
 
     Raises:
         UserError: no such motion or model, or one that the arm cannot make.
@@ -120,9 +125,14 @@ def commands(model: str, name: str, *, rate_hz: float, seed: int, duration: floa
     if name in motions_of(world) and (world.cell is not None or name not in JOINT):
         made = cell_motion(world, name, rate_hz=rate_hz, seed=seed)
         return table.text(made), float(made.time[-1])
-    robot = load(world.robot, tool=world.tool)
-    joint = excitation(name, robot, rate_hz, duration, stream(seed, "record", name))
-    head = ["time", *columns_of("q_cmd", robot.joints), *columns_of("dq_cmd", robot.joints)]
+    if name in LOOKS:
+        scene = scene_of(world)
+        joints, joint = scene.joints, look_motion(name, scene, rate_hz, duration or LOOK_S)
+    else:
+        robot = load(world.robot, tool=world.tool)
+        joints = robot.joints
+        joint = excitation(name, robot, rate_hz, duration or JOINT_S, stream(seed, "record", name))
+    head = ["time", *columns_of("q_cmd", joints), *columns_of("dq_cmd", joints)]
     rows = np.column_stack([joint.time, joint.q_cmd, joint.dq_cmd])
     lines = [",".join(head), *(",".join(f"{value:.9g}" for value in row) for row in rows)]
     return "\n".join(lines) + "\n", float(joint.time[-1])

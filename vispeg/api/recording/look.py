@@ -13,6 +13,7 @@ from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.formats.guard import is_file
+from vispeg.identify.excitation import Motion
 from vispeg.identify.motions.look_motion import LOOKS, look_motion
 from vispeg.identify.record import centre_of, controller, record
 from vispeg.recordings.cell import OPEN_CELL, CellBelief
@@ -89,7 +90,7 @@ def look_of(text: str, scene: Scene) -> tuple[EffectInstance, ...]:
 
 def record_look(
     world: World,
-    motion: str = "look",
+    motion: str | Motion = "look",
     cameras: Sequence[Camera] = (),
     *,
     fps: float = 3.0,
@@ -107,10 +108,10 @@ def record_look(
     Args:
         world: of a cell. Effects of the arm act on the motion, those of cameras, looks, fixture and grip on the
             pictures; none of them is told in the recording.
-        motion: one of `vispeg.identify.motions.look_motion.LOOKS`.
+        motion: one of `vispeg.identify.motions.look_motion.LOOKS`, or what is commanded, at `rate_hz`.
         cameras: as their user believes them; `wrist_wide` of the cell at 320 x 240 px if none is given.
         fps: pictures a second of each camera.
-        duration: s.
+        duration: s, of a motion by name.
         rate_hz: samples a second.
         noise: 1-sigma of the joint sensors.
         seed: of the noise and of what the cameras' sensors draw.
@@ -123,9 +124,9 @@ def record_look(
     """
     cameras = cameras or cameras_of(["wrist_wide"], scene_of(world), (320, 240))
     scene = scene_of(world, cameras)
-    duration = duration or DURATION
+    duration = (duration or DURATION) if isinstance(motion, str) else float(motion.time[-1])
     refuse_rate(fps, rate_hz, duration, cameras)
-    path = look_motion(motion, scene, rate_hz, duration)
+    path = look_motion(motion, scene, rate_hz, duration) if isinstance(motion, str) else motion
     arm = replace(of_arm(world), cell=None)
     truth: list[np.ndarray] = []
     control = controller(scene.nominal, "position", rate_hz, centre_of(scene.nominal))
@@ -134,7 +135,7 @@ def record_look(
     options = {"seed": seed, "backend": backend, "shadows": shadows, "progress": progress}
     frames = taken(world, scene, cameras, rec, truth[0], fps, rng, **options)
     cell = CellBelief(DEFAULT) if world.cell is None or world.cell.open else world.cell
-    return replace(rec, frames=frames, cell=cell, motion=motion)
+    return replace(rec, frames=frames, cell=cell, motion=path.name)
 
 
 def refuse_rate(fps: float, rate_hz: float, duration: float, cameras: Sequence[Camera]) -> None:

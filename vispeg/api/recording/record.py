@@ -118,7 +118,8 @@ def record(
         raise UserError("nothing to record", key="--repeat", expected="1 or more", got=repeat)
     world = model if isinstance(model, World) else read_model(str(model))
     of_cells = motions_of(world)
-    if asked.motion.startswith("look") and not asked.is_file and asked.motion not in of_cells:
+    looks = asked.motion.startswith("look") and not asked.is_file and asked.motion not in of_cells
+    if looks or (asked.is_file and asked.cameras and world.cell is not None and _of_joints(asked)):
         made = _of_cameras(asked, world, watch)
     elif world.cell is not None and (asked.motion in of_cells or not _of_joints(asked)):
         made = _of_contact(asked, world, watch)
@@ -205,6 +206,8 @@ def _of_contact(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
 def _of_cameras(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
     usual = {"control": (None, "position"), "kp": (None,), "kd": (None,), "tool": (None,), "repeat": (1,)}
     asked.refuse("not for a motion that looks", **usual)
+    if asked.is_file:
+        asked.refuse("a table has its own", duration=(None,))
     cameras = cameras_of(asked.cameras or ("wrist_wide",), scene_of(world), asked.pixels)
     scene = scene_of(world, cameras)
     looks = () if asked.look is None else look_of(asked.look, scene)
@@ -212,7 +215,7 @@ def _of_cameras(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
     with watch() as progress:
         rec = record_look(
             world.add(*looks),
-            asked.motion,
+            replay(Path(asked.motion), scene.nominal, asked.rate_hz) if asked.is_file else asked.motion,
             cameras,
             fps=asked.fps,
             duration=asked.duration,

@@ -6,6 +6,7 @@ Example:
     vispeg motions
     vispeg motions --family joint
     vispeg motions press --model {cell} --out press.csv
+    vispeg motions look --out look.csv
 """
 
 from __future__ import annotations
@@ -25,11 +26,12 @@ class Args:
     name: tyro.conf.Positional[str | None] = None
     """The motion to write; all are listed where not given."""
     model: str | None = None
-    """The robot that moves. Not given, the default cell for motions in contact, else iiwa14."""
+    """The robot that moves. Not given, the default cell for motions in contact and of looking, else iiwa14."""
     out: Path | None = None
     """The CSV to write."""
-    duration: float = 5.0
-    """Length of a joint motion, s. Motions in contact have a length of their own."""
+    duration: float | None = None
+    """Length of a joint motion (5 s, if not given) or of one that looks at a cell (16 s). Motions in contact have a
+    length of their own."""
     rate: float = 500.0
     """Commands a second."""
     seed: int = 0
@@ -37,7 +39,7 @@ class Args:
     overwrite: bool = False
     """Replace OUT if it is there."""
     family: str | None = None
-    """Only those in `joint`, `cartesian` or `contact` space."""
+    """Only those in `joint`, `cartesian`, `contact` or `cell` space."""
     search: str | None = None
     """Only those with this text in their name or description."""
     output: OutputOptions = Output()
@@ -67,7 +69,7 @@ class Args:
             raise UserError("where to?", key="--out", expected="a .csv file", got=self.out)
         if self.overwrite and self.out.exists():
             _refuse_other(self.out)
-        model = self.model or (OPEN_CELL if name in names("contact") else "iiwa14")
+        model = self.model or (OPEN_CELL if name in (*names("contact"), *names("cell")) else "iiwa14")
         text, seconds = commands(model, name, rate_hz=self.rate, seed=self.seed, duration=self.duration)
         write_text_atomic(self.out, text, overwrite=self.overwrite)
         values = {"motion": name, "model": model, "seconds": seconds, "rate_hz": self.rate, "out": str(self.out)}

@@ -7,11 +7,16 @@ documentation, "differencing" and "uncertainty"). The robot is the datum: no imp
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from vispeg.core.effect import OPTICAL, effect
+from vispeg.diagnosis.conclusion.rivals import Rivals
+from vispeg.diagnosis.pictures.excited import motion_between
 from vispeg.identify.fit import Fit
+from vispeg.identify.pictures.evidence import BorderEvidence
 from vispeg.render.cameras.camera import Camera
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
@@ -64,6 +69,30 @@ def projections(geometry: Geometry, before: World, after: World, fit: Fit | None
             shift = _seen(geometry, camera, before, after, distance)
             sigma = np.zeros(shift.shape[:2]) if fit is None else _sigma(geometry, camera, before, fit, distance)
             out.append(Projection(camera.name, distance, _pixels(camera), shift, sigma))
+    return out
+
+
+def confounded(judged: BorderEvidence, world: World, rivals: Sequence[Rivals]) -> list[dict]:
+    """How far apart the pictures of an effect and of one that cannot be told from it are, and what would tell.
+
+    Args:
+        judged: of the views that could not tell.
+        world: the model with all that was named.
+        rivals: of its effects.
+
+    Returns:
+        A row a pair: `effect`, `rival`, `views_px` (RMS over the borders of these views), `motion`, and `projection` as
+        of `Projection.as_dict` where both are of cameras: what an arm misreads has another picture in each posture.
+    """
+    out = []
+    for r in rivals:
+        for t in r.equals:
+            names = r.label.split("(")[0], t.score.key[0]
+            optical = all(effect(name).family in OPTICAL for name in names)
+            maps = projections(judged.geometry, world, t.fit.world, None) if optical else []
+            row = {"effect": r.label, "rival": t.score.label, "views_px": round(judged.change(world, t.fit.world), 3)}
+            row |= {"projection": [m.as_dict() for m in maps], "motion": motion_between(names[0], names[1:])}
+            out.append(row)
     return out
 
 

@@ -11,7 +11,7 @@ from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.pictures.borders import BorderSearch
 from vispeg.diagnosis.pictures.excited import motion_between, not_excited
 from vispeg.diagnosis.pictures.halves import compare_halves
-from vispeg.diagnosis.pictures.projection import projections
+from vispeg.diagnosis.pictures.projection import confounded, projections
 from vispeg.diagnosis.pictures.remainder import left_over
 from vispeg.diagnosis.pictures.sensors import sensor_search
 from vispeg.diagnosis.pictures.show import shown_pictures
@@ -73,6 +73,7 @@ def diagnose_pictures(
     sensed = []
     if of_borders.verdict != "unexplained":  # where things do not stand where they are drawn, no sensor can be told
         sensed = sensor_search(scene, (mine, theirs), (evidence, judged), world, state.world, say)
+    alike = confounded(judged, state.world, rivals)
     verdict, rivals = with_sensor(of_borders, sensed), [*rivals, *(r for s in sensed for r in s.rivals)]
     fitted_world = state.world.add(*(e for s in sensed for e in s.added))
     final = with_origin(
@@ -112,6 +113,7 @@ def diagnose_pictures(
             "robot_rad": evidence.robot,
             "borders": {"fit": evidence.count, "validate": judged.count, "without_edge": round(lost, 3)},
             "projection": [p.as_dict() for p in maps],
+            "confounded": alike,
             "halves": None if halves is None else {"px": halves.difference, "uncertainty_px": halves.uncertainty},
             "remainder": [{"input": x.input, "where": x.where, "share": x.share, "px": x.size} for x in remainder],
             "sensor": [s.as_dict() for s in sensed],

@@ -9,6 +9,7 @@ import numpy as np
 
 from vispeg.report.drawings.figures import AFTER, BEFORE, Shape, chart, new_figure, quiet
 from vispeg.report.record import Record, data_link
+from vispeg.report.text.camera_words import confounded
 
 TITLE = "Pictures, measured and rendered"
 SHOWN = 4.0  # times that misplacements are drawn long
@@ -28,6 +29,7 @@ def context(record: Record) -> Mapping[str, object] | None:
         "values": values,
         "rows": [row for k in range(8) if (row := _row(arrays, f"view/{k}/"))],
         "maps": _maps(values, arrays),
+        "alike": confounded(values),
         "sensor": _sensor(values),
         "odd": ODD,
         "channels": record.rows("channels"),

@@ -86,6 +86,8 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
     for record in (diagnosis, *(said["record"] for said in rows(diagnosis, "rooms"))):
         if record.get("evidence") == "contact":
             out += _contact(record)
+        if isinstance(views := record.get("views"), Mapping):
+            out += [Line(said) for said in (*camera_words.projections(views), *camera_words.confounded(views))]
     if diagnosis.get("verdict"):
         out.append(Line(f"next: {words.onward(diagnosis)}"))
         out += [Line(said) for said in words.paid(diagnosis)]

@@ -1,0 +1,92 @@
+"""What each factor of randomization is worth: points of success, and how far off a policy believes the goal to be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from scipy.stats import t as student
+
+from vispeg.evaluation.statistics.crossed import Block, spread
+
+ALL, NOTHING = "everything", "nothing"
+
+
+def lost(table: Mapping[str, Any], modality: str) -> list[dict[str, Any]]:
+    """What each factor's absence costs in one world: paired differences to the policy with everything, worst first.
+
+    Args:
+        table: of `success_table`; its policies are called MODALITY-everything, MODALITY-no-FACTOR, MODALITY-nothing.
+        modality: whose policies.
+    """
+    whole, out = f"{modality}-{ALL}", []
+    for c in table["comparisons"]:
+        if whole not in (c["first"], c["second"]):
+            continue
+        sign = 1.0 if c["first"] == whole else -1.0
+        factor = factor_left(c["second"] if sign > 0 else c["first"], modality)
+        if factor:
+            d = c["difference"]
+            low, high = sorted((sign * d["low"], sign * d["high"]))
+            out.append({"factor": factor, "costs": sign * d["value"], "low": low, "high": high, "p": c["p"]})
+    return sorted(out, key=lambda row: -row["costs"])
+
+
+def factor_left(policy: str, modality: str) -> str:
+    """`lights` of `depth-no-lights`, `all of them` of `depth-nothing`; "" for another policy."""
+    if policy == f"{modality}-{NOTHING}":
+        return "all of them"
+    return policy.removeprefix(f"{modality}-no-") if policy.startswith(f"{modality}-no-") else ""
+
+
+def farther(errors: Mapping[str, np.ndarray], modality: str) -> list[dict[str, Any]]:
+    """How much farther off a policy that was trained without a factor believes the goal to be, worst first.
+
+    Args:
+        errors: policy -> (training seeds, rows) lateral error in mm, the same rows for all.
+        modality: whose policies.
+
+    Returns:
+        {factor, costs, low, high} in mm: differences of means with 95 % t intervals over training seeds and rows.
+    """
+    whole, out = errors.get(f"{modality}-{ALL}"), []
+    for policy, values in errors.items():
+        factor = factor_left(policy, modality)
+        if factor and whole is not None:
+            value, variance, df = spread([Block(values), Block(-whole)])
+            half = float(student.ppf(0.975, df) * np.sqrt(variance)) if variance > 0 else 0.0
+            out.append({"factor": factor, "costs": value, "low": value - half, "high": value + half})
+    return sorted(out, key=lambda row: -row["costs"])
+
+
+def order(columns: Mapping[str, Sequence[Mapping[str, Any]]], rows: Sequence[str], said: Callable[[float], str]) -> str:
+    """Markdown: a row a factor, a column of costs with their intervals; `-` where a policy was not trained yet.
+
+    Args:
+        columns: title -> rows of `lost` or `farther`.
+        rows: factors, in the order of the table.
+        said: a number as the table has it.
+    """
+    lines = ["| " + " | ".join(["left out", *columns]) + " |", "|" + "---|" * (1 + len(columns))]
+    for factor in rows:
+        cells = [factor]
+        for column in columns.values():
+            costs = [row for row in column if row["factor"] == factor]
+            cells.append(" ".join([said(costs[0]["costs"]), _range(costs[0], said)]) if costs else "-")
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _range(row: Mapping[str, Any], said: Callable[[float], str]) -> str:
+    return f"({said(row['low'])} to {said(row['high'])})"
+
+
+def points(share: float) -> str:
+    """0.124 as +12."""
+    return f"{100 * share:+.0f}"
+
+
+def millimetres(value: float) -> str:
+    """1.234 as +1.2."""
+    return f"{value:+.1f}"
