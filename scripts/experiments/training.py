@@ -91,16 +91,19 @@ def trained(runs: Path, variant: Variant, seed: int, budget: Budget) -> Path:
     Raises:
         UserError: the folder holds a run that was asked for otherwise, or of more steps.
     """
+    from vispeg.learn.run_folder import settled
     from vispeg.learn.train import resume, train
 
-    folder, wanted = run_folder(runs, variant, seed), configuration(variant, seed, budget)
+    folder, wanted = run_folder(runs, variant, seed), settled(configuration(variant, seed, budget))
     if not (folder / "config.yaml").is_file():
         train(wanted, folder)
         return folder
     known = read_config(folder / "config.yaml")
     if replace(known, steps=wanted.steps) != wanted or known.steps > wanted.steps:
         raise UserError("was trained otherwise; name another folder with --runs", file=folder, got=known.steps)
-    if not (folder / "checkpoints" / "last").is_dir():  # killed before its first checkpoint
+    if wanted.recipe == "distill":  # goes on after its last round; nothing is left to do for one that is finished
+        resume(folder)
+    elif not (folder / "checkpoints" / "last").is_dir():  # killed before its first checkpoint
         shutil.rmtree(folder)
         train(wanted, folder)
     elif steps_done(folder) < wanted.steps:

@@ -7,6 +7,7 @@ import pytest
 from training import Budget, Variant, configuration, run_folder, trained
 
 from vispeg.core.errors import UserError
+from vispeg.learn.run_folder import settled
 
 VARIANT, BUDGET = Variant("a", "searching"), Budget(200, 100, 5)
 
@@ -21,7 +22,7 @@ def calls(monkeypatch):
         config.write(folder / "config.yaml")
         made.append(("train", config.steps))
 
-    def resume(folder, steps):
+    def resume(folder, steps=None):
         made.append(("resume", steps))
 
     monkeypatch.setitem(sys.modules, "vispeg.learn.train", SimpleNamespace(train=train, resume=resume))
@@ -55,6 +56,17 @@ def test_another_configuration_under_the_same_name_is_refused(tmp_path, calls, o
         trained(tmp_path, other, 1, BUDGET)
     with pytest.raises(UserError, match="trained otherwise"):
         trained(tmp_path, VARIANT, 1, Budget(100, 100, 5))
+
+
+def test_an_imitator_s_run_is_known_again_and_goes_on_after_its_last_round(tmp_path, calls):
+    """A run's file holds the settings that its recipe chose; its checkpoints are rounds."""
+    imitates = Variant("b", "S", modality="depth", teacher="state-3mm")
+    folder = run_folder(tmp_path, imitates, 1)
+    folder.mkdir(parents=True)
+    settled(configuration(imitates, 1, BUDGET)).write(folder / "config.yaml")
+    (folder / "rounds").mkdir()
+    assert trained(tmp_path, imitates, 1, BUDGET) == folder
+    assert calls == [("resume", None)] and (folder / "rounds").is_dir()
 
 
 def test_recurrent_actors_see_one_observation():

@@ -21,6 +21,8 @@ SILENT = [  # of a record today, of one number alone, and of a record from befor
     {"effect": "exposure", "where": "wrist"},
 ]
 ROW = {"camera": "wrist", "distance_m": 0.25, "rms_px": 2.0, "largest_px": 3.0, "uncertainty_px": 0.1}
+ALIKE = {"effect": "focal_error(wrist)", "rival": "camera_offset(wrist)", "views_px": 0.031, "projection": [ROW]}
+ALIKE |= {"motion": "tilts of 20 degrees"}
 
 
 def record() -> Record:
@@ -32,6 +34,7 @@ def record() -> Record:
     arrays |= {"view/0/along_after": np.zeros(4), "projection/0/pixels": np.zeros((3, 4, 2))}
     arrays |= {"projection/0/shift": np.ones((3, 4, 2)), "projection/0/sigma": np.ones((3, 4))}
     views = {"projection": [ROW], "halves": {"px": 0.1, "uncertainty_px": 0.2}, "remainder": [], "not_excited": SILENT}
+    views |= {"confounded": [ALIKE]}
     return Record("diagnosis", {"verdict": "identified", "views": views}, Evidence(views=arrays))
 
 
@@ -45,6 +48,10 @@ def test_the_page_shows_frames_depth_and_the_projection():
     text = render(record())
     for said in ("camera_delay(wrist): a typical one", "motion_blur(wrist), length: no figure", "exposure(wrist)."):
         assert said in text
+    alike = (
+        "focal_error(wrist) and camera_offset(wrist): 0.03 px apart in these views; over the image 2.00 px at 0.25 m"
+    )
+    assert f"{alike}. To tell them: tilts of 20 degrees." in text
     assert "2.00 px" in text and "look-b, wrist, 3.00 s" in text and "views" in VIEWS
     assert context(Record("diagnosis", {"verdict": "identified"}, Evidence())) is None
 
