@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import cast
 
 import numpy as np
 
@@ -52,7 +53,7 @@ def pictured(worlds: Mapping[str, str], teacher: str, seed: int, rows: int, step
         for k, ring in enumerate(rings.values()):
             now = _of(obs, k)
             ring.add(now, now, label, reward, done, infos)  # what comes after is not imitated
-        obs = {key: np.asarray(value) for key, value in dict(after).items()}
+        obs = cast("dict[str, np.ndarray]", after)
         if done.any():
             knows.reset(rows, done)
     for ring in rings.values():
