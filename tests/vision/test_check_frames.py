@@ -16,7 +16,7 @@ from vispeg.recordings.frames.frames import Frames, RecordedFrame
 from vispeg.vision.blur import softness
 from vispeg.vision.borders import Borders, borders_of
 from vispeg.vision.check import check_frames, warnings_of
-from vispeg.vision.excites import View, excited
+from vispeg.vision.excites import View, _of_time, excited
 from vispeg.vision.predict import Predictor
 from vispeg.vision.search import search
 from vispeg.worlds.world import World
@@ -87,10 +87,21 @@ def test_motions_tell_what_theory_says():
     for key, mixed in every["look"].items():
         assert mixed.sigma < min(one[key].sigma for one in (*list(every.values())[1:], still)), key
     assert every["look"]["camera_delay.delay"].sigma < 4.0 and every["look"]["camera_offset.rz"].determined
-    assert not any(still[key].determined for key in ("camera_delay.delay", "camera_offset.z", "focal_error.fx"))
-    assert still["camera_delay.delay"].sigma > 400, "nothing moves: the prior is all there is"
-    assert every["look-sideways"]["camera_delay.delay"].sigma < 0.3 * every["look-roll"]["camera_delay.delay"].sigma
+    of_time = ("camera_delay.delay", "rolling_shutter.readout")
+    assert not any(still[key].determined for key in (*of_time, "camera_offset.z", "focal_error.fx"))
+    for key in of_time:
+        assert still[key].sigma > 400, "nothing moves: the prior is all there is"
+        assert every["look-sideways"][key].sigma < 0.3 * every["look-roll"][key].sigma
     assert every["look"]["focal_error.fx"].sigma < 0.5 * every["look-sideways"]["focal_error.fx"].sigma
+
+
+def test_lower_rows_see_a_border_as_an_earlier_camera_would():
+    """Half of the read-out before the middle row at the top, half after it at the bottom, nothing in the middle."""
+    n, normal = 3, np.tile([1.0, 0.0], (3, 1))
+    pixel, zero = np.stack([np.zeros(n), [0.0, 49.5, 99.0]], 1), np.zeros(n)
+    borders = Borders(pixel, normal, np.ones((n, 2), int), zero, np.ones(n, int), np.zeros((n, 3)), np.ones((n, 2)))
+    late, rows = _of_time(np.full(n, 7.0), borders, 100)
+    assert np.array_equal(late, [7.0, 7.0, 7.0]) and np.allclose(rows, [3.5, 0.0, -3.5])
 
 
 def test_a_recording_without_a_cell_is_checked_all_the_same():

@@ -253,8 +253,11 @@ def _advice(dark: Sequence[Precision], mount: str | None) -> str:
     advice = []
     if "camera_delay" in names:
         advice.append("sideways and back (look-sideways)")
+    if "rolling_shutter" in names:
+        advice.append("fast along the image's columns (look-fast)")
     if names & {"focal_error", "camera_offset", "principal_point_error"}:
         advice.append("with tilt and roll (look-tilt, look-roll)")
     if "lens_distortion" in names:
         advice.append("so that the fixture comes near the image's edges")
-    return f"move it {', '.join(advice)}; `vispeg record {OPEN_CELL} --motion look` has all of it"
+    all_of_it = "look-fast" if names == {"rolling_shutter"} else "look"
+    return f"move it {', '.join(advice)}; `vispeg record {OPEN_CELL} --motion {all_of_it}` has all of it"

@@ -27,7 +27,8 @@ NUMBERS: dict[str, dict[str, tuple[float, float, str, float]]] = {
         **{axis: (1e-5, 1.75e-3, "deg", 57.29578) for axis in ("rx", "ry", "rz")},
     },
 }
-DELAY = ("camera_delay", "delay", 2e-3, "ms", 1e3)  # effect, parameter, what counts as told, unit, factor
+# effect, parameter, what counts as told, unit, factor: in the order of `_of_time`
+TIMES = (("camera_delay", "delay", 2e-3, "ms", 1e3), ("rolling_shutter", "readout", 4e-3, "ms", 1e3))
 FIXTURE_PRIOR = 5e-3  # m: where the fixture stands is known no better
 ROBOT_M, ROBOT_RAD = 1e-4, 3.5e-4  # m, rad: how well an arm comes back to a pose
 BORDER = 1.5  # px, of a border by itself: 0.3 px, of which twenty neighbours share the same error
@@ -64,7 +65,8 @@ def excited(geometry: Geometry, camera: str, views: Sequence[View]) -> list[Prec
     """
     names = [(effect, p, *spec) for effect, many in NUMBERS.items() for p, spec in many.items()]
     shifts = [(geometry.scene.offset, axis) for axis in "xyz"]
-    size = len(names) + 1 + len(shifts)
+    size = len(names) + len(TIMES) + len(shifts)
+    (height,) = [c.height for c in geometry.cameras if c.name == camera]
     information = np.zeros((size, size))
     fixture = geometry.scene.fixture
     columns: list[list[np.ndarray]] = [[] for _ in views]
@@ -80,17 +82,27 @@ def excited(geometry: Geometry, camera: str, views: Sequence[View]) -> list[Prec
     geometry.place(World())
     for view, into in zip(views, columns, strict=True):
         geometry.at(view.q - 1e-3 * view.dq)
-        into.insert(len(names), view.borders.moved(geometry, camera) / 1e-3)
+        into[len(names) : len(names)] = _of_time(view.borders.moved(geometry, camera) / 1e-3, view.borders, height)
         information += _of_view(np.column_stack(into), _robot(into, names, view, geometry))
-    units = [unit for _, _, _, _, unit, _ in names] + [DELAY[3]]
+    units = [unit for _, _, _, _, unit, _ in names] + [unit for _, _, _, unit, _ in TIMES]
     prior = [PRIOR[unit] for unit in units] + [FIXTURE_PRIOR] * len(shifts)
     sigma = np.sqrt(np.diag(np.linalg.inv(information + np.diag(1 / np.square(prior)))))
-    out = [
+    numbers = [(effect, p, enough, unit, factor) for effect, p, _, enough, unit, factor in names] + [*TIMES]
+    return [
         Precision(effect, p, float(s * factor), unit, bool(s < enough))
-        for (effect, p, _, enough, unit, factor), s in zip(names, sigma, strict=False)
+        for (effect, p, enough, unit, factor), s in zip(numbers, sigma, strict=False)
     ]
-    late = float(sigma[len(names)])
-    return [*out, Precision(DELAY[0], DELAY[1], late * DELAY[4], DELAY[3], late < DELAY[2])]
+
+
+def _of_time(late: np.ndarray, borders: Borders, height: int) -> list[np.ndarray]:
+    """(n,) px along their normals that borders move by a second of delay, and of read-out: lower rows see them later.
+
+    Args:
+        late: that of a second of delay.
+        borders: where they lie.
+        height: of the image, px.
+    """
+    return [late, late * (0.5 - borders.pixel[:, 1] / (height - 1))]
 
 
 def _robot(into: Sequence[np.ndarray], names: Sequence[tuple], view: View, geometry: Geometry) -> np.ndarray:

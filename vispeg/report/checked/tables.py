@@ -60,7 +60,7 @@ def cameras(checks: Sequence[CameraCheck]) -> list[Sheet]:
     made = []
     for heads, cells in (
         (["frames", "1/s", "lost", "repeated", "saturated\n%", "black\n%", "soft\npx", "depth\n% read"], _pictures),
-        (["depth\nm", "covered\n%", "distance\nm", "tilt\ndeg", "roll\ndeg", "speed\nm/s"], _views),
+        (["jitter\nms", "depth\nm", "covered\n%", "distance\nm", "tilt\ndeg", "roll\ndeg", "speed\nm/s"], _views),
     ):
         columns = [Column("camera"), *(Column(head, right=True) for head in heads)]
         made.append(Sheet(columns, [[c.camera, *cells(c)] for c in checks]))
@@ -92,7 +92,8 @@ def _views(c: CameraCheck) -> list[str]:
     covered = None if c.coverage is None else 100 * c.coverage
     near, far = c.distance or (None, None)
     rest = [_some(".0f", c.tilt), _some(".0f", c.roll), _some(".2f", None if c.speed is None else c.speed[0])]
-    return [_some(".2f", c.near, c.far), _some(".0f", covered), _some(".2f", near, far), *rest]
+    jitter = f"{1e3 * c.jitter_s:.2g}"
+    return [jitter, _some(".2f", c.near, c.far), _some(".0f", covered), _some(".2f", near, far), *rest]
 
 
 def _some(form: str, *values: float | None) -> str:
