@@ -109,7 +109,7 @@ def record_in_cell(
 
 
 def names(space: str | None = None, model: str | None = None) -> list[str]:
-    """Names of motions that are commanded paths, of a model's cell: all, or of one space (`joint`, `contact`, `cell`)."""
+    """Names of commanded paths, of a model's cell: all, or those of one space (`joint`, `contact`, `cell`)."""
     world = None if model is None else read_model(model)
     spaces = {"joint": [*JOINT], "contact": [*motions_of(world)[:-1]], "cell": [*LOOKS]}
     return [name for key, some in spaces.items() if space in (None, key) for name in some]
