@@ -30,7 +30,7 @@ import arguments
 import numpy as np
 import yaml
 from evaluation import played
-from importance_tables import ALL, NOTHING, farther, lost, millimetres, order, points
+from importance_tables import ALL, NOTHING, farther, lost, millimetres, not_trained, order, points
 from results import write_result
 from same_states import MODE, pictured
 from training import Budget, Variant, trained
@@ -212,7 +212,7 @@ def written(given: Any, budget: Budget, episodes: Any, errors: Mapping[str, Any]
     misses = {f"{m}, {w}": farther(off[w], m) for m in given.modalities for w in WORLDS}
     left = (ALL, *(f"no-{f}" for f in factors()), NOTHING)
     names = [f"{m}-{w}" for m in given.modalities for w in left]
-    missing = [run for s in given.seeds for name in names if (run := f"{name}-{given.updates}_s{s}") not in done]
+    missing = {s: [name for name in names if f"{name}-{given.updates}_s{s}" not in done] for s in given.seeds}
     spent = {"states": given.states, "updates": given.updates, "episodes": given.episodes}
     values = {"experiment": "importance", **spent, "missing": missing, "judged": tables, "costs": costs}
     mean = {w: {name: float(y.mean()) for name, y in by.items()} for w, by in off.items()}
@@ -221,7 +221,7 @@ def written(given: Any, budget: Budget, episodes: Any, errors: Mapping[str, Any]
     parts = [
         "## Points of success lost\n\n" + order(costs, rows, points),
         "## Millimetres farther off the goal is believed to be\n\n" + order(misses, rows, millimetres),
-        "Not trained yet: " + (", ".join(missing) or "none") + ".\n",
+        not_trained(missing, len(names)),
         *(f"## {t['world']}\n\n{markdown(t)}" for t in tables),
     ]
     write_text_atomic(given.out / "importance.md", "\n".join(parts), overwrite=True)

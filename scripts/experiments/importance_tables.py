@@ -90,3 +90,16 @@ def points(share: float) -> str:
 def millimetres(value: float) -> str:
     """1.234 as +1.2."""
     return f"{value:+.1f}"
+
+
+def not_trained(missing: Mapping[int, Sequence[str]], of: int) -> str:
+    """Which policies the tables lack, in a sentence.
+
+    Args:
+        missing: by training seed, names of those that are not trained yet.
+        of: policies of a seed.
+    """
+    parts = [
+        f"seed {seed}: " + ("all" if len(names) == of else ", ".join(names)) for seed, names in missing.items() if names
+    ]
+    return "Not trained yet: " + ("; ".join(parts) or "none") + ".\n"

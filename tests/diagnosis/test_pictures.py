@@ -120,6 +120,8 @@ def test_halves_that_differ_by_more_than_they_promise_are_a_model_error():
     assert decide(0.2, 0.2, 0, [], left, None, 0.1).verdict == "adequate"
     moved = [Left("part", 0.08, 1.8, "fixture")]  # most of a moved part's edges are no longer near its borders
     assert decide(0.2, 0.2, 0, [], moved, None, 0.1).verdict == "unexplained"
+    far = decide(9.0, 8.0, 0, [], left, None, 0.7)
+    assert far.verdict == "unexplained" and "farther off than the 8 cm and 8 degrees" in far.reason
 
 
 def test_whitening_is_the_inverse_root_of_the_covariance():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from importance import BASE, FACTORS, factor_of, factors, world_without
-from importance_tables import factor_left, farther, lost, order, points
+from importance_tables import factor_left, farther, lost, not_trained, order, points
 from same_states import pictured
 from transfer_table import success_table
 
@@ -91,6 +91,8 @@ def test_the_table_has_a_dash_where_a_policy_is_not_trained_yet():
     text = order({"depth, V": one, "rgb, V": []}, ["lights", "camera"], points).splitlines()
     assert text[0] == "| left out | depth, V | rgb, V |" and text[2] == "| lights | - | - |"
     assert text[3] == "| camera | +12 (-5 to +30) | - |"
+    said = not_trained({1: [], 2: ["rgb-no-noise"], 3: ["a", "b"]}, 2)
+    assert said == "Not trained yet: seed 2: rgb-no-noise; seed 3: all.\n" and "none" in not_trained({1: []}, 2)
     assert factor_left("depth-no-lights", "rgb") == "" and factor_left("rgb-everything", "rgb") == ""
 
 

@@ -16,7 +16,7 @@ from vispeg.diagnosis.pictures.remainder import left_over
 from vispeg.diagnosis.pictures.sensors import sensor_search
 from vispeg.diagnosis.pictures.show import shown_pictures
 from vispeg.diagnosis.pictures.spread import confirmed
-from vispeg.diagnosis.pictures.verdict import decide, with_sensor
+from vispeg.diagnosis.pictures.verdict import LOST, decide, with_sensor
 from vispeg.diagnosis.record import candidates, correlations, effects, screening, with_origin
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.diagnosis.schema import Channel, DiagnosisRecord, NextMotion, Rung
@@ -172,4 +172,6 @@ def _notes(evidence, lost: float) -> list[str]:
         out.append(
             f"{100 * lost:.0f} % of the predicted borders have no clear edge in the pictures: too alike in colour"
         )
+    if lost > LOST and any(i.sight.depth(0) is None for i in evidence.items):
+        out.append("frames with depth are brought onto the cell from farther off, and more surely, than colour alone")
     return out

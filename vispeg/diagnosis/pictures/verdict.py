@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.conclusion.verdict import Verdict
 from vispeg.diagnosis.evidence.remainder import CONVINCING
 from vispeg.diagnosis.pictures.halves import Halves
 from vispeg.diagnosis.pictures.remainder import VISIBLE, Left
 from vispeg.diagnosis.pictures.sensors import Sensed
+from vispeg.identify.pictures.coarse import SHIFTS, TURNS
 
 MARKED, LARGE = 0.03, 1.0  # share, and px: of several times what pictures without such a fault leave
 LOST = 0.5  # share of the predicted borders without an edge near, from which on the pictures show something else
@@ -47,7 +50,9 @@ def decide(
         )
         return Verdict("unexplained", text, {"depends_on": on, "text": text}, partial=True)
     if lost > LOST:
-        text = f"{100 * lost:.0f} % of the predicted borders have no edge near them in the pictures"
+        far = f"{100 * SHIFTS.max():.0f} cm and {np.degrees(TURNS.max()):.0f} degrees"
+        text = f"{100 * lost:.0f} % of the predicted borders have no edge near them in the pictures: they show another "
+        text += f"cell, or a camera that is farther off than the {far} within which it is looked for"
         return Verdict("unexplained", text, {"depends_on": on, "text": text}, partial=True)
     if not n_added:
         return Verdict(

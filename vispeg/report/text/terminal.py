@@ -88,6 +88,7 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
             out += _contact(record)
         if isinstance(views := record.get("views"), Mapping):
             out += [Line(said) for said in (*camera_words.projections(views), *camera_words.confounded(views))]
+            out += [Line(f"note: {note}") for note in record.get("notes") or ()]
     if diagnosis.get("verdict"):
         out.append(Line(f"next: {words.onward(diagnosis)}"))
         out += [Line(said) for said in words.paid(diagnosis)]
