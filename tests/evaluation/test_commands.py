@@ -90,6 +90,8 @@ def test_the_scripted_policy_succeeds_and_a_second_call_plays_nothing(vispeg, tm
     assert vispeg(*args)[0] == 0 and (tmp_path / "ev" / "episodes.jsonl").read_bytes() == first
     rows = read(tmp_path / "ev" / "episodes.jsonl")
     assert [e.seed for e in rows] == list(range(1_000_000, 1_000_006)) and {len(e.world_hash) for e in rows} == {64}
+    (tmp_path / "ev").rename(tmp_path / "expert")  # a result of the policy's name is nothing that the command reads
+    assert vispeg(*args[:-1], "expert", "--overwrite")[0] == 0
 
 
 @pytest.fixture

@@ -1,6 +1,7 @@
 """The peg task on arms of seven joints and six, each by one world file; their guards; their null space."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -198,3 +199,15 @@ def test_joints_without_limits_are_bounded_by_a_turn():
         low, high = bounds(replace(arm, range=some))
     assert low[:3] == pytest.approx([-np.pi, -1.0, -np.pi]) and high[:3] == pytest.approx([np.pi, 2.0, np.pi])
     assert np.array_equal(np.transpose([low, high])[3:], arm.range[3:])
+
+
+def test_a_tool_in_the_last_links_origin_is_noted_where_the_file_has_frames_further_out(tmp_path, recwarn):
+    file = Path(write(tmp_path, "mine", PANDA))
+    build(SceneConfig(robot=RobotConfig(str(file))))
+    assert not recwarn.list, "attachment_site is a flange"
+    file.write_text(file.read_text().replace("attachment_site", "right_hand"))
+    with pytest.warns(UserWarning, match="origin of part6; `flange` in the world's `robot` .*: right_hand"):
+        build(SceneConfig(robot=RobotConfig(str(file), home=(0, 0, 0, -2, 0, 2, 0))))
+    recwarn.clear()
+    build(SceneConfig(robot=RobotConfig(str(file), flange="right_hand")))
+    assert not recwarn.list

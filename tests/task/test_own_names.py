@@ -6,8 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vispeg.core.effect import effect
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.task.cell import Cell
 from vispeg.task.registry import config_of, task_of
+from vispeg.worlds.world import World
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs/examples/snap_fit"
 WORLD = """format: vispeg-world/1
@@ -68,8 +70,21 @@ def test_effects_act_on_the_parts_by_the_names_of_their_cell(rod):
     scene = task_of(config).cell(config)
     assert effect("object_mass").targets(scene) == ["rod"] == effect("gripper_slip").targets(scene)
     assert effect("contact_friction").targets(scene)[:2] == ["rod", "socket"]
-    for name in ("hole_offset", "hole_tilt", "grip_pose"):  # of the first task's cell: no place in this one
+    assert effect("hole_offset").targets(scene) == ["socket"] == effect("hole_tilt").targets(scene)
+    assert effect("grip_pose").targets(scene) == ["rod"] and effect("goal_imprecision").targets(scene) == ["mouth"]
+    for name in ("hole_clearance", "fixture_compliance"):  # of the first task's cell: no place in this one
         assert not effect(name).targets(scene)
+    moved = World(config.robot.model).add(
+        EffectInstance.of("hole_offset", "socket", x=0.01),
+        EffectInstance.of("hole_tilt", "socket", roll=0.1),
+        EffectInstance.of("grip_pose", "rod", y=0.002, pitch=0.05),
+    )
+    cell = Cell(scene, [World(config.robot.model), moved], 1e-3, 5e-3, 1, [])
+    cell.batch.forward()
+    goal, turn, tip = cell.site_position("goal"), cell.site_rotation("goal"), cell.site_position("tip")
+    np.testing.assert_allclose(goal[1] - goal[0], [0.01, 0.0, 0.0], atol=1e-12)
+    angle = np.arccos(0.5 * (np.trace(turn[1] @ turn[0].T) - 1))
+    assert angle == pytest.approx(0.1) and 1e-3 < np.linalg.norm(tip[1] - tip[0]) < 0.01
 
 
 def test_it_is_played_and_rendered(rod, tmp_path):

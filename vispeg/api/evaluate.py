@@ -73,7 +73,7 @@ def evaluate(
     named = [str(p) for p in ([policies] if isinstance(policies, str | Path) else policies)]
     who, file = ready(named), load_world(world)
     controls = check_controls(controls, file)
-    sources = [file.path, *(e.path for e in who)]
+    sources = [file.path, *folders(who)]
     with workplace(out, "evaluate.json", overwrite, sources) as place:
         settings = [Setting(str(world), file.name, task=dict(task or {}), control=c) for c in ("", *controls)]
         jobs = make_jobs(who, settings, seeds_of(episodes, seed), place / "worlds", profile=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from vispeg.api.playing import Played, Playing, check_controls, check_numbers, play, silent, stamped
+from vispeg.api.playing import Played, Playing, check_controls, check_numbers, folders, play, silent, stamped
 from vispeg.core.errors import UserError
 from vispeg.evaluation import gap as gaps
 from vispeg.evaluation import stored
@@ -109,7 +109,7 @@ def gap(
     who, stored_before = ready(named) if named else [], read_all(files) if files else []
     networks = [*((e.name, e.train_seed) for e in who), *((e.policy, e.train_seed) for e in stored_before)]
     trials = _measured(measured, networks, robot)
-    read: list[str | Path | None] = [*files, measured, *(e.path for e in who)]
+    read: list[str | Path | None] = [*files, measured, *folders(who)]
     chosen = None
     if who:
         check_numbers(episodes, workers)

@@ -78,7 +78,7 @@ def stamped(values: Mapping[str, Any], seed: int, inputs: Iterable[Path]) -> Map
 
 def folders(who: Iterable[Entrant]) -> list[Path]:
     """Of the policies; the scripted one has none."""
-    return [e.path for e in who if e.path.exists()]
+    return [e.path for e in who if not e.scripted]
 
 
 def check_numbers(episodes: int, workers: int) -> None:

@@ -30,10 +30,11 @@ class Fields:
     Attributes:
         model: the renderer's own model; writing to a view changes it.
         scene: the Scene it was compiled from: names of parts, lights and cameras.
+        robot: the same, as effects of the physics call it.
     """
 
     def __init__(self, model: mujoco.MjModel, scene: Any):
-        self.model, self.scene = model, scene
+        self.model, self.scene, self.robot = model, scene, scene
 
     def __getitem__(self, name: str) -> np.ndarray:
         return place(self.model, name)[None]

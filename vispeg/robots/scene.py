@@ -6,6 +6,7 @@ is what randomized looks write into; shapes for contact are in group 3 and are n
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
 
@@ -104,11 +105,23 @@ def _build(config: SceneConfig, cameras: tuple[str, ...], peg: UserShape | None,
 def _check_names(robot: RobotConfig) -> None:
     """Raises UserError for a robot with a part of a name that the cell gives to one of its own."""
     spec = load(robot.model, declared=robot).spec()
+    _say_flange(spec, robot)
     for kind in ("bodies", "geoms", "sites", "joints", "materials", "textures", "meshes"):
         for element in getattr(spec, kind):
             if element.name in OURS:
                 what = f"the robot has a part named '{element.name}', as the cell has"
                 raise UserError(what, file=robot.model, key=kind, expected="another name in the robot's file")
+
+
+def _say_flange(spec: mujoco.MjSpec, robot: RobotConfig) -> None:
+    """Warns where the tool is fixed in the last link's origin, and the file has other frames further out."""
+    link = spec.site("flange").parent
+    still = list(spec.site("flange").pos) == [0.0, 0.0, 0.0] and len(link.joints) > 0
+    further = [b.name for b in link.bodies if any(b.pos) and not len(b.joints) and b.name not in ("", "tool")]
+    further += [s.name for s in link.sites if any(s.pos) and s.name not in ("", "flange")]
+    if still and further and not robot.flange:
+        what = f"the tool is fixed in the origin of {link.name}; `flange` in the world's `robot` may name another frame"
+        warnings.warn(f"{robot.model}: {what}: {', '.join(further)}", stacklevel=2)
 
 
 def _visible(spec: mujoco.MjSpec) -> tuple[str, ...]:

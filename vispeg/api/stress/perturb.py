@@ -75,7 +75,7 @@ def perturb(
         raise UserError("not a push", key="--force", expected="low <= high, a duration above 0", got=force)
     who, file = ready(listed(policies)), load_world(world)
     hard = pushed.positions(None if positions is None else Path(positions), task_of(config_of(file.task)))
-    read = [file.path, *([Path(positions)] if positions is not None else []), *(e.path for e in who)]
+    read = [file.path, *([Path(positions)] if positions is not None else []), *folders(who)]
     with workplace(out, "perturb.json", overwrite, read) as place:
         settings = pushed.settings(str(world), file.name, hard, Pushes(force, duration))
         settings = [replace(s, task={**s.task, **(task or {})}) for s in settings]

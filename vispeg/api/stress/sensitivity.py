@@ -66,7 +66,7 @@ def sensitivity(
     who, file = ready(listed(policies)), load_world(world)
     asked = [what for text in sweeps for what in swept.sweeps(str(text))]
     swept.refuse_unseen(asked, who)
-    read = [file.path, *(e.path for e in who)]
+    read = [file.path, *folders(who)]
     with workplace(out, "sensitivity.json", overwrite, read) as place:
         settings = [s for what in asked for s in swept.settings(str(world), file.name, what)]
         ends = play(make_jobs(who, settings, seeds_of(episodes, seed), place / "worlds"), place, workers, playing)

@@ -94,7 +94,7 @@ def suite(
         _refuse(who, files[str(target)], files[str(train)])
     trials = _measured(measured, who, chosen)
     measured_files = [Path(p) for p in (measured, configurations) if p is not None]
-    read = [*measured_files, *(f.path for f in files.values()), *(e.path for e in who)]
+    read = [*measured_files, *(f.path for f in files.values()), *folders(who)]
     with workplace(out, "suite.json", overwrite, read) as place:
         settings = suites.settings(chosen, {file.name: w for w, file in files.items()})
         jobs = make_jobs(who, settings, seeds_of(episodes, seed), place / "worlds")

@@ -27,6 +27,11 @@ def held(model: Any) -> list[str]:
     return [model.held] if hasattr(model, "parts") else []
 
 
+def fixture(model: Any) -> list[str]:
+    """What the goal of a Scene is part of; [] for an arm alone."""
+    return [model.fixture] if hasattr(model, "parts") else []
+
+
 def body_of(part: str) -> str:
     """The body of a part; the table is no body, it stands in the world itself."""
     return "tool" if part == HAND else part

@@ -10,7 +10,6 @@ import numpy as np
 
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
-from vispeg.effects.common.parts import named
 
 
 class GoalImprecision(Effect):
@@ -23,7 +22,7 @@ class GoalImprecision(Effect):
     }
 
     def targets(self, model):
-        return named(model, "hole")
+        return [model.goal] if hasattr(model, "parts") else []
 
     def believe(self, goal, p):
         return goal + np.stack([p[axis][:, 0] for axis in "xyz"], axis=1)

@@ -11,7 +11,7 @@ import numpy as np
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
 from vispeg.effects.common.inertia import rotation
-from vispeg.effects.common.parts import named
+from vispeg.effects.common.parts import held
 from vispeg.effects.task.hole_tilt import turned
 
 
@@ -36,14 +36,14 @@ class GripPose(Effect):
     needs = "turned insertions"
 
     def targets(self, model):
-        return named(model, "peg")
+        return held(model)
 
     def write(self, fields, p):
         shift = np.stack([p[axis][:, 0] for axis in "xyz"], axis=1)
         angles = np.stack([p["roll"][:, 0], p["pitch"][:, 0], np.zeros(len(shift))], axis=1)
-        pos, quat, body = fields["body_pos"], fields["body_quat"], fields.model.body("peg").id
+        pos, quat, body = fields["body_pos"], fields["body_quat"], fields.model.body(fields.robot.held)
         rows = np.flatnonzero((angles != 0).any(axis=1))
-        before = rotation(quat[rows, body])
-        quat[rows, body] = turned(quat[rows, body], angles[rows])
-        pos[rows, body] += (before - rotation(quat[rows, body])) @ fields.model.body("peg").ipos
-        pos[:, body] += shift
+        before = rotation(quat[rows, body.id])
+        quat[rows, body.id] = turned(quat[rows, body.id], angles[rows])
+        pos[rows, body.id] += (before - rotation(quat[rows, body.id])) @ body.ipos
+        pos[:, body.id] += shift

@@ -10,7 +10,7 @@ import numpy as np
 
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
-from vispeg.effects.common.parts import named
+from vispeg.effects.common.parts import fixture
 
 
 class HoleOffset(Effect):
@@ -29,7 +29,8 @@ class HoleOffset(Effect):
     needs = "insertion"
 
     def targets(self, model):
-        return named(model, "fixture")
+        return fixture(model)
 
     def write(self, fields, p):
-        fields["body_pos"][:, fields.model.body("fixture").id] += np.stack([p[axis][:, 0] for axis in "xyz"], axis=1)
+        body = fields.model.body(fields.robot.fixture).id
+        fields["body_pos"][:, body] += np.stack([p[axis][:, 0] for axis in "xyz"], axis=1)

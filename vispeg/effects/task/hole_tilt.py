@@ -10,7 +10,7 @@ import numpy as np
 
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
-from vispeg.effects.common.parts import named
+from vispeg.effects.common.parts import fixture
 
 
 def turned(quat: np.ndarray, angles: np.ndarray) -> np.ndarray:
@@ -40,10 +40,10 @@ class HoleTilt(Effect):
     needs = "press"
 
     def targets(self, model):
-        return named(model, "fixture")
+        return fixture(model)
 
     def write(self, fields, p):
         angles = np.stack([p[k][:, 0] for k in ("roll", "pitch", "yaw")], axis=1)
-        quat, body = fields["body_quat"], fields.model.body("fixture").id
+        quat, body = fields["body_quat"], fields.model.body(fields.robot.fixture).id
         rows = np.flatnonzero((angles != 0).any(axis=1))
         quat[rows, body] = turned(quat[rows, body], angles[rows])
