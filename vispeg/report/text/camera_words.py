@@ -37,8 +37,8 @@ def projections(views: Mapping[str, Any]) -> list[str]:
     for camera in dict.fromkeys(str(row["camera"]) for row in rows(views, "projection")):
         maps = [row for row in rows(views, "projection") if row["camera"] == camera]
         if any(row["rms_px"] > 0 for row in maps):
-            known = max(row["uncertainty_px"] for row in maps)
-            said = f"the picture is shifted by {_distances(maps)} (RMS over the image, 1 sigma {known:.2f} px)"
+            sigma = max(row["uncertainty_px"] for row in maps)
+            said = f"the picture is shifted by {_distances(maps)} (RMS over the image, 1 sigma {sigma:.2f} px)"
             out.append(f"{camera}: {said}")
     return out
 
