@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from vispeg.contact.path import Path
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import compiled
-from vispeg.sim.physics import derive
+from vispeg.sim.physics import derive, exact
 from vispeg.sim.placement import activate
 from vispeg.sim.state import Fields
 from vispeg.worlds.world import World
@@ -108,6 +108,7 @@ def hands(scene: Scene, cell: Scene, path: Path, worlds: Sequence[World], nthrea
     for a in active:
         a.effect.write(fields, a.p)
     batch.expand("opt.timestep")[:] = path.step
+    exact(batch)
     body = model.body(scene.base).id
     batch.expand("body_pos")[:, body], batch.expand("body_quat")[:, body] = path.origin, path.frame
     derive(batch, fields)

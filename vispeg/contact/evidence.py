@@ -1,13 +1,13 @@
 """Recordings with a wrench as evidence on contact, with the face of `vispeg.identify.Evidence`.
 
 The compared value is the wrench that the flange puts on the tool: measured, against what keeps each world's hand on the
-measured path; both as medians over blocks of `BLOCK` s. Source of the idea, with both signals in error: total least
+measured path; both as means over blocks of `BLOCK` s. Source of the idea, with both signals in error: total least
 squares, Golub and Van Loan 1980, An analysis of the total least squares problem.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,11 +15,11 @@ import numpy as np
 from vispeg.contact.drive import Driven, drive
 from vispeg.contact.floors import floors
 from vispeg.contact.hand import Grasp, grasp, hand
-from vispeg.contact.nuisance import PLACE, TURN, Nuisance, nuisance
+from vispeg.contact.nuisance import PLACE, TURN, nuisance
 from vispeg.contact.path import Path, along
 from vispeg.contact.phases import Phases, phases
 from vispeg.contact.sensor import hand_world, readings, trusted
-from vispeg.contact.thin import thinned
+from vispeg.contact.thin import PART, driven_blocks, pieces, thinned
 from vispeg.contact.torques import calm, notes
 from vispeg.core.effect import Effect, effect
 from vispeg.core.errors import UserError
@@ -33,11 +33,11 @@ from vispeg.sim.segments.segment import Segment
 from vispeg.sim.touch import Touch, touch
 from vispeg.worlds.world import World
 
-BLOCK = 0.04  # s: of solver chatter a median over it leaves little
-H_MAX = 2e-3  # s, physics step, at most: half the shortest time constant of the cell's contacts
+BLOCK = 0.04  # s: of a solver's chatter a mean over it leaves little
+H_MAX = 1e-3  # s, physics step, at most: at twice this a slide drags by 10 % less than its friction
 FAR = 4.0  # whitened residuals beyond this count less
 TIE = 0.02  # of the greatest difference between two worlds in a block of time, up to which the others are ties
-SECONDS = 20.0  # of contact that is driven, over all recordings
+SECONDS = 15.0  # of contact that is driven, over all recordings
 ROWS = 64  # worlds that are driven at once
 
 
@@ -70,7 +70,6 @@ class ContactItem(Item):
     hand: Scene = None  # type: ignore[assignment]
     grasp: Grasp = None  # type: ignore[assignment]
     floor: np.ndarray = None  # type: ignore[assignment]  (m, 6)
-    nuisance: Nuisance | None = None
 
     @property
     def nj(self) -> int:
@@ -110,6 +109,7 @@ class ContactEvidence(Evidence):
         for t in touching:
             scene = hands.setdefault(id(t.scene), hand(t.scene, self.hold))
             self.items += _items(t, scene, SECONDS / len(touching), self.hold, nthread)
+        self.nuisance = nuisance(self.items, [displaced(i, nthread) for i in self.items])
         self.notes: list[str] = notes([(t.recording, t.torques) for t in touching])
         self.absent: set[tuple[str, str]] = set()
         self.floor_from = "simulated repeats with the stated noise"
@@ -133,28 +133,45 @@ class ContactEvidence(Evidence):
         size = np.abs(np.log(kind.sizes[name]) if p.scale == "log" else np.array(kind.sizes[name]) - p.null)
         return float(size.min())
 
-    @staticmethod
-    def whiten(item: ContactItem, predicted: np.ndarray) -> np.ndarray:  # type: ignore[override]
-        """Whitened residual (m, 6), its square growing as its amount beyond `FAR` (Huber's loss)."""
-        r = Evidence.whiten(item, predicted)
-        r = r if item.nuisance is None else item.nuisance.whitened(r)
-        size = np.abs(r)
-        return np.where(size > FAR, np.sign(r) * np.sqrt(FAR * np.maximum(2 * size - FAR, 0.0)), r)
+    def each_residual(self, worlds: Sequence[World]) -> Iterator[np.ndarray]:
+        """Whitened residuals, one world after another; a square grows as its amount beyond `FAR` (Huber's loss)."""
+        per_item = self.simulated(worlds)
+        for w in range(len(worlds)):
+            yield np.concatenate([r.ravel() for r in self.whitened([y[w] for y in per_item])])
+
+    def whitened(self, predicted: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """(m, 6) of each item: what a world leaves, without what the items' sensors and kinematics leave open."""
+        parts = [self.whiten(item, y) for item, y in zip(self.items, predicted, strict=True)]
+        flat = self.nuisance.whitened(np.concatenate([p.ravel() for p in parts]))
+        size = np.abs(flat)
+        flat = np.where(size > FAR, np.sign(flat) * np.sqrt(FAR * np.maximum(2 * size - FAR, 0.0)), flat)
+        ends = np.cumsum([p.size for p in parts])[:-1]
+        return [r.reshape(p.shape) for r, p in zip(np.split(flat, ends), parts, strict=True)]
 
     @property
     def unit(self) -> str:
         """Of the principal channel."""
         return "N"
 
-    def _simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
-        self.rollouts += len(worlds) * sum(i.path.time[-1] for i in self.items)
+    def _simulated(self, worlds: Sequence[World], part: bool = False) -> list[np.ndarray]:
+        self.rollouts += len(worlds) * sum(i.path.time[-1] for i in self.items) / (PART if part else 1)
         out = [np.empty((len(worlds), *i.measured.shape)) for i in self.items]
         for rows in _alike(worlds):
             for item, values in zip(self.items, out, strict=True):
+                windows = pieces(item.phase) if part else item.phase.windows
                 for start in range(0, len(rows), ROWS):
                     some = rows[start : start + ROWS]
-                    values[some] = predicted(item, driven(item, [worlds[r] for r in some], self.nthread))
+                    values[some] = predicted(item, driven(item, [worlds[r] for r in some], self.nthread, windows))
         return out
+
+    def residuals_in_part(self, worlds: Sequence[World]) -> list[np.ndarray]:
+        """Whitened residuals of about one block in `PART`, the others 0: what many worlds are screened by."""
+        per_item = self._simulated(worlds, part=True)
+        for item, values in zip(self.items, per_item, strict=True):
+            left_out = ~driven_blocks(item.phase, pieces(item.phase)) & ~item.phase.resting
+            values[:, left_out] = item.measured[left_out]
+        left = [self.whitened([y[w] for y in per_item]) for w in range(len(worlds))]
+        return [np.concatenate([r.ravel() for r in parts]) for parts in left]
 
     def simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
         """Per item, the wrench (nworld, m, 6) in blocks that the worlds need for the measured path."""
@@ -187,13 +204,14 @@ class ContactEvidence(Evidence):
         return out
 
 
-def driven(item: ContactItem, worlds: Sequence[World], nthread: int = 1) -> Driven:
-    """Hands of worlds of one structure along one item's path."""
+def driven(
+    item: ContactItem, worlds: Sequence[World], nthread: int = 1, windows: Sequence[slice] | None = None
+) -> Driven:
+    """Hands of worlds of one structure along one item's path, or along some windows of it."""
     hand_worlds = [hand_world(item.source.believed, w) for w in worlds]
     wrench = np.stack([readings(item.path, item.hand, w) for w in hand_worlds])
-    return drive(
-        item.hand, item.source.scene, item.path, hand_worlds, wrench, item.phase.rest, item.phase.windows, nthread
-    )
+    windows = item.phase.windows if windows is None else windows
+    return drive(item.hand, item.source.scene, item.path, hand_worlds, wrench, item.phase.rest, windows, nthread)
 
 
 def displaced(item: ContactItem, nthread: int = 1) -> np.ndarray:
@@ -214,7 +232,7 @@ def predicted(item: ContactItem, out: Driven) -> np.ndarray:
 
     While the hand rests at the start, the zero itself is what is compared.
     """
-    correction = item.phase.medians(out.correction)
+    correction = item.phase.means(out.correction)
     rest = item.phase.resting
     return item.measured[None] + np.where(rest[None, :, None], -out.zero[:, None], correction)
 
@@ -235,7 +253,9 @@ def _items(t: Touching, scene: Scene, seconds: float, hold: Grasp, nthread: int)
     calmed = rec if t.torques is None else calm(rec, t.torques)
     felt = touch(replace(calmed, wrench=rec.wrench or WrenchSensor()), t.scene)
     assert felt is not None  # `touching` refused a recording without a wrench
-    out = [_item(t, felt, scene, np.flatnonzero(number == n), seconds, hold, nthread) for n in np.unique(number)]
+    episodes = np.unique(number)
+    each = seconds / len(episodes)
+    out = [_item(t, felt, scene, np.flatnonzero(number == n), each, hold, nthread) for n in episodes]
     out = [i for i in out if i is not None]
     if not out:
         raise UserError(
@@ -258,7 +278,7 @@ def _item(
     segment = Segment(
         Control("unknown", rec.rate_hz), BLOCK, {}, blank, blank, blank, time, rows[phase.rows(path.clock)]
     )
-    measured = phase.medians(path.wrench[None])[0]
+    measured = phase.means(path.wrench[None])[0]
     sigma = np.ones_like(measured)
     item = ContactItem(rec, segment, t.scene, (), path, phase, t, scene, hold, sigma)
     sigma = floors(item, nthread)
@@ -268,8 +288,7 @@ def _item(
         Channel("force", measured[:, force], sigma[:, force], valid[:, force]),
         Channel("moment", measured[:, torque], sigma[:, torque], valid[:, torque]),
     )
-    item = ContactItem(rec, segment, t.scene, channels, path, phase, t, scene, hold, sigma)
-    return replace(item, nuisance=nuisance(item, displaced(item, nthread)))
+    return ContactItem(rec, segment, t.scene, channels, path, phase, t, scene, hold, sigma)
 
 
 __all__ = ["PENALTY", "ContactEvidence", "ContactItem", "Touching", "driven", "predicted"]

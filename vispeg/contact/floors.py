@@ -27,13 +27,12 @@ from vispeg.worlds.world import World
 if TYPE_CHECKING:
     from vispeg.contact.evidence import ContactItem
 
-FORM: dict[str, float] = dict(zip(NAMES, (0.03, 0.035, 0.2, 0.15, 2.0), strict=True))  # N
-SHARE: dict[str, float] = dict(zip(NAMES, (0.005, 0.005, 0.03, 0.03, 0.03), strict=True))  # and of the force of contact
+FORM: dict[str, float] = dict(zip(NAMES, (0.02, 0.02, 0.06, 0.05, 2.0), strict=True))  # N
+SHARE: dict[str, float] = dict(zip(NAMES, (0.002, 0.002, 0.01, 0.01, 0.03), strict=True))  # and of the force of contact
 # more of it inside the goal, where a rocked part wedges: 0.1 mm of its roundness turns the hand by mrad
-WEDGED: dict[str, float] = dict(zip(NAMES, (0.0, 0.0, 0.0, 0.3, 0.0), strict=True))
+WEDGED: dict[str, float] = dict(zip(NAMES, (0.0, 0.0, 0.0, 0.1, 0.0), strict=True))
 ROCKED = 0.15  # rad at which it surely does
 LOOSE = 2  # blocks before and after a slide: when exactly a contact breaks loose no model says
-MEDIAN = 1.25  # standard error of a median, over the standard deviation and the root of the count
 LEVER, DRIFT = 0.1, 0.3  # m, of a torque against a force; N, by how much a sensor's zero may wander between starts
 
 
@@ -49,7 +48,7 @@ def floors(item: ContactItem, nthread: int) -> np.ndarray:
     sigma = noise(item)
     read = read + sigma * rng.standard_normal(read.shape)
     again = replace(path, place=place, rate=rate)
-    residual = phase.medians(
+    residual = phase.means(
         drive(item.hand, item.source.scene, again, [world], read[None], phase.rest, phase.windows, nthread).correction
     )[0]
     out = np.empty_like(residual)
@@ -65,7 +64,7 @@ def floors(item: ContactItem, nthread: int) -> np.ndarray:
                 form = np.hypot(FORM[law], share * phase.force[some])
                 out[some] = np.hypot(rms, form[:, None] * unit)
     chatter = np.sqrt(np.maximum(phase.scatter(path.wrench) ** 2 - sigma**2, 0.0))
-    out = np.hypot(out, MEDIAN / np.sqrt(phase.size) * chatter)
+    out = np.hypot(out, chatter / np.sqrt(phase.size))
     out[phase.resting] = np.repeat([DRIFT, DRIFT * LEVER], 3)
     return out
 

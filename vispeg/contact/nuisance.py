@@ -10,6 +10,7 @@ Gaussian Processes for Machine Learning, 2.7, for linear nuisances in a covarian
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -31,7 +32,7 @@ PLACE, TURN = 1e-4, 2e-4  # m, rad: by how much a robot's forward kinematics are
 TOUCH = Thresholds().touch  # N, of contact that a place binds
 LATE = 5e-4  # s
 BLOWS, BEFORE = 0.1, 5  # share of a slide's scatter by which it drags otherwise; blocks before a tip sticks
-FAR = 0.02  # m over which that changes
+FAR, TWIST = 0.02, 0.5  # m, rad over which that changes
 NEARLY, SLIPPED = 0.75, 1.5e-4  # of what a grip holds, from which a blow moves the part in it; m
 STUCK = 0.005  # m/s, of a tip below which it sticks
 LEAST = 0.05  # score below which a direction is no nuisance
@@ -39,10 +40,10 @@ LEAST = 0.05  # score below which a direction is no nuisance
 
 @dataclass(frozen=True)
 class Nuisance:
-    """Directions of the whitened residual of one item that are less sure than its floor.
+    """Directions of the whitened residual that are less sure than its floor.
 
     Attributes:
-        basis: (6 m, k) orthonormal.
+        basis: (n, k) orthonormal, over all blocks and channels of one item, or of several one after another.
         less: (k,) share of the residual along each that is taken off.
     """
 
@@ -51,22 +52,45 @@ class Nuisance:
 
     @classmethod
     def of(cls, columns: np.ndarray) -> Nuisance:
-        """Of the columns (6 m, n) of A, each the whitened residual of one error of its usual size."""
+        """Of the columns (n, k) of A, each the whitened residual of one error of its usual size."""
         u, s, _ = np.linalg.svd(columns, full_matrices=False)
         u, s = u[:, s > LEAST], s[s > LEAST]
         return cls(u, 1 - 1 / np.sqrt(1 + s**2))
 
     def whitened(self, residual: np.ndarray) -> np.ndarray:
-        """(m, 6) of a residual (m, 6) that is whitened block by block."""
+        """Of the shape of a residual of `n` values that is whitened block by block."""
         flat = residual.ravel()
         return (flat - self.basis @ (self.less * (self.basis.T @ flat))).reshape(residual.shape)
 
 
-def nuisance(item: ContactItem, displaced: np.ndarray) -> Nuisance:
-    """That of an item with its floor; `displaced` (6, m, 6) is how the wrench answers to a hand off its path."""
-    columns = [*_drifts(item), *_mixtures(item), _late(item), *_misplaced(item, displaced), *_stuck(item)]
-    columns += [*_chatters(item), *_slipped(item), *unsure(item)]
-    return Nuisance.of(np.stack([np.nan_to_num(np.where(item.valid, c / item.sigma, 0.0)).ravel() for c in columns], 1))
+def nuisance(items: Sequence[ContactItem], answers: Sequence[np.ndarray]) -> Nuisance:
+    """That of items of one robot and sensor, with their floors.
+
+    Args:
+        items: in the order of the residual.
+        answers: (6, m, 6) of each, how the wrench answers to a hand off its path.
+    """
+    sizes = [i.measured.size for i in items]
+    ends = np.cumsum([0, *sizes])
+    own, shared = [], []
+    places = [_place(i) for i in items]
+    errors = _smooth(places)
+    for item, answer, error in zip(items, answers, errors, strict=True):
+        alone = [*_drifts(item), _late(item), *_stuck(item), *_chatters(item), *_slipped(item), *unsure(item)]
+        own.append(_whitened(item, [*alone, *_turned(item, answer)]))
+        shared.append(_whitened(item, [*_mixtures(item), *_misplaced(item, answer, error)]))
+    columns = np.concatenate(shared, axis=0)
+    out = np.zeros((ends[-1], columns.shape[1] + sum(o.shape[1] for o in own)))
+    out[:, : columns.shape[1]], at = columns, columns.shape[1]
+    for start, end, some in zip(ends[:-1], ends[1:], own, strict=True):
+        out[start:end, at : at + some.shape[1]] = some
+        at += some.shape[1]
+    return Nuisance.of(out)
+
+
+def _whitened(item: ContactItem, columns: Sequence[np.ndarray]) -> np.ndarray:
+    """(6 m, k) of columns (m, 6)."""
+    return np.stack([np.nan_to_num(np.where(item.valid, c / item.sigma, 0.0)).ravel() for c in columns], axis=1)
 
 
 def _drifts(item: ContactItem) -> list[np.ndarray]:
@@ -100,30 +124,54 @@ def _bound(item: ContactItem) -> tuple[np.ndarray, np.ndarray]:
     return w, w * gain[:, None]
 
 
-def _misplaced(item: ContactItem, displaced: np.ndarray) -> list[np.ndarray]:
-    """Contact where the kinematics are off: as the model answers, or as the measured contact does, by the greater."""
+def _place(item: ContactItem) -> tuple[np.ndarray, np.ndarray]:
+    """(m, 3) m of the flange in the base and (m, 3) its rotation vector, block by block."""
     path = item.path
-    w, held = _bound(item)
-    start = Rotation.from_quat(path.frame, scalar_first=True)
-    axes = (start.inv() * _turn(item)).as_matrix()
-    off = np.concatenate([PLACE * np.einsum("bij,bj->bi", axes, w[:, :3]), TURN * w[:, 3:]], axis=1)
-    measured = held[None] * off.T[:, :, None]
-    larger = np.linalg.norm(measured, axis=2) > np.linalg.norm(displaced, axis=2)
-    answer = np.where(larger[:, :, None], measured, displaced)
-    place = path.place[item.phase.rows(path.time), :3]
-    apart = np.sum((place[:, None] - place[None]) ** 2, axis=2)
-    alike = np.exp(-0.5 * apart / FAR**2)
+    at = path.place[item.phase.rows(path.time), :3]
+    frame = Rotation.from_quat(path.frame, scalar_first=True)
+    return path.origin + frame.apply(at), (_turn(item) * Rotation.from_euler("X", np.pi)).as_rotvec()
+
+
+def _smooth(places: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[np.ndarray]:
+    """(m, k) of each item: errors of size 1 that change slowly over the poses, the same function for all items."""
+    every = np.concatenate([np.concatenate([p / FAR, r / TWIST], axis=1) for p, r in places])
+    square = (every**2).sum(axis=1)
+    alike = np.exp(-0.5 * np.maximum(square[:, None] + square[None] - 2 * every @ every.T, 0.0))
     value, vector = np.linalg.eigh(alike)
     some = value > 1e-3 * value[-1]
-    smooth = vector[:, some] * np.sqrt(value[some])
+    return np.split(vector[:, some] * np.sqrt(value[some]), np.cumsum([len(p) for p, _ in places])[:-1])
+
+
+def _misplaced(item: ContactItem, answer: np.ndarray, smooth: np.ndarray) -> list[np.ndarray]:
+    """Where the kinematics are off along each axis of the base: as the model answers, or as the measured contact does,
+    by the greater.
+    """
+    axes = _turn(item).inv().as_matrix()
+    w, held = _bound(item)
+    start = Rotation.from_quat(item.path.frame, scalar_first=True).as_matrix()
+    model = np.einsum("aj,jmc->amc", start, answer[:3])
+    measured = held[None] * (PLACE * np.einsum("bij,bi->jb", axes, w[:, :3]))[:, :, None]
+    some = _larger(model, measured)
     bent = np.gradient(np.gradient(smooth, item.period, axis=0), item.period, axis=0)  # 1/s^2: it is no free motion
     mass, centre = _tool(item)
     out = []
     for a in range(3):
-        force = mass * PLACE * axes[:, a]
+        force = mass * PLACE * axes[:, :, a]
         free = np.concatenate([force, np.cross(centre, force)], axis=1)
-        out += [answer[a] * s[:, None] - free * b[:, None] for s, b in zip(smooth.T, bent.T, strict=True)]
-    return out + list(answer[3:])
+        out += [some[a] * s[:, None] - free * b[:, None] for s, b in zip(smooth.T, bent.T, strict=True)]
+    return out
+
+
+def _turned(item: ContactItem, answer: np.ndarray) -> list[np.ndarray]:
+    """The same of the hand's turning, one error over the recording."""
+    w, held = _bound(item)
+    measured = held[None] * (TURN * w[:, 3:]).T[:, :, None]
+    return list(_larger(answer[3:], measured))
+
+
+def _larger(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(k, m, 6) in each block that of two answers which is longer."""
+    return np.where((np.linalg.norm(b, axis=2) > np.linalg.norm(a, axis=2))[:, :, None], b, a)
 
 
 def _late(item: ContactItem) -> np.ndarray:

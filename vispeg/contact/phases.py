@@ -61,10 +61,10 @@ class Phases:
         """(m,) bool."""
         return self.code == NAMES.index(name)
 
-    def medians(self, values: np.ndarray) -> np.ndarray:
-        """(w, m, k) of (w, n, k)."""
+    def means(self, values: np.ndarray) -> np.ndarray:
+        """(w, m, k) of (w, n, k): by their mean, forces keep to the law of momentum and of friction as they chatter."""
         m = len(self.time)
-        return np.median(values[:, : m * self.size].reshape(len(values), m, self.size, -1), axis=2)
+        return values[:, : m * self.size].reshape(len(values), m, self.size, -1).mean(axis=2)
 
     def scatter(self, values: np.ndarray) -> np.ndarray:
         """(m, k) of (n, k): standard deviation within each block about a straight line."""

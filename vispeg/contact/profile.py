@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vispeg.contact.evidence import ContactEvidence
+from vispeg.contact.thin import PART
 from vispeg.core.effect import REGISTRY, STAGES, Effect, EffectInstance, effect
 from vispeg.diagnosis.evidence.screen import Score
 from vispeg.worlds.world import World
@@ -46,22 +47,103 @@ def tries(name: str, where: str) -> list[tuple[str, EffectInstance]]:
 
 @dataclass(frozen=True)
 class Probe:
-    """One size of one parameter of an effect, and by how much it lowers the squared residual; -inf if nothing moves."""
+    """One size of one parameter of an effect.
+
+    Attributes:
+        placed: the effect with it.
+        name: of the parameter.
+        gain: by how much it lowers the squared residual; -inf if it moves nothing.
+        moved: squared length of what it changes in the residual.
+    """
 
     placed: EffectInstance
     name: str
     gain: float
+    moved: float = np.inf
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """(effect, place)."""
+        return self.placed.effect, self.placed.where
 
 
-def probed(evidence: ContactEvidence, world: World, where: Sequence[tuple[str, str]]) -> list[Probe]:
-    """Every size of every parameter of the effects at their places, beside those of `world`."""
+def probed(
+    evidence: ContactEvidence, world: World, where: Sequence[tuple[str, str]], least: float = 0.0
+) -> list[Probe]:
+    """Every size of every parameter of the effects at their places, beside those of `world`.
+
+    All are screened by a part of the recordings; what promises `least` or is among the `BEST` effects is asked anew by
+    all of them.
+    """
     probes = [p for name, at in where for p in tries(name, at)]
-    (base,), rows = evidence.residuals([world]), evidence.residuals([world.add(p) for _, p in probes])
-    out = []
-    for (name, placed), r in zip(probes, rows, strict=True):
-        moved = float(np.sum((r - base) ** 2))
-        out.append(Probe(placed, name, float(base @ base - r @ r) if moved > FELT**2 else -np.inf))
+    (base,), rows = (
+        evidence.residuals_in_part([world]),
+        evidence.residuals_in_part([world.add(p) for _, p in probes]),
+    )
+    rough = [_probe(name, placed, base, r, PART) for (name, placed), r in zip(probes, rows, strict=True)]
+    best = strongest(rough)
+    hopeful = {s.key: s.gain for i, s in enumerate(best) if s.gain > -np.inf and (i < BEST or s.gain > HOPE * least)}
+    again = [k for k, p in enumerate(rough) if p.key in hopeful and _hopeful(p.gain, hopeful[p.key])]
+    (base,) = evidence.residuals([world])
+    rows = evidence.residuals([world.add(rough[k].placed) for k in again])
+    for k, r in zip(again, rows, strict=True):
+        rough[k] = _probe(rough[k].name, rough[k].placed, base, r, 1)
+    return rough
+
+
+def _hopeful(gain: float, best: float) -> bool:
+    """Whether a size may turn out to be the best one of its effect."""
+    return gain >= (HOPE * best if best > 0 else best)
+
+
+def _probe(name: str, placed: EffectInstance, base: np.ndarray, r: np.ndarray, times: float) -> Probe:
+    moved = times * float(np.sum((r - base) ** 2))
+    return Probe(placed, name, times * float(base @ base - r @ r) if moved > FELT**2 else -np.inf, moved)
+
+
+def shown_from(probes: Sequence[Probe], need: float) -> dict[tuple[str, str], dict[str, float]]:
+    """(effect, place): of each parameter the least distance from none (of a scale its factor) that moves the squared
+    residual by `need`; infinite where no size that is tried does.
+
+    Of each sign from the nearest size that does, its trace growing as its distance, and not nearer than one that does
+    not.
+    """
+    out: dict[tuple[str, str], dict[str, float]] = {}
+    ways: dict[tuple[tuple[str, str], str, bool], list[tuple[float, float]]] = {}
+    for p in probes:
+        param = effect(p.placed.effect).params[p.name]
+        value = p.placed.params[p.name].value
+        size = float(np.log(value / param.null)) if param.scale == "log" else value - param.null
+        ways.setdefault((p.key, p.name, size > 0), []).append((abs(size), p.moved))
+    for (key, name, _), sizes in ways.items():
+        sizes, from_ = sorted(sizes), np.inf
+        unseen = 0.0
+        for size, moved in sizes:
+            if moved >= need:
+                from_ = max(unseen, size * np.sqrt(need / moved))
+                break
+            unseen = size
+        own = out.setdefault(key, {})
+        least = float(np.exp(from_)) if effect(key[0]).params[name].scale == "log" else float(from_)
+        own[name] = min(own.get(name, np.inf), least)
     return out
+
+
+def value(name: str, parameter: str, size: float) -> float:
+    """The value of an effect's parameter that is `size` from none, as `shown_from` says it."""
+    param = effect(name).params[parameter]
+    return float(np.clip(param.null * size if param.scale == "log" else param.null + size, param.low, param.high))
+
+
+def further(name: str, parameter: str, size: float, times: float) -> float:
+    """A size so many times as far from none; infinite where no size that is tried is so far."""
+    param = effect(name).params[parameter]
+    tried = [v / param.null if param.scale == "log" else v - param.null for v in effect(name).sizes[parameter]]
+    if param.scale == "log":
+        out, most = size**times, max(max(t, 1 / t) for t in tried)
+    else:
+        out, most = size * times, max(abs(t) for t in tried)
+    return float(out) if out <= most else np.inf
 
 
 def strongest(probes: Sequence[Probe]) -> list[Score]:
@@ -92,3 +174,4 @@ def idle(probes: Sequence[Probe]) -> set[tuple[str, str]]:
 
 FELT = 5.0  # standard deviations by which some size must move the residual for an effect to be excited
 SHARE = 0.03
+BEST, HOPE = 6, 0.25  # effects that are asked anew; of what a size must promise, that the screen must see in it

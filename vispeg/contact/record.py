@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.phases import NAMES
 from vispeg.core.effect import effect
 from vispeg.diagnosis.conclusion.rivals import Rivals
-from vispeg.diagnosis.schema import Failure, NextMotion, NotExcited
+from vispeg.diagnosis.schema import Failure, NextMotion, NotExcited, ShowsFrom
 from vispeg.identify.channels import UNITS
 
 COLUMNS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
@@ -42,10 +42,10 @@ def _rms(judged: ContactEvidence, predicted: Sequence[np.ndarray], world: int, c
 def where_it_fails(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> list[Failure]:
     """Shares of the squared whitened residual by axis and phase of contact, greatest first."""
     grid = np.zeros((len(COLUMNS), len(NAMES)))
-    for item, y in zip(judged.items, predicted, strict=True):
-        r = judged.whiten(item, y[0]) ** 2
+    left = judged.whitened([y[0] for y in predicted])
+    for item, r in zip(judged.items, left, strict=True):
         for k in range(len(NAMES)):
-            grid[:, k] += r[item.phase.code == k].sum(axis=0)
+            grid[:, k] += (r[item.phase.code == k] ** 2).sum(axis=0)
     share = grid / max(float(grid.sum()), 1e-300)
     order = np.argsort(-share, axis=None)
     places = [np.unravel_index(i, share.shape) for i in order]
@@ -79,14 +79,14 @@ def _root(parts: Sequence[np.ndarray]) -> float:
 def arrays(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
     """Measured and predicted forces and torques of the held-out recordings, their phases, and the worst moment."""
     out: dict[str, np.ndarray] = {"joints": np.array(COLUMNS[:3]), "unit": np.array("N")}
-    worst = (-1.0, 0, 0)
+    worst, left = (-1.0, 0, 0), judged.whitened([y[0] for y in predicted])
     for r, (item, y) in enumerate(zip(judged.items, predicted, strict=True)):
         out |= {f"{r}/time": item.segment.time, f"{r}/name": np.array(item.name), f"{r}/phase": item.phase.code}
         out |= {f"{r}/measured": item.measured[:, :3], f"{r}/measured_tau": item.measured[:, 3:]}
         for w, key in zip(range(len(y)), ("before", "after"), strict=False):
             out |= {f"{r}/{key}": y[w, :, :3], f"{r}/{key}_tau": y[w, :, 3:]}
         out[f"{r}/sigma"] = item.sigma
-        size = (judged.whiten(item, y[0]) ** 2).sum(axis=1)
+        size = (left[r] ** 2).sum(axis=1)
         k = int(np.argmax(np.where(item.phase.resting, -1.0, size)))
         worst = max(worst, (float(size[k]), r, k))
     item = judged.items[worst[1]]
@@ -97,14 +97,23 @@ def arrays(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> dict[str
     return out
 
 
-def not_excited(silent: Sequence[tuple[str, str]]) -> list[NotExcited]:
-    """Effects of which no size changes the wrench, each with the motion that would show it."""
+def not_excited(shown: Mapping[tuple[str, str], Mapping[str, float]]) -> list[NotExcited]:
+    """Effects of which no size that is tried shows, each with the motion that would show it."""
     out: list[NotExcited] = []
-    for name, where in silent:
-        motions = effect(name).shown_by
-        why = "no size of it changes the wrench in these recordings"
-        out.append({"effect": name, "where": where, "why": why, "motion": motions[0] if motions else "insert"})
+    for (name, where), least in shown.items():
+        if not any(np.isfinite(list(least.values()))):
+            motion = effect(name).shown_by
+            why = "no size of it changes the wrench enough in these recordings to be told"
+            out.append({"effect": name, "where": where, "why": why, "motion": motion[0] if motion else "insert"})
     return out
+
+
+def shows_from(shown: Mapping[tuple[str, str], Mapping[str, float]]) -> list[ShowsFrom]:
+    """Of every effect how far from none each of its values must be for these recordings to show it."""
+    return [
+        {"effect": name, "where": where, "least": {k: v if np.isfinite(v) else None for k, v in least.items()}}
+        for (name, where), least in shown.items()
+    ]
 
 
 def separating(rivals: Sequence[Rivals], unseen: Sequence[NotExcited]) -> NextMotion | None:

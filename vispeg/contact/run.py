@@ -8,7 +8,9 @@ from vispeg.contact.closed_loop import closed_loop
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.inputs import touching
 from vispeg.contact.noise import louder
-from vispeg.contact.record import arrays, channels, not_excited, phase_errors, separating, where_it_fails
+from vispeg.contact.record import arrays, channels, not_excited, phase_errors, separating, shows_from, where_it_fails
+from vispeg.contact.remainder import judged as in_phases
+from vispeg.contact.remainder import remainder
 from vispeg.contact.search import ContactSearch
 from vispeg.diagnosis.compare import Comparison
 from vispeg.diagnosis.conclusion.intervals import widened
@@ -48,7 +50,7 @@ def diagnose_contact(
     search = ContactSearch(evidence, judge, say, progress)
     n_fixed = len(world.effects)
     before_fit, before_held = evidence.residuals([world])[0], judged.residuals([world])[0]
-    silent = search.silent(world)
+    shown = search.shown_from(world)
     state = search.run(world)
     say.ahead = 1
     rivals = find_rivals(search, state, n_fixed, say) if len(state.world.effects) > n_fixed else []
@@ -56,7 +58,8 @@ def diagnose_contact(
     before, after = judge.mean(judge.loss(before_held)), judge.mean(state.loss)
     noise = louder(world, evidence.items, judged.items)
     fitted_world = state.world.add(*noise)
-    verdict = decide(before, after, len(fitted_world.effects) - n_fixed, rivals, [])
+    left = [*remainder(evidence, state.world), *remainder(judged, state.world, held_out=True)]
+    verdict = in_phases(decide(before, after, len(fitted_world.effects) - n_fixed, rivals, []), left)
     final = with_origin(
         widened(state.world, n_fixed, before, after).add(*noise),
         n_fixed,
@@ -69,7 +72,7 @@ def diagnose_contact(
     predicted = judged.simulated([world, state.world])
     models = {"given": world, "corrected": final} if len(final.effects) > n_fixed else {"given": world}
     replayed, said = closed_loop(held_out, models, nthread)
-    unseen = not_excited(silent)
+    unseen = not_excited(shown)
     record: DiagnosisRecord = {
         "format": "vispeg-diagnosis/1",
         "evidence": "contact",
@@ -83,6 +86,7 @@ def diagnose_contact(
         "unexplained": verdict.unexplained,
         "channels": channels(judged, predicted),
         "not_excited": unseen,
+        "shows_from": shows_from(shown),
         "closed_loop": replayed,
         "next_experiment": separating(rivals, unseen),
         "candidates": candidates(state, rivals, n_fixed),

@@ -11,12 +11,14 @@ from scipy import stats
 
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.likely import absent, intervals
-from vispeg.contact.profile import Probe, idle, places, probed, strongest
+from vispeg.contact.profile import Probe, further, idle, places, probed, shown_from, strongest, value
+from vispeg.contact.thin import PART
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.conclusion.verdict import FLOOR
 from vispeg.diagnosis.evidence.localise import MissingTorque
 from vispeg.diagnosis.evidence.screen import Score
-from vispeg.diagnosis.selection.search import PROMISE, Search
+from vispeg.diagnosis.selection.judge import Gain
+from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.selection.state import State, Trial
 from vispeg.identify.fit import Fit, Race
 from vispeg.worlds.model_file import model_text
@@ -24,8 +26,8 @@ from vispeg.worlds.world import World
 
 SINGLES, PAIRED = 5, 3  # effects that are fitted at a step, and those of them whose pairs are
 NONE = -1e300  # the gain of what changes nothing, as JSON can say it
-SURE = 30.0  # drop of the squared whitened residual below which an effect is not looked at: five standard deviations
-CLEAR = 100.0  # the same where the model as given is within its floor
+LEVEL = 0.01  # chance that any effect of the library passes where there is none
+NEAR = 0.6  # of the drop that an effect needs, which a size that is tried must come to for the effect to be fitted
 WORTH = 0.2  # of the best one's gain that another must have in the profile to be fitted
 
 
@@ -39,17 +41,21 @@ class ContactSearch(Search):
         """No torque of a joint is looked at."""
         return []
 
-    def worth_it(self, state: State, n_fixed: int) -> bool:
-        """Up to so many effects, and where the model as given is beyond the floor or an effect clearly shows.
+    def need(self, state_cost: float = 1.0, count: int = 1, level: float = LEVEL) -> float:
+        """Drop of the squared residual that `count` parameters of an effect which is not there hardly ever reach.
 
-        Floors count errors that a good sensor does not have: an effect may show below 1 floor variance. What is not
-        sure fails in `step`.
+        Errors hang together over some blocks, a worse model leaves more of them, and the best of the library is taken
+        (Bonferroni). Source: the likelihood ratio's law, Wilks 1938, Annals of Mathematical Statistics 9(1).
         """
-        added = len(state.world.effects) - n_fixed
-        if added or self.judge.mean(state.loss) > 1.0:
-            return added < self.evidence.most_effects
-        probes = self.probed(state.world, places(self.evidence, state.world))
-        return max((p.gain for p in probes), default=0.0) > CLEAR
+        library = max(1, len(places(self.evidence, World())))
+        scale = self.evidence.correlated * max(1.0, state_cost)
+        return float(scale * stats.chi2.isf(level / library, max(count, 1)))
+
+    def worth_it(self, state: State, n_fixed: int) -> bool:
+        """Up to so many effects: floors count errors that a good sensor does not have, so what is within them may
+        still show an effect. What is not sure fails in `step`.
+        """
+        return len(state.world.effects) - n_fixed < self.evidence.most_effects
 
     def fits(
         self,
@@ -66,8 +72,7 @@ class ContactSearch(Search):
     def step(self, state: State, n_fixed: int) -> list[Trial]:
         """Profiles the library, fits the best and, where none of them reaches the floor, their pairs."""
         scores, tested = self.scored(state), self.tested(state)
-        need = max(self.evidence.least_gain * self.judge.mean(state.loss), self.least_share * state.scale)
-        scores = [s for s in scores if s.gain >= max(SURE, PROMISE * need * self.evidence.count)]
+        scores = [s for s in scores if s.gain >= NEAR * self.need()]
         short = [s for i, s in enumerate(scores[:SINGLES]) if i < 2 or s.gain > WORTH * scores[0].gain]
         if not short:
             return []
@@ -117,46 +122,73 @@ class ContactSearch(Search):
                 effects[k] = placed.with_values(**{m: effect(placed.effect).params[m].null for m in dropped})
         if tuple(effects) == fit.world.effects:
             return fit
-        return self.fits([replace(fit.world, effects=tuple(effects))], n_fixed)[0]
+        (bare,) = self.fits([replace(fit.world, effects=tuple(effects))], n_fixed)
+        more = float(bare.residual @ bare.residual - fit.residual @ fit.residual)  # one by one, or all together
+        chance = self.evidence.correlated * max(1.0, fit.cost) * stats.chi2.isf(0.05, len(fit.u) - len(bare.u))
+        return bare if more <= chance else fit
 
     def shows(self, state: State, trial: Trial) -> bool:
         """Whether a trial lowers the squared residual by more than chance; where contacts stick derivatives vanish."""
         drop = float(state.residual @ state.residual - trial.fit.residual @ trial.fit.residual)
         count = len([a for a in trial.fit.space.axes if a.index >= len(trial.fit.world.effects) - trial.score.count])
-        scale = self.evidence.correlated * max(1.0, trial.fit.cost)
-        return drop > scale * stats.chi2.isf(0.05, max(count, 1))
+        return drop > self.need(trial.fit.cost, count)
 
     def holds(self, state: State, trial: Trial) -> bool:
-        """As for joints, or by a likelihood ratio: of held-out blocks few may be such as the effect acts in.
+        """The same of the held-out recordings: nothing is fitted to them, and one effect is asked for."""
+        return float((state.loss - trial.loss).sum()) > self.confirms(self.judge.mean(trial.loss))
 
-        Nothing is fitted to them, so that an effect that is not there raises their squared residual.
-        """
-        drop = float((state.loss - trial.loss).sum())
-        return super().holds(state, trial) or drop > self.evidence.correlated * stats.chi2.isf(0.05, 1)
+    def confirms(self, cost: float = 1.0) -> float:
+        """Drop of the held-out squared residual that an effect which is not there reaches once in 100 times."""
+        return float(self.evidence.correlated * max(1.0, cost) * stats.chi2.isf(2 * LEVEL, 1))
+
+    def refusal(self, state: State, trial: Trial, level: float, absent: bool) -> str:
+        """Two likelihood ratios alone: contact acts in few blocks, of which ranks and shares of all say little."""
+        if absent:
+            return "it lowers the squared residual by no more than chance"
+        return "" if self.holds(state, trial) else "it does not show in the held-out recordings"
+
+    def needed(self, state: State, index: int, gain: Gain) -> bool:
+        """Whether the held-out recordings want an effect beside the others."""
+        return gain.mean * self.judge.size.sum() > self.confirms(self.judge.mean(state.loss))
 
     def pairs(self, trials: Sequence[Trial]) -> list[Score]:
         """The pairs of the best effects, each at the value that it had alone."""
         order = sorted(trials, key=lambda t: float(t.loss.sum()))[:PAIRED]
         return [Score(_fitted(a), a.score.gain, (_fitted(b),)) for a, b in combinations(order, 2)]
 
-    def silent(self, world: World) -> list[tuple[str, str]]:
-        """Effects of which no size shows in the recordings."""
-        return [s.key for s in strongest(self.probed(world, places(self.evidence, world))) if s.gain == -np.inf]
+    def shown_from(self, world: World) -> dict[tuple[str, str], dict[str, float]]:
+        """See `vispeg.contact.profile.shown_from`: in the fitted recordings and, at that size, the held-out ones."""
+        where = places(self.evidence, world)
+        least = shown_from(self.probed(world, where), self.need())
+        asked = [
+            (key, name, size, EffectInstance.of(*key, **{name: value(key[0], name, size)}))
+            for key, sizes in least.items()
+            for name, size in sizes.items()
+            if np.isfinite(size)
+        ]
+        judged = self.judge.evidence
+        assert isinstance(judged, ContactEvidence)
+        base, *rows = judged.residuals_in_part([world, *(world.add(p) for *_, p in asked)])
+        for (key, name, size, _), r in zip(asked, rows, strict=True):
+            short = self.confirms() / max(PART * float(np.sum((r - base) ** 2)), 1e-12)
+            if short > 1.0:
+                least[key][name] = further(key[0], name, size, float(np.sqrt(short)))
+        return least
 
     def probed(self, world: World, where: Sequence[tuple[str, str]]) -> list[Probe]:
         """`vispeg.contact.profile.probed`, remembered."""
 
         def work_out() -> list:
             return [
-                [p.placed.effect, p.placed.where, p.name, p.placed.params[p.name].value, max(p.gain, NONE)]
-                for p in probed(self.evidence, world, where)
+                [p.placed.effect, p.placed.where, p.name, p.placed.params[p.name].value, max(p.gain, NONE), p.moved]
+                for p in probed(self.evidence, world, where, self.need())
             ]
 
         question = ["contact profile", model_text(world), [list(p) for p in where]]
         answer = self.progress.recall(question, work_out)  # also asked twice in one run: what is silent, what is best
         return [
-            Probe(EffectInstance.of(n, at, **{name: value}), name, gain if gain > NONE else -np.inf)
-            for n, at, name, value, gain in answer
+            Probe(EffectInstance.of(n, at, **{name: value}), name, gain if gain > NONE else -np.inf, moved)
+            for n, at, name, value, gain, moved in answer
         ]
 
     def instead(self, state: State, placed: EffectInstance) -> tuple[list[Score], int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from vispeg.recordings.regimes import IMPACT
 CHUNK, LEAD = 12, 3  # blocks that are chosen at once; blocks after which a window has forgotten its start
 NEAR = 3  # blocks of free air before and after a contact that show when it begins
 FREE = 2.0  # s of free air that are driven
+PART, PIECE = 3, 12  # one in so many pieces of so many blocks is driven where many worlds are screened
 
 
 def thinned(phase: Phases, seconds: float) -> Phases:
@@ -34,6 +36,21 @@ def thinned(phase: Phases, seconds: float) -> Phases:
     edges = np.flatnonzero(np.diff(np.r_[0, driven.astype(int), 0]))
     windows = tuple(slice(a * phase.size, b * phase.size) for a, b in zip(edges[::2], edges[1::2], strict=True))
     return replace(phase, used=used, windows=windows)
+
+
+def pieces(phase: Phases) -> tuple[slice, ...]:
+    """One in `PART` of the pieces that the windows can be cut into."""
+    size = PIECE * phase.size
+    every = [slice(a, min(a + size, w.stop)) for w in phase.windows for a in range(w.start, w.stop, size)]
+    return tuple(every[::PART])
+
+
+def driven_blocks(phase: Phases, windows: Sequence[slice]) -> np.ndarray:
+    """(m,) bool: blocks in some windows of a phase's own that have forgotten how a window began."""
+    out = np.zeros(len(phase.time), bool)
+    for w in windows:
+        out[w.start // phase.size + LEAD : w.stop // phase.size] = True
+    return out & phase.used
 
 
 def _spread(flag: np.ndarray, most: float) -> np.ndarray:

@@ -135,6 +135,14 @@ class NotExcited(Place):
     motion: str
 
 
+class ShowsFrom(Place):
+    """How far from none each value of an effect must be for the recordings to show it; of a scale, its factor or one
+    over it; None where no size that is tried does.
+    """
+
+    least: dict[str, float | None]
+
+
 class Summary(TypedDict):
     """What every diagnosis says, and what a change says of its baseline."""
 
@@ -236,5 +244,6 @@ class DiagnosisRecord(Summary):
     phases: NotRequired[Sequence[Mapping[str, object]]]
     views: NotRequired[Mapping[str, object]]
     not_excited: NotRequired[list[NotExcited]]
+    shows_from: NotRequired[list[ShowsFrom]]
     closed_loop: NotRequired[list[Replayed]]
     rooms: NotRequired[list[RoomRecord]]

@@ -111,11 +111,12 @@ class Cell(Plant):
         self.spring = self.batch.bind("qfrc_spring")
         super().start(q, dq, weight, inertia)
 
-    def felt(self) -> np.ndarray:
+    def felt(self, wrench: np.ndarray | None = None) -> np.ndarray:
         """What the wrist's force sensor says of the last step: (nsim, 6) N and N m that the tool puts on the flange, in
-        the flange's frame. To be asked once a control tick.
+        the flange's frame; of `wrench` (nsim, 6), a mean of `sensors` over some steps, where given. To be asked once a
+        control tick.
         """
-        return self.loop.feel(-self.sensors[:, :6], self.x)
+        return self.loop.feel(-(self.sensors[:, :6] if wrench is None else wrench), self.x)
 
     def gear_torque(self) -> np.ndarray:
         """Torque (nsim, nj) N m that the gears handed to the links in the last step."""

@@ -20,16 +20,18 @@ def _press(x: float, y: float, deep: float) -> list[Point]:
 
 
 def _slide(deep: float, far: float) -> list[Point]:
+    """Strokes along y, then along x, beside the hole: much longer than what the soft wrist gives way."""
     out: list[Point] = [(0.3, 30, 0, 2, 0, 0, 0), (0.4, 30, 0, -deep, 0, 0, 0)]
-    out += [(0.4, 30, far, -deep, 0, 0, 0), (0.6, 30, -far, -deep, 0, 0, 0), (0.3, 30, 0, -deep, 0, 0, 0)]
-    return [*out, (0.35, 40, 0, -deep, 0, 0, 0), (0.35, 27, 0, -deep, 0, 0, 0), (0.2, 30, 0, 4, 0, 0, 0)]
+    out += [(0.5, 30, far, -deep, 0, 0, 0), (0.9, 30, -far, -deep, 0, 0, 0), (0.5, 30, 0, -deep, 0, 0, 0)]
+    return [*out, (0.4, 42, 0, -deep, 0, 0, 0), (0.6, 20, 0, -deep, 0, 0, 0), (0.2, 20, 0, 4, 0, 0, 0)]
 
 
-def _insert(depths: tuple[float, ...], far: float, yaw: float = 0.0) -> list[Point]:
+def _insert(depths: tuple[float, ...], far: tuple[float, ...], yaw: float = 0.0) -> list[Point]:
+    """In to each depth, and there around the wall, led `far` beyond it: the soft wrist makes a force of that."""
     out: list[Point] = [(0.4, 0, 0, 4, 0, 0, yaw)]
-    for d in depths:
+    for d, r in zip(depths, far, strict=True):
         out += [(0.4, 0, 0, -d, 0, 0, yaw)]
-        out += [(0.25, x, y, -d, 0, 0, yaw) for x, y in ((far, 0), (0, far), (-far, 0), (0, -far), (0, 0))]
+        out += [(0.35, x, y, -d, 0, 0, yaw) for x, y in ((r, 0), (0, r), (-r, 0), (0, -r), (r, 0), (0, 0))]
     return [*out, (0.4, 0, 0, 8, 0, 0, yaw)]
 
 
@@ -49,9 +51,9 @@ def _tap(x: float, y: float) -> list[Point]:
 MOTIONS: dict[str, list[Point]] = {
     "free": _free(),
     "press": [*_press(30, 0, 5), *_press(-30, 0, 3), *_press(0, 30, 8), *_press(0, -30, 5)],
-    "slide": [*_slide(5, 18), *_slide(8, 12)],
-    "insert": _insert((12.0, 20.0), 5.0),
-    "insert-turned": [(0.9, 0, 0, 12, 0, 0, 90), *_insert((14.0,), 5.0, 90.0), (0.7, 0, 0, 12, 0, 0, 0)],
+    "slide": [*_slide(2.5, 28), *_slide(5, 34)],
+    "insert": _insert((12.0, 20.0), (14.0, 26.0)),
+    "insert-turned": [(0.9, 0, 0, 12, 0, 0, 90), *_insert((14.0,), (22.0,), 90.0), (0.7, 0, 0, 12, 0, 0, 0)],
     "rock": _rock(18.0, 10.6),
     "hard-press": [
         (0.3, 32, 0, 3, 0, 0, 0),
@@ -76,8 +78,8 @@ SETS = {
     "judge": ("free", "mix"),
 }
 LIMIT = {"turned-datum-tap": 150.0, "judge": 150.0}  # N; 25 elsewhere
-MIX = [*_press(-25, 18, 6), *_slide(6, 15)[:6], *_insert((16.0,), 5.0), *_tap(-30, 0)[:4],
-       *MOTIONS["hard-press"]]  # fmt: skip
+MIX = [*_press(-25, 18, 6), *_press(25, -18, 9), *_slide(3.5, 31), *_insert((16.0,), (20.0,)), *_rock(17.0, 10.6)[:4],
+       *_tap(-30, 0)[:4], *MOTIONS["hard-press"]]  # fmt: skip
 
 
 def points(names: tuple[str, ...]) -> list[Point]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+import numpy as np
 from score import share, wilson
 
 Record = dict[str, Any]
@@ -26,6 +27,23 @@ def same_class(truth: Record, named: Record) -> bool:
     return same(truth, named) or any({truth["effect"], named["effect"]} <= twins for twins in TWINS)
 
 
+def silent(r: Record) -> bool:
+    """Whether the diagnosis itself says that these recordings could not show what is hidden in one of its effects."""
+    least = {(s["effect"], s["where"]): s["least"] for s in r.get("shows_from") or []}
+    return any(_below(t["params"], least.get((t["effect"], t["where"]))) for t in r["hidden"])
+
+
+def _below(params: dict[str, float], least: dict[str, float | None] | None) -> bool:
+    """Whether every hidden value is nearer to none than shows."""
+    if least is None:
+        return False
+    return all(
+        (from_ := least.get(k)) is None
+        or (abs(np.log(v)) < np.log(from_) if k == "scale" else abs(v - (k == "gain")) < from_)
+        for k, v in params.items()
+    )
+
+
 def judge(r: Record) -> Record:
     """What one diagnosis got right: `hits`, `right` (nothing missed, nothing invented), `exact`, `fall`."""
     named = [e for e in r["effects"] if not e.get("tentative")] if r["verdict"] != "unexplained" else []
@@ -42,7 +60,7 @@ def judge(r: Record) -> Record:
     return r | {
         "named": sorted(names), "hits": hits, "right": hits == len(r["hidden"]) == len(named), "exact": truths == names,
         "extras": len(left), "fall": first / last if last > 0 else None, "partly": len(partial) >= len(r["hidden"]),
-        "confident": r["verdict"] == "identified",
+        "confident": r["verdict"] == "identified", "silent": silent(r) and not hits == len(r["hidden"]) == len(named),
     }  # fmt: skip
 
 
@@ -64,7 +82,8 @@ def report(records: Sequence[Record]) -> str:
     """The whole score as Markdown."""
     failed = [r for r in records if r["verdict"] == "failed"]
     done = [judge(r) for r in records if r["verdict"] != "failed"]
-    kind = {k: [r for r in done if r["kind"] == k] for k in ("single", "pair", "none", "unknown")}
+    kind = {k: [r for r in done if r["kind"] == k and not r["silent"]] for k in ("single", "pair", "none", "unknown")}
+    quiet = [r for r in done if r["silent"]]
     known = kind["single"] + kind["pair"]
     numbers = values(known)
     inside = [low <= true <= high for _, _, true, _, low, high in numbers if low is not None and high is not None]
@@ -76,6 +95,7 @@ def report(records: Sequence[Record]) -> str:
         ("one effect: among what lowered the error, whatever the verdict", share(r["partly"] for r in kind["single"])),
         ("one effect: confidently wrong", share(r["confident"] and not r["right"] for r in kind["single"])),
         ("pairs: both classes, nothing invented", share(r["right"] for r in kind["pair"])),
+        ("not excited, and said so: nothing named falsely", share(not r["extras"] for r in quiet)),
         ("no effect: given a name", share(bool(r["named"]) for r in kind["none"])),
         ("no effect: verdict adequate", share(r["verdict"] == "adequate" for r in kind["none"])),
         ("unknown: verdict unexplained", share(r["verdict"] == "unexplained" for r in kind["unknown"])),
@@ -99,7 +119,16 @@ def report(records: Sequence[Record]) -> str:
         names = ", ".join(f"{e['effect']}({e['where']})" for e in r["effects"]) or "nothing"
         good = r["verdict"] == "unexplained" if r["kind"] == "unknown" else r["right"]
         fall = f"{r['fall']:.3g}" if r["fall"] else "-"
-        cells.append((r["case"], r["verdict"], names, "yes" if good else "no", fall, f"{r.get('cpu_s') or 0:.0f}"))
+        cells.append(
+            (
+                r["case"],
+                r["verdict"],
+                names,
+                "silent" if r["silent"] else "yes" if good else "no",
+                fall,
+                f"{r.get('cpu_s') or 0:.0f}",
+            )
+        )
     cells += [
         (r["case"], "failed", str(r.get("message", ""))[-100:].replace("\n", " "), "no", "-", "-") for r in failed
     ]

@@ -63,7 +63,7 @@ def cell_motion(
     if name not in paths:
         raise UserError("not a motion of a cell", key="--motion", got=name, choices=(*paths, EXPERT))
     made = motion(name, belief.scene, belief.config, rate_hz, stream(seed, "record", name), paths)
-    return made if force_limit is None else CellMotion(made.name, made.time, made.ee_cmd, force_limit)
+    return made if force_limit is None else replace(made, force_limit=force_limit)
 
 
 def record_in_cell(

@@ -33,28 +33,33 @@ def ranked(search: Search, state: State, trials: list[Trial], tested: int) -> li
     """Refuses what fails a criterion, and puts the simplest of the equals first."""
     level, out = threshold([t.gain.z for t in trials], tested), []
     for t in trials:
-        why = ""
-        share, absent = t.gain.mean / state.scale, not search.shows(state, t)
-        stays = without(state.world, t.score.out).effects if not t.score.beside else ()
-        alike = [e for e in stays if _alike(e, t.score.placed)]
-        beside = max(alike, key=state.removed_by, default=None)
-        refines = t.gain.mean / state.removed_by(beside) if beside is not None else 1.0
-        if beside is not None and refines < REFINEMENT and t.gain.relative < CLEAR:
-            why = f"only refines {beside.label} at the same place ({100 * refines:.2g} % of what that removed)"
-        elif share < search.least_share:
-            why = f"removes {100 * share:.2g} % of what an effect so far did, under {100 * search.least_share:.1g} %"
-        elif t.gain.relative < search.evidence.least_gain:
-            why = f"held-out gain {100 * t.gain.relative:.1f} % is under {100 * search.evidence.least_gain:.0f} %"
-        elif t.gain.z < (level if t.gain.relative < DECISIVE else stats.norm.isf(0.05)):
-            why = f"held-out gain is {t.gain.z:.1f} standard errors, under {level:.1f}"
-        elif not search.holds(state, t):
-            why = "it does not show in the held-out recordings alone"
-        elif absent:
-            why = "its interval includes no effect"
-        elif bic_gain(search.evidence, state.world, state.residual, t.fit) <= 0:
-            why = "BIC with the effective sample size does not improve"
-        out.append(Trial(t.score, t.fit, t.loss, t.gain, why, absent))
+        absent = not search.shows(state, t)
+        out.append(Trial(t.score, t.fit, t.loss, t.gain, search.refusal(state, t, level, absent), absent))
     return in_order(search.judge, state, out)
+
+
+def refusal(search: Search, state: State, t: Trial, level: float, absent: bool) -> str:
+    """Why a trial fails a criterion; empty where it fails none. `level`: standard errors that its gain must reach."""
+    share = t.gain.mean / state.scale
+    stays = without(state.world, t.score.out).effects if not t.score.beside else ()
+    alike = [e for e in stays if _alike(e, t.score.placed)]
+    beside = max(alike, key=state.removed_by, default=None)
+    refines = t.gain.mean / state.removed_by(beside) if beside is not None else 1.0
+    if beside is not None and refines < REFINEMENT and t.gain.relative < CLEAR:
+        return f"only refines {beside.label} at the same place ({100 * refines:.2g} % of what that removed)"
+    if share < search.least_share:
+        return f"removes {100 * share:.2g} % of what an effect so far did, under {100 * search.least_share:.1g} %"
+    if t.gain.relative < search.evidence.least_gain:
+        return f"held-out gain {100 * t.gain.relative:.1f} % is under {100 * search.evidence.least_gain:.0f} %"
+    if t.gain.z < (level if t.gain.relative < DECISIVE else stats.norm.isf(0.05)):
+        return f"held-out gain is {t.gain.z:.1f} standard errors, under {level:.1f}"
+    if not search.holds(state, t):
+        return "it does not show in the held-out recordings alone"
+    if absent:
+        return "its interval includes no effect"
+    if bic_gain(search.evidence, state.world, state.residual, t.fit) <= 0:
+        return "BIC with the effective sample size does not improve"
+    return ""
 
 
 def in_order(judge: Judge, state: State, trials: list[Trial]) -> list[Trial]:

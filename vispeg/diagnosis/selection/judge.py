@@ -14,7 +14,6 @@ from vispeg.identify.fit import Fit
 from vispeg.identify.stirred import reading_noise
 from vispeg.worlds.world import World
 
-PLAIN = 0.2  # share of the error that a gain must remove to be one by its size alone
 CAP = 1e7  # squared whitened residual beyond which a reading counts no more: one wild row must not decide
 
 
@@ -76,7 +75,7 @@ class Judge:
 
     def apart(self, gain: Gain) -> bool:
         """Whether a gain tells two worlds apart by its size alone, however few the blocks of time are that it is in."""
-        return gain.relative >= PLAIN and gain.mean * self.size.sum() >= self.evidence.decisive
+        return gain.mean * self.size.sum() >= self.evidence.decisive
 
     def gain(self, before: np.ndarray, after: np.ndarray, crossed: tuple[np.ndarray, np.ndarray] | None = None) -> Gain:
         """Improvement from one loss to another; cross-fitted losses, where there are some, are tested with them."""

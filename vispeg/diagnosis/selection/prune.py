@@ -84,14 +84,15 @@ def _refused(search: Search, state: State, n_fixed: int) -> list[int]:
     gains = [
         search.judge.gain(loss, state.loss, (cross, state.cross)) for loss, cross in zip(losses, crossed, strict=True)
     ]
-    weak = [i for i, k in enumerate(places) if not _needed(search, state, k, gains[i])]
+    weak = [i for i, k in enumerate(places) if not search.needed(state, k, gains[i])]
     if not weak:
         return []
     k = min(weak, key=lambda i: gains[i].mean)
     return [places[k]]
 
 
-def _needed(search: Search, state: State, k: int, gain: Gain) -> bool:
+def needed(search: Search, state: State, k: int, gain: Gain) -> bool:
+    """Whether an effect lowers the error on held-out recordings beyond chance, and visibly."""
     sure = SURE if state.grouped(state.world.effects[k]) else ABLE
     return gain.z >= sure and _matters(search, state, k, gain)
 

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-from vispeg.diagnosis.selection.accept import HELD_OUT
-from vispeg.diagnosis.selection.judge import Judge, adds
+from typing import TYPE_CHECKING, cast
+
+from vispeg.diagnosis.selection.accept import HELD_OUT, refusal
+from vispeg.diagnosis.selection.judge import Gain, Judge, adds
+from vispeg.diagnosis.selection.prune import needed
 from vispeg.diagnosis.selection.state import State, Trial
+
+if TYPE_CHECKING:
+    from vispeg.diagnosis.selection.search import Search
 
 
 class Shown:
@@ -23,3 +29,11 @@ class Shown:
     def holds(self, state: State, trial: Trial) -> bool:
         """Whether what a trial adds shows in the held-out recordings alone, block by block."""
         return self.judge.gain(state.loss, trial.loss).z >= HELD_OUT
+
+    def refusal(self, state: State, trial: Trial, level: float, absent: bool) -> str:
+        """Why a fitted trial may not pass; empty where it may."""
+        return refusal(cast("Search", self), state, trial, level, absent)
+
+    def needed(self, state: State, index: int, gain: Gain) -> bool:
+        """Whether the held-out recordings want the effect at `index`, without which they lose `gain`."""
+        return needed(cast("Search", self), state, index, gain)

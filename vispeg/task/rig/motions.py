@@ -32,12 +32,14 @@ class CellMotion:
         time: (n,) s.
         ee_cmd: (n, 7) flange pose in the base, m and w x y z.
         force_limit: N, greatest force that the controller may ask for in it; None for the task's own.
+        stiffness: of the controller in it, 1/s^2, for translation and rotation; None for the task's own.
     """
 
     name: str
     time: np.ndarray
     ee_cmd: np.ndarray
     force_limit: float | None = None
+    stiffness: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,7 @@ def slide(place: Place) -> Path:
     that a flat end meets the fixture at one place of its rim and not now here, now there.
     """
     path, lean = place.begin(), place.vary(0.07)
-    for force in (place.vary(8.0), place.vary(16.0)):
+    for force in (place.vary(5.0), place.vary(10.0)):
         for along in (0, 1):
             _slid(path, place, force, along, lean)
     return path.to(0.2)
@@ -116,14 +118,14 @@ def slide(place: Place) -> Path:
 
 def _slid(path: Path, place: Place, force: float, along: int, lean: float) -> None:
     """One line of a slide, there and back, and up again."""
-    reach = 0.45 * place.aside
+    reach = 0.85 * place.aside
     a, b = [place.aside, place.aside], [place.aside, place.aside]
     a[along], b[along] = -reach, reach
     turn = [0.0, 0.0, 0.0]
     turn[along] = lean
     path.to(0.3, turn=tuple(turn))
     _down(path, a[0], a[1], force)
-    seconds, drag = 2 * reach / place.vary(0.015), place.scene.config.friction * force
+    seconds, drag = 2 * reach / place.vary(0.03), place.scene.config.friction * force
     for end, sign in ((b, 1.0), (a, -1.0)):
         push = [0.0, 0.0, -force]
         push[along] = sign * drag
@@ -274,6 +276,7 @@ PATHS: Motions = {
     "mix": mix,
     "look-and-insert": look_and_insert,
 }
+STIFF = {"slide": (600.0, 2400.0)}  # 1/s^2: a wrist that gives way by cm sticks and jumps where it should slide
 ROOM = 1.25  # the controller's force limit over the greatest force that is asked for
 
 
@@ -296,5 +299,6 @@ def motion(
         raise UserError("unknown motion of a cell", key="--motion", got=name, choices=(*paths, "expert"))
     time, frames = paths[name](Place(scene, rng)).frames(rate_hz)
     most = ROOM * float(np.linalg.norm(frames[:, 6:9], axis=1).max())
-    ee_cmd = commands(frames, scene, config.stiffness)
-    return CellMotion(name, time, ee_cmd, most if most > config.force_limit else None)
+    stiffness = STIFF.get(name)
+    ee_cmd = commands(frames, scene, stiffness or config.stiffness)
+    return CellMotion(name, time, ee_cmd, most if most > config.force_limit else None, stiffness)

@@ -27,9 +27,15 @@ from vispeg.task.rig.run import STEP, Ran, run
 from vispeg.worlds.world import World
 
 
-def controller(scene: Scene, config: TaskConfig, rate_hz: float, force_limit: float | None = None) -> Control:
-    """The task's controller as a recording states it."""
-    kp = np.repeat(np.array(config.stiffness, float), 3)
+def controller(
+    scene: Scene,
+    config: TaskConfig,
+    rate_hz: float,
+    force_limit: float | None = None,
+    stiffness: tuple[float, float] | None = None,
+) -> Control:
+    """The task's controller as a recording states it, with another limit or stiffness where a motion asks for it."""
+    kp = np.repeat(np.array(stiffness or config.stiffness, float), 3)
     null = Nullspace(POSTURE, DAMPING, posture(scene))
     limit = scene.nominal.torque_limit
     return Control(
@@ -78,7 +84,7 @@ def record_cell(
         UserError: the arm does not follow, or the world has no cell.
     """
     belief = _believed(world)
-    control = controller(belief.scene, belief.config, rate_hz, motion.force_limit)
+    control = controller(belief.scene, belief.config, rate_hz, motion.force_limit, motion.stiffness)
     q = start_angles(belief.scene, motion.ee_cmd[0])
     plant = belief.world.add(*world.effects)
     ran = run(belief.scene, [plant], control, motion.ee_cmd, q, np.zeros_like(q), h_max=h_max, nthread=nthread)

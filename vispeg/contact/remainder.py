@@ -1,0 +1,66 @@
+"""What the final model leaves, phase by phase, against the floor: an absolute judgement, whatever was named.
+
+A mean square over everything drowns an error of a few blocks, such as that of a chip inside the hole. Each phase of
+contact is judged for itself, in the fitted recordings and in the held-out ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vispeg.contact.evidence import ContactEvidence
+from vispeg.contact.phases import NAMES
+from vispeg.diagnosis.conclusion.verdict import Verdict
+from vispeg.worlds.world import World
+
+FORM = 1.7  # noise variances that the form of the right model may leave in a phase
+SPREAD = 2.6  # standard deviations by which a mean square over few blocks may lie above
+CHANNELS = 6
+
+
+@dataclass(frozen=True)
+class Left:
+    """Of one phase: mean squared whitened residual, up to which it may lie, and the blocks that were compared."""
+
+    phase: str
+    held_out: bool
+    mean_square: float
+    bar: float
+    blocks: int
+
+    @property
+    def beyond(self) -> float:
+        """Times the bar."""
+        return self.mean_square / self.bar
+
+
+def remainder(evidence: ContactEvidence, world: World, held_out: bool = False) -> list[Left]:
+    """That of each phase of contact, worst first."""
+    predicted = evidence.simulated([world])
+    residual = evidence.whitened([y[0] for y in predicted])
+    out = []
+    for name in NAMES:
+        masks = [i.phase.of(name) & i.phase.valid & ~i.phase.resting for i in evidence.items]
+        parts = [r[m] for r, m in zip(residual, masks, strict=True) if m.any()]
+        if parts:
+            rows = np.concatenate(parts)
+            independent = max(1.0, CHANNELS * len(rows) / evidence.correlated)
+            bar = FORM * (1 + SPREAD * np.sqrt(2 / independent))
+            out.append(Left(name, held_out, float(np.mean(rows**2)), float(bar), len(rows)))
+    return sorted(out, key=lambda left: -left.beyond)
+
+
+def judged(verdict: Verdict, left: Sequence[Left]) -> Verdict:
+    """`unexplained` in place of a verdict where some phase is left beyond its bar."""
+    worst = max(left, key=lambda one: one.beyond, default=None)
+    if worst is None or worst.beyond <= 1.0 or verdict.verdict == "unexplained":
+        return verdict
+    where = "held-out" if worst.held_out else "fitted"
+    text = (
+        f"in {worst.phase} a residual {worst.mean_square:.1f} times the noise variance remains ({worst.blocks} "
+        f"{where} blocks, up to {worst.bar:.1f} is chance and form), which no known effect explains"
+    )
+    return Verdict("unexplained", text, {"depends_on": [], "text": text}, partial=True)
