@@ -109,11 +109,20 @@ def not_excited(shown: Mapping[tuple[str, str], Mapping[str, float]]) -> list[No
 
 
 def shows_from(shown: Mapping[tuple[str, str], Mapping[str, float]]) -> list[ShowsFrom]:
-    """Of every effect how far from none each of its values must be for these recordings to show it."""
-    return [
-        {"effect": name, "where": where, "least": {k: v if np.isfinite(v) else None for k, v in least.items()}}
-        for (name, where), least in shown.items()
-    ]
+    """Of every effect between which values each of its parameters does not show in these recordings."""
+    out: list[ShowsFrom] = []
+    for (name, where), least in shown.items():
+        hidden: dict[str, tuple[float, float] | None] = {}
+        for k, size in least.items():
+            param = effect(name).params[k]
+            ends = (
+                (param.null / size, param.null * size)
+                if param.scale == "log"
+                else (param.null - size, param.null + size)
+            )
+            hidden[k] = ends if np.isfinite(size) else None
+        out.append({"effect": name, "where": where, "between": hidden})
+    return out
 
 
 def separating(rivals: Sequence[Rivals], unseen: Sequence[NotExcited]) -> NextMotion | None:

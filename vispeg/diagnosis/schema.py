@@ -136,11 +136,9 @@ class NotExcited(Place):
 
 
 class ShowsFrom(Place):
-    """How far from none each value of an effect must be for the recordings to show it; of a scale, its factor or one
-    over it; None where no size that is tried does.
-    """
+    """An effect and `between` which values each of its parameters does not show; None where it does at no size."""
 
-    least: dict[str, float | None]
+    between: dict[str, tuple[float, float] | None]
 
 
 class Summary(TypedDict):

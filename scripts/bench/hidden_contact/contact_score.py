@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-import numpy as np
 from score import share, wilson
 
 Record = dict[str, Any]
@@ -29,19 +28,16 @@ def same_class(truth: Record, named: Record) -> bool:
 
 def silent(r: Record) -> bool:
     """Whether the diagnosis itself says that these recordings could not show what is hidden in one of its effects."""
-    least = {(s["effect"], s["where"]): s["least"] for s in r.get("shows_from") or []}
-    return any(_below(t["params"], least.get((t["effect"], t["where"]))) for t in r["hidden"])
+    between = {(s["effect"], s["where"]): s["between"] for s in r.get("shows_from") or []}
+    return any(_inside(t["params"], between.get((t["effect"], t["where"]))) for t in r["hidden"])
 
 
-def _below(params: dict[str, float], least: dict[str, float | None] | None) -> bool:
-    """Whether every hidden value is nearer to none than shows."""
-    if least is None:
+def _inside(params: dict[str, float], between: dict[str, list[float] | None] | None) -> bool:
+    """Whether every hidden value is one that does not show."""
+    if between is None:
         return False
-    return all(
-        (from_ := least.get(k)) is None
-        or (abs(np.log(v)) < np.log(from_) if k == "scale" else abs(v - (k == "gain")) < from_)
-        for k, v in params.items()
-    )
+    ends = {k: between[k] for k in params if k in between}
+    return len(ends) == len(params) and all(e is None or e[0] < params[k] < e[1] for k, e in ends.items())
 
 
 def judge(r: Record) -> Record:
