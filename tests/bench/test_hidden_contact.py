@@ -11,7 +11,7 @@ from contact_cases import GRID, cases, hide
 from contact_geometry import GROUP, Shape, contacts
 from contact_make import path_error, stream, wrench
 from contact_motions import MOTIONS, SETS, path
-from contact_plant import DOWN, MOUTH, PEG, RATE, TIP, Plant, Truth, held, nominal_tool, run
+from contact_plant import DOWN, KP, MOUTH, PEG, RATE, TIP, Plant, Truth, held, nominal_tool, run
 
 POSTURE = np.array([[0.3, 0.5, -0.2, -1.2, 0.4, 0.9, 0.1]])
 NOMINAL = Truth()
@@ -241,7 +241,8 @@ def test_the_projects_cell_presses_and_slides_alike():
     tips = np.array([p[1:] for p in points]) * 1e-3
     tip = MOUTH + np.stack([np.interp(t, [p[0] for p in points], tips[:, i]) for i in range(3)], axis=1)
     goal = np.concatenate([tip + [0, 0, TIP], np.tile(quaternion(DOWN[None]), (len(t), 1))], axis=1)
-    rec = record_cell(load_model("peg-cell"), CellMotion("press", t, goal), {}, np.random.default_rng(0), rate_hz=RATE)
+    made = CellMotion("press", t, goal, stiffness=(KP[0], KP[3]))
+    rec = record_cell(load_model("peg-cell"), made, {}, np.random.default_rng(0), rate_hz=RATE)
     weight = held(NOMINAL)[0] * 9.81
     pressed, sliding = (t > 0.85) & (t < 1.0), (t > 1.75) & (t < 1.85)
     theirs, ours = rec.ft, mine.wrench[0]

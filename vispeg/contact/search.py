@@ -1,4 +1,4 @@
-"""The discovery loop over contact: profile, Gauss-Newton on the best and on their pairs, acceptance as for joints."""
+"""The discovery loop over contact: profile, Gauss-Newton on the best and on their pairs, two likelihood ratios."""
 
 from __future__ import annotations
 
