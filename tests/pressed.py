@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from vispeg.task.peg.rig.run import advanced
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
@@ -16,6 +15,7 @@ from vispeg.task.cell import Cell
 from vispeg.task.control import PoseControl
 from vispeg.task.peg.config import PegConfig
 from vispeg.task.peg.task import PegTask
+from vispeg.task.rig.run import advanced
 from vispeg.task.start import DOWN, home
 from vispeg.worlds.world import World
 
@@ -60,7 +60,7 @@ def _recorded(effects: tuple[EffectInstance, ...], seed: int, turned: bool) -> R
         cell.read()
         q, dq = cell.measure()
         angles.append(q[0])
-        felt = advanced(cell, control.torque(q, dq, goal[None], DOWN[None]), 2)
+        felt, _ = advanced(cell, control.torque(q, dq, goal[None], DOWN[None]), 2)
         wrenches.append(-felt[0])
     rng = stream(seed, "pressed")
     noise = {"q": 2e-5, "ft": 0.1, "ft_torque": 0.005}

@@ -48,8 +48,8 @@ def test_the_corrected_model_ends_as_the_hidden_cell_and_with_its_peak_force(cas
     assert measured["outcome"] == corrected["outcome"] == rec.outcomes[0].category
     assert given["outcome"] == "success"
     assert (measured["outcome"] == "success") == (case == "tilted")
-    for key in ("peak_force", "contact_s"):
-        assert abs(corrected[key] - measured[key]) < 0.5 * abs(given[key] - measured[key])
+    for key, tick in (("peak_force", 0.0), ("contact_s", 0.004)):  # a contact begins and ends at samples
+        assert abs(corrected[key] - measured[key]) <= max(tick, 0.5 * abs(given[key] - measured[key])) + 1e-9
     assert measured["peak_force"] == pytest.approx(corrected["peak_force"], abs=1.0), "noise of the sensor apart"
 
 

@@ -103,7 +103,7 @@ def _probe(name: str, placed: EffectInstance, base: np.ndarray, r: np.ndarray, t
 
 def shown_from(probes: Sequence[Probe], need: float) -> dict[tuple[str, str], dict[str, float]]:
     """(effect, place): of each parameter the least distance from none (of a scale its factor) that moves the squared
-    residual by `need`; infinite where no size that is tried does.
+    residual by `need`; infinite where none in its range does.
 
     Of each sign from the nearest size that does, its trace growing as its distance, and not nearer than one that does
     not.
@@ -116,17 +116,25 @@ def shown_from(probes: Sequence[Probe], need: float) -> dict[tuple[str, str], di
         size = float(np.log(value / param.null)) if param.scale == "log" else value - param.null
         ways.setdefault((p.key, p.name, size > 0), []).append((abs(size), p.moved))
     for (key, name, _), sizes in ways.items():
-        sizes, from_ = sorted(sizes), np.inf
-        unseen = 0.0
-        for size, moved in sizes:
-            if moved >= need:
+        unseen, from_ = 0.0, np.inf
+        for size, moved in sorted(sizes):
+            if moved > FELT**2:
                 from_ = max(unseen, size * np.sqrt(need / moved))
+            if moved >= need:
                 break
             unseen = size
         own = out.setdefault(key, {})
         least = float(np.exp(from_)) if effect(key[0]).params[name].scale == "log" else float(from_)
-        own[name] = min(own.get(name, np.inf), least)
+        own[name] = within(key[0], name, min(own.get(name, np.inf), least))
     return out
+
+
+def within(name: str, parameter: str, size: float) -> float:
+    """A size, or infinity where the parameter's range ends before it."""
+    param = effect(name).params[parameter]
+    if param.scale == "log":
+        return size if size <= max(param.high / param.null, param.null / param.low) else np.inf
+    return size if size <= max(param.high - param.null, param.null - param.low) else np.inf
 
 
 def value(name: str, parameter: str, size: float) -> float:
@@ -136,14 +144,9 @@ def value(name: str, parameter: str, size: float) -> float:
 
 
 def further(name: str, parameter: str, size: float, times: float) -> float:
-    """A size so many times as far from none; infinite where no size that is tried is so far."""
-    param = effect(name).params[parameter]
-    tried = [v / param.null if param.scale == "log" else v - param.null for v in effect(name).sizes[parameter]]
-    if param.scale == "log":
-        out, most = size**times, max(max(t, 1 / t) for t in tried)
-    else:
-        out, most = size * times, max(abs(t) for t in tried)
-    return float(out) if out <= most else np.inf
+    """A size so many times as far from none; infinite where the parameter's range ends before it."""
+    log = effect(name).params[parameter].scale == "log"
+    return within(name, parameter, float(size**times if log else size * times))
 
 
 def strongest(probes: Sequence[Probe]) -> list[Score]:

@@ -30,7 +30,7 @@ class Ran:
         q, dq, tau: (.., nj) rad, rad/s, N m behind the gear.
         ft: (.., 6) N, N m: what the flange exerts on the tool, in the flange's frame.
         tip: (.., 3) m, true place of the tip in the true goal's frame.
-        touch: (..,) N, greatest true contact force of the tick that ends there.
+        touch: (..,) N, true contact force of the tick that ends there, the mean of its steps.
         true: (.., nj) rad, where the joints are, which only a bystander (a camera) can see; NaN where nobody looked.
         diverged: (nworld,) bool.
     """
@@ -53,12 +53,17 @@ class Reader:
         self.true = np.full((ticks, nsim, nj), np.nan)
         self.ft, self.tip, self.touch = np.zeros((ticks, nsim, 6)), np.zeros((ticks, nsim, 3)), np.zeros((ticks, nsim))
 
-    def tick(self, k: int, cell: Cell, q: np.ndarray, dq: np.ndarray, felt: np.ndarray) -> None:
-        """After the steps of tick k, at whose begin the encoders said q, dq; the rest is what is read at the next."""
+    def tick(
+        self, k: int, cell: Cell, q: np.ndarray, dq: np.ndarray, felt: np.ndarray, touch: np.ndarray | None = None
+    ) -> None:
+        """After the steps of tick k, at whose begin the encoders said q, dq; the rest is what is read at the next.
+        `touch` is the contact force if not that of the last step.
+        """
         self.q[k], self.dq[k] = q, dq
         offset = cell.site_position("tip") - cell.site_position("goal")
         tip = np.einsum("nji,nj->ni", cell.site_rotation("goal"), offset)
-        touch, tau = np.linalg.norm(cell.sensors[:, 7:10], axis=1), cell.gear_torque()
+        touch = np.linalg.norm(cell.sensors[:, 7:10], axis=1) if touch is None else touch
+        tau = cell.gear_torque()
         rows = [0, 1] if k == 0 else [k + 1]  # nothing was measured before the first step
         for row in rows:
             if row < len(self.ft):
@@ -111,24 +116,26 @@ def run(
             cell.read()
             now, rate = cell.measure()
             reader.true[k] = cell.x.q
-            felt = advanced(cell, law.command(k, now, rate), nsub)
-            reader.tick(k, cell, now, rate, felt)
+            felt, touch = advanced(cell, law.command(k, now, rate), nsub)
+            reader.tick(k, cell, now, rate, felt, touch)
     bad |= cell.unstable() | ~np.isfinite(reader.q).all(axis=(0, 2))
     return reader.ran(bad)
 
 
-def advanced(cell: Cell, command: np.ndarray, nsub: int) -> np.ndarray:
-    """One tick under a held command; what the force sensor says of it on the average (nsim, 6), as its filter does.
+def advanced(cell: Cell, command: np.ndarray, nsub: int) -> tuple[np.ndarray, np.ndarray]:
+    """One tick under a held command; on the average of its steps what the force sensor says (nsim, 6), as its filter
+    does, and the contact force (nsim,) N.
 
     A contact chatters in step with the controller, so that a reading at the tick's end alone is a biased sample.
     """
-    total = np.zeros_like(cell.sensors[:, :6])
+    total = np.zeros_like(cell.sensors)
     for step in range(nsub):
         if step:
             cell.read()
         cell.advance(command, 1)
-        total += cell.sensors[:, :6]
-    return cell.felt(total / nsub)
+        total += cell.sensors
+    mean = total / nsub
+    return cell.felt(mean[:, :6]), np.linalg.norm(mean[:, 7:10], axis=1)
 
 
 def _clock(n: int, tick: float) -> tuple[np.ndarray, np.ndarray]:
