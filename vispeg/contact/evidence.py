@@ -170,8 +170,8 @@ class ContactEvidence(Evidence):
         for item, values in zip(self.items, per_item, strict=True):
             left_out = ~driven_blocks(item.phase, pieces(item.phase)) & ~item.phase.resting
             values[:, left_out] = item.measured[left_out]
-        left = [self.whitened([y[w] for y in per_item]) for w in range(len(worlds))]
-        return [np.concatenate([r.ravel() for r in parts]) for parts in left]
+        residuals = [self.whitened([y[w] for y in per_item]) for w in range(len(worlds))]
+        return [np.concatenate([r.ravel() for r in parts]) for parts in residuals]
 
     def simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
         """Per item, the wrench (nworld, m, 6) in blocks that the worlds need for the measured path."""

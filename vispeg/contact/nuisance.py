@@ -72,17 +72,17 @@ def nuisance(items: Sequence[ContactItem], answers: Sequence[np.ndarray]) -> Nui
     """
     sizes = [i.measured.size for i in items]
     ends = np.cumsum([0, *sizes])
-    own, shared = [], []
+    separate, shared = [], []
     places = [_place(i) for i in items]
     errors = _smooth(places)
     for item, answer, error in zip(items, answers, errors, strict=True):
         alone = [*_drifts(item), _late(item), *_stuck(item), *_chatters(item), *_slipped(item), *unsure(item)]
-        own.append(_whitened(item, [*alone, *_turned(item, answer)]))
+        separate.append(_whitened(item, [*alone, *_turned(item, answer)]))
         shared.append(_whitened(item, [*_mixtures(item), *_misplaced(item, answer, error)]))
     columns = np.concatenate(shared, axis=0)
-    out = np.zeros((ends[-1], columns.shape[1] + sum(o.shape[1] for o in own)))
+    out = np.zeros((ends[-1], columns.shape[1] + sum(o.shape[1] for o in separate)))
     out[:, : columns.shape[1]], at = columns, columns.shape[1]
-    for start, end, some in zip(ends[:-1], ends[1:], own, strict=True):
+    for start, end, some in zip(ends[:-1], ends[1:], separate, strict=True):
         out[start:end, at : at + some.shape[1]] = some
         at += some.shape[1]
     return Nuisance.of(out)

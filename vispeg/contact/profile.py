@@ -123,9 +123,9 @@ def shown_from(probes: Sequence[Probe], need: float) -> dict[tuple[str, str], di
             if moved >= need:
                 break
             unseen = size
-        own = out.setdefault(key, {})
+        least_of = out.setdefault(key, {})
         least = float(np.exp(from_)) if effect(key[0]).params[name].scale == "log" else float(from_)
-        own[name] = within(key[0], name, min(own.get(name, np.inf), least))
+        least_of[name] = within(key[0], name, min(least_of.get(name, np.inf), least))
     return out
 
 

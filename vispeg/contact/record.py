@@ -42,8 +42,8 @@ def _rms(judged: ContactEvidence, predicted: Sequence[np.ndarray], world: int, c
 def where_it_fails(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> list[Failure]:
     """Shares of the squared whitened residual by axis and phase of contact, greatest first."""
     grid = np.zeros((len(COLUMNS), len(NAMES)))
-    left = judged.whitened([y[0] for y in predicted])
-    for item, r in zip(judged.items, left, strict=True):
+    residual = judged.whitened([y[0] for y in predicted])
+    for item, r in zip(judged.items, residual, strict=True):
         for k in range(len(NAMES)):
             grid[:, k] += (r[item.phase.code == k] ** 2).sum(axis=0)
     share = grid / max(float(grid.sum()), 1e-300)
@@ -79,14 +79,14 @@ def _root(parts: Sequence[np.ndarray]) -> float:
 def arrays(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
     """Measured and predicted forces and torques of the held-out recordings, their phases, and the worst moment."""
     out: dict[str, np.ndarray] = {"joints": np.array(COLUMNS[:3]), "unit": np.array("N")}
-    worst, left = (-1.0, 0, 0), judged.whitened([y[0] for y in predicted])
+    worst, residual = (-1.0, 0, 0), judged.whitened([y[0] for y in predicted])
     for r, (item, y) in enumerate(zip(judged.items, predicted, strict=True)):
         out |= {f"{r}/time": item.segment.time, f"{r}/name": np.array(item.name), f"{r}/phase": item.phase.code}
         out |= {f"{r}/measured": item.measured[:, :3], f"{r}/measured_tau": item.measured[:, 3:]}
         for w, key in zip(range(len(y)), ("before", "after"), strict=False):
             out |= {f"{r}/{key}": y[w, :, :3], f"{r}/{key}_tau": y[w, :, 3:]}
         out[f"{r}/sigma"] = item.sigma
-        size = (left[r] ** 2).sum(axis=1)
+        size = (residual[r] ** 2).sum(axis=1)
         k = int(np.argmax(np.where(item.phase.resting, -1.0, size)))
         worst = max(worst, (float(size[k]), r, k))
     item = judged.items[worst[1]]
@@ -97,10 +97,10 @@ def arrays(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> dict[str
     return out
 
 
-def not_excited(shown: Mapping[tuple[str, str], Mapping[str, float]]) -> list[NotExcited]:
+def not_excited(least_sizes: Mapping[tuple[str, str], Mapping[str, float]]) -> list[NotExcited]:
     """Effects of which no size that is tried shows, each with the motion that would show it."""
     out: list[NotExcited] = []
-    for (name, where), least in shown.items():
+    for (name, where), least in least_sizes.items():
         if not any(np.isfinite(list(least.values()))):
             motion = effect(name).shown_by
             why = "no size of it changes the wrench enough in these recordings to be told"
@@ -108,10 +108,10 @@ def not_excited(shown: Mapping[tuple[str, str], Mapping[str, float]]) -> list[No
     return out
 
 
-def shows_from(shown: Mapping[tuple[str, str], Mapping[str, float]]) -> list[ShowsFrom]:
+def shows_from(least_sizes: Mapping[tuple[str, str], Mapping[str, float]]) -> list[ShowsFrom]:
     """Of every effect between which values each of its parameters does not show in these recordings."""
     out: list[ShowsFrom] = []
-    for (name, where), least in shown.items():
+    for (name, where), least in least_sizes.items():
         hidden: dict[str, tuple[float, float] | None] = {}
         for k, size in least.items():
             param = effect(name).params[k]

@@ -1,6 +1,6 @@
 """What the final model leaves, phase by phase, against the floor: an absolute judgement, whatever was named.
 
-A mean square over everything drowns an error of a few blocks, such as that of a chip inside the hole. Each phase of
+A mean square over everything drowns an error of a few blocks, such as that of a chip on a wall inside. Each phase of
 contact is judged for itself, in the fitted recordings and in the held-out ones.
 """
 
@@ -22,7 +22,7 @@ CHANNELS = 6
 
 
 @dataclass(frozen=True)
-class Left:
+class Rest:
     """Of one phase: mean squared whitened residual, up to which it may lie, and the blocks that were compared."""
 
     phase: str
@@ -37,7 +37,7 @@ class Left:
         return self.mean_square / self.bar
 
 
-def remainder(evidence: ContactEvidence, world: World, held_out: bool = False) -> list[Left]:
+def remainder(evidence: ContactEvidence, world: World, held_out: bool = False) -> list[Rest]:
     """That of each phase of contact, worst first."""
     predicted = evidence.simulated([world])
     residual = evidence.whitened([y[0] for y in predicted])
@@ -49,13 +49,13 @@ def remainder(evidence: ContactEvidence, world: World, held_out: bool = False) -
             rows = np.concatenate(parts)
             independent = max(1.0, CHANNELS * len(rows) / evidence.correlated)
             bar = FORM * (1 + SPREAD * np.sqrt(2 / independent))
-            out.append(Left(name, held_out, float(np.mean(rows**2)), float(bar), len(rows)))
-    return sorted(out, key=lambda left: -left.beyond)
+            out.append(Rest(name, held_out, float(np.mean(rows**2)), float(bar), len(rows)))
+    return sorted(out, key=lambda rest: -rest.beyond)
 
 
-def judged(verdict: Verdict, left: Sequence[Left]) -> Verdict:
+def judged(verdict: Verdict, rests: Sequence[Rest]) -> Verdict:
     """`unexplained` in place of a verdict where some phase is left beyond its bar."""
-    worst = max(left, key=lambda one: one.beyond, default=None)
+    worst = max(rests, key=lambda rest: rest.beyond, default=None)
     if worst is None or worst.beyond <= 1.0 or verdict.verdict == "unexplained":
         return verdict
     where = "held-out" if worst.held_out else "fitted"

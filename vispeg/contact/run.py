@@ -50,7 +50,7 @@ def diagnose_contact(
     search = ContactSearch(evidence, judge, say, progress)
     n_fixed = len(world.effects)
     before_fit, before_held = evidence.residuals([world])[0], judged.residuals([world])[0]
-    shown = search.shown_from(world)
+    least_sizes = search.shown_from(world)
     state = search.run(world)
     say.ahead = 1
     rivals = find_rivals(search, state, n_fixed, say) if len(state.world.effects) > n_fixed else []
@@ -58,8 +58,8 @@ def diagnose_contact(
     before, after = judge.mean(judge.loss(before_held)), judge.mean(state.loss)
     noise = louder(world, evidence.items, judged.items)
     fitted_world = state.world.add(*noise)
-    left = [*remainder(evidence, state.world), *remainder(judged, state.world, held_out=True)]
-    verdict = in_phases(decide(before, after, len(fitted_world.effects) - n_fixed, rivals, []), left)
+    rests = [*remainder(evidence, state.world), *remainder(judged, state.world, held_out=True)]
+    verdict = in_phases(decide(before, after, len(fitted_world.effects) - n_fixed, rivals, []), rests)
     final = with_origin(
         widened(state.world, n_fixed, before, after).add(*noise),
         n_fixed,
@@ -72,7 +72,7 @@ def diagnose_contact(
     predicted = judged.simulated([world, state.world])
     models = {"given": world, "corrected": final} if len(final.effects) > n_fixed else {"given": world}
     replayed, said = closed_loop(held_out, models, nthread)
-    unseen = not_excited(shown)
+    unseen = not_excited(least_sizes)
     record: DiagnosisRecord = {
         "format": "vispeg-diagnosis/1",
         "evidence": "contact",
@@ -86,7 +86,7 @@ def diagnose_contact(
         "unexplained": verdict.unexplained,
         "channels": channels(judged, predicted),
         "not_excited": unseen,
-        "shows_from": shows_from(shown),
+        "shows_from": shows_from(least_sizes),
         "closed_loop": replayed,
         "next_experiment": separating(rivals, unseen),
         "candidates": candidates(state, rivals, n_fixed),

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -110,9 +111,8 @@ def slide(place: Place) -> Path:
     that a flat end meets the fixture at one place of its rim and not now here, now there.
     """
     path, lean = place.begin(), place.vary(0.07)
-    for force in (place.vary(5.0), place.vary(10.0)):
-        for along in (0, 1):
-            _slid(path, place, force, along, lean)
+    for force, along in product((place.vary(5.0), place.vary(10.0)), (0, 1)):
+        _slid(path, place, force, along, lean)
     return path.to(0.2)
 
 
@@ -121,15 +121,12 @@ def _slid(path: Path, place: Place, force: float, along: int, lean: float) -> No
     reach = 0.85 * place.aside
     a, b = [place.aside, place.aside], [place.aside, place.aside]
     a[along], b[along] = -reach, reach
-    turn = [0.0, 0.0, 0.0]
-    turn[along] = lean
-    path.to(0.3, turn=tuple(turn))
+    path.to(0.3, turn=(lean * (along == 0), lean * (along == 1), 0.0))
     _down(path, a[0], a[1], force)
     seconds, drag = 2 * reach / place.vary(0.03), place.scene.config.friction * force
     for end, sign in ((b, 1.0), (a, -1.0)):
-        push = [0.0, 0.0, -force]
-        push[along] = sign * drag
-        path.to(0.15, force=tuple(push)).to(seconds, "even", tip=(end[0], end[1], 0.0)).to(0.15)
+        push = (sign * drag * (along == 0), sign * drag * (along == 1), -force)
+        path.to(0.15, force=push).to(seconds, "even", tip=(end[0], end[1], 0.0)).to(0.15)
     path.to(0.15, force=(0, 0, -force))
     _up(path)
 
@@ -299,6 +296,5 @@ def motion(
         raise UserError("unknown motion of a cell", key="--motion", got=name, choices=(*paths, "expert"))
     time, frames = paths[name](Place(scene, rng)).frames(rate_hz)
     most = ROOM * float(np.linalg.norm(frames[:, 6:9], axis=1).max())
-    stiffness = STIFF.get(name)
-    ee_cmd = commands(frames, scene, stiffness or config.stiffness)
-    return CellMotion(name, time, ee_cmd, most if most > config.force_limit else None, stiffness)
+    ee_cmd = commands(frames, scene, STIFF.get(name, config.stiffness))
+    return CellMotion(name, time, ee_cmd, most if most > config.force_limit else None, STIFF.get(name))
