@@ -170,7 +170,6 @@ PAST = re.compile(  # ways to read a file past the guard
 OWN = {  # what is read there was written by the program a moment ago, or decides nothing; the core has no reader
     "cli/demo.py",
     "cli/models/diagnose.py",
-    "cli/measuring/measure_write.py",
     "core/lock.py",
     "core/marker.py",
     "learn/run_folder.py",

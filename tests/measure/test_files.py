@@ -119,3 +119,24 @@ def test_of_another_robot(here, capsys):
     (here / "joint.yaml").write_text(measurement_text(Measurement("joint", "joint4", found.results, effect, "panda")))
     assert main(["add", "iiwa14", "joint.yaml", "--out", "model.yaml"]) == 2
     assert "of another robot" in capsys.readouterr().err
+
+
+def test_the_command_finds_the_stiffness_of_a_known_spring(tmp_path, monkeypatch):
+    """Presses on a stop give the arm's compliance; on the fixture, a spring of 30 kN/m in series with it."""
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(4)
+    rows = ["pose,on,ramp,force,depth"]
+    for pose, arm in ((0, 80e3), (1, 60e3)):
+        for on, compliance in ((0, 1 / arm), (1, 1 / arm + 1 / 30e3)):
+            for ramp in (0, 1):
+                force = np.linspace(5, 30, 12)
+                depth = force * compliance + rng.normal(0, 1e-6, 12)
+                rows += [f"{pose},{on},{ramp},{f:.3f},{d:.8f}" for f, d in zip(force, depth, strict=True)]
+    (tmp_path / "presses.csv").write_text("\n".join(rows) + "\n")
+    argv = ["measure", "stiffness", "presses.csv", "--resolution", "force=0.1", "depth=1e-6", "--nominal", "1e5"]
+    assert main([*argv, "--out", "k.yaml"]) == 0
+    measured = load_measurement(tmp_path / "k.yaml")
+    k = measured.results[0]
+    assert k.low < 30e3 < k.high and k.high - k.low < 2e3
+    (effect,) = measured.effects
+    assert effect.label == "contact_stiffness(fixture)" and effect.params["scale"].value == pytest.approx(k.value / 1e5)

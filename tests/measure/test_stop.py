@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from vispeg.api.measure.enough import ends, verdict
 from vispeg.cli.main import main
-from vispeg.cli.measuring.measure_stop import ends, verdict
 from vispeg.core.effect import EffectInstance, Value
 from vispeg.evaluation.statistics.intervals import paired_difference
 from vispeg.worlds.measurement_file import load_measurement

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from typing import Literal
 
+from vispeg.core.errors import UserError
+from vispeg.effects.common.parts import body_of, held, shapes, touching
+from vispeg.task.registry import scene_of
+from vispeg.task.world_file import load_world
+
 
 def cell_value(what: Literal["mass", "friction"], part: str, world: str) -> float:
     """Mass (kg) of a part's body, or its coefficient of sliding friction, in the cell of a world.
@@ -11,11 +16,6 @@ def cell_value(what: Literal["mass", "friction"], part: str, world: str) -> floa
     Raises:
         UserError: an unknown world or part, or a part without the value.
     """
-    from vispeg.core.errors import UserError
-    from vispeg.effects.common.parts import body_of, held, shapes, touching
-    from vispeg.task.registry import scene_of
-    from vispeg.task.world_file import load_world
-
     scene = scene_of(load_world(world).task)
     parts = touching(scene) if what == "friction" else held(scene)
     if part not in parts:
@@ -26,9 +26,6 @@ def cell_value(what: Literal["mass", "friction"], part: str, world: str) -> floa
     return float(model.geom_friction[shapes(model, part), 0].max())
 
 
-def held(world: str) -> str:
+def held_part(world: str) -> str:
     """The part that the gripper holds in the cell of a world. Raises UserError: an unknown world."""
-    from vispeg.task.registry import scene_of
-    from vispeg.task.world_file import load_world
-
     return scene_of(load_world(world).task).held

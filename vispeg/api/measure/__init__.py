@@ -1,0 +1,1 @@
+"""Measurements of actuators and objects: what `vispeg measure` does, from Python."""

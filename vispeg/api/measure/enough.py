@@ -1,0 +1,124 @@
+"""Whether an interval is narrow enough for a policy: how far success moves between its two ends."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from vispeg.api.measure.result import MeasurementResult
+from vispeg.api.playing import Playing, check_numbers, silent
+from vispeg.core.effect import EffectInstance
+from vispeg.core.files import write_text_atomic
+from vispeg.evaluation import runner
+from vispeg.evaluation.folder import workplace
+from vispeg.evaluation.jobs import Setting, make_jobs, seeds_of
+from vispeg.evaluation.overlay import Change
+from vispeg.evaluation.players import ready
+from vispeg.evaluation.statistics.crossed import difference
+from vispeg.evaluation.table import Table
+from vispeg.report.text.summary import Block, Line, html
+from vispeg.task.world_file import load_world
+from vispeg.worlds.measurement_file import measurement_text
+
+POINT = 0.01  # of success: below it a measurement is good enough
+
+
+@dataclass(frozen=True)
+class Sufficiency:
+    """What each effect's interval costs each policy.
+
+    Attributes:
+        rows: effect, policy, episodes, change of success with its interval (`moved`, `low`, `high`), verdict.
+        result: the measurement, with these rows in its file.
+    """
+
+    rows: Sequence[Mapping[str, Any]]
+    result: MeasurementResult
+
+    @property
+    def summary(self) -> list[Block]:
+        """A line an effect and policy."""
+        if not self.rows:
+            return [Line("no effect with an interval: nothing to play")]
+        return [Line(_said(row), path=True) for row in self.rows]
+
+    def _repr_html_(self) -> str:
+        return html(self.summary)
+
+
+def enough(
+    result: MeasurementResult,
+    policies: Sequence[str],
+    *,
+    world: str = "nominal",
+    episodes: int = 400,
+    workers: int = 1,
+    playing: Playing = silent,
+) -> Sufficiency:
+    """Plays policies with each effect at the low and at the high end of its intervals, on the same episodes.
+
+    Args:
+        result: a measurement, whose file gets the rows.
+        policies: folders or names.
+        world: in which they are played.
+        episodes: at each end of the interval.
+        workers: processes that play.
+        playing: shows the progress.
+
+    Raises:
+        UserError: unknown policies or world; an effect that has no place in the world.
+    """
+    check_numbers(episodes, workers)
+    measured = [e for e in result.measurement.effects if ends(e)[0] != ends(e)[1]]
+    if not measured:
+        return Sufficiency((), result)
+    who, name = ready(policies), load_world(world).name
+    settings = [
+        Setting(world, name, f"{e.label} {side}", (Change(e.effect, values, e.where),))
+        for e in measured
+        for side, values in zip(("low", "high"), ends(e), strict=True)
+    ]
+    rows: list[dict[str, object]] = []
+    with workplace(None, "stop.json") as folder:
+        jobs = make_jobs(who, settings, seeds_of(episodes), folder / "worlds")
+        with playing(jobs, folder) as watch:
+            played = runner.run(jobs, folder, workers, watch=watch)
+        table = Table([replace(e, world=e.configuration, configuration="") for e in played])
+        for e in measured:
+            for policy in dict.fromkeys(episode.policy for episode in played):
+                y = table.aligned(policy, [f"{e.label} low", f"{e.label} high"])
+                moved = difference(y[f"{e.label} high"], y[f"{e.label} low"], same_networks=True)
+                change = {"moved": float(moved.value), "low": float(moved.low), "high": float(moved.high)}
+                said = verdict(moved.low, moved.high, moved.n)
+                rows.append({"effect": e.label, "policy": policy, "episodes": episodes, **change, "verdict": said})
+    details = {**result.measurement.details, "enough": {"world": name, "rows": rows}}
+    full = replace(result.measurement, details=details)
+    write_text_atomic(result.file, measurement_text(full), overwrite=True)
+    return Sufficiency(rows, replace(result, measurement=full))
+
+
+def ends(placed: EffectInstance) -> tuple[dict[str, float], dict[str, float]]:
+    """All values of an effect with those that have an interval at its low and at its high end."""
+    low = {k: v.value if v.low is None else v.low for k, v in placed.params.items()}
+    return low, {k: v.value if v.high is None else v.high for k, v in placed.params.items()}
+
+
+def verdict(low: float, high: float, episodes: int) -> str:
+    """What the 95 % interval of the change of success says.
+
+    Args:
+        low, high: of success at one end of the measurement's interval less at the other, shares.
+        episodes: played.
+    """
+    if max(abs(low), abs(high)) < POINT:
+        return "enough, stop measuring"
+    if low > POINT or high < -POINT:
+        return "measure on"
+    return f"{episodes} episodes cannot tell whether it is under a point"
+
+
+def _said(row: Mapping[str, Any]) -> str:
+    low, high = (100 * row[key] for key in ("low", "high"))
+    moves = f"{100 * row['moved']:+.1f} points [{low:+.1f}, {high:+.1f}]"
+    return f"{row['effect']}, {row['policy']}: over the interval success moves by {moves}: {row['verdict']}"

@@ -1,0 +1,112 @@
+"""A joint's servo, friction and backlash from recordings: what `vispeg measure joint` does, from Python."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from vispeg.api.measure.result import MeasurementResult, MeasureSettings, complete
+from vispeg.core.errors import UserError
+from vispeg.core.files import new_folder
+from vispeg.core.seeds import stream
+from vispeg.measure import joint as joints
+from vispeg.measure.actuator import inertia as inertia_of
+from vispeg.measure.actuator import parameters, text
+from vispeg.measure.trace import Trace, from_recording, from_table
+from vispeg.recordings.load import load as load_recording
+from vispeg.report.drawings.measured_joint import picture
+from vispeg.robots.model import load
+from vispeg.worlds.measurement_file import Measurement, measurement_text
+
+NAME = "measurement.yaml"
+
+
+def measure_joint(
+    recordings: Sequence[str | Path],
+    out: str | Path,
+    *,
+    joint: str | None = None,
+    columns: Mapping[str, str] | None = None,
+    inertia: float | None = None,
+    settings: MeasureSettings | None = None,
+) -> MeasurementResult:
+    """Measures a joint's servo, frequency response, friction and backlash.
+
+    Args:
+        recordings: folders, or tables whose `columns` are named.
+        out: folder of measurement.yaml, joint.png and, with a servo, actuator.xml for MuJoCo.
+        joint: to measure; not given, the one that moves most in the recordings.
+        columns: of tables: time, q_cmd, q and, where there is one, tau -> the name of the column (s, rad, N m).
+        inertia: that the joint turns, kg m2, for the actuator; not given, that of the robot's model, or 1.
+        settings: conditions, seed, overwrite.
+
+    Raises:
+        UserError: recordings that show nothing of the joint, or of several robots; tables without columns; an
+            impossible inertia; `out` is there.
+    """
+    settings = settings or MeasureSettings()
+    paths = [Path(path) for path in recordings]
+    if inertia is not None and not 0 < inertia < float("inf"):
+        raise UserError("not an inertia", key="--inertia", expected="above 0 kg m2", got=inertia)
+    with new_folder(out, settings.overwrite, holds="measurement", inputs=paths) as folder:
+        traces, name, robot = _traces(paths, joint, columns or {})
+        measured = joints.measure(traces, stream(settings.seed, "measure", "joint"))
+        details, notes = dict(measured.details), list(measured.notes)
+        if measured.servo is not None:
+            turned, why = (inertia, "") if inertia is not None else _inertia(paths[0], name, robot)
+            notes += [why] if why else []
+            details["actuator"] = {"inertia_kgm2": turned, **parameters(measured.servo, turned)}
+            source = f"from {len(traces)} motions by `vispeg measure joint`"
+            (folder / "actuator.xml").write_text(text(measured.servo, name, turned, source), encoding="utf-8")
+        (folder / "joint.png").write_bytes(picture(name, measured))
+        effects = tuple(joints.effects(name, measured))
+        full = Measurement(
+            "joint",
+            name,
+            tuple(measured.results),
+            effects,
+            robot if effects else None,
+            dict(settings.conditions),
+            {},
+            tuple(notes),
+            details,
+        )
+        full = complete(full, paths, settings.seed)
+        (folder / NAME).write_text(measurement_text(full), encoding="utf-8")
+    written = f"{out}: {NAME}, joint.png" + (", actuator.xml" if measured.servo else "")
+    return MeasurementResult(full, Path(out) / NAME, written, budget=False)
+
+
+def _traces(
+    paths: Sequence[Path], joint: str | None, columns: Mapping[str, str]
+) -> tuple[list[Trace], str, str | None]:
+    """The joint's traces, its name, and the robot where one is named."""
+    resolved = [path.resolve() for path in paths]
+    twice = [path for path in paths if resolved.count(path.resolve()) > 1]
+    if not paths or twice:
+        raise UserError("given twice" if twice else "no recording given", file=twice[0] if twice else None)
+    if all(path.is_dir() for path in paths):
+        traces, robots = list[Trace](), list[str]()
+        for path in paths:
+            some, joint, robot = from_recording(path, joint)
+            traces += some
+            robots.append(robot)
+        if len(set(robots)) > 1:
+            raise UserError("recordings of several robots", got=", ".join(sorted(set(robots))))
+        return traces, str(joint), robots[0]
+    if not columns:
+        raise UserError("a table needs its columns named", key="--columns", expected="time=.. q_cmd=.. q=.. [tau=..]")
+    return [from_table(path, columns) for path in paths], joint or "joint", None
+
+
+def _inertia(recording: Path, joint: str, robot: str | None) -> tuple[float, str]:
+    """The inertia in kg m^2, and a note where nothing is known of it."""
+    if robot is None:
+        return 1.0, "the actuator is for an inertia of 1 kg m2: scale it, or state --inertia"
+    try:
+        rec = load_recording(recording)
+        return inertia_of(load(robot, tool=rec.tool), joint, np.nanmedian(rec.q, axis=0)), ""
+    except UserError as error:
+        return 1.0, f"the actuator is for an inertia of 1 kg m2: {error}"

@@ -1,0 +1,250 @@
+"""Mass, centre of mass, friction, restitution, stiffness: from readings or recordings to a file and an effect."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from vispeg.api.measure.nominal import cell_value, held_part
+from vispeg.api.measure.result import MeasurementResult, MeasureSettings, check_out, write
+from vispeg.core.effect import EffectInstance, Value
+from vispeg.core.errors import UserError
+from vispeg.core.seeds import stream
+from vispeg.measure import com, friction, mass, restitution, stiffness
+from vispeg.measure.becomes import payload, placed, scaled
+from vispeg.measure.from_recordings import at_rest, presses, slides
+from vispeg.measure.outcome import Outcome
+from vispeg.measure.readings import Readings, read
+from vispeg.worlds.measurement_file import Measurement, Quantity, load_measurement
+
+Effects = Callable[[Sequence[Quantity]], list[EffectInstance]]
+
+
+def measure_mass(
+    readings: str | Path,
+    out: str | Path,
+    *,
+    where: str = "flange",
+    nominal: float | None = None,
+    world: str = "nominal",
+    settings: MeasureSettings | None = None,
+) -> MeasurementResult:
+    """Weighs: a table with columns mass and, where the empty scale was read before each, tare (kg).
+
+    Args:
+        readings: the table; a unit may end a column's name (mass_g).
+        out: file of the measurement, .yaml.
+        where: a held part (the effect is object_mass), or `flange` (payload).
+        nominal: mass of the part in the model, kg; that of the world's cell where not given.
+        world: of the cell.
+        settings: resolution and accuracy of the scale, conditions, seed, overwrite.
+
+    Raises:
+        UserError: readings that are no such table, an unknown part, or `out` is there.
+    """
+    settings = settings or MeasureSettings()
+
+    def effects(results: Sequence[Quantity]) -> list[EffectInstance]:
+        if where == "flange":
+            return [payload(results, None)]
+        return [scaled(results[0], where, nominal or cell_value("mass", where, world))]
+
+    return _measured(
+        "mass",
+        where,
+        out,
+        [Path(readings)],
+        settings,
+        lambda rng: mass.measure(_table(readings, settings), rng),
+        effects,
+    )
+
+
+def measure_com(
+    readings: Sequence[str | Path],
+    out: str | Path,
+    *,
+    mass_file: str | Path | None = None,
+    axes: tuple[str, str] = ("x", "y"),
+    settings: MeasureSettings | None = None,
+) -> MeasurementResult:
+    """Finds a centre of mass: from wrenches at rest, or from plumb lines on a photograph.
+
+    Args:
+        readings: one table, or recordings that hold still in four attitudes or more and have a wrench.
+        out: file of the measurement, .yaml.
+        mass_file: measurement of the mass, for plumb lines.
+        axes: the flange's axes that the photograph's x and y are, for plumb lines.
+        settings: as for every measurement.
+
+    Raises:
+        UserError: readings that do not tell it, wrong axes, or `out` is there.
+    """
+    settings = settings or MeasureSettings()
+    paths = [Path(path) for path in readings]
+
+    def measure(rng: np.random.Generator) -> Outcome:
+        if _is_table(paths):
+            return com.measure(_table(paths[0], settings), rng)
+        wrench, down = at_rest(paths)
+        return com.attitudes(wrench, down, rng, ", ".join(map(str, paths)))
+
+    def effects(results: Sequence[Quantity]) -> list[EffectInstance]:
+        if not set(axes) <= set("xyz") or len(set(axes)) < 2:
+            raise UserError("not two axes", key="--axes", expected="two of x y z", got=" ".join(axes))
+        weighed = None if mass_file is None else load_measurement(mass_file).result("mass")
+        flat = all(q.quantity != "mass" for q in results)
+        return [payload(results, weighed, axes if flat else "xyz")]
+
+    inputs = paths if mass_file is None else [*paths, Path(mass_file)]
+    return _measured("com", "flange", out, inputs, settings, measure, effects)
+
+
+def measure_friction(
+    readings: Sequence[str | Path],
+    out: str | Path,
+    *,
+    where: str | None = None,
+    nominal: float | None = None,
+    world: str = "nominal",
+    settings: MeasureSettings | None = None,
+) -> MeasurementResult:
+    """Finds a coefficient of friction: on an incline, timed down an incline, or from forces while sliding.
+
+    Args:
+        readings: one table, or recordings with a wrench that begin in free air and slide.
+        out: file of the measurement, .yaml.
+        where: the part; not given, the one that the gripper holds in the world's cell.
+        nominal: its coefficient in the model; that of the world's cell where not given.
+        world: of the cell.
+        settings: as for every measurement.
+
+    Raises:
+        UserError: readings that do not tell it, an unknown part, or `out` is there.
+    """
+    settings = settings or MeasureSettings()
+    paths, part = [Path(path) for path in readings], where or held_part(world)
+
+    def measure(rng: np.random.Generator) -> Outcome:
+        return friction.measure(_table(paths[0], settings) if _is_table(paths) else slides(paths), rng)
+
+    def effects(results: Sequence[Quantity]) -> list[EffectInstance]:
+        return [scaled(results[0], part, nominal or cell_value("friction", part, world))]
+
+    return _measured("friction", part, out, paths, settings, measure, effects)
+
+
+def measure_restitution(
+    readings: str | Path,
+    out: str | Path,
+    *,
+    where: str | None = None,
+    world: str = "nominal",
+    settings: MeasureSettings | None = None,
+) -> MeasurementResult:
+    """Finds a coefficient of restitution from three touches, two flights, or a drop and a bounce.
+
+    Args:
+        readings: a table with columns t1 t2 t3 (s), flight1 flight2 (s), or drop bounce (m).
+        out: file of the measurement, .yaml.
+        where: the part; not given, the one that the gripper holds in the world's cell.
+        world: of the cell.
+        settings: as for every measurement.
+
+    Raises:
+        UserError: readings that are no such table, or `out` is there.
+    """
+    settings, part = settings or MeasureSettings(), where or held_part(world)
+
+    def effects(results: Sequence[Quantity]) -> list[EffectInstance]:
+        q = results[0]
+        return [placed("restitution", part, {"e": Value(q.value, q.low, q.high)}, q)]
+
+    return _measured(
+        "restitution",
+        part,
+        out,
+        [Path(readings)],
+        settings,
+        lambda rng: restitution.measure(_table(readings, settings), rng),
+        effects,
+    )
+
+
+def measure_stiffness(
+    readings: str | Path | None,
+    out: str | Path,
+    *,
+    stop: Sequence[str | Path] = (),
+    fixture: Sequence[str | Path] = (),
+    where: str = "fixture",
+    nominal: float | None = None,
+    settings: MeasureSettings | None = None,
+) -> MeasurementResult:
+    """Finds the stiffness of a fixture: presses on a rigid stop and on the fixture, in two arm poses or more.
+
+    Args:
+        readings: a table with columns force (N), depth (m), on (0 stop, 1 fixture), pose, ramp; or None.
+        out: file of the measurement, .yaml.
+        stop, fixture: recordings of presses in place of a table, pairwise in one arm pose.
+        where: the part.
+        nominal: stiffness of the contact in the model, N/m; without it the measurement has no effect in a model.
+        settings: as for every measurement.
+
+    Raises:
+        UserError: a table and recordings, or neither; readings that do not tell it; or `out` is there.
+    """
+    settings = settings or MeasureSettings()
+    stops, fixtures = [Path(path) for path in stop], [Path(path) for path in fixture]
+    tables = [] if readings is None else [Path(readings)]
+
+    def measure(rng: np.random.Generator) -> Outcome:
+        if (readings is None) == (not stops and not fixtures):
+            raise UserError("nothing to read, or twice", expected="a table, or --stop and --fixture")
+        return stiffness.measure(_table(tables[0], settings) if tables else presses(stops, fixtures), rng)
+
+    def effects(results: Sequence[Quantity]) -> list[EffectInstance]:
+        if nominal is None:
+            raise UserError("the model's own stiffness is not stated", key="--nominal", expected="N/m")
+        return [scaled(results[0], where, nominal)]
+
+    return _measured("stiffness", where, out, [*tables, *stops, *fixtures], settings, measure, effects)
+
+
+def _measured(
+    protocol: str,
+    of: str,
+    out: str | Path,
+    inputs: Sequence[Path],
+    settings: MeasureSettings,
+    measure: Callable[[np.random.Generator], Outcome],
+    effects: Effects,
+) -> MeasurementResult:
+    """Measures and writes; where the number is no effect of a model, a note says why."""
+    check_out(Path(out), settings.overwrite)
+    outcome = measure(stream(settings.seed, "measure", protocol))
+    notes, made = list(outcome.notes), list[EffectInstance]()
+    try:
+        made = effects(outcome.results)
+    except UserError as error:
+        notes.append(f"it has no effect in a model: {error}")
+    measurement = Measurement(
+        protocol,
+        of,
+        outcome.results,
+        tuple(made),
+        conditions=dict(settings.conditions),
+        notes=tuple(notes),
+        details=outcome.details,
+    )
+    return write(measurement, Path(out), inputs, settings)
+
+
+def _table(readings: str | Path, settings: MeasureSettings) -> Readings:
+    return read(Path(readings), tuple(settings.resolution), tuple(settings.accuracy))
+
+
+def _is_table(paths: Sequence[Path]) -> bool:
+    return len(paths) == 1 and not paths[0].is_dir()

@@ -1,0 +1,120 @@
+"""A measurement that was written: its file, its tables, and whether it is enough for a policy."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from vispeg.core.errors import UserError
+from vispeg.core.files import write_text_atomic
+from vispeg.core.provenance import provenance
+from vispeg.report.text.summary import Block, Line, html
+from vispeg.report.text.tables import Column, Sheet
+from vispeg.worlds.measurement_file import (
+    Measurement,
+    Quantity,
+    load_measurement,
+    measurement_data,
+    measurement_text,
+)
+
+
+@dataclass(frozen=True)
+class MeasureSettings:
+    """What every measurement takes.
+
+    Attributes:
+        resolution: one digit of the instrument for each column read, `NAME=NUMBER`.
+        accuracy: limit of the instrument's error for a column, `NAME=NUMBER`.
+        conditions: to note in the file.
+        seed: of the Monte Carlo propagation.
+        overwrite: whether the result may be replaced.
+    """
+
+    resolution: Sequence[str] = ()
+    accuracy: Sequence[str] = ()
+    conditions: Mapping[str, str] = field(default_factory=dict)
+    seed: int = 0
+    overwrite: bool = False
+
+
+@dataclass(frozen=True)
+class MeasurementResult:
+    """A measurement on disk.
+
+    Attributes:
+        measurement: the numbers, and the effects of a model that they are.
+        file: where it is.
+        written: what was written, for a reader.
+        budget: whether `summary` shows the sources of the first number's uncertainty.
+    """
+
+    measurement: Measurement
+    file: Path
+    written: str
+    budget: bool = True
+
+    @property
+    def record(self) -> dict[str, object]:
+        """What `vispeg measure .. --json` prints: the file as plain data."""
+        return measurement_data(self.measurement)
+
+    @property
+    def summary(self) -> list[Block]:
+        """A row a number; below it the sources of the first one's uncertainty, the effects, the notes."""
+        m = self.measurement
+        heads = [Column("quantity"), *(Column(h, right=True) for h in ("value", "u", "95 % interval", "dof"))]
+        out: list[Block] = [Sheet([*heads, Column("unit")], [row(q) for q in m.results])]
+        if self.budget and m.results[0].budget:
+            out.append(budget_of(m.results[0]))
+        for effect in m.effects:
+            values = ", ".join(
+                f"{k} {v.value:.4g}" + ("" if v.low is None else f" [{v.low:.4g}, {v.high:.4g}]")
+                for k, v in effect.params.items()
+            )
+            out.append(Line(f"becomes {effect.label}: {values}", path=True))
+        out += [Line(note, warning=True) for note in m.notes]
+        return [*out, Line(self.written, path=True)]
+
+    def _repr_html_(self) -> str:
+        return html(self.summary)
+
+
+def row(q: Quantity) -> list[str]:
+    """The cells of one number."""
+    dof = "inf" if q.dof is None else f"{q.dof:.3g}"
+    return [q.quantity, f"{q.value:.5g}", f"{q.u:.2g}", f"{q.low:.5g} to {q.high:.5g}", dof, q.unit]
+
+
+def budget_of(q: Quantity) -> Sheet:
+    """The sources of a number's uncertainty and their shares."""
+    total = sum(b.contribution**2 for b in q.budget) or 1.0
+    rows = [[b.source, b.type, f"{b.contribution:.2g}", f"{100 * b.contribution**2 / total:.0f} %"] for b in q.budget]
+    columns = [Column(f"budget of {q.quantity}", prose=True), Column("type"), Column("u", right=True)]
+    return Sheet([*columns, Column("share", right=True)], rows)
+
+
+def check_out(out: Path, overwrite: bool) -> None:
+    """Raises UserError for a name that no measurement can have, before anything is worked out."""
+    if out.suffix.lower() not in (".yaml", ".yml"):
+        raise UserError("not a measurement file", key="--out", expected="a name that ends in .yaml", got=str(out))
+    if out.exists() and not overwrite:
+        raise UserError("exists already; name another or pass --overwrite", file=out)
+    if out.is_file():
+        load_measurement(out)  # what is no measurement is not replaced
+
+
+def complete(measurement: Measurement, inputs: Iterable[Path], seed: int) -> Measurement:
+    """With the readings' hashes, the command and the versions."""
+    origin = provenance(sys.argv, seed, [*inputs])
+    raw = origin.pop("inputs")
+    return replace(measurement, raw=raw, provenance=origin)
+
+
+def write(measurement: Measurement, out: Path, inputs: Iterable[Path], settings: MeasureSettings) -> MeasurementResult:
+    """Writes the file `out` with its origin."""
+    full = complete(measurement, inputs, settings.seed)
+    write_text_atomic(out, measurement_text(full), overwrite=settings.overwrite)
+    return MeasurementResult(full, out, str(out))
