@@ -42,7 +42,7 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
         try:
             mode = os.fstat(handle).st_mode
             if not stat.S_ISREG(mode):
-                what = "a folder" if stat.S_ISDIR(mode) else "no regular file"
+                what = "a folder" if stat.S_ISDIR(mode) else "not a regular file"
                 raise UserError(f"is {what}", file=path, expected="a file")
             with open(handle, "rb", closefd=False) as file:
                 yield file
