@@ -23,31 +23,8 @@ class Show:
 
     def run(self) -> int:
         """Prints a row a camera."""
-        import numpy as np
+        from vispeg.api.cameras import show_cameras
 
-        from vispeg.render.cameras.camera_files import load_cameras, to_record
-        from vispeg.report.text.tables import Column, Sheet
-
-        cameras = load_cameras(self.file)
-        heads = ("camera", "px", "fx fy", "cx cy", "field deg", "lens k1 k2 p1 p2 k3", "on", "at m", "looks along")
-        rows = []
-        for camera in cameras:
-            field = [
-                2 * np.degrees(np.arctan(s / 2 / f)) for s, f in ((camera.width, camera.fx), (camera.height, camera.fy))
-            ]
-            rows.append(
-                [
-                    camera.name,
-                    f"{camera.width}x{camera.height}",
-                    f"{camera.fx:.1f} {camera.fy:.1f}",
-                    f"{camera.cx:.1f} {camera.cy:.1f}",
-                    f"{field[0]:.0f}x{field[1]:.0f}",
-                    " ".join(f"{value:.3g}" for value in camera.distortion) if any(camera.distortion) else "none",
-                    camera.parent,
-                    " ".join(f"{value:+.4f}" for value in camera.pos),
-                    " ".join(f"{value:+.2f}" for value in camera.rotation[:, 2]),
-                ]
-            )
-        values = {"cameras": [to_record(camera) for camera in cameras]}
-        self.output.give(values, [Sheet([Column(head) for head in heads], rows)])
+        result = show_cameras(self.file)
+        self.output.give(result.record, result.summary)
         return 0

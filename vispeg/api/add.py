@@ -1,0 +1,140 @@
+"""An effect is added to a model file: what `vispeg add` does, from Python."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from vispeg.api.inputs import read_model
+from vispeg.core.effect import EffectInstance, Value, effect
+from vispeg.core.errors import UserError
+from vispeg.core.files import write_text_atomic
+from vispeg.render.cameras.standard import standard_cameras
+from vispeg.report.text.summary import Block, Line, html
+from vispeg.robots.model import RobotModel
+from vispeg.robots.scene import Scene
+from vispeg.task.belief import robot_of_world
+from vispeg.worlds.measurement_file import load_measurement
+from vispeg.worlds.model_file import load_model, model_text, placed_dict
+from vispeg.worlds.words import completed, place, values
+from vispeg.worlds.world import World
+
+
+@dataclass(frozen=True)
+class AddedEffects:
+    """A model file with the effects that were added.
+
+    Attributes:
+        file: of the model.
+        world: the model.
+        added: effects that came in, or got new values.
+    """
+
+    file: Path
+    world: World
+    added: Sequence[EffectInstance]
+
+    @property
+    def record(self) -> dict[str, object]:
+        """What `vispeg add --json` prints."""
+        added = [placed_dict(instance) for instance in self.added]
+        return {"model": str(self.file), "label": self.world.label, "added": added}
+
+    @property
+    def summary(self) -> list[Block]:
+        """The model and the values of each effect that was added."""
+        lines = [f"{self.file}: {self.world.label}"]
+        for instance in self.added:
+            params = effect(instance.effect).params
+            each = ", ".join(f"{k} {_shown(v)} {params[k].unit}" for k, v in instance.params.items())
+            lines.append(f"{instance.label}: {each}")
+        return [Line(text, path=True) for text in lines]
+
+    def _repr_html_(self) -> str:
+        return html(self.summary)
+
+
+def add(
+    model: str,
+    name: str,
+    out: str | Path,
+    *,
+    where: str | None = None,
+    settings: Sequence[str] = (),
+    overwrite: bool = False,
+) -> AddedEffects:
+    """Adds an effect, sets the values of one that is there, or adds the effects of a measurement.
+
+    Args:
+        model: a model file, a robot's name, or a path to an MJCF or URDF; it is left as it is.
+        name: of the effect, or a measurement file.
+        out: model file to write, .yaml.
+        where: a joint, a link, `flange`, `base`, or `all`; a measurement has its own place.
+        settings: values, `NAME=NUMBER`.
+        overwrite: whether `out` may be replaced; what is no model is not.
+
+    Raises:
+        UserError: no such model, effect, place or parameter; a measurement of another robot; `out` is there.
+    """
+    path = Path(out)
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        raise UserError("not a model file", key="--out", expected="a name that ends in .yaml", got=str(path))
+    world = read_model(model)
+    if overwrite and path.is_file():
+        load_model(path)  # what is no model is not replaced
+    robot = _places(world)
+    if Path(name).suffix.lower() in (".yaml", ".yml"):
+        if where is not None or settings:
+            raise UserError("a measurement has its own place and values", expected="no WHERE and no --set beside it")
+        added = _measured(name, world, robot)
+    else:
+        added = [_stated(name, where, settings, world, robot)]
+    world = world.add(*added)
+    if Path(world.robot).suffix:  # a model file names its robot relative to itself
+        world = replace(world, robot=os.path.relpath(Path(world.robot).resolve(), path.resolve().parent))
+    write_text_atomic(path, model_text(world), overwrite=overwrite)
+    return AddedEffects(path, world, added)
+
+
+def _stated(name: str, where: str | None, settings: Sequence[str], world: World, robot: RobotModel) -> EffectInstance:
+    """The effect that is spelled out."""
+    kind = effect(name)
+    if where is None:
+        raise UserError(f"{kind.name} needs a place", expected="WHERE after it", choices=kind.targets(robot))
+    at, given_values = place(kind, where, robot), values(kind, settings)
+    here = [e for e in world.effects if (e.effect, e.where) == (name, at)]
+    if here:
+        return here[0].with_values(**given_values)
+    return EffectInstance.of(name, at, **completed(kind, given_values))
+
+
+def _measured(file: str, world: World, robot: RobotModel) -> list[EffectInstance]:
+    """The effects of a measurement file, intervals and all."""
+    measurement = load_measurement(file)
+    if measurement.robot not in (None, world.robot) and not Path(measurement.robot or "").suffix:
+        raise UserError("of another robot", file=file, key="robot", expected=world.robot, got=measurement.robot)
+    if not measurement.effects:
+        raise UserError("holds no effect", file=file, key="effects", expected="one or more")
+    for instance in measurement.effects:
+        if not effect(instance.effect).targets(robot):
+            what = f"{instance.effect} acts on a scene, not on an arm alone"
+            raise UserError(what, file=file, key="effects", expected=f"it in a world file: `model: {file}`")
+        place(effect(instance.effect), instance.where, robot)
+    return list(measurement.effects)
+
+
+def _places(world: World) -> RobotModel:
+    """What effects are placed on: the arm, or the cell with its own cameras and those that the model speaks of."""
+    robot = robot_of_world(world)
+    if not isinstance(robot, Scene):
+        return robot
+    extra = [e.where for e in world.effects if effect(e.effect).family == "camera"]
+    standard = [camera.name for camera in standard_cameras(robot.tip, robot.target)]
+    return replace(robot, cameras=tuple(dict.fromkeys([*standard, *extra])))
+
+
+def _shown(value: Value) -> str:
+    interval = "" if value.low is None else f" [{value.low:.4g}, {value.high:.4g}]"
+    return f"{value.value:g}{interval}"

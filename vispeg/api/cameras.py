@@ -1,0 +1,57 @@
+"""The cameras of a file: what `vispeg camera show` does, from Python."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from vispeg.render.cameras.camera import Camera
+from vispeg.render.cameras.camera_files import load_cameras, to_record
+from vispeg.report.text.summary import Block, html
+from vispeg.report.text.tables import Column, Sheet
+
+HEADS = ("camera", "px", "fx fy", "cx cy", "field deg", "lens k1 k2 p1 p2 k3", "on", "at m", "looks along")
+
+
+@dataclass(frozen=True)
+class CameraTable:
+    """Cameras, a row each."""
+
+    cameras: Sequence[Camera]
+
+    @property
+    def record(self) -> dict[str, object]:
+        """What `vispeg camera show --json` prints."""
+        return {"cameras": [to_record(camera) for camera in self.cameras]}
+
+    @property
+    def summary(self) -> list[Block]:
+        """Size, intrinsics, field of view, lens, place and direction of each."""
+        return [Sheet([Column(head) for head in HEADS], [_row(camera) for camera in self.cameras])]
+
+    def _repr_html_(self) -> str:
+        return html(self.summary)
+
+
+def show_cameras(file: str | Path) -> CameraTable:
+    """Reads the project's YAML, OpenCV's, or ROS's camera_info. Raises UserError for a file that is none of them."""
+    return CameraTable(load_cameras(Path(file)))
+
+
+def _row(camera: Camera) -> list[str]:
+    sides = (camera.width, camera.fx), (camera.height, camera.fy)
+    field = [2 * np.degrees(np.arctan(side / 2 / focal)) for side, focal in sides]
+    return [
+        camera.name,
+        f"{camera.width}x{camera.height}",
+        f"{camera.fx:.1f} {camera.fy:.1f}",
+        f"{camera.cx:.1f} {camera.cy:.1f}",
+        f"{field[0]:.0f}x{field[1]:.0f}",
+        " ".join(f"{value:.3g}" for value in camera.distortion) if any(camera.distortion) else "none",
+        camera.parent,
+        " ".join(f"{value:+.4f}" for value in camera.pos),
+        " ".join(f"{value:+.2f}" for value in camera.rotation[:, 2]),
+    ]
