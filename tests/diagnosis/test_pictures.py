@@ -185,7 +185,7 @@ def test_a_depth_camera_s_scale_is_named_and_nothing_else():
 @pytest.mark.slow
 def test_a_small_error_of_the_lens_is_named_or_said_to_be_alike_with_px_and_a_motion():
     record = diagnosed(EffectInstance.of("focal_error", WRIST, fx=0.008, fy=0.008)).record
-    assert record["verdict"] in ("identified", "ambiguous")
+    assert {e["effect"] for e in record["effects"]} == {"focal_error"}
     rivals = [r for e in record["effects"] for r in e["indistinguishable_from"]]
     assert len(record["views"]["confounded"]) == len(rivals)
     for row in record["views"]["confounded"]:
