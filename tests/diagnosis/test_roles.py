@@ -11,6 +11,7 @@ from vispeg.core.seeds import stream
 from vispeg.diagnosis.evidence.roles import LOUD, QUIET, recast, shown
 from vispeg.diagnosis.run import diagnose
 from vispeg.identify.evidence import Evidence
+from vispeg.report.text import words
 from vispeg.robots.model import load
 from vispeg.worlds.world import World
 
@@ -69,3 +70,13 @@ def test_a_limit_that_the_validation_never_touches_is_named(recordings):
     assert record["effects"][0]["params"]["limit"]["value"] == pytest.approx(14.0, rel=0.01)
     assert record["recordings"] == {"fit": ["wide", "narrow"], "validate": ["wider"]}
     assert any("wider judges" in note for note in record["notes"])
+
+
+def test_what_one_recording_alone_shows_leaves_no_model_adequate(recordings):
+    """Nothing can be named, and the model is not adequate: the limit shows in one recording, which none can judge."""
+    narrow, wide = recordings["narrow"], recordings["wide"]
+    record = diagnose(World(wide.robot), [narrow, wide], [narrow], nthread=1).record
+    assert record["verdict"] == "unexplained" and record["effects"] == []
+    assert record["unexplained"] is not None and record["unexplained"]["shows_in"] == "wide"
+    assert record["next_experiment"] is not None and "motion like it" in record["next_experiment"]["why"]
+    assert "wide alone" in words.verdict(record)

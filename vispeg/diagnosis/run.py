@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vispeg.diagnosis.conclusion.intervals import widened
-from vispeg.diagnosis.conclusion.next_experiment import next_experiment
+from vispeg.diagnosis.conclusion.next_experiment import next_experiment, repeated
 from vispeg.diagnosis.conclusion.rivals import settled
 from vispeg.diagnosis.conclusion.subsets import subsets
 from vispeg.diagnosis.conclusion.verdict import Verdict, decide
@@ -102,7 +102,8 @@ def diagnose(
         say("least squares of base parameters, to compare with")
         least = base_parameters(evidence, judged, world)
     mark = None if least is None else _mean_square(judged, least)
-    verdict = decide(before, after, len(state.world.effects) - n_fixed, rivals, depends, floor, mark)
+    unjudged = None if roles is None else roles.unjudged(state.world, evidence)
+    verdict = decide(before, after, len(state.world.effects) - n_fixed, rivals, depends, floor, mark, unjudged)
     changing = search.changes(state, n_fixed)
     unsure = open_ended(state, n_fixed)
     if verdict.partial and state.fit is not None:
@@ -129,7 +130,10 @@ def diagnose(
     if plan_next:
         say.ahead = 0
         say("choosing what to record next")
-        upcoming, more = next_experiment(search, state, rivals, verdict.verdict, seed)
+        if unjudged is not None:
+            upcoming = repeated(unjudged.alone)
+        else:
+            upcoming, more = next_experiment(search, state, rivals, verdict.verdict, seed)
     record: DiagnosisRecord = {
         "format": "vispeg-diagnosis/1",
         "verdict": verdict.verdict,

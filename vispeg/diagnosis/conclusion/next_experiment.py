@@ -54,6 +54,12 @@ def next_experiment(
     return motion, stage.arrays(name) | {"next/A": a, "next/B": b}
 
 
+def repeated(name: str) -> NextMotion:
+    """The advice where one recording alone shows what a model lacks."""
+    why = f"only {name} shows what the model lacks: record a second motion like it, a little faster or slower"
+    return {"motion": "", "why": why, "expected_separation_sigma": 0.0}
+
+
 class _Stage:
     """The menu of motions for the recorded robot, under its controller or a position controller like it."""
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.evidence.remainder import CONVINCING, Dependence
+from vispeg.diagnosis.evidence.roles import Roles
 
 FLOOR = 1.6  # held-out mean squared residual, in noise variances, up to which a model stands at the noise floor
 EXPLAINED = 0.97  # share of the held-out excess over noise that an identified model must explain
@@ -35,6 +36,7 @@ def decide(
     depends: Sequence[Dependence],
     floor: float = 1.0,
     mark: float | None = None,
+    unjudged: Roles | None = None,
 ) -> Verdict:
     """The verdict.
 
@@ -45,7 +47,11 @@ def decide(
         depends: what the final residual depends on.
         floor: of the final model, in noise variances; above 1 where encoders are coarse or the loop feeds noise back.
         mark: what least squares of all base parameters, friction and bias leaves on the same recordings; None: unknown.
+        unjudged: roles of the recordings where one alone shows what is missing, and nothing can be judged.
     """
+    if unjudged is not None:
+        rest = {"depends_on": [], "text": unjudged.note, "explained_share": 0.0, "shows_in": unjudged.alone}
+        return Verdict("unexplained", unjudged.note, rest, partial=True)
     excess_before, excess_after = max(before - 1.0, 1e-9), max(after - floor, 0.0)
     explained = 1.0 - excess_after / excess_before
     at_floor = after <= FLOOR * floor

@@ -20,11 +20,16 @@ LOUD = 10.0  # noise variances, from which on one does
 
 @dataclass(frozen=True)
 class Roles:
-    """Recordings to fit, those to judge on, and what the reader is told of it."""
+    """Recordings to fit, those to judge on, what the reader is told of it, and the name of one that none can judge."""
 
     fitted: list[Recording]
     held_out: list[Recording]
     note: str
+    alone: str = ""
+
+    def unjudged(self, world: World, evidence: Evidence) -> Roles | None:
+        """These roles, if one recording alone shows what a model lacks, and `world` lacks it still."""
+        return self if self.alone and max(shown(evidence, world)) > LOUD else None
 
 
 def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:
@@ -43,7 +48,7 @@ def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:
     if len(loud) == 1:
         what = f"{loud[0].name} is {max(means):.3g} noise variances from the model, and none of it shows in {names}"
         note = f"{what}: nothing can be judged before another recording shows it"
-        return Roles(evidence.recordings, judged.recordings, note)
+        return Roles(evidence.recordings, judged.recordings, note, loud[0].name)
     rest = [r for r in evidence.recordings if r is not loud[-1]]
     note = f"nothing that the model lacks shows in {names}, so {loud[-1].name} judges and {names} is fitted"
     return Roles([*rest, *judged.recordings], [loud[-1]], note)

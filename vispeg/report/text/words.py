@@ -109,6 +109,8 @@ def verdict(values: Mapping[str, Any]) -> str:
     if kind == "ambiguous":
         return _ambiguous(values, "down to the noise floor" if down else "best of what is known")
     if kind == "unexplained":
+        if only := _shows_in(values):
+            return f"What the model lacks shows in {only} alone: no other recording can judge what it is."
         count = len(_tentative(values))
         parts = [named(names)] if names else []
         parts += [f"{count} tentative effect{'s' if count > 1 else ''}"] if count else []
@@ -238,6 +240,11 @@ def _depends(values: Mapping[str, Any]) -> str:
         return ""
     on = [depends_on(row) for row in rows(rest, "depends_on")]
     return f" It depends on {join(on)}." if on else ""
+
+
+def _shows_in(values: Mapping[str, Any]) -> str:
+    rest = values.get("unexplained")
+    return str(rest.get("shows_in", "")) if isinstance(rest, dict) else ""
 
 
 def _floor(values: Mapping[str, Any]) -> float | None:
