@@ -1,5 +1,6 @@
 """Choices among effects by linear algebra are what least squares gives; exchange undoes a wrong guess."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,7 +12,7 @@ from vispeg.core.seeds import stream
 from vispeg.diagnosis.evidence.dictionary import Dictionary
 from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.evidence.signatures import Signature
-from vispeg.diagnosis.selection.names import SURE, Ground, exchanges, open_ended, tentative
+from vispeg.diagnosis.selection.names import SURE, Ground, doubted, exchanges, open_ended, tentative
 from vispeg.diagnosis.selection.state import State
 from vispeg.diagnosis.selection.together import together
 from vispeg.identify.space import Space
@@ -130,6 +131,27 @@ def test_stand_ins_are_not_named_and_what_is_certain_is(toy):
     assert said["coulomb_friction(joint3)"].shaken == ()
     state = State(fit.world, np.zeros((1, 1)), fit.residual)
     assert tentative(state, 0, found, []) == {"joint_bias(joint1)", "joint_bias(joint2)"}
+
+
+def test_exchange_with_the_doubted_candidates_alone_is_that_with_all(toy):
+    """Held-out signatures are taken of these alone: what looks like nothing in the model changes no answer."""
+    rng = stream(6, "library")
+    y = 3.0 * toy["tilt"].columns[:, 0] + 2.0 * toy["friction"].columns[:, 0] + toy["noise"]
+    model = [toy["a"], toy["b"], toy["friction"]]
+    columns = np.concatenate([s.columns for s in model], axis=1)
+    x = np.linalg.lstsq(columns, y, rcond=None)[0]
+    fit = fitted(y - columns @ x, model, x.tolist())
+    near = 0.9 * toy["friction"].columns[:, 0] + 0.3 * rng.standard_normal(N)
+    library = [signature("cogging", f"joint{k % 7 + 1}", "amplitude", rng.standard_normal(N)) for k in range(20)]
+    library[5:5] = [toy["tilt"], signature("viscous_friction", "joint3", "damping", near)]
+    held = [replace(s, columns=s.columns + 0.1 * rng.standard_normal(s.columns.shape)) for s in library]
+    whole, whole_held = (Ground(Dictionary(fit.residual, some, fit), LEFT) for some in (library, held))
+    few = [c - len(model) for c in doubted(whole)]
+    assert {5, 6} <= set(few) and len(few) < len(library) / 2
+    some, some_held = (Ground(Dictionary(fit.residual, [of[c] for c in few], fit), LEFT) for of in (library, held))
+    for a, b in zip(exchanges(whole, whole_held), exchanges(some, some_held), strict=True):
+        assert a.label == b.label and a.shaken == b.shaken and a.costs == pytest.approx(b.costs)
+        assert [r.label for r in a.rivals] == [r.label for r in b.rivals]
 
 
 def test_proven_rivals_make_a_class_of_what_they_shake(toy):

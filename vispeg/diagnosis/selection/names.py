@@ -79,6 +79,35 @@ def exchanges(fitted: Ground, held: Ground) -> list[Exchange]:
     return [_exchange(fitted, held, both, model, k, beside) for k in model]
 
 
+def doubted(fitted: Ground) -> list[int]:
+    """Candidates, as numbers of entries, that some exchange asks the held-out recordings of: few of the library."""
+    dictionary = fitted.dictionary
+    model = list(dictionary.fitted)
+    error, beside = dictionary.loss(model)[0], dictionary.gains(model)
+    out: set[int] = set()
+    for k in model:
+        out.update(*_doubts(fitted, model, k, beside, error, dictionary.loss([m for m in model if m != k])[0])[1:])
+    return sorted(out)
+
+
+def _doubts(
+    fitted: Ground, model: list[int], k: int, beside: np.ndarray, error: float, without: float
+) -> tuple[np.ndarray, list[int], list[int]]:
+    """Gains of all entries in the place of `k`, those that may be alike to it, and those hardly worse in its place."""
+    entries = fitted.dictionary.entries
+    instead = fitted.dictionary.gains([m for m in model if m != k])
+    asked = [c for c in range(len(entries)) if c not in model and not _richer(entries[c].placed, entries[k].placed)]
+    asked = [c for c in asked if instead[c] > 0]
+    costs = {c: (without - instead[c]) - (error - beside[c]) for c in asked}  # bounds aside
+    alike = [c for c in asked if costs[c] < max(fitted.needed(k), ALIKE * (without - error))]
+    return instead, alike, [c for c in asked if without - instead[c] < _near(fitted, k, error, without)]
+
+
+def _near(fitted: Ground, k: int, error: float, without: float) -> float:
+    """Squared residual up to which a candidate in the place of `k` is worth a fit."""
+    return error + SLACK * min(fitted.left(k), without - error)
+
+
 class _Both:
     """Squared residuals of choices of entries, fitted and held out, each worked out once."""
 
@@ -97,21 +126,16 @@ class _Both:
 def _exchange(fitted: Ground, held: Ground, both: _Both, model: list[int], k: int, beside: np.ndarray) -> Exchange:
     entries, rest = fitted.dictionary.entries, [m for m in model if m != k]
     (error, left_held), (without, without_held) = both(model), both(rest)
-    instead = fitted.dictionary.gains(rest)
-    asked = [c for c in range(len(entries)) if c not in model and not _richer(entries[c].placed, entries[k].placed)]
-    asked = [c for c in asked if instead[c] > 0]
-    costs = {c: (without - instead[c]) - (error - beside[c]) for c in asked}  # bounds aside
+    instead, alike, close = _doubts(fitted, model, k, beside, error, without)
     share = min((without - error) / fitted.left(k), (without_held - left_held) / held.left(k))
-    alike = [c for c in asked if costs[c] < max(fitted.needed(k), ALIKE * (without - error))] if share >= SURE else []
+    alike = alike if share >= SURE else []
     shaken = []
     for c in alike:
         (other, other_held), (more, more_held) = both([*rest, c]), both([*model, c])
         weak = other - more < fitted.needed(k)
         if weak or other_held - min(left_held, more_held) < held.needed(k):
             shaken.append(c)
-    near = error + SLACK * min(fitted.left(k), without - error)
-    close = [c for c in asked if without - instead[c] < near]
-    close = [c for c in close if both([*rest, c])[0] < near]
+    close = [c for c in close if both([*rest, c])[0] < _near(fitted, k, error, without)]
     better = [c for c in alike if both([*rest, c])[1] < left_held]
     order = sorted({*close, *better, *shaken}, key=lambda c: -instead[c])
     rivals = list({entries[c].key: c for c in reversed(order)}.values())[::-1]  # of one candidate's guesses the best

@@ -16,7 +16,7 @@ from vispeg.diagnosis.evidence.signatures import Probe, Signature, probes, signa
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.cross import Cross
 from vispeg.diagnosis.selection.judge import Judge
-from vispeg.diagnosis.selection.names import Exchange, Ground, exchanges
+from vispeg.diagnosis.selection.names import Exchange, Ground, doubted, exchanges
 from vispeg.diagnosis.selection.state import State
 from vispeg.diagnosis.selection.together import together
 from vispeg.identify.evidence import Evidence
@@ -84,6 +84,8 @@ class Proposals:
         def work_out() -> list:
             places = candidates(self.evidence, state.world, list(self.evidence.items[0].robot.joints))
             asked = probes(places, self.evidence.items[0], joint_data(self.missing(state.world), self.evidence.items))
+            fitted = self._ground(self.cross.judge, state.world, fit, asked)
+            asked = [asked[c - len(fitted.dictionary.fitted)] for c in doubted(fitted)]  # held-out rollouts are dear
             fitted = self._ground(self.cross.judge, state.world, fit, asked)
             results = exchanges(fitted, self._ground(self.judge, state.world, self._held_out(fit), asked))
             return [[e.label, e.costs, list(e.shaken), [_plain(r) for r in e.rivals]] for e in results]
