@@ -1,0 +1,54 @@
+"""What a diagnosis of contact says of itself: what would show, what is left, and the physics that it rests on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vispeg.api.recording.cell import cell_motion
+from vispeg.contact.profile import Probe, further, shown_from
+from vispeg.contact.remainder import Rest, judged
+from vispeg.core.effect import EffectInstance
+from vispeg.diagnosis.conclusion.verdict import Verdict
+from vispeg.sim.touch import touch
+from vispeg.task.belief import believed
+from vispeg.task.rig.record import record_cell
+from vispeg.worlds.model_file import load_model
+
+
+def probe(name: str, value: float, moved: float) -> Probe:
+    return Probe(EffectInstance.of("hole_offset", "fixture", **{name: value}), name, 0.0, moved)
+
+
+def test_an_effect_shows_from_where_its_trace_reaches_what_is_needed():
+    """A trace grows as its distance from none: a fourth of the squared trace at half of it; not nearer than unseen."""
+    straight = shown_from([probe("x", 4e-4, 400.0), probe("x", -4e-4, 100.0)], 100.0)
+    assert straight["hole_offset", "fixture"]["x"] == pytest.approx(2e-4)
+    late = shown_from([probe("x", 3e-4, 10.0), probe("x", 4e-4, 400.0)], 100.0)
+    assert late["hole_offset", "fixture"]["x"] == pytest.approx(3e-4), "what does not touch leaves no trace"
+    never = shown_from([probe("z", 4e-4, 1.0)], 100.0)
+    assert never["hole_offset", "fixture"]["z"] == np.inf
+    assert further("hole_offset", "x", 2e-4, 2.0) == pytest.approx(4e-4)
+    assert further("hole_offset", "x", 2e-4, 1e9) == np.inf
+
+
+def test_a_phase_beyond_its_bar_leaves_a_verdict_unexplained():
+    named = Verdict("identified", "named")
+    within, beyond = Rest("press", False, 1.2, 2.0, 80), Rest("hole", True, 3.0, 2.0, 80)
+    assert judged(named, [within]) is named
+    unexplained = judged(named, [within, beyond])
+    assert unexplained.verdict == "unexplained" and "in hole a residual 3.0" in unexplained.reason
+
+
+def test_what_slides_drags_by_its_friction():
+    """Coulomb's law in the recorded cell, mean drag over mean normal force of one stroke, to 3 %."""
+    world = load_model("peg-cell")
+    whole = cell_motion(world, "slide", seed=1)
+    part = replace(whole, time=whole.time[:2650], ee_cmd=whole.ee_cmd[:2650])
+    rec = record_cell(world, part, {}, np.random.default_rng(0))
+    scene = believed(world.cell).scene
+    contact = touch(rec, scene).contact[(rec.time > 4.2) & (rec.time < 5.2)].mean(axis=0)
+    assert contact[2] > 4.0
+    assert np.hypot(*contact[:2]) / contact[2] == pytest.approx(scene.config.friction, rel=0.03)
