@@ -9,13 +9,11 @@ import numpy as np
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.recordings.recording import Control, Recording
-from vispeg.sim.physics import exact
 from vispeg.sim.reach import reach
 from vispeg.task.cell import Cell
 from vispeg.task.control import PoseControl
 from vispeg.task.peg.config import PegConfig
 from vispeg.task.peg.task import PegTask
-from vispeg.task.rig.run import advanced
 from vispeg.task.start import DOWN, home
 from vispeg.worlds.world import World
 
@@ -54,14 +52,14 @@ def _recorded(effects: tuple[EffectInstance, ...], seed: int, turned: bool) -> R
     control.home = start[0]
     inertia = 1 / np.diagonal(np.linalg.inv(control.nominal.operational(start)[0]), axis1=1, axis2=2)
     cell.start(start, np.zeros_like(start), control.nominal.gravity(start).copy(), inertia)
-    exact(cell.batch)
+    cell.recorded()
     angles, wrenches = [], []
     for goal in pos:
         cell.read()
         q, dq = cell.measure()
         angles.append(q[0])
-        felt, _ = advanced(cell, control.torque(q, dq, goal[None], DOWN[None]), 2)
-        wrenches.append(-felt[0])
+        cell.advance(control.torque(q, dq, goal[None], DOWN[None]), 2)
+        wrenches.append(-cell.felt()[0])
     rng = stream(seed, "pressed")
     noise = {"q": 2e-5, "ft": 0.1, "ft_torque": 0.005}
     q = np.array(angles) + noise["q"] * rng.standard_normal((len(grid), 7))

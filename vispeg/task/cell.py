@@ -9,7 +9,7 @@ import numpy as np
 
 from vispeg.core.effect import effect
 from vispeg.robots.scene import Scene
-from vispeg.sim.physics import derive
+from vispeg.sim.physics import derive, exact
 from vispeg.sim.placement import Active, activate
 from vispeg.sim.plant import Plant
 from vispeg.sim.restart import RowFields
@@ -46,6 +46,7 @@ class Cell(Plant):
         self.site = {name: self.model.site(site).id for name, site in names_of.items()}
         self.site_pos, self.site_mat = self.batch.bind("site_xpos"), self.batch.bind("site_xmat")
         self.sensors = self.batch.bind("sensordata")
+        self.filtered, self.mean = False, np.zeros_like(self.sensors)
         self.slip = self.model.joint(scene.slip).qposadr[0] if scene.slip else None
         self.qposes = np.arange(self.model.nq)[self.qadr]
         self.dofs = np.arange(self.model.nv)[self.vadr]
@@ -111,12 +112,23 @@ class Cell(Plant):
         self.spring = self.batch.bind("qfrc_spring")
         super().start(q, dq, weight, inertia)
 
-    def felt(self, wrench: np.ndarray | None = None) -> np.ndarray:
-        """What the wrist's force sensor says of the last step: (nsim, 6) N and N m that the tool puts on the flange, in
-        the flange's frame; of `wrench` (nsim, 6), a mean of `sensors` over some steps, where given. To be asked once a
-        control tick.
+    def recorded(self) -> None:
+        """From now on contacts are found exactly and sensors filter: contact chatters in step with the controller, so
+        that a reading at a tick's end alone is a biased sample.
         """
-        return self.loop.feel(-(self.sensors[:, :6] if wrench is None else wrench), self.x)
+        exact(self.batch)
+        self.filtered = True
+
+    def felt(self) -> np.ndarray:
+        """What the wrist's force sensor says of the last step, or of the mean of the last tick where it is `filtered`:
+        (nsim, 6) N and N m that the tool puts on the flange, in the flange's frame. To be asked once a control tick.
+        """
+        return self.loop.feel(-self.read_out[:, :6], self.x)
+
+    @property
+    def read_out(self) -> np.ndarray:
+        """(nsim, k) sensors of the last step; where they are `filtered`, their mean over the steps of the last tick."""
+        return self.mean if self.filtered else self.sensors
 
     def gear_torque(self) -> np.ndarray:
         """Torque (nsim, nj) N m that the gears handed to the links in the last step."""
@@ -124,6 +136,17 @@ class Cell(Plant):
 
     def advance(self, command: np.ndarray, nsub: int) -> None:
         """`nsub` physics steps under the held command (nsim, nj) N m."""
+        if not self.filtered:
+            return self._advance(command, nsub)
+        self.mean = np.zeros_like(self.sensors)
+        for step in range(nsub):
+            if step:
+                self.read()
+            self._advance(command, 1)
+            self.mean += self.sensors / nsub
+        return None
+
+    def _advance(self, command: np.ndarray, nsub: int) -> None:
         self.outer[:, self.hand, :3] = self.external
         if not self.loop.acts:  # nothing to be asked between the steps
             self._move(command)

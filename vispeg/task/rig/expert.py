@@ -55,6 +55,7 @@ def record_expert(
     except UserError as error:
         raise UserError(str(error), key="--rate", got=rate_hz) from error
     sim = TaskSimulation(belief.world.add(*world.effects), config, 1)
+    sim.cell.recorded()
     sim.reset(np.arange(1), [seed])
     sim.control.home = posture(belief.scene)
     ticks = config.steps * config.ticks

@@ -12,7 +12,6 @@ from vispeg.recordings.recording import Control
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import nominal_of
 from vispeg.sim.controller import Controller
-from vispeg.sim.physics import exact
 from vispeg.sim.quiet import quiet
 from vispeg.sim.segments.rows import Rows
 from vispeg.sim.segments.segment import Segment
@@ -53,17 +52,12 @@ class Reader:
         self.true = np.full((ticks, nsim, nj), np.nan)
         self.ft, self.tip, self.touch = np.zeros((ticks, nsim, 6)), np.zeros((ticks, nsim, 3)), np.zeros((ticks, nsim))
 
-    def tick(
-        self, k: int, cell: Cell, q: np.ndarray, dq: np.ndarray, felt: np.ndarray, touch: np.ndarray | None = None
-    ) -> None:
-        """After the steps of tick k, at whose begin the encoders said q, dq; the rest is what is read at the next.
-        `touch` is the contact force if not that of the last step.
-        """
+    def tick(self, k: int, cell: Cell, q: np.ndarray, dq: np.ndarray, felt: np.ndarray) -> None:
+        """After the steps of tick k, at whose begin the encoders said q, dq; the rest is what is read at the next."""
         self.q[k], self.dq[k] = q, dq
         offset = cell.site_position("tip") - cell.site_position("goal")
         tip = np.einsum("nji,nj->ni", cell.site_rotation("goal"), offset)
-        touch = np.linalg.norm(cell.sensors[:, 7:10], axis=1) if touch is None else touch
-        tau = cell.gear_torque()
+        touch, tau = np.linalg.norm(cell.read_out[:, 7:10], axis=1), cell.gear_torque()
         rows = [0, 1] if k == 0 else [k + 1]  # nothing was measured before the first step
         for row in rows:
             if row < len(self.ft):
@@ -108,7 +102,7 @@ def run(
     weight, mass = nominal.gravity(start).copy(), nominal.operational(start)[0]
     apparent = 1.0 / np.diagonal(np.linalg.inv(mass), axis1=1, axis2=2)
     cell.start(start, np.tile(dq, (nsim, 1)), weight, apparent)
-    exact(cell.batch)
+    cell.recorded()
     cell.batch.forward()
     reader, bad = Reader(n, nsim, len(q)), np.zeros(nsim, bool)
     with quiet(), np.errstate(all="ignore"):
@@ -116,26 +110,10 @@ def run(
             cell.read()
             now, rate = cell.measure()
             reader.true[k] = cell.x.q
-            felt, touch = advanced(cell, law.command(k, now, rate), nsub)
-            reader.tick(k, cell, now, rate, felt, touch)
+            cell.advance(law.command(k, now, rate), nsub)
+            reader.tick(k, cell, now, rate, cell.felt())
     bad |= cell.unstable() | ~np.isfinite(reader.q).all(axis=(0, 2))
     return reader.ran(bad)
-
-
-def advanced(cell: Cell, command: np.ndarray, nsub: int) -> tuple[np.ndarray, np.ndarray]:
-    """One tick under a held command; on the average of its steps what the force sensor says (nsim, 6), as its filter
-    does, and the contact force (nsim,) N.
-
-    A contact chatters in step with the controller, so that a reading at the tick's end alone is a biased sample.
-    """
-    total = np.zeros_like(cell.sensors)
-    for step in range(nsub):
-        if step:
-            cell.read()
-        cell.advance(command, 1)
-        total += cell.sensors
-    mean = total / nsub
-    return cell.felt(mean[:, :6]), np.linalg.norm(mean[:, 7:10], axis=1)
 
 
 def _clock(n: int, tick: float) -> tuple[np.ndarray, np.ndarray]:
