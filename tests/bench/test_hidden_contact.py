@@ -225,7 +225,7 @@ def test_every_motion_begins_at_rest_in_free_air():
 
 def test_the_projects_cell_presses_and_slides_alike():
     """Matched and quasi-static: normal force within 12 %, friction within 0.02, depth within 0.1 mm."""
-    from vispeg.task.rig.motions import CellMotion
+    from vispeg.task.rig.commanded import CellMotion
     from vispeg.task.rig.record import record_cell
     from vispeg.worlds.model_file import load_model
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vispeg.contact.run import evidence_of
+from vispeg.contact.run import diagnose_contact, evidence_of
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.seeds import stream
 from vispeg.recordings.cell import CellBelief
@@ -22,10 +22,10 @@ FOUND = believed(MODEL.cell)
 PLACE = Place(FOUND.scene, stream(1, "separating"))
 
 
-def recorded(path):
+def recorded(path, hidden=(), seed=2):
     time, frames = path.frames(500.0)
     made = CellMotion("short", time, commands(frames, FOUND.scene, FOUND.config.stiffness))
-    return record_cell(MODEL, made, NOISE, stream(2, "separating"))
+    return record_cell(MODEL.add(*hidden), made, NOISE, stream(seed, "separating"), name=f"short-{seed}")
 
 
 def down(x, y, z):
@@ -45,7 +45,7 @@ def against_walls(yaw):
     return path
 
 
-HEIGHT = -float(FOUND.scene.target[2])
+HEIGHT, FAR = -float(FOUND.scene.target[2]), FOUND.scene.config.block + 0.06
 PAIRS = {  # two placed effects whose sizes do the same to one motion, and the motion that tells them apart
     "height": (("hole_offset", "fixture", {"z": 1e-3}), ("grip_pose", "peg", {"z": 1e-3}), "touch-datum"),
     "place": (("hole_offset", "fixture", {"x": 1e-3}), ("grip_pose", "peg", {"x": -1e-3}), "insert-turned"),
@@ -68,16 +68,56 @@ def cosine(parts):
     return float(u @ v / np.linalg.norm(u) / np.linalg.norm(v))
 
 
+def motions(case):
+    """The motion that cannot tell a pair apart, and the one that does."""
+    if case == "height":
+        return down(PLACE.aside, 0.0, 0.0), down(-FAR, 0.0, HEIGHT)
+    return against_walls(0.0), against_walls(quarter(FOUND.scene))
+
+
 @pytest.mark.parametrize("case", PAIRS)
 def test_the_named_experiment_separates_what_one_motion_cannot(case):
     """One class by a single motion (cosine of signatures above 0.97), below 0.9 with the one that a verdict names."""
     a, b, motion = PAIRS[case]
     stated = effect(a[0]).told_from.get(b[0]), effect(b[0]).told_from.get(a[0])
     assert motion in stated
-    far = FOUND.scene.config.block + 0.06
-    if case == "height":
-        first, second = down(PLACE.aside, 0.0, 0.0), down(-far, 0.0, HEIGHT)
-    else:
-        first, second = against_walls(0.0), against_walls(quarter(FOUND.scene))
-    alone, together = cosines([recorded(first), recorded(second)], (a, b))
+    alone, together = cosines([recorded(path) for path in motions(case)], (a, b))
     assert abs(alone) > 0.97 and abs(together) < 0.9
+
+
+def presses(z, *places):
+    """The same at some places (x, y), one after the other, over a surface whose height over the mouth is z."""
+    path = PLACE.begin()
+    for x, y in places:
+        path.to(0.4, tip=(x, y, z + 0.006)).to(0.4, tip=(x, y, z + NEAR)).to(0.4, tip=(x, y, z), force=(0, 0, -5.0))
+        path.to(0.3, force=(0, 0, -20.0)).to(0.2).to(0.3, tip=(x, y, z + 0.006), force=(0, 0, 0))
+    return path
+
+
+def recordings(case, hidden, seed):
+    """The motion that cannot tell a pair apart, and the one that does, as a diagnosis needs them."""
+    if case == "place":
+        return [recorded(path, hidden, seed) for path in motions(case)]
+    r = PLACE.aside
+    over = presses(0.0, (r, 0.0), (0.0, r), (-r, 0.0), (0.0, -r))
+    return [recorded(path, hidden, seed) for path in (over, presses(HEIGHT, (-FAR, 0.0), (0.0, FAR)))]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", PAIRS)
+def test_a_diagnosis_names_both_of_a_pair_and_one_once_the_experiment_that_it_asks_for_is_recorded(case):
+    (name, at, size), (other, _, _), motion = PAIRS[case]
+    hidden = (EffectInstance.of(name, at, **size),)
+    fitted, judged = (recordings(case, hidden, seed) for seed in (2, 3))
+    alone = diagnose_contact(MODEL, fitted[:1], judged[:1], nthread=1)
+    (found,) = alone.record["effects"]
+    pair = {found["effect"], *(e["effect"] for e in found["indistinguishable_from"])}
+    assert alone.record["verdict"] == "ambiguous" and {name, other} <= pair
+    asked = alone.record["next_experiment"]
+    assert asked is not None and asked["motion"] == motion
+    both = diagnose_contact(MODEL, fitted, judged, nthread=1)
+    (named,) = both.world.effects
+    assert both.record["verdict"] == "identified" and (named.effect, named.where) == (name, at)
+    ((axis, true),) = size.items()
+    value = named.params[axis]
+    assert value.low is not None and value.high is not None and value.low <= true <= value.high

@@ -11,6 +11,7 @@ from mujoco import batch as mjb
 from scipy.spatial.transform import Rotation
 
 from vispeg.contact.path import Path
+from vispeg.core.effect import effect
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import compiled
 from vispeg.sim.physics import derive, exact
@@ -48,6 +49,7 @@ def drive(
     windows: Sequence[slice],
     nthread: int,
     shift: np.ndarray | None = None,
+    way: np.ndarray | None = None,
 ) -> Driven:
     """Drives the hands of `worlds` (which have the same springs built in) through windows of a path.
 
@@ -61,6 +63,7 @@ def drive(
         windows: of the path's samples, in their order.
         nthread: of the batch.
         shift: (nworld, 6) m and rad by which each hand is off its path, in the axes that the hand starts in.
+        way: (nworld, 2, n, 6) by how much its coordinates and their rates are off those of the path, sample by sample.
     """
     batch = hands(scene, cell, path, worlds, nthread)
     if shift is not None:
@@ -68,22 +71,24 @@ def drive(
         batch.expand("body_pos")[:, body] = path.origin + turn.apply(shift[:, :3])
         batch.expand("body_quat")[:, body] = (turn * Rotation.from_rotvec(shift[:, 3:])).as_quat(scalar_first=True)
     qpos, qvel, bias = batch.bind("qpos"), batch.bind("qvel"), batch.bind("qfrc_bias")
-    qpos[:, :6], qvel[:, :6] = path.place[0], path.rate[0]
+    place = np.tile(path.place, (len(worlds), 1, 1)) + (0 if way is None else way[:, 0])
+    rate = np.tile(path.rate, (len(worlds), 1, 1)) + (0 if way is None else way[:, 1])
+    qpos[:, :6], qvel[:, :6] = place[:, 0], rate[:, 0]
     batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
     weight = np.linalg.solve(path.jacobian[0], bias[:, :6].T).T
     zero = wrench[:, rest].mean(axis=1) - weight
     damping = -compiled(scene).actuator_biasprm[6:12, 2]
     applied = np.einsum("nij,wnj->wni", path.jacobian, wrench - zero[:, None])
-    correction, places = np.full(wrench.shape, np.nan), np.tile(path.place, (len(worlds), 1, 1))
+    correction, places = np.full(wrench.shape, np.nan), place.copy()
     for window in windows:  # what is no joint of the hand's own goes on where the last window left it
-        qpos[:, :6], qvel[:] = path.place[window.start], 0.0
-        qvel[:, :6] = path.rate[window.start]
+        qpos[:, :6], qvel[:] = place[:, window.start], 0.0
+        qvel[:, :6] = rate[:, window.start]
         n = window.stop - window.start
         control = np.zeros((len(worlds), n, 12 + qvel.shape[1]))
-        control[:, :, :6] = path.place[window]
-        control[:, :, 6:12] = path.rate[np.minimum(np.arange(window.start, window.stop) + 1, len(path.rate) - 1)]
+        control[:, :, :6] = place[:, window]
+        control[:, :, 6:12] = rate[:, np.minimum(np.arange(window.start, window.stop) + 1, len(path.rate) - 1)]
         control[:, :, 12:18] = applied[:, window]
-        begin = np.tile(path.rate[window.start], (len(worlds), 1, 1))
+        begin = rate[:, window.start : window.start + 1]
         out = batch.rollout(n, control, CONTROL, record=["actuator_force", "qpos", "qvel"])
         # a step's dampers act on the speed that it ends with, `actuator_force` is of the one that it begins with
         gained = np.diff(out["qvel"][:, :, :6], axis=1, prepend=begin)
@@ -100,7 +105,7 @@ def hands(scene: Scene, cell: Scene, path: Path, worlds: Sequence[World], nthrea
     sink in deeper and creep faster: its bodies are given the weights that they have on the arm. Source: MuJoCo 4.0
     manual, Computation, Constraint solver, Parameters.
     """
-    active = activate(scene, worlds)
+    active = activate(scene, [w.only(lambda e: not effect(e.effect).overrides("yields")) for w in worlds])
     parts = [a.effect.name for a in active]
     model, behind = compiled(scene, parts), compiled(cell, parts)
     batch = mjb.Batch(model, len(worlds), nthread=nthread)

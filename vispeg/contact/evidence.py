@@ -21,6 +21,7 @@ from vispeg.contact.phases import Phases, phases
 from vispeg.contact.sensor import hand_world, readings, trusted
 from vispeg.contact.thin import PART, driven_blocks, pieces, thinned
 from vispeg.contact.torques import calm, notes
+from vispeg.contact.yielding import given_way
 from vispeg.core.effect import Effect, effect
 from vispeg.core.errors import UserError
 from vispeg.identify.channels import Channel, Item
@@ -98,6 +99,7 @@ class ContactEvidence(Evidence):
     least_gain = 0.02
     most_effects = 6
     decisive = 60.0
+    alike = 0.03  # laws of contact are off by as much of a force, see `floors.SHARE`
     correlated = 6.0  # blocks: form errors last as long as a contact does
 
     def __init__(self, touching: Sequence[Touching], *, nthread: int = 1):
@@ -211,7 +213,8 @@ def driven(
     hand_worlds = [hand_world(item.source.believed, w) for w in worlds]
     wrench = np.stack([readings(item.path, item.hand, w) for w in hand_worlds])
     windows = item.phase.windows if windows is None else windows
-    return drive(item.hand, item.source.scene, item.path, hand_worlds, wrench, item.phase.rest, windows, nthread)
+    cell, rest, way = item.source.scene, item.phase.rest, given_way(item, hand_worlds, wrench)
+    return drive(item.hand, cell, item.path, hand_worlds, wrench, rest, windows, nthread, way=way)
 
 
 def displaced(item: ContactItem, nthread: int = 1) -> np.ndarray:

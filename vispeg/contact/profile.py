@@ -14,7 +14,11 @@ from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.thin import PART
 from vispeg.core.effect import REGISTRY, STAGES, Effect, EffectInstance, effect
 from vispeg.diagnosis.evidence.screen import Score
+from vispeg.robots.scene import Scene
+from vispeg.worlds.places import ALL
 from vispeg.worlds.world import World
+
+BLOWS = "impact"  # the stage of what blows tell
 
 
 def looked_for() -> list[Effect]:
@@ -23,17 +27,22 @@ def looked_for() -> list[Effect]:
     return sorted(kinds, key=lambda e: STAGES.index(e.stage))
 
 
+def place_of(kind: Effect, scene: Scene) -> str:
+    """Where an effect is looked for: of several places the one that rules; "" where it has none."""
+    targets = kind.targets(scene)
+    return ALL if kind.shared and targets else scene.held if scene.held in targets else (targets or [""])[0]
+
+
 def places(evidence: ContactEvidence, world: World) -> list[tuple[str, str]]:
-    """Every (effect, place) that is not yet in the world: of an effect with several places the one that rules.
+    """Every (effect, place) that is not yet in the world; what blows alone tell is `vispeg.contact.taps.damping`.
 
     What a force sensor makes of a wrench is left out where none was read by one.
     """
     scene, read = evidence.items[0].source.scene, any(i.source.torques is None for i in evidence.items)
     out = []
     for kind in looked_for():
-        targets = kind.targets(scene)
-        where = scene.held if scene.held in targets else (targets or [""])[0]
-        if (not read and kind.overrides("wrench")) or not where:
+        where = place_of(kind, scene)
+        if (not read and kind.overrides("wrench")) or not where or kind.stage == BLOWS:
             continue
         if not any(e.effect == kind.name for e in world.effects):
             out.append((kind.name, where))

@@ -12,6 +12,7 @@ from vispeg.contact.record import arrays, channels, not_excited, phase_errors, s
 from vispeg.contact.remainder import judged as in_phases
 from vispeg.contact.remainder import remainder
 from vispeg.contact.search import ContactSearch
+from vispeg.contact.taps.damping import struck
 from vispeg.diagnosis.compare import Comparison
 from vispeg.diagnosis.conclusion.intervals import widened
 from vispeg.diagnosis.conclusion.rivals import find_rivals
@@ -56,12 +57,14 @@ def diagnose_contact(
     rivals = find_rivals(search, state, n_fixed, say) if len(state.world.effects) > n_fixed else []
     after_held = judged.residuals([state.world])[0]
     before, after = judge.mean(judge.loss(before_held)), judge.mean(state.loss)
-    noise = louder(world, evidence.items, judged.items)
-    fitted_world = state.world.add(*noise)
+    say("running blows again")
+    hit = struck(state.world, fitted, held_out, nthread)
+    beside = (*louder(world, evidence.items, judged.items), *hit.effects)
+    fitted_world = state.world.add(*beside)
     rests = [*remainder(evidence, state.world), *remainder(judged, state.world, held_out=True)]
     verdict = in_phases(decide(before, after, len(fitted_world.effects) - n_fixed, rivals, []), rests)
     final = with_origin(
-        widened(state.world, n_fixed, before, after).add(*noise),
+        widened(state.world, n_fixed, before, after).add(*beside),
         n_fixed,
         fitted,
         held_out,
@@ -72,7 +75,7 @@ def diagnose_contact(
     predicted = judged.simulated([world, state.world])
     models = {"given": world, "corrected": final} if len(final.effects) > n_fixed else {"given": world}
     replayed, said = closed_loop(held_out, models, nthread)
-    unseen = not_excited(least_sizes)
+    unseen = [*not_excited(least_sizes), *hit.unseen]
     record: DiagnosisRecord = {
         "format": "vispeg-diagnosis/1",
         "evidence": "contact",
@@ -94,7 +97,7 @@ def diagnose_contact(
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in screening(state)],
         "correlations": correlations(state),
         "parameters_moved": moved(state),
-        "notes": [*evidence.notes, *said],
+        "notes": [*evidence.notes, *hit.notes, *said],
     }
     return Diagnosis(record, final, arrays(judged, predicted))
 

@@ -17,6 +17,7 @@ from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.conclusion.verdict import FLOOR
 from vispeg.diagnosis.evidence.localise import MissingTorque
 from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.selection.accept import equal
 from vispeg.diagnosis.selection.judge import Gain
 from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.selection.state import State, Trial
@@ -28,6 +29,7 @@ SINGLES, PAIRED = 5, 3  # effects that are fitted at a step, and those of them w
 NONE = -1e300  # the gain of what changes nothing, as JSON can say it
 LEVEL = 0.01  # chance that any effect of the library passes where there is none
 NEAR = 0.6  # of the drop that an effect needs, which a size that is tried must come to for the effect to be fitted
+SCENE = ("contact", "task")  # families of what stands in the cell
 WORTH = 0.2  # of the best one's gain that another must have in the profile to be fitted
 
 
@@ -79,10 +81,23 @@ class ContactSearch(Search):
         trials = self.try_all(state, short, n_fixed, tested)
         best = min(trials, key=lambda t: float(t.loss.sum()))
         if len(trials) < 2 or self.judge.mean(best.loss) < FLOOR:
-            return trials
+            return self.of_cell_first(state, trials)
         pairs = self.pairs(trials)
         trials = trials + (self.try_all(state, pairs, n_fixed, tested) if pairs else [])
-        return sorted(trials, key=lambda t: (bool(t.rejected), float(t.loss.sum())))
+        return self.of_cell_first(state, sorted(trials, key=lambda t: (bool(t.rejected), float(t.loss.sum()))))
+
+    def of_cell_first(self, state: State, trials: list[Trial]) -> list[Trial]:
+        """Of equals that another motion would tell apart, what stands in the cell before what the arm does."""
+        first, without = trials[0], self.judge.mean(state.loss)
+        if first.rejected or effect(first.score.placed.effect).family in SCENE:
+            return trials
+        near = effect(first.score.placed.effect).told_from
+        for t in trials[1:]:
+            same = t.score.placed.effect in near and effect(t.score.placed.effect).family in SCENE
+            if same and not t.rejected and not t.score.beside:
+                if equal(self.judge, t.loss, first.loss, without, self.evidence.alike):
+                    return [t, *(other for other in trials if other is not t)]
+        return trials
 
     def scored(self, state: State) -> list[Score]:
         """The best size of each effect beside a state; what no size of shows is not freed in the fits that follow."""

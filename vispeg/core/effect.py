@@ -145,6 +145,12 @@ class Effect(ABC):
         """The wrench (n, 6) that there was, given what the sensor made of it every `period` s: `wrench` undone."""
         return reading
 
+    def yields(self, load: np.ndarray, p: Values) -> np.ndarray:
+        """By how much each joint (n, nj) rad stands behind its encoder under `load` (n, nj) N m, what its torque is
+        more than where the motion began; for who knows the wrench and not the robot's loop.
+        """
+        return np.zeros_like(load)
+
     def resolution(self, p: Mapping[str, float]) -> float:
         """Rad within which a reading does not tell the angle; 0 of what does not round."""
         return 0.0
@@ -191,7 +197,8 @@ class Effect(ABC):
         `load`, the motion under a servo's own loop: that, and what is in the loop. `needed`, the torque of a measured
         motion by inverse dynamics: what follows from each sample or the path so far, so no effect of timing, gear play
         or readings.
-        `wrench`, what a wrist's force sensor reads: its own errors, and whatever needs a scene to act on.
+        `wrench`, what a wrist's force sensor reads along the flange's path: its own errors, an arm that gives way out
+        of its encoders' sight, and whatever needs a scene to act on.
         """
         motion = ("write", "drive", "friction", "torque", "observe")
         sample = ("write", "friction", "inverse", "along", *(() if self.overrides("start") else ("torque",)))
@@ -199,7 +206,7 @@ class Effect(ABC):
         out |= {"servo", "load"} if any(map(self.overrides, ("goal", "regulate"))) else set()
         out |= {"needed"} if any(map(self.overrides, sample)) else set()
         scenic = self.family in ("contact", "task") or not self.searchable
-        felt = self.overrides("wrench") or (scenic and self.overrides("write"))
+        felt = self.overrides("wrench") or self.overrides("yields") or (scenic and self.overrides("write"))
         return frozenset(out | ({"wrench"} if felt else set()))
 
     def overrides(self, hook: str) -> bool:

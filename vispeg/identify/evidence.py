@@ -74,6 +74,7 @@ class Evidence(Freedom):
     decisive = (
         np.inf
     )  # drop of the squared whitened residual that no chance makes, where errors that hang together count
+    alike = 0.0  # share of what an effect removes that does not tell it from a rival
     correlated = 1.0  # readings in a row whose floor is one and the same error
 
     def tells(self, difference: np.ndarray) -> np.ndarray:

@@ -36,6 +36,7 @@ class Asked:
     noise: Mapping[str, float] = field(default_factory=dict)
     force_limit: float | None = None
     torque_sensor: Literal["joint", "motor", "none"] = "joint"
+    wrench_sensor: Literal["flange", "none"] = "flange"
     repeat: int = 1
     cameras: Sequence[str] = ()
     size: tuple[int, int] = (320, 240)

@@ -26,8 +26,9 @@ from vispeg.robots.model import load
 from vispeg.task.belief import believed
 from vispeg.task.registry import FIRST, task, task_of
 from vispeg.task.rig import table
+from vispeg.task.rig.commanded import CellMotion
 from vispeg.task.rig.expert import EXPERT, record_expert
-from vispeg.task.rig.motions import CellMotion, motion
+from vispeg.task.rig.motions import motion
 from vispeg.task.rig.record import record_cell
 from vispeg.worlds.world import World
 
@@ -56,9 +57,9 @@ def cell_motion(
     Raises:
         UserError: no such motion or file; one that the arm cannot make.
     """
-    if Path(name).suffix:
-        return table.read(Path(name), rate_hz, force_limit)
     belief = believed(world.cell)
+    if Path(name).suffix:
+        return table.read(Path(name), belief.scene.joints, rate_hz, force_limit)
     paths = task_of(belief.config).motions
     if name not in paths:
         raise UserError("not a motion of a cell", key="--motion", got=name, choices=(*paths, EXPERT))
@@ -124,7 +125,7 @@ def commands(model: str, name: str, *, rate_hz: float, seed: int, duration: floa
     world = read_model(model)
     if name in motions_of(world) and (world.cell is not None or name not in JOINT):
         made = cell_motion(world, name, rate_hz=rate_hz, seed=seed)
-        return table.text(made), float(made.time[-1])
+        return table.text(made, believed(world.cell).scene.joints), float(made.time[-1])
     if name in LOOKS:
         scene = scene_of(world)
         joints, joint = scene.joints, look_motion(name, scene, rate_hz, duration or LOOK_S)

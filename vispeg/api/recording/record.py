@@ -51,6 +51,7 @@ def record(
     noise: Mapping[str, float] | None = None,
     force_limit: float | None = None,
     torque_sensor: Literal["joint", "motor", "none"] = "joint",
+    wrench_sensor: Literal["flange", "none"] = "flange",
     repeat: int = 1,
     cameras: Sequence[str] = (),
     size: tuple[int, int] = (320, 240),
@@ -77,6 +78,7 @@ def record(
         noise: 1-sigma by signal, SI: `q`, `dq`, `tau`, `ee`, `ft`, `ft_torque`; a good arm's where not given.
         force_limit: in a cell, the greatest force that the controller asks for, N.
         torque_sensor: what `tau` measures: torque behind the gear, the motor's, nothing.
+        wrench_sensor: in a cell, whether the wrench at the flange is recorded; without it contact is told from `tau`.
         repeat: runs of the same motion; more than one become episodes.
         cameras: in a cell, names of its own cameras, or camera files; a look has `wrist_wide` where none is given.
         size: (width, height) px of the pictures of the cell's own cameras.
@@ -105,6 +107,7 @@ def record(
         noise or {},
         force_limit,
         torque_sensor,
+        wrench_sensor,
         repeat,
         cameras,
         size,
@@ -144,6 +147,7 @@ def _of_arm(asked: Asked, world: World) -> SimulatedRecording:
         cameras=((), [], None),
         look=(None,),
         force_limit=(None,),
+        wrench_sensor=("flange",),
     )
     if asked.tool is not None:
         world = replace(world, tool=None if asked.tool == "none" else asked.tool)
@@ -173,10 +177,14 @@ def _of_contact(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
     none = (None,)
     usual = {"control": (None, "osc"), "kp": none, "kd": none, "duration": none, "tool": none}
     asked.refuse("not for a motion that touches", OF_ARMS, **usual)
+    if asked.torque_sensor == "none":
+        asked.refuse("touches, and nothing reads a force", "torques or a wrench", wrench_sensor=("flange",))
     if asked.torque_sensor == "motor":
         raise UserError("not in a cell", key="--torque-sensor", got="motor", choices=("joint", "none"))
     scene = robot_of_world(world)
     names = asked.cameras or (("wrist_wide",) if asked.motion.startswith("look") else ())
+    if not names:
+        asked.refuse("nothing takes pictures", "--cameras beside it", look=none)
     cameras: tuple[Camera, ...] = ()
     looks: tuple[EffectInstance, ...] = ()
     if isinstance(scene, Scene):
@@ -200,12 +208,15 @@ def _of_contact(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
             backend=asked.backend,
             progress=progress,
         )
+    if asked.wrench_sensor == "none":
+        noise = {name: level for name, level in rec.noise.items() if not name.startswith("ft")}
+        rec = replace(rec, ft=None, wrench=None, noise=noise)
     return SimulatedRecording(rec, world.label, asked.repeat, asked.look if looks else None)
 
 
 def _of_cameras(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
     usual = {"control": (None, "position"), "kp": (None,), "kd": (None,), "tool": (None,), "repeat": (1,)}
-    asked.refuse("not for a motion that looks", **usual)
+    asked.refuse("not for a motion that looks", wrench_sensor=("flange",), **usual)
     if asked.is_file:
         asked.refuse("a table has its own", duration=(None,))
     cameras = cameras_of(asked.cameras or ("wrist_wide",), scene_of(world), asked.pixels)

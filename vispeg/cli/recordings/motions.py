@@ -89,5 +89,5 @@ def _refuse_other(path: Path) -> None:
         raise UserError("not a file", file=path)
     with path.open("rb") as file:
         names = file.readline(100_000).decode("utf-8", "replace").strip().split(",")
-    if names[0] != "time" or not all(n.partition(".")[0] in ("q_cmd", "dq_cmd", "ee_cmd") for n in names[1:]):
+    if names[0] != "time" or not all(n.partition(".")[0] in ("q_cmd", "dq_cmd", "ee_cmd", "q_null") for n in names[1:]):
         raise UserError("not a motion; it is not replaced", file=path, expected="time, q_cmd.*, dq_cmd.*, ee_cmd.*")

@@ -4,8 +4,8 @@ MOTION is fourier, chirp, triangle, steps, sweep, mix, osc, or a CSV with time, 
 the next_experiment/samples.csv that `vispeg diagnose` writes. `--effects` adds effects to those of the model file. A
 named motion is made smaller where a joint would pass its speed limit, with a note; a CSV is replayed unchanged.
 In a cell (MODEL is {cell}, a world, or a model with `cell`) MOTION may also be free, press, slide, insert, rock, tap,
-insert-turned, hard-press, touch-datum, mix, expert (a whole insertion by the scripted policy) or a CSV with time and
-ee_cmd.*. The task's controller runs and the wrench is recorded; with `--cameras` pictures are taken too.
+insert-turned, press-elbow, hard-press, touch-datum, mix, expert (a whole insertion by the scripted policy) or a CSV
+with time and ee_cmd.*. The task's controller runs and the wrench is recorded; with `--cameras` pictures are taken too.
 look, look-tilt, look-roll, look-approach, look-sideways and look-fast take pictures without contact; look-and-insert
 has both.
 
@@ -58,6 +58,8 @@ class Args:
     """In a cell: greatest force that the controller asks for, N; the task's or the motion's where not given."""
     torque_sensor: Literal["joint", "motor", "none"] = "joint"
     """What `tau` measures: torque behind the gear, motor torque, nothing."""
+    wrench_sensor: Literal["flange", "none"] = "flange"
+    """In a cell: whether the wrench at the flange is recorded; without it contact is told from `tau`."""
     repeat: int = 1
     """Runs of the same motion; more than one become episodes of the recording."""
     table: Literal["csv", "parquet"] = "csv"
@@ -98,6 +100,7 @@ class Args:
             noise=dict(map(_level, self.noise)),
             force_limit=self.force_limit,
             torque_sensor=self.torque_sensor,
+            wrench_sensor=self.wrench_sensor,
             repeat=self.repeat,
             cameras=[name for text in self.cameras for name in text.split(",") if name],
             size=_size(self.size),

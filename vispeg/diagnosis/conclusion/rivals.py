@@ -119,7 +119,7 @@ def _compare(search: Search, state: State, label: str, trials: list[Trial], with
     equals = [
         t
         for t in others
-        if equal(search.judge, t.loss, state.loss, without)
+        if equal(search.judge, t.loss, state.loss, without, search.evidence.alike)
         and not t.absent
         and t.gain.relative > 0
         and not merely_richer(search.judge, t, state, label)

@@ -107,14 +107,16 @@ def threshold(scores: Sequence[float], tested: int) -> float:
     return float(stats.norm.isf(levels[passed[-1] if len(passed) else 0]))
 
 
-def equal(judge: Judge, loss: np.ndarray, best: np.ndarray, without: float = 1.0) -> bool:
+def equal(judge: Judge, loss: np.ndarray, best: np.ndarray, without: float = 1.0, alike: float = 0.0) -> bool:
     """Whether held-out data cannot tell a world from a better one: not significantly worse, or hardly worse.
 
-    Hardly is measured on what is left above the floor and on the excess `without` either: no model is exact.
+    Hardly is measured on what is left above the floor and on the excess `without` either, or on the share `alike` of
+    all that the better one removes: no model is exact.
     """
     gain = judge.gain(loss, best)
     excess = max(judge.mean(best) - 1.0, 0.0)
-    hardly = gain.mean <= max(TIE * (excess + 0.3), LEAST_SHARE * (without - 1.0))
+    share = max(LEAST_SHARE * (without - 1.0), alike * (without - judge.mean(best)))
+    hardly = gain.mean <= max(TIE * (excess + 0.3), share)
     return hardly or (gain.z < 2.0 and not judge.apart(gain))
 
 

@@ -15,7 +15,7 @@ from vispeg.recordings.recording import Recording
 from vispeg.task.belief import believed
 from vispeg.task.environments.simulation import TaskSimulation
 from vispeg.task.registry import task_of
-from vispeg.task.rig.path import posture
+from vispeg.task.rig.posture import posture
 from vispeg.task.rig.record import controller, recording, with_noise
 from vispeg.task.rig.run import STEP, Reader
 from vispeg.worlds.world import World

@@ -1,8 +1,8 @@
 """Motions that make a cell show what its model lacks of contact; each begins with a second in free air.
 
 What each is for: free air shows the tool's mass and centre and the sensor's zero; presses stiffness, compliance and
-heights; slides friction; insertions the gap and the goal's place; a hard press what slips; taps damping; a datum what
-is grip and what is goal.
+heights, and with the elbow turned what of it is the arm's; slides friction; insertions the gap and the goal's place; a
+hard press what slips; taps damping; a datum what is grip and what is goal, and what is the arm's.
 """
 
 from __future__ import annotations
@@ -16,31 +16,14 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.robots.scene import Scene
 from vispeg.task.config import TaskConfig
+from vispeg.task.rig.commanded import CellMotion
 from vispeg.task.rig.path import Frame, Path, commands, quarter
+from vispeg.task.rig.posture import elbow_turned
 
 OVER = 0.03  # m: the tip over the fixture in free air
 NEAR = 0.0015  # m over a surface, from where it is approached slowly
 LOOK, LOOKS = 0.06, 14  # m of the tip over the goal about which a look moves, and the views that it moves through
 AIR = 1.1  # s in free air that every motion begins with
-
-
-@dataclass(frozen=True)
-class CellMotion:
-    """A commanded motion of the flange in a cell.
-
-    Attributes:
-        name: of the motion.
-        time: (n,) s.
-        ee_cmd: (n, 7) flange pose in the base, m and w x y z.
-        force_limit: N, greatest force that the controller may ask for in it; None for the task's own.
-        stiffness: of the controller in it, 1/s^2, for translation and rotation; None for the task's own.
-    """
-
-    name: str
-    time: np.ndarray
-    ee_cmd: np.ndarray
-    force_limit: float | None = None
-    stiffness: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -104,6 +87,11 @@ def press(place: Place, count: int = 4) -> Path:
         path.to(0.8, force=(0, 0, -place.vary(25.0, 0.05))).to(0.2).to(0.6, force=(0, 0, -5.0)).to(0.15)
         _up(path)
     return path.to(0.2)
+
+
+def press_elbow(place: Place) -> Path:
+    """Presses with the elbow turned and the flange as before: what of a give turns with the arm is the arm's."""
+    return press(place)
 
 
 def slide(place: Place) -> Path:
@@ -263,6 +251,7 @@ Motions = Mapping[str, Callable[[Place], Path]]
 PATHS: Motions = {
     "free": free,
     "press": press,
+    "press-elbow": press_elbow,
     "slide": slide,
     "insert": insert,
     "insert-turned": insert_turned,
@@ -274,6 +263,7 @@ PATHS: Motions = {
     "look-and-insert": look_and_insert,
 }
 STIFF = {"slide": (600.0, 2400.0)}  # 1/s^2: a wrist that gives way by cm sticks and jumps where it should slide
+TURNED = ("press-elbow",)  # made with the elbow turned
 ROOM = 1.25  # the controller's force limit over the greatest force that is asked for
 
 
@@ -296,5 +286,6 @@ def motion(
         raise UserError("unknown motion of a cell", key="--motion", got=name, choices=(*paths, "expert"))
     time, frames = paths[name](Place(scene, rng)).frames(rate_hz)
     most = ROOM * float(np.linalg.norm(frames[:, 6:9], axis=1).max())
-    ee_cmd = commands(frames, scene, STIFF.get(name, config.stiffness))
-    return CellMotion(name, time, ee_cmd, most if most > config.force_limit else None, STIFF.get(name))
+    posture = elbow_turned(scene) if name in TURNED else None
+    ee_cmd = commands(frames, scene, STIFF.get(name, config.stiffness), posture)
+    return CellMotion(name, time, ee_cmd, most if most > config.force_limit else None, STIFF.get(name), posture)

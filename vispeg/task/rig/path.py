@@ -12,7 +12,8 @@ from vispeg.core.errors import UserError
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import nominal_of
 from vispeg.sim.reach import reach
-from vispeg.task.start import DOWN, home
+from vispeg.task.rig.posture import posture
+from vispeg.task.start import DOWN
 
 Vec = tuple[float, float, float]
 RAMP = 0.1  # s in which a piece of even speed gets going
@@ -77,7 +78,9 @@ class Path:
         return time, out
 
 
-def commands(frames: np.ndarray, scene: Scene, stiffness: tuple[float, float]) -> np.ndarray:
+def commands(
+    frames: np.ndarray, scene: Scene, stiffness: tuple[float, float], near: np.ndarray | None = None
+) -> np.ndarray:
     """Flange poses (n, 7) m and w x y z to command, so that the controller exerts what the frames ask for.
 
     An operational space controller holds the flange by a spring: a pose error `e` gives the wrench `Lambda K e`. The
@@ -88,6 +91,7 @@ def commands(frames: np.ndarray, scene: Scene, stiffness: tuple[float, float]) -
         frames: (n, 11) numbers of `Frame`.
         scene: the believed cell.
         stiffness: of the controller, 1/s^2, for translation and rotation.
+        near: (nj,) rad, the posture in which the arm does it; the cell's where none is stated.
 
     Raises:
         UserError: a pose out of the arm's reach.
@@ -99,10 +103,11 @@ def commands(frames: np.ndarray, scene: Scene, stiffness: tuple[float, float]) -
     still = np.array([0.0, 0.0, 1.0]) * pivot  # of the tool's part below the pivot, straight
     pos = np.array(scene.target) + tip + still - rotated(rot, up)
     lever = np.cross(rotated(rot, np.array([0.0, 0.0, scene.tip])), force)
-    error = np.concatenate([force, lever], axis=1) @ _softness(scene, stiffness).T
+    q = posture(scene) if near is None else near
+    error = np.concatenate([force, lever], axis=1) @ _softness(scene, stiffness, q).T
     pos = pos + error[:, :3]
     rot = turned(rot, error[:, 3:])
-    _check(scene, pos, rot)
+    _check(scene, pos, rot, q)
     return np.concatenate([pos, rot], axis=1)
 
 
@@ -124,33 +129,18 @@ def quarter(scene: Scene) -> float:
     return max(margins)[1]
 
 
-def start_angles(scene: Scene, pose: np.ndarray) -> np.ndarray:
-    """Joint angles (nj,) rad that put the flange at `pose` (7,), from the cell's posture."""
-    nominal = nominal_of(scene.nominal, 1)
-    q, error = reach(nominal, pose[None, :3], pose[None, 3:], home(scene)[None])
-    low, high = scene.range.T
-    if error[0] > 1e-4 or not ((q[0] >= low) & (q[0] <= high)).all():
-        raise UserError("the motion begins out of the arm's reach", key="--motion", got=pose[:3].round(3).tolist())
-    return q[0]
-
-
-def posture(scene: Scene) -> np.ndarray:
-    """Joint angles (nj,) rad over the goal: what the null space is pulled to."""
-    return start_angles(scene, np.concatenate([np.array(scene.target) + [0, 0, 0.03 + scene.tip], DOWN]))
-
-
-def _softness(scene: Scene, stiffness: tuple[float, float]) -> np.ndarray:
-    """(6, 6) pose error a wrench at the flange, straight over the goal."""
-    mass, jac, *_ = nominal_of(scene.nominal, 1).operational(posture(scene)[None])
+def _softness(scene: Scene, stiffness: tuple[float, float], q: np.ndarray) -> np.ndarray:
+    """(6, 6) pose error a wrench at the flange, straight over the goal in the posture q (nj,) rad."""
+    mass, jac, *_ = nominal_of(scene.nominal, 1).operational(q[None])
     inverse = (jac @ np.linalg.solve(mass, np.swapaxes(jac, 1, 2)))[0]
     return inverse / np.repeat(stiffness, 3)[:, None]
 
 
-def _check(scene: Scene, pos: np.ndarray, rot: np.ndarray, count: int = 64) -> None:
+def _check(scene: Scene, pos: np.ndarray, rot: np.ndarray, near: np.ndarray, count: int = 64) -> None:
     """Looks at some of the poses. Raises UserError for one that the arm cannot take."""
     some = np.unique(np.linspace(0, len(pos) - 1, count).astype(int))
     nominal = nominal_of(scene.nominal, len(some))
-    q, error = reach(nominal, pos[some], rot[some], np.tile(posture(scene), (len(some), 1)))
+    q, error = reach(nominal, pos[some], rot[some], np.tile(near, (len(some), 1)))
     low, high = scene.range.T
     bad = (error > 1e-3) | (q < low).any(axis=1) | (q > high).any(axis=1)
     if bad.any():

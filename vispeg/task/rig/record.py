@@ -21,8 +21,8 @@ from vispeg.task.belief import Believed, believed
 from vispeg.task.config import TaskConfig
 from vispeg.task.control import DAMPING, POSTURE
 from vispeg.task.registry import task_of
-from vispeg.task.rig.motions import CellMotion
-from vispeg.task.rig.path import posture, start_angles
+from vispeg.task.rig.commanded import CellMotion
+from vispeg.task.rig.posture import posture, start_angles
 from vispeg.task.rig.run import STEP, Ran, run
 from vispeg.worlds.world import World
 
@@ -33,10 +33,11 @@ def controller(
     rate_hz: float,
     force_limit: float | None = None,
     stiffness: tuple[float, float] | None = None,
+    near: np.ndarray | None = None,
 ) -> Control:
-    """The task's controller as a recording states it, with another limit or stiffness where a motion asks for it."""
+    """The task's controller as a recording states it, with another limit, stiffness or posture where a motion asks."""
     kp = np.repeat(np.array(stiffness or config.stiffness, float), 3)
-    null = Nullspace(POSTURE, DAMPING, posture(scene))
+    null = Nullspace(POSTURE, DAMPING, posture(scene) if near is None else near)
     limit = scene.nominal.torque_limit
     return Control(
         "osc",
@@ -84,8 +85,10 @@ def record_cell(
         UserError: the arm does not follow, or the world has no cell.
     """
     belief = _believed(world)
-    control = controller(belief.scene, belief.config, rate_hz, motion.force_limit, motion.stiffness)
-    q = start_angles(belief.scene, motion.ee_cmd[0])
+    control = controller(
+        belief.scene, belief.config, rate_hz, motion.force_limit, motion.stiffness, motion.posture
+    )
+    q = start_angles(belief.scene, motion.ee_cmd[0], motion.posture)
     plant = belief.world.add(*world.effects)
     ran = run(belief.scene, [plant], control, motion.ee_cmd, q, np.zeros_like(q), h_max=h_max, nthread=nthread)
     if ran.diverged[0]:

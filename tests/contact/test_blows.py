@@ -1,0 +1,100 @@
+"""Blows: run again from just before each, they tell the damping of a contact, and nothing else names it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from vispeg.contact.profile import place_of, places
+from vispeg.contact.run import evidence_of
+from vispeg.contact.taps.blows import blows, forces
+from vispeg.contact.taps.damping import struck
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.seeds import stream
+from vispeg.effects.common.parts import shapes
+from vispeg.effects.contact.restitution import ratio
+from vispeg.recordings.cell import CellBelief
+from vispeg.recordings.noise import NOISE
+from vispeg.robots.tools import CELL
+from vispeg.sim.compiled import compiled
+from vispeg.task.belief import believed
+from vispeg.task.rig.commanded import CellMotion
+from vispeg.task.rig.motions import Place
+from vispeg.task.rig.path import commands
+from vispeg.task.rig.record import record_cell
+from vispeg.worlds.world import World
+
+MODEL = World("iiwa14", CELL, cell=CellBelief("nominal"))
+FOUND = believed(MODEL.cell)
+PLACE = Place(FOUND.scene, stream(1, "blows"))
+
+
+@lru_cache
+def tapped(seed, *hidden):
+    """Three taps at 15 to 40 mm/s, 3.5 s."""
+    path = PLACE.begin(0.012)
+    for k, speed in enumerate((0.035, 0.012, 0.03)):
+        x, y = PLACE.aside * np.cos(k + seed), PLACE.aside * np.sin(k + seed)
+        path.to(0.3, tip=(x, y, 0.006)).to(0.009 / speed, "even", tip=(x, y, -0.003)).to(0.1).to(0.2, tip=(x, y, 0.006))
+    time, frames = path.frames(500.0)
+    made = CellMotion("tap", time, commands(frames, FOUND.scene, FOUND.config.stiffness))
+    return record_cell(MODEL.add(*map(placed, hidden)), made, NOISE, stream(seed, "blows"))
+
+
+def placed(text):
+    """Of the peg, `EFFECT:param=value`."""
+    name, _, value = text.partition(":")
+    param, _, number = value.partition("=")
+    return EffectInstance.of(name, "peg", **{param: float(number)})
+
+
+def test_a_blow_run_again_in_the_true_world_has_the_measured_force():
+    """Within the stated share in each window; with ten times less damping it has not."""
+    truth, wrong = World(), World().add(placed("contact_damping:scale=0.1"))
+    found = blows(tapped(1))
+    assert len(found) == 3 and [round(b.speed, 2) for b in found] == pytest.approx([0.035, 0.012, 0.03], abs=0.01)
+    scores = np.array([[np.abs(b.force - f) / b.sigma for f in forces(b, [truth, wrong])] for b in found])
+    assert np.sqrt(np.mean(scores[:, 0] ** 2)) < 1.0 < 2.0 < np.sqrt(np.mean(scores[:, 1] ** 2))
+
+
+def nominal_ratio():
+    """Damping ratio of the peg's contacts."""
+    return compiled(FOUND.scene).geom_solref[shapes(compiled(FOUND.scene), "peg")[0], 1]
+
+
+@pytest.mark.parametrize(
+    ("hidden", "true"),
+    [("contact_damping:scale=0.2", 0.2), ("restitution:e=0.5", ratio(np.array(0.5)) / nominal_ratio())],
+    ids=["damping", "restitution"],
+)
+def test_damping_and_restitution_are_named_as_one_number_from_taps(hidden, true):
+    found = struck(World(), [tapped(1, hidden)], [tapped(2, hidden)])
+    (named,) = found.effects
+    got = named.params["scale"]
+    assert got.low is not None and got.high is not None
+    assert named.label == "contact_damping(peg)" and got.low <= true <= got.high
+    assert got.high < 0.6 and "restitution" in found.notes[0]
+
+
+def test_nothing_is_named_where_damping_is_nominal_or_something_else_is_softer():
+    assert not struck(World(), [tapped(1)], [tapped(2)]).effects
+    soft = "contact_stiffness:scale=0.1"
+    found = struck(World(), [tapped(1, soft)], [tapped(2, soft)])
+    assert not found.effects and ("not named" in found.notes[0] or "no damping explains" in found.notes[0])
+    beside = struck(World().add(placed(soft)), [tapped(1, soft)], [tapped(2, soft)])
+    assert not beside.effects and "fit them" in beside.notes[0], "nor beside what was found"
+
+
+def test_a_wrench_along_a_path_never_names_it_and_without_blows_it_is_not_excited():
+    rec = tapped(1)
+    air = rec.time < 1.0
+    cut = {k: getattr(rec, k)[air] for k in ("time", "q", "dq", "tau", "ee", "ee_cmd", "ft")}
+    free = replace(rec, **cut)
+    (unseen,) = struck(World(), [free], [rec]).unseen
+    assert unseen["effect"] == "contact_damping" and unseen["motion"] == "tap" and "nothing was hit" in unseen["why"]
+    offered = {name for name, _ in places(evidence_of([rec]), World())}
+    assert "contact_damping" not in offered and "contact_stiffness" in offered
+    assert place_of(effect("contact_damping"), FOUND.scene) == "peg"

@@ -1,0 +1,171 @@
+"""What blows say of a contact's damping: one number, which MuJoCo's damping ratio and a restitution both stand for.
+
+Nothing else is looked for in blows. The name is given only where no effect of another kind fits them as well: a softer
+contact, fixture or arm lengthens a blow, and a late sensor shifts it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vispeg.contact.likely import QUANTILE
+from vispeg.contact.profile import looked_for, place_of, tries
+from vispeg.contact.taps.blows import Blow, blows, forces, restarts
+from vispeg.core.effect import EffectInstance, Value, effect
+from vispeg.diagnosis.schema import NotExcited
+from vispeg.effects.common.parts import shapes
+from vispeg.effects.contact.restitution import rebound
+from vispeg.recordings.recording import Recording
+from vispeg.robots.scene import Scene
+from vispeg.sim.compiled import compiled
+from vispeg.task.belief import believed
+from vispeg.worlds.world import World
+
+NAME, TWIN = "contact_damping", "restitution"
+SCALES = np.geomspace(0.05, 10.0, 15)
+FINER = 4  # between two of them about the best, once more
+HANG = 2.0  # readings of a blow whose errors are one
+EXPLAINED = 2.0  # mean squared residual up to which a world explains the blows
+BESIDE = ("compliance", "friction", "free air")  # stages of the effects that blows may come from, too
+
+
+@dataclass(frozen=True)
+class Struck:
+    """What came of it.
+
+    Attributes:
+        effects: none, or the damping with its interval.
+        notes: for the user.
+        unseen: the effect, where no blow can tell it.
+    """
+
+    effects: tuple[EffectInstance, ...] = ()
+    notes: tuple[str, ...] = ()
+    unseen: tuple[NotExcited, ...] = ()
+
+
+def struck(world: World, fitted: Sequence[Recording], held_out: Sequence[Recording], nthread: int = 1) -> Struck:
+    """Fits the damping to the blows of some recordings and judges it on those of others.
+
+    Args:
+        world: with the effects that were found so far.
+        fitted, held_out: recordings; those under a stated osc controller are run again.
+        nthread: of the simulation.
+    """
+    if any(e.effect in (NAME, TWIN) for e in world.effects):
+        return Struck()
+    fit, judge = ([b for rec in some for b in blows(rec)] for some in (fitted, held_out))
+    if not fit or not judge:
+        return Struck(unseen=_unseen([*fitted, *held_out]))
+    scene = fit[0].scene
+    where = place_of(effect(NAME), scene)
+    scale, low, high, least, none = _fitted(world, where, fit, nthread)
+    best = EffectInstance.of(NAME, where, scale=scale)
+    before, after = (_off(judge, w, nthread) for w in (world, world.add(best)))
+    count = f"{len(fit)} blows and {len(judge)} held-out ones, run again from just before each"
+    force = f"the force after the held-out ones is off by {before.rms:.2g} N RMS"
+    rise = _rise(least, fit)
+    if none - least <= rise or low <= 1.0 <= high or before.square - after.square <= QUANTILE * HANG:
+        e = " to ".join(f"{_restitution(scene, where, s):.2g}" for s in (high, low))
+        text = f"{low:.2g} to {high:.2g} times the nominal damping ({TWIN} {e}) fit them"
+        if before.square > EXPLAINED * before.count:
+            text = "no damping explains them"
+        return Struck(notes=(f"{count}: {force}; {text}",))
+    rivals = _rivals(world, scene, fit, least + rise, nthread)
+    if after.square > EXPLAINED * after.count or rivals:
+        why = f"{' or '.join(rivals)} explain them as well" if rivals else "no damping explains them"
+        return Struck(
+            notes=(f"{count}: {force}, {after.rms:.2g} N with {best.label} at {scale:.2g}; {why}: not named",)
+        )
+    named = EffectInstance(NAME, where, {"scale": Value(scale, low, high)})
+    e = [_restitution(scene, where, s) for s in (scale, high, low)]
+    text = f"{count}: {force}, {after.rms:.2g} N with {best.label}; it is one number with {TWIN}, here "
+    return Struck((named,), (f"{text}e = {e[0]:.2g} [{e[1]:.2g}, {e[2]:.2g}]",))
+
+
+@dataclass(frozen=True)
+class _Off:
+    """Squared whitened residual, number of readings, RMS error in N."""
+
+    square: float
+    count: int
+    rms: float
+
+
+def _off(some: Sequence[Blow], world: World, nthread: int) -> _Off:
+    error = np.concatenate([b.force - np.nan_to_num(forces(b, [world], nthread)[0]) for b in some])
+    sigma = np.concatenate([b.sigma for b in some])
+    return _Off(float(np.sum((error / sigma) ** 2)), len(error), float(np.sqrt(np.mean(error**2))))
+
+
+def _squares(some: Sequence[Blow], worlds: Sequence[World], nthread: int) -> np.ndarray:
+    """(nworld,) squared whitened residual over all blows; a world that does not touch has no force."""
+    total = np.zeros(len(worlds))
+    for b in some:
+        total += np.sum(((b.force - np.nan_to_num(forces(b, worlds, nthread))) / b.sigma) ** 2, axis=1)
+    return total
+
+
+def _rise(least: float, some: Sequence[Blow]) -> float:
+    """By how much the squared residual may rise within an interval."""
+    return QUANTILE * HANG * max(1.0, least / sum(len(b.force) for b in some))
+
+
+def _fitted(world: World, where: str, some: Sequence[Blow], nthread: int) -> tuple[float, float, float, float, float]:
+    """Best scale, its interval's ends, the squared residual there and that of the nominal damping."""
+
+    def squares(scales: np.ndarray) -> np.ndarray:
+        return _squares(some, [world.add(EffectInstance.of(NAME, where, scale=float(s))) for s in scales], nthread)
+
+    coarse = squares(SCALES)
+    k = int(np.argmin(coarse))
+    finer = np.geomspace(SCALES[max(k - 1, 0)], SCALES[min(k + 1, len(SCALES) - 1)], 2 * FINER + 1)
+    scales, values = np.r_[SCALES, finer, 1.0], np.r_[coarse, squares(finer), squares(np.ones(1))]
+    none, order = float(values[-1]), np.argsort(scales)
+    scales, values = scales[order], values[order]
+    best = int(np.argmin(values))
+    level = float(values[best]) + _rise(float(values[best]), some)
+    inside = np.flatnonzero(values <= level)
+    low, high = inside[0], inside[-1]
+    return (
+        float(scales[best]),
+        _crossing(scales, values, level, low, max(low - 1, 0)),
+        _crossing(scales, values, level, high, min(high + 1, len(scales) - 1)),
+        float(values[best]),
+        none,
+    )
+
+
+def _crossing(scales: np.ndarray, values: np.ndarray, level: float, inside: int, outside: int) -> float:
+    """The scale between two at which the squared residual comes to a level; the last one where it does not."""
+    if values[outside] <= level:
+        return float(scales[inside])
+    share = (level - values[inside]) / (values[outside] - values[inside])
+    return float(np.exp(np.log(scales[inside]) * (1 - share) + np.log(scales[outside]) * share))
+
+
+def _rivals(world: World, scene: Scene, some: Sequence[Blow], most: float, nthread: int) -> list[str]:
+    """Effects that some size of explains the blows as well."""
+    there = {e.effect for e in world.effects}
+    kinds = [k for k in looked_for() if k.stage in BESIDE and k.name not in there and place_of(k, scene)]
+    probes = [p for k in kinds for _, p in tries(k.name, place_of(k, scene))]
+    found = _squares(some, [world.add(p) for p in probes], nthread)
+    return sorted({p.label for p, square in zip(probes, found, strict=True) if square <= most})
+
+
+def _restitution(scene: Scene, where: str, scale: float) -> float:
+    """Coefficient of restitution of the contact with so many times its damping."""
+    model = compiled(scene)
+    z = float(model.geom_solref[shapes(model, where)[0], 1])
+    return float(rebound(np.array(scale * z)))
+
+
+def _unseen(recordings: Sequence[Recording]) -> tuple[NotExcited, ...]:
+    """Why no blow tells it."""
+    hit, runs = "nothing was hit in what is fitted, or in what is held out", any(restarts(r) for r in recordings)
+    why = hit if runs else "blows are run again under a stated controller of mode osc, with a wrench"
+    where = place_of(effect(NAME), believed(recordings[0].cell, recordings[0].path).scene)
+    return ({"effect": NAME, "where": where, "why": why, "motion": effect(NAME).shown_by[0]},)

@@ -1,0 +1,72 @@
+"""Where the hand is if the arm gives way behind its encoders: `-J C (tau - tau_0)` off the measured path.
+
+The torque of a joint is what its links weigh and what the flange puts on the tool, `g(q) + J' W`; `tau_0` is that at
+the start of the episode. A sensor's zero is the same all along and drops out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vispeg.contact.path import PATH_HZ, jacobian
+from vispeg.core.effect import effect
+from vispeg.recordings.differentiate import smooth
+from vispeg.sim.external import flange_jacobian, needed
+from vispeg.worlds.places import values
+from vispeg.worlds.world import World
+
+if TYPE_CHECKING:
+    from vispeg.contact.evidence import ContactItem
+
+EVERY = 0.02  # s between the postures that are looked at
+
+
+def yielding(world: World) -> World:
+    """What of a world lets the arm give way."""
+    return world.only(lambda e: effect(e.effect).overrides("yields"))
+
+
+def given_way(item: ContactItem, worlds: Sequence[World], wrench: np.ndarray) -> np.ndarray | None:
+    """How far each world's hand is off the measured path.
+
+    Args:
+        item: an episode.
+        worlds: with all that a wrench can show.
+        wrench: (nworld, n, 6) N, N m, what each world takes for the wrench on the tool, flange axes.
+
+    Returns:
+        (nworld, 2, n, 6): the hand's coordinates (m, rad) less the path's, and their rates; None where nothing yields.
+    """
+    soft = [yielding(w) for w in worlds]
+    if not any(w.effects for w in soft):
+        return None
+    path, arm = item.path, item.source.scene.nominal
+    time = path.time
+    rows = path.rows[:: max(1, round(EVERY * item.recording.rate_hz))]
+    clock = item.recording.time[rows] - item.recording.time[path.rows[0]]
+    q = np.nan_to_num(item.recording.q[rows])
+    jac, still = flange_jacobian(arm, q), np.zeros_like(q)
+    weight = needed(arm, q, still, still)
+    turn = jacobian(np.stack([np.interp(clock, time, a) for a in path.place[:, 3:].T], axis=1))
+
+    def on_steps(v: np.ndarray) -> np.ndarray:
+        flat = v.reshape(len(clock), -1)
+        return np.stack([np.interp(time, clock, c) for c in flat.T], axis=1).reshape(len(time), *v.shape[1:])
+
+    jac, weight = on_steps(jac), on_steps(weight)
+    to_hand = on_steps(np.linalg.inv(np.swapaxes(turn, 1, 2)))  # of a twist in the flange's axes
+    out = np.zeros((len(worlds), 2, len(time), 6))
+    for w, world in enumerate(soft):
+        if not world.effects:
+            continue
+        load = weight + np.einsum("nij,ni->nj", jac, wrench[w])
+        load, behind = load - load[item.phase.rest].mean(axis=0), np.zeros_like(load)
+        for kind in {effect(e.effect) for e in world.effects}:
+            p = values(kind, [world.effects], item.source.scene)
+            behind += kind.yields(load, p)
+        off = np.einsum("nij,njk,nk->ni", to_hand, jac, -behind)
+        out[w] = smooth(time, off, PATH_HZ)[:2]
+    return out

@@ -1,0 +1,47 @@
+"""Arm compliance: links and gears give way under a load, out of the encoders' sight.
+
+Each joint stands `compliance` times its torque away from what its encoder says, less what it did where the motion
+began: kinematics that are calibrated, or a goal that is taught with the same arm, account for the arm's own weight.
+Quasi-static; the spring with a motor behind it, which sags too, is joint_elasticity. At the flange it is the compliance
+`J C J'` of Salisbury 1980, Active stiffness control of a manipulator in Cartesian coordinates, 19th IEEE Conference on
+Decision and Control: it turns with the posture, and so is told from that of a fixture.
+"""
+
+from __future__ import annotations
+
+from vispeg.core.effect import Effect
+from vispeg.core.params import Param
+from vispeg.effects.common.parts import in_scene
+
+RELAXATION = 5e-3  # s in which it gives way
+
+
+class ArmCompliance(Effect):
+    """An arm that bends where it presses."""
+
+    name = "arm_compliance"
+    family = "joint"
+    order = 85
+    searchable = False  # of an arm in free air: what it does there, the calibration knows
+    shared = True
+    params = {"compliance": Param(0.0, 0.0, 1e-3, "rad/(N m)", start=5e-5, doc="way of each joint per torque")}
+    stage = "compliance"
+    sizes = {"compliance": (2e-5, 1e-4)}
+    shown_by = ("press", "press-elbow", "hard-press")
+    told_from = {"fixture_compliance": "touch-datum", "contact_stiffness": "touch-datum"}
+
+    def targets(self, model):
+        return in_scene(model, *model.joints)
+
+    def start(self, x, p):
+        return {"rest": x.tau.copy(), "load": x.tau.copy()}
+
+    def drive(self, state, tau, x, p):
+        state["load"] += (tau - state["load"]) * (x.h / (x.h + RELAXATION))
+        return tau
+
+    def observe(self, state, q, dq, x, p):
+        return q + self.yields(state["load"] - state["rest"], p), dq
+
+    def yields(self, load, p):
+        return p["compliance"] * load

@@ -1,0 +1,77 @@
+"""How the arm stands over the goal: the posture that motions of a cell begin near, and another for the same flange."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.robots.scene import Scene
+from vispeg.sim.compiled import nominal_of
+from vispeg.sim.reach import reach
+from vispeg.task.start import DOWN, home
+
+STEP, FAR = 0.02, 1.5  # rad of all joints together: from posture to posture, and at most
+ROOM = 0.3  # rad that each joint has left there
+TURN = 0.3  # rad, at least: less makes no other posture
+
+
+def start_angles(scene: Scene, pose: np.ndarray, near: np.ndarray | None = None) -> np.ndarray:
+    """Joint angles (nj,) rad that put the flange at `pose` (7,), near some angles or the cell's posture.
+
+    Raises:
+        UserError: a pose out of the arm's reach.
+    """
+    nominal = nominal_of(scene.nominal, 1)
+    start = home(scene) if near is None else near
+    q, error = reach(nominal, pose[None, :3], pose[None, 3:], start[None])
+    low, high = scene.range.T
+    if error[0] > 1e-4 or not ((q[0] >= low) & (q[0] <= high)).all():
+        raise UserError("the motion begins out of the arm's reach", key="--motion", got=pose[:3].round(3).tolist())
+    return q[0]
+
+
+def posture(scene: Scene) -> np.ndarray:
+    """Joint angles (nj,) rad over the goal: what the null space is pulled to."""
+    return start_angles(scene, np.concatenate([np.array(scene.target) + [0, 0, 0.03 + scene.tip], DOWN]))
+
+
+def elbow_turned(scene: Scene) -> np.ndarray:
+    """Joint angles (nj,) rad with the flange as in `posture` and the elbow turned about the line to the wrist.
+
+    Of the postures on the way to either side the one in which the flange's compliance `J J'` differs most from what it
+    was: so a give of the arm is told from one of the fixture.
+
+    Raises:
+        UserError: an arm with one way to hold its flange, or without room to turn.
+    """
+    nominal, q0 = nominal_of(scene.nominal, 1), posture(scene)
+    if len(q0) < 7:
+        raise UserError(
+            "the arm has no elbow to turn: each pose of its flange takes all its joints",
+            key="--motion",
+            expected="seven joints or more; with six, press on a stop that does not give way, such as the table",
+            got=f"{len(q0)} joints",
+        )
+    _, jac, pos, quat, _ = (part.copy() for part in nominal.operational(q0[None]))
+    before, best, most = jac[0] @ jac[0].T, q0, 0.0
+    for sign in (1.0, -1.0):
+        q, along = q0, sign * _null(jac[0])
+        for _ in range(round(FAR / STEP)):
+            q = reach(nominal, pos, quat, (q + STEP * along)[None])[0][0]
+            if np.minimum(q - scene.range[:, 0], scene.range[:, 1] - q).min() < ROOM:
+                break
+            here = nominal.operational(q[None])[1][0]
+            along = np.copysign(1.0, _null(here) @ along) * _null(here)
+            far = float(np.linalg.norm(here @ here.T - before))
+            if far > most:
+                best, most = q, far
+    if np.linalg.norm(best - q0) < TURN:
+        raise UserError(
+            "the elbow has no room to turn", key="--motion", expected=f"{ROOM} rad to each joint's limits on the way"
+        )
+    return best
+
+
+def _null(jac: np.ndarray) -> np.ndarray:
+    """(nj,) unit velocity that leaves the flange where it is."""
+    return np.linalg.svd(jac)[2][-1]
