@@ -9,10 +9,11 @@ import numpy as np
 
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.phases import NAMES
-from vispeg.core.effect import effect
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.schema import Failure, NextMotion, NotExcited, ShowsFrom
 from vispeg.identify.channels import UNITS
+from vispeg.worlds.world import World
 
 COLUMNS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
 LEAST_SHARE = 0.02
@@ -125,13 +126,12 @@ def shows_from(least_sizes: Mapping[tuple[str, str], Mapping[str, float]]) -> li
     return out
 
 
-def separating(rivals: Sequence[Rivals], unseen: Sequence[NotExcited]) -> NextMotion | None:
-    """The motion to record next: what tells a chosen effect from its rival, or shows most of what was not excited."""
+def separating(world: World, rivals: Sequence[Rivals], unseen: Sequence[NotExcited]) -> NextMotion | None:
+    """The motion to record next: what tells a world's effect from its rival, or shows most of what was not excited."""
     for r in rivals:
-        name = r.label.split("(")[0]
+        chosen = next(e for e in world.effects if e.label == r.label)
         for t in r.equals:
-            other = t.score.key[0]
-            motion = effect(name).told_from.get(other) or effect(other).told_from.get(name)
+            motion = apart(chosen, t.score.key[0])
             if motion:
                 return {"motion": motion, "why": f"tells {r.label} from {t.score.label}"}
     motions = [u["motion"] for u in unseen]
@@ -139,3 +139,12 @@ def separating(rivals: Sequence[Rivals], unseen: Sequence[NotExcited]) -> NextMo
         return None
     most = max(dict.fromkeys(motions), key=motions.count)
     return {"motion": most, "why": f"shows {', '.join(u['effect'] for u in unseen if u['motion'] == most)}"}
+
+
+def apart(chosen: EffectInstance, other: str) -> str | None:
+    """The motion that tells an effect, by the parameter that is largest in it, from another; None where none does."""
+    kind = effect(chosen.effect)
+    motion = kind.told_from.get(other) or effect(other).told_from.get(chosen.effect)
+    sizes = {k: abs(kind.params[k].start - kind.params[k].null) or 1.0 for k in chosen.params}
+    away = {k: abs(v.value - kind.params[k].null) / sizes[k] for k, v in chosen.params.items()}
+    return motion and kind.told_by.get(max(away, key=lambda k: away[k]), motion)

@@ -91,7 +91,7 @@ def diagnose_contact(
         "not_excited": unseen,
         "shows_from": shows_from(least_sizes),
         "closed_loop": replayed,
-        "next_experiment": separating(rivals, unseen),
+        "next_experiment": separating(fitted_world, rivals, unseen),
         "candidates": candidates(state, rivals, n_fixed),
         "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in screening(state)],

@@ -43,6 +43,7 @@ class Effect(ABC):
         sizes: parameter -> values at which that diagnosis tries it; the others it leaves as they are.
         shown_by: motions of contact (`vispeg record`) that show it; empty: any.
         told_from: effects that may look the same -> the motion that tells them apart; either of the two may say it.
+        told_by: parameter -> the motion that tells it from those, where that is another one.
         needs: what a recording of contact must hold before it can tell this effect, a key of
             `vispeg.recordings.checks.contact_check.NEEDS`; empty: not checked.
         step: greatest physics step at which its own motion stays stable, s.
@@ -74,6 +75,7 @@ class Effect(ABC):
     sizes: ClassVar[Mapping[str, tuple[float, ...]]] = {}
     shown_by: ClassVar[tuple[str, ...]] = ()
     told_from: ClassVar[Mapping[str, str]] = {}
+    told_by: ClassVar[Mapping[str, str]] = {}
     needs: ClassVar[str] = ""
 
     def __init_subclass__(cls, **kwargs: Any) -> None:

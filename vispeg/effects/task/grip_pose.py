@@ -32,7 +32,8 @@ class GripPose(Effect):
         **dict.fromkeys(("roll", "pitch"), (-0.04, -0.012, 0.012, 0.04)),
     }
     shown_by = ("press", "insert", "touch-datum")
-    told_from = {"hole_offset": "touch-datum", "hole_tilt": "insert-turned"}
+    told_from = {"hole_offset": "insert-turned", "hole_tilt": "insert-turned"}
+    told_by = {"z": "touch-datum"}
     needs = "turned insertions"
 
     def targets(self, model):

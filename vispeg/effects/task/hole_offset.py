@@ -26,6 +26,7 @@ class HoleOffset(Effect):
     sizes = dict.fromkeys("xyz", (-3e-3, -1e-3, -3e-4, 3e-4, 1e-3, 3e-3))
     shown_by = ("press", "insert", "rock")
     told_from = {"grip_pose": "insert-turned"}
+    told_by = {"z": "touch-datum"}
     needs = "insertion"
 
     def targets(self, model):
