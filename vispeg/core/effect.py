@@ -148,9 +148,7 @@ class Effect(ABC):
         return reading
 
     def yields(self, load: np.ndarray, p: Values) -> np.ndarray:
-        """By how much each joint (n, nj) rad stands behind its encoder under `load` (n, nj) N m, what its torque is
-        more than where the motion began; for who knows the wrench and not the robot's loop.
-        """
+        """By how much joints (n, nj) rad stand behind their encoders under `load` (n, nj) N m beyond that at the start."""
         return np.zeros_like(load)
 
     def resolution(self, p: Mapping[str, float]) -> float:
@@ -199,8 +197,7 @@ class Effect(ABC):
         `load`, the motion under a servo's own loop: that, and what is in the loop. `needed`, the torque of a measured
         motion by inverse dynamics: what follows from each sample or the path so far, so no effect of timing, gear play
         or readings.
-        `wrench`, what a wrist's force sensor reads along the flange's path: its own errors, an arm that gives way out
-        of its encoders' sight, and whatever needs a scene to act on.
+        `wrench`, what a wrist's force sensor reads: its own errors, an arm that gives way, what needs a scene to act on.
         """
         motion = ("write", "drive", "friction", "torque", "observe")
         sample = ("write", "friction", "inverse", "along", *(() if self.overrides("start") else ("torque",)))
