@@ -90,8 +90,8 @@ def presses(z, *places):
     """The same at some places (x, y), one after the other, over a surface whose height over the mouth is z."""
     path = PLACE.begin()
     for x, y in places:
-        path.to(0.4, tip=(x, y, z + 0.006)).to(0.4, tip=(x, y, z + NEAR)).to(0.4, tip=(x, y, z), force=(0, 0, -5.0))
-        path.to(0.3, force=(0, 0, -20.0)).to(0.2).to(0.3, tip=(x, y, z + 0.006), force=(0, 0, 0))
+        path.to(0.5, tip=(x, y, 0.02)).to(0.5, tip=(x, y, z + NEAR)).to(0.4, tip=(x, y, z), force=(0, 0, -5.0))
+        path.to(0.3, force=(0, 0, -15.0)).to(0.2).to(0.5, tip=(x, y, 0.02), force=(0, 0, 0))
     return path
 
 

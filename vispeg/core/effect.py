@@ -148,7 +148,7 @@ class Effect(ABC):
         return reading
 
     def yields(self, load: np.ndarray, p: Values) -> np.ndarray:
-        """By how much joints (n, nj) rad stand behind their encoders under `load` (n, nj) N m beyond that at the start."""
+        """How far joints (n, nj) rad stand behind their encoders under `load` (n, nj) N m beyond that at the start."""
         return np.zeros_like(load)
 
     def resolution(self, p: Mapping[str, float]) -> float:
@@ -197,7 +197,7 @@ class Effect(ABC):
         `load`, the motion under a servo's own loop: that, and what is in the loop. `needed`, the torque of a measured
         motion by inverse dynamics: what follows from each sample or the path so far, so no effect of timing, gear play
         or readings.
-        `wrench`, what a wrist's force sensor reads: its own errors, an arm that gives way, what needs a scene to act on.
+        `wrench`, what a wrist's force sensor reads: its own errors, a give of the arm, what needs a scene to act on.
         """
         motion = ("write", "drive", "friction", "torque", "observe")
         sample = ("write", "friction", "inverse", "along", *(() if self.overrides("start") else ("torque",)))
