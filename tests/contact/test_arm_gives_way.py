@@ -36,7 +36,7 @@ def pressed(hidden, x, z, near=None, watch=lambda true: None):
     path = PLACE.begin().to(0.5, tip=(x, 0.0, 0.03)).to(0.5, tip=(x, 0.0, z + NEAR))
     path.to(0.3, tip=(x, 0.0, z), force=(0, 0, -3.0)).to(0.5, force=(0, 0, -25.0)).to(0.2)
     time, frames = path.frames(500.0)
-    made = CellMotion("press", time, commands(frames, SCENE, FOUND.config.stiffness, near), 40.0, near)
+    made = CellMotion("press", time, commands(frames, SCENE, FOUND.config.stiffness, near), 40.0, posture=near)
     return record_cell(MODEL.add(*hidden), made, NOISE, stream(2, "gives way"), watch=watch)
 
 

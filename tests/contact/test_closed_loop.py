@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from vispeg.contact.closed_loop import closed_loop
+from vispeg.contact.again.closed_loop import closed_loop
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.recordings.cell import CellBelief

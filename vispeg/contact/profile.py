@@ -34,7 +34,7 @@ def place_of(kind: Effect, scene: Scene) -> str:
 
 
 def places(evidence: ContactEvidence, world: World) -> list[tuple[str, str]]:
-    """Every (effect, place) that is not yet in the world; what blows alone tell is `vispeg.contact.taps.damping`.
+    """Every (effect, place) that is not yet in the world; what blows alone tell is `vispeg.contact.again.damping`.
 
     What a force sensor makes of a wrench is left out where none was read by one.
     """

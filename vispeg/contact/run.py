@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from vispeg.contact.closed_loop import closed_loop
+from vispeg.contact.again.closed_loop import closed_loop
+from vispeg.contact.again.damping import struck
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.inputs import touching
 from vispeg.contact.noise import louder
@@ -12,7 +13,6 @@ from vispeg.contact.record import arrays, channels, not_excited, phase_errors, s
 from vispeg.contact.remainder import judged as in_phases
 from vispeg.contact.remainder import remainder
 from vispeg.contact.search import ContactSearch
-from vispeg.contact.taps.damping import struck
 from vispeg.diagnosis.compare import Comparison
 from vispeg.diagnosis.conclusion.intervals import widened
 from vispeg.diagnosis.conclusion.rivals import find_rivals

@@ -85,9 +85,7 @@ def record_cell(
         UserError: the arm does not follow, or the world has no cell.
     """
     belief = _believed(world)
-    control = controller(
-        belief.scene, belief.config, rate_hz, motion.force_limit, motion.stiffness, motion.posture
-    )
+    control = controller(belief.scene, belief.config, rate_hz, motion.force_limit, motion.stiffness, motion.posture)
     q = start_angles(belief.scene, motion.ee_cmd[0], motion.posture)
     plant = belief.world.add(*world.effects)
     ran = run(belief.scene, [plant], control, motion.ee_cmd, q, np.zeros_like(q), h_max=h_max, nthread=nthread)

@@ -1,0 +1,1 @@
+"""What the whole arm does again under the controller that ran: blows, and whole episodes as the last judge."""
