@@ -152,8 +152,8 @@ def _rivals(world: World, scene: Scene, some: Sequence[Blow], most: float, nthre
     there = {e.effect for e in world.effects}
     kinds = [k for k in looked_for() if k.stage in BESIDE and k.name not in there and place_of(k, scene)]
     probes = [p for k in kinds for _, p in tries(k.name, place_of(k, scene))]
-    found = _squares(some, [world.add(p) for p in probes], nthread)
-    return sorted({p.label for p, square in zip(probes, found, strict=True) if square <= most})
+    squares = _squares(some, [world.add(p) for p in probes], nthread)
+    return sorted({p.label for p, square in zip(probes, squares, strict=True) if square <= most})
 
 
 def _restitution(scene: Scene, where: str, scale: float) -> float:
