@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from vispeg.contact.evidence import ContactItem
 
 DRIFT, CROSS, LEVER = 0.15, 0.01, 0.1  # N over a recording; share of another channel; m, of a torque against a force
-PLACE, TURN = 1e-4, 2e-4  # m, rad: by how much a robot's forward kinematics are off within a cell
+PLACE, TURN = 2e-4, 4e-4  # m, rad: by how much a robot's forward kinematics may be off within a cell
 TOUCH = Thresholds().touch  # N, of contact that a place binds
 LATE = 5e-4  # s
 BLOWS, BEFORE = 0.1, 5  # share of a slide's scatter by which it drags otherwise; blocks before a tip sticks
