@@ -120,4 +120,4 @@ def test_a_diagnosis_names_both_of_a_pair_and_one_once_the_experiment_that_it_as
     (named,) = both.world.effects
     assert both.record["verdict"] == "identified" and (named.effect, named.where) == (name, at)
     ((axis, true),) = size.items()
-    assert named.params[axis].value == pytest.approx(true, abs=2e-4), "kinematics are trusted to 0.1 mm"
+    assert named.params[axis].value == pytest.approx(true, abs=2e-4), "kinematics are trusted to 0.2 mm"
