@@ -12,8 +12,9 @@ from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import MOTIONS, motion
+from vispeg.identify.gains import servo
 from vispeg.identify.motions.rehearse import rehearsed
-from vispeg.identify.record import centre_of, controller, record, servo
+from vispeg.identify.record import centre_of, controller, record
 from vispeg.recordings.load import load
 from vispeg.recordings.noise import NOISE
 from vispeg.robots.declared import declared

@@ -11,39 +11,19 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.identify.excitation import Motion, room_of
+from vispeg.identify.gains import servo
 from vispeg.recordings.noise import noisy
 from vispeg.recordings.recording import Control, Nullspace, Recording
 from vispeg.robots.declared import declared
 from vispeg.robots.model import RobotModel, load
-from vispeg.sim.compiled import compiled, flange_pose
-from vispeg.sim.nominal import Nominal
+from vispeg.sim.compiled import flange_pose
 from vispeg.sim.rollout import Response, simulate
 from vispeg.sim.segments.segment import Segment
 from vispeg.worlds.world import World
 
-IIWA_KP = (800.0, 800.0, 300.0, 400.0, 100.0, 60.0, 5.0)  # N m/rad
-IIWA_KD = (20.0, 30.0, 6.0, 12.0, 1.5, 0.8, 0.08)  # N m s/rad
 OSC_KP, OSC_KD = 150.0, 24.0  # 1/s^2, 1/s
 NULL_KP, NULL_KD = 10.0, 6.0  # 1/s^2, 1/s
-STIFFNESS = 25.0  # rad/s: natural frequency of the joint servos of a robot without gains of its own
 PLANT_STEP = 5e-4  # s
-
-
-def servo(robot: RobotModel, centre: np.ndarray, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
-    """Joint gains kp (nj,) N m/rad and kd (nj,) N m s/rad that are stable at `rate_hz`.
-
-    The iiwa14 has a table; others get a natural frequency of `STIFFNESS` at their apparent inertia J about `centre`.
-    Damping stays under 0.3 J rate, far from the limit 2 J rate of a held command; stiffness under what it then damps.
-    """
-    nominal = Nominal(compiled(robot), robot.joints, robot.flange, 1, 1)
-    inertia = 1.0 / np.diagonal(np.linalg.inv(nominal.operational(centre[None])[0][0]))
-    most = 0.3 * inertia * rate_hz
-    if robot.name == "iiwa14" and len(inertia) == len(IIWA_KP):
-        kp, kd = np.array(IIWA_KP), np.array(IIWA_KD)
-    else:
-        kp, kd = STIFFNESS**2 * inertia, 2.0 * STIFFNESS * inertia
-    kd = np.minimum(kd, most)
-    return np.minimum(kp, most**2 / inertia), kd
 
 
 def controller(
