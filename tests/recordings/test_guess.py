@@ -33,6 +33,18 @@ STYLES = {  # columns -> what has to come back
         {"t_ms": 1e3 * TIME} | numbered("pos_{} [deg]", np.degrees(Q), 1) | numbered("load_{}_mNm", 1e3 * TAU, 1),
         ("q", "tau"),
     ),
+    "degrees, and speeds in rad/s": (
+        {"t_ms": 1e3 * TIME}
+        | numbered("pos_{}_deg", np.degrees(Q))
+        | numbered("vel_{}", DQ)
+        | numbered("goal_{}_deg", np.degrees(Q + 0.01))
+        | numbered("goalvel_{}", DQ),
+        ("q", "dq", "q_cmd"),
+    ),
+    "radians, and speeds in deg/s": (
+        {"stamp": 1e3 * TIME} | numbered("q_{}", Q) | numbered("qd_{}", np.degrees(DQ)),
+        ("q", "dq"),
+    ),
     "franka": (
         {"time": 1e3 * TIME}
         | numbered("q_{}", Q)

@@ -15,6 +15,7 @@ from vispeg.core.errors import UserError
 from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.importers.guess import values
 from vispeg.recordings.importers.guess.names import OTHER, TIME, Meaning, meaning, split
+from vispeg.recordings.importers.mapping import FACTORS
 from vispeg.recordings.tables.table import Dialect, Table
 
 NAMES = {"q": "measured angle", "dq": "measured speed", "tau": "measured torque", "q_cmd": "commanded angle",
@@ -104,8 +105,14 @@ def propose(
     selected = Limits(limits.range[order], limits.velocity[order], limits.torque[order])
     stacks = {s: _stack(table, [placed[s][j] for j in out.joints]) for s in placed}
     units = values.units_of({s: [placed[s][j] for j in out.joints] for s in placed}, stacks, selected, out.doubts)
-    time = _time(table, meanings, stacks, units, selected, out)
+    speeds = {s: _speeds([placed[s][j] for j in out.joints]) for s in ("dq", "dq_cmd") if s in placed}
+    time = _time(table, meanings, stacks, units, selected, speeds.get("dq", ()), out)
     out.lines.append(time)
+    seconds = table.columns[time.column] * FACTORS[time.unit]
+    for signal, some in speeds.items():
+        angle = "q_cmd" if signal == "dq_cmd" and "q_cmd" in placed else "q"
+        q = stacks[angle] * FACTORS[units[angle][0]]
+        units[signal] = values.speed_unit(seconds, q, stacks[signal], units[signal], some)
     episode = next((m.name for m in meanings if m.quantity == "episode" and m.name in table.columns), None)
     if episode is not None and values.all_integers(table.columns[episode]):
         out.lines.append(Line("episode", episode, "", "its name says that it counts runs"))
@@ -217,6 +224,7 @@ def _time(
     stacks: dict[str, np.ndarray],
     units: dict[str, tuple[str, str]],
     limits: Limits,
+    speeds: Sequence[str],
     out: Proposal,
 ) -> Line:
     """The column that is the time: named so and increasing, else any that increases by even steps."""
@@ -234,8 +242,14 @@ def _time(
     for other in running:
         if other is not best:
             out.unused[other.name] = f"{best.name} is taken for the time"
-    unit, why = values.time_unit(table.columns[best.name], best.unit, stacks, units, limits, out.doubts)
+    unit, why = values.time_unit(table.columns[best.name], best.unit, stacks, units, limits, out.doubts, speeds)
     return Line("time", best.name, unit, why)
+
+
+def _speeds(columns: list[Meaning]) -> tuple[str, ...]:
+    """The units that speeds may be in: the one that their names state, else any."""
+    stated = {m.unit for m in columns} - {""}
+    return (*stated,) if len(stated) == 1 and stated <= values.STATED else values.SPEEDS
 
 
 def _leftover(table: Table, meanings: list[Meaning], out: Proposal) -> None:

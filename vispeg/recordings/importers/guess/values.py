@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from vispeg.recordings.importers.mapping import FACTORS
 from vispeg.recordings.importers.plausible import RATES, TOP_SPEED, slope
 
 TIMES = ("s", "ms", "us", "ns")
+SPEEDS = ("rad/s", "deg/s")  # what the speeds of a log are in whose names state no unit
+STATED = {*SPEEDS, "rpm"}  # ... and what a name may state
 EPOCH = (1.0e9, 4.0e9)  # s: from 2001 to 2096
 TURNS = 4 * math.pi
 DEGREES = 1000.0  # beyond it, angles in degrees are encoder counts
@@ -88,7 +90,7 @@ def _angle(
 
 
 def _speed(unit: str, angle: str) -> tuple[str, str]:
-    if unit in ("rad/s", "deg/s", "rpm"):
+    if unit in STATED:
         return unit, f"the name says {unit}"
     return ("deg/s" if angle == "deg" else "rad/s"), f"as the angles are in {angle}"
 
@@ -112,14 +114,18 @@ def time_unit(
     units: Mapping[str, tuple[str, str]],
     limits: Limits,
     doubts: list[str],
+    speeds: Sequence[str] = SPEEDS,
 ) -> tuple[str, str]:
-    """The unit of the time: what the name says unless the motion forbids it, else what the motion allows best."""
+    """The unit of the time: what the name says unless the motion forbids it, else what the motion allows best.
+
+    `speeds` are the units that the measured speeds may be in.
+    """
     step = np.diff(time)
     period = float(np.median(step[step > 0]))
     dates = [unit for unit in TIMES if EPOCH[0] < float(time[0]) * FACTORS[unit] < EPOCH[1]]
     q = stacks["q"] * FACTORS[units["q"][0]]
-    dq = stacks["dq"] * FACTORS[units["dq"][0]] if "dq" in stacks else None
-    fits = [unit for unit in TIMES if _fits(period * FACTORS[unit], q, dq, step, FACTORS[unit], limits)]
+    rates = [stacks["dq"] * FACTORS[unit] for unit in speeds] if "dq" in stacks else []
+    fits = [unit for unit in TIMES if _fits(period * FACTORS[unit], q, rates, step, FACTORS[unit], limits)]
 
     def rate(unit: str) -> str:
         return f"{1.0 / (period * FACTORS[unit]):.4g} Hz"
@@ -140,15 +146,33 @@ def time_unit(
     return best, f"{rate(best)} is the most usual of what is possible"
 
 
-def _fits(period: float, q: np.ndarray, dq: np.ndarray | None, step: np.ndarray, factor: float, limits: Limits) -> bool:
+def _fits(
+    period: float, q: np.ndarray, rates: Sequence[np.ndarray], step: np.ndarray, factor: float, limits: Limits
+) -> bool:
     if not RATES[0] <= 1.0 / period <= RATES[1]:
         return False
     good = step > 0
-    speed = np.abs(np.diff(q, axis=0)[good] / (step[good] * factor)[:, None])
+    speed = np.diff(q, axis=0)[good] / (step[good] * factor)[:, None]
     top = np.where(np.isfinite(limits.velocity), 3.0 * limits.velocity, TOP_SPEED)
-    if np.any(np.nanquantile(speed, 0.99, axis=0) > top):
+    if np.any(np.nanquantile(np.abs(speed), 0.99, axis=0) > top):
         return False
-    if dq is None:
-        return True
-    ratio = slope(np.diff(q, axis=0)[good] / (step[good] * factor)[:, None], dq[1:][good])
-    return ratio is None or 0.3 < ratio < 3.0
+    ratios = [slope(speed, dq[1:][good]) for dq in rates]
+    return not ratios or any(ratio is None or 0.3 < ratio < 3.0 for ratio in ratios)
+
+
+def speed_unit(
+    time: np.ndarray, q: np.ndarray, dq: np.ndarray, usual: tuple[str, str], speeds: Sequence[str] = SPEEDS
+) -> tuple[str, str]:
+    """The unit of measured speeds (n, nj) in which they are the slope of the angles q (n, nj) rad over time (n,) s.
+
+    `usual` where it is one, or where none of `speeds` is.
+    """
+    step = np.diff(time)
+    good = step > 0
+    ratio = slope(np.diff(q, axis=0)[good] / step[good][:, None], dq[1:][good])
+    if ratio is None:
+        return usual
+    near = [unit for unit in speeds if 0.5 < ratio * FACTORS[unit] < 2.0]
+    if not near or usual[0] in near:
+        return usual
+    return near[0], f"in {near[0]} they are what the angles do in the time between"
