@@ -65,20 +65,21 @@ class SceneConfig(PegGeometry):
         if self.shape not in ("round", "square"):
             raise UserError("unknown peg shape", key="shape", got=self.shape, choices=("round", "square"))
         rules = {
-            "clearance_mm": (0.0, 20.0),
-            "diameter": (0.005, 0.04),
-            "depth": (0.005, 0.04),
-            "chamfer": (-1e-9, 0.01),
-            "friction": (-1e-9, 3.0),
-            "block": (0.0, 0.2),
-            "mesh_scale": (0.0, 1000.0),
-            "mesh_concavity": (0.0099, 1.0),
-            "peg_density": (10.0, 25000.0),
+            "clearance_mm": (0.0, 20.0, "mm"),
+            "diameter": (0.005, 0.04, "m"),
+            "depth": (0.005, 0.04, "m"),
+            "chamfer": (-1e-9, 0.01, "m"),
+            "friction": (-1e-9, 3.0, ""),
+            "block": (0.0, 0.2, "m"),
+            "mesh_scale": (0.0, 1000.0, "m a unit"),
+            "mesh_concavity": (0.0099, 1.0, ""),
+            "peg_density": (10.0, 25000.0, "kg/m3"),
         }
-        for key, (low, high) in rules.items():
+        for key, (low, high, unit) in rules.items():
             value = getattr(self, key)
             if not low < value <= high:
-                raise UserError("impossible geometry", key=key, expected=f"{max(low, 0):g} to {high:g}", got=value)
+                expected = f"{max(low, 0):g} to {high:g} {unit}".rstrip()
+                raise UserError("impossible geometry", key=key, expected=expected, got=value)
         if not round(self.diameter * 1e3, 6).is_integer():
             raise UserError("a peg's diameter is whole millimetres", key="diameter", got=self.diameter)
         if self.apothem + self.chamfer >= self.block:
