@@ -46,7 +46,7 @@ def pictured(seed: int, *effects: EffectInstance, frames: int = 10) -> Recording
     curve = path(seed)
     stamps = np.linspace(1.0, 15.0, frames)
     world = CELL.add(*effects, *look_of(f"S/{seed}", SCENE))
-    shots = photograph(SCENE, cameras, world, curve, stamps, seed, finer=1)
+    shots = photograph(SCENE, cameras, world, curve, stamps, seed)
     time = np.arange(0.0, 16.0, 0.01)
     q = curve(time)
     for e in effects:

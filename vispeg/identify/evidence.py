@@ -176,6 +176,10 @@ class Evidence(Freedom):
             n += int(item.valid[:, : item.nj].sum())
         return float(np.sqrt(total / max(n, 1)))
 
+    def errors(self, worlds: Sequence[World]) -> list[float]:
+        """RMS error of the principal channel under each world, in `unit`."""
+        return [self.angle_rms(r) for r in self.residuals(worlds)]
+
     @property
     def floors(self) -> np.ndarray:
         """(nch,) RMS noise of each channel, in its unit: the error of a perfect model there."""

@@ -56,14 +56,9 @@ def fit_record(
         judged: of the held-out ones, or None.
     """
     fit = calibration.fit
-    worlds = [nominal, fit.world]
-    residuals = evidence.residuals(worlds)
-    fitted = [evidence.angle_rms(r) for r in residuals]
-    held, judge, judging = [None, None], evidence, residuals
-    if judged is not None:
-        judge, judging = judged, judged.residuals(worlds)
-        held = [judged.angle_rms(r) for r in judging]
-    before, after = (float(np.sum(r * r) / max(judge.count, 1)) for r in judging)
+    worlds, judge = [nominal, fit.world], evidence if judged is None else judged
+    fitted, held = evidence.errors(worlds), [None, None] if judged is None else judged.errors(worlds)
+    before, after = (float(np.sum(r * r) / max(judge.count, 1)) for r in judge.residuals(worlds))
     unit, floor = f"{evidence.unit} RMS", (judged or evidence).floor
     effects = _honest(fit.world, free, before, after)
     for i in free:

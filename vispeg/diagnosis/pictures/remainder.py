@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vispeg.diagnosis.evidence.remainder import Dependence
-from vispeg.identify.pictures.align import noise_of, trust
 from vispeg.identify.pictures.points import Points
+from vispeg.identify.pictures.robust import noise_of, trust
 from vispeg.identify.pictures.sight import Sight
 
 CELLS = (6, 5)  # of the image, across and down

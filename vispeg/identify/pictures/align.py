@@ -13,6 +13,7 @@ import numpy as np
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.identify.pictures.coarse import brought_near
 from vispeg.identify.pictures.points import Points, gather, misplacement
+from vispeg.identify.pictures.robust import noise_of, trust
 from vispeg.identify.pictures.sight import Sight
 from vispeg.identify.space import Space
 from vispeg.vision.predict import Predictor
@@ -21,7 +22,6 @@ from vispeg.worlds.world import World
 CAMERA = ("camera_offset", "focal_error", "principal_point_error", "lens_distortion", "camera_delay")
 WINDOWS = (8.0, 8.0, 5.0, 3.0)  # px
 LOOSE = 6.0  # typical sizes that the weak prior allows
-TUKEY = 4.685  # of the noise, beyond which an edge belongs to something else
 STEPS = 4
 ASTRAY = 0.25  # share of borders without an edge within half a pixel, from which on the coarse stage is asked
 SPARSE = 12  # frames of the coarse stage
@@ -36,8 +36,8 @@ def free_world(world: World, scene_joints: Sequence[str], cameras: Sequence[str]
     return world, [i for i, e in enumerate(world.effects) if (e.effect, e.where) in places]
 
 
-def align(predictor: Predictor, sights: Sequence[Sight], world: World) -> tuple[World, list[Points], float]:
-    """The world whose borders lie on the edges, the points found there, and the edges' scatter about it in px."""
+def align(predictor: Predictor, sights: Sequence[Sight], world: World) -> tuple[World, list[Points]]:
+    """The world whose borders lie on the edges, and the points found there."""
     cameras = list(dict.fromkeys(s.camera.name for s in sights))
     start, free = free_world(world, predictor.scene.joints, cameras)
     few = [s.only(np.linspace(0, len(s) - 1, min(SPARSE, len(s))).round().astype(int)) for s in sights]
@@ -46,21 +46,7 @@ def align(predictor: Predictor, sights: Sequence[Sight], world: World) -> tuple[
         near = [_settled(predictor, few, w, free, WINDOWS[:2]) for w in brought_near(predictor, few, start)]
         best = min([best, *near], key=lambda t: t[1])
     settled, _ = _settled(predictor, sights, best[0], free, WINDOWS[2:])
-    points = [gather(predictor, s, settled, WINDOWS[-1]) for s in sights]
-    away = np.concatenate([p.along for p in points])
-    return settled, points, noise_of(away)
-
-
-def noise_of(away: np.ndarray) -> float:
-    """Scatter in px of edges (n,) about where they were predicted, robustly; 0.05 at least."""
-    away = away[np.isfinite(away)]
-    return max(1.4826 * float(np.median(np.abs(away - np.median(away)))) if len(away) else 1.0, 0.05)
-
-
-def trust(away: np.ndarray, noise: float) -> np.ndarray:
-    """Tukey's weights (n,) in [0, 1]; 0 where there is no edge."""
-    u = np.nan_to_num(away / (TUKEY * noise), nan=2.0)
-    return np.where(np.abs(u) < 1, (1 - u * u) ** 2, 0.0)
+    return settled, [gather(predictor, s, settled, WINDOWS[-1]) for s in sights]
 
 
 def _settled(

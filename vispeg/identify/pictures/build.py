@@ -6,9 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vispeg.identify.pictures.align import WINDOWS, align, noise_of, trust
+from vispeg.identify.pictures.align import WINDOWS, align
 from vispeg.identify.pictures.evidence import BorderEvidence, Item
 from vispeg.identify.pictures.points import Points, gather
+from vispeg.identify.pictures.posture import steadied
+from vispeg.identify.pictures.robust import noise_of, trust
 from vispeg.identify.pictures.sight import Sight
 from vispeg.robots.scene import Scene
 from vispeg.vision.predict import Predictor
@@ -21,20 +23,26 @@ def border_evidence(
     """Edges of the sights to fit and of those to judge on, both found from one alignment on those to fit."""
     cameras = list({s.camera.name: s.camera for s in (*fitted, *held_out)}.values())
     with Predictor(scene, cameras) as predictor:
-        settled, points, _ = align(predictor, fitted, world)
+        settled, points = align(predictor, fitted, world)
         judged = [gather(predictor, s, settled, WINDOWS[-1]) for s in held_out]
         geometry = predictor.geometry
+    away, to_judge = (
+        [steadied(geometry, s, settled, p) for s, p in zip(sights, edges, strict=True)]
+        for sights, edges in ((fitted, points), (held_out, judged))
+    )
     noise = {
-        name: noise_of(np.concatenate([p.along for p, s in zip(points, fitted, strict=True) if s.camera.name == name]))
+        name: noise_of(np.concatenate([a for a, s in zip(away, fitted, strict=True) if s.camera.name == name]))
         for name in dict.fromkeys(s.camera.name for s in fitted)
     }
-    evidence = BorderEvidence(geometry, _items(fitted, points, noise), settled)
-    return evidence, BorderEvidence(geometry, _items(held_out, judged, noise), settled, evidence.robot)
+    evidence = BorderEvidence(geometry, _items(fitted, points, away, noise), settled)
+    return evidence, BorderEvidence(geometry, _items(held_out, judged, to_judge, noise), settled, evidence.robot)
 
 
-def _items(sights: Sequence[Sight], points: Sequence[Points], noise: dict[str, float]) -> list[Item]:
+def _items(
+    sights: Sequence[Sight], points: Sequence[Points], away: Sequence[np.ndarray], noise: dict[str, float]
+) -> list[Item]:
     out = []
-    for sight, edges in zip(sights, points, strict=True):
-        sigma = noise.get(sight.camera.name) or noise_of(edges.along)
-        out.append(Item(sight, edges, trust(edges.along, sigma), np.array([sigma])))
+    for sight, edges, off in zip(sights, points, away, strict=True):
+        sigma = noise.get(sight.camera.name) or noise_of(off)
+        out.append(Item(sight, edges, trust(off, sigma), np.array([sigma])))
     return out

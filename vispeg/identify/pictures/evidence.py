@@ -18,6 +18,7 @@ from vispeg.identify.channels import shows
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.pictures.nuisance import Whitener
 from vispeg.identify.pictures.points import Points, misplacement, pixels
+from vispeg.identify.pictures.posture import LOOSE, Postures
 from vispeg.identify.pictures.sight import Sight
 from vispeg.robots.scene import Scene
 from vispeg.vision.geometry import Geometry
@@ -31,7 +32,6 @@ EDGE_BIAS, EDGE_BIAS_HERE = 0.1, 0.05
 PLACE = 0.02  # m of a part that have one shading
 ROBOT = (0.0, *np.geomspace(3e-5, 4e-3, 15).tolist())  # rad, each joint in each frame: sizes that are tried
 LEAST_PX = 0.2  # that looks, and what is not modelled of edges, do not make
-LOOSE = 2e-3  # rad of a joint in a frame, where only the rest matters
 SMALL = 1e-4  # m, rad: steps of derivatives
 PENALTY = 1e3  # noise units of a point that a world puts behind the camera
 
@@ -87,7 +87,8 @@ class BorderEvidence(Evidence):
         self.geometry, self.items, self.settled = geometry, list(items), settled
         self.recordings = []
         self.notes: list[str] = []
-        self._columns = [_nuisances(geometry, item, settled) for item in items]
+        self._arms = [Postures.of(geometry, item.sight, settled, item.points) for item in items]
+        self._columns = [_nuisances(geometry, i, settled, arm) for i, arm in zip(items, self._arms, strict=True)]
         self.robot = self._robot() if robot is None else robot
         self._whiten = [self._whitener(i, self.robot) for i in range(len(items))]
         self._recent: list[tuple[World, np.ndarray]] = []
@@ -194,10 +195,22 @@ class BorderEvidence(Evidence):
         return BorderEvidence(self.geometry, items, self.settled, self.robot)
 
     def error(self, world: World) -> float:
-        """RMS misplacement in px over trusted points, as it is, nuisances and all."""
-        pairs = list(zip(self.items, self.misplaced(world), strict=True))
-        square = sum(float(np.nansum(i.trust * a**2)) for i, a in pairs)
-        return float(np.sqrt(square / max(sum(float(i.trust[np.isfinite(a)].sum()) for i, a in pairs), 1e-9)))
+        """RMS misplacement in px over trusted points, less what the robot's most likely errors make of it."""
+        square = weight = 0.0
+        for item, away in zip(self.items, self.steadied(world), strict=True):
+            good = np.isfinite(away)
+            square += float(np.sum((item.trust * away**2)[good]))
+            weight += float(np.sum(item.trust[good]))
+        return float(np.sqrt(square / max(weight, 1e-9)))
+
+    def errors(self, worlds: Sequence[World]) -> list[float]:
+        """`error` of each world."""
+        return [self.error(w) for w in worlds]
+
+    def steadied(self, world: World) -> list[np.ndarray]:
+        """As `misplaced`, less what the robot's most likely errors in each frame make of it."""
+        every = zip(self.items, self.misplaced(world), self.postures(world), self._arms, strict=True)
+        return [away - np.sum(arm.slopes * posture[item.points.frame], axis=1) for item, away, posture, arm in every]
 
     @property
     def floor(self) -> float:
@@ -258,7 +271,7 @@ def _alike(labels: np.ndarray) -> list[np.ndarray]:
     return [kind.ravel() == k for k in range(len(kinds))]
 
 
-def _nuisances(geometry: Geometry, item: Item, world: World) -> tuple[np.ndarray, np.ndarray]:
+def _nuisances(geometry: Geometry, item: Item, world: World, arm: Postures) -> tuple[np.ndarray, np.ndarray]:
     """What one standard deviation of each common unknown (n, k), and one rad of each joint in each frame, do."""
     p, sight, scene = item.points, item.sight, geometry.scene
     scale = np.sqrt(item.trust) * item.valid[:, 0] / item.sigma[0]
@@ -276,12 +289,10 @@ def _nuisances(geometry: Geometry, item: Item, world: World) -> tuple[np.ndarray
             shift = np.broadcast_to(step, p.local.shape) if axis < 3 else np.cross(step, p.local)
             there = replace(p, local=p.local + np.where(rows, shift, 0))
             common.append(effect_of(pixels(geometry, sight, world, there)) * FIXED[axis])
-    _, at = np.unique(p.frame, return_inverse=True)
-    nj = len(scene.joints)
+    (_, at), nj = np.unique(p.frame, return_inverse=True), len(scene.joints)
     joints = np.zeros((len(p.frame), (int(at.max(initial=-1)) + 1) * nj))
     for j in range(nj):
-        moved = pixels(geometry, sight, world, p, SMALL * np.eye(nj)[j])
-        joints[np.arange(len(at)), at * nj + j] = effect_of(moved)
+        joints[np.arange(len(at)), at * nj + j] = arm.slopes[:, j] * scale
     away = np.nan_to_num(misplacement(geometry, sight, world, p)) * scale
     posture = np.linalg.solve(joints.T @ joints + np.eye(joints.shape[1]) / LOOSE**2, joints.T @ away)
     common += _edges(p, scale, away - joints @ posture)
