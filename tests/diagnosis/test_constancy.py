@@ -77,10 +77,25 @@ def test_friction_that_falls_with_time_is_none_and_the_parts_are_those_of_least_
     apart = np.column_stack([fit.jacobian[:, 0] * (quarter == s) for s in range(PARTS)] + [fit.jacobian[:, 1]])
     moved = np.linalg.lstsq(apart, -fit.residual, rcond=None)[0]
     assert change.parts == pytest.approx(1.0 + moved[:PARTS] / fit.u[0], rel=1e-4)
-    drop = np.sum(fit.residual**2) - np.sum((fit.residual + apart @ moved) ** 2)
+    here = slice(None, None, 2)  # what it removes in the other joint does not count
+    drop = np.sum(fit.residual[here] ** 2) - np.sum((fit.residual + apart @ moved)[here] ** 2)
     assert change.share == pytest.approx(drop / left(fit)["joint1"], rel=1e-4)
     assert "as the recordings go on" in change.said()
     assert changes(items, fit, 1, left(fit)) == [], "what was given is not asked"
+
+
+def test_what_another_joint_leaves_does_not_count(items):
+    """A friction that moves both joints explains what changes in the other one by its parts: it is constant itself."""
+    jac = columns(items)
+    jac[1::2, 0] = -100.0
+    fit = fitted(items, np.ones(2 * ROWS))
+    noise = stream(4, "noise").standard_normal(len(jac))
+    drift = 60.0 * np.exp(-ages(items) / 2.0)
+    measured = noise.copy()
+    measured[1::2] += drift - drift.mean()
+    fit.jacobian, fit.residual = jac, measured
+    total = 30.0 * fit.u[0]
+    assert np.sum(measured[1::2] ** 2) > 10 * total and changes(items, fit, 0, left(fit)) == []
 
 
 def test_friction_at_one_angle_alone_is_none(items):

@@ -3,7 +3,8 @@
 Effects are constant: friction that falls while a gear warms up, or that is there at one angle alone, is none of them,
 and a constant one fits part of it. So the magnitudes of each joint's effect are let differ between quarters of the
 recordings, and between quarters of the joint's range, in the linear model of the fit, all other parameters free. Where
-that removes a visible share of what the joint leaves unexplained, and the values are far apart, the effect is no name.
+that removes a visible share of what the joint leaves unexplained in its own channels, and the values are far apart, the
+effect is no name. What it removes in other joints does not count: under torque control an arm's error in one moves all.
 
 Source: Chow, Econometrica 28(3), 1960 (coefficients of parts against those of the whole).
 """
@@ -34,7 +35,7 @@ class Change:
         label: of the effect.
         over: `time` or `position`.
         parts: (PARTS,) its first magnitude in each part, over the fitted one.
-        share: of the squared error left in its joint, that such values remove.
+        share: of the squared error left in its joint, that such values remove there.
     """
 
     label: str
@@ -55,17 +56,21 @@ def changes(items: Sequence[Item], fit: Fit, n_fixed: int, excess: Mapping[str, 
     `excess` is the squared residual over the noise that is left in each joint.
     """
     joints, null, out = items[0].robot.joints, null_of(fit), []
-    by_time = _moments(fit, items, _times(items))
+    times, channel = _entries(items, _times(items)), _channels(items)
+    over_time = _moments(fit, times)
     for j, joint in enumerate(joints):
         placed = {k: _magnitudes(fit, k) for k, e in enumerate(fit.world.effects) if k >= n_fixed and e.where == joint}
         placed = {k: axes for k, axes in placed.items() if axes and fit.u[axes[0]] != null[axes[0]]}
         if not placed:
             continue
-        angles = np.concatenate([item.posture[:, j] for item in items])
-        by_position = _moments(fit, items, _quarters(angles))
+        quarters = _entries(items, _quarters(np.concatenate([item.posture[:, j] for item in items])))
+        ways = [
+            ("time", over_time, _moments(fit, times, channel == j)),
+            ("position", _moments(fit, quarters), _moments(fit, quarters, channel == j)),
+        ]
         for k, axes in placed.items():
-            for over, moments in (("time", by_time), ("position", by_position)):
-                drop, moved = _apart(*moments, axes)
+            for over, everywhere, here in ways:
+                drop, moved = _apart(everywhere, here, axes)
                 parts = 1.0 + moved / (fit.u - null)[axes[0]]
                 if drop >= REMOVES * excess[joint] and np.ptp(parts) >= APART:
                     label = fit.world.effects[k].label
@@ -98,39 +103,59 @@ def _quarters(values: np.ndarray) -> np.ndarray:
     return np.digitize(values, np.quantile(values, np.arange(1, PARTS) / PARTS))
 
 
-def _moments(fit: Fit, items: Sequence[Item], part: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Inner products (PARTS, p, p) of the derivatives, and (PARTS, p) with the residual, over each part."""
-    of = np.repeat(part, np.repeat([i.measured.shape[1] for i in items], [len(i.measured) for i in items]))
-    rows = [of == s for s in range(PARTS)]
+def _entries(items: Sequence[Item], values: np.ndarray) -> np.ndarray:
+    """One value a sample, for each entry of the residual."""
+    widths = [i.measured.shape[1] for i in items]
+    return np.repeat(values, np.repeat(widths, [len(i.measured) for i in items]))
+
+
+def _channels(items: Sequence[Item]) -> np.ndarray:
+    """Joint of each entry of the residual."""
+    nj = len(items[0].robot.joints)
+    return np.concatenate([np.tile(np.arange(i.measured.shape[1]) % nj, len(i.measured)) for i in items])
+
+
+def _moments(fit: Fit, part: np.ndarray, where: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Inner products (PARTS, p, p) of the derivatives, and (PARTS, p) with the residual, over each part of `where`."""
+    rows = [part == s if where is None else where & (part == s) for s in range(PARTS)]
     return (
         np.stack([fit.jacobian[r].T @ fit.jacobian[r] for r in rows]),
         np.stack([fit.jacobian[r].T @ fit.residual[r] for r in rows]),
     )
 
 
-def _apart(gram: np.ndarray, slope: np.ndarray, free: list[int]) -> tuple[float, np.ndarray]:
-    """Drop of the squared residual where the coordinates `free` differ between parts, and how the first moves in each.
+def _apart(
+    everywhere: tuple[np.ndarray, np.ndarray], here: tuple[np.ndarray, np.ndarray], free: list[int]
+) -> tuple[float, np.ndarray]:
+    """Drop of the squared residual `here` where the coordinates `free` differ between parts, and how the first moves.
 
-    Beside a fit in which they are one, all other coordinates are fitted in both.
+    Beside a fit in which they are one, all other coordinates are fitted in both, to the residual `everywhere`.
     """
-    rest = [i for i in range(gram.shape[1]) if i not in free]
-    once = _solved(gram.sum(axis=0), slope.sum(axis=0))[0]
-    r, k = len(rest), len(free)
-    size = r + PARTS * k
-    matrix, right = np.zeros((size, size)), np.zeros(size)
+    gram, slope = everywhere
+    p, k = gram.shape[1], len(free)
+    rest = [i for i in range(p) if i not in free]
+    r = len(rest)
+    matrix, right = np.zeros((r + PARTS * k, r + PARTS * k)), np.zeros(r + PARTS * k)
     matrix[:r, :r], right[:r] = gram.sum(axis=0)[np.ix_(rest, rest)], slope.sum(axis=0)[rest]
     for s in range(PARTS):
         at = slice(r + s * k, r + (s + 1) * k)
         matrix[at, at], right[at] = gram[s][np.ix_(free, free)], slope[s][free]
         matrix[at, :r] = gram[s][np.ix_(free, rest)]
         matrix[:r, at] = matrix[at, :r].T
-    drop, x = _solved(matrix, right)
-    return drop - once, x[r::k]
+    once, x = _solved(gram.sum(axis=0), slope.sum(axis=0)), _solved(matrix, right)
+    apart = np.zeros((PARTS, p))
+    apart[:, rest], apart[:, free] = x[:r], x[r:].reshape(PARTS, k)
+    return _squares(here, np.tile(once, (PARTS, 1))) - _squares(here, apart), x[r::k]
 
 
-def _solved(matrix: np.ndarray, slope: np.ndarray) -> tuple[float, np.ndarray]:
-    """Drop of |r + J x|^2 from x = 0 to its least, and that x, of J'J and J'r."""
+def _squares(moments: tuple[np.ndarray, np.ndarray], x: np.ndarray) -> float:
+    """Rise of |r|^2 where the coordinates move by x (PARTS, p) in each part."""
+    gram, slope = moments
+    return float(np.einsum("si,sij,sj->", x, gram, x) + 2.0 * np.sum(slope * x))
+
+
+def _solved(matrix: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """The x at which |r + J x|^2 is least, of J'J and J'r."""
     scale = np.sqrt(np.maximum(np.diag(matrix), 1e-18))
     inner = matrix / np.outer(scale, scale) + RIDGE * np.eye(len(scale))
-    x = -np.linalg.solve(inner, slope / scale)
-    return float(x @ inner @ x), x / scale
+    return -np.linalg.solve(inner, slope / scale) / scale
