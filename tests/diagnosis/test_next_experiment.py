@@ -76,6 +76,7 @@ def test_what_no_motion_separates_is_said_and_no_motion_is_drawn():
 def test_what_nothing_explains_is_shown_apart_by_a_motion_that_can_be_played():
     found, arrays = next_experiment(search(), STATE, REFUSED, "unexplained", 0)
     assert found["motion"] == "triangle" and found["file"] and arrays["next/q_cmd"].shape[1] == 7
+    assert "expected_separation_sigma" not in found, "no two predictions, no distance"
 
 
 def test_torques_of_rivals_are_separated_too():

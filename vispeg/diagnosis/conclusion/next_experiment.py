@@ -42,7 +42,7 @@ def next_experiment(
     stage = _Stage(search, seed) if search.evidence.unit == "rad" else _TorqueStage(search, seed)
     if pair is None:
         why = f"shows speed, reversal and load regimes apart, each joint alone{stage.beside}"
-        return stage.record("triangle", why, 0.0), stage.arrays("triangle")
+        return stage.record("triangle", why), stage.arrays("triangle")
     first, second, names = pair
     apart = stage.apart(first, second)
     name = max(apart, key=lambda n: apart[n][0])
@@ -50,14 +50,15 @@ def next_experiment(
     if sigma < DECISIVE:
         why = f"no motion of the menu separates {names[0]} from {names[1]} by {DECISIVE:g} sigma (the best, {name}, by "
         return {"motion": "", "why": f"{why}{sigma:.2g})", "expected_separation_sigma": round(sigma, 2)}, {}
-    motion = stage.record(name, f"separates {names[0]} from {names[1]}", sigma)
+    motion = stage.record(name, f"separates {names[0]} from {names[1]}")
+    motion["expected_separation_sigma"] = round(sigma, 2)
     return motion, stage.arrays(name) | {"next/A": a, "next/B": b}
 
 
 def repeated(name: str) -> NextMotion:
     """The advice where one recording alone shows what a model lacks."""
     why = f"only {name} shows what the model lacks: record a second motion like it, a little faster or slower"
-    return {"motion": "", "why": why, "expected_separation_sigma": 0.0}
+    return {"motion": "", "why": why}
 
 
 class _Stage:
@@ -94,12 +95,11 @@ class _Stage:
             out[name] = sigma, response.q[0], response.q[1]
         return out
 
-    def record(self, name: str, why: str, sigma: float) -> NextMotion:
+    def record(self, name: str, why: str) -> NextMotion:
         """What `next_experiment` says of a motion that is written beside it."""
         return {
             "motion": name,
             "why": why,
-            "expected_separation_sigma": round(sigma, 2),
             "seed": self.seed,
             "duration_s": SECONDS,
             "rate_hz": self.control.rate_hz,
