@@ -1,7 +1,8 @@
 """Backward deletion: effects that carry nothing once others stand beside them.
 
 What a fit would be without an effect follows from its derivatives, so each is asked for without a rollout on the fitted
-recordings (cross-fitted) and with one on the held-out ones; only what is dropped costs a fit.
+recordings (cross-fitted) and with one on the held-out ones; only what is dropped costs a fit. What the fitted
+recordings alone call useless goes only if the held-out error does not rise beyond its standard error.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ if TYPE_CHECKING:
 
 SURE = 2.0  # sigma by which a member of a group must lower the error to stay
 ABLE = 1.645  # the same for an effect that passed a test of its own
-WORSE = 0.05  # of the held-out squared error, by which it may rise when something goes out
+WORSE = 0.05  # of the held-out squared error, by which it may rise when something that it does not need goes out
+RISE = 1.0  # standard errors of the held-out error, by which it may rise when what it was not asked of goes out
 LOCAL = 0.01  # of the squared residual in its own joint that a member of a group must remove
 
 
@@ -26,7 +28,8 @@ def prune(search: Search, state: State, n_fixed: int) -> None:
     """Drops from the state what is not needed, the least needed first, and fits the rest anew."""
     spare = True
     while state.fit is not None and len(state.world.effects) - n_fixed > 1:
-        dropped = (_spare(search, state, n_fixed) if spare else []) or _refused(search, state, n_fixed)
+        useless = _spare(search, state, n_fixed) if spare else []
+        dropped = useless or _refused(search, state, n_fixed)
         if not dropped:
             return
         gone = [state.world.effects[k] for k in dropped]
@@ -34,8 +37,10 @@ def prune(search: Search, state: State, n_fixed: int) -> None:
         search.say(f"no longer needed: {', '.join(e.label for e in gone)}")
         (fit,) = search.fits([world], n_fixed, iterations=4, columns=[columns])
         loss = search.judge.losses([fit.world])[0]
-        if search.judge.mean(loss) > (1.0 + WORSE) * search.judge.mean(state.loss):  # no straight line led there
-            if len(gone) == 1:
+        kept = search.judge.gain(loss, state.loss)
+        worse = search.judge.mean(loss) > (1.0 + WORSE) * search.judge.mean(state.loss)  # no straight line led there
+        if worse or (useless and kept.mean > 0 and kept.z > RISE):
+            if not useless:
                 return
             spare = False
             continue
