@@ -15,6 +15,7 @@ from vispeg.api.rooms.pictures import border_evidence_of, photographed
 from vispeg.contact.run import evidence_of
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
+from vispeg.diagnosis.evidence.starts import begun
 from vispeg.diagnosis.record import arrays
 from vispeg.identify.calibrate import ITERATIONS, Method, calibrate
 from vispeg.identify.checkpoint import Checkpoint, Trace
@@ -94,7 +95,8 @@ def fit(
         model: a world, a model file, a robot's name, or a path to an MJCF or URDF.
         recordings: folders, or recordings in memory, to fit.
         effects: what to fit: instances with the values to start from, or texts `EFFECT:WHERE[:param=start,...]`, where
-            WHERE `all` is one value for all places and `each` one for each; those of the model where none is named.
+            WHERE `all` is one value for all places and `each` one for each; those of the model where none is named. A
+            servo or a limit in a joint without such a value starts at what the recordings suggest.
         validate: recordings to judge on, which are never fitted.
         seconds: of a longer recording, the windows that show the most, this long in all; 0 uses all of it.
         method: `auto`: CMA-ES before least squares where an effect is not smooth, else least squares.
@@ -116,7 +118,7 @@ def fit(
     inputs = read_inputs(
         model, recordings, validate, need_validate=False, **windows(of_cell(model), seconds), reading=reading
     )
-    world, free = _free(inputs.world, effects)
+    world, free, unstated = _free(inputs.world, effects)
     stamp = inputs.provenance(seed)
     key = [model_text(world), *inputs.key()[1:], list(free), seconds, method, starts, seed, stamp["versions"]]
     checkpoint = None
@@ -127,6 +129,8 @@ def fit(
     else:
         evidence, judged = (_evidence(world, recs, threads) for recs in (inputs.fitted, inputs.held_out))
     assert evidence is not None  # read_inputs refuses an empty list
+    if world.cell is None:
+        world = begun(evidence, world, unstated)
     options = {"method": method, "starts": starts, "iterations": iterations, "checkpoint": checkpoint}
     result = calibrate(evidence, world, free, seed=seed, **options)
     record, final = fit_record(inputs.world, result, free, evidence, judged)
@@ -148,20 +152,25 @@ def _evidence(world: World, recordings: Sequence[Recording], threads: int) -> Ev
     )
 
 
-def _free(world: World, effects: Sequence[str | EffectInstance]) -> tuple[World, tuple[int, ...]]:
-    """The world with the named effects in it, and their places in its list."""
+def _free(world: World, effects: Sequence[str | EffectInstance]) -> tuple[World, tuple[int, ...], tuple[int, ...]]:
+    """The world with the named effects in it, their places in its list, and of those the ones without a start value."""
     if not effects:
         if not world.effects:
             raise UserError("nothing to fit", key="--effects", expected="EFFECT:WHERE, or a model file with effects")
-        return world, tuple(range(len(world.effects)))
-    robot, wanted = robot_of_world(world), {}
+        return world, tuple(range(len(world.effects))), ()
+    robot, wanted, unstated = robot_of_world(world), {}, set()
     present = {(e.effect, e.where): e for e in world.effects}
     for named in effects:
         if isinstance(named, EffectInstance):
             wanted[named.effect, named.where] = named
+            if named.params == EffectInstance.of(named.effect, named.where).params:
+                unstated.add((named.effect, named.where))
             continue
         for placed in parse(named, robot):
             at = (placed.effect, placed.where)
             wanted[at] = placed if named.count(":") > 1 else present.get(at, placed)
+            if named.count(":") == 1 and at not in present:
+                unstated.add(at)
     world = world.add(*wanted.values())
-    return world, tuple(i for i, e in enumerate(world.effects) if (e.effect, e.where) in wanted)
+    free = [i for i, e in enumerate(world.effects) if (e.effect, e.where) in wanted]
+    return world, tuple(free), tuple(i for i in free if (world.effects[i].effect, world.effects[i].where) in unstated)

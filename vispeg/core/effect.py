@@ -44,11 +44,9 @@ class Effect(ABC):
         shown_by: motions of contact (`vispeg record`) that show it; empty: any.
         told_from: effects that may look the same -> the motion that tells them apart; either of the two may say it.
         told_by: parameter -> the motion that tells it from those, where that is another one.
-        needs: what a recording of contact must hold before it can tell this effect, a key of
-            `vispeg.recordings.checks.contact_check.NEEDS`; empty: not checked.
+        needs: what a recording of contact must hold to tell it, a key of `contact_check.NEEDS`; empty: not checked.
         step: greatest physics step at which its own motion stays stable, s.
-        grows_from: simpler effects that it may be mistaken for, each with {own parameter: the simpler one's parameter}
-            from whose fitted value its own fit should start.
+        grows_from: simpler effects that it may be mistaken for -> {own parameter: that one's, where its fit starts}.
         contains: simpler effects that this one turns into at some of its values; it rivals them only by being better.
         moments: shapes in which, times the magnitude, the effect is linear: a mass at x is a moment of mass times x.
         torqueless: True where no torque is missing at the joint, so that the effect is looked for at every joint.
@@ -111,9 +109,9 @@ class Effect(ABC):
         return tau
 
     def goal(self, state: Any, goal: np.ndarray, x: Any, p: Values) -> np.ndarray:
-        """What reaches the loop of a position servo, given the goal (nsim, nj) in rad that was sent.
+        """What reaches a position servo's loop at each physics step, given the goal (nsim, nj) in rad that was sent.
 
-        Asked at each physics step. An effect with this hook acts there instead of in `drive` where goals are sent.
+        An effect with this hook acts there instead of in `drive` where goals are sent.
         """
         return goal
 
@@ -179,10 +177,9 @@ class Effect(ABC):
         """Parameter values at which to take a signature, seen from the data; [] where the data rule the effect out.
 
         Args:
-            look: what is known at the place: `q`, `dq`, `tau`, `needed` (n,) measured angle, velocity, commanded motor
-                torque and the torque that the nominal arm needs for the motion,
+            look: what is known at the place, None where it is no joint: `q`, `dq`, `tau`, `needed` (n,) measured angle,
+                velocity, commanded motor torque and the torque that the nominal arm needs for the motion,
                 `excess` (n,) the torque in N m that the present model lacks there, `raw` the unsmoothed angle.
-                Effects that do not sit at a joint get None.
         """
         return [{}]
 
@@ -195,8 +192,7 @@ class Effect(ABC):
 
         `angle` and `torque`, the motion under a known controller: whatever moves the arm or its readings. `servo` and
         `load`, the motion under a servo's own loop: that, and what is in the loop. `needed`, the torque of a measured
-        motion by inverse dynamics: what follows from each sample or the path so far, so no effect of timing, gear play
-        or readings.
+        motion by inverse dynamics: what follows from each sample or the path so far, so no timing, gear play, readings.
         `wrench`, what a wrist's force sensor reads: its own errors, a give of the arm, what needs a scene to act on.
         """
         motion = ("write", "drive", "friction", "torque", "observe")
@@ -226,6 +222,11 @@ class Effect(ABC):
     def magnitudes(self) -> list[str]:
         """The parameters whose null makes the effect vanish (all but the shape parameters)."""
         return [name for name, param in self.params.items() if not param.shape]
+
+    @property
+    def distant(self) -> bool:
+        """Whether it vanishes far away, on a log scale, without a slope there: a fit starts at one of its guesses."""
+        return any(self.params[name].scale == "log" for name in self.magnitudes)
 
     @property
     def straight(self) -> bool:
@@ -295,6 +296,5 @@ class EffectInstance:
 
     def with_values(self, **values: float) -> EffectInstance:
         """The same effect with other values (their intervals dropped)."""
-        return EffectInstance(
-            self.effect, self.where, {**self.params, **{k: Value(float(v)) for k, v in values.items()}}
-        )
+        params = {**self.params, **{k: Value(float(v)) for k, v in values.items()}}
+        return EffectInstance(self.effect, self.where, params)

@@ -109,7 +109,7 @@ def fit_job(
         if len(candidates) > 1:
             costs = [] if trace is None else trace.candidates
             if not costs:
-                costs = [_cost(r) for r in submit([space.at(u) for u in candidates])]
+                costs = [squares(r) for r in submit([space.at(u) for u in candidates])]
                 if trace is not None:
                     trace.chosen(costs)
             best = candidates[int(np.argmin(costs))]
@@ -120,7 +120,8 @@ def fit_job(
     return job
 
 
-def _cost(r: np.ndarray) -> float:
+def squares(r: np.ndarray) -> float:
+    """Mean squared whitened residual in which what diverged counts less."""
     return float(np.mean(np.minimum(r * r, ROBUST**2)))
 
 
@@ -198,7 +199,7 @@ def _cma(
     span = high - low
 
     def costs(points: list[np.ndarray]) -> list[float]:
-        return [_cost(r) for r in submit([space.at(low + span * x) for x in points])]
+        return [squares(r) for r in submit([space.at(low + span * x) for x in points])]
 
     zero, ones = np.zeros(len(span)), np.ones(len(span))
     start = (u0 - low) / span

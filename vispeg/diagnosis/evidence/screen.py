@@ -45,9 +45,9 @@ class Score:
     @property
     def key(self) -> tuple[str, str]:
         """(effect, where); of a group its effects, and `each`, or `several` where the data chose the places."""
-        if not self.beside:
-            return self.placed.effect, self.placed.where
         names = dict.fromkeys(e.effect for e in self.members)
+        if len({e.where for e in self.members}) == 1:
+            return " + ".join(names), self.placed.where
         common = {effect(name).common for name in names}
         return " + ".join(names), "each" if len(common) == 1 and "" not in common and not self.out else "several"
 

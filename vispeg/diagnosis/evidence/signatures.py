@@ -105,7 +105,7 @@ def probes(places: Sequence[tuple[str, str]], item: Item, joint_data: Sequence[J
     out = []
     for name, where in places:
         kind = effect(name)
-        for placed in _guessed(name, where, item, joint_data):
+        for placed in guessed(name, where, item, joint_data):
             names = tuple(m for m in kind.magnitudes if placed.params[m].value != kind.params[m].null)
             if names:
                 out.append(Probe(placed, names, kind.moments if len(names) == 1 else ()))
@@ -134,7 +134,8 @@ def _shifted(probe: EffectInstance, moment: str) -> EffectInstance:
     return probe.with_values(**{moment: probe.params[moment].value + STEP * (p.high - p.low)})
 
 
-def _guessed(name: str, where: str, item: Item, joint_data: Sequence[JointData]) -> list[EffectInstance]:
+def guessed(name: str, where: str, item: Item, joint_data: Sequence[JointData]) -> list[EffectInstance]:
+    """An effect at a place with the values that the data suggest; none where they rule it out."""
     kind, joints = effect(name), item.robot.joints
     data = joint_data[joints.index(where)] if where in joints else None
     guesses = kind.guesses(data) if data is not None else [{}]

@@ -76,6 +76,11 @@ def in_order(judge: Judge, state: State, trials: list[Trial]) -> list[Trial]:
     return passed + refused
 
 
+def passes(trials: Sequence[Trial]) -> bool:
+    """Whether one of them earned its place, and not at a bound alone."""
+    return any(not t.rejected and sound(t) for t in trials)
+
+
 def sound(t: Trial) -> bool:
     """Whether some effect of a candidate ended inside its bounds: what stands at one is a shadow of something else."""
     return not all(at_bound(e) for e in _own(t))

@@ -11,9 +11,10 @@ from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.evidence.localise import MissingTorque, joint_z
 from vispeg.diagnosis.evidence.screen import Score, candidates, groups
 from vispeg.diagnosis.progress import Progress
-from vispeg.diagnosis.selection.accept import LEAST_SHARE, in_order, ranked, sound
+from vispeg.diagnosis.selection.accept import LEAST_SHARE, in_order, passes, ranked
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.law import grow, refined
+from vispeg.diagnosis.selection.pairs import pairs
 from vispeg.diagnosis.selection.proposals import Proposals
 from vispeg.diagnosis.selection.prune import prune
 from vispeg.diagnosis.selection.shadows import cast_out, dismissed
@@ -109,20 +110,27 @@ class Search(Shown, Proposals):
 
         The joints that miss most come first, and with them everything that is no joint; the other joints, whose missing
         torque they may hide, only where nothing passes there; then the first places count as tested too. Where one
-        joint alone comes first, and nothing passes but at a bound, what all joints may have is tried as well.
+        joint alone comes first, and nothing passes but at a bound, two effects at once are tried in it, and then what
+        all joints may have.
         """
         missing = self.missing(state.world)
         near, rest, common = self.places(state, missing)
         state.screening = []
         several = bool(common) or state.fit is not None
         trials = self.step_at(state, n_fixed, near, missing, len(near), common, several)
+        trials = trials if common or passes(trials) else self.paired(state, n_fixed, missing, len(near)) + trials
         every = [] if common else self.everywhere(state)  # a light joint far off may hide what all the others miss
-        if every and not any(not t.rejected and sound(t) for t in trials):
+        if every and not passes(trials):
             trials += self.step_at(state, n_fixed, [], missing, len(near), every, not several)
             trials = in_order(self.judge, state, trials)
         if rest and all(t.rejected for t in trials):
             trials = self.step_at(state, n_fixed, rest, missing, len(near) + len(rest)) + trials
         return trials
+
+    def paired(self, state: State, n_fixed: int, missing: Sequence[MissingTorque], tested: int) -> list[Trial]:
+        """Two effects at once in the joint that misses most, fitted from several starts and judged."""
+        scores = pairs(self, state, missing)
+        return self.try_all(state, shortlist(scores, BEST), n_fixed, tested) if scores else []
 
     def scored(self, state: State) -> list[Score]:
         """The candidates beside a state, best first by the share of the fitted error that each promises to explain."""
@@ -148,7 +156,8 @@ class Search(Shown, Proposals):
 
     def everywhere(self, state: State) -> list[list[tuple[str, str]]]:
         """The groups of what every arm has in every joint that no step of the search took yet."""
-        done = {effect(e.effect).common for best, _ in state.steps for e in best.score.beside}
+        asked = [best.score for best, _ in state.steps if len({e.where for e in best.score.members}) > 1]
+        done = {effect(e.effect).common for score in asked for e in score.beside}
         return groups(self.evidence, state.world, done)
 
     def step_at(

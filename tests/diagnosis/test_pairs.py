@@ -1,0 +1,72 @@
+"""A servo and a limit of one joint, of which each alone is refused, are found together; fits start at guesses."""
+
+import numpy as np
+import pytest
+from loops import pendulum
+
+from vispeg.api.fit import fit
+from vispeg.core.effect import EffectInstance, searchable
+from vispeg.core.seeds import stream
+from vispeg.diagnosis.evidence.starts import begun
+from vispeg.diagnosis.selection.judge import Judge
+from vispeg.diagnosis.selection.pairs import pairs
+from vispeg.diagnosis.selection.search import Search
+from vispeg.identify.evidence import Evidence
+from vispeg.identify.excitation import Motion
+from vispeg.identify.record import controller, record
+from vispeg.recordings.recording import Recording
+from vispeg.worlds.world import World
+
+SERVO = EffectInstance.of("servo", "hinge", natural_frequency=40.0, damping_ratio=1.3)
+LIMIT = EffectInstance.of("goal_rate_limit", "hinge", rate=1.0)
+
+
+def strokes(size: float, seed: int, *effects: EffectInstance) -> Recording:
+    """The pendulum under a servo at 50 Hz, on strokes of this size: large ones pass the limit of the goal."""
+    robot, time = pendulum(), np.arange(200) / 50.0
+    goal = size * (np.sin(2 * np.pi * (0.7 + 0.1 * seed) * time) + np.where(time % 2 < 1, 0.0, 0.5))
+    motion = Motion("strokes", time, goal[:, None], np.gradient(goal, time)[:, None])
+    loop = controller(robot, "servo", 50.0, np.zeros(1))
+    return record(World(robot.source, None, effects), motion, loop, {"q": 5e-4}, stream(seed, "strokes"))
+
+
+@pytest.fixture(scope="module")
+def search() -> Search:
+    """Fitted on large strokes, judged on small ones."""
+    large, small = [strokes(0.5, k, SERVO, LIMIT) for k in (0,)], [strokes(0.05, k, SERVO, LIMIT) for k in (2,)]
+    return Search(Evidence(large), Judge(Evidence(small, h_max=1e-3)))
+
+
+def test_a_servo_and_a_limit_are_found_together_where_nothing_passes_alone(search, monkeypatch):
+    state = search.start(World(pendulum().source))
+    monkeypatch.setattr(search, "step_at", lambda *args: [])
+    best, *_ = search.step(state, 0)
+    assert not best.rejected and {e.effect for e in best.score.members} == {"servo", "goal_rate_limit"}
+    assert best.score.label.endswith("(hinge)") and search.judge.mean(best.loss) < 1.2
+    placed = {e.effect: e for e in best.fit.world.effects}
+    for truth in (SERVO, LIMIT):
+        for name, v in truth.params.items():
+            assert placed[truth.effect].params[name].value == pytest.approx(v.value, rel=0.05)
+
+
+def test_a_pair_promises_what_a_rollout_at_its_guesses_removes(search):
+    state = search.start(World(pendulum().source))
+    found = pairs(search, state, state.missing)
+    assert [s.gain for s in found] == sorted((s.gain for s in found), reverse=True) and found[0].gain > 0
+    for score in found[:3]:
+        a, b = (searchable()[e.effect] for e in score.members)
+        assert a.distant and b.distant and not (a.overrides("drive") and b.overrides("drive"))
+        (after,) = search.evidence.residuals([state.world.add(*score.members)])
+        assert score.gain == pytest.approx(state.residual @ state.residual - after @ after)
+
+
+def test_a_fit_without_a_start_value_begins_where_it_has_a_slope(search):
+    recordings = search.evidence.recordings[:1]
+    world = World(pendulum().source).add(SERVO, EffectInstance.of("goal_rate_limit", "hinge"))
+    started = begun(search.evidence, world, [1]).effects[1].params["rate"].value
+    assert started < 10.0 and begun(search.evidence, world, []) == world
+    robot = World(pendulum().source).add(SERVO)
+    out = fit(robot, recordings, ["goal_rate_limit:hinge"], method="least-squares", threads=1)
+    assert out.effects[0].params["rate"].value == pytest.approx(1.0, rel=0.02)
+    named = fit(robot, recordings, [LIMIT], method="least-squares", iterations=1, threads=1)
+    assert named.effects[0].params["rate"].value == pytest.approx(1.0, rel=0.1)

@@ -1,0 +1,44 @@
+"""Where a fit of effects that vanish far away begins: at what the data suggest, for their slope at null is zero."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.diagnosis.evidence.localise import joint_data, missing_torque
+from vispeg.diagnosis.evidence.signatures import guessed
+from vispeg.identify.evidence import Evidence
+from vispeg.identify.fit import squares
+from vispeg.worlds.world import World
+
+
+def begun(evidence: Evidence, world: World, asked: Sequence[int]) -> World:
+    """The world with those of the effects at `asked` that are distant and sit in a joint at their best guesses.
+
+    The effects of one joint are tried in all combinations, joint by joint, beside the values that they have.
+    """
+    joints = evidence.items[0].robot.joints
+    places = {i: world.effects[i].where for i in asked if effect(world.effects[i].effect).distant}
+    for joint in (j for j in joints if j in places.values()):
+        here = [i for i, where in places.items() if where == joint]
+        predicted = evidence.simulated([world])
+        missing = [missing_torque(item, y[0]) for item, y in zip(evidence.items, predicted, strict=True)]
+        data = joint_data(missing, evidence.items)
+        guesses = [guessed(world.effects[i].effect, joint, evidence.items[0], data) for i in here]
+        options = [[world.effects[i], *some] for i, some in zip(here, guesses, strict=True)]
+        worlds = [_with(world, here, placed) for placed in product(*options)]
+        left = [squares(r) for r in evidence.each_residual(worlds)]
+        world = worlds[int(np.argmin(left))]
+    return world
+
+
+def _with(world: World, at: Sequence[int], placed: Sequence[EffectInstance]) -> World:
+    """The world with other effects at these indices."""
+    effects = list(world.effects)
+    for i, e in zip(at, placed, strict=True):
+        effects[i] = e
+    return replace(world, effects=tuple(effects))

@@ -1,0 +1,66 @@
+"""Two effects at once in one joint, where neither shows without the other: a slow servo whose goals are limited too.
+
+An effect that vanishes far away (`Effect.distant`) has no slope at null, so a fit of two cannot start there: it starts
+at what the data suggest for both (`Effect.guesses`), tried in all combinations by rollout. Fits end in different
+places, so several start, and the held-out recordings choose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vispeg.core.effect import Effect, EffectInstance, searchable
+from vispeg.diagnosis.evidence.localise import MissingTorque, joint_data, joint_z
+from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.evidence.signatures import guessed
+from vispeg.diagnosis.selection.state import State
+from vispeg.worlds.model_file import model_text
+
+if TYPE_CHECKING:
+    from vispeg.diagnosis.selection.search import Search
+
+STAGES = ("goal", "regulate", "drive")  # of a joint's drive: of two effects in one stage either stands for the other
+
+
+def pairs(search: Search, state: State, missing: Sequence[MissingTorque]) -> list[Score]:
+    """Two distant effects in the joint that misses most, best first; for each guess of one the best of the other."""
+    evidence, joints = search.evidence, search.evidence.items[0].robot.joints
+    worst = int(np.argmax(joint_z(missing)))
+
+    def work_out() -> list:
+        data, out = joint_data(missing, evidence.items), []
+        for kinds in _kinds(search, state, joints[worst]):
+            a, b = (guessed(kind.name, joints[worst], evidence.items[0], data) for kind in kinds)
+            tried = [(first, second) for first in a for second in b]
+            left = [float(r @ r) for r in evidence.each_residual([state.world.add(*both) for both in tried])]
+            best = [min(range(i, i + len(b)), key=left.__getitem__) for i in range(0, len(tried), max(len(b), 1))]
+            out += [[[_values(e) for e in tried[k]], float(state.residual @ state.residual) - left[k]] for k in best]
+        return sorted(out, key=lambda row: -row[1])
+
+    rows = search.progress.recall(["pairs", model_text(state.world), joints[worst]], work_out)
+    out = []
+    for members, gain in rows:
+        first, second = (EffectInstance.of(name, joints[worst], **values) for name, values in members)
+        out.append(Score(first, gain, (second,)))
+    return [s for s in out if s.gain > 0]
+
+
+def _kinds(search: Search, state: State, joint: str) -> Iterator[tuple[Effect, Effect]]:
+    """Distant effects of different stages of a joint's drive that the evidence sees, not in the world yet."""
+    taken = {e.effect for e in state.world.effects if e.where in (joint, "all")}
+    far = [k for k in searchable().values() if k.distant and search.evidence.sees(k) and k.name not in taken]
+    for a, b in combinations(far, 2):
+        if _stages(a) and _stages(b) and not _stages(a) & _stages(b):
+            yield a, b
+
+
+def _stages(kind: Effect) -> set[str]:
+    return {stage for stage in STAGES if kind.overrides(stage)}
+
+
+def _values(placed: EffectInstance) -> list:
+    return [placed.effect, {k: v.value for k, v in placed.params.items()}]
