@@ -116,6 +116,7 @@ def test_halves_that_differ_by_more_than_they_promise_are_a_model_error():
     left = [Left("part", 0.02, 0.05, "table")]
     assert decide(2.0, 0.2, 1, [], left, Halves(0.2, 0.09), 0.1).verdict == "identified"
     assert decide(2.0, 0.2, 1, [], left, Halves(0.6, 0.09), 0.1).verdict == "unexplained"
+    assert Halves(0.31, 0.15).disagree and not Halves(0.31, 0.15, views=5).disagree
     assert decide(2.0, 2.0, 0, [], [Left("part", 0.6, 3.0, "fixture")], None, 0.1).verdict == "unexplained"
     assert decide(0.2, 0.2, 0, [], left, None, 0.1).verdict == "adequate"
     moved = [Left("part", 0.08, 1.8, "fixture")]  # most of a moved part's edges are no longer near its borders
@@ -190,3 +191,14 @@ def test_a_small_error_of_the_lens_is_named_or_said_to_be_alike_with_px_and_a_mo
     assert len(record["views"]["confounded"]) == len(rivals)
     for row in record["views"]["confounded"]:
         assert row["views_px"] < 0.2 and row["motion"] and row["projection"]
+
+
+@pytest.mark.parametrize("views", [4, 5, 10, 40])
+def test_two_halves_of_one_law_agree_however_few_their_views_are(views):
+    """Two means of `views` readings each, their uncertainty from the readings' own spread."""
+    rng = np.random.default_rng(views)
+    one, other = rng.normal(size=(2, 4000, views))
+    spread = np.sqrt((one.var(axis=1, ddof=1) + other.var(axis=1, ddof=1)) / views)
+    away = np.abs(one.mean(axis=1) - other.mean(axis=1))
+    wrong = np.mean([Halves(9 * d, 9 * s, views).disagree for d, s in zip(away, spread, strict=True)])
+    assert wrong < 0.055

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 
 from vispeg.diagnosis.pictures.search import PictureSearch
 from vispeg.identify.fit import Fit
@@ -16,21 +17,27 @@ from vispeg.identify.pictures.evidence import BorderEvidence
 from vispeg.worlds.world import World
 
 Borders = tuple[BorderEvidence, BorderEvidence]  # to fit, and to judge on
-WRONG = 2.0  # times their uncertainty that the halves may differ by
+WRONG = 2.0  # standard errors that the halves may differ by, of many views; by Student's t of few
 LEAST = 0.25  # px: no less counts as a difference, whatever the halves promise
 
 
 @dataclass(frozen=True)
 class Halves:
-    """Difference of the two halves' projections over the held-out views, and its uncertainty, RMS in px."""
+    """Difference of the two halves' projections over the held-out views, and its uncertainty, RMS in px.
+
+    The uncertainty is taken over the `views` of the smaller half: a spread over few of them says little of itself
+    (cluster-robust standard errors; Cameron and Miller, Journal of Human Resources 50(2), 2015).
+    """
 
     difference: float
     uncertainty: float
+    views: int = 1000
 
     @property
     def disagree(self) -> bool:
         """Whether no world of this form fits both halves."""
-        return self.difference > max(WRONG * self.uncertainty, LEAST)
+        times = float(stats.t.ppf(stats.norm.cdf(WRONG), max(1, self.views - 1)))
+        return self.difference > max(times * self.uncertainty, LEAST)
 
 
 def compare_halves(search: PictureSearch, borders: Borders, world: World, n_fixed: int) -> Halves | None:
@@ -38,9 +45,11 @@ def compare_halves(search: PictureSearch, borders: Borders, world: World, n_fixe
     if len(world.effects) <= n_fixed:
         return None
     evidence, judged = borders
-    fits = [search.fits([world], n_fixed, evidence.part(k, 2))[0] for k in (0, 1)]
+    parts = [evidence.part(k, 2) for k in (0, 1)]
+    fits = [search.fits([world], n_fixed, part)[0] for part in parts]
     spread = sum(uncertainty(judged, f) ** 2 for f in fits)
-    return Halves(judged.change(fits[0].world, fits[1].world), float(np.sqrt(spread)))
+    views = min(len(np.unique(part.blocks())) for part in parts)
+    return Halves(judged.change(fits[0].world, fits[1].world), float(np.sqrt(spread)), views)
 
 
 def uncertainty(judged: BorderEvidence, fit: Fit) -> float:
