@@ -245,7 +245,7 @@ def test_what_acts_in_few_held_out_blocks_shows_by_its_size():
         after[few, 2] -= drop
         return SimpleNamespace(loss=after)
 
-    state = SimpleNamespace(loss=before)
+    state = SimpleNamespace(loss=before, fit=None)
     assert search.judge.gain(before, trial(14.0).loss).z < HELD_OUT
     assert (
         search.holds(state, trial(14.0))

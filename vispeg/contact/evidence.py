@@ -18,7 +18,7 @@ from vispeg.contact.hand import Grasp, grasp, hand
 from vispeg.contact.nuisance import PLACE, TURN, nuisance
 from vispeg.contact.path import Path, along
 from vispeg.contact.phases import Phases, phases
-from vispeg.contact.sensor import hand_world, readings, trusted
+from vispeg.contact.sensor import hand_world, readings, stands_for, trusted
 from vispeg.contact.thin import PART, driven_blocks, pieces, thinned
 from vispeg.contact.torques import calm, notes
 from vispeg.contact.yielding import given_way
@@ -71,6 +71,7 @@ class ContactItem(Item):
     hand: Scene = None  # type: ignore[assignment]
     grasp: Grasp = None  # type: ignore[assignment]
     floor: np.ndarray = None  # type: ignore[assignment]  (m, 6)
+    answer: np.ndarray = None  # type: ignore[assignment]  (6, m, 6), see `displaced`
 
     @property
     def nj(self) -> int:
@@ -111,7 +112,7 @@ class ContactEvidence(Evidence):
         for t in touching:
             scene = hands.setdefault(id(t.scene), hand(t.scene, self.hold))
             self.items += _items(t, scene, SECONDS / len(touching), self.hold, nthread)
-        self.nuisance = nuisance(self.items, [displaced(i, nthread) for i in self.items])
+        self.nuisance = nuisance(self.items)
         self.notes: list[str] = notes([(t.recording, t.torques) for t in touching])
         self.absent: set[tuple[str, str]] = set()
         self.floor_from = "simulated repeats with the stated noise"
@@ -163,7 +164,8 @@ class ContactEvidence(Evidence):
                 windows = pieces(item.phase) if part else item.phase.windows
                 for start in range(0, len(rows), ROWS):
                     some = rows[start : start + ROWS]
-                    values[some] = predicted(item, driven(item, [worlds[r] for r in some], self.nthread, windows))
+                    part_of = [worlds[r] for r in some]
+                    values[some] = predicted(item, driven(item, part_of, self.nthread, windows), part_of)
         return out
 
     def residuals_in_part(self, worlds: Sequence[World]) -> list[np.ndarray]:
@@ -217,27 +219,30 @@ def driven(
     return drive(item.hand, cell, item.path, hand_worlds, wrench, rest, windows, nthread, way=way)
 
 
-def displaced(item: ContactItem, nthread: int = 1) -> np.ndarray:
-    """(6, m, 6) how the wrench answers where the hand is off its path by `PLACE` or `TURN`, an axis each."""
+def displaced(item: ContactItem, nominal: Driven, nthread: int = 1) -> np.ndarray:
+    """(6, m, 6) how the wrench answers where the hand is off its path by `PLACE` or `TURN`, an axis each.
+
+    Along the tool's axis it is deeper by that. `nominal` is how the believed model went along the path itself.
+    """
     off = np.diag(np.repeat([PLACE, TURN], 3))
     world = hand_world(item.source.believed, World())
-    wrench = np.repeat(readings(item.path, item.hand, world)[None], 12, axis=0)
-    phase, shift = item.phase, np.concatenate([off, -off])
-    out = drive(
-        item.hand, item.source.scene, item.path, [world] * 12, wrench, phase.rest, phase.windows, nthread, shift
-    )
-    answer = predicted(item, out)
-    return np.nan_to_num(answer[:6] - answer[6:]) / 2
+    wrench = np.repeat(readings(item.path, item.hand, world)[None], 6, axis=0)
+    phase, cell = item.phase, item.source.scene
+    out = drive(item.hand, cell, item.path, [world] * 6, wrench, phase.rest, phase.windows, nthread, off)
+    return np.nan_to_num(phase.means(out.correction) - phase.means(nominal.correction))
 
 
-def predicted(item: ContactItem, out: Driven) -> np.ndarray:
+def predicted(item: ContactItem, out: Driven, worlds: Sequence[World]) -> np.ndarray:
     """(nworld, m, 6): measured wrench, less the zero found in free air, plus the correction, as the sensor reads it.
 
-    While the hand rests at the start, the zero itself is what is compared.
+    While the hand rests at the start, the zero itself is what is compared. Forces are told as readings, whatever a
+    world says that these stand for: errors are the sensor's, and what reads less would seem to fit them better.
     """
     correction = item.phase.means(out.correction)
     rest = item.phase.resting
-    return item.measured[None] + np.where(rest[None, :, None], -out.zero[:, None], correction)
+    told = np.where(rest[None, :, None], -out.zero[:, None], correction)
+    each = [stands_for(item.path, item.hand, hand_world(item.source.believed, w)) for w in worlds]
+    return item.measured[None] + told / np.array(each)[:, None, None]
 
 
 def _alike(worlds: Sequence[World]) -> list[np.ndarray]:
@@ -284,14 +289,16 @@ def _item(
     measured = phase.means(path.wrench[None])[0]
     sigma = np.ones_like(measured)
     item = ContactItem(rec, segment, t.scene, (), path, phase, t, scene, hold, sigma)
-    sigma = floors(item, nthread)
+    nominal = driven(item, [World()], nthread)
+    sigma = floors(item, nominal, nthread)
+    answer = displaced(item, nominal, nthread)
     valid = np.isfinite(measured) & phase.valid[:, None]
     force, torque = slice(0, 3), slice(3, 6)
     channels = (
         Channel("force", measured[:, force], sigma[:, force], valid[:, force]),
         Channel("moment", measured[:, torque], sigma[:, torque], valid[:, torque]),
     )
-    return ContactItem(rec, segment, t.scene, channels, path, phase, t, scene, hold, sigma)
+    return ContactItem(rec, segment, t.scene, channels, path, phase, t, scene, hold, sigma, answer)
 
 
 __all__ = ["PENALTY", "ContactEvidence", "ContactItem", "Touching", "driven", "predicted"]

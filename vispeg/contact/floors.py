@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vispeg.contact.drive import drive
+from vispeg.contact.drive import Driven, drive
 from vispeg.contact.noise import noise
-from vispeg.contact.path import PATH_HZ
+from vispeg.contact.path import PATH_HZ, Path
 from vispeg.contact.phases import NAMES
 from vispeg.contact.sensor import REACH, hand_world, readings
 from vispeg.core.seeds import stream
@@ -38,17 +38,16 @@ LOOSE = 2  # blocks before and after a slide: when exactly a contact breaks loos
 LEVER, DRIFT = 0.1, 0.3  # m, of a torque against a force; N, by how much a sensor's zero may wander between starts
 
 
-def floors(item: ContactItem, nthread: int) -> np.ndarray:
-    """(m, 6) N and N m: RMS of what the right model leaves in each block."""
+def floors(item: ContactItem, once: Driven, nthread: int) -> np.ndarray:
+    """(m, 6) N and N m: RMS of what the right model leaves in each block; `once` is how the believed one went."""
     path, phase, rec = item.path, item.phase, item.recording
     world = hand_world(item.source.believed, World())
     wrench = readings(path, item.hand, world)[None]
-    once = drive(item.hand, item.source.scene, path, [world], wrench, phase.rest, phase.windows, nthread)
     rng = stream(0, "contact floor")
     place, rate = _noisy(once.place[0], path.time, path.clock, float(np.mean(noise_of(rec)["q"])) * REACH, rng)
     read = wrench[0] - once.zero + np.nan_to_num(once.correction[0])
     sigma = noise(item)
-    read = read + sigma * rng.standard_normal(read.shape)
+    read = read + _on_steps(sigma * rng.standard_normal((len(path.clock), 6)), path)
     again = replace(path, place=place, rate=rate)
     residual = phase.means(
         drive(item.hand, item.source.scene, again, [world], read[None], phase.rest, phase.windows, nthread).correction
@@ -85,3 +84,8 @@ def _noisy(place: np.ndarray, time: np.ndarray, clock: np.ndarray, sigma: float,
     calm, rate, _ = smooth(clock, sampled + sigma * rng.standard_normal(sampled.shape), PATH_HZ)
     grid = [np.stack([np.interp(time, clock, v) for v in values.T], axis=1) for values in (calm, rate)]
     return grid[0], grid[1]
+
+
+def _on_steps(values: np.ndarray, path: Path) -> np.ndarray:
+    """(n, k) on a path's steps of what was read (len(path.clock), k): as blocks of readings are, so is their noise."""
+    return np.stack([np.interp(path.time, path.clock, v) for v in values.T], axis=1)

@@ -20,7 +20,7 @@ from vispeg.worlds.world import World
 
 QUANTILE = 3.84  # of chi squared with one degree of freedom: 95 %
 MOST = 4.0  # times the least scale: by how much recordings that disagree may stretch it
-ROUNDS = ((0.5, 1.0, 2.0), (4.0, 8.0), (16.0, 64.0))  # of a half interval by derivatives, until the residual rises
+ROUNDS = ((1.0,), (0.5, 2.0), (4.0, 8.0), (16.0, 64.0))  # of a half interval by derivatives, until the residual rises
 FLAT = 1e-12
 
 

@@ -63,22 +63,17 @@ class Nuisance:
         return (flat - self.basis @ (self.less * (self.basis.T @ flat))).reshape(residual.shape)
 
 
-def nuisance(items: Sequence[ContactItem], answers: Sequence[np.ndarray]) -> Nuisance:
-    """That of items of one robot and sensor, with their floors.
-
-    Args:
-        items: in the order of the residual.
-        answers: (6, m, 6) of each, how the wrench answers to a hand off its path.
-    """
+def nuisance(items: Sequence[ContactItem]) -> Nuisance:
+    """That of items of one robot and sensor, with their floors, in the order of the residual."""
     sizes = [i.measured.size for i in items]
     ends = np.cumsum([0, *sizes])
     separate, shared = [], []
     places = [_place(i) for i in items]
     errors = _smooth(places)
-    for item, answer, error in zip(items, answers, errors, strict=True):
+    for item, error in zip(items, errors, strict=True):
         alone = [*_drifts(item), _late(item), *_stuck(item), *_chatters(item), *_slipped(item), *unsure(item)]
-        separate.append(_whitened(item, [*alone, *_turned(item, answer)]))
-        shared.append(_whitened(item, [*_mixtures(item), *_misplaced(item, answer, error)]))
+        separate.append(_whitened(item, [*alone, *_turned(item)]))
+        shared.append(_whitened(item, [*_mixtures(item), *_misplaced(item, error)]))
     columns = np.concatenate(shared, axis=0)
     out = np.zeros((ends[-1], columns.shape[1] + sum(o.shape[1] for o in separate)))
     out[:, : columns.shape[1]], at = columns, columns.shape[1]
@@ -142,14 +137,14 @@ def _smooth(places: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[np.ndarray]
     return np.split(vector[:, some] * np.sqrt(value[some]), np.cumsum([len(p) for p, _ in places])[:-1])
 
 
-def _misplaced(item: ContactItem, answer: np.ndarray, smooth: np.ndarray) -> list[np.ndarray]:
+def _misplaced(item: ContactItem, smooth: np.ndarray) -> list[np.ndarray]:
     """Where the kinematics are off along each axis of the base: as the model answers, or as the measured contact does,
     by the greater.
     """
     axes = _turn(item).inv().as_matrix()
     w, held = _bound(item)
     start = Rotation.from_quat(item.path.frame, scalar_first=True).as_matrix()
-    model = np.einsum("aj,jmc->amc", start, answer[:3])
+    model = np.einsum("aj,jmc->amc", start, item.answer[:3])
     measured = held[None] * (PLACE * np.einsum("bij,bi->jb", axes, w[:, :3]))[:, :, None]
     some = _larger(model, measured)
     bent = np.gradient(np.gradient(smooth, item.period, axis=0), item.period, axis=0)  # 1/s^2: it is no free motion
@@ -162,11 +157,11 @@ def _misplaced(item: ContactItem, answer: np.ndarray, smooth: np.ndarray) -> lis
     return out
 
 
-def _turned(item: ContactItem, answer: np.ndarray) -> list[np.ndarray]:
+def _turned(item: ContactItem) -> list[np.ndarray]:
     """The same of the hand's turning, one error over the recording."""
     w, held = _bound(item)
     measured = held[None] * (TURN * w[:, 3:]).T[:, :, None]
-    return list(_larger(answer[3:], measured))
+    return list(_larger(item.answer[3:], measured))
 
 
 def _larger(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -79,25 +79,60 @@ class Probe:
 def probed(
     evidence: ContactEvidence, world: World, where: Sequence[tuple[str, str]], least: float = 0.0
 ) -> list[Probe]:
-    """Every size of every parameter of the effects at their places, beside those of `world`.
+    """Sizes of every parameter of the effects at their places, beside those of `world`.
 
-    All are screened by a part of the recordings; what promises `least` or is among the `BEST` effects is asked anew by
-    all of them.
+    From none outward, each sign for itself, by a part of the recordings: a way ends where its last size was felt and
+    no size along it promises to lower the residual. What may come to `least` is asked anew by all of the recordings.
     """
-    probes = [p for name, at in where for p in tries(name, at)]
-    (base,), rows = (
-        evidence.residuals_in_part([world]),
-        evidence.residuals_in_part([world.add(p) for _, p in probes]),
-    )
-    rough = [_probe(name, placed, base, r, PART) for (name, placed), r in zip(probes, rows, strict=True)]
-    best = strongest(rough)
-    hopeful = {s.key: s.gain for i, s in enumerate(best) if s.gain > -np.inf and (i < BEST or s.gain > HOPE * least)}
+    ways = [way for name, at in where for way in outward(name, at)]
+    (base,) = evidence.residuals_in_part([world])
+    rough: list[Probe] = []
+    promise: dict[tuple[str, str], float] = {}
+    for step in range(max((len(w) for w in ways), default=0)):
+        ways = [w for w in ways if len(w) > step]
+        rows = evidence.residuals_in_part([world.add(w[step][1]) for w in ways])
+        tried = [_probe(*w[step], base, r, PART) for w, r in zip(ways, rows, strict=True)]
+        rough += tried
+        promised = [_promised(base, r, PART) for r in rows]
+        for t, p in zip(tried, promised, strict=True):
+            promise[t.key] = max(p, promise.get(t.key, 0.0))
+        bar = max(HOPE * least, FAINT * max(promised, default=0.0))
+        ways = [
+            w
+            for w, t, p in zip(ways, tried, promised, strict=True)
+            if t.moved <= max(least, FELT**2) or (p >= bar and p > t.gain + CLOSE * abs(p))
+        ]
+    hopeful = {s.key: s.gain for s in strongest(rough) if s.gain > -np.inf and promise[s.key] > HALF * least}
     again = [k for k, p in enumerate(rough) if p.key in hopeful and _hopeful(p.gain, hopeful[p.key])]
+    if not again:
+        return rough
     (base,) = evidence.residuals([world])
     rows = evidence.residuals([world.add(rough[k].placed) for k in again])
     for k, r in zip(again, rows, strict=True):
         rough[k] = _probe(rough[k].name, rough[k].placed, base, r, 1)
     return rough
+
+
+def outward(name: str, where: str) -> list[list[tuple[str, EffectInstance]]]:
+    """The sizes of each parameter of an effect by their sign, the one nearest to none first."""
+    ways: dict[tuple[str, bool], list[tuple[float, EffectInstance]]] = {}
+    for k, placed in tries(name, where):
+        size = _size(name, k, placed)
+        ways.setdefault((k, size > 0), []).append((abs(size), placed))
+    return [[(k, placed) for _, placed in sorted(way, key=lambda s: s[0])] for (k, _), way in ways.items()]
+
+
+def _promised(base: np.ndarray, r: np.ndarray, times: float) -> float:
+    """The drop of the squared residual at the best size along a straight line through one; 0 where it rises."""
+    change = r - base
+    along = float(base @ change)
+    return times * along**2 / max(float(change @ change), 1e-12) if along < 0 else 0.0
+
+
+def _size(name: str, parameter: str, placed: EffectInstance) -> float:
+    """How far a value is from none; of a scale its logarithm."""
+    param, value = effect(name).params[parameter], placed.params[parameter].value
+    return float(np.log(value / param.null)) if param.scale == "log" else value - param.null
 
 
 def _hopeful(gain: float, best: float) -> bool:
@@ -120,9 +155,7 @@ def shown_from(probes: Sequence[Probe], need: float) -> dict[tuple[str, str], di
     out: dict[tuple[str, str], dict[str, float]] = {}
     ways: dict[tuple[tuple[str, str], str, bool], list[tuple[float, float]]] = {}
     for p in probes:
-        param = effect(p.placed.effect).params[p.name]
-        value = p.placed.params[p.name].value
-        size = float(np.log(value / param.null)) if param.scale == "log" else value - param.null
+        size = _size(p.placed.effect, p.name, p.placed)
         ways.setdefault((p.key, p.name, size > 0), []).append((abs(size), p.moved))
     for (key, name, _), sizes in ways.items():
         unseen, from_ = 0.0, np.inf
@@ -186,4 +219,7 @@ def idle(probes: Sequence[Probe]) -> set[tuple[str, str]]:
 
 FELT = 5.0  # standard deviations by which some size must move the residual for an effect to be excited
 SHARE = 0.03
-BEST, HOPE = 6, 0.25  # effects that are asked anew; of what a size must promise, that the screen must see in it
+HALF = 0.5  # of what an effect must gain, that a straight line through a size must promise in the screen
+HOPE = 0.25  # of what a size must promise, that the screen must see in it
+FAINT = 0.03  # of what the best size promises, below which no greater one is tried
+CLOSE = 0.1  # of what a way promises, within which a size comes to it

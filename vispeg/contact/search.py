@@ -26,11 +26,14 @@ from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World
 
 SINGLES, PAIRED = 5, 3  # effects that are fitted at a step, and those of them whose pairs are
+SHORT = 4  # iterations of what races
 NONE = -1e300  # the gain of what changes nothing, as JSON can say it
 LEVEL = 0.01  # chance that any effect of the library passes where there is none
 NEAR = 0.6  # of the drop that an effect needs, which a size that is tried must come to for the effect to be fitted
 SCENE = ("contact", "task")  # families of what stands in the cell
 WORTH = 0.2  # of the best one's gain that another must have in the profile to be fitted
+BESIDE = 0.1  # of what is left, that an effect beside others must remove
+AS_MUCH = 0.3  # the same of a rival, of what the effect in whose place it stands removes
 
 
 class ContactSearch(Search):
@@ -59,6 +62,56 @@ class ContactSearch(Search):
         """
         return len(state.world.effects) - n_fixed < self.evidence.most_effects
 
+    def run(self, world: World, n_fixed: int | None = None) -> State:
+        """As for joints; intervals, which are dear by the squared residual, come once, of what stayed."""
+        n_fixed = len(world.effects) if n_fixed is None else n_fixed
+        state = super().run(world, n_fixed)
+        while self.spared(state, n_fixed):
+            pass
+        if state.fit is not None:
+            self.bound(state, state.fit, n_fixed)
+        return state
+
+    def spared(self, state: State, n_fixed: int) -> bool:
+        """Takes out the effect of several that is needed least once the others are fitted anew; False where all are.
+
+        What came in first may stand for what came in later, and no derivative tells: contacts come and go.
+        """
+        some = state.world.effects[n_fixed:]
+        if state.fit is None or len(some) < 2:
+            return False
+        worlds = [state.world.without(e.effect, e.where) for e in some]
+        self.say(f"leaving out {', '.join(e.label for e in some)}")
+        fits = self.fits(worlds, n_fixed, iterations=5)
+        losses = self.judge.losses([f.world for f in fits])
+        worse = [float(f.residual @ f.residual - state.residual @ state.residual) for f in fits]
+        held = [float((loss - state.loss).sum()) for loss in losses]
+        count = [len([a for a in state.fit.space.axes if a.index == n_fixed + k]) for k in range(len(some))]
+        cost = state.fit.cost, self.judge.mean(state.loss)
+        weak = [
+            k
+            for k, (f, loss) in enumerate(zip(fits, losses, strict=True))
+            if worse[k] <= max(self.need(cost[0], count[k]), self.form(f.residual))
+            or held[k] <= max(self.confirms(cost[1]), BESIDE * float(loss.sum()))
+        ]
+        if not weak:
+            return False
+        k = min(weak, key=lambda k: worse[k] / count[k])
+        self.say(f"not needed beside the others: {some[k].label}")
+        state.take(fits[k], losses[k])
+        state.cross = self.cross.loss_of(fits[k], fits[k].residual)
+        return True
+
+    def bound(self, state: State, fit: Fit, n_fixed: int) -> None:
+        """The state of a fit with intervals; where less residual lies on their way, of one anew from there."""
+        self.say(f"{fit.world.label}: intervals")
+        world, best = intervals(self.evidence, fit)
+        if np.any(best != fit.u):
+            (fit,) = self.fits([fit.space.at(best)], n_fixed, iterations=2)
+            world, _ = intervals(self.evidence, fit)
+        fit = replace(fit, world=world)
+        state.take(fit, self.judge.losses([fit.world])[0])
+
     def fits(
         self,
         worlds: Sequence[World],
@@ -68,8 +121,13 @@ class ContactSearch(Search):
         iterations: int = 6,
         columns: Sequence[np.ndarray | None] | None = None,
     ) -> list[Fit]:
-        """As for joints, but all derivatives anew: where another effect comes in, contacts come and go."""
-        return super().fits(worlds, n_fixed, races=races, iterations=min(iterations, 6))
+        """As for joints; what races is fitted shortly, with the derivatives that the effects before it had.
+
+        Nothing else is: where another effect comes in, contacts come and go.
+        """
+        if races is None:
+            return super().fits(worlds, n_fixed, iterations=min(iterations, 6))
+        return super().fits(worlds, n_fixed, races=races, iterations=SHORT, columns=columns)
 
     def step(self, state: State, n_fixed: int) -> list[Trial]:
         """Profiles the library, fits the best and, where none of them reaches the floor, their pairs."""
@@ -112,14 +170,10 @@ class ContactSearch(Search):
         return len(places(self.evidence, state.world))
 
     def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
-        """Adds what a trial tried, without the parameters that may as well be absent; then intervals of the rest."""
+        """Adds what a trial tried, fitted to its end, without the parameters that may as well be absent."""
         state.steps.append((trial.bare, [t.bare for t in trials]))
-        fit = self._bare(trial.fit, n_fixed)
-        world, best = intervals(self.evidence, fit)
-        if np.any(best != fit.u):  # less residual beside it
-            (fit,) = self.fits([fit.space.at(best)], n_fixed, iterations=2)
-            world, _ = intervals(self.evidence, fit)
-        fit = replace(fit, world=world)
+        (fit,) = self.fits([trial.fit.world], n_fixed)
+        fit = self._bare(fit, n_fixed)
         state.take(fit, self.judge.losses([fit.world])[0])
         state.cross = self.cross.loss_of(fit, fit.residual)
 
@@ -146,11 +200,19 @@ class ContactSearch(Search):
         """Whether a trial lowers the squared residual by more than chance; where contacts stick derivatives vanish."""
         drop = float(state.residual @ state.residual - trial.fit.residual @ trial.fit.residual)
         count = len([a for a in trial.fit.space.axes if a.index >= len(trial.fit.world.effects) - trial.score.count])
-        return drop > self.need(trial.fit.cost, count)
+        more = self.form(state.residual) if state.fit is not None else 0.0
+        return drop > max(self.need(trial.fit.cost, count), more)
+
+    def form(self, residual: np.ndarray) -> float:
+        """What an effect beside others must remove of a residual: no law of contact is exact, and some effect of the
+        library always removes a little of what the form of another leaves.
+        """
+        return BESIDE * float(residual @ residual)
 
     def holds(self, state: State, trial: Trial) -> bool:
         """The same of the held-out recordings: nothing is fitted to them, and one effect is asked for."""
-        return float((state.loss - trial.loss).sum()) > self.confirms(self.judge.mean(trial.loss))
+        more = BESIDE * float(state.loss.sum()) if state.fit is not None else 0.0
+        return float((state.loss - trial.loss).sum()) > max(self.confirms(self.judge.mean(trial.loss)), more)
 
     def confirms(self, cost: float = 1.0) -> float:
         """Drop of the held-out squared residual that an effect which is not there reaches once in 100 times."""
@@ -212,7 +274,9 @@ class ContactSearch(Search):
         beside = {t.score.key for taken, trials in state.steps if taken.score.has(placed) for t in trials}
         alike = {*effect(placed.effect).told_from, *(n for n, _ in where if placed.effect in effect(n).told_from)}
         near = [p for p in where if p in beside or p[0] in alike]
-        return [s for s in strongest(self.probed(state.world, near))[:PAIRED] if s.gain > 0], len(where)
+        without, beside_it = self.evidence.residuals([state.world, state.world.add(placed)])
+        least = AS_MUCH * float(without @ without - beside_it @ beside_it)
+        return [s for s in strongest(self.probed(state.world, near))[:PAIRED] if s.gain > least], len(where)
 
     def _grow(self, state: State, placed: EffectInstance, n_fixed: int) -> None:
         """No effect of contact is a richer form of another."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,6 +32,15 @@ def readings(path: Path, scene: Scene, world: World) -> np.ndarray:
         if kind.overrides("wrench"):
             wrench = kind.unread(wrench, path.step, {k: v.value for k, v in params.items()})
     return wrench
+
+
+def stands_for(path: Path, scene: Scene, world: World) -> float:
+    """True newtons that one more newton of a constant reading stands for."""
+    if not any(effect(e.effect).overrides("wrench") for e in world.effects):
+        return 1.0
+    constant = replace(path, wrench=np.ones_like(path.wrench))
+    more = readings(replace(path, wrench=2 * constant.wrench), scene, world) - readings(constant, scene, world)
+    return float(more.mean())
 
 
 def trusted(recordings: Sequence[Recording], read: Sequence[bool]) -> tuple[float, float]:

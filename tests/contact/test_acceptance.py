@@ -1,0 +1,97 @@
+"""What a diagnosis of contact accepts: units that favour no reading, floors, what is tried, what is left out again."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pressed import recorded
+
+from vispeg.contact.drive import Driven
+from vispeg.contact.evidence import predicted
+from vispeg.contact.floors import FORM
+from vispeg.contact.profile import outward, probed, tries
+from vispeg.contact.run import evidence_of
+from vispeg.contact.search import ContactSearch
+from vispeg.contact.sensor import stands_for
+from vispeg.core.effect import EffectInstance
+from vispeg.core.seeds import stream
+from vispeg.diagnosis.selection.judge import Judge
+from vispeg.worlds.world import World
+
+FIXTURE = EffectInstance.of("fixture_compliance", "fixture", z=3e-5)
+FRICTION = EffectInstance.of("contact_friction", "peg", scale=1.7)
+
+
+def gain(value: float) -> World:
+    return World().add(EffectInstance.of("wrench_gain", "flange", gain=value))
+
+
+def test_a_reading_that_stands_for_less_force_fits_its_own_noise_no_better():
+    """Noise read is noise told, whatever the gain."""
+    item = evidence_of([recorded()]).items[0]
+    n, gains = len(item.path.time), (1.0, 0.8, 1.25)
+    read = stream(4, "gain").standard_normal((n, 6))
+    told = Driven(np.stack([read / g for g in gains]), np.ones((3, 6)) / np.array(gains)[:, None], np.zeros((3, n, 6)))
+    base, *others = predicted(item, told, [gain(g) for g in gains])
+    assert np.std(base - item.measured) > 0.1
+    for other in others:
+        np.testing.assert_allclose(other, base, rtol=1e-9)
+
+
+def test_a_newton_read_stands_for_as_much_as_the_gain_says():
+    item = evidence_of([recorded()]).items[0]
+    late = World().add(EffectInstance.of("wrench_delay", "flange", delay=0.02))
+    biased = World().add(EffectInstance.of("wrench_bias", "flange", fx=1.0))
+    for world, force in ((gain(1.25), 0.8), (late, 1.0), (biased, 1.0), (World(), 1.0)):
+        assert stands_for(item.path, item.hand, world) == pytest.approx(force)
+
+
+def test_the_floor_in_free_air_is_what_a_block_of_readings_leaves_of_their_noise():
+    """White noise s over the n readings of a block: s / sqrt(n), beside the form's."""
+    rec = recorded()
+    item = evidence_of([rec]).items[0]
+    free = item.phase.of("free") & item.phase.valid & ~item.phase.resting
+    white = rec.noise["ft"] / np.sqrt(item.phase.size * item.path.step * rec.rate_hz)
+    assert np.median(item.floor[free][:, :3]) == pytest.approx(np.hypot(white, FORM["free"]), rel=0.2)
+
+
+class Straight:
+    """Evidence whose residual is a straight line in the hole's offset: x is hidden, y is felt, z hardly is."""
+
+    hidden = np.array([2e-3, 0.0, 0.0])
+    slope = np.array([2e5, 2e5, 3e3])
+
+    def residuals(self, worlds):
+        offsets = [np.array([w.effects[0].params[k].value for k in "xyz"]) if w.effects else 0.0 for w in worlds]
+        return [np.diag(self.slope) @ (offset - self.hidden) for offset in offsets]
+
+    residuals_in_part = residuals
+
+
+def test_sizes_are_tried_from_none_outward_until_one_is_felt_and_none_promises():
+    """Past what is hidden towards it, once away from it and where nothing is, to the end where nothing is felt."""
+    tried = [p.placed.params[p.name].value for p in probed(Straight(), World(), [("hole_offset", "fixture")], 50.0)]
+    names = [p.name for p in probed(Straight(), World(), [("hole_offset", "fixture")], 50.0)]
+    by = {k: sorted(v for n, v in zip(names, tried, strict=True) if n == k) for k in "xyz"}
+    assert by == {"x": [-3e-4, 3e-4, 1e-3, 3e-3], "y": [-3e-4, 3e-4], "z": [-3e-3, -1e-3, -3e-4, 3e-4, 1e-3, 3e-3]}
+
+
+def test_every_size_of_an_effect_lies_on_one_way_from_none():
+    for name, where in (("contact_friction", "peg"), ("grip_pose", "peg"), ("wrench_delay", "flange")):
+        ways = outward(name, where)
+        assert sorted(p.label for way in ways for _, p in way) == sorted(p.label for _, p in tries(name, where))
+        for way in ways:
+            sizes = [abs(np.log(p.params[k].value)) if k == "scale" else abs(p.params[k].value) for k, p in way]
+            assert sizes == sorted(sizes) and len({k for k, _ in way}) == 1
+
+
+def test_what_is_not_needed_beside_the_others_is_left_out_again():
+    """A fixture that gives way beside a hidden friction goes out, the friction stays."""
+    rough = [recorded((FRICTION,)), recorded((FRICTION,), 1, True)]
+    search = ContactSearch(evidence_of(rough), Judge(evidence_of([recorded((FRICTION,), 2)])))
+    state = search.start(World(), 0)
+    (fit,) = search.fits([World().add(FIXTURE).add(FRICTION)], 0, iterations=3)
+    state.take(fit, search.judge.losses([fit.world])[0])
+    assert search.spared(state, 0)
+    assert [e.effect for e in state.world.effects] == ["contact_friction"]
+    assert not search.spared(state, 0), "the only one is not asked for"
