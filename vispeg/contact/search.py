@@ -26,7 +26,7 @@ from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World
 
 SINGLES, PAIRED = 5, 3  # effects that are fitted at a step, and those of them whose pairs are
-SHORT = 4  # iterations of what races
+SHORT = 4  # iterations of what races beside other effects
 NONE = -1e300  # the gain of what changes nothing, as JSON can say it
 LEVEL = 0.01  # chance that any effect of the library passes where there is none
 NEAR = 0.6  # of the drop that an effect needs, which a size that is tried must come to for the effect to be fitted
@@ -121,12 +121,12 @@ class ContactSearch(Search):
         iterations: int = 6,
         columns: Sequence[np.ndarray | None] | None = None,
     ) -> list[Fit]:
-        """As for joints; what races is fitted shortly, with the derivatives that the effects before it had.
+        """As for joints; what races beside other effects is fitted shortly, with the derivatives that these had.
 
         Nothing else is: where another effect comes in, contacts come and go.
         """
-        if races is None:
-            return super().fits(worlds, n_fixed, iterations=min(iterations, 6))
+        if races is None or columns is None or all(c is None for c in columns):
+            return super().fits(worlds, n_fixed, races=races, iterations=min(iterations, 6))
         return super().fits(worlds, n_fixed, races=races, iterations=SHORT, columns=columns)
 
     def step(self, state: State, n_fixed: int) -> list[Trial]:
