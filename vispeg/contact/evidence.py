@@ -162,10 +162,9 @@ class ContactEvidence(Evidence):
         for rows in _alike(worlds):
             for item, values in zip(self.items, out, strict=True):
                 windows = pieces(item.phase) if part else item.phase.windows
-                for start in range(0, len(rows), ROWS):
-                    some = rows[start : start + ROWS]
-                    part_of = [worlds[r] for r in some]
-                    values[some] = predicted(item, driven(item, part_of, self.nthread, windows), part_of)
+                for some in np.split(rows, range(ROWS, len(rows), ROWS)):
+                    these = [worlds[r] for r in some]
+                    values[some] = predicted(item, driven(item, these, self.nthread, windows), these)
         return out
 
     def residuals_in_part(self, worlds: Sequence[World]) -> list[np.ndarray]:
@@ -227,8 +226,8 @@ def displaced(item: ContactItem, nominal: Driven, nthread: int = 1) -> np.ndarra
     off = np.diag(np.repeat([PLACE, TURN], 3))
     world = hand_world(item.source.believed, World())
     wrench = np.repeat(readings(item.path, item.hand, world)[None], 6, axis=0)
-    phase, cell = item.phase, item.source.scene
-    out = drive(item.hand, cell, item.path, [world] * 6, wrench, phase.rest, phase.windows, nthread, off)
+    phase, scenes = item.phase, (item.hand, item.source.scene)
+    out = drive(*scenes, item.path, [world] * 6, wrench, phase.rest, phase.windows, nthread, off)
     return np.nan_to_num(phase.means(out.correction) - phase.means(nominal.correction))
 
 
@@ -238,9 +237,7 @@ def predicted(item: ContactItem, out: Driven, worlds: Sequence[World]) -> np.nda
     While the hand rests at the start, the zero itself is what is compared. Forces are told as readings, whatever a
     world says that these stand for: errors are the sensor's, and what reads less would seem to fit them better.
     """
-    correction = item.phase.means(out.correction)
-    rest = item.phase.resting
-    told = np.where(rest[None, :, None], -out.zero[:, None], correction)
+    told = np.where(item.phase.resting[None, :, None], -out.zero[:, None], item.phase.means(out.correction))
     each = [stands_for(item.path, item.hand, hand_world(item.source.believed, w)) for w in worlds]
     return item.measured[None] + told / np.array(each)[:, None, None]
 
@@ -293,11 +290,8 @@ def _item(
     sigma = floors(item, nominal, nthread)
     answer = displaced(item, nominal, nthread)
     valid = np.isfinite(measured) & phase.valid[:, None]
-    force, torque = slice(0, 3), slice(3, 6)
-    channels = (
-        Channel("force", measured[:, force], sigma[:, force], valid[:, force]),
-        Channel("moment", measured[:, torque], sigma[:, torque], valid[:, torque]),
-    )
+    parts = (("force", slice(0, 3)), ("moment", slice(3, 6)))
+    channels = tuple(Channel(name, measured[:, p], sigma[:, p], valid[:, p]) for name, p in parts)
     return ContactItem(rec, segment, t.scene, channels, path, phase, t, scene, hold, sigma, answer)
 
 

@@ -41,6 +41,7 @@ class ContactSearch(Search):
 
     evidence: ContactEvidence
     few = 99
+    runs = False  # through: what comes in by itself, in the viewer, has its intervals at once
 
     def missing(self, world: World) -> list[MissingTorque]:
         """No torque of a joint is looked at."""
@@ -64,12 +65,11 @@ class ContactSearch(Search):
 
     def run(self, world: World, n_fixed: int | None = None) -> State:
         """As for joints; intervals, which are dear by the squared residual, come once, of what stayed."""
-        n_fixed = len(world.effects) if n_fixed is None else n_fixed
+        n_fixed, self.runs = len(world.effects) if n_fixed is None else n_fixed, True
         state = super().run(world, n_fixed)
         while self.spared(state, n_fixed):
             pass
-        if state.fit is not None:
-            self.bound(state, state.fit, n_fixed)
+        self.bound(state, n_fixed)
         return state
 
     def spared(self, state: State, n_fixed: int) -> bool:
@@ -102,8 +102,11 @@ class ContactSearch(Search):
         state.cross = self.cross.loss_of(fits[k], fits[k].residual)
         return True
 
-    def bound(self, state: State, fit: Fit, n_fixed: int) -> None:
-        """The state of a fit with intervals; where less residual lies on their way, of one anew from there."""
+    def bound(self, state: State, n_fixed: int) -> None:
+        """Intervals by the squared residual; where less of it lies on their way, of a fit anew from there."""
+        fit = state.fit
+        if fit is None:
+            return
         self.say(f"{fit.world.label}: intervals")
         world, best = intervals(self.evidence, fit)
         if np.any(best != fit.u):
@@ -176,6 +179,8 @@ class ContactSearch(Search):
         fit = self._bare(fit, n_fixed)
         state.take(fit, self.judge.losses([fit.world])[0])
         state.cross = self.cross.loss_of(fit, fit.residual)
+        if not self.runs:
+            self.bound(state, n_fixed)
 
     def _bare(self, fit: Fit, n_fixed: int) -> Fit:
         """A fit anew without those of its magnitudes that may be absent; one of each effect stays."""
