@@ -175,7 +175,9 @@ class ContactSearch(Search):
     def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
         """Adds what a trial tried, fitted to its end, without the parameters that may as well be absent."""
         state.steps.append((trial.bare, [t.bare for t in trials]))
-        (fit,) = self.fits([trial.fit.world], n_fixed)
+        fit = trial.fit
+        if state.fit is not None:  # it was fitted shortly
+            (fit,) = self.fits([fit.world], n_fixed)
         fit = self._bare(fit, n_fixed)
         state.take(fit, self.judge.losses([fit.world])[0])
         state.cross = self.cross.loss_of(fit, fit.residual)
