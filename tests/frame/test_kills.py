@@ -132,6 +132,7 @@ def test_killed_at_a_write_a_command_goes_on(name, place):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)  # twenty runs of a command, each of which may take half a minute
 @pytest.mark.parametrize("name", ALL)
 def test_killed_at_ten_random_times_a_command_goes_on(name, place):
     command, more = ALL[name]
