@@ -1,5 +1,7 @@
 """What every arm has is found in every joint at once."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from loops import ARM, drive, recorded
@@ -9,9 +11,9 @@ from vispeg.core.seeds import stream
 from vispeg.diagnosis.conclusion import rivals
 from vispeg.diagnosis.evidence.screen import groups, screen
 from vispeg.diagnosis.evidence.signatures import Signature
-from vispeg.diagnosis.selection import proposals
+from vispeg.diagnosis.selection import proposals, prune
 from vispeg.diagnosis.selection.judge import Judge
-from vispeg.diagnosis.selection.names import Exchange
+from vispeg.diagnosis.selection.names import Exchange, open_ended
 from vispeg.diagnosis.selection.search import Search
 from vispeg.identify.evidence import Evidence
 from vispeg.robots.model import load
@@ -66,6 +68,23 @@ def test_friction_of_every_joint_is_named_with_its_size(searched):
         for name, value in e.params.items():
             p = found[e.effect, e.where][name]
             assert p.value == pytest.approx(value.value, rel=0.02) and 0 < p.low < value.value * 1.02
+
+
+def test_what_the_held_out_recordings_want_stays_and_is_no_name_where_it_is_not_visible(searched, monkeypatch):
+    search, state = searched
+    idle = EffectInstance.of("joint_bias", "elbow")
+    (fit,) = search.fits([state.world.add(idle)], 0)
+    here = replace(state, slight=frozenset())
+    here.take(fit, search.judge.losses([fit.world])[0])
+    here.cross = search.cross.loss_of(fit, fit.residual)
+    monkeypatch.setattr(search, "needed", lambda *args: False)  # neither is a visible share, if one asked so
+    prune.prune(search, here, 0)
+    assert {e.label for e in here.world.effects} == {e.label for e in HIDDEN}
+    assert here.slight == {e.label for e in HIDDEN} == open_ended(here, 0)
+    monkeypatch.undo()
+    monkeypatch.setattr(prune, "_spare", lambda *args: [0])  # as if the fitted recordings called it useless
+    prune.prune(search, here, 0)
+    assert len(here.world.effects) == len(HIDDEN) and not here.slight and not open_ended(here, 0)
 
 
 def start(name):

@@ -53,6 +53,8 @@ def test_a_pair_promises_what_a_rollout_at_its_guesses_removes(search):
     state = search.start(World(pendulum().source))
     found = pairs(search, state, state.missing)
     assert [s.gain for s in found] == sorted((s.gain for s in found), reverse=True) and found[0].gain > 0
+    starts = [[(e.effect, *(v.value for v in e.params.values())) for e in s.members] for s in found]
+    assert len({str(s) for s in starts}) == len(starts), "each start once"
     for score in found[:3]:
         a, b = (searchable()[e.effect] for e in score.members)
         assert a.distant and b.distant and not (a.overrides("drive") and b.overrides("drive"))

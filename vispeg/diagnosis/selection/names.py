@@ -147,9 +147,10 @@ def _exchange(fitted: Ground, held: Ground, both: _Both, model: list[int], k: in
 def open_ended(state: State, n_fixed: int) -> frozenset[str]:
     """Labels of the effects after the first `n_fixed` with a value at its bound, or an interval that includes null.
 
-    Something else pushes a value there: such an effect is not named, whatever the verdict.
+    Something else pushes a value there: such an effect is not named, whatever the verdict. Nor is what removes no
+    visible share of the error.
     """
-    out = set()
+    out = {e.label for e in state.world.effects[n_fixed:] if e.label in state.slight}
     for index, placed in enumerate(state.world.effects[n_fixed:], n_fixed):
         if at_bound(placed) or (state.fit is not None and not present(state.fit, index)):
             out.add(placed.label)

@@ -23,6 +23,7 @@ from vispeg.worlds.model_file import model_text
 if TYPE_CHECKING:
     from vispeg.diagnosis.selection.search import Search
 
+CLOSE = 0.2  # of a value, within which two starts are one
 STAGES = ("goal", "regulate", "drive")  # of a joint's drive: of two effects in one stage either stands for the other
 
 
@@ -38,7 +39,10 @@ def pairs(search: Search, state: State, missing: Sequence[MissingTorque]) -> lis
             tried = [(first, second) for first in a for second in b]
             left = [float(r @ r) for r in evidence.each_residual([state.world.add(*both) for both in tried])]
             best = [min(range(i, i + len(b)), key=left.__getitem__) for i in range(0, len(tried), max(len(b), 1))]
-            out += [[[_values(e) for e in tried[k]], float(state.residual @ state.residual) - left[k]] for k in best]
+            apart: list[int] = []
+            for k in sorted(best, key=left.__getitem__):
+                apart += [] if any(_alike(tried[k], tried[other]) for other in apart) else [k]
+            out += [[[_values(e) for e in tried[k]], float(state.residual @ state.residual) - left[k]] for k in apart]
         return sorted(out, key=lambda row: -row[1])
 
     rows = search.progress.recall(["pairs", model_text(state.world), joints[worst]], work_out)
@@ -60,6 +64,12 @@ def _kinds(search: Search, state: State, joint: str) -> Iterator[tuple[Effect, E
 
 def _stages(kind: Effect) -> set[str]:
     return {stage for stage in STAGES if kind.overrides(stage)}
+
+
+def _alike(a: Sequence[EffectInstance], b: Sequence[EffectInstance]) -> bool:
+    """Whether two starts are so close that their fits end at one place."""
+    both = [(v.value, y.params[name].value) for x, y in zip(a, b, strict=True) for name, v in x.params.items()]
+    return all(abs(v - w) <= CLOSE * max(abs(v), abs(w)) for v, w in both)
 
 
 def _values(placed: EffectInstance) -> list:

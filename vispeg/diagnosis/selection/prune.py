@@ -2,14 +2,18 @@
 
 What a fit would be without an effect follows from its derivatives, so each is asked for without a rollout on the fitted
 recordings (cross-fitted) and with one on the held-out ones; only what is dropped costs a fit. What the fitted
-recordings alone call useless goes only if the held-out error does not rise beyond its standard error.
+recordings alone call useless goes only if the held-out error does not rise beyond its standard error. What the held-out
+recordings want, though it removes no visible share, stays, and is no name.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from scipy import stats
+
 from vispeg.diagnosis.evidence.dictionary import null_of
+from vispeg.diagnosis.selection.accept import DISCOVERIES
 from vispeg.diagnosis.selection.cross import reduced
 from vispeg.diagnosis.selection.judge import Gain
 from vispeg.diagnosis.selection.state import State, without
@@ -89,8 +93,10 @@ def _refused(search: Search, state: State, n_fixed: int) -> list[int]:
     gains = [
         search.judge.gain(loss, state.loss, (cross, state.cross)) for loss, cross in zip(losses, crossed, strict=True)
     ]
-    weak = [i for i, k in enumerate(places) if not search.needed(state, k, gains[i])]
+    hardly = [i for i, k in enumerate(places) if not search.needed(state, k, gains[i])]
+    weak = [i for i in hardly if search.judge.gain(losses[i], state.loss).z < stats.norm.isf(DISCOVERIES)]
     if not weak:
+        state.slight = frozenset(state.world.effects[places[i]].label for i in hardly)
         return []
     k = min(weak, key=lambda i: gains[i].mean)
     return [places[k]]

@@ -73,3 +73,4 @@ def _become(state: State, other: State) -> None:
     assert other.fit is not None
     state.take(other.fit, other.loss)
     state.cross, state.steps, state.last, state.screening = other.cross, other.steps, other.last, other.screening
+    state.slight = other.slight
