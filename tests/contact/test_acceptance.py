@@ -15,6 +15,7 @@ from vispeg.contact.search import ContactSearch
 from vispeg.contact.sensor import stands_for
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
+from vispeg.diagnosis.selection.accept import equal
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.worlds.world import World
 
@@ -96,3 +97,23 @@ def test_what_is_not_needed_beside_the_others_is_left_out_again():
     assert search.spared(state, 0)
     assert [e.effect for e in state.world.effects] == ["contact_friction"]
     assert not search.spared(state, 0), "the only one is not asked for"
+
+
+def test_rivals_are_equal_within_what_chance_makes_of_lasting_errors():
+    """One that is worse by less than a held-out confirmation, in all blocks alike, is as good; not one that explains
+    a third; nor one that is worse by twice a confirmation.
+    """
+    judge = Judge(evidence_of([recorded()]))
+    search = ContactSearch(judge.evidence, judge)
+    size, chance = judge.size, search.confirms()
+
+    def loss(total: float) -> np.ndarray:
+        return size * total / size.sum()
+
+    def alike(best: float, worse: float, without: float) -> bool:
+        return equal(judge, loss(worse), loss(best), without / size.sum(), judge.evidence.alike)
+
+    assert judge.gain(loss(900.0 + 0.9 * chance), loss(900.0)).z > 2.0, "by the ranks of blocks they differ"
+    assert alike(900.0, 900.0 + 0.9 * chance, 900.0 + 10 * chance)
+    assert not alike(900.0, 900.0 + 0.9 * chance, 900.0 + 1.35 * chance)
+    assert not alike(900.0, 900.0 + 2.0 * chance, 900.0 + 10 * chance)

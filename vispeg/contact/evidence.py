@@ -102,6 +102,7 @@ class ContactEvidence(Evidence):
     decisive = 60.0
     alike = 0.03  # laws of contact are off by as much of a force, see `floors.SHARE`
     correlated = 6.0  # blocks: form errors last as long as a contact does
+    tied = correlated * 5.41  # of chi squared with one degree of freedom: one in 50
 
     def __init__(self, touching: Sequence[Touching], *, nthread: int = 1):
         self.recordings, self.nthread = [t.recording for t in touching], nthread

@@ -77,6 +77,10 @@ class Judge:
         """Whether a gain tells two worlds apart by its size alone, however few the blocks of time are that it is in."""
         return gain.mean * self.size.sum() >= self.evidence.decisive
 
+    def tied(self, gain: Gain) -> bool:
+        """Whether chance makes as much of two worlds that are equally right, however many blocks of time it is in."""
+        return gain.mean * self.size.sum() <= self.evidence.tied
+
     def gain(self, before: np.ndarray, after: np.ndarray, crossed: tuple[np.ndarray, np.ndarray] | None = None) -> Gain:
         """Improvement from one loss to another; cross-fitted losses, where there are some, are tested with them."""
         diff = (before - after)[self.size.sum(axis=1) > 0]
