@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vispeg.core.errors import UserError
 from vispeg.core.frame import Frame
 
 FAR = 4.0  # m, greatest depth that is told apart
@@ -101,7 +102,7 @@ RGB = ImageKind(
     lambda image: np.moveaxis(image, 0, -1),
 )
 KINDS = {kind.name: kind for kind in (DEPTH, RGB)}
-MODES = {  # modes of observation: the kinds of images in each
+MODES: dict[str, tuple[ImageKind, ...]] = {  # modes of observation: the kinds of images in each
     "state": (),
     "proprio": (),
     "depth": (DEPTH,),
@@ -109,6 +110,17 @@ MODES = {  # modes of observation: the kinds of images in each
     "rgbd": (RGB, DEPTH),
 }
 GOAL_TOLD = ("state",)  # modes whose policy is told where the goal is believed to be; others get its nominal place
+
+
+def enrol(kind: ImageKind, mode: str) -> ImageKind:
+    """Adds a kind, and a mode of observation that holds it alone. Raises UserError where a name is taken."""
+    for name, names in ((kind.name, KINDS), (mode, MODES)):
+        if name in names:
+            raise UserError("two kinds of images share a name", got=name, choices=names)
+    if "_" in kind.name:
+        raise UserError("not a name of a kind: KIND_CAMERA is split at the first _", got=kind.name)
+    KINDS[kind.name], MODES[mode] = kind, (kind,)
+    return kind
 
 
 def kind_of(key: str) -> ImageKind | None:
