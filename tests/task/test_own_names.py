@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.sim.compiled import compiled
 from vispeg.task.cell import Cell
 from vispeg.task.registry import config_of, task_of
 from vispeg.worlds.world import World
@@ -72,8 +73,9 @@ def test_effects_act_on_the_parts_by_the_names_of_their_cell(rod):
     assert effect("contact_friction").targets(scene)[:2] == ["rod", "socket"]
     assert effect("hole_offset").targets(scene) == ["socket"] == effect("hole_tilt").targets(scene)
     assert effect("grip_pose").targets(scene) == ["rod"] and effect("goal_imprecision").targets(scene) == ["mouth"]
-    for name in ("hole_clearance", "fixture_compliance"):  # of the first task's cell: no place in this one
-        assert not effect(name).targets(scene)
+    assert not effect("hole_clearance").targets(scene), "it moves the walls of the first task's hole"
+    assert effect("fixture_compliance").targets(scene) == ["socket"]
+    assert effect("peg_grasp_compliance").targets(scene) == ["rod"]
     moved = World(config.robot.model).add(
         EffectInstance.of("hole_offset", "socket", x=0.01),
         EffectInstance.of("hole_tilt", "socket", roll=0.1),
@@ -85,6 +87,20 @@ def test_effects_act_on_the_parts_by_the_names_of_their_cell(rod):
     np.testing.assert_allclose(goal[1] - goal[0], [0.01, 0.0, 0.0], atol=1e-12)
     angle = np.arccos(0.5 * (np.trace(turn[1] @ turn[0].T) - 1))
     assert angle == pytest.approx(0.1) and 1e-3 < np.linalg.norm(tip[1] - tip[0]) < 0.01
+
+
+def test_springs_hang_what_the_cell_calls_its_fixture_and_its_part(rod):
+    """A push on a spring of compliance c moves the body by c per newton, whatever the body is called."""
+    config = config_of({"name": rod})
+    scene = task_of(config).cell(config)
+    springs = {"fixture_compliance": ("fixture_z", "socket"), "peg_grasp_compliance": ("peg_grasp_x", "rod")}
+    model = compiled(scene, springs)
+    for joint, body in springs.values():
+        assert model.body(model.joint(joint).bodyid[0]).name == body
+    soft = EffectInstance.of("fixture_compliance", "socket", z=1e-4)
+    cell = Cell(scene, [World(config.robot.model), World(config.robot.model).add(soft)], 1e-3, 5e-3, 1, [soft.effect])
+    stiffness = cell.batch.expanded("jnt_stiffness")[:, cell.model.joint("fixture_z").id]
+    assert stiffness[1] == pytest.approx(1e4) and stiffness[0] > 1e6
 
 
 def test_it_is_played_and_rendered(rod, tmp_path):

@@ -91,8 +91,8 @@ class Effect(ABC):
         return list(model.joints)
 
     # How --------------------------------------------------------------------------------------------------------
-    def build(self, spec: Any) -> None:
-        """Adds to an MjSpec of a scene what `write` needs and the nominal one lacks, so that nothing moves otherwise.
+    def build(self, spec: Any, robot: Any) -> None:
+        """Adds to an MjSpec of `robot` (a Scene) what `write` needs and the nominal one lacks; nothing else may move.
 
         Joints come last in their body, and only models in which some world has the effect get them.
         """

@@ -27,7 +27,7 @@ def compiled(robot: RobotModel, parts: Iterable[str] = ()) -> mujoco.MjModel:
 def _compiled(robot: RobotModel, built: tuple[str, ...]) -> mujoco.MjModel:
     spec = robot.spec()
     for name in built:
-        effect(name).build(spec)
+        effect(name).build(spec, robot)
     model = spec.compile()
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON

@@ -1,7 +1,7 @@
 """Fixture compliance: the fixture gives way under a load by (x, y, z) m/N, and rocks by (roll, pitch) rad/(N m).
 
 Axes are the base's; it rocks about its frame's origin, the goal's place, and rests where it stands unloaded. Native
-mechanism: slides and hinges with springs under the body `fixture`, `jnt_stiffness` = 1 / compliance, see `springs`.
+mechanism: slides and hinges with springs under the fixture's body, `jnt_stiffness` = 1 / compliance, see `springs`.
 Source: a remote centre of compliance as diagonal stiffness, Whitney 1982, Quasi-static assembly of compliantly
 supported rigid parts, J. Dyn. Sys. Meas. Control 104.
 """
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from vispeg.core.effect import Effect
 from vispeg.effects.common import springs
-from vispeg.effects.common.parts import named
+from vispeg.effects.common.parts import fixture
 
 MASS, INERTIA = 0.5, (1e-3, 1e-3, 1e-3)  # kg, kg m^2: what moves with it, beside what the springs bring
 
@@ -34,13 +34,13 @@ class FixtureCompliance(Effect):
     needs = "two forces"
 
     def targets(self, model):
-        return named(model, "fixture")
+        return fixture(model)
 
-    def build(self, spec):
-        body = spec.body("fixture")
+    def build(self, spec, robot):
+        body = spec.body(robot.fixture)
         body.gravcomp, body.explicitinertial = 1.0, True
         body.mass, body.inertia, body.ipos = MASS, INERTIA, (0.0, 0.0, -0.02)
-        springs.add(spec, "fixture", "fixture", tuple(self.params), (0.0, 0.0, 0.0))
+        springs.add(spec, robot.fixture, "fixture", tuple(self.params), (0.0, 0.0, 0.0))
 
     def write(self, fields, p):
         springs.write(fields, "fixture", p)

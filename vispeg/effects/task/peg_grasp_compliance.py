@@ -1,16 +1,16 @@
 """Peg grasp compliance: the peg gives way between the fingers by (x, y) m/N, and tilts by (roll, pitch) rad/(N m).
 
 Axes are the flange's; it tilts about the middle of the fingers' grip. Along its axis a peg does not give way but slips,
-see gripper_slip. Native mechanism: slides and hinges with springs under the body `peg`, `jnt_stiffness` = 1 /
-compliance, see `springs`. Source: grasp stiffness as a matrix in the object's frame, Cutkosky and Kao 1989, Computing
-and controlling the compliance of a robotic hand, IEEE Trans. Robotics and Automation 5(2).
+see gripper_slip. Native mechanism: slides and hinges with springs under the body that the gripper holds,
+`jnt_stiffness` = 1 / compliance, see `springs`. Source: grasp stiffness as a matrix in the object's frame, Cutkosky and
+Kao 1989, Computing and controlling the compliance of a robotic hand, IEEE Trans. Robotics and Automation 5(2).
 """
 
 from __future__ import annotations
 
 from vispeg.core.effect import Effect
 from vispeg.effects.common import springs
-from vispeg.effects.common.parts import named
+from vispeg.effects.common.parts import held
 
 GRIP = 0.125  # m above the flange: the middle of the fingers' overlap with the peg
 
@@ -34,10 +34,10 @@ class PegGraspCompliance(Effect):
     needs = "two forces"
 
     def targets(self, model):
-        return named(model, "peg")
+        return held(model)
 
-    def build(self, spec):
-        springs.add(spec, "peg", "peg_grasp", tuple(self.params), (0.0, 0.0, GRIP))
+    def build(self, spec, robot):
+        springs.add(spec, robot.held, "peg_grasp", tuple(self.params), (0.0, 0.0, GRIP))
 
     def write(self, fields, p):
         springs.write(fields, "peg_grasp", p)
