@@ -7,7 +7,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from hypothesis import settings  # noqa: E402
 
-from vispeg.cli.machine.graphics import choose_backend  # noqa: E402
+from vispeg.api.machine.graphics import choose_backend  # noqa: E402
 
 choose_backend()
 settings.register_profile("vispeg", deadline=None, derandomize=True)

@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from vispeg.cli.machine import doctor, graphics, installed
-from vispeg.cli.machine.doctor import Args, Finding
+from vispeg.api.machine import doctor, graphics, installed
+from vispeg.api.machine.doctor import Finding, Machine
+from vispeg.cli.machine.doctor import Args
 from vispeg.core.broken import in_words, run
 
 
@@ -47,11 +48,13 @@ def test_missing_extra_is_not_a_failure(monkeypatch):
 
 def test_table_marks_and_exit_codes(monkeypatch, capsys):
     optional = Finding("gpu", False, "none", fix="buy one")
-    monkeypatch.setattr(doctor, "examine", lambda: [Finding("python", True, "3", True), optional])
+    monkeypatch.setattr(doctor, "examine", lambda: Machine([Finding("python", True, "3", True), optional]))
     assert Args().run() == 0
     shown = capsys.readouterr().out
     assert "Ready." in shown and "-> buy one" in shown and "FAIL" not in shown
-    monkeypatch.setattr(doctor, "examine", lambda: [Finding("physics", False, "no", True, "install it"), optional])
+    monkeypatch.setattr(
+        doctor, "examine", lambda: Machine([Finding("physics", False, "no", True, "install it"), optional])
+    )
     assert Args().run() == 1
     shown = capsys.readouterr().out
     assert "FAIL  physics" in shown and "Not ready" in shown

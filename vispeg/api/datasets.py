@@ -1,4 +1,4 @@
-"""`vispeg.render_dataset`: a randomized RGB-D dataset of the task."""
+"""`vispeg.render_dataset`: a randomized RGB-D dataset of the task; and `check_dataset`: whether one is whole."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.extras import require
 from vispeg.core.files import refuse
 from vispeg.core.provenance import here
+from vispeg.datasets.check import check
 from vispeg.datasets.formats.registry import EXPORTS
 from vispeg.datasets.formats.stored import Stored
 from vispeg.datasets.opening import open_dataset
@@ -65,6 +66,60 @@ class RenderedDataset:
 
     def _repr_html_(self) -> str:
         return html(self.summary)
+
+
+@dataclass(frozen=True)
+class CheckedDataset:
+    """What is wrong with a dataset.
+
+    Attributes:
+        path: its folder, as it was named.
+        faults: a line each; empty where nothing is wrong.
+        frames, episodes: how many.
+        megabytes: of all its files.
+    """
+
+    path: Path
+    faults: Sequence[str]
+    frames: int
+    episodes: int
+    megabytes: float
+
+    @property
+    def record(self) -> dict[str, object]:
+        """What `vispeg dataset check --json` prints."""
+        sizes = {"frames": self.frames, "episodes": self.episodes, "megabytes": round(self.megabytes, 1)}
+        return {"dataset": str(self.path), **({} if self.faults else sizes), "wrong": [*self.faults]}
+
+    @property
+    def summary(self) -> list[Block]:
+        """A line for each fault, or the size of a dataset without any."""
+        if self.faults:
+            return [Line(fault, path=True) for fault in self.faults]
+        many = f"{self.episodes} episode" + "s" * (self.episodes != 1)
+        text = f"{self.path}: {self.frames} frames in {many}, {self.megabytes:.1f} MB, nothing wrong"
+        return [Line(text, path=True)]
+
+    def _repr_html_(self) -> str:
+        return html(self.summary)
+
+
+def check_dataset(
+    dataset: str | Path, *, watch: Callable[[str, int, int], None] = lambda name, by, total: None
+) -> CheckedDataset:
+    """Finds records that are cut short, changed, repeated or contradictory, in any layout.
+
+    Args:
+        dataset: its folder.
+        watch: is told what goes on, frames as they are checked, and how many there are.
+
+    Raises:
+        UserError: no dataset at all, or one whose `meta/info.json` cannot be read.
+    """
+    data = open_dataset(dataset)
+    faults = check(dataset, lambda frames: watch("checking", frames, len(data)))
+    megabytes = sum(f.stat().st_size for f in data.folder.rglob("*") if f.is_file()) / 1e6
+    return CheckedDataset(Path(dataset), faults, len(data), len(data.episodes), megabytes)
 
 
 def render_dataset(

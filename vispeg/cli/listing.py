@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 from vispeg.cli.output import Output
 
 if TYPE_CHECKING:
-    from vispeg.api.catalogue import Entry
+    from vispeg.api.library.catalogue import Entry
 
 
 def show(what: str, entries: list[Entry], heading: str, family: str | None, text: str | None, output: Output) -> int:
     """Prints those that were asked for; in JSON under the key `what`. Raises UserError: there is no such family."""
-    from vispeg.api.catalogue import search
+    from vispeg.api.library.catalogue import search
     from vispeg.core.errors import UserError
     from vispeg.report.text.tables import Column, Sheet
 

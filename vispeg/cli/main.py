@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from vispeg import __version__
-from vispeg.cli.machine.graphics import choose_backend
+from vispeg.api.machine.graphics import choose_backend
 from vispeg.core.disk import FULL, refused, why
 from vispeg.core.errors import UserError
 from vispeg.core.extras import lacks, missing

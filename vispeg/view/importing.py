@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import yaml
 
-from vispeg.api.recording.convert import placed, propose
+from vispeg.api.recording.convert import placed
+from vispeg.api.recording.guess import propose
 from vispeg.core.errors import UserError
 from vispeg.core.files import refuse, write_text_atomic
 from vispeg.recordings.checks.quality import Limits
@@ -72,7 +73,7 @@ class Importer:
         self.tell("say", f"reading {source.name}")
         proposed = Proposed((), {}, {}, ())
         if is_table(source):
-            proposal = propose(source, robot)
+            proposal = propose(source, robot).proposal
             lines = tuple((line.target, line.column, line.unit or "", line.why) for line in proposal.lines)
             units = {target.partition(".")[0]: unit for target, _, unit, _ in lines if unit in FACTORS}
             remarks = (*proposal.doubts, *advice(proposal))

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from vispeg.api.catalogue import policies, worlds
+from vispeg.api.library.catalogue import policies, worlds
 from vispeg.core.provenance import command_line
 from vispeg.evaluation.films.moments import Moment
 from vispeg.robots.furniture import COLOURS

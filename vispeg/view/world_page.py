@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from vispeg.api.catalogue import worlds
+from vispeg.api.library.catalogue import worlds
 from vispeg.core.files import write_text_atomic
 from vispeg.core.provenance import command_line
 from vispeg.report.text import effect_words

@@ -8,15 +8,12 @@ from tempfile import TemporaryDirectory
 from typing import Literal
 
 from vispeg.core.errors import UserError
-from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.frames.camera import RecordedCamera
-from vispeg.recordings.importers.guess.propose import Proposal
-from vispeg.recordings.importers.guess.source import guess
 from vispeg.recordings.importers.mapping import ColumnMap, read_map
 from vispeg.recordings.importers.objects import import_object
 from vispeg.recordings.importers.plausible import refuse_units
 from vispeg.recordings.importers.rosbag import Topics
-from vispeg.recordings.importers.source import TABLES, is_table, read_source
+from vispeg.recordings.importers.source import read_source
 from vispeg.recordings.objects import ObjectRecording, write_object
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.write import write
@@ -24,23 +21,6 @@ from vispeg.render.cameras.camera_files import load_cameras
 from vispeg.robots.model import load
 from vispeg.robots.objects import load_object
 from vispeg.vision.eye import recorded_of
-
-
-def propose(source: Path, robot: str, torque_sensor: str | None = None) -> Proposal:
-    """A map for a table of unknown names, with a reason for each column.
-
-    Raises:
-        UserError: no table, or one in which no column can be the time or the angles; no such robot.
-    """
-    if not is_table(source):
-        expected = f"a table ({', '.join(TABLES)}); archives and bags name their signals themselves"
-        raise UserError("cannot be guessed", file=source, key="--guess", expected=expected)
-    model = load(robot)
-    proposal = guess(source, model.joints, Limits.of(model))
-    if torque_sensor is not None:
-        proposal.recording["torque_sensor"] = torque_sensor
-        proposal.doubts[:] = [doubt for doubt in proposal.doubts if not doubt.startswith("torque_sensor")]
-    return proposal
 
 
 def convert(

@@ -24,7 +24,7 @@ class Args:
 
     def run(self) -> int:
         """Prints the list."""
-        from vispeg.api.catalogue import policies
+        from vispeg.api.library.catalogue import policies
         from vispeg.cli.listing import show
 
         return show("policies", policies(), "sees", self.family, self.search, self.output)

@@ -24,7 +24,7 @@ class Args:
 
     def run(self) -> int:
         """Prints the list."""
-        from vispeg.api.catalogue import worlds
+        from vispeg.api.library.catalogue import worlds
         from vispeg.cli.listing import show
 
         return show("worlds", worlds(), "kind", self.family, self.search, self.output)

@@ -46,7 +46,7 @@ def _values(option: Option) -> Sequence[str]:
 
 
 def _names(what: str) -> list[str]:
-    from vispeg.api import catalogue
+    from vispeg.api.library import catalogue
     from vispeg.core.effect import REGISTRY
 
     return sorted(REGISTRY) if what == "effects" else [entry.name for entry in getattr(catalogue, what)()]

@@ -13,14 +13,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Literal
 
 import tyro
 
 from vispeg.cli.output import Output, OutputOptions
-
-if TYPE_CHECKING:
-    from vispeg.core.effect import Effect
 
 
 @dataclass(frozen=True)
@@ -45,29 +42,27 @@ class Args:
 
     def run(self) -> int:
         """Prints the list, or one effect's words, equation and parameters; draws its picture where asked to."""
-        from vispeg import effects
-        from vispeg.core.effect import effect, searchable
+        from vispeg.api.library.catalogue import effects
         from vispeg.report.text.catalogue import describe, print_catalogue, print_effect
-        from vispeg.robots.model import load
-        from vispeg.robots.scene import build
-        from vispeg.worlds.words import place
 
-        chosen = [effect(self.name)] if self.name else effects.find(self.search or "", self.family)
-        arm, scene, arms = load(self.robot), build(), searchable()
-        models = [arm if kind.name in arms else scene for kind in chosen]
         self._check()
-        if self.where is not None:
-            place(chosen[0], self.where, models[0])
+        chosen = effects(self.name, self.search or "", self.family, self.robot)
         if self.output.json:
-            entries = [describe(kind, m) for kind, m in zip(chosen, models, strict=True)]
-            self.output.give({"effects": entries}, [])
+            self.output.give({"effects": [describe(kind, model) for kind, model in chosen]}, [])
         elif self.name is None:
-            print_catalogue(chosen, models)
+            print_catalogue([kind for kind, _ in chosen], [model for _, model in chosen])
         else:
-            print_effect(chosen[0], models[0])
-            if self.out is not None:
-                print(self._picture(chosen[0], scene, self.out / f"effect-{self.name}.png"))
+            picture = self._picture(self.name)
+            print_effect(*chosen[0])
+            print(*picture, sep="\n", end="\n" * len(picture))
         return 0
+
+    def _picture(self, name: str) -> list[str]:
+        if self.out is None:
+            return []
+        from vispeg.api.library.effect_picture import draw_effect
+
+        return [draw_effect(name, self.out, where=self.where, robot=self.robot, overwrite=self.overwrite).line]
 
     def _check(self) -> None:
         """Raises UserError for arguments that would do nothing."""
@@ -81,29 +76,3 @@ class Args:
                 raise UserError("is about the picture of one effect", key=flag, expected="NAME, and no --json")
         if self.where is not None and self.out is None:
             raise UserError("says where the picture puts the effect", key="--where", expected="--out FOLDER beside it")
-
-    def _picture(self, kind: Effect, scene: Any, path: Path) -> str:
-        """Draws what the effect does; says where the picture lies, or why there is none."""
-        from vispeg.core.effect import OPTICAL, searchable
-
-        if path.exists() and not self.overwrite:
-            return f"picture: {path} (from before; --overwrite draws it anew)"
-        if kind.family in OPTICAL:
-            from vispeg.report.drawings.look import draw
-
-            draw(kind, self.where, scene, path, overwrite=self.overwrite)
-            return f"picture: {path}"
-        if kind.name not in searchable():
-            return "no picture: its signature needs the task's cell"
-        from vispeg.identify.signature import signature
-        from vispeg.report.drawings.signature import signature_panels
-
-        s = signature(kind.name, self.where, robot=self.robot)
-        sizes = ", ".join(f"{k} {v.value:g} {kind.params[k].unit}" for k, v in s.placed.params.items())
-        panels = [
-            ("rad", {f"angle of {s.joint}, with less without": s.deviation}),
-            ("N m", {f"motor torque of {s.joint}, with less without": s.torque}),
-        ]
-        over = {f"angle of {s.joint} (rad)": s.angle, f"speed of {s.joint} (rad/s)": s.speed}
-        signature_panels(f"{s.placed.label}\n{sizes}", s.time, panels, path, against=over, overwrite=self.overwrite)
-        return f"picture: {path}"

@@ -52,24 +52,15 @@ class Check:
 
     def run(self) -> int:
         """Prints what is wrong, a line each."""
-        from vispeg.cli.progress import bars
-        from vispeg.datasets.check import check
-        from vispeg.datasets.opening import open_dataset
+        from vispeg.api.datasets import check_dataset
+        from vispeg.cli.hub.transfer import transfer
 
-        data = open_dataset(self.dataset)
-        with bars({"checking": len(data)}, "frames", self.output.quiet) as advance:
-            faults = check(self.dataset, lambda frames: advance("checking", frames))
-        for line in faults:
+        with transfer(self.output.quiet) as watch:
+            checked = check_dataset(self.dataset, watch=watch)
+        for line in checked.faults:
             print(f"vispeg: error: {line}", file=sys.stderr)
-        if faults:
-            self.output.give({"dataset": str(self.dataset), "wrong": faults}, [])
-            return 2
-        megabytes = sum(f.stat().st_size for f in data.folder.rglob("*") if f.is_file()) / 1e6
-        many = f"{len(data.episodes)} episode" + "s" * (len(data.episodes) != 1)
-        text = f"{self.dataset}: {len(data)} frames in {many}, {megabytes:.1f} MB, nothing wrong"
-        sizes = {"frames": len(data), "episodes": len(data.episodes), "megabytes": round(megabytes, 1)}
-        self.output.give({"dataset": str(self.dataset), **sizes, "wrong": []}, [text])
-        return 0
+        self.output.give(checked.record, [] if checked.faults else checked.summary)
+        return 2 if checked.faults else 0
 
 
 @dataclass(frozen=True)

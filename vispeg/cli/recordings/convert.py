@@ -25,9 +25,8 @@ import tyro
 from vispeg.cli.output import Output, OutputOptions
 from vispeg.cli.reading import progress_bar
 from vispeg.core.errors import UserError
-from vispeg.core.files import write_text_atomic
 from vispeg.recordings.columns import SIGNALS
-from vispeg.recordings.importers.mapping import ColumnMap, map_from
+from vispeg.recordings.importers.mapping import ColumnMap
 
 
 @dataclass(frozen=True)
@@ -143,29 +142,20 @@ class Args:
 
     def _guessed(self) -> ColumnMap | None:
         """The proposed map if it is to be used now: shown, saved or asked about as the arguments say."""
-        from vispeg.api.recording.convert import propose
-        from vispeg.recordings.importers.guess.words import advice, data, text
-        from vispeg.robots.model import load
+        from vispeg.api.recording.guess import propose
 
         if self.map is not None:
             raise UserError("a map is given already", key="--guess", expected="--guess or --map, not both")
-        proposal = propose(self.source, self.robot, self.torque_sensor)
-        map_text = text(proposal)
-        self.output.line(map_text.rstrip("\n"))
-        for line in advice(proposal):
-            self.output.line(f"# {line}")
+        proposed = propose(self.source, self.robot, self.torque_sensor)
+        self.output.line(str(proposed))
         if self.save_map is not None:
-            if self.save_map.suffix.lower() not in (".yaml", ".yml"):
-                raise UserError(
-                    "not a name for a map", key="--save-map", expected="a .yaml file", got=str(self.save_map)
-                )
-            write_text_atomic(self.save_map, map_text, overwrite=self.overwrite)
+            proposed.save(self.save_map, overwrite=self.overwrite)
             self.output.line(f"written to {self.save_map}; use it with --map {self.save_map}")
-        if self.out is None or not self._confirmed():
-            map_file = None if self.save_map is None else str(self.save_map)
-            self.output.give({"recording": None, "map": map_file, "proposal": data(proposal)}, [])
-            return None
-        return map_from(data(proposal), self.source, load(self.robot).joints)
+        if self.out is not None and self._confirmed():
+            return proposed.mapping
+        map_file = None if self.save_map is None else str(self.save_map)
+        self.output.give({"recording": None, "map": map_file, "proposal": proposed.record}, [])
+        return None
 
     def _confirmed(self) -> bool:
         if self.yes:

@@ -46,7 +46,7 @@ class Args:
 
     def run(self) -> int:
         """Prints the list, or writes one."""
-        from vispeg.api.catalogue import motions
+        from vispeg.api.library.catalogue import motions
         from vispeg.cli.listing import show
         from vispeg.core.errors import UserError
 
@@ -57,37 +57,9 @@ class Args:
         return self._write(self.name)
 
     def _write(self, name: str) -> int:
-        from vispeg.api.recording.cell import commands, names
-        from vispeg.core.errors import UserError
-        from vispeg.core.files import write_text_atomic
-        from vispeg.recordings.cell import OPEN_CELL
+        from vispeg.api.recording.commands import write_motion
 
-        choices = names(model=self.model)
-        if name not in choices:
-            raise UserError("unknown motion", key="name", got=name, choices=choices)
-        if self.out is None or self.out.suffix != ".csv":
-            raise UserError("where to?", key="--out", expected="a .csv file", got=self.out)
-        if self.overwrite and self.out.exists():
-            _refuse_other(self.out)
-        model = self.model or (OPEN_CELL if name in (*names("contact"), *names("cell")) else "iiwa14")
-        text, seconds = commands(model, name, rate_hz=self.rate, seed=self.seed, duration=self.duration)
-        write_text_atomic(self.out, text, overwrite=self.overwrite)
-        values = {"motion": name, "model": model, "seconds": seconds, "rate_hz": self.rate, "out": str(self.out)}
-        self.output.give(values, [f"{self.out}: {name}, {seconds:.3g} s at {self.rate:g} Hz"])
+        options = {"model": self.model, "duration": self.duration, "overwrite": self.overwrite}
+        made = write_motion(name, self.out, rate_hz=self.rate, seed=self.seed, **options)
+        self.output.give(made.record, [str(made)])
         return 0
-
-
-def _refuse_other(path: Path) -> None:
-    """Only a file of commands is replaced, no log.
-
-    Raises:
-        UserError: the first line has other columns than a motion's.
-    """
-    from vispeg.core.errors import UserError
-
-    if not path.is_file():
-        raise UserError("not a file", file=path)
-    with path.open("rb") as file:
-        names = file.readline(100_000).decode("utf-8", "replace").strip().split(",")
-    if names[0] != "time" or not all(n.partition(".")[0] in ("q_cmd", "dq_cmd", "ee_cmd", "q_null") for n in names[1:]):
-        raise UserError("not a motion; it is not replaced", file=path, expected="time, q_cmd.*, dq_cmd.*, ee_cmd.*")

@@ -1,4 +1,4 @@
-"""What comes with the package, by name: worlds, policies and motions (effects: `vispeg.effects.find`)."""
+"""What comes with the package, by name: effects, worlds, policies and motions."""
 
 from __future__ import annotations
 
@@ -6,11 +6,15 @@ import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from vispeg.core.effect import Effect, Family, effect, searchable
+from vispeg.effects import find
 from vispeg.identify.excitation import MOTIONS, osc_targets
 from vispeg.identify.motions.look_motion import ABOUT
 from vispeg.learn.meta import made_for
 from vispeg.learn.record import PAIR, read_record
 from vispeg.learn.shipped import names, policy_folder
+from vispeg.robots.model import RobotModel, load
+from vispeg.robots.scene import Scene, build
 from vispeg.task.registry import FIRST, kind_of, task
 from vispeg.task.rig.expert import EXPERT
 from vispeg.task.world_file import BUILT_IN, WORLD, built_in
@@ -29,6 +33,25 @@ class Entry:
     def record(self) -> dict[str, object]:
         """For JSON."""
         return {"name": self.name, "family": self.family, "about": self.about, **self.more}
+
+
+def effects(
+    name: str | None = None, search: str = "", family: Family | None = None, robot: str = "iiwa14"
+) -> list[tuple[Effect, RobotModel | Scene]]:
+    """Effects, each with the model whose joints, links or parts are its places: the robot, or the default cell.
+
+    Args:
+        name: one alone; all where not given.
+        search: a text that name, first lines or parameters must have in them, in any case.
+        family: one alone.
+        robot: a name or a path to an MJCF or URDF.
+
+    Raises:
+        UserError: no such effect or robot.
+    """
+    chosen = [effect(name)] if name else find(search, family)
+    arm, scene, arms = load(robot), build(), searchable()
+    return [(kind, arm if kind.name in arms else scene) for kind in chosen]
 
 
 def worlds() -> list[Entry]:

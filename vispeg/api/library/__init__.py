@@ -1,0 +1,1 @@
+"""What comes with the package: worlds, policies, motions, and what an effect does."""

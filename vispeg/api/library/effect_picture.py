@@ -1,0 +1,74 @@
+"""A picture of what an effect does: what `vispeg effects NAME --out` draws, from Python."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from vispeg.core.effect import OPTICAL, effect, searchable
+from vispeg.identify.signature import signature
+from vispeg.report.drawings.look import draw as draw_look
+from vispeg.report.drawings.signature import signature_panels
+from vispeg.report.text.summary import Line, html
+from vispeg.robots.model import load
+from vispeg.robots.scene import build
+from vispeg.worlds.words import place
+
+
+@dataclass(frozen=True)
+class EffectPicture:
+    """A PNG of what an effect at its typical size changes.
+
+    Attributes:
+        path: of the picture; None where there is none.
+        note: why there is none, or that it was there before.
+    """
+
+    path: Path | None
+    note: str = ""
+
+    @property
+    def line(self) -> str:
+        """What the command prints."""
+        return f"picture: {self.path}{self.note}" if self.path is not None else f"no picture: {self.note}"
+
+    def _repr_html_(self) -> str:
+        return html([Line(self.line, path=True)])
+
+
+def draw_effect(
+    name: str, out: str | Path, *, where: str | None = None, robot: str = "iiwa14", overwrite: bool = False
+) -> EffectPicture:
+    """Draws what an effect does: in one joint under position control, or in the pictures of the cell's cameras.
+
+    Args:
+        name: of the effect.
+        out: folder of the picture, effect-NAME.png.
+        where: the effect's place; a usual one where not given.
+        robot: a name or a path to an MJCF or URDF.
+        overwrite: draw a picture that is there anew.
+
+    Raises:
+        UserError: no such effect or place.
+    """
+    kind, path = effect(name), Path(out) / f"effect-{name}.png"
+    arm = name in searchable()
+    scene = None if arm else build()
+    if where is not None:
+        place(kind, where, load(robot) if scene is None else scene)
+    if path.exists() and not overwrite:
+        return EffectPicture(path, " (from before; --overwrite draws it anew)")
+    if kind.family in OPTICAL:
+        draw_look(kind, where, scene or build(), path, overwrite=overwrite)
+        return EffectPicture(path)
+    if not arm:
+        return EffectPicture(None, "its signature needs the task's cell")
+    s = signature(name, where, robot=robot)
+    sizes = ", ".join(f"{k} {v.value:g} {kind.params[k].unit}" for k, v in s.placed.params.items())
+    panels = [
+        ("rad", {f"angle of {s.joint}, with less without": s.deviation}),
+        ("N m", {f"motor torque of {s.joint}, with less without": s.torque}),
+    ]
+    over = {f"angle of {s.joint} (rad)": s.angle, f"speed of {s.joint} (rad/s)": s.speed}
+    signature_panels(f"{s.placed.label}\n{sizes}", s.time, panels, path, against=over, overwrite=overwrite)
+    return EffectPicture(path)

@@ -1,0 +1,1 @@
+"""What this machine has, as far as vispeg needs it; nothing here needs more than the standard library."""

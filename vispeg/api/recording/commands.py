@@ -1,0 +1,97 @@
+"""A motion as a file that a robot can replay: what `vispeg motions NAME --out` writes, from Python."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from vispeg.api.recording.cell import commands, names
+from vispeg.core.errors import UserError
+from vispeg.core.files import write_text_atomic
+from vispeg.recordings.cell import OPEN_CELL
+from vispeg.report.text.summary import Line, html
+
+COLUMNS = ("q_cmd", "dq_cmd", "ee_cmd", "q_null")  # of a motion's table, beside `time`
+
+
+@dataclass(frozen=True)
+class MotionFile:
+    """A motion in a CSV: `time`, and `q_cmd.*`, `dq_cmd.*` of the joints or `ee_cmd.*` of the flange.
+
+    Attributes:
+        motion: its name.
+        model: the robot or cell that moves.
+        seconds: that it takes.
+        rate_hz: commands a second.
+        path: of the file.
+    """
+
+    motion: str
+    model: str
+    seconds: float
+    rate_hz: float
+    path: Path
+
+    @property
+    def record(self) -> dict[str, object]:
+        """What `vispeg motions NAME --json` prints."""
+        sizes = {"seconds": self.seconds, "rate_hz": self.rate_hz, "out": str(self.path)}
+        return {"motion": self.motion, "model": self.model, **sizes}
+
+    def __str__(self) -> str:
+        return f"{self.path}: {self.motion}, {self.seconds:.3g} s at {self.rate_hz:g} Hz"
+
+    def _repr_html_(self) -> str:
+        return html([Line(str(self), path=True)])
+
+
+def write_motion(
+    name: str,
+    out: str | Path | None,
+    *,
+    model: str | None = None,
+    duration: float | None = None,
+    rate_hz: float = 500.0,
+    seed: int = 0,
+    overwrite: bool = False,
+) -> MotionFile:
+    """Writes the commands of a motion.
+
+    Args:
+        name: of the motion.
+        out: the .csv file.
+        model: the robot that moves; not given, the default cell for motions in contact and of looking, else iiwa14.
+        duration: of a joint motion (5 s where not given) or of one that looks at a cell (16 s), s.
+        rate_hz: commands a second.
+        seed: of the motion.
+        overwrite: replace `out`, if it is a motion.
+
+    Raises:
+        UserError: no such motion or model, one that the arm cannot make, or `out` is no file to write.
+    """
+    choices = names(model=model)
+    if name not in choices:
+        raise UserError("unknown motion", key="name", got=name, choices=choices)
+    if out is None or Path(out).suffix != ".csv":
+        raise UserError("where to?", key="--out", expected="a .csv file", got=out)
+    path = Path(out)
+    if overwrite and path.exists():
+        _refuse_other(path)
+    moving = model or (OPEN_CELL if name in (*names("contact"), *names("cell")) else "iiwa14")
+    text, seconds = commands(moving, name, rate_hz=rate_hz, seed=seed, duration=duration)
+    write_text_atomic(path, text, overwrite=overwrite)
+    return MotionFile(name, moving, seconds, rate_hz, path)
+
+
+def _refuse_other(path: Path) -> None:
+    """Only a file of commands is replaced, no log.
+
+    Raises:
+        UserError: the first line has other columns than a motion's.
+    """
+    if not path.is_file():
+        raise UserError("not a file", file=path)
+    with path.open("rb") as file:
+        head = file.readline(100_000).decode("utf-8", "replace").strip().split(",")
+    if head[0] != "time" or not all(n.partition(".")[0] in COLUMNS for n in head[1:]):
+        raise UserError("not a motion; it is not replaced", file=path, expected="time, q_cmd.*, dq_cmd.*, ee_cmd.*")

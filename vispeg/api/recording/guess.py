@@ -1,0 +1,79 @@
+"""A map for a log whose columns have names of their own: what `vispeg convert --guess` proposes, from Python."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+
+from vispeg.core.errors import UserError
+from vispeg.core.files import write_text_atomic
+from vispeg.recordings.checks.quality import Limits
+from vispeg.recordings.importers.guess import words
+from vispeg.recordings.importers.guess.propose import Proposal
+from vispeg.recordings.importers.guess.source import guess
+from vispeg.recordings.importers.mapping import ColumnMap, map_from
+from vispeg.recordings.importers.source import TABLES, is_table
+from vispeg.robots.model import load
+
+
+@dataclass(frozen=True)
+class GuessedMap:
+    """A proposed map; `print` shows it as the file that `save` writes, then what more knowledge would buy.
+
+    Attributes:
+        proposal: what each column becomes, with the reasons.
+        source: the table.
+        joints: the robot's.
+    """
+
+    proposal: Proposal
+    source: Path
+    joints: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """The map file."""
+        return words.text(self.proposal)
+
+    @property
+    def record(self) -> dict[str, object]:
+        """The map as plain data."""
+        return words.data(self.proposal)
+
+    @property
+    def mapping(self) -> ColumnMap:
+        """The map as `convert` takes it."""
+        return map_from(self.record, self.source, self.joints)
+
+    def __str__(self) -> str:
+        return self.text + "\n".join(f"# {line}" for line in words.advice(self.proposal))
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(str(self))}</pre>"
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
+        """Writes the map file. Raises UserError: no .yaml name, or the file is there while `overwrite` is False."""
+        path = Path(path)
+        if path.suffix.lower() not in (".yaml", ".yml"):
+            raise UserError("not a name for a map", key="--save-map", expected="a .yaml file", got=str(path))
+        write_text_atomic(path, self.text, overwrite=overwrite)
+        return path
+
+
+def propose(source: str | Path, robot: str, torque_sensor: str | None = None) -> GuessedMap:
+    """A map for a table of unknown names, with a reason for each column.
+
+    Raises:
+        UserError: no table, or one in which no column can be the time or the angles; no such robot.
+    """
+    source = Path(source)
+    if not is_table(source):
+        expected = f"a table ({', '.join(TABLES)}); archives and bags name their signals themselves"
+        raise UserError("cannot be guessed", file=source, key="--guess", expected=expected)
+    model = load(robot)
+    proposal = guess(source, model.joints, Limits.of(model))
+    if torque_sensor is not None:
+        proposal.recording["torque_sensor"] = torque_sensor
+        proposal.doubts[:] = [doubt for doubt in proposal.doubts if not doubt.startswith("torque_sensor")]
+    return GuessedMap(proposal, source, model.joints)
