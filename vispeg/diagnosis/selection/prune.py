@@ -41,9 +41,9 @@ def prune(search: Search, state: State, n_fixed: int) -> None:
         search.say(f"no longer needed: {', '.join(e.label for e in gone)}")
         (fit,) = search.fits([world], n_fixed, iterations=4, columns=[columns])
         loss = search.judge.losses([fit.world])[0]
-        kept = search.judge.gain(loss, state.loss)
+        benefit = search.judge.gain(loss, state.loss)
         worse = search.judge.mean(loss) > (1.0 + WORSE) * search.judge.mean(state.loss)  # no straight line led there
-        if worse or (useless and kept.mean > 0 and kept.z > RISE):
+        if worse or (useless and benefit.mean > 0 and benefit.z > RISE):
             if not useless:
                 return
             spare = False
