@@ -10,9 +10,6 @@ from vispeg.core.effect import Effect, Family, effect, searchable
 from vispeg.effects import find
 from vispeg.identify.excitation import MOTIONS, osc_targets
 from vispeg.identify.motions.look_motion import ABOUT
-from vispeg.learn.meta import made_for
-from vispeg.learn.record import PAIR, read_record
-from vispeg.learn.shipped import names, policy_folder
 from vispeg.robots.model import RobotModel, load
 from vispeg.robots.scene import Scene, build
 from vispeg.task.registry import FIRST, kind_of, task
@@ -68,6 +65,10 @@ def worlds() -> list[Entry]:
 
 def policies() -> list[Entry]:
     """The bundled policies; the family is what they see."""
+    from vispeg.learn.meta import made_for  # here, as the other lists need nothing of the extra `learn`
+    from vispeg.learn.record import PAIR, read_record
+    from vispeg.learn.shipped import names, policy_folder
+
     entries = []
     for name in names():
         record = read_record(policy_folder(name))
