@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from vispeg.cli.main import main
-from vispeg.report.sections.pictures import displacement
+from vispeg.report.drawings.camera_residuals import displacement
 
 MODEL = """format: vispeg-model/1
 robot: iiwa14

@@ -21,12 +21,15 @@ class CellBelief:
         task: what differs from it, keys of a world file's `task`, such as `fixture` and `friction`.
         robot: arm, flange and gripper, as a world file's `robot`; None where the world says it.
         effects: what else is believed, as in a model file: each `effect`, `where`, `params`.
+        board: a flat board that lies in sight: `kind`, `columns`, `rows`, `square` (m), for ChArUco `marker` (m) and
+            `dictionary`, see `vispeg.render.calibration.Board`; None where there is none.
     """
 
     world: str = ""
     task: Mapping[str, Any] = field(default_factory=dict)
     robot: Mapping[str, Any] | str | None = None
     effects: tuple[Mapping[str, Any], ...] = ()
+    board: Mapping[str, Any] | None = None
 
     @property
     def open(self) -> bool:
@@ -36,6 +39,7 @@ class CellBelief:
     def plain(self) -> str | Mapping[str, object]:
         """As a file states it: the world's name alone where that is all."""
         rest = {"task": dict(self.task), "robot": self.robot, "effects": [dict(e) for e in self.effects]}
+        rest |= {"board": dict(self.board) if self.board else None}
         rest = {key: value for key, value in rest.items() if value}
         if self.world and not rest:
             return self.world

@@ -33,7 +33,8 @@ def cell(section: CellSection | None, file: Path) -> CellBelief | None:
         if not exists:
             raise UserError("no such file", file=file, key="cell.world", expected="a world file", got=world)
         world = str(path)
-    return CellBelief(world, section.task, section.robot, tuple(section.effects))
+    board = None if section.board is None else section.board.model_dump(exclude_unset=True)
+    return CellBelief(world, section.task, section.robot, tuple(section.effects), board)
 
 
 def wrench(section: WrenchSection | None) -> WrenchSensor | None:

@@ -85,6 +85,18 @@ class NoiseSection(_Section):
     ft_torque: Positive | None = None
 
 
+class BoardSection(_Section):
+    """A flat board with corners in the cell, as `vispeg camera calibrate` takes one; where it lies is not stated."""
+
+    kind: Literal["chessboard", "charuco"]
+    columns: int
+    rows: int
+    square: Positive
+    marker: Gain = 0.0
+    dictionary: str = ""
+    legacy: bool = False
+
+
 class CellSection(_Section):
     """What stands in the cell as the user believes it, in the words of a world file."""
 
@@ -92,6 +104,7 @@ class CellSection(_Section):
     task: dict[str, object] = {}
     robot: dict[str, object] | str | None = None
     effects: list[dict[str, object]] = []
+    board: BoardSection | None = None
 
 
 class CellOf(_Section):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from vispeg.recordings.frames.joints import joints_at
 from vispeg.recordings.recording import Recording
 from vispeg.render.backends.backend import BackendName
 from vispeg.robots.scene import Scene
+from vispeg.vision.board import Corners, board_of, corners_in, look_at, view_of_board
 from vispeg.vision.borders import Borders
 from vispeg.vision.depth import DepthQuality, DepthResidual, depth_quality, depth_residual
 from vispeg.vision.eye import camera_of
@@ -48,6 +49,7 @@ class Compared:
         borders, displacements: predicted, and where the picture has them.
         depth, quality: residual and figures of depth.
         light: residual of colour.
+        corners: of the cell's board, where the frame shows it.
     """
 
     recording: str
@@ -58,6 +60,12 @@ class Compared:
     depth: DepthResidual | None
     quality: DepthQuality | None
     light: LightResidual | None
+    corners: Corners | None = None
+
+    @property
+    def corner_rms(self) -> float | None:
+        """RMS displacement of the board's corners, along each of u and v, px."""
+        return _rms(None if self.corners is None else self.corners.away)
 
     @property
     def border_rms(self) -> float | None:
@@ -92,6 +100,8 @@ class Compared:
             "episode": self.frame.episode,
             "border_px": self.border_rms,
             "borders": 0 if self.displacements is None else int(np.isfinite(self.displacements.along).sum()),
+            "corner_px": self.corner_rms,
+            "corners": 0 if self.corners is None else len(self.corners.away),
             "depth_mm": self.depth_rms,
             "grey": self.light_rms,
             "fill_rate": None if quality is None else quality.fill_rate,
@@ -137,14 +147,32 @@ def compare_frames(
     done: list[Compared] = []
     with Predictor(scene, cameras, backend) as predictor:
         predictor.see(world)
+        corners = _corners(rec, predictor, shutters)
         for i, frame in enumerate(frames):
             shutter, path = shutters[frame.camera.name], _path(rec, frame.episode)
             if np.isfinite(path(frame.time + shutter.span)).all():
-                done.append(compare_one(rec.name, frame, predictor, shutter, path))
+                one = compare_one(rec.name, frame, predictor, shutter, path)
+                done.append(replace(one, corners=corners.get(i)))
             progress((i + 1) / len(frames))
     if not done:
         raise UserError("no frame lies where the joint angles are known", file=rec.path)
     return done
+
+
+def _corners(rec: Recording, predictor: Predictor, shutters: Mapping[str, Shutter]) -> dict[int, Corners]:
+    """By frame, how far the corners of the cell's board are off, the board laid down by all frames of a camera."""
+    board, out = board_of(rec.cell, rec.path / "recording.yaml"), {}
+    if board is None or rec.frames is None:
+        return out
+    for name, shutter in shutters.items():
+        looks = {}
+        for i, frame in enumerate(rec.frames):
+            (q,) = _path(rec, frame.episode)(np.array([frame.time - shutter.delay]))
+            rgb = frame.rgb if frame.camera.name == name and np.isfinite(q).all() else None
+            if rgb is not None and (view := view_of_board(rgb, board)) is not None:
+                looks[i] = look_at(predictor.geometry, name, q, view)
+        out |= corners_in(predictor.geometry, name, board, looks)
+    return out
 
 
 def _path(rec: Recording, episode: int) -> Path:
@@ -197,6 +225,7 @@ def summary(compared: Sequence[Compared]) -> list[dict[str, object]]:
         depth = [c.depth_error for c in mine if c.depth is not None]
         quality = [c.quality for c in mine if c.quality is not None]
         light = [c.light for c in mine if c.light is not None]
+        corners = [c.corners.away.ravel() for c in mine if c.corners is not None]
         out.append(
             {
                 "camera": name,
@@ -204,6 +233,8 @@ def summary(compared: Sequence[Compared]) -> list[dict[str, object]]:
                 "border_px": _pooled(along),
                 "border_median_px": _median(along, size=True),
                 "border_found": float(np.mean(np.isfinite(np.concatenate(along)))) if along else None,
+                "corner_px": _pooled(corners),
+                "corner_median_px": _median(corners, size=True),
                 "depth_mm": _pooled(depth),
                 "depth_median_mm": _median(depth, size=True),
                 "depth_bias_mm": _median(depth),

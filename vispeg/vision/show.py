@@ -10,13 +10,12 @@ import numpy as np
 from vispeg.render.image_kinds import depth_picture
 from vispeg.vision.compare import Compared, summary
 from vispeg.vision.photometry import LightResidual
+from vispeg.vision.residuals import over_image_and_distance
 
 WORST = 3  # frames of a camera that are shown
 WIDEST = 480  # px of a picture on a page
-POINTS = 4000  # borders of a camera that are kept
 DEPTH_SPAN = 0.01  # m, error of depth at which the colours of a difference end
 PREDICTED, FOUND = (217, 84, 30), (10, 122, 117)  # of borders, as the page's colours of before and after
-DISTANCES = 12  # bins
 
 
 def pictures(compared: Sequence[Compared]) -> tuple[dict[str, object], dict[str, np.ndarray]]:
@@ -36,8 +35,7 @@ def pictures(compared: Sequence[Compared]) -> tuple[dict[str, object], dict[str,
         for comparison in mine[:WORST]:
             arrays |= {f"picture/{len(rows_drawn)}/{name}": image for name, image in side_by_side(comparison).items()}
             rows_drawn.append(comparison.row())
-        arrays |= {f"camera/{number}/{name}": values for name, values in _places(mine).items()}
-        arrays[f"camera/{number}/distance"] = _over_distance(mine)
+        arrays |= {f"camera/{number}/{name}": values for name, values in over_image_and_distance(mine).items()}
     return {"cameras": cameras, "frames": [rows[i] for i in order], "shown": rows_drawn}, arrays
 
 
@@ -110,52 +108,3 @@ def _small(image: np.ndarray) -> np.ndarray:
     if width <= WIDEST:
         return np.ascontiguousarray(image)
     return cv2.resize(image, (WIDEST, round(height * WIDEST / width)), interpolation=cv2.INTER_AREA)
-
-
-def _places(mine: Sequence[Compared]) -> dict[str, np.ndarray]:
-    """Borders of one camera that were found, thinned to `POINTS`: pixel, normal (n, 2), along px, depth m, time s."""
-    size = np.array([mine[0].frame.camera.width, mine[0].frame.camera.height])
-    parts: list[np.ndarray] = []
-    for comparison in mine:
-        if comparison.displacements is not None:
-            b, good = comparison.borders, np.isfinite(comparison.displacements.along)
-            time = np.full(len(b), comparison.frame.time)
-            table = np.column_stack([b.pixel, b.normal, comparison.displacements.along, b.depth, time])
-            parts.append(table[good])
-    table = np.concatenate(parts) if parts else np.zeros((0, 7))
-    table = table[:: max(1, -(-len(table) // POINTS))]
-    return {
-        "size": size,
-        "pixel": table[:, :2],
-        "normal": table[:, 2:4],
-        "along": table[:, 4],
-        "depth": table[:, 5],
-        "time": table[:, 6],
-    }
-
-
-def _over_distance(mine: Sequence[Compared]) -> np.ndarray:
-    """(k, 4) of depth on the interior: distance m, median error mm, spread mm, pixels; empty without depth.
-
-    The spread is 1.48 times the median size of what is off the median: a sigma to which things that the model lacks do
-    not add.
-    """
-    near, error = [], []
-    for comparison in mine:
-        if comparison.depth is not None:
-            good = comparison.depth.interior & np.isfinite(comparison.depth.error)
-            near.append(comparison.rendering.depth[good][::7])
-            error.append(1e3 * comparison.depth.error[good][::7])
-    z, e = (np.concatenate(x) if x else np.zeros(0) for x in (near, error))
-    if len(z) < DISTANCES:
-        return np.zeros((0, 4))
-    edges = np.quantile(z, np.linspace(0, 1, DISTANCES + 1))
-    cell = np.clip(np.searchsorted(edges, z, side="right") - 1, 0, DISTANCES - 1)
-    rows = []
-    for k in range(DISTANCES):
-        mine_e = e[cell == k]
-        if len(mine_e):
-            middle = float(np.median(mine_e))
-            spread = 1.4826 * float(np.median(np.abs(mine_e - middle)))
-            rows.append((float(np.median(z[cell == k])), middle, spread, len(mine_e)))
-    return np.array(rows)

@@ -34,7 +34,7 @@ PAIRS = (
     ("camera_delay", "camera_offset"),
     ("focal_error", "lens_distortion"),
 )
-UNKNOWN = ("bent_flange", "tilted_fixture", "moved_fixture", "water_on_lens")
+UNKNOWN = ("bent_flange", "tilted_fixture", "moved_fixture", "water_on_lens", "bent_board")
 # The motion that a diagnosis names under `not_excited` for what the ordinary one is too slow for
 MOTIONS = {"motion_blur": "look-fast", "rolling_shutter": "look-fast"}
 MOVES = ("camera_offset", "focal_error", "principal_point_error", "lens_distortion", "camera_delay", "rolling_shutter")

@@ -21,8 +21,11 @@ from vispeg.identify.motions.look_motion import look_motion
 from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.frames.frames import Frames, RecordedFrame
 from vispeg.recordings.recording import Control, Recording
+from vispeg.render.calibration.board import Board
 from vispeg.sim.compiled import nominal_of
 from vispeg.sim.reach import reach
+from vispeg.vision.board_picture import with_board
+from vispeg.vision.geometry import Geometry
 from vispeg.vision.photograph import photograph
 from vispeg.worlds.world import World
 
@@ -32,6 +35,10 @@ LEVER = 0.8  # m a rad of a joint's error, at the flange
 SLOW = 0.4  # s between the knots of the robot's error
 DISPARITY = 0.05 * 425 / 1e-2  # px m: baseline times focal length over the smallest step that the sensor tells apart
 BEND = np.radians(1.5)
+BOARD = {"kind": "chessboard", "columns": 5, "rows": 4, "square": 0.02}
+BULGE = 0.006  # m that the board's middle stands out by
+LAID = np.diag([1.0, -1.0, -1.0, 1.0])
+LAID[:3, 3] = 0.47, 0.14, 0.003  # m: on the table beside the fixture
 
 
 def recording(case: Case, part: int, frames: int, backend: str) -> Recording:
@@ -57,14 +64,31 @@ def recording(case: Case, part: int, frames: int, backend: str) -> Recording:
     shots = photograph(
         scene, cameras, CELL.add(*look, *effects), CubicSpline(time, true), stamps, case.seed, backend=backend
     )  # type: ignore[arg-type]
+    cell = CELL.cell
+    if case.unknown == "bent_board":
+        cell = replace(CellBelief("nominal"), board=BOARD)
+        shots = _with_board(scene, cameras, CELL.add(*effects), CubicSpline(time, true), shots)
     read = q.copy()
     for e in effects:
         if e.effect == "encoder_offset":
             read[:, scene.joints.index(e.where)] += e.params["offset"].value
     pictures = [_sensed(f, rng, case.unknown == "water_on_lens") for f in shots]
     label = Path(f"{case.name.replace('/', '-')}-{'ab'[part]}")
-    rec = Recording(label, "iiwa14", scene.joints, RATE, Control(), time, read, cell=CELL.cell)
+    rec = Recording(label, "iiwa14", scene.joints, RATE, Control(), time, read, cell=cell)
     return replace(rec, frames=Frames(shots.cameras, tuple(pictures)))
+
+
+def _with_board(scene, cameras, world: World, path: CubicSpline, shots: Frames) -> Frames:
+    """The pictures with a bent board in them."""
+    geometry, out = Geometry(scene, cameras), []
+    geometry.place(world)
+    for frame in shots:
+        assert frame.rgb is not None and frame.depth is not None
+        geometry.at(path(frame.time))
+        place = geometry.eyes[CAMERA], geometry.pose(CAMERA), Board(**BOARD), LAID
+        rgb, depth = with_board(frame.rgb, frame.depth, *place, lambda x, y: BULGE * (1 - ((x - 0.04) / 0.05) ** 2))
+        out.append(replace(frame, rgb_source=rgb, depth_source=depth))
+    return Frames(shots.cameras, tuple(out))
 
 
 def _sensed(frame: RecordedFrame, rng: np.random.Generator, wet: bool) -> RecordedFrame:

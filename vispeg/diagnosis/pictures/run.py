@@ -10,6 +10,7 @@ import numpy as np
 from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.pictures.borders import BorderSearch
 from vispeg.diagnosis.pictures.excited import motion_between, not_excited
+from vispeg.diagnosis.pictures.flatness import heights_left
 from vispeg.diagnosis.pictures.halves import compare_halves
 from vispeg.diagnosis.pictures.projection import confounded, projections
 from vispeg.diagnosis.pictures.remainder import left_over
@@ -22,7 +23,8 @@ from vispeg.diagnosis.run import Diagnosis
 from vispeg.diagnosis.schema import Channel, DiagnosisRecord, NextMotion, Rung
 from vispeg.diagnosis.selection.state import State
 from vispeg.identify.pictures.build import border_evidence
-from vispeg.identify.pictures.points import Points, gather
+from vispeg.identify.pictures.gather import gather
+from vispeg.identify.pictures.points import Points
 from vispeg.identify.pictures.read import sights_of
 from vispeg.identify.pictures.sight import Sight
 from vispeg.recordings.recording import Recording
@@ -67,7 +69,8 @@ def diagnose_pictures(
     say("looking for what is left")
     with Predictor(scene, cameras) as predictor:
         wide = [[(s, gather(predictor, s, state.world, WIDE)) for s in some] for some in (mine, theirs)]
-    remainder = left_over(wide[0], wide[1], list(scene.parts))
+        bent = heights_left(predictor.geometry, mine, theirs, state.world)
+    remainder = [*bent, *left_over(wide[0], wide[1], [*scene.parts, "board"])]
     before, after, lost = judged.error(world), judged.error(state.world), _lost(wide[1])
     of_borders = decide(before, after, len(state.world.effects) - n_fixed, rivals, remainder, halves, lost)
     sensed = []

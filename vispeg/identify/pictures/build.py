@@ -8,7 +8,8 @@ import numpy as np
 
 from vispeg.identify.pictures.align import WINDOWS, align
 from vispeg.identify.pictures.evidence import BorderEvidence, Item
-from vispeg.identify.pictures.points import Points, gather
+from vispeg.identify.pictures.gather import gather
+from vispeg.identify.pictures.points import Points
 from vispeg.identify.pictures.posture import steadied
 from vispeg.identify.pictures.robust import noise_of, trust
 from vispeg.identify.pictures.sight import Sight

@@ -14,7 +14,8 @@ from itertools import product
 
 import numpy as np
 
-from vispeg.identify.pictures.points import Points, outlined, pixels
+from vispeg.identify.pictures.gather import outlined
+from vispeg.identify.pictures.points import Points, pixels
 from vispeg.identify.pictures.sight import Sight
 from vispeg.identify.space import Space
 from vispeg.vision.geometry import Geometry

@@ -17,22 +17,16 @@ from vispeg.core.effect import Effect
 from vispeg.identify.channels import shows
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.pictures.nuisance import Whitener
-from vispeg.identify.pictures.points import Points, misplacement, pixels
-from vispeg.identify.pictures.posture import LOOSE, Postures
+from vispeg.identify.pictures.points import Points, misplacement
+from vispeg.identify.pictures.posture import Postures
 from vispeg.identify.pictures.sight import Sight
+from vispeg.identify.pictures.unknowns import nuisances
 from vispeg.robots.scene import Scene
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 
-FIXED = np.array([1e-3, 1e-3, 1e-3, 5e-3, 5e-3, 5e-3])  # m, rad: how well fixture and grip are known
-# px by which light and shadow shift edges: all that face one way, those between two parts, those of both, those at one
-# place of a part, and those of two parts in one picture; measured between Filament's pictures in looks of S and the
-# borders of the model
-EDGE_BIAS, EDGE_BIAS_HERE = 0.1, 0.05
-PLACE = 0.02  # m of a part that have one shading
 ROBOT = (0.0, *np.geomspace(3e-5, 4e-3, 15).tolist())  # rad, each joint in each frame: sizes that are tried
 LEAST_PX = 0.2  # that looks, and what is not modelled of edges, do not make
-SMALL = 1e-4  # m, rad: steps of derivatives
 PENALTY = 1e3  # noise units of a point that a world puts behind the camera
 
 
@@ -88,7 +82,7 @@ class BorderEvidence(Evidence):
         self.recordings = []
         self.notes: list[str] = []
         self._arms = [Postures.of(geometry, item.sight, settled, item.points) for item in items]
-        self._columns = [_nuisances(geometry, i, settled, arm) for i, arm in zip(items, self._arms, strict=True)]
+        self._columns = [nuisances(geometry, i, settled, arm) for i, arm in zip(items, self._arms, strict=True)]
         self.robot = self._robot() if robot is None else robot
         self._whiten = [self._whitener(i, self.robot) for i in range(len(items))]
         self._recent: list[tuple[World, np.ndarray]] = []
@@ -247,53 +241,3 @@ class BorderEvidence(Evidence):
             fit = -0.5 * (rest + sum(w.logdet for w in whiten) + np.linalg.slogdet(information)[1])
             best, most = (size, fit) if fit > most else (best, most)
         return best
-
-
-def _edges(p: Points, scale: np.ndarray, away: np.ndarray) -> list[np.ndarray]:
-    """Columns (n,): what one standard deviation of each edge bias does, in units of the noise.
-
-    Edges that even the freest model leaves away from their borders are known as badly as that: `away` (n,) is what it
-    leaves, `scale` (n,) a pixel, both in those units.
-    """
-    facing = np.round(np.arctan2(p.normal[:, 1], p.normal[:, 0]) / (np.pi / 2)).astype(int) % 4
-    one_way, out = np.column_stack([p.parts, facing]), []
-    place = np.column_stack([p.body, facing, np.floor(p.local / PLACE).astype(int)])
-    for labels in (facing[:, None], p.parts, one_way, place):
-        for rows in _alike(labels):
-            remainder = abs(scale[rows] @ away[rows]) / max(scale[rows] @ scale[rows], 1e-9)
-            out.append(rows * max(EDGE_BIAS, remainder) * scale)
-    return out + [rows * EDGE_BIAS_HERE * scale for rows in _alike(np.column_stack([one_way, p.frame]))]
-
-
-def _alike(labels: np.ndarray) -> list[np.ndarray]:
-    """(n,) bool for each different row of some labels (n, k): where it stands."""
-    kinds, kind = np.unique(labels, axis=0, return_inverse=True)
-    return [kind.ravel() == k for k in range(len(kinds))]
-
-
-def _nuisances(geometry: Geometry, item: Item, world: World, arm: Postures) -> tuple[np.ndarray, np.ndarray]:
-    """What one standard deviation of each common unknown (n, k), and one rad of each joint in each frame, do."""
-    p, sight, scene = item.points, item.sight, geometry.scene
-    scale = np.sqrt(item.trust) * item.valid[:, 0] / item.sigma[0]
-    here = pixels(geometry, sight, world, p)
-
-    def effect_of(moved: np.ndarray) -> np.ndarray:
-        return np.nan_to_num(np.sum((moved - here) * p.normal, axis=1)) * scale / SMALL
-
-    common = []
-    for body in (geometry.model.body(scene.fixture).id, geometry.model.body(scene.held).id):
-        rows = (p.body == body)[:, None]
-        for axis in range(6 if rows.any() else 0):
-            step = np.zeros(3)
-            step[axis % 3] = SMALL
-            shift = np.broadcast_to(step, p.local.shape) if axis < 3 else np.cross(step, p.local)
-            there = replace(p, local=p.local + np.where(rows, shift, 0))
-            common.append(effect_of(pixels(geometry, sight, world, there)) * FIXED[axis])
-    (_, at), nj = np.unique(p.frame, return_inverse=True), len(scene.joints)
-    joints = np.zeros((len(p.frame), (int(at.max(initial=-1)) + 1) * nj))
-    for j in range(nj):
-        joints[np.arange(len(at)), at * nj + j] = arm.slopes[:, j] * scale
-    away = np.nan_to_num(misplacement(geometry, sight, world, p)) * scale
-    posture = np.linalg.solve(joints.T @ joints + np.eye(joints.shape[1]) / LOOSE**2, joints.T @ away)
-    common += _edges(p, scale, away - joints @ posture)
-    return np.stack(common, 1), joints

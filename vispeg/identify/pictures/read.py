@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -12,6 +13,8 @@ from vispeg.identify.pictures.sight import Sight
 from vispeg.recordings.frames.frames import Frames
 from vispeg.recordings.frames.joints import GAP, joints_at
 from vispeg.recordings.recording import Recording
+from vispeg.render.calibration.detect import View
+from vispeg.vision.board import board_of, view_of_board
 from vispeg.vision.eye import camera_of
 
 LEAST = 6  # frames of a camera, fewer say nothing about views that were not fitted
@@ -61,6 +64,12 @@ def _sight(rec: Recording, name: str, frames: Frames) -> Sight:
             return joints_at(rec, time, numbers[which])
         return curve(time)
 
-    return Sight(
-        rec.name, camera_of(frames.cameras[name]), times, joints, lambda i: some[i].rgb, lambda i: some[i].depth
-    )
+    board = board_of(rec.cell, rec.path / "recording.yaml")
+
+    @cache
+    def corners(i: int) -> View | None:
+        rgb = None if board is None else some[i].rgb
+        return None if rgb is None or board is None else view_of_board(rgb, board)
+
+    camera = camera_of(frames.cameras[name])
+    return Sight(rec.name, camera, times, joints, lambda i: some[i].rgb, lambda i: some[i].depth, board, corners)

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vispeg.render.calibration.board import Board
+from vispeg.render.calibration.detect import View
 from vispeg.render.cameras.camera import Camera
 
 
@@ -21,6 +23,8 @@ class Sight:
         joints: measured angles (k, nj) rad at times (k,) s of given frames (k,): NaN where nothing was measured.
         rgb: the picture (H, W, 3) uint8 of a frame, or None.
         depth: its depth (H, W) float32 m, 0 where there is no reading, or None.
+        board: that lies in sight, None where there is none.
+        corners: the view of the board in a frame, None where it is not found there.
     """
 
     name: str
@@ -29,6 +33,8 @@ class Sight:
     joints: Callable[[np.ndarray, np.ndarray], np.ndarray]
     rgb: Callable[[int], np.ndarray | None]
     depth: Callable[[int], np.ndarray | None]
+    board: Board | None = None
+    corners: Callable[[int], View | None] = lambda i: None
 
     def __len__(self) -> int:
         return len(self.time)
@@ -47,4 +53,6 @@ class Sight:
             lambda time, i: self.joints(time, chosen[i]),
             lambda i: self.rgb(int(chosen[i])),
             lambda i: self.depth(int(chosen[i])),
+            self.board,
+            lambda i: self.corners(int(chosen[i])),
         )

@@ -1,0 +1,104 @@
+"""Is the board in the cell flat? What heights of its corners explain in views that they were not fitted to.
+
+A view's own pose of the board takes out what robot, mount and delay do, so that a board's shape is told from all of
+them. A lens that no effect describes shows as heights, too: the model is wrong either way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from vispeg.diagnosis.pictures.remainder import Left
+from vispeg.identify.pictures.corners import looks_of
+from vispeg.identify.pictures.robust import noise_of, trust
+from vispeg.identify.pictures.sight import Sight
+from vispeg.render.calibration.board import Board
+from vispeg.vision.board import Look, pose_of_board
+from vispeg.vision.eye import Eye
+from vispeg.vision.geometry import Geometry
+from vispeg.worlds.world import World
+
+MANY = 8  # corners of a view: six numbers are its own pose's
+SMALL = 1e-4  # m, rad: steps of derivatives
+BENT = 5.0  # mm that corners may stand out by
+ROUNDS = 3  # of a pose, and of robust weights
+
+
+def heights_left(geometry: Geometry, fitted: Sequence[Sight], judged: Sequence[Sight], world: World) -> list[Left]:
+    """What heights of the corners, fitted to some views, explain in others; empty without a board in both."""
+    first, second = (_stacked(geometry, some, world) for some in (fitted, judged))
+    if first is None or second is None:
+        return []
+    return [unflat(*first, *second)]
+
+
+def unflat(away: np.ndarray, slopes: np.ndarray, held_away: np.ndarray, held_slopes: np.ndarray) -> Left:
+    """Share and px of what heights explain.
+
+    Args:
+        away, held_away: (n,) px, misplacements of corners to fit and to judge on, each view's pose taken out.
+        slopes, held_slopes: (n, corners) px a mm of height.
+    """
+    noise, rest = max(noise_of(away), 0.05), away
+    for scale in (3 * noise, *[noise] * ROUNDS):
+        weight = trust(rest, scale)[:, None] / scale**2
+        normal = slopes.T @ (weight * slopes) + np.eye(slopes.shape[1]) / BENT**2
+        heights = np.linalg.solve(normal, slopes.T @ (weight[:, 0] * away))
+        rest = away - slopes @ heights
+    predicted = held_slopes @ heights
+    drop = float(np.sum(held_away**2 - (held_away - predicted) ** 2))
+    size, share = float(np.sqrt(np.mean(predicted**2))), drop / max(float(np.sum(held_away**2)), 1e-9)
+    where = f"corners up to {np.abs(heights).max():.1f} mm off a plane"
+    return Left("the board's shape", max(share, 0.0), size, where)
+
+
+def _stacked(geometry: Geometry, sights: Sequence[Sight], world: World) -> tuple[np.ndarray, np.ndarray] | None:
+    parts = []
+    for sight in sights:
+        looks = list(looks_of(geometry, sight, world).values())
+        if sight.board is not None and (some := heights_of_views(geometry.eyes[sight.camera.name], sight.board, looks)):
+            parts.append(some)
+    if len({slopes.shape[1] for _, slopes in parts}) != 1:
+        return None
+    away, slopes = (np.concatenate(x) for x in zip(*parts, strict=True))
+    return away, slopes
+
+
+def heights_of_views(eye: Eye, board: Board, looks: Sequence[Look]) -> tuple[np.ndarray, np.ndarray] | None:
+    """(n,) px and (n, corners) px a mm of all views with `MANY` corners or more, as `unflat` takes them; or None."""
+    parts = [part for look in looks if len(look.view.ids) >= MANY for part in _of_view(eye, board, look)]
+    if not parts:
+        return None
+    away, slopes = (np.concatenate(x) for x in zip(*parts, strict=True))
+    return away, slopes
+
+
+def _of_view(eye: Eye, board: Board, look: Look) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """(n,) px and (n, corners) px a mm of one view, what another pose of the board could do taken out of both."""
+    pose, ids = pose_of_board(eye, board, look), look.view.ids
+
+    def seen(points: np.ndarray) -> np.ndarray:
+        return look.project(eye, points @ pose[:3, :3].T + pose[:3, 3]).ravel()
+
+    flat, moved = board.points[ids], np.zeros(0)
+    for _ in range(ROUNDS):
+        here = seen(flat)
+        steps = [SMALL * axis for axis in np.eye(6)]
+        turned = [flat @ Rotation.from_rotvec(s[3:]).as_matrix().T + s[:3] for s in steps]
+        own = np.stack([seen(t) - here for t in turned], axis=1) / SMALL
+        moved = look.view.pixels.ravel() - here
+        if not np.isfinite(moved).all():
+            return
+        x = np.linalg.lstsq(own, moved, rcond=None)[0]
+        turn = np.eye(4)
+        turn[:3, :3], turn[:3, 3] = Rotation.from_rotvec(x[3:]).as_matrix(), x[:3]
+        pose = pose @ turn
+    lifted = seen(flat + [0, 0, SMALL]) - seen(flat)
+    slopes = np.zeros((len(moved), len(board.points)))
+    slopes[np.arange(len(moved)), np.repeat(ids, 2)] = lifted / SMALL / 1e3
+    basis = np.linalg.qr(own)[0]
+    away = look.view.pixels.ravel() - seen(flat)
+    yield away - basis @ (basis.T @ away), slopes - basis @ (basis.T @ slopes)

@@ -1,0 +1,50 @@
+"""A board's corners as border points: each is sought across and down the image, where the board lies in a world."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.identify.pictures.points import Points
+from vispeg.identify.pictures.sight import Sight
+from vispeg.vision.board import Look, laid, look_at
+from vispeg.vision.eye import delay_of
+from vispeg.vision.geometry import Geometry
+from vispeg.worlds.world import World
+
+PATCHES = 3  # of a board across and down, that are told apart
+ROOM = 0  # body that does not move
+
+
+def looks_of(geometry: Geometry, sight: Sight, world: World) -> dict[int, Look]:
+    """By frame, the views that show the board, each from where a world has the camera."""
+    name, out = sight.camera.name, {}
+    geometry.place(world)
+    for i in range(len(sight)) if sight.board is not None else ():
+        (q,) = sight.at(np.array([i]), -delay_of(world, name))
+        if np.isfinite(q).all() and (view := sight.corners(i)) is not None:
+            out[i] = look_at(geometry, name, q, view)
+    return out
+
+
+def corners_of(geometry: Geometry, sight: Sight, world: World, window: float) -> list[Points]:
+    """Two points for each corner of each frame, with normals along u and v; those beyond `window` px have no edge."""
+    board, looks, eye = sight.board, looks_of(geometry, sight, world), geometry.eyes[sight.camera.name]
+    places = None if board is None else laid(eye, board, list(looks.values()))
+    if board is None or places is None:
+        return []
+    columns, rows = board.grid
+    row, column = np.divmod(np.arange(columns * rows), columns)
+    patch = PATCHES * (row * PATCHES // rows) + column * PATCHES // columns
+    out, label = [], 1 + len(geometry.scene.parts)
+    for frame, look in looks.items():
+        ids = np.repeat(look.view.ids, 2)
+        where, n = places[ids], len(ids)
+        pixel = look.project(eye, where)
+        normal = np.tile(np.eye(2), (n // 2, 1))
+        away = np.repeat(look.view.pixels, 2, axis=0) - pixel
+        along = np.where(np.linalg.norm(away, axis=1) < window, np.sum(away * normal, axis=1), np.nan)
+        depth = ((where - look.pos) @ look.turn)[:, 2]
+        parts = np.column_stack([np.full(n, label), label + 1 + patch[ids]])
+        points = Points(np.full(n, frame), np.full(n, ROOM), where, pixel, normal, along, parts, depth)
+        out.append(points.only(np.flatnonzero(np.isfinite(pixel).all(axis=1))))
+    return out

@@ -1,0 +1,65 @@
+"""Where the picture has the borders and corners that a world predicts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from vispeg.identify.pictures.corners import corners_of
+from vispeg.identify.pictures.points import Points, pixels
+from vispeg.identify.pictures.sight import Sight
+from vispeg.vision.borders import Borders, borders_of
+from vispeg.vision.eye import delay_of, values_of
+from vispeg.vision.predict import Predictor
+from vispeg.vision.search import search
+from vispeg.worlds.world import World
+
+SPACING = 3.0  # px between points along a border
+RIVAL = 0.7  # of an edge's strength, from which on another one in the window makes it doubtful
+BESIDE = 2.0  # px from a border at which both its sides must be what they are there
+FAINT = 15.0  # grey levels, the step of an edge that texture and shadows may make as well
+
+
+def gather(predictor: Predictor, sight: Sight, world: World, window: float) -> Points:
+    """The points that a world predicts, of borders and a board's corners, each sought within `window` px."""
+    name, geometry, parts = sight.camera.name, predictor.geometry, []
+    for i, rgb, b in _drawn(predictor, sight, world):
+        ahead, behind = (geometry.cast(name, b.pixel + side * b.normal)[2] for side in (BESIDE, -BESIDE))
+        b = b.some((ahead == b.parts[:, 1]) & (behind == b.parts[:, 0]))
+        edges = search(rgb, b, window)
+        parts.append(_points(i, b, np.where((edges.rival < RIVAL) & (edges.strength > FAINT), edges.along, np.nan)))
+    points = _joined([*parts, *corners_of(geometry, sight, world, window)])
+    if not len(points.frame) or not values_of(world, "rolling_shutter", name):
+        return points
+    shift = pixels(geometry, sight, world, points) - points.pixel  # rows that were exposed at other times
+    along = points.along - np.sum(shift * points.normal, axis=1)
+    return replace(points, pixel=points.pixel + shift, along=along)
+
+
+def outlined(predictor: Predictor, sight: Sight, world: World) -> Points:
+    """The border points that a world predicts, sought nowhere."""
+    return _joined([_points(i, b, np.full(len(b), np.nan)) for i, _, b in _drawn(predictor, sight, world)])
+
+
+def _drawn(predictor: Predictor, sight: Sight, world: World) -> Iterator[tuple[int, np.ndarray, Borders]]:
+    """Number, picture and predicted borders of each frame that has a picture at measured angles."""
+    name, frames = sight.camera.name, np.arange(len(sight))
+    predictor.see(world)
+    for i, q in zip(frames, sight.at(frames, -delay_of(world, name)), strict=True):
+        rgb = sight.rgb(int(i)) if np.isfinite(q).all() else None
+        if rgb is not None:
+            yield int(i), rgb, borders_of(predictor.draw(name, q), predictor.geometry, step=SPACING)
+
+
+def _points(frame: int, b: Borders, along: np.ndarray) -> Points:
+    return Points(np.full(len(b), frame), b.body, b.local, b.pixel, b.normal, along, b.parts, b.depth)
+
+
+def _joined(some: Sequence[Points]) -> Points:
+    """Points of several frames, one after the other."""
+    if not some:
+        none, flat = np.zeros(0), np.zeros((0, 2))
+        return Points(none.astype(int), none.astype(int), np.zeros((0, 3)), flat, flat, none, flat.astype(int), none)
+    return Points(*(np.concatenate([getattr(p, key) for p in some]) for key in Points.__dataclass_fields__))

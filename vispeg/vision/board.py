@@ -1,0 +1,132 @@
+"""A board in the cell: its corners in each frame, and where it lies by all frames together.
+
+Nobody knows to a tenth of a millimetre where a board was put down, so its pose is no datum: it is taken from the
+pictures, once for a recording. What is left of its corners is one more reading beside the borders of parts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from vispeg.core.errors import UserError
+from vispeg.recordings.cell import CellBelief
+from vispeg.render.calibration.board import Board
+from vispeg.render.calibration.detect import View, find
+from vispeg.vision.eye import Eye
+from vispeg.vision.geometry import Geometry
+
+SOFT = 1.0  # px beyond which a corner counts less and less where the board is laid down
+LEAST = 4  # corners of a view that fix a pose
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """A view of the board: the camera's place (3,) m and axes (3, 3) in the base frame, and the corners found."""
+
+    pos: np.ndarray
+    turn: np.ndarray
+    view: View
+
+    def project(self, eye: Eye, points: np.ndarray) -> np.ndarray:
+        """(n, 2) px of points (n, 3) m in the base frame."""
+        return eye.project((points - self.pos) @ self.turn)
+
+
+@dataclass(frozen=True, eq=False)
+class Corners:
+    """A board's corners in one frame, (n, ...).
+
+    Attributes:
+        pixel: (n, 2) px where the model has them, the board laid down by all frames of the recording.
+        away: (n, 2) px, measured minus predicted.
+        depth: (n,) m.
+    """
+
+    pixel: np.ndarray
+    away: np.ndarray
+    depth: np.ndarray
+
+
+def corners_in(geometry: Geometry, camera: str, board: Board, looks: Mapping[int, Look]) -> dict[int, Corners]:
+    """What is left of the corners in each frame of a camera, in the geometry's world; empty where none shows them."""
+    eye = geometry.eyes[camera]
+    places = laid(eye, board, list(looks.values()))
+    out = {}
+    if places is None:
+        return out
+    for frame, look in looks.items():
+        where = places[look.view.ids]
+        pixel = look.project(eye, where)
+        out[frame] = Corners(pixel, look.view.pixels - pixel, ((where - look.pos) @ look.turn)[:, 2])
+    return out
+
+
+def board_of(cell: CellBelief | None, file: str | Path | None = None) -> Board | None:
+    """The board that a cell states, None where it states none.
+
+    Raises:
+        UserError: a board that cannot be, or one with a key too many or too few.
+    """
+    if cell is None or cell.board is None:
+        return None
+    try:
+        return Board(**cell.board)
+    except TypeError as error:
+        expected = "kind, columns, rows, square; for charuco marker and dictionary"
+        raise UserError(
+            "is no board", file=file, key="cell.board", expected=expected, got=", ".join(cell.board)
+        ) from error
+    except UserError as error:
+        raise UserError(str(error), file=file, key="cell.board") from error
+
+
+def view_of_board(rgb: np.ndarray, board: Board) -> View | None:
+    """The board's corners in a picture (H, W, 3) uint8, None where it is not found."""
+    import cv2
+
+    return find(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), board)
+
+
+def look_at(geometry: Geometry, camera: str, q: np.ndarray, view: View) -> Look:
+    """A view from measured joint angles q (nj,) rad, in the geometry's world."""
+    geometry.at(q)
+    pos, turn = geometry.pose(camera)
+    return Look(pos.copy(), turn.copy(), view)
+
+
+def laid(eye: Eye, board: Board, looks: Sequence[Look]) -> np.ndarray | None:
+    """(n, 3) m: the board's corners in the base frame where these looks see them best; None where none sees enough."""
+    enough = [look for look in looks if len(look.view.ids) >= LEAST]
+    if not enough:
+        return None
+    start = pose_of_board(eye, board, max(enough, key=lambda look: len(look.view.ids)))
+
+    def points(x: np.ndarray) -> np.ndarray:
+        return board.points @ (Rotation.from_rotvec(x[:3]).as_matrix() @ start[:3, :3]).T + start[:3, 3] + x[3:]
+
+    def off(x: np.ndarray) -> np.ndarray:
+        there = points(x)
+        parts = [look.project(eye, there[look.view.ids]) - look.view.pixels for look in enough]
+        return np.nan_to_num(np.concatenate(parts).ravel(), nan=1e3)
+
+    return points(least_squares(off, np.zeros(6), loss="cauchy", f_scale=SOFT, x_scale=[0.1] * 6).x)
+
+
+def pose_of_board(eye: Eye, board: Board, look: Look) -> np.ndarray:
+    """(4, 4) board to base, by one look with `LEAST` corners or more."""
+    import cv2
+
+    flat = np.ascontiguousarray(eye.ideal(look.view.pixels))
+    good = np.isfinite(flat).all(axis=1)
+    here = board.points[look.view.ids][good]
+    _, turn, shift = cv2.solvePnP(here, flat[good], np.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
+    out = np.eye(4)
+    out[:3, :3] = look.turn @ Rotation.from_rotvec(turn.ravel()).as_matrix()
+    out[:3, 3] = look.turn @ shift.ravel() + look.pos
+    return out

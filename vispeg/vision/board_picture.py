@@ -1,0 +1,72 @@
+"""A board laid into pictures of a cell: drawn by casting rays onto it, where nothing stands before it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from vispeg.render.calibration.board import Board
+from vispeg.vision.eye import Eye
+from vispeg.vision.predict import TO_LINEAR, encoded
+
+FINER = 3  # rays a pixel in each direction
+PER_SQUARE = 24  # texels
+LIGHT = 0.8  # of the light that its white sends back
+LIFT = 2e-3  # m that it may lie below what the depth shows, and be seen
+
+
+def texture(board: Board) -> np.ndarray:
+    """(rows, columns) of texels in [0, 1], one square around the outermost corners."""
+    columns, rows = board.grid
+    if board.kind == "charuco":
+        size = (board.columns * PER_SQUARE, board.rows * PER_SQUARE)
+        return board.opencv().generateImage(size, marginSize=0).astype(float) / 255
+    y, x = np.mgrid[: rows + 1, : columns + 1]
+    return np.kron((x + y) % 2 == 1, np.ones((PER_SQUARE, PER_SQUARE)))  # between the first four corners it is dark
+
+
+def with_board(
+    rgb: np.ndarray,
+    depth: np.ndarray,
+    eye: Eye,
+    camera: tuple[np.ndarray, np.ndarray],
+    board: Board,
+    pose: np.ndarray,
+    height: Callable[[np.ndarray, np.ndarray], np.ndarray] = lambda x, y: np.zeros_like(x),
+) -> tuple[np.ndarray, np.ndarray]:
+    """A picture and its depth with a board in it.
+
+    Args:
+        rgb, depth: (H, W, 3) uint8 and (H, W) m without it; depth 0 where nothing is.
+        eye: the camera.
+        camera: its place (3,) m and axes (3, 3) in the base frame.
+        board: what is printed.
+        pose: (4, 4) board to base, z into the board.
+        height: of board coordinates x, y (n,) m, how far a place stands out of the plane towards the viewer, m.
+    """
+    fine, (pos, turn) = eye.finer(FINER), camera
+    rays = fine.rays() @ turn.T @ pose[:3, :3]  # in the board's axes, planar depth 1
+    start = (pos - pose[:3, 3]) @ pose[:3, :3]
+    far = -start[2] / rays[..., 2]
+    for _ in range(4):
+        x, y = start[0] + far * rays[..., 0], start[1] + far * rays[..., 1]
+        far = (-height(x, y) - start[2]) / rays[..., 2]
+    image, edge = texture(board), board.square
+    columns, rows = (n * PER_SQUARE for n in (board.grid[0] + 1, board.grid[1] + 1))
+    u, v = (np.nan_to_num(np.floor((w + edge) / edge * PER_SQUARE), nan=-1, posinf=-1, neginf=-1) for w in (x, y))
+    u, v = np.clip(u, -1, columns).astype(int), np.clip(v, -1, rows).astype(int)
+    inside = (u >= 0) & (v >= 0) & (u < columns) & (v < rows) & (far > 0)
+    shown = np.where(inside, LIGHT * image[np.clip(v, 0, rows - 1), np.clip(u, 0, columns - 1)], 0.0)
+    there = np.kron(np.where(depth > 0, depth, np.inf), np.ones((FINER, FINER)))
+    seen = inside & (far < there + LIFT)
+    h, w = depth.shape
+
+    def mean(values: np.ndarray) -> np.ndarray:
+        return values.reshape(h, FINER, w, FINER).mean(axis=(1, 3))
+
+    share = mean(seen)[..., None]
+    light = TO_LINEAR[rgb] * (1 - share) + mean(np.where(seen, shown, 0.0))[..., None]
+    middle = slice(FINER // 2, None, FINER)
+    nearer = np.where(seen, far, 0.0)[middle, middle]
+    return encoded(light), np.where(nearer > 0, nearer, depth).astype(np.float32)
