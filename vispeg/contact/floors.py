@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 FORM: dict[str, float] = dict(zip(NAMES, (0.02, 0.01, 0.04, 0.05, 2.0), strict=True))  # N
 SHARE: dict[str, float] = dict(
-    zip(NAMES, (0.002, 0.001, 0.007, 0.01, 0.03), strict=True)
+    zip(NAMES, (0.002, 0.003, 0.007, 0.01, 0.03), strict=True)
 )  # and of the force of contact
 # more of it inside the goal, where a rocked part wedges: 0.1 mm of its roundness turns the hand by mrad
 WEDGED: dict[str, float] = dict(zip(NAMES, (0.0, 0.0, 0.0, 0.1, 0.0), strict=True))
