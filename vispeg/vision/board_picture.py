@@ -57,16 +57,16 @@ def with_board(
     u, v = (np.nan_to_num(np.floor((w + edge) / edge * PER_SQUARE), nan=-1, posinf=-1, neginf=-1) for w in (x, y))
     u, v = np.clip(u, -1, columns).astype(int), np.clip(v, -1, rows).astype(int)
     inside = (u >= 0) & (v >= 0) & (u < columns) & (v < rows) & (far > 0)
-    shown = np.where(inside, LIGHT * image[np.clip(v, 0, rows - 1), np.clip(u, 0, columns - 1)], 0.0)
+    colour = np.where(inside, LIGHT * image[np.clip(v, 0, rows - 1), np.clip(u, 0, columns - 1)], 0.0)
     there = np.kron(np.where(depth > 0, depth, np.inf), np.ones((FINER, FINER)))
-    seen = inside & (far < there + LIFT)
+    visible = inside & (far < there + LIFT)
     h, w = depth.shape
 
     def mean(values: np.ndarray) -> np.ndarray:
         return values.reshape(h, FINER, w, FINER).mean(axis=(1, 3))
 
-    share = mean(seen)[..., None]
-    light = TO_LINEAR[rgb] * (1 - share) + mean(np.where(seen, shown, 0.0))[..., None]
+    share = mean(visible)[..., None]
+    light = TO_LINEAR[rgb] * (1 - share) + mean(np.where(visible, colour, 0.0))[..., None]
     middle = slice(FINER // 2, None, FINER)
-    nearer = np.where(seen, far, 0.0)[middle, middle]
+    nearer = np.where(visible, far, 0.0)[middle, middle]
     return encoded(light), np.where(nearer > 0, nearer, depth).astype(np.float32)

@@ -151,8 +151,8 @@ def compare_frames(
         for i, frame in enumerate(frames):
             shutter, path = shutters[frame.camera.name], _path(rec, frame.episode)
             if np.isfinite(path(frame.time + shutter.span)).all():
-                one = compare_one(rec.name, frame, predictor, shutter, path)
-                done.append(replace(one, corners=corners.get(i)))
+                compared = compare_one(rec.name, frame, predictor, shutter, path)
+                done.append(replace(compared, corners=corners.get(i)))
             progress((i + 1) / len(frames))
     if not done:
         raise UserError("no frame lies where the joint angles are known", file=rec.path)

@@ -24,7 +24,7 @@ def over_image_and_distance(mine: Sequence[Compared]) -> dict[str, np.ndarray]:
     where there are too few: `depth_image` mm, `grey_image` grey levels.
     """
     size = np.array([mine[0].frame.camera.width, mine[0].frame.camera.height])
-    table = np.concatenate([np.zeros((0, 7)), *(rows for one in mine for rows in _geometry(one))])
+    table = np.concatenate([np.zeros((0, 7)), *(rows for shot in mine for rows in _geometry(shot))])
     thin = table[:: max(1, -(-len(table) // POINTS))]
     names = {"pixel": np.s_[:, :2], "normal": np.s_[:, 2:4], "along": np.s_[:, 4], "depth": np.s_[:, 5]}
     depth, grey = (_pixels(mine, light) for light in (False, True))
@@ -40,15 +40,15 @@ def over_image_and_distance(mine: Sequence[Compared]) -> dict[str, np.ndarray]:
     }
 
 
-def _geometry(one: Compared) -> list[np.ndarray]:
+def _geometry(shot: Compared) -> list[np.ndarray]:
     """(n, 7) u, v, normal, px along it, m, s of the borders that were found, and of corners along u and along v."""
-    out, time = [], one.frame.time
-    if one.displacements is not None:
-        b, along = one.borders, one.displacements.along
+    out, time = [], shot.frame.time
+    if shot.displacements is not None:
+        b, along = shot.borders, shot.displacements.along
         table = np.column_stack([b.pixel, b.normal, along, b.depth, np.full(len(b), time)])
         out.append(table[np.isfinite(along)])
-    if one.corners is not None:
-        c = one.corners
+    if shot.corners is not None:
+        c = shot.corners
         for axis, normal in enumerate(np.eye(2)):
             many = np.tile(normal, (len(c.depth), 1))
             out.append(np.column_stack([c.pixel, many, c.away[:, axis], c.depth, np.full(len(c.depth), time)]))
@@ -58,16 +58,16 @@ def _geometry(one: Compared) -> list[np.ndarray]:
 def _pixels(mine: Sequence[Compared], light: bool) -> np.ndarray:
     """(n, 4) u, v, m and the error of depth in mm on the interior, or of light in grey levels, of every few pixels."""
     parts: list[np.ndarray] = [np.zeros((0, 4))]
-    for one in mine:
-        if light and one.light is not None:
-            error, good = one.light.error.mean(axis=2), np.ones(one.rendering.depth.shape, bool)
-        elif not light and one.depth is not None:
-            error, good = 1e3 * one.depth.error, one.depth.interior
+    for shot in mine:
+        if light and shot.light is not None:
+            error, good = shot.light.error.mean(axis=2), np.ones(shot.rendering.depth.shape, bool)
+        elif not light and shot.depth is not None:
+            error, good = 1e3 * shot.depth.error, shot.depth.interior
         else:
             continue
-        v, u = np.nonzero(good & np.isfinite(error) & (one.rendering.depth > 0))
+        v, u = np.nonzero(good & np.isfinite(error) & (shot.rendering.depth > 0))
         v, u = v[::EVERY], u[::EVERY]
-        parts.append(np.column_stack([u, v, one.rendering.depth[v, u], error[v, u]]))
+        parts.append(np.column_stack([u, v, shot.rendering.depth[v, u], error[v, u]]))
     return np.concatenate(parts)
 
 

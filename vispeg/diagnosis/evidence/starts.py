@@ -31,8 +31,8 @@ def begun(evidence: Evidence, world: World, asked: Sequence[int]) -> World:
         guesses = [guessed(world.effects[i].effect, joint, evidence.items[0], data) for i in here]
         options = [[world.effects[i], *some] for i, some in zip(here, guesses, strict=True)]
         worlds = [_with(world, here, placed) for placed in product(*options)]
-        left = [squares(r) for r in evidence.each_residual(worlds)]
-        world = worlds[int(np.argmin(left))]
+        squared = [squares(r) for r in evidence.each_residual(worlds)]
+        world = worlds[int(np.argmin(squared))]
     return world
 
 

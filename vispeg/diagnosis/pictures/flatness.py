@@ -88,17 +88,17 @@ def _of_view(eye: Eye, board: Board, look: Look) -> Iterator[tuple[np.ndarray, n
         here = seen(flat)
         steps = [SMALL * axis for axis in np.eye(6)]
         turned = [flat @ Rotation.from_rotvec(s[3:]).as_matrix().T + s[:3] for s in steps]
-        own = np.stack([seen(t) - here for t in turned], axis=1) / SMALL
+        jacobian = np.stack([seen(t) - here for t in turned], axis=1) / SMALL
         moved = look.view.pixels.ravel() - here
         if not np.isfinite(moved).all():
             return
-        x = np.linalg.lstsq(own, moved, rcond=None)[0]
+        x = np.linalg.lstsq(jacobian, moved, rcond=None)[0]
         turn = np.eye(4)
         turn[:3, :3], turn[:3, 3] = Rotation.from_rotvec(x[3:]).as_matrix(), x[:3]
         pose = pose @ turn
     lifted = seen(flat + [0, 0, SMALL]) - seen(flat)
     slopes = np.zeros((len(moved), len(board.points)))
     slopes[np.arange(len(moved)), np.repeat(ids, 2)] = lifted / SMALL / 1e3
-    basis = np.linalg.qr(own)[0]
+    basis = np.linalg.qr(jacobian)[0]
     away = look.view.pixels.ravel() - seen(flat)
     yield away - basis @ (basis.T @ away), slopes - basis @ (basis.T @ slopes)

@@ -37,12 +37,14 @@ def pairs(search: Search, state: State, missing: Sequence[MissingTorque]) -> lis
         for kinds in _kinds(search, state, joints[worst]):
             a, b = (guessed(kind.name, joints[worst], evidence.items[0], data) for kind in kinds)
             tried = [(first, second) for first in a for second in b]
-            left = [float(r @ r) for r in evidence.each_residual([state.world.add(*both) for both in tried])]
-            best = [min(range(i, i + len(b)), key=left.__getitem__) for i in range(0, len(tried), max(len(b), 1))]
+            squared = [float(r @ r) for r in evidence.each_residual([state.world.add(*both) for both in tried])]
+            best = [min(range(i, i + len(b)), key=squared.__getitem__) for i in range(0, len(tried), max(len(b), 1))]
             apart: list[int] = []
-            for k in sorted(best, key=left.__getitem__):
+            for k in sorted(best, key=squared.__getitem__):
                 apart += [] if any(_alike(tried[k], tried[other]) for other in apart) else [k]
-            out += [[[_values(e) for e in tried[k]], float(state.residual @ state.residual) - left[k]] for k in apart]
+            out += [
+                [[_values(e) for e in tried[k]], float(state.residual @ state.residual) - squared[k]] for k in apart
+            ]
         return sorted(out, key=lambda row: -row[1])
 
     rows = search.progress.recall(["pairs", model_text(state.world), joints[worst]], work_out)
