@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from vispeg.diagnosis.run import Diagnosis
 from vispeg.diagnosis.schema import Candidate, DiagnosisRecord, FoundEffect, NextMotion, Rung
 from vispeg.diagnosis.selection.accept import equal
 from vispeg.diagnosis.selection.judge import Gain, Judge
+from vispeg.diagnosis.selection.loop import Loop
 from vispeg.diagnosis.window_profile import Profile, profile, sizes
 from vispeg.effects.contact.restitution import rebound
 from vispeg.identify.restarts import Restarts
@@ -33,16 +34,26 @@ INVISIBLE = 2e-3  # share of the squared error that a size must move to leave a 
 
 @dataclass(frozen=True)
 class Tried:
-    """A fitted candidate with its held-out gain; `why` it was refused, empty where it was not."""
+    """A fitted candidate with its held-out gain, and why it was refused; empty where it was not."""
 
     world: World
     placed: EffectInstance
     loss: np.ndarray
     gain: Gain
-    why: str = ""
+    rejected: str = ""
 
 
-class ObjectSearch:
+@dataclass
+class Tossed:
+    """Where the search stands: its world and loss, what came in with what was tried beside it, and what did not."""
+
+    world: World
+    loss: np.ndarray
+    steps: list[tuple[Tried, list[Tried]]] = field(default_factory=list)
+    last: list[Tried] = field(default_factory=list)
+
+
+class ObjectSearch(Loop[Tossed, Tried]):
     """The discovery loop on windows of tosses.
 
     Args:
@@ -54,8 +65,6 @@ class ObjectSearch:
     def __init__(self, evidence: Restarts, judge: Judge, say: Callable[[str], None]):
         self.evidence, self.judge, self.say = evidence, judge, say
         self.silent: dict[str, str] = {}  # effect -> why no window can show it
-        self.steps: list[tuple[Tried, list[Tried]]] = []
-        self.last: list[Tried] = []
 
     def candidates(self, world: World) -> list[tuple[str, str]]:
         """Effects that could act on the object and are not in the world yet."""
@@ -63,26 +72,26 @@ class ObjectSearch:
         names = [n for n, e in sorted(REGISTRY.items()) if n not in taken and self.evidence.sees(e)]
         return [(n, place) for n in names for place in effect(n).targets(self.evidence.model)]
 
-    def run(self, world: World) -> World:
-        """Adds effects until none lowers the held-out error enough."""
-        n_fixed, loss = len(world.effects), self.judge.losses([world])[0]
-        while len(world.effects) - n_fixed < self.evidence.most_effects:
-            self.say(f"{world.label}: held-out {self.judge.mean(loss):.1f} x noise variance")
-            tried = self._ranked(world, loss, n_fixed)
-            good = [t for t in tried if not t.why]
-            if not good:
-                self.last = tried
-                break
-            self.steps.append((good[0], tried))
-            world, loss = good[0].world, good[0].loss
-        return world
+    def start(self, world: World, n_fixed: int | None = None) -> Tossed:
+        """The world as it is given."""
+        return Tossed(world, self.judge.losses([world])[0])
 
-    def _ranked(self, world: World, loss: np.ndarray, n_fixed: int) -> list[Tried]:
-        starts = self.screened(world)
-        fits = self.fits([world.add(p) for p in starts[:BEST]], n_fixed)
+    def announce(self, state: Tossed) -> None:
+        """Says the model and its held-out error."""
+        self.say(f"{state.world.label}: held-out {self.judge.mean(state.loss):.1f} x noise variance")
+
+    def offers(self, state: Tossed, n_fixed: int) -> list[Tried]:
+        """The best sizes of the screening, fitted and judged; those that pass come first."""
+        starts = self.screened(state.world)
+        fits = self.fits([state.world.add(p) for p in starts[:BEST]], n_fixed)
         level = stats.norm.isf(LEVEL / max(len(starts), 1))
-        out = [self._tried(f, p, loss, level) for f, p in zip(fits, starts[:BEST], strict=True)]
-        return sorted(out, key=lambda t: (bool(t.why), float(t.loss.sum())))
+        out = [self._tried(f, p, state.loss, level) for f, p in zip(fits, starts[:BEST], strict=True)]
+        return sorted(out, key=lambda t: (bool(t.rejected), float(t.loss.sum())))
+
+    def take(self, state: Tossed, trial: Tried, trials: list[Tried], n_fixed: int) -> None:
+        """The fit of a trial, which stands for the state from now on."""
+        state.steps.append((trial, trials))
+        state.world, state.loss = trial.world, trial.loss
 
     def screened(self, world: World) -> list[EffectInstance]:
         """Each candidate at the size that lowers the fitted error most, best first; what lowers nothing is left out."""
@@ -153,8 +162,10 @@ def diagnose_object(
     judge = Judge(judged)  # type: ignore[arg-type]
     search = ObjectSearch(evidence, judge, say)
     n_fixed = len(world.effects)
-    final = search.run(world)
-    final = with_intervals(evidence, final, range(n_fixed, len(final.effects)), np.random.default_rng([seed, 19]))
+    state = search.run(world)
+    final = with_intervals(
+        evidence, state.world, range(n_fixed, len(state.world.effects)), np.random.default_rng([seed, 19])
+    )
     say("what else would do as well")
     equals = search.rivals(final, n_fixed)
     before, after = (judge.mean(judge.losses([w])[0]) for w in (world, final))
@@ -173,11 +184,11 @@ def diagnose_object(
         "verdict": verdict.verdict,
         "reason": verdict.reason,
         "effects": [_effect(e, equals.get(e.label, [])) for e in result.effects[n_fixed:]],
-        "ladder": _ladder(evidence, judged, world, search),
+        "ladder": _ladder(evidence, judged, world, state),
         "noise_floor": {"value": judged.floor, "unit": "m RMS", "from": judged.floor_from},
         "unexplained": verdict.unexplained,
         "next_experiment": _next(search, rows),
-        "candidates": _candidates(search),
+        "candidates": _candidates(state),
         "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
         "restarts": rows,
         "contact": contact_numbers(model, result),
@@ -243,9 +254,9 @@ def _effect(e: EffectInstance, others: Sequence[EffectInstance]) -> FoundEffect:
     return entry | {"indistinguishable_from": [{"effect": o.effect, "where": o.where} for o in others]}
 
 
-def _ladder(evidence: Restarts, judged: Restarts, world: World, search: ObjectSearch) -> list[Rung]:
-    labels = ["nominal", *(f"+ {best.placed.label}" for best, _ in search.steps)]
-    worlds = [world, *(best.world for best, _ in search.steps)]
+def _ladder(evidence: Restarts, judged: Restarts, world: World, state: Tossed) -> list[Rung]:
+    labels = ["nominal", *(f"+ {best.placed.label}" for best, _ in state.steps)]
+    worlds = [world, *(best.world for best, _ in state.steps)]
     rms = lambda e, w: float(np.sqrt(np.mean(e.errors(w)[0] ** 2)))  # noqa: E731
     return [
         {"model": label, "fit_error": rms(evidence, w), "heldout_error": rms(judged, w), "unit": "m RMS"}
@@ -253,11 +264,14 @@ def _ladder(evidence: Restarts, judged: Restarts, world: World, search: ObjectSe
     ]
 
 
-def _candidates(search: ObjectSearch) -> list[Candidate]:
+def _candidates(state: Tossed) -> list[Candidate]:
     rows = [
-        (t, t.why or f"{best.placed.label} explains more") for best, all_ in search.steps for t in all_ if t is not best
+        (t, t.rejected or f"{best.placed.label} explains more")
+        for best, all_ in state.steps
+        for t in all_
+        if t is not best
     ]
-    rows += [(t, t.why) for t in search.last]
+    rows += [(t, t.rejected) for t in state.last]
     return [
         {"effect": t.placed.effect, "where": t.placed.where, "heldout_gain": round(t.gain.relative, 5),
          "gain_standard_errors": round(t.gain.z, 2), "rejected_because": why}

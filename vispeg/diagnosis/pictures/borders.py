@@ -23,9 +23,10 @@ class BorderSearch(PictureSearch):
 
     least_share = LEAST_SHARE  # projections are nearly exact: pixels count (`Agreement`)
 
-    def run(self, world: World) -> State:
+    def run(self, world: World, n_fixed: int | None = None) -> State:
         """Adds effects until none earns its place; then lets what does as well with less take the place of others."""
-        state, n_fixed = super().run(world), len(world.effects)
+        n_fixed = len(world.effects) if n_fixed is None else n_fixed
+        state = super().run(world, n_fixed)
         for _ in range(ROUNDS):
             better = self._simpler(state, n_fixed) or self._exchange(state, n_fixed)
             if better is None:
@@ -33,8 +34,7 @@ class BorderSearch(PictureSearch):
             trial, trials = better
             self.take(state, trial, trials, n_fixed)
             self._prune(state, n_fixed)
-            while self.worth_it(state, n_fixed) and self.advance(state, n_fixed):
-                pass
+            self.go_on(state, n_fixed)
         return state
 
     def doubt(self, placed: EffectInstance, added: World, without: World, n_fixed: int) -> str:

@@ -16,6 +16,7 @@ from vispeg.diagnosis.conclusion.rivals import Rivals, merely_richer
 from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.selection.accept import equal, ranked
 from vispeg.diagnosis.selection.judge import Judge, present
+from vispeg.diagnosis.selection.loop import Loop
 from vispeg.diagnosis.selection.shown import Shown
 from vispeg.diagnosis.selection.state import State, Trial
 from vispeg.identify.fit import Fit, fit_job
@@ -28,7 +29,7 @@ Pictured = BorderEvidence | SensorEvidence
 LEAST_SHARE = 0.01  # of the squared error that an effect so far removed: what its form leaves is not another effect
 
 
-class PictureSearch(Shown):
+class PictureSearch(Loop[State, Trial], Shown):
     """The loop over one kind of picture evidence, fitted and held out.
 
     Args:
@@ -54,33 +55,20 @@ class PictureSearch(Shown):
                 out += [(name, t) for t in targets if (name, t) not in have and (name, "all") not in have]
         return out
 
-    def run(self, world: World) -> State:
-        """Adds effects until none earns its place on the views to judge on."""
-        state, n_fixed = self.start(world), len(world.effects)
-        while self.worth_it(state, n_fixed) and self.advance(state, n_fixed):
-            pass
-        return state
-
-    def start(self, world: World) -> State:
+    def start(self, world: World, n_fixed: int | None = None) -> State:
         """Where a search for what `world` lacks begins."""
         loss = self.judge.losses([world])[0]
         return State(world, loss, self.evidence.residuals([world])[0], first=self.judge.mean(loss))
 
-    def worth_it(self, state: State, n_fixed: int) -> bool:
-        """Whether a step may be taken: up to so many effects."""
-        return len(state.world.effects) - n_fixed < self.evidence.most_effects
-
-    def advance(self, state: State, n_fixed: int) -> bool:
-        """Adds the effect that earns its place best; False where none does, or where it did not stay."""
+    def offers(self, state: State, n_fixed: int) -> list[Trial]:
+        """What `step` tries, what is doubted behind what is not."""
         trials = self.questioned(state, self.step(state, n_fixed), n_fixed)
         state.screening = [t.score for t in trials]
-        if not trials or trials[0].rejected:
-            state.last = trials
-            return False
-        before = state.world.label
-        self.take(state, trials[0], trials, n_fixed)
+        return trials
+
+    def settle(self, state: State, trial: Trial, before: State, n_fixed: int) -> None:
+        """What the effect that came in made superfluous goes out."""
         self._prune(state, n_fixed)
-        return state.world.label != before
 
     def questioned(self, state: State, trials: list[Trial], n_fixed: int) -> list[Trial]:
         """The trials, those that pass and are doubted after all behind the first that is not."""

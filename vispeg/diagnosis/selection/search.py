@@ -14,6 +14,7 @@ from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.accept import LEAST_SHARE, in_order, passes, ranked
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.law import grow, refined
+from vispeg.diagnosis.selection.loop import Loop
 from vispeg.diagnosis.selection.pairs import pairs
 from vispeg.diagnosis.selection.proposals import Proposals
 from vispeg.diagnosis.selection.prune import prune
@@ -32,7 +33,7 @@ PROMISE = 0.3  # of the gain that a step needs, which the score test must promis
 SINGLE = 0.97  # of what a group promises that one effect must promise alone for the group not to be tried
 
 
-class Search(Shown, Proposals):
+class Search(Loop[State, Trial], Shown, Proposals):
     """The discovery loop over fitted evidence and a held-out judge.
 
     Attributes:
@@ -52,21 +53,9 @@ class Search(Shown, Proposals):
         self.say = say
         self.least_share = min(LEAST_SHARE, evidence.least_gain)
 
-    def run(self, world: World, n_fixed: int | None = None) -> State:
-        """Adds effects until none earns its place on the held-out recordings; those after the first `n_fixed` may move.
-
-        By default all of `world` stays as it is.
-        """
-        n_fixed = len(world.effects) if n_fixed is None else n_fixed
-        state = self.start(world, n_fixed)
-        self.go_on(state, n_fixed)
-        return state
-
-    def go_on(self, state: State, n_fixed: int) -> None:
-        """Adds effects to a state until none earns its place, nor anything else that of what stands there."""
-        ways = self.advance, partial(refined, self), partial(cast_out, self)
-        while self.worth_it(state, n_fixed) and any(way(state, n_fixed) for way in ways):
-            pass
+    def ways(self) -> Sequence[Callable[[State, int], bool]]:
+        """Adding an effect, then what makes those that stand there earn their places."""
+        return self.advance, partial(refined, self), partial(cast_out, self)
 
     def start(self, world: World, n_fixed: int | None = None) -> State:
         """Where a search for what `world` lacks begins: its open effects after the first `n_fixed` are fitted anew."""
@@ -81,29 +70,27 @@ class Search(Shown, Proposals):
         state.missing, state.cross = self.missing(world), self.cross.loss(residual)
         return state
 
-    def advance(self, state: State, n_fixed: int) -> bool:
-        """Adds the effect that earns its place best; False where none does, or where it did not stay."""
-        before = state.world.label
-        self.say(f"{before}: held-out {self.judge.mean(state.loss):.3f} x noise variance; screening")
-        trials = self.step(state, n_fixed)
-        accepted = [t for t in trials if not t.rejected]
-        if not accepted:
-            state.last = trials
-            return False
-        best, loss = accepted[0], state.loss
-        self.take(state, best, trials, n_fixed)
-        if best.score.beside:
-            dismissed(self, state, loss, best.score, n_fixed)
+    def announce(self, state: State) -> None:
+        """Says the model and its held-out error."""
+        self.say(f"{state.world.label}: held-out {self.judge.mean(state.loss):.3f} x noise variance; screening")
+
+    def offers(self, state: State, n_fixed: int) -> list[Trial]:
+        """What `step` tries."""
+        return self.step(state, n_fixed)
+
+    def settle(self, state: State, trial: Trial, before: State, n_fixed: int) -> None:
+        """Members of a group that carry nothing go out, a richer effect may take a single one's place; then pruning."""
+        if trial.score.beside:
+            dismissed(self, state, before.loss, trial.score, n_fixed)
         else:
-            self._grow(state, best.score.placed, n_fixed)
+            self._grow(state, trial.score.placed, n_fixed)
         prune(self, state, n_fixed)
-        return state.world.label != before  # what came in may have gone out again
 
     def worth_it(self, state: State, n_fixed: int) -> bool:
         """Whether a step may be taken, and enough is left above the floor for one to be able to pass."""
         excess = self.judge.mean(state.loss) - self.judge.floor(state.world)
         enough = excess > AT_FLOOR - 1.0 and (state.fit is None or excess > self.least_share * state.scale)
-        return enough and len(state.world.effects) - n_fixed < self.evidence.most_effects
+        return enough and super().worth_it(state, n_fixed)
 
     def step(self, state: State, n_fixed: int) -> list[Trial]:
         """Screens the library against the state, fits the best, judges them; the ones that pass come first.

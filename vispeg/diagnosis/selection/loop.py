@@ -1,0 +1,98 @@
+"""The loop of every search: the best effect of a step comes in where it earns its place, until none does.
+
+What a step tries, how an effect is fitted and what it is held to are the evidence's own.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from copy import copy
+from typing import Any, Generic, Protocol, TypeVar
+
+from vispeg.worlds.world import World
+
+
+class Tried(Protocol):
+    """A candidate that was fitted."""
+
+    @property
+    def rejected(self) -> str:
+        """Why it was refused; empty where it was not."""
+        ...
+
+
+class Standing(Protocol):
+    """Where a search stands: its world, and the candidates of a step that accepted none."""
+
+    world: World
+    last: Any
+
+
+S = TypeVar("S", bound=Standing)
+T = TypeVar("T", bound=Tried)
+
+
+class Loop(ABC, Generic[S, T]):
+    """Adds effects to a state until none earns its place.
+
+    Attributes:
+        evidence: what is fitted; it says how many effects may come in at most.
+    """
+
+    evidence: Any
+
+    @abstractmethod
+    def start(self, world: World, n_fixed: int | None = None) -> S:
+        """Where a search for what `world` lacks begins; its effects after the first `n_fixed` may move."""
+
+    @abstractmethod
+    def offers(self, state: S, n_fixed: int) -> list[T]:
+        """What a step tries beside a state, fitted and judged; the best that passes before others that pass."""
+
+    @abstractmethod
+    def take(self, state: S, trial: T, trials: list[T], n_fixed: int) -> None:
+        """Adds what a trial tried, one of `trials`."""
+
+    def settle(self, state: S, trial: T, before: S, n_fixed: int) -> None:
+        """What a state asks for once a trial came in: a richer effect in its place, others taken out."""
+
+    def announce(self, state: S) -> None:
+        """Says where the search stands before a step."""
+
+    def ways(self) -> Sequence[Callable[[S, int], bool]]:
+        """Ways on from a state, each True where it went on; the next is tried where one did not."""
+        return (self.advance,)
+
+    def run(self, world: World, n_fixed: int | None = None) -> S:
+        """Adds effects until none earns its place on the held-out recordings; those after the first `n_fixed` may move.
+
+        By default all of `world` stays as it is.
+        """
+        n_fixed = len(world.effects) if n_fixed is None else n_fixed
+        state = self.start(world, n_fixed)
+        self.go_on(state, n_fixed)
+        return state
+
+    def go_on(self, state: S, n_fixed: int) -> None:
+        """Goes on from a state until no way leads on."""
+        ways = self.ways()
+        while self.worth_it(state, n_fixed) and any(way(state, n_fixed) for way in ways):
+            pass
+
+    def advance(self, state: S, n_fixed: int) -> bool:
+        """Adds the effect that earns its place best; False where none does, or where it did not stay."""
+        before = copy(state)
+        self.announce(state)
+        trials = self.offers(state, n_fixed)
+        best = next((t for t in trials if not t.rejected), None)
+        if best is None:
+            state.last = trials
+            return False
+        self.take(state, best, trials, n_fixed)
+        self.settle(state, best, before, n_fixed)
+        return state.world.label != before.world.label  # what came in may have gone out again
+
+    def worth_it(self, state: S, n_fixed: int) -> bool:
+        """Whether a step may be taken: up to so many effects."""
+        return len(state.world.effects) - n_fixed < self.evidence.most_effects
