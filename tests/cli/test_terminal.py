@@ -44,7 +44,7 @@ def test_lists(vispeg, command, monkeypatch):
 
 
 def test_what_is_listed_can_be_named():
-    from vispeg.api import catalogue
+    from vispeg.api.library import catalogue
     from vispeg.learn.shipped import policy_folder
     from vispeg.task.world_file import load_world
 
