@@ -238,9 +238,9 @@ def predicted(item: ContactItem, out: Driven, worlds: Sequence[World]) -> np.nda
     While the hand rests at the start, the zero itself is what is compared. Forces are told as readings, whatever a
     world says that these stand for: errors are the sensor's, and what reads less would seem to fit them better.
     """
-    readings = np.where(item.phase.resting[None, :, None], -out.zero[:, None], item.phase.means(out.correction))
+    correction = np.where(item.phase.resting[None, :, None], -out.zero[:, None], item.phase.means(out.correction))
     each = [stands_for(item.path, item.hand, hand_world(item.source.believed, w)) for w in worlds]
-    return item.measured[None] + readings / np.array(each)[:, None, None]
+    return item.measured[None] + correction / np.array(each)[:, None, None]
 
 
 def _alike(worlds: Sequence[World]) -> list[np.ndarray]:
