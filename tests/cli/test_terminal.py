@@ -26,6 +26,20 @@ def test_help_speaks_in_peoples_words(command, capsys, monkeypatch):
     assert "(default: None)" not in text and "(default: False)" not in text and "(default: )" not in text
 
 
+@pytest.mark.parametrize("command", sorted({*LEAVES, *((sub[0],) for sub in SUB)}), ids="-".join)
+def test_help_fits_80_columns_but_for_commands_to_copy(command, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main([*command, "--help"]) == 0
+    text = capsys.readouterr().out
+    assert not [line for line in text.splitlines() if len(line) > 80 and not line.startswith("    ")]
+
+
+def test_a_sub_commands_help_is_its_own(capsys):
+    assert main(["measure", "mass", "--help"]) == 0
+    text = capsys.readouterr().out
+    assert text.count("Measures a mass by a scale.") == 1 and "restitution" not in text
+
+
 @pytest.mark.parametrize("command", ["worlds", "policies", "motions"])
 def test_lists(vispeg, command, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")

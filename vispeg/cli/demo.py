@@ -1,8 +1,7 @@
-"""Shows the main job on bundled recordings: what is this robot's model missing? About three minutes on two cores.
+"""Runs the main job on bundled recordings, in about three minutes.
 
-Compares the nominal model with recordings, diagnoses on two of them, judges on the third, and writes a report that
-opens with a picture of the robot. Then renders a contact sheet of what policies are trained on: the task,
-randomized, as its cameras deliver it.
+Compares the nominal model with recordings of a simulated robot, names the effects that it hides, and writes a report.
+Then renders a contact sheet of the randomized task as its cameras deliver it.
 
 Example:
     vispeg demo
@@ -25,11 +24,11 @@ class Args:
     out: Path = Path("vispeg-demo")
     """Folder for the results."""
     seed: int = 0
-    """Seed of whatever is drawn."""
+    """Seed of everything random."""
     threads: int = 2
     """Threads of the simulation."""
     overwrite: bool = False
-    """Replace OUT if it is there."""
+    """Replace OUT if it exists."""
     output: OutputOptions = Output()
 
     def run(self) -> int:

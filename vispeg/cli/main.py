@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import ast
 import importlib
-import importlib.util
 import os
 import sys
 import warnings
 from collections.abc import Sequence
-from pathlib import Path
 
 from vispeg import __version__
 from vispeg.api.machine.graphics import choose_backend
+from vispeg.cli.overview import COMMANDS, available, overview
 from vispeg.core.disk import FULL, refused, why
 from vispeg.core.errors import UserError
 from vispeg.core.extras import lacks, missing
@@ -20,67 +18,7 @@ from vispeg.core.interrupt import Interrupted
 from vispeg.core.lock import release
 from vispeg.core.provenance import command_line
 
-# In the order in which a newcomer meets them. A module is imported when its command runs, so that help stays quick.
-COMMANDS: dict[str, str] = {
-    "demo": "vispeg.cli.demo",
-    "check": "vispeg.cli.recordings.check",
-    "convert": "vispeg.cli.recordings.convert",
-    "compare": "vispeg.cli.models.compare",
-    "diagnose": "vispeg.cli.models.diagnose",
-    "fit": "vispeg.cli.models.fit",
-    "add": "vispeg.cli.models.add",
-    "effects": "vispeg.cli.models.effects",
-    "motions": "vispeg.cli.recordings.motions",
-    "record": "vispeg.cli.recordings.record",
-    "measure": "vispeg.cli.measuring.measure",
-    "camera": "vispeg.cli.pictures.camera",
-    "report": "vispeg.cli.models.report",
-    "view": "vispeg.cli.view",
-    "render": "vispeg.cli.pictures.render",
-    "dataset": "vispeg.cli.pictures.dataset",
-    "worlds": "vispeg.cli.learning.worlds",
-    "policies": "vispeg.cli.learning.policies",
-    "train": "vispeg.cli.learning.train",
-    "play": "vispeg.cli.learning.play",
-    "finetune": "vispeg.cli.learning.finetune",
-    "combine": "vispeg.cli.learning.combine",
-    "export": "vispeg.cli.learning.export",
-    "evaluate": "vispeg.cli.evaluation.evaluate",
-    "gap": "vispeg.cli.evaluation.gap",
-    "suite": "vispeg.cli.evaluation.suite",
-    "sensitivity": "vispeg.cli.evaluation.sensitivity",
-    "exploit": "vispeg.cli.evaluation.exploit",
-    "perturb": "vispeg.cli.evaluation.perturb",
-    "hub": "vispeg.cli.hub.command",
-    "completion": "vispeg.cli.machine.completion",
-    "doctor": "vispeg.cli.machine.doctor",
-}
 EXIT_USAGE, EXIT_INTERRUPT, EXIT_PIPE = 2, 130, 141
-
-
-def available() -> dict[str, str]:
-    """Name -> first line of help of every command in this installation, without importing any of them."""
-    lines = {}
-    for name, module in COMMANDS.items():
-        spec = importlib.util.find_spec(module)
-        if spec is not None and spec.origin is not None:
-            doc = ast.get_docstring(ast.parse(Path(spec.origin).read_text(encoding="utf-8"))) or ""
-            lines[name] = doc.partition("\n")[0]
-    return lines
-
-
-def overview() -> str:
-    """What `vispeg --help` prints."""
-    commands = available()
-    width = max(map(len, commands), default=0)
-    rows = "\n".join(f"  {name:<{width}}  {line}" for name, line in commands.items())
-    return (
-        "usage: vispeg COMMAND [ARGUMENTS]\n\n"
-        "Finds what a robot model is missing, from recordings of the real robot.\n\n"
-        f"commands:\n{rows}\n\n"
-        "`vispeg COMMAND --help` shows its arguments and an example; `vispeg --version` the version.\n"
-        "example: vispeg diagnose iiwa14 --recording rig-a --recording rig-b --validate rig-c --out found"
-    )
 
 
 def run(argv: Sequence[str]) -> int:

@@ -11,6 +11,17 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import tyro
 
 WORDS: dict[object, str] = {int: "N", float: "X", str: "NAME", Path: "PATH"}
+TEXTS = {  # words for values that are no names, by field
+    "search": "TEXT",
+    "size": "WxH",
+    "pattern": "CxR",
+    "look": "WORLD/SEED",
+    "episodes": "FIRST:LAST",
+    "sweep": "SWEEP",
+    **dict.fromkeys(("noise", "set", "resolution", "accuracy", "conditions", "columns"), "KEY=VALUE"),
+    **dict.fromkeys(("topic", "command_topic", "pose_topic", "wrench_topic"), "TOPIC"),
+    "effects": "EFFECT:WHERE",
+}
 POSITIONAL = get_args(tyro.conf.Positional[int])[-1]  # the mark that tyro puts on a positional argument
 NAMED = {  # fields whose values are names of what comes with the package
     "world": "worlds",
@@ -53,6 +64,11 @@ def options(kind: type[Any]) -> list[Option]:
 def subcommands(kind: type[Any]) -> dict[str, type[Any]]:
     """Name -> dataclass of each sub-command."""
     return {name: leaf for _, hint in _leaves(kind) for name, leaf in _subcommands(hint).items()}
+
+
+def subcommand(kind: type[Any]) -> object:
+    """Tyro's mark of a sub-command: its name, and the first line of its docstring for the list of them."""
+    return tyro.conf.subcommand(kind.__name__.lower(), description=(kind.__doc__ or "").partition("\n")[0])
 
 
 def describe(kind: type[Any]) -> None:
@@ -146,7 +162,7 @@ def _metavar(field: Field[Any], hint: Any) -> str | None:
     elif plain is None:
         return None  # a switch
     else:
-        word = WORDS[plain]
+        word = TEXTS.get(field.name, WORDS[plain]) if plain is str else WORDS[plain]
     if many is None or "UseAppendAction" in repr(hint):
         return f"[{word}]" if positional and field.default is not MISSING else word
     if ... not in get_args(many):

@@ -5,9 +5,10 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Sequence
-from contextlib import redirect_stderr
+from contextlib import redirect_stderr, redirect_stdout
 from typing import Any
 
+from vispeg.cli.help import MARK, Page, laid_out
 from vispeg.core.errors import UserError
 
 RULE, PLAIN_RULE = "─", "-"  # the latter where the terminal writes ASCII alone
@@ -30,16 +31,23 @@ def parse(kind: type[Any], program: str, description: str | None, argv: Sequence
     """
     import tyro
 
-    from vispeg.cli.options import describe
+    from vispeg.cli.options import describe, subcommands
 
+    below = subcommands(kind)
+    if below and argv and not argv[0].startswith("-"):
+        leaf = below.get(argv[0])
+        if leaf is None:
+            raise UserError("unknown command", got=argv[0], choices=below)
+        return kind(command=parse(leaf, f"{program} {argv[0]}", leaf.__doc__, argv[1:]))
     describe(kind)
-    text = io.StringIO()
+    page, text = Page(), io.StringIO()
     flags = (tyro.conf.FlagCreatePairsOff,)
     try:
-        with redirect_stderr(text):
-            return tyro.cli(kind, prog=program, description=filled(description or ""), args=list(argv), config=flags)
+        with redirect_stdout(page), redirect_stderr(text):
+            return tyro.cli(kind, prog=program, description=MARK, args=list(argv), config=flags)
     except SystemExit as stop:
         if not stop.code:
+            print(laid_out(page.getvalue(), filled(description or "")))
             raise
         raise UserError(f"{one_line(text.getvalue())}; see {program} --help") from None
 

@@ -1,7 +1,7 @@
-"""Opens a page in the browser: see where a model fails, add an effect by a click, watch the error fall.
+"""Opens the page in the browser: diagnosis, worlds, policies, data.
 
-The page is served on this machine alone. It shows each step also as the command that does the same. Results are written
-to OUT, so that a page that was stopped goes on from there.
+The page is served on this machine alone. It shows where a model fails, adds an effect by a click, and shows each step
+as the command that does the same. Results are written to OUT; a stopped page goes on from there.
 
 Example:
     vispeg view rig-a rig-b rig-c
@@ -27,20 +27,20 @@ class Args:
     """Arguments of `vispeg view`."""
 
     sources: tyro.conf.Positional[tuple[str, ...]] = ()
-    """Recordings, folders of them, logs, a model, a world, a policy, a dataset, or a training run; none opens an empty
+    """Recordings, folders of them, logs, a model, a world, a policy, a dataset, or a training run; default: an empty
     page."""
     model: str | None = None
-    """A model file, a robot's name, or a path to an MJCF or URDF; iiwa14 where none is named."""
+    """A model file, a robot's name, or a path to an MJCF or URDF; default: iiwa14."""
     out: Path = Path("vispeg-view")
     """Folder for what the page writes."""
     port: int = 8080
-    """Port to listen at; the next free one where it is taken."""
-    browser: bool = True
-    """Open the browser."""
+    """Port, or the next free one."""
+    no_browser: bool = False
+    """Do not open the browser."""
     dark: bool = False
     """Dark mode, whatever the system's setting."""
     native: bool = False
-    """Show the model, with the effects that MuJoCo has elements for, in MuJoCo's own viewer instead."""
+    """Show the model in MuJoCo's own viewer, with the effects that MuJoCo has elements for."""
     threads: int = 2
     """Threads of the simulation."""
     output: OutputOptions = Output()
@@ -62,7 +62,7 @@ class Args:
         app = App(sources, self.out, port=self.port, threads=self.threads, dark=self.dark)
         self.output.give({"url": app.url, "out": str(self.out)}, [f"{app.url} (Ctrl-C ends it)"])
         sys.stdout.flush()  # a program that started this one reads the address now
-        if self.browser and not self.output.json:
+        if not self.no_browser and not self.output.json:
             webbrowser.open(app.url)
         app.serve()
         return 0

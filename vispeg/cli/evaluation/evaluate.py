@@ -1,9 +1,8 @@
-"""Evaluates policies in one world: success with its interval, time, force, kinds of failure, differences, controls.
+"""Evaluates policies in one world, with 95 % intervals.
 
-A policy is a folder with policy.json and policy.safetensors, NAME=FOLDER, or `expert`, the scripted one; several are
-compared on the same seeds.
-Writes OUT/evaluate.json, OUT/evaluate.html, OUT/episodes.jsonl and videos of failures. A run that was stopped
-goes on when the command is given again.
+A policy is a folder with policy.json and policy.safetensors, NAME=FOLDER, or `expert`, the scripted one. Several play
+the same seeds. Writes OUT/evaluate.json, OUT/evaluate.html, OUT/episodes.jsonl and videos of failures: success, time,
+force, kinds of failure, differences. A stopped run goes on when the command is repeated.
 
 Example:
     vispeg evaluate runs/{task}-state/20261121-0900_s0/checkpoints/best --world randomized --episodes 500
@@ -35,19 +34,19 @@ class Args:
     policies: tyro.conf.Positional[tuple[str, ...]]
     """Policy folders, or NAME=FOLDER."""
     out: Path | None = None
-    """Folder for the results; evaluated/POLICIES-WORLD where not given."""
+    """Folder for the results; default: evaluated/POLICIES-WORLD."""
     world: str = "nominal"
     """A built-in world's name or a world file."""
     episodes: int = 100
     """Episodes of every policy."""
     controls: tuple[str, ...] = ()
-    """Controls: the same policies with images shuffled or frozen, or with a goal that never moves (GOAL_fixed)."""
+    """Play also with images shuffled or frozen, or with a goal that never moves (GOAL_fixed)."""
     tolerance: Room = None
-    """How much wider the goal is than what goes into it, mm, in place of the world's."""
+    """Clearance of the goal, mm; default: the world's."""
     videos: int = 4
-    """Failures of each policy that are filmed; 0 for none."""
+    """Failures of each policy to film; 0 for none."""
     rerun: Path | None = None
-    """A file FILE.rrd for the Rerun viewer: of each policy one episode in 3D, a failure where there is one."""
+    """Write a file FILE.rrd for the Rerun viewer: one episode of each policy in 3D, a failure if any."""
     trials: Played = Trials()
 
     @goes_on()

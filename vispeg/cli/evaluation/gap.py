@@ -1,11 +1,12 @@
-"""The transfer gap: policies in several worlds on the same seeds, what each loses, and to which factor of the change.
+"""Measures what policies lose in other worlds, factor by factor.
 
-The first world is the training world; the others are targets. The loss in a world that combines others (VNP combines V,
-N and P) is split into their shares. Controls are played in the first and the last world; the blind control is a policy
-of its own, of modality `proprio`. A policy that was trained in a target is refused without --fine-tuned. --measured
-puts a real robot's trials in the place of a target (CSV: policy, configuration, seed, outcome, category). --records
-takes episodes of `vispeg evaluate` or of an earlier gap, which are not played again; films need the policies too.
-Writes OUT/gap.json, OUT/gap.html, OUT/episodes.jsonl.
+All policies play the same seeds. The first world is the training world, the others are targets. The loss in a combined
+world (VNP combines V, N and P) is split into shares. Controls are played in the first and the last world; the blind
+control is a policy of its own, of modality `proprio`. Writes OUT/gap.json, OUT/gap.html, OUT/episodes.jsonl.
+
+A policy that was trained in a target is refused without --fine-tuned. --measured replaces a target by a real robot's
+trials (CSV: policy, configuration, seed, outcome, category). --records reuses episodes of `vispeg evaluate` or of an
+earlier gap; films need the policies too.
 
 Example:
     vispeg gap runs/depth_s* runs/rgb_s* --worlds S V N P VNP --episodes 500 --workers 2 --out gap
@@ -38,17 +39,17 @@ class Args:
     episodes: int = 100
     """Episodes of every policy in every world."""
     controls: tuple[str, ...] | None = None
-    """shuffled, frozen, and GOAL_fixed with the cell's name of the goal; all of them where not given."""
+    """shuffled, frozen, and GOAL_fixed with the cell's name of the goal; default: all."""
     control_worlds: tuple[str, ...] | None = None
-    """Those of --worlds in which the controls are played; where not given, the first and the last."""
+    """Worlds of the controls; default: the first and the last of --worlds."""
     records: tuple[Path, ...] = ()
-    """Files of episodes that are there already; they are not played again."""
+    """Files of episodes to reuse."""
     measured: Path | None = None
     """CSV of a real robot's trials."""
     robot: str = "robot"
     """The name of the measured target in tables."""
     videos: int = 2
-    """Episodes of each policy filmed in the first and the last world; those that fail only in the last come first."""
+    """Episodes of each policy to film in the first and the last world, new failures first."""
     fine_tuned: bool = False
     """Allow policies that were trained or fine-tuned in a target."""
     trials: Played = Trials()

@@ -1,6 +1,7 @@
-"""Tests policies at the hard positions of the goal, with and without pushes of 20 to 60 N for 0.2 s.
+"""Tests policies at hard positions, with and without pushes.
 
-Writes OUT/perturb.json and OUT/perturb.html: success with its interval at each position, and what the pushes cost.
+A push is 20 to 60 N for 0.2 s. Writes OUT/perturb.json and OUT/perturb.html: success with its interval at each
+position, and what the pushes cost.
 
 Example:
     vispeg perturb runs/{task}-state/best --world randomized --episodes 40 --out pushed
@@ -30,15 +31,15 @@ class Args:
     world: str = "randomized"
     """A built-in world's name or a world file."""
     episodes: int = 40
-    """Trials a position, still and pushed each."""
+    """Trials a position, and as many pushed ones."""
     force: tuple[float, float] = (20.0, 60.0)
-    """N, range of the pushes."""
+    """Range of the pushes, N."""
     duration: float = 0.2
-    """s, of a push."""
+    """Duration of a push, s."""
     positions: Path | None = None
-    """A list of your own, `format: vispeg-positions/1`."""
+    """A file of positions, `format: vispeg-positions/1`; default: the task's."""
     tolerance: Room = None
-    """How much wider the goal is than what goes into it, mm, in place of the world's."""
+    """Clearance of the goal, mm; default: the world's."""
     trials: Played = Trials()
 
     @goes_on()

@@ -1,9 +1,9 @@
-"""Draws success over one parameter of one effect, with intervals: how wrong may a camera be, how late a command.
+"""Plots success over one parameter of one effect.
 
 SWEEP is focal-length, camera-shift, camera-turn, depth-noise, light, latency, image-latency, encoder-noise, force-bias,
-force-noise, friction, or EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,... Or it is a model file that a
-diagnosis wrote: success without and with each of its effects. Effects on images need policies that see.
-Writes OUT/sensitivity.json and OUT/sensitivity.html.
+force-noise, friction, or EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,... It may also be a model file of a diagnosis:
+success without and with each of its effects. Effects on images need policies with cameras. Writes
+OUT/sensitivity.json and OUT/sensitivity.html.
 
 Example:
     vispeg sensitivity runs/depth/best --world S --sweep focal-length --episodes 200 --out focal
@@ -31,7 +31,7 @@ class Args:
     out: Path
     """Folder for the results."""
     sweep: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
-    """What is swept; give the flag once for each curve."""
+    """SWEEP; repeat the option for each curve."""
     world: str = "nominal"
     """A built-in world's name or a world file."""
     episodes: int = 100

@@ -1,9 +1,9 @@
-"""Runs a regression suite: named configurations in the training world and in a target, over versions of a policy.
+"""Runs a regression suite over the versions of a policy.
 
-`run` plays one version and writes OUT/suite.json and OUT/suite.html. `compare` takes such folders, oldest first: the
-correlation between training world and target over the versions (healthy above 0.8, alarm below 0.6), and what fell from
-the last but one to the last on the same seeds. A mean loss from training world to target that is above 5 points with
-95 % confidence is an alarm too. Both exit with 1 on an alarm, `compare` also on a regression, so that CI can use them.
+`run` plays one version in the training world and in a target, in named configurations, and writes OUT/suite.json and
+OUT/suite.html. `compare` reads such folders, oldest first: the correlation between training world and target over the
+versions (healthy above 0.8, alarm below 0.6), and regressions of the last version on the same seeds. A mean loss above
+5 points with 95 % confidence is an alarm too. Exit code 1 on an alarm or a regression, for CI.
 
 Example:
     vispeg suite run runs/{task}-depth/best --train S --target VNP --version 3 --out suite/v3
@@ -20,6 +20,7 @@ from typing import Annotated
 import tyro
 
 from vispeg.cli.evaluation.trials import Played, Trials
+from vispeg.cli.options import subcommand
 from vispeg.cli.output import Output, OutputOptions
 from vispeg.core.interrupt import goes_on
 
@@ -37,11 +38,11 @@ class Run:
     target: str | None = None
     """The target world."""
     measured: Path | None = None
-    """A real robot's records in place of a target: CSV with the suite's names under `configuration`."""
+    """A real robot's trials in place of a target: CSV with the suite's names under `configuration`."""
     suite: Path | None = None
     """A suite of your own, `format: vispeg-suite/1`."""
     version: str = ""
-    """The name of this version; OUT's name where not given."""
+    """Name of this version; default: OUT's name."""
     fine_tuned: bool = False
     """Allow policies that were trained or fine-tuned in the target."""
     episodes: int = 20
@@ -75,9 +76,9 @@ class Compare:
     folders: tyro.conf.Positional[tuple[Path, ...]]
     """Folders that `vispeg suite run` wrote."""
     out: Path | None = None
-    """Folder for compare.json and suite.html; without it nothing is written."""
+    """Folder for compare.json and suite.html; default: write nothing."""
     overwrite: bool = False
-    """Replace OUT's result."""
+    """Replace the result in OUT."""
     output: OutputOptions = Output()
 
     def run(self) -> int:
@@ -100,9 +101,7 @@ class Compare:
 class Args:
     """Arguments of `vispeg suite`."""
 
-    command: tyro.conf.OmitSubcommandPrefixes[
-        Annotated[Run, tyro.conf.subcommand("run")] | Annotated[Compare, tyro.conf.subcommand("compare")]
-    ]
+    command: tyro.conf.OmitSubcommandPrefixes[Annotated[Run, subcommand(Run)] | Annotated[Compare, subcommand(Compare)]]
 
     def run(self) -> int:
         """Runs the sub-command."""

@@ -44,7 +44,7 @@ class Trials:
     workers: int = 1
     """Processes."""
     overwrite: bool = False
-    """Replace OUT's result."""
+    """Replace the result in OUT."""
     output: OutputOptions = Output()
 
     def options(self, out: Path) -> Options:

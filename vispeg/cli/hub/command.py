@@ -1,8 +1,8 @@
-"""Sends policies and datasets to the Hugging Face hub, and fetches them from there.
+"""Pushes and pulls policies and datasets, Hugging Face hub.
 
-A pushed dataset has the tag of its version, which LeRobot's loader looks for. What is pulled is checked before its
-folder takes its name; nothing of it is executed. `HF_TOKEN` or `hf auth login` say who you are, `HF_ENDPOINT` names
-another server.
+`pull` checks the files before the folder gets its name, and executes nothing. A pushed dataset has the tag of its
+version, which LeRobot's loader looks for. `HF_TOKEN` or `hf auth login` is your identity; `HF_ENDPOINT` names another
+server.
 
 Example:
     vispeg hub push frames someone/frames
@@ -19,15 +19,14 @@ import tyro
 
 from vispeg.cli.hub.pull import Pull
 from vispeg.cli.hub.push import Push
+from vispeg.cli.options import subcommand
 
 
 @dataclass(frozen=True)
 class Args:
     """Arguments of `vispeg hub`."""
 
-    command: tyro.conf.OmitSubcommandPrefixes[
-        Annotated[Push, tyro.conf.subcommand("push")] | Annotated[Pull, tyro.conf.subcommand("pull")]
-    ]
+    command: tyro.conf.OmitSubcommandPrefixes[Annotated[Push, subcommand(Push)] | Annotated[Pull, subcommand(Pull)]]
 
     def run(self) -> int:
         """Runs the sub-command."""

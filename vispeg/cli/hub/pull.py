@@ -12,18 +12,18 @@ from vispeg.cli.output import Output, OutputOptions
 
 @dataclass(frozen=True)
 class Pull:
-    """Fetches a policy or a dataset from a repository on the hub, and checks it."""
+    """Pulls a policy or a dataset from a repository, and checks it."""
 
     repository: tyro.conf.Positional[str]
     """OWNER/NAME on the hub."""
     out: Path
     """The new folder."""
     dataset: bool = False
-    """The repository holds a dataset. Without this, a policy."""
+    """The repository holds a dataset; default: a policy."""
     revision: str | None = None
     """Branch, tag or commit."""
     overwrite: bool = False
-    """Replace OUT if it is there."""
+    """Replace OUT if it exists."""
     output: OutputOptions = Output()
 
     def run(self) -> int:

@@ -11,7 +11,7 @@ from vispeg.cli.output import Output, OutputOptions
 
 @dataclass(frozen=True)
 class Push:
-    """Sends a policy or a dataset to a repository on the hub, which is made if need be."""
+    """Pushes a policy or a dataset to a repository, which is made if need be."""
 
     folder: tyro.conf.Positional[str]
     """Folder of a policy or of a rendered dataset, or a bundled policy's name."""
@@ -22,7 +22,7 @@ class Push:
     private: bool = False
     """Make the new repository private."""
     overwrite: bool = False
-    """Replace the policy or dataset that is there, by a new commit."""
+    """Replace the policy or dataset there by a new commit."""
     output: OutputOptions = Output()
 
     def run(self) -> int:

@@ -1,4 +1,4 @@
-"""Combines a coarse policy that sees with a fine one for contact, which takes over near the goal.
+"""Combines a coarse policy with a fine one for contact.
 
 Example:
     vispeg combine depth-S state-0.5mm --within-mm 6 --out depth-then-contact
@@ -20,15 +20,15 @@ class Args:
     """Arguments of `vispeg combine`."""
 
     coarse: tyro.conf.Positional[Path]
-    """Folder or name of the policy that begins."""
+    """Folder or name of the first policy, which sees."""
     fine: tyro.conf.Positional[Path]
-    """Folder or name of the policy that takes over; it may read no more than the coarse one."""
+    """Folder or name of the policy that takes over; it may observe no more than the coarse one."""
     out: Path
     """Folder of the combined policy."""
     within_mm: float = 6.0
-    """Distance of the tip from the goal's axis, as the coarse one estimates it, where the fine one takes over, mm."""
+    """Estimated distance of the tip from the goal's axis at which the fine policy takes over, mm."""
     overwrite: bool = False
-    """Replace OUT if it is there."""
+    """Replace OUT if it exists."""
     output: OutputOptions = Output()
 
     def run(self) -> int:

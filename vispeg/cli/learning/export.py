@@ -1,8 +1,8 @@
-"""Exports a policy to ONNX, for controllers without torch, or a model with its effects to MJCF or URDF.
+"""Exports a policy to ONNX, or a model to MJCF or URDF.
 
-An MJCF holds the effects that MuJoCo has elements for: friction, damping, rotor inertia, springs, inertials, gravity,
-motor gain, bias and limit. A URDF holds masses, centres and inertias, damping and dry friction. The others are named,
-and listed in the file's first lines with their values. Meshes are copied beside it.
+ONNX is for controllers without torch. An MJCF holds the effects that MuJoCo has elements for: friction, damping, rotor
+inertia, springs, inertials, gravity, motor gain, bias and limit. A URDF holds masses, centres, inertias, damping and
+dry friction. Other effects are named, and listed with their values in the file's first lines. Meshes are copied.
 
 Example:
     vispeg export runs/depth/20261121-0900_s0/checkpoints/best --out policy.onnx
@@ -32,7 +32,7 @@ class Args:
     to: Literal["onnx", "mjcf", "urdf"] = "onnx"
     """The format."""
     overwrite: bool = False
-    """Replace OUT if it is there."""
+    """Replace OUT if it exists."""
     output: OutputOptions = Output()
 
     def run(self) -> int:

@@ -1,6 +1,6 @@
-"""Fine-tunes a trained policy in a target world on a few demonstrations.
+"""Fine-tunes a policy in a target world on demonstrations.
 
-Writes a policy's folder with finetune.json (success in the target before and after) in it.
+Writes a policy's folder; finetune.json in it states success in the target before and after.
 
 Example:
     vispeg finetune runs/depth/best --world dev --teacher expert --demos 100 --out tuned
@@ -23,25 +23,25 @@ class Args:
     """Arguments of `vispeg finetune`."""
 
     policy: tyro.conf.Positional[Path]
-    """A policy's folder, or the name of one that comes with the package."""
+    """A policy's folder, or a bundled policy's name."""
     world: str
     """The target world: a built-in name or a world file."""
     out: Path
     """Folder of the new policy."""
     teacher: str = "expert"
-    """Who demonstrates: expert for the scripted policy, or a state policy's folder or name."""
+    """Demonstrator: expert for the scripted policy, or a state policy's folder or name."""
     dataset: Path | None = None
-    """Demonstrations in LeRobot's layout, in place of the teacher's."""
+    """Demonstrations in LeRobot's layout, in place of a teacher."""
     demos: int = 100
     """Successful demonstrations in the target world."""
     updates: int = 2000
-    """Gradient steps; image encoders are frozen for the first half, and learn at a hundredth of --lr after it."""
+    """Gradient steps. Image encoders are frozen for the first half, then learn at a hundredth of --lr."""
     lr: float | None = None
-    """Learning rate; where not given, a tenth of the one that the policy was trained at."""
+    """Learning rate; default: a tenth of that of training."""
     known: float = 0.15
-    """Share of each batch from the world that the policy was trained in, 0 to 0.5."""
+    """Share of each batch from the training world, 0 to 0.5."""
     known_world: str | None = None
-    """That world, if the policy's own record does not name a built-in one."""
+    """The training world, if the policy's record names no built-in one."""
     episodes: int = 50
     """Episodes of the evaluations before and after."""
     seed: int = 0
@@ -49,7 +49,7 @@ class Args:
     device: Literal["cpu", "cuda", "auto"] = "cpu"
     """Where the network runs."""
     overwrite: bool = False
-    """Replace OUT if it is there."""
+    """Replace OUT if it exists."""
     output: OutputOptions = Output()
 
     def run(self) -> int:

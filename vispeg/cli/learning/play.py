@@ -1,4 +1,6 @@
-"""Plays a policy and writes a video of each episode: the cell, the policy's own view, and its estimate of the goal.
+"""Plays a policy and writes a video of each episode.
+
+A video shows the cell, the policy's images, and its estimate of the goal.
 
 Example:
     vispeg play runs/{task}-depth/20261121-0900_s0/checkpoints/best --episodes 3 --out films
@@ -21,22 +23,21 @@ class Args:
     """Arguments of `vispeg play`."""
 
     policy: tyro.conf.Positional[Path]
-    """A policy's folder, or the name of one that comes with the package (`depth-S`)."""
+    """A policy's folder, or a bundled policy's name (`depth-S`)."""
     out: Path | None = None
-    """Folder of the videos; films/POLICY-WORLD where not given."""
+    """Folder of the videos; default: films/POLICY-WORLD."""
     world: str | None = None
-    """A built-in world or a world file; the one that the policy was trained in where not given."""
+    """A built-in world's name or a world file; default: the training world."""
     tolerance: Room = None
-    """How much wider the goal is than what goes into it, mm; where not given the world's, or the policy's own in
-    the world it was trained in."""
+    """Clearance of the goal, mm; default: the world's, or the policy's in its training world."""
     episodes: int = 3
-    """How many episodes."""
+    """Number of episodes."""
     seed: int = 0
-    """Seed of the first; the next ones count up."""
+    """Seed of the first episode; the next ones count up."""
     rerun: Path | None = None
-    """A file FILE.rrd for the Rerun viewer with the same episodes in 3D: forces, what the policy sees and estimates."""
+    """Write a file FILE.rrd for the Rerun viewer: the episodes in 3D, forces, images, estimates."""
     overwrite: bool = False
-    """Replace OUT if it is there."""
+    """Replace OUT if it exists."""
     output: OutputOptions = Output()
 
     def run(self) -> int:

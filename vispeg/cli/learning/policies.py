@@ -1,4 +1,4 @@
-"""Lists the policies that come with the package. Every command takes their names in place of a folder.
+"""Lists the bundled policies, whose names stand for their folders.
 
 Example:
     vispeg policies
@@ -17,9 +17,9 @@ class Args:
     """Arguments of `vispeg policies`."""
 
     family: str | None = None
-    """Only those of one modality: `state`, `proprio`, `depth`, `rgb`, `rgbd`."""
+    """Only policies of this modality: state, proprio, depth, rgb, rgbd."""
     search: str | None = None
-    """Only those with this text in their name or description."""
+    """Only policies with this text in name or description."""
     output: OutputOptions = Output()
 
     def run(self) -> int:

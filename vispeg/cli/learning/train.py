@@ -1,9 +1,9 @@
 """Trains a policy for the task of a world.
 
-TASK is the task and what the policy sees: {task}-state, {task}-proprio, {task}-depth, {task}-rgb or {task}-rgbd, or
-LABEL-MODALITY of a task of your own. The run's folder holds config.yaml, progress.csv, tensorboard/ and
-checkpoints/best, and after reinforcement learning checkpoints/last. Each checkpoint is a policy: `vispeg play` and
-`vispeg evaluate` take it.
+TASK is the task and what the policy sees: {task}-state, {task}-proprio, {task}-depth, {task}-rgb, {task}-rgbd, or
+{task}-privileged (a teacher with ground truth); or LABEL-MODALITY of your own task. The run's folder holds config.yaml,
+progress.csv, tensorboard/, checkpoints/best and, after reinforcement learning, checkpoints/last. Each checkpoint is a
+policy for `vispeg play` and `vispeg evaluate`.
 
 Example:
     vispeg train {task}-state --world nominal --seed 0
@@ -38,36 +38,34 @@ class Args:
     """Arguments of `vispeg train`."""
 
     task: tyro.conf.Positional[str | None] = None
-    """LABEL-MODALITY: the world's task and what the policy sees, of state, proprio, depth, rgb, rgbd; not needed with
-    --resume."""
+    """The task and what the policy sees, such as LABEL-depth; not needed with --resume."""
     recipe: Literal["sac", "distill", "distill+sac"] = "sac"
-    """Reinforcement learning, imitation of a teacher that knows the state, or imitation before reinforcement."""
+    """Reinforcement learning, imitation of a teacher, or imitation and then reinforcement."""
     world: str = "nominal"
     """A built-in world's name or a world file."""
     tolerance: Room = None
-    """How much wider the goal is than what goes into it, mm; the world's where not given."""
+    """Clearance of the goal, mm; default: the world's."""
     curriculum: tuple[float, ...] = ()
-    """Wider tolerances (mm) to begin with, widest first; the run moves on when an evaluation reaches 80 %."""
+    """Wider clearances to begin with, mm, widest first; the next stage begins at 80 % success."""
     start_radius: tuple[float, ...] = ()
-    """Lateral ranges of starts (m) to begin with, nearest first, each beside a tolerance of --curriculum."""
+    """Lateral ranges of starts for these stages, m, nearest first."""
     stack: int | None = None
-    """Observations and actions that the policy sees, the present one included; the world's where not given (2)."""
+    """Observations and actions that the policy sees, with the present one; default: the world's (2)."""
     dof: tuple[str, ...] = ()
-    """Directions that the policy moves, of x y z rx ry rz; the world's where not given (x y z)."""
+    """Directions that the policy moves, of x y z rx ry rz; default: the world's (x y z)."""
     reward: Literal["shaped", "paper"] | None = None
-    """This project's reward, or the one of Kaspar and Bock's paper; the world's where not given (shaped)."""
+    """This project's reward, or that of Kaspar and Bock; default: the world's (shaped)."""
     ranges: Literal["full", "schedule", "adaptive"] = "full"
-    """Randomization from the first step on, opening over the first half of the steps, or, range by range, as the policy
-    copes with it."""
+    """Randomization: full from the first step, growing over the first half of the steps, or range by range with
+    success."""
     steps: int | None = None
-    """Environment steps in all; 100000 where not given. With --resume: up to where to go on."""
+    """Environment steps in all; default: 100000. With --resume: the new total."""
     target: float = 0.995
-    """Stops early once this success rate was reached in two evaluations in a row, imitation and reinforcement each by
-    itself; 2 never stops early."""
+    """Success rate in two evaluations in a row that ends imitation or reinforcement early; 2 for never."""
     seed: int = 0
     """Seed of networks, exploration and episodes."""
     envs: int = 16
-    """Environments that are stepped together."""
+    """Environments in one batch."""
     threads: int = 1
     """Threads of the physics and of the networks."""
     utd: float | None = None
@@ -75,33 +73,32 @@ class Args:
     recurrent: int = 0
     """Width of an LSTM in place of stacked observations; 0 for none."""
     symmetric: bool = False
-    """Critics that see what the actor sees, in place of ground truth; slower, and there for comparison."""
+    """Critics see what the actor sees, in place of ground truth (slower; for comparison)."""
     teacher: str | None = None
-    """Folder or name of the policy that teaches in the distill recipes, or expert for the scripted one."""
+    """Teacher of the distill recipes: a policy's folder or name, or expert for the scripted one."""
     dataset: Path | None = None
-    """Demonstrations in LeRobot's layout, as `vispeg render` writes them: what the distill recipes imitate in place of
-    a teacher, or half of each batch of sac. Only episodes that succeeded count."""
+    """Demonstrations in LeRobot's layout, as of `vispeg render`: in place of a teacher (distill), or half of each batch
+    (sac). Only successful episodes count."""
     distill_steps: int = 4000
-    """Environment steps of each of the five rounds of a distillation."""
+    """Environment steps of each of the five rounds of distill."""
     distill_updates: int = 2000
-    """Gradient steps after each round of a distillation."""
+    """Gradient steps after each round of distill."""
     distill_looks: int = 1
-    """Looks of the world in which a distillation keeps each state; each one more is drawn beside the episode's own."""
+    """Looks in which distill stores each state: the episode's own and others."""
     every: int = 5000
     """Environment steps between evaluations and checkpoints."""
     episodes: int = 50
     """Episodes of an evaluation."""
     films: int = 2
-    """Episodes of the best policy that are filmed at the end, where the run has no films yet."""
+    """Episodes of the best policy to film at the end, if the run has no films."""
     device: Literal["cpu", "cuda", "auto"] = "cpu"
     """Where networks run."""
     wandb: str | None = None
-    """A project of Weights & Biases that the curves are sent to as well (WANDB_MODE=offline keeps them in the run)."""
+    """Project of Weights & Biases for the curves (WANDB_MODE=offline keeps them in the run)."""
     out: Path | None = None
-    """Folder of the run; runs/TASK/TIME_sSEED where not given."""
+    """Folder of the run; default: runs/TASK/TIME_sSEED."""
     resume: Path | None = None
-    """Goes on with the run in this folder, from its last checkpoint, as if it had never stopped. Of the other options
-    only --steps and --films may stand beside it."""
+    """Continue the run in this folder from its last checkpoint; only --steps and --films may be added."""
     output: OutputOptions = Output()
 
     def run(self) -> int:

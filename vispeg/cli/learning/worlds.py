@@ -1,4 +1,4 @@
-"""Lists the worlds that come with the package. Every option --world takes their names.
+"""Lists the built-in worlds, the names that --world takes.
 
 Example:
     vispeg worlds
@@ -17,9 +17,9 @@ class Args:
     """Arguments of `vispeg worlds`."""
 
     family: str | None = None
-    """Only those of one kind: `fixed` or `randomized`."""
+    """Only worlds of this kind: fixed or randomized."""
     search: str | None = None
-    """Only those with this text in their name or description."""
+    """Only worlds with this text in name or description."""
     output: OutputOptions = Output()
 
     def run(self) -> int:

@@ -1,4 +1,4 @@
-"""Prints a script with which a shell completes vispeg's commands, options, choices and names with the Tab key.
+"""Prints the completion script of bash, zsh or fish.
 
 Example:
     vispeg completion bash > ~/.local/share/bash-completion/completions/vispeg

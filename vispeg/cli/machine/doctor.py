@@ -1,6 +1,7 @@
-"""Says what this machine has, what is missing, and how to get it.
+"""Checks this machine: what is missing, and how to get it.
 
-Exits 0 when recordings can be checked, fitted and diagnosed here; pictures, logs, training and videos are extras.
+Exit code 0: recordings can be checked, fitted and diagnosed here. Pictures, logs, training and videos are
+extras.
 
 Example:
     vispeg doctor

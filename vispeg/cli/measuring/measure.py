@@ -1,7 +1,7 @@
-"""Measures actuators and objects: joint, mass, COM, friction, restitution, stiffness, each with its uncertainty.
+"""Measures actuators and objects, with their uncertainty.
 
-Every protocol writes a file `vispeg-measurement/1`: the number, its standard uncertainty and 95 % interval, the budget
-by source, and the effect that it becomes. `vispeg add MODEL FILE` and a world's `model: FILE` take that file.
+Every protocol writes a file `vispeg-measurement/1`: value, standard uncertainty, 95 % interval, uncertainty budget by
+source, and the effect for a model. `vispeg add MODEL FILE` and a world's `model: FILE` take that file.
 
 Example:
     vispeg measure plan joint4 --robot iiwa14 --out plan
@@ -18,8 +18,7 @@ import tyro
 
 from vispeg.cli.measuring.measure_joint import Joint, Plan
 from vispeg.cli.measuring.measure_object import Com, Friction, Mass, Restitution, Stiffness
-
-SUBCOMMAND = tyro.conf.subcommand
+from vispeg.cli.options import subcommand
 
 
 @dataclass(frozen=True)
@@ -27,13 +26,13 @@ class Args:
     """Arguments of `vispeg measure`."""
 
     command: tyro.conf.OmitSubcommandPrefixes[
-        Annotated[Plan, SUBCOMMAND("plan")]
-        | Annotated[Joint, SUBCOMMAND("joint")]
-        | Annotated[Mass, SUBCOMMAND("mass")]
-        | Annotated[Com, SUBCOMMAND("com")]
-        | Annotated[Friction, SUBCOMMAND("friction")]
-        | Annotated[Restitution, SUBCOMMAND("restitution")]
-        | Annotated[Stiffness, SUBCOMMAND("stiffness")]
+        Annotated[Plan, subcommand(Plan)]
+        | Annotated[Joint, subcommand(Joint)]
+        | Annotated[Mass, subcommand(Mass)]
+        | Annotated[Com, subcommand(Com)]
+        | Annotated[Friction, subcommand(Friction)]
+        | Annotated[Restitution, subcommand(Restitution)]
+        | Annotated[Stiffness, subcommand(Stiffness)]
     ]
 
     def run(self) -> int:

@@ -15,10 +15,11 @@ from vispeg.cli.output import Output, OutputOptions
 class Plan:
     """Writes the motions for `measure joint`, ready to replay, and the order in which to run them (ORDER.md).
 
-    Steps of three sizes both ways, sines of two amplitudes, triangles, a ladder of speeds; the first comes again at the
+    Steps of three sizes both ways, sines of two amplitudes, triangles, a ladder of speeds; the first is repeated at the
     end. `vispeg record ROBOT --motion PLAN/01-..csv` runs them on a simulated robot.
 
-    Example: vispeg measure plan joint4 --robot iiwa14 --out plan
+    Example:
+        vispeg measure plan joint4 --robot iiwa14 --out plan
     """
 
     joint: tyro.conf.Positional[str]
@@ -28,15 +29,15 @@ class Plan:
     robot: str = "iiwa14"
     """A robot's name, a model file, or a path to an MJCF or URDF."""
     posture: tuple[float, ...] = ()
-    """Angles of all joints, rad; the usual centre where not given. Backlash shows where gravity does not load it."""
+    """Angles of all joints, rad; default: the middle posture. Backlash shows only where gravity does not load it."""
     size: float = 0.1
-    """The greatest step, rad."""
+    """Largest step, rad."""
     rate: float = 500.0
-    """Samples a second; `vispeg record` and your robot should run at the same."""
+    """Sample rate, Hz; the same as of `vispeg record` or your robot."""
     seed: int = 0
-    """Seed of the order."""
+    """Seed of the order of motions."""
     overwrite: bool = False
-    """Replace OUT if it is there."""
+    """Replace OUT if it exists."""
     output: OutputOptions = Output()
 
     def run(self) -> int:
@@ -64,8 +65,9 @@ class Joint(Measuring):
     Uses steps, sines of three periods or more, sweeps, and ramps out and back, where it finds them. Writes
     OUT/measurement.yaml, OUT/actuator.xml (MuJoCo) and OUT/joint.png.
 
-    Example: vispeg measure joint runs/* --joint joint4 --out joint4
-    Example: vispeg measure joint log.csv.gz --columns time=t_s q_cmd=goal q=angle --joint elbow --out elbow
+    Example:
+        vispeg measure joint runs/* --joint joint4 --out joint4
+        vispeg measure joint log.csv.gz --columns time=t_s q_cmd=goal q=angle --joint elbow --out elbow
     """
 
     recordings: tyro.conf.Positional[tuple[Path, ...]]
@@ -73,11 +75,11 @@ class Joint(Measuring):
     out: Path
     """Folder of the results."""
     joint: str | None = None
-    """The joint. Not given, the one that moves most in the recordings."""
+    """The joint; default: the one that moves most in the recordings."""
     columns: tuple[str, ...] = ()
-    """For tables: time=COLUMN q_cmd=COLUMN q=COLUMN and, where there is one, tau=COLUMN (s, rad, N m)."""
+    """Tables: time=COLUMN q_cmd=COLUMN q=COLUMN, optionally tau=COLUMN (s, rad, N m)."""
     inertia: float | None = None
-    """Inertia that the joint turns, kg m2, for the actuator. Not given, that of the robot's model, or 1."""
+    """Inertia that the joint turns, kg m2, for the actuator; default: of the robot's model, or 1."""
 
     def run(self) -> int:
         """Measures, writes the folder, prints the numbers."""

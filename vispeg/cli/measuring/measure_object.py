@@ -17,7 +17,7 @@ class _Quantity(Measuring):
     resolution: tuple[str, ...] = ()
     """One digit of the instrument for each column read, such as angle_deg=0.1 mass_g=1."""
     accuracy: tuple[str, ...] = ()
-    """Limit of the instrument's error for each column, such as mass_g=2; none where not given."""
+    """Limit of the instrument's error for each column, such as mass_g=2; default: none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,15 +30,18 @@ class _FromTable(_Quantity):
 
 @dataclass(frozen=True, kw_only=True)
 class Mass(_FromTable):
-    """Weighs: columns mass and, where the empty scale was read before each, tare (kg; or mass_g, tare_g).
+    """Measures a mass by a scale.
 
-    Example: vispeg measure mass tool.csv --resolution mass_g=1 --out mass.yaml
+    Columns: mass and, if the empty scale was read before each, tare (kg; or mass_g, tare_g).
+
+    Example:
+        vispeg measure mass tool.csv --resolution mass_g=1 --out mass.yaml
     """
 
     where: str = "flange"
-    """What was weighed: a thing at the `flange` (becomes payload), or the part that the gripper holds (object_mass)."""
+    """What was weighed: a thing at the `flange` (payload), or the part in the gripper (object_mass)."""
     nominal: float | None = None
-    """Mass of the part in the model, kg; that of the world's cell where not given."""
+    """Mass of the part in the model, kg; default: of the world's cell."""
 
     def run(self) -> int:
         """Measures, writes OUT, prints the number and its effect in a model."""
@@ -59,20 +62,21 @@ class Mass(_FromTable):
 
 @dataclass(frozen=True, kw_only=True)
 class Com(_Quantity):
-    """Finds the centre of mass: of a thing at the flange from wrenches at rest, or on a photograph from plumb lines.
+    """Measures a centre of mass, from wrenches at rest or plumb lines on a photograph.
 
     A table has columns fx fy fz tx ty tz and gravity's direction gx gy gz in the same frame, four attitudes or more; or
     x, y and angle of two plumb lines or more. Recordings hold still in four attitudes or more and have `ft`.
 
-    Example: vispeg measure com attitude-a attitude-b attitude-c attitude-d --out com.yaml
+    Example:
+        vispeg measure com attitude-a attitude-b attitude-c attitude-d --out com.yaml
     """
 
     readings: tyro.conf.Positional[tuple[Path, ...]]
     """One table, or recordings."""
     mass: Path | None = None
-    """Measurement file of the mass, for plumb lines."""
+    """Plumb lines: measurement file of the mass."""
     axes: tuple[str, str] = ("x", "y")
-    """The flange's axes that the photograph's x and y are, for plumb lines."""
+    """Plumb lines: the flange's axes along the photograph's x and y."""
 
     def run(self) -> int:
         """Measures, writes OUT, prints the number and its effect in a model."""
@@ -84,20 +88,21 @@ class Com(_Quantity):
 
 @dataclass(frozen=True, kw_only=True)
 class Friction(_Quantity):
-    """Finds a coefficient of friction: on an incline, timed down an incline, or from forces while sliding.
+    """Measures a coefficient of friction, on an incline or from forces while sliding.
 
     Columns: angle (rad, or angle_deg) at which it lets go; with distance and time also how it slid; or normal and
     tangential (N); and place (a number) of three places or more. Recordings have `ft`, begin in free air, and slide.
 
-    Example: vispeg measure friction slides.csv --resolution angle_deg=0.1 --out friction.yaml
+    Example:
+        vispeg measure friction slides.csv --resolution angle_deg=0.1 --out friction.yaml
     """
 
     readings: tyro.conf.Positional[tuple[Path, ...]]
     """One table, or recordings."""
     where: str | None = None
-    """The part, such as fixture, gripper or table; what the gripper holds where not given."""
+    """The part, such as fixture, gripper or table; default: the part in the gripper."""
     nominal: float | None = None
-    """Coefficient of the part in the model; that of the world's cell where not given."""
+    """Coefficient of the part in the model; default: of the world's cell."""
 
     def run(self) -> int:
         """Measures, writes OUT, prints the number and its effect in a model."""
@@ -118,13 +123,16 @@ class Friction(_Quantity):
 
 @dataclass(frozen=True, kw_only=True)
 class Restitution(_FromTable):
-    """Finds the coefficient of restitution: columns t1 t2 t3 (s) of three touches, flight1 flight2, or drop bounce (m).
+    """Measures a coefficient of restitution.
 
-    Example: vispeg measure restitution bounces.csv --resolution t1=0.001 t2=0.001 t3=0.001 --out e.yaml
+    Columns: t1 t2 t3 (s) of three touches; or flight1 flight2 (s); or drop bounce (m).
+
+    Example:
+        vispeg measure restitution bounces.csv --resolution t1=0.001 t2=0.001 t3=0.001 --out e.yaml
     """
 
     where: str | None = None
-    """The part, such as fixture, gripper or table; what the gripper holds where not given."""
+    """The part, such as fixture, gripper or table; default: the part in the gripper."""
 
     def run(self) -> int:
         """Measures, writes OUT, prints the number and its effect in a model."""
@@ -137,12 +145,15 @@ class Restitution(_FromTable):
 
 @dataclass(frozen=True, kw_only=True)
 class Stiffness(_Quantity):
-    """Finds the stiffness of a fixture: presses on a rigid stop and on the fixture, in two arm poses or more.
+    """Measures a fixture's stiffness, from presses on a rigid stop and on the fixture.
+
+    Two arm poses or more.
 
     A table has columns force (N), depth (m), on (0 stop, 1 fixture), and pose and ramp (numbers). Recordings have `ft`,
     begin in free air, and press along the flange's z; the n-th of --stop and of --fixture are of one arm pose.
 
-    Example: vispeg measure stiffness presses.csv --resolution force=0.1 depth=1e-5 --out stiffness.yaml
+    Example:
+        vispeg measure stiffness presses.csv --resolution force=0.1 depth=1e-5 --out stiffness.yaml
     """
 
     readings: tyro.conf.Positional[Path | None] = None
@@ -154,7 +165,7 @@ class Stiffness(_Quantity):
     where: str = "fixture"
     """The part, such as fixture, gripper or table."""
     nominal: float | None = None
-    """Stiffness of the contact in the model, N/m; without it the measurement becomes no effect."""
+    """Stiffness of the contact in the model, N/m; needed for the effect."""
 
     def run(self) -> int:
         """Measures, writes OUT, prints the number and its effect in a model."""

@@ -1,4 +1,4 @@
-"""Arguments that every measurement has, and how its result is told."""
+"""Arguments that every measurement has, and how its result is printed."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ class Stop:
     """Whether it is enough."""
 
     policy: tuple[str, ...] = ()
-    """Policies (folders or names) to play at both ends of the interval: says whether it is narrow enough for them."""
+    """Policies (folders or names) to play at both ends of the interval, to see if it is narrow enough."""
     world: str = "nominal"
-    """The world in which they are played, and from which nominal values are read."""
+    """World of the policies, and source of nominal values."""
     episodes: int = 400
     """Episodes at each end of the interval."""
     workers: int = 1
-    """Processes that play."""
+    """Processes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +41,7 @@ class Measuring:
     seed: int = 0
     """Seed of the Monte Carlo propagation."""
     overwrite: bool = False
-    """Replace OUT if it is there."""
+    """Replace OUT if it exists."""
     enough: Annotated[Stop, tyro.conf.arg(name="")] = Stop()
     output: OutputOptions = Output()
 

@@ -1,7 +1,7 @@
-"""Adds an effect to a model file, sets the values of one that is there, or adds the effects of a measurement.
+"""Adds an effect or a measurement to a model file.
 
-MODEL is replaced only where --out names it and --overwrite is there. Parameters that are not set keep the model's
-value. A new effect with no value set has its typical size; with some set, its other sizes are null.
+An effect that the model has gets the values of --set; its other parameters stay. A new effect without --set has its
+typical size; with --set, its other parameters are null. MODEL is replaced only if --out names it, with --overwrite.
 
 Example:
     vispeg add iiwa14 coulomb_friction joint4 --set torque=1.2 --out model.yaml
@@ -26,15 +26,15 @@ class Args:
     model: tyro.conf.Positional[str]
     """A model file, a robot's name, or a path to an MJCF or URDF."""
     effect: tyro.conf.Positional[str]
-    """Name of the effect (`vispeg effects` lists them), or a measurement file, whose effects are added as measured."""
+    """An effect's name (`vispeg effects` lists them), or a measurement file, whose effects are added."""
     where: tyro.conf.Positional[str | None] = None
-    """Where it acts: a joint, a link, `flange`, `base`, or `all`."""
+    """Place: a joint, a link, `flange`, `base`, or `all`."""
     out: Path
     """The model file to write."""
     set: tuple[str, ...] = ()
     """Values, such as torque=1.2 velocity=0.05."""
     overwrite: bool = False
-    """Replace OUT if it is there."""
+    """Replace OUT if it exists."""
     output: OutputOptions = Output()
 
     def run(self) -> int:

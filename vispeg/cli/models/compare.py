@@ -1,6 +1,6 @@
-"""Compares a model with recordings, without a fit: how large its error is, at which joint, and when.
+"""Compares a model with recordings, without a fit.
 
-Writes OUT/compare.json, OUT/evidence.npz and OUT/report.html.
+Shows how large the error is, at which joint, and when. Writes OUT/compare.json, OUT/evidence.npz and OUT/report.html.
 
 Example:
     vispeg compare iiwa14 --recording rig-a --recording rig-b --out compared
@@ -27,15 +27,15 @@ class Args:
     out: Path
     """Folder for the results."""
     recording: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
-    """A recording to compare with; give the flag once for each."""
+    """A recording to compare with; repeat the option for each."""
     seconds: float = SECONDS
-    """Of a longer recording, the windows that show the most, this long in all; 0 uses all of it."""
+    """Of longer recordings, use the most informative windows, this many seconds in all; 0 uses everything."""
     threads: int = 2
     """Threads of the simulation."""
     rerun: Path | None = None
-    """A file FILE.rrd for the Rerun viewer: the measured arm and the model's, every joint over time."""
+    """Write a file FILE.rrd for the Rerun viewer: measured and modelled arm, every joint over time."""
     overwrite: bool = False
-    """Replace OUT if it is there."""
+    """Replace OUT if it exists."""
     output: OutputOptions = Output()
 
     def run(self) -> int:

@@ -1,17 +1,17 @@
-"""Names the physical effect that a model lacks, adds it, and shows the error fall on recordings that were not fitted.
+"""Names the effects that a model lacks and adds them to it.
 
-Writes OUT/diagnosis.json, OUT/report.html and OUT/model.yaml (the model with what was found), and the next motion to
-record. Exits 0 with a verdict: adequate, identified, ambiguous or unexplained. A diagnosis that was killed goes on
-where it stood when the same command is given again: what it had worked out lies in OUT.part until it is done.
+An effect is accepted if the error falls on held-out recordings. Writes OUT/diagnosis.json, OUT/report.html,
+OUT/model.yaml (the corrected model) and the next motion to record. Exits 0 with a verdict: adequate, identified,
+ambiguous or unexplained. A diagnosis that was stopped goes on when the command is repeated; its steps are in OUT.part.
 
---baseline asks what changed since those recordings: a payload, the result of a repair. The effects that the model lacks
-already in the baseline are found first and added to it; `effects` then holds the change alone.
+`--baseline`: what changed since those recordings, such as a payload or a repair? Effects that the model lacked before
+are named first and added to it; `effects` then holds the change alone.
 
---policy asks what the remaining error costs a policy: it is played with the identified model, and again with each value
+`--policy`: what does the remaining error cost a policy? It plays with the identified model, and again with each value
 drawn from its interval and the unexplained torque added. The difference is in points of success.
 
-Recordings of a cell may hold joint torques, a wrench and pictures. Each is diagnosed in a room of its own (joints,
-contact, pictures), again where another room has named an effect that it needs. One page has all verdicts.
+Recordings of a cell may hold joint torques, a wrench and pictures. Each is diagnosed by itself (joints, contact,
+pictures), again if another one has named an effect that it needs. One page has all verdicts.
 
 Example:
     vispeg diagnose iiwa14 --recording rig-a --recording rig-b --validate rig-c --out found
@@ -41,27 +41,27 @@ class Args:
     out: Path
     """Folder for the results."""
     recording: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
-    """A recording to fit; give the flag once for each."""
+    """A recording to fit; repeat the option for each."""
     validate: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
-    """A recording to judge on, never fitted; give the flag once for each."""
+    """A held-out recording, never fitted; repeat the option for each."""
     baseline: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
-    """A recording of the same robot as it was before; two or more, the last one is judged on."""
+    """An earlier recording of the same robot; two or more, the last one is held out."""
     policy: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
-    """A policy's folder or name, or `expert`: says what the remaining error costs it; give the flag once for each."""
+    """A policy's folder or name, or `expert`: state what the remaining error costs it; repeat the option for each."""
     world: str = "nominal"
-    """World that the policy plays in: a built-in world's name or a world file."""
+    """World of the policy: a built-in world's name or a world file."""
     episodes: int = 100
-    """Episodes of the policy, as many with the remaining error as without."""
+    """Episodes of the policy, with and without the remaining error."""
     rooms: tuple[Literal["joints", "contact", "pictures"], ...] = ()
-    """Of a cell, where the cause is looked for; where not given, in all that the recordings have something for."""
+    """Cells: the evidence to diagnose; default: all that the recordings hold."""
     seconds: float = SECONDS
-    """Of a longer recording, the windows that show the most, this long in all; 0 uses all of it."""
+    """Of longer recordings, use the most informative windows, this many seconds in all; 0 uses everything."""
     seed: int = 0
-    """Seed of whatever is drawn."""
+    """Seed of everything random."""
     threads: int = 2
     """Threads of the simulation."""
     overwrite: bool = False
-    """Replace OUT if it is there."""
+    """Replace OUT if it exists."""
     output: OutputOptions = Output()
 
     @goes_on()

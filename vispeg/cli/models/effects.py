@@ -1,7 +1,7 @@
-"""Lists the effects that a model can have; with a name, explains one, and with --out draws what it does.
+"""Lists the effects that a model can have, or explains one.
 
-The picture shows what the effect, at its typical size, changes in one joint under position control, or in the pictures
-of the cell's cameras.
+`--out` draws a picture: what the effect, at its typical size, changes in one joint under position control, or in the
+pictures of the cell's cameras.
 
 Example:
     vispeg effects
@@ -25,19 +25,19 @@ class Args:
     """Arguments of `vispeg effects`."""
 
     name: tyro.conf.Positional[str | None] = None
-    """The effect to explain; all are listed where not given."""
+    """The effect to explain; default: list all."""
     where: str | None = None
-    """Where the picture puts the effect (a joint, a link, flange, base, all)."""
+    """Place of the effect in the picture: a joint, a link, flange, base, all."""
     robot: str = "iiwa14"
-    """A robot's name or a path to an MJCF or URDF, whose joints and links are the places."""
+    """A robot's name or a path to an MJCF or URDF; its joints and links are the places."""
     out: Path | None = None
-    """Folder for the picture, effect-NAME.png; without it none is drawn."""
+    """Folder for the picture, effect-NAME.png; default: none."""
     overwrite: bool = False
-    """Draw the picture anew if it is there."""
+    """Replace the picture if it exists."""
     family: Literal["joint", "drive", "sensor", "body", "contact", "task", "camera", "appearance"] | None = None
-    """Only those of one family."""
+    """Only effects of this family."""
     search: str | None = None
-    """Only those with this text in their name, description or parameters."""
+    """Only effects with this text in name, description or parameters."""
     output: OutputOptions = Output()
 
     def run(self) -> int:

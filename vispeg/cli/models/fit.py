@@ -1,12 +1,12 @@
-"""Fits the parameters of named effects to recordings, with 95 % intervals.
+"""Fits the parameters of named effects, with 95 % intervals.
 
-Effects are EFFECT:WHERE; WHERE `all` fits one value for all places, `each` one for each. Without --effects, those in
-the model file are fitted. Writes OUT/fit.json, OUT/model.yaml, OUT/report.html and, of joints, OUT/evidence.npz. A fit
-that was stopped goes on with --resume.
+An effect is EFFECT:WHERE; WHERE `all` fits one value for all places, `each` one for each. Without --effects, those of
+the model file are fitted. Writes OUT/fit.json, OUT/model.yaml, OUT/report.html and, for joints, OUT/evidence.npz. A
+stopped fit goes on with --resume.
 
 `--protocol paper` fits link masses, joint damping and the direction of gravity by CMA-ES to the flange's path in short
 sub-trajectories of one recording under operational space control (`vispeg record --motion osc`), with
-intervals; what the path does not determine is named.
+intervals; parameters that the path does not determine are named.
 
 Example:
     vispeg fit iiwa14 --recording rig-a --recording rig-b --validate rig-c \\
@@ -41,21 +41,21 @@ class Args:
     out: Path
     """Folder for the results."""
     recording: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
-    """A recording to fit; give the flag once for each."""
+    """A recording to fit; repeat the option for each."""
     validate: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
-    """A recording to judge on, never fitted; give the flag once for each."""
+    """A held-out recording, never fitted; repeat the option for each."""
     effects: tuple[str, ...] = ()
-    """What to fit, each EFFECT:WHERE[:param=start,...]."""
+    """Effects to fit, each EFFECT:WHERE[:param=start,...]."""
     seconds: float = SECONDS
-    """Of a longer recording, the windows that show the most, this long in all; 0 uses all of it."""
+    """Of longer recordings, use the most informative windows, this many seconds in all; 0 uses everything."""
     method: Literal["auto", "least-squares", "cma"] = "auto"
-    """auto: CMA-ES before least squares where an effect is not smooth, else least squares."""
+    """auto: least squares, with CMA-ES before it if an effect is not smooth."""
     iterations: int | None = None
-    """Steps at most; 15 (and ten times as many generations of CMA-ES), or 120 generations for the paper's protocol."""
+    """Most steps; default: 15 (and ten times as many generations of CMA-ES), 120 generations for `paper`."""
     starts: int = 1
-    """Optimizers that start at different values; the best one counts."""
+    """Number of random starts; the best result counts."""
     protocol: Literal["effects", "paper"] = "effects"
-    """What is fitted to what: named effects to joint angles, or the paper's protocol."""
+    """Fit named effects to recordings, or the paper's protocol."""
     seed: int = 0
     """Seed of the random starts and of CMA-ES."""
     threads: int = 2
@@ -63,7 +63,7 @@ class Args:
     resume: bool = False
     """Go on with a fit that was stopped."""
     overwrite: bool = False
-    """Replace OUT if it is there."""
+    """Replace OUT if it exists."""
     output: OutputOptions = Output()
 
     @goes_on("--resume")

@@ -1,4 +1,4 @@
-"""Builds the HTML report of a finished diagnosis, comparison or fit again, from its record and evidence.
+"""Builds the HTML report of a finished result again.
 
 Example:
     vispeg report out/rig-a --overwrite
@@ -21,7 +21,7 @@ class Args:
     out: Positional[Path]
     """Folder that `vispeg diagnose`, `vispeg compare` or `vispeg fit` wrote."""
     overwrite: bool = False
-    """Replace a report.html that is there already."""
+    """Replace report.html if it exists."""
     output: OutputOptions = Output()
 
     def run(self) -> int:

@@ -1,4 +1,4 @@
-"""Calibrates a camera from images of a board, or shows what is in a camera file.
+"""Calibrates a camera from images of a board; shows camera files.
 
 Example:
     vispeg camera calibrate images --pattern 9x6 --square 0.0236 --poses images/poses.csv --out wrist
@@ -12,6 +12,7 @@ from typing import Annotated
 
 import tyro
 
+from vispeg.cli.options import subcommand
 from vispeg.cli.pictures.camera_calibrate import Calibrate
 from vispeg.cli.pictures.camera_show import Show
 
@@ -21,7 +22,7 @@ class Args:
     """Arguments of `vispeg camera`."""
 
     command: tyro.conf.OmitSubcommandPrefixes[
-        Annotated[Calibrate, tyro.conf.subcommand("calibrate")] | Annotated[Show, tyro.conf.subcommand("show")]
+        Annotated[Calibrate, subcommand(Calibrate)] | Annotated[Show, subcommand(Show)]
     ]
 
     def run(self) -> int:

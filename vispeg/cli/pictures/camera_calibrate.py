@@ -15,10 +15,11 @@ from vispeg.cli.output import Output, OutputOptions
 class Calibrate:
     """Calibrates a camera from images of a chessboard or a ChArUco board.
 
-    With --poses also where it sits: on the flange (the board lies still), or on the base (the board on the flange).
-    Writes OUT/camera.yaml, OUT/results.json and a picture of each image's corners. Intervals are of 95 %.
+    With --poses also its pose on the flange (board at rest) or on the base (board on the flange).
+    Writes OUT/camera.yaml, OUT/results.json and a picture of each image's corners. Intervals are 95 %.
 
-    Example: vispeg camera calibrate images --pattern 9x6 --square 0.0236 --poses poses.csv --out wrist
+    Example:
+        vispeg camera calibrate images --pattern 9x6 --square 0.0236 --poses poses.csv --out wrist
     """
 
     images: tyro.conf.Positional[Path]
@@ -36,7 +37,7 @@ class Calibrate:
     dictionary: str = "DICT_4X4_50"
     """ChArUco: OpenCV's name of the dictionary."""
     legacy: bool = False
-    """ChArUco: a board printed by OpenCV before 4.6, which begins with a marker where the number of rows is even."""
+    """ChArUco: a board of OpenCV before 4.6 (begins with a marker if the number of rows is even)."""
     poses: Path | None = None
     """The flange on the base in each image: CSV (file, x, y, z in m, qw, qx, qy, qz), or a folder of ViSP's YAML."""
     mount: Literal["flange", "base"] = "flange"

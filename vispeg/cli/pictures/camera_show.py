@@ -14,7 +14,8 @@ from vispeg.cli.output import Output, OutputOptions
 class Show:
     """Shows the cameras of a file: the project's YAML, OpenCV's, or ROS's camera_info.
 
-    Example: vispeg camera show wrist/camera.yaml
+    Example:
+        vispeg camera show wrist/camera.yaml
     """
 
     file: tyro.conf.Positional[Path]

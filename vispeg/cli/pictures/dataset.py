@@ -15,21 +15,22 @@ from typing import Annotated, Literal
 
 import tyro
 
+from vispeg.cli.options import subcommand
 from vispeg.cli.output import Output, OutputOptions
 
 
 @dataclass(frozen=True)
 class Show:
-    """Writes a contact sheet (contact-sheet.png) and a page (index.html): looks, depth, labels, drawn parameters."""
+    """Writes a contact sheet and a page of looks, depth, labels and draws."""
 
     dataset: tyro.conf.Positional[Path]
     """Folder of the dataset."""
     out: Path | None = None
-    """Folder of the page; DATASET-page where not given."""
+    """Folder of the page; default: DATASET-page."""
     tiles: int = 36
     """Frames on the contact sheet."""
     overwrite: bool = False
-    """Replace OUT if it is there."""
+    """Replace OUT if it exists."""
     output: OutputOptions = Output()
 
     def run(self) -> int:
@@ -44,7 +45,7 @@ class Show:
 
 @dataclass(frozen=True)
 class Check:
-    """Finds records that are cut short, changed, repeated or contradictory; exits with 2 if there are any."""
+    """Checks a dataset for damaged or contradictory records; exit code 2 if any."""
 
     dataset: tyro.conf.Positional[Path]
     """Folder of the dataset."""
@@ -65,7 +66,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Export:
-    """Writes a dataset once more in another layout."""
+    """Writes a dataset in another layout."""
 
     dataset: tyro.conf.Positional[Path]
     """Folder of the dataset."""
@@ -74,7 +75,7 @@ class Export:
     format: Literal["bop", "folder"] = "bop"
     """BOP, or plain PNG and CSV files."""
     overwrite: bool = False
-    """Replace OUT if it is there."""
+    """Replace OUT if it exists."""
     output: OutputOptions = Output()
 
     def run(self) -> int:
@@ -91,9 +92,7 @@ class Args:
     """Arguments of `vispeg dataset`."""
 
     command: tyro.conf.OmitSubcommandPrefixes[
-        Annotated[Show, tyro.conf.subcommand("show")]
-        | Annotated[Check, tyro.conf.subcommand("check")]
-        | Annotated[Export, tyro.conf.subcommand("export")]
+        Annotated[Show, subcommand(Show)] | Annotated[Check, subcommand(Check)] | Annotated[Export, subcommand(Export)]
     ]
 
     def run(self) -> int:

@@ -1,8 +1,8 @@
-"""Renders a dataset: the expert plays a world's task, and its cameras draw each moment in several looks.
+"""Renders a dataset of the expert's episodes in several looks.
 
-The folder is laid out as LeRobotDataset v3.0 (or for BOP, or as plain files). A rendering that was stopped goes on when
-the same command is given again, and ends with the same bytes; until then it lives in OUT.unfinished. The bytes depend
-neither on the number of workers nor on the engine. See docs/datasets.md.
+The expert plays a world's task, and its cameras draw each moment in several looks. The layout is LeRobotDataset v3.0,
+BOP, or plain files. A stopped rendering goes on when the command is repeated and ends with the same bytes; until then
+it is in OUT.unfinished. The bytes depend neither on the number of workers nor on the engine. See docs/datasets.md.
 
 Example:
     vispeg render --world S --frames 2000 --out frames
@@ -30,29 +30,29 @@ class Args:
     world: str = "S"
     """A built-in world's name or a world file."""
     frames: int = 2000
-    """Frames in all: one moment in one look, seen by every camera."""
+    """Frames in all; a frame is one moment in one look, by every camera."""
     looks: int = 1
-    """Looks in which every episode is drawn. Its physics runs once."""
+    """Looks of every episode; its physics runs once."""
     cameras: tuple[str, ...] = ()
-    """Cameras to look through; the world's where not given."""
+    """Cameras; default: the world's."""
     size: int = 64
     """Pixels of a picture's shorter side; 0 for the cameras' own."""
     seed: int = 0
-    """Seed of everything."""
+    """Seed of everything random."""
     noise: float = 0.2
     """Noise on the expert's actions: standard deviation, as a share of the greatest action."""
     no_labels: bool = False
-    """Draw no segmentation images, which is quicker. Poses are still written."""
+    """Draw no segmentation images (faster); poses are still written."""
     workers: int = 2
-    """Processes of one thread each; 0 for none but this one."""
+    """Processes of one thread each; 0 for this process alone."""
     engine: Literal["local", "ray"] = "local"
     """Where workers run: on this machine, or on a Ray cluster (the one at RAY_ADDRESS, if set)."""
     format: Literal["lerobot", "bop", "folder"] = "lerobot"
     """Layout of the folder: LeRobotDataset v3.0, BOP, or plain PNG and CSV files."""
     backend: Literal["auto", "classic", "raycast", "filament"] = "auto"
-    """Renderer, where the world names none."""
+    """Renderer, if the world names none."""
     overwrite: bool = False
-    """Replace OUT, if it is there, once the new dataset is complete."""
+    """Replace OUT if it exists, once the new dataset is complete."""
 
     output: OutputOptions = Output()
 

@@ -1,11 +1,12 @@
-"""Checks recordings before a fit: clock, bad readings, limits, tracking, noise, excitation.
+"""Checks recordings: clock, limits, noise, excitation, contact.
 
-For camera frames: clock, light, depth, views, and which errors of a camera they can show.
+Also states which effects a recording can show. Camera frames: clock, light, depth, views, and which camera errors they
+can show.
 
-For a recorded wrench whose sensor is described: what the tool touched, how hard and how fast, and which effects of
-contact that can show.
+Wrench of a described sensor: time in each regime of contact, forces, speeds, and which effects of contact they can
+show.
 
-Exits 0 when the recordings can be used, with or without warnings; 2 with one line when one cannot.
+Exit code 0: the recordings can be used, with or without warnings; 2: one cannot, named in one line.
 
 Example:
     vispeg check rig-a rig-b

@@ -1,4 +1,4 @@
-"""Converts a CSV or Parquet table, a NumPy archive or a ROS bag into a recording folder.
+"""Converts a table, an archive or a ROS bag into a recording.
 
 Example:
     vispeg convert log.csv --robot iiwa14 --guess --save-map map.yaml
@@ -7,10 +7,12 @@ Example:
     vispeg convert run.mcap --robot iiwa14 --images all --cameras wrist.yaml --out rig-c
     vispeg convert tosses.npz --robot cube.xml --rate-hz 148 --episodes 0:285 --out toss-a
 
-A map names columns and units, one a line: `time: {column: t, unit: ms}`, `q.joint1: {column: pos_1, unit: deg}`;
+SOURCE is a CSV or Parquet table, a NumPy archive or a ROS bag. A map names columns and units, one a line:
+`time: {column: t, unit: ms}`, `q.joint1: {column: pos_1, unit: deg}`;
 `joints: {joint1: lbr_A1}` renames a bag's joints, `recording: {control: {mode: torque}}` adds to recording.yaml,
-`table: {separator: ";", decimal: ","}` says how a text table is written. `--guess` proposes a map from a table's header
-and ranges. Units that cannot be true (200 kHz, angles far outside the joints' ranges) are refused, or `--insist`.
+`table: {separator: ";", decimal: ","}` describes a text table. `--guess` proposes a map from a table's header
+and ranges. Impossible units (200 kHz, angles far outside the joints' ranges) are refused
+without `--insist`.
 """
 
 from __future__ import annotations
@@ -38,7 +40,7 @@ class Args:
     robot: str
     """A robot's name (iiwa14) or a path to its MJCF or URDF."""
     out: Path | None = None
-    """The recording folder to write; not needed where --guess only shows or saves a map."""
+    """The recording folder to write; not needed if --guess only shows or saves a map."""
     map: Path | None = None
     """A YAML file with the source's names and units."""
     guess: bool = False
@@ -48,25 +50,25 @@ class Args:
     save_map: Path | None = None
     """With --guess: write the proposed map to this file, to be edited and passed as --map."""
     rate_hz: float | None = None
-    """For an object's archive without `time`: samples a second."""
+    """For an object's archive without `time`: sample rate, Hz."""
     episodes: str | None = None
-    """For an object's archive: the tosses to take, FIRST:LAST without LAST. The others can be used to validate."""
+    """For an object's archive: tosses to convert, FIRST:LAST without LAST. The others can be held out."""
     insist: bool = False
-    """Accept the stated units even where they cannot be true."""
+    """Accept impossible units."""
     topic: str | None = None
-    """Bags: the JointState topic with what was measured (default: the only one)."""
+    """Bags: the JointState topic of measured values; default: the only one."""
     command_topic: str | None = None
-    """Bags: the JointState topic with what was commanded."""
+    """Bags: the JointState topic of commands."""
     pose_topic: str | None = None
-    """Bags: the PoseStamped topic of the flange in the base (default: the only one, if there is one)."""
+    """Bags: the PoseStamped topic of the flange in the base; default: the only one."""
     wrench_topic: str | None = None
-    """Bags: the WrenchStamped topic at the flange (default: the only one, if there is one)."""
+    """Bags: the WrenchStamped topic at the flange; default: the only one."""
     images: tuple[str, ...] = ()
-    """Pictures to take over: topics of a bag, videos of a LeRobot table (observation.images.wrist), or all."""
+    """Pictures to convert: topics of a bag, videos of a LeRobot table (observation.images.wrist), or all."""
     cameras: Path | None = None
-    """A camera file with the intrinsics and poses that the source does not hold."""
+    """A camera file with the intrinsics and poses that the source lacks."""
     torque_sensor: Literal["joint", "motor", "none"] | None = None
-    """Where torque was measured: behind the gear (joint) or from the current (motor). Not stated, it is not used."""
+    """Where torque was measured: behind the gear (joint) or from the current (motor); default: torque is not used."""
     table: Literal["csv", "parquet"] = "csv"
     """Format of the samples."""
     overwrite: bool = False

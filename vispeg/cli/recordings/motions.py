@@ -1,6 +1,6 @@
-"""Lists the motions that `vispeg record --motion` takes by name; with a name, writes that one as a CSV.
+"""Lists the motions of `vispeg record`, or writes one as a CSV.
 
-A robot can replay it: `time`, and `q_cmd.*`, `dq_cmd.*` of the joints or, where it touches, `ee_cmd.*` of the flange.
+A robot can replay the CSV: `time`, and `q_cmd.*`, `dq_cmd.*` of the joints or, in contact, `ee_cmd.*` of the flange.
 
 Example:
     vispeg motions
@@ -24,24 +24,23 @@ class Args:
     """Arguments of `vispeg motions`."""
 
     name: tyro.conf.Positional[str | None] = None
-    """The motion to write; all are listed where not given."""
+    """The motion to write; default: list all."""
     model: str | None = None
-    """The robot that moves. Not given, the default cell for motions in contact and of looking, else iiwa14."""
+    """The robot; default: the default cell for motions in contact and looks, else iiwa14."""
     out: Path | None = None
     """The CSV to write."""
     duration: float | None = None
-    """Length of a joint motion (5 s, if not given) or of one that looks at a cell (16 s). Motions in contact have a
-    length of their own."""
+    """Length, s; default: 5 for a joint motion, 16 for a look. Motions in contact have a fixed length."""
     rate: float = 500.0
-    """Commands a second."""
+    """Rate of commands, Hz."""
     seed: int = 0
-    """Of the motion."""
+    """Seed of the motion."""
     overwrite: bool = False
-    """Replace OUT if it is there."""
+    """Replace OUT if it exists."""
     family: str | None = None
-    """Only those in `joint`, `cartesian`, `contact` or `cell` space."""
+    """Only motions in this space: joint, cartesian, contact or cell."""
     search: str | None = None
-    """Only those with this text in their name or description."""
+    """Only motions with this text in name or description."""
     output: OutputOptions = Output()
 
     def run(self) -> int:

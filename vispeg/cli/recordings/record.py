@@ -1,13 +1,12 @@
-"""Records a simulated robot: runs a model through a motion and writes a recording folder with sensor noise.
+"""Records a simulated robot with sensor noise.
 
-MOTION is fourier, chirp, triangle, steps, sweep, mix, osc, or a CSV with time, q_cmd.* and (optional) dq_cmd.*, such as
-the next_experiment/samples.csv that `vispeg diagnose` writes. `--effects` adds effects to those of the model file. A
-named motion is made smaller where a joint would pass its speed limit, with a note; a CSV is replayed unchanged.
-In a cell (MODEL is {cell}, a world, or a model with `cell`) MOTION may also be free, press, slide, insert, rock, tap,
-insert-turned, press-elbow, hard-press, touch-datum, mix, expert (a whole insertion by the scripted policy) or a CSV
-with time and ee_cmd.*. The task's controller runs and the wrench is recorded; with `--cameras` pictures are taken too.
-look, look-tilt, look-roll, look-approach, look-sideways and look-fast take pictures without contact; look-and-insert
-has both.
+Writes a recording folder. MOTION is a name (`vispeg motions` lists them) or a CSV with time, q_cmd.* and optionally
+dq_cmd.*, such as the next_experiment/samples.csv of `vispeg diagnose`. `--effects` adds effects to those of the model
+file. A named motion is scaled down, with a note, if a joint would exceed its speed limit; a CSV is replayed unchanged.
+
+In a cell (MODEL is {cell}, a world, or a model with `cell`) MOTION may also be a motion in contact, a look, `expert`
+(the scripted policy), or a CSV with time and ee_cmd.*. The task's controller runs and the wrench is recorded;
+`--cameras` adds pictures.
 
 Example:
     vispeg record iiwa14 --motion fourier --effects coulomb_friction:joint4:torque=1.2 --seed 1 --out rig-a
@@ -33,17 +32,17 @@ class Args:
     """Arguments of `vispeg record`."""
 
     model: tyro.conf.Positional[str]
-    """A model file, a robot's name, or a path to an MJCF or URDF: a world for a cell."""
+    """A model file, a robot's name, or a path to an MJCF or URDF; for a cell a world."""
     motion: str
     """Name of a motion, or a CSV file with the commands."""
     out: Path
     """Folder of the recording."""
     duration: float | None = None
-    """Seconds; 5 (osc: 9, look: 16) where not given. A CSV file has its own."""
+    """Seconds; default: 5 (osc: 9, look: 16). A CSV has its own."""
     rate: float = 500.0
-    """Control ticks and samples a second."""
+    """Control and sample rate, Hz."""
     control: Literal["position", "torque", "osc", "servo"] | None = None
-    """The controller that runs; position where not given, osc for the motion osc. servo: goals alone are sent."""
+    """The controller; default: position, or osc for the motion osc. servo: only goals are sent."""
     kp: tuple[float, ...] | None = None
     """Stiffness: one a joint (N m/rad), or six for osc (1/s^2)."""
     kd: tuple[float, ...] | None = None
@@ -51,33 +50,33 @@ class Args:
     effects: tuple[str, ...] = ()
     """Effects hidden in the robot, each EFFECT:WHERE[:param=number,...]."""
     tool: str | None = None
-    """A tool at the flange that the recording declares, such as none or meg50; the model file's where not given."""
+    """A tool at the flange that the recording declares, such as none or meg50; default: the model file's."""
     noise: tuple[str, ...] = ()
     """Sensor noise, such as q=2e-5 dq=1e-3 tau=0.2 ee=1e-4 ft=0.1 ft_torque=0.005 (1 sigma, SI)."""
     force_limit: float | None = None
-    """In a cell: greatest force that the controller asks for, N; the task's or the motion's where not given."""
+    """In a cell: greatest force that the controller commands, N; default: the task's or the motion's."""
     torque_sensor: Literal["joint", "motor", "none"] = "joint"
     """What `tau` measures: torque behind the gear, motor torque, nothing."""
     wrench_sensor: Literal["flange", "none"] = "flange"
-    """In a cell: whether the wrench at the flange is recorded; without it contact is told from `tau`."""
+    """In a cell: record the wrench at the flange, or none; contact is then estimated from `tau`."""
     repeat: int = 1
-    """Runs of the same motion; more than one become episodes of the recording."""
+    """Runs of the same motion, each an episode of the recording."""
     table: Literal["csv", "parquet"] = "csv"
     """Format of the samples."""
     cameras: tuple[str, ...] = ()
-    """In a cell: wrist_wide, wrist_crop, external, or camera files; a look has wrist_wide where none is given."""
+    """In a cell: wrist_wide, wrist_crop, external, or camera files; default for a look: wrist_wide."""
     size: str = "320x240"
     """Pictures: width and height of the cell's cameras, px."""
     fps: float = 3.0
-    """Pictures: frames a second of each camera."""
+    """Pictures: frame rate of each camera, Hz."""
     look: str | None = None
-    """Pictures: look of the cell, WORLD/SEED, such as S/3: what that world draws for that seed. Not given: plain."""
+    """Pictures: look of the cell, WORLD/SEED, such as S/3: drawn by that world for that seed; default: plain."""
     renderer: Literal["auto", "classic", "raycast", "filament"] = "auto"
     """Pictures: the renderer."""
     seed: int = 0
     """Seed of the motion and of the noise."""
     overwrite: bool = False
-    """Replace OUT if it is there."""
+    """Replace OUT if it exists."""
     output: OutputOptions = Output()
 
     def run(self) -> int:
