@@ -183,7 +183,7 @@ def test_doubts_are_said(tmp_path, capsys):
         | {f"tau.{j}": TAU[:, k] for k, j in enumerate(JOINTS)}
     )
     assert Args(write_table(tmp_path / "own.csv", own), "iiwa14", guess=True).run() == 0
-    assert "no name says what torque measures" in capsys.readouterr().out
+    assert "no name states where torque was measured" in capsys.readouterr().out
     fewer = {name: values for name, values in STYLES["universal robots"][0].items() if not name.endswith("_6")}
     assert Args(write_table(tmp_path / "six.csv", fewer), "iiwa14", guess=True).run() == 0
     assert "the robot has 7 joints, the file 6" in capsys.readouterr().out

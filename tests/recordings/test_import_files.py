@@ -174,7 +174,7 @@ UNITS = {  # factors on time, q, dq, tau as they are in the file; the units that
     "small degrees, by the speeds": (
         (1, 2 / 0.8, 1, None),
         {"dq": "deg/s"},
-        "measured speeds are .* times what the angles do",
+        "measured speeds are .* times the change of the angles",
     ),
     "milliseconds, by the speeds": ((1e3 / 50, 1, 1, None), {}, "measured speeds are"),
     "millinewton metres": ((1, 1, None, 1e3), {}, "torques are up to .*likely mNm"),

@@ -91,7 +91,7 @@ def _against_speeds(rec: Recording, speed: np.ndarray, inside: np.ndarray) -> Do
     ratio = slope(speed, rec.dq[1:][inside])
     if ratio is None or 0.5 < ratio < 2.0:
         return None
-    said = f"measured speeds are {ratio:.3g} times what the angles do in the time between"
+    said = f"measured speeds are {ratio:.3g} times the change of the angles"
     for factor, likely in (
         (1 / RADIANS, "deg/s for dq, or rad for q"),
         (RADIANS, "deg for q, or rad/s for dq"),
@@ -135,7 +135,7 @@ def _torque(rec: Recording, limits: Limits) -> Doubt | None:
         return None
     peak = np.nanquantile(np.abs(rec.tau), 0.99, axis=0) / np.where(limits.torque > 0, limits.torque, np.inf)
     if np.max(peak) > 20.0:
-        said = f"torques are up to {float(np.max(peak)):.3g} times what the joints can do"
+        said = f"torques are up to {float(np.max(peak)):.3g} times the joints' limits"
         return Doubt("tau", said, "mNm")
     return None
 

@@ -263,7 +263,7 @@ def _leftover(table: Table, meanings: list[Meaning], out: Proposal) -> None:
         elif m.quantity in OTHER:
             out.unused[m.name] = f"{OTHER[m.quantity][1]}{' used' if OTHER[m.quantity][1].endswith('not') else ''}"
         else:
-            out.unused[m.name] = "its name says nothing that a recording has"
+            out.unused[m.name] = "its name is of no known signal"
 
 
 def _sensor(names: list[str], out: Proposal) -> None:
@@ -275,7 +275,7 @@ def _sensor(names: list[str], out: Proposal) -> None:
         sensor, why = "motor", "as a load or effort mostly comes from a current; say joint for a sensor behind the gear"
     else:
         out.doubts.append(
-            "torque_sensor: no name says what torque measures; until you say joint or motor it is not used"
+            "torque_sensor: no name states where torque was measured; until you state joint or motor, torque is not used"
         )
         return
     out.recording["torque_sensor"] = sensor

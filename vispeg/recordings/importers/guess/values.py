@@ -101,10 +101,10 @@ def _torque(unit: str, values: np.ndarray, limits: Limits, doubts: list[str]) ->
     peak = np.nanmax(np.abs(values), axis=0)
     finite = np.isfinite(limits.torque)
     if finite.any() and np.all(peak[finite] < 5e-3 * limits.torque[finite]):
-        doubts.append("torques are under a hundredth of what the joints can do: is their unit N m?")
+        doubts.append("torques are under a hundredth of the joints' limits: is their unit N m?")
     if finite.any() and np.any(peak[finite] > 20 * limits.torque[finite]):
-        return "mNm", "as N m they were over twenty times what the joints can do"
-    return "N m", "no unit is said, and as N m they are what the joints can do"
+        return "mNm", "as N m they would be over twenty times the joints' limits"
+    return "N m", "no unit stated; in N m they are within the joints' limits"
 
 
 def time_unit(
@@ -133,7 +133,7 @@ def time_unit(
     if said in TIMES:
         if said in fits or not fits:
             return said, f"the name says {said}: {rate(said)}"
-        doubts.append(f"the time's name says {said}, which would be {rate(said)}; {fits[0]} is what the motion allows")
+        doubts.append(f"the time's name says {said}, which would be {rate(said)}; the motion allows {fits[0]}")
         return fits[0], f"{rate(fits[0])}, and speeds that the joints can do"
     if len(dates) == 1:
         return dates[0], f"dates since 1970 in {dates[0]}: {rate(dates[0])}"
@@ -175,4 +175,4 @@ def speed_unit(
     near = [unit for unit in speeds if 0.5 < ratio * FACTORS[unit] < 2.0]
     if not near or usual[0] in near:
         return usual
-    return near[0], f"in {near[0]} they are what the angles do in the time between"
+    return near[0], f"in {near[0]} they match the change of the angles"

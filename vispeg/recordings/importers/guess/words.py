@@ -41,31 +41,31 @@ def text(proposal: Proposal) -> str:
 
 
 def advice(proposal: Proposal) -> list[str]:
-    """What stating the controller and what torque measures would buy, in sentences."""
+    """What could be compared as proposed, and with a stated controller and torque sensor, in sentences."""
     signals, sensor = proposal.signals(), proposal.recording.get("torque_sensor", "none")
     torque = "tau" in signals and sensor != "none"
     if torque:
-        now = "as it is, motion and torque can be compared by inverse dynamics: friction, masses, torque offsets"
+        now = "as proposed, motion and torque can be compared by inverse dynamics: friction, masses, torque offsets"
     else:
         why = "torque_sensor is not stated" if "tau" in signals else "there is no measured torque"
-        now = f"as it is, nothing can be compared: the controller is unknown and {why}"
+        now = f"as proposed, nothing can be compared: the controller is unknown and {why}"
     out = [now]
-    gain = "the model is then driven as the robot was, and delays, gear play, elasticity and encoder errors show too"
+    gain = "the model is then driven as the robot was, which also shows delays, gear play, elasticity and encoder errors"
     if "q_cmd" in signals:
         n = len(proposal.joints)
         out.append(
-            f"with the controller, so much more: control: {{mode: position, rate_hz: .., gravity_compensation: model, "
+            f"state the controller for more: control: {{mode: position, rate_hz: .., gravity_compensation: model, "
             f"kp: [{n} numbers, N m/rad], kd: [{n} numbers, N m s/rad]}} under `recording:`; {gain}"
         )
     elif "tau_cmd" in signals:
         out.append(
-            "with the controller, so much more: control: {mode: torque, rate_hz: .., gravity_compensation: model or "
+            "state the controller for more: control: {mode: torque, rate_hz: .., gravity_compensation: model or "
             f"none}} under `recording:`; {gain}"
         )
     else:
-        out.append(f"commanded angles or torques in the log, and the controller's gains, would buy more: {gain}")
+        out.append(f"commanded angles or torques in the log, and the controller's gains, would allow more: {gain}")
     if "tau" not in signals:
-        out.append("measured torques would tell friction from load, and allow a comparison without the gains")
+        out.append("measured torques would separate friction from load, and allow a comparison without the gains")
     return out
 
 
