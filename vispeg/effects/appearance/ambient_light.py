@@ -13,7 +13,7 @@ from vispeg.effects.common.colour import tint_of_blackbody
 
 
 class AmbientLight(SceneLook):
-    """Brighter or dimmer surroundings."""
+    """Level and colour temperature of the ambient light."""
 
     name = "ambient_light"
     params = {

@@ -15,7 +15,7 @@ from vispeg.effects.common.appearance import SceneLook
 
 
 class Background(SceneLook):
-    """A wall that stands elsewhere."""
+    """Pose of the wall behind the cell."""
 
     name = "background"
     params = {

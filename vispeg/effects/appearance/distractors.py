@@ -24,13 +24,13 @@ G = mujoco.mjtGeom
 
 
 class Distractors(SceneLook):
-    """Things on the table that have nothing to do with the task."""
+    """Objects on the table that are not part of the task."""
 
     name = "distractors"
     params = {
-        "count": Param(0.0, 0.0, 5.0, "1", start=3.0, doc="how many are there, rounded"),
-        "size": Param(1.0, 0.4, 1.5, "1", start=1.0, shape=True, doc="scale of all of them"),
-        "seed": Param(0.0, 0.0, SEEDS, "1", start=1.0, shape=True, doc="of their kinds, sizes, colours and places"),
+        "count": Param(0.0, 0.0, 5.0, "1", start=3.0, doc="number of objects, rounded"),
+        "size": Param(1.0, 0.4, 1.5, "1", start=1.0, shape=True, doc="scale of all objects"),
+        "seed": Param(0.0, 0.0, SEEDS, "1", start=1.0, shape=True, doc="seed of kinds, sizes, colours and places"),
     }
     writes = frozenset(f"geom_{x}" for x in ("pos", "quat", "size", "rgba", "rbound", "aabb", "sameframe"))
 

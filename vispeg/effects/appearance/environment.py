@@ -16,7 +16,7 @@ from vispeg.effects.common.panorama import directions, log_mean, look_up, tone_m
 
 
 class Environment(SceneLook):
-    """Surroundings from an HDR image."""
+    """Surroundings and ambient colour from an HDR panorama."""
 
     name = "environment"
     order = 60
@@ -33,7 +33,7 @@ class Environment(SceneLook):
             doc="which panorama: share of the sorted list; above 1 of that for training",
         ),
         "turn": Param(0.0, -np.pi, np.pi, "rad", start=0.0, shape=True, doc="about the vertical"),
-        "exposure": Param(0.0, -3.0, 3.0, "1", start=0.0, shape=True, doc="stops brighter"),
+        "exposure": Param(0.0, -3.0, 3.0, "1", start=0.0, shape=True, doc="exposure of the panorama, stops"),
     }
     writes = frozenset({"tex_data", "vis.headlight.ambient"})
 

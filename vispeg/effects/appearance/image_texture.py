@@ -14,7 +14,7 @@ from vispeg.effects.common.images import PICTURES, picked, picture
 
 
 class ImageTexture(PartLook):
-    """An image on a part."""
+    """Image texture on a part."""
 
     name = "image_texture"
     order = 60

@@ -12,7 +12,7 @@ from vispeg.effects.common.appearance import SceneLook
 
 
 class LightCount(SceneLook):
-    """More or fewer lamps."""
+    """Number of lamps."""
 
     name = "light_count"
     params = {"extra": Param(0.0, -3.0, 3.0, "1", start=1.0, doc="lamps beyond the nominal number, rounded; one stays")}

@@ -12,7 +12,7 @@ from vispeg.effects.common.appearance import LightLook
 
 
 class LightDirection(LightLook):
-    """A lamp that was turned."""
+    """Direction of a lamp."""
 
     name = "light_direction"
     order = 50

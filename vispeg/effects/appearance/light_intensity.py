@@ -10,7 +10,7 @@ from vispeg.effects.common.appearance import LightLook
 
 
 class LightIntensity(LightLook):
-    """A brighter or dimmer lamp."""
+    """Brightness of a lamp."""
 
     name = "light_intensity"
     params = {"gain": Param(1.0, 0.05, 4.0, "1", start=1.5, scale="log", doc="brightness over nominal")}

@@ -12,7 +12,7 @@ from vispeg.effects.common.appearance import LightLook
 
 
 class LightPosition(LightLook):
-    """A lamp that was moved."""
+    """Position of a lamp that stays aimed at the same spot."""
 
     name = "light_position"
     order = 40

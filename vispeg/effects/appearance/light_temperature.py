@@ -13,7 +13,7 @@ from vispeg.effects.common.colour import tint_of_blackbody
 
 
 class LightTemperature(LightLook):
-    """Warm or cold light."""
+    """Colour temperature of a lamp."""
 
     name = "light_temperature"
     params = {"kelvin": Param(6500.0, 2000.0, 12000.0, "K", start=4000.0, doc="colour temperature")}

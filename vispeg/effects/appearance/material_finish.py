@@ -15,7 +15,7 @@ FIELDS = {"specular": "mat_specular", "shininess": "mat_shininess", "reflectance
 
 
 class MaterialFinish(PartLook):
-    """Matt or polished, metal or not."""
+    """Specularity, reflectance and metalness of a material."""
 
     name = "material_finish"
     params = {

@@ -12,7 +12,7 @@ from vispeg.effects.common.colour import rgb_of_hsv
 
 
 class PartColour(Effect):
-    """Another colour of a part."""
+    """Colour of a part."""
 
     name = "part_colour"
     family = "appearance"

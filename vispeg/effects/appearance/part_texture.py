@@ -16,7 +16,7 @@ from vispeg.effects.common.texture import CELLS, KINDS
 
 
 class PartTexture(PartLook):
-    """A pattern on a part."""
+    """Procedural texture of a part."""
 
     name = "part_texture"
     order = 50
@@ -27,7 +27,7 @@ class PartTexture(PartLook):
             0.03, 0.002, 0.5, "m", start=0.03, shape=True, scale="log", doc="size of a feature of the pattern"
         ),
         "tint": Param(0.0, 0.0, 1.0, "1", start=0.5, shape=True, doc="saturation of the second tone; 0 is grey"),
-        "seed": Param(0.0, 0.0, SEEDS, "1", start=1.0, shape=True, doc="of the pattern and its tone"),
+        "seed": Param(0.0, 0.0, SEEDS, "1", start=1.0, shape=True, doc="seed of pattern and tone"),
     }
     writes = frozenset({"tex_data", "mat_texrepeat"})
 

@@ -12,7 +12,7 @@ from vispeg.effects.common.appearance import SceneLook
 
 
 class Shadows(SceneLook):
-    """Lamps that cast shadows."""
+    """Number of lamps that cast shadows."""
 
     name = "shadows"
     params = {"lights": Param(0.0, 0.0, 4.0, "1", start=1.0, doc="lamps that cast shadows, rounded")}

@@ -14,13 +14,13 @@ from vispeg.effects.common.panorama import directions, look_up, procedural, tone
 
 
 class Sky(SceneLook):
-    """Made-up surroundings."""
+    """Procedural surroundings."""
 
     name = "sky"
     order = 40
     params = {
-        "amount": Param(0.0, 0.0, 1.0, "1", start=1.0, doc="of the made-up sky over the nominal one"),
-        "seed": Param(0.0, 0.0, SEEDS, "1", start=1.0, shape=True, doc="of its colours and lamps"),
+        "amount": Param(0.0, 0.0, 1.0, "1", start=1.0, doc="share of the procedural sky over the nominal one"),
+        "seed": Param(0.0, 0.0, SEEDS, "1", start=1.0, shape=True, doc="seed of colours and lamps"),
     }
     writes = frozenset({"tex_data"})
 

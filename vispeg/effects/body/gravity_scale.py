@@ -12,7 +12,7 @@ from vispeg.effects.common.parts import in_scene
 
 
 class GravityScale(Effect):
-    """More or less gravity."""
+    """Scale of gravity."""
 
     name = "gravity_scale"
     family = "body"

@@ -13,7 +13,7 @@ from vispeg.core.params import Param
 
 
 class GravityTilt(Effect):
-    """A base that is not level."""
+    """Tilt of the base against gravity."""
 
     name = "gravity_tilt"
     family = "body"

@@ -10,7 +10,7 @@ from vispeg.core.params import Param
 
 
 class LinkCom(Effect):
-    """An error of a link's centre of mass."""
+    """Error of a link's centre of mass."""
 
     name = "link_com"
     family = "body"

@@ -15,7 +15,7 @@ LEAST = 0.05  # of the nominal mass: a link cannot weigh nothing
 
 
 class LinkMass(Effect):
-    """An error of a link's mass."""
+    """Error of a link's mass."""
 
     name = "link_mass"
     family = "body"

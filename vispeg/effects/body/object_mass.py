@@ -11,7 +11,7 @@ from vispeg.effects.common.parts import held
 
 
 class ObjectMass(Effect):
-    """A heavier or lighter object."""
+    """Scale of the held part's mass and inertia."""
 
     name = "object_mass"
     family = "body"

@@ -13,7 +13,7 @@ from vispeg.effects.common.inertia import add_ball
 
 
 class Payload(Effect):
-    """A mass that the model does not know of."""
+    """Unmodelled mass at the flange."""
 
     name = "payload"
     family = "body"

@@ -13,7 +13,7 @@ from vispeg.effects.common.parts import in_scene
 
 
 class ToolCom(Effect):
-    """A gripper whose balance is off."""
+    """Error of the gripper's centre of mass."""
 
     name = "tool_com"
     family = "body"

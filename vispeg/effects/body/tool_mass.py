@@ -16,7 +16,7 @@ LEAST = 0.05  # of the declared mass that is left
 
 
 class ToolMass(Effect):
-    """A heavier or lighter gripper."""
+    """Error of the gripper's mass."""
 
     name = "tool_mass"
     family = "body"

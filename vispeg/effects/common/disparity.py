@@ -13,7 +13,7 @@ from vispeg.core.effect import Values
 from vispeg.core.params import Param
 from vispeg.effects.common.camera import column
 
-BASELINE = Param(0.05, 0.005, 0.3, "m", start=0.05, shape=True, doc="distance between the two eyes")
+BASELINE = Param(0.05, 0.005, 0.3, "m", start=0.05, shape=True, doc="stereo baseline")
 FOCAL = Param(425.0, 50.0, 3000.0, "px", start=425.0, shape=True, doc="focal length of the matcher's native image")
 PARAMS = {"baseline": BASELINE, "focal": FOCAL}
 

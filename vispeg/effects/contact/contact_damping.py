@@ -15,7 +15,7 @@ from vispeg.effects.common.parts import changed, touching
 
 
 class ContactDamping(Effect):
-    """A contact that takes more or less energy out."""
+    """Damping of a contact at constant stiffness."""
 
     name = "contact_damping"
     family = "contact"

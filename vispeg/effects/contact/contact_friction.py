@@ -13,7 +13,7 @@ from vispeg.effects.common.parts import changed, touching
 
 
 class ContactFriction(Effect):
-    """A surface more slippery or rougher than nominal."""
+    """Coefficient of sliding friction of a contact."""
 
     name = "contact_friction"
     family = "contact"

@@ -16,7 +16,7 @@ from vispeg.effects.common.parts import changed, touching
 
 
 class ContactStiffness(Effect):
-    """A harder or softer contact."""
+    """Stiffness of a contact at constant damping ratio."""
 
     name = "contact_stiffness"
     family = "contact"

@@ -16,14 +16,14 @@ MASS, INERTIA = 0.5, (1e-3, 1e-3, 1e-3)  # kg, kg m^2: what moves with it, besid
 
 
 class FixtureCompliance(Effect):
-    """A fixture that is not clamped hard."""
+    """Compliance of the fixture's mount."""
 
     name = "fixture_compliance"
     family = "contact"
     params = springs.compliances(
         {
-            **{axis: f"way per force along the base's {axis}" for axis in "xyz"},
-            **{turn: f"turn per torque about the base's {axis}" for turn, axis in (("roll", "x"), ("pitch", "y"))},
+            **{axis: f"deflection per force along the base's {axis}" for axis in "xyz"},
+            **{turn: f"rotation per torque about the base's {axis}" for turn, axis in (("roll", "x"), ("pitch", "y"))},
         }
     )
     writes = springs.WRITES

@@ -12,7 +12,7 @@ from vispeg.effects.common.parts import held
 
 
 class GripperSlip(Effect):
-    """A grip that slips sooner or later."""
+    """Force at which the held part slips in the gripper."""
 
     name = "gripper_slip"
     family = "contact"

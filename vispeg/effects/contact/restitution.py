@@ -36,12 +36,12 @@ def ratio(e: np.ndarray) -> np.ndarray:
 
 
 class Restitution(Effect):
-    """A contact that bounces."""
+    """Coefficient of restitution of a contact."""
 
     name = "restitution"
     family = "contact"
     order = 60
-    params = {"e": Param(0.0, 0.0, 0.98, "1", start=0.5, doc="least fraction of the speed that comes back")}
+    params = {"e": Param(0.0, 0.0, 0.98, "1", start=0.5, doc="coefficient of restitution, at least")}
     writes = frozenset({"geom_solref"})
     needs = "two speeds"
 

@@ -15,7 +15,7 @@ from vispeg.effects.common.parts import in_scene
 
 
 class SolverIterations(Effect):
-    """A solver stopped earlier or later."""
+    """Iteration limit of the contact solver."""
 
     name = "solver_iterations"
     family = "contact"

@@ -13,7 +13,7 @@ from vispeg.core.params import Param
 
 
 class ActuatorLag(Effect):
-    """The torque loop's bandwidth."""
+    """First-order lag of the torque loop (finite bandwidth)."""
 
     name = "actuator_lag"
     family = "drive"

@@ -11,12 +11,12 @@ from vispeg.core.params import Param
 
 
 class DeadBand(Effect):
-    """Errors that a servo does not answer."""
+    """Dead band of a servo: smaller errors have no effect."""
 
     name = "dead_band"
     family = "drive"
     smooth = False
-    params = {"width": Param(0.0, 0.0, 0.1, "rad", start=0.01, doc="whole width about the goal")}
+    params = {"width": Param(0.0, 0.0, 0.1, "rad", start=0.01, doc="total width about the goal")}
 
     def regulate(self, loop, p):
         loop.band = loop.band + 0.5 * p["width"]

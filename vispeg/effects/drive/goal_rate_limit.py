@@ -13,7 +13,7 @@ from vispeg.core.params import Param
 
 
 class GoalRateLimit(Effect):
-    """A goal that reaches the loop at a limited speed."""
+    """Rate limit of a servo's goal."""
 
     name = "goal_rate_limit"
     family = "drive"

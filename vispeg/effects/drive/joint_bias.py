@@ -11,7 +11,7 @@ from vispeg.core.params import Param
 
 
 class JointBias(Effect):
-    """A constant torque on top of the command."""
+    """Constant torque added to the command."""
 
     name = "joint_bias"
     family = "drive"

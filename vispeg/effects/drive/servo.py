@@ -16,7 +16,7 @@ from vispeg.effects.common.servo_loop import FAST
 
 
 class Servo(Effect):
-    """A position servo's own loop."""
+    """Closed loop of a position servo: second order, with a static gain."""
 
     name = "servo"
     family = "drive"

@@ -11,7 +11,7 @@ from vispeg.core.params import Param
 
 
 class TorqueGain(Effect):
-    """A wrong scale of the commanded torque."""
+    """Gain error of the commanded torque."""
 
     name = "torque_gain"
     family = "drive"

@@ -13,7 +13,7 @@ from vispeg.core.params import Param
 
 
 class TorqueLimit(Effect):
-    """Saturation of the drive's torque. Null is a limit no drive reaches."""
+    """Torque saturation of the drive. Null is a limit that no drive reaches."""
 
     name = "torque_limit"
     family = "drive"

@@ -14,7 +14,7 @@ from vispeg.core.params import Param
 
 
 class TorqueSpeedLimit(Effect):
-    """A voltage limit: less torque the faster the motor turns."""
+    """Supply voltage limit: available torque falls with speed."""
 
     name = "torque_speed_limit"
     family = "drive"
@@ -22,9 +22,7 @@ class TorqueSpeedLimit(Effect):
     smooth = False
     params = {
         "stall": Param(1000.0, 0.05, 1000.0, "N m", start=20.0, scale="log", doc="greatest torque at rest"),
-        "no_load": Param(
-            5.0, 0.3, 50.0, "rad/s", start=5.0, shape=True, scale="log", doc="speed at which no torque is left"
-        ),
+        "no_load": Param(5.0, 0.3, 50.0, "rad/s", start=5.0, shape=True, scale="log", doc="no-load speed"),
     }
 
     def drive(self, state, tau, x, p):

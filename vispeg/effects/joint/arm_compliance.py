@@ -17,14 +17,14 @@ RELAXATION = 5e-3  # s in which it gives way
 
 
 class ArmCompliance(Effect):
-    """An arm that bends where it presses."""
+    """Quasi-static compliance of the joints under load, behind the encoders."""
 
     name = "arm_compliance"
     family = "joint"
     order = 85
     searchable = False  # of an arm in free air: what it does there, the calibration knows
     shared = True
-    params = {"compliance": Param(0.0, 0.0, 1e-3, "rad/(N m)", start=5e-5, doc="way of each joint per torque")}
+    params = {"compliance": Param(0.0, 0.0, 1e-3, "rad/(N m)", start=5e-5, doc="deflection of each joint per torque")}
     stage = "compliance"
     sizes = {"compliance": (2e-5, 1e-4)}
     shown_by = ("press", "press-elbow", "hard-press")

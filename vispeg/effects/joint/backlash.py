@@ -17,7 +17,7 @@ TOOTH_RELAXATION = 2e-3  # s
 
 
 class Backlash(Effect):
-    """Free play in the gear."""
+    """Free play between motor and link."""
 
     name = "backlash"
     family = "joint"
@@ -26,7 +26,7 @@ class Backlash(Effect):
     step = 1e-3  # a rotor free in its play, under a stiff servo, runs away at 2 ms
     grows_from = {"rotor_inertia": {"motor_inertia": "inertia"}}
     params = {
-        "gap": Param(0.0, 0.0, 0.1, "rad", start=1e-3, doc="whole free play"),
+        "gap": Param(0.0, 0.0, 0.1, "rad", start=1e-3, doc="total free play"),
         "motor_inertia": Param(
             0.2, 0.005, 3.0, "kg m2", start=0.2, shape=True, scale="log", doc="rotor inertia at the link side"
         ),

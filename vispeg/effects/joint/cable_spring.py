@@ -13,7 +13,7 @@ from vispeg.core.params import Param
 
 
 class CableSpring(Effect):
-    """A linear spring across the joint."""
+    """Linear spring across the joint."""
 
     name = "cable_spring"
     family = "joint"

@@ -13,7 +13,7 @@ from vispeg.core.params import Param
 
 
 class Cogging(Effect):
-    """Torque ripple with the joint angle."""
+    """Periodic torque ripple over the joint angle."""
 
     name = "cogging"
     family = "joint"

@@ -11,7 +11,7 @@ from vispeg.core.params import Param
 
 
 class CoulombFriction(Effect):
-    """Constant torque against the direction of motion."""
+    """Constant friction torque against the direction of motion."""
 
     name = "coulomb_friction"
     family = "joint"

@@ -16,7 +16,7 @@ from vispeg.core.params import Param
 
 
 class Hysteresis(Effect):
-    """A spring in parallel with the joint that yields at a torque."""
+    """Elastoplastic element in parallel with the joint."""
 
     name = "hysteresis"
     family = "joint"

@@ -16,7 +16,7 @@ from vispeg.effects.common.gear import motor_step
 
 
 class JointElasticity(Effect):
-    """A gear that winds up under torque, out of the encoder's sight."""
+    """Elastic gear behind the encoder, with the rotor inertia at its motor side."""
 
     name = "joint_elasticity"
     family = "joint"

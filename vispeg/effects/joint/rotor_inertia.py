@@ -11,7 +11,7 @@ from vispeg.core.params import Param
 
 
 class RotorInertia(Effect):
-    """Inertia in the drive, felt by the motor and not by a joint torque sensor."""
+    """Rotor inertia, in the motor's torque but not in a joint torque sensor's."""
 
     name = "rotor_inertia"
     family = "joint"

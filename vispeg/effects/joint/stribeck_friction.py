@@ -19,9 +19,9 @@ class StribeckFriction(Effect):
     name = "stribeck_friction"
     family = "joint"
     params = {
-        "coulomb": Param(0.0, 0.0, 30.0, "N m", start=0.5, doc="friction torque at speed"),
-        "excess": Param(0.0, 0.0, 30.0, "N m", start=0.5, doc="what rest adds to it"),
-        "velocity": Param(0.05, 0.005, 0.5, "rad/s", start=0.05, shape=True, scale="log", doc="speed of the fall"),
+        "coulomb": Param(0.0, 0.0, 30.0, "N m", start=0.5, doc="friction torque at high speed"),
+        "excess": Param(0.0, 0.0, 30.0, "N m", start=0.5, doc="additional breakaway torque at rest"),
+        "velocity": Param(0.05, 0.005, 0.5, "rad/s", start=0.05, shape=True, scale="log", doc="Stribeck velocity"),
     }
 
     telling = ("excess",)

@@ -15,7 +15,7 @@ from vispeg.effects.common.row_noise import keys, normal
 
 
 class TorqueNoise(Effect):
-    """A torque that nobody commands and no other effect explains."""
+    """Random torque: a disturbance that no other effect explains."""
 
     name = "torque_noise"
     family = "joint"
@@ -23,8 +23,8 @@ class TorqueNoise(Effect):
     smooth = False
     params = {
         "rms": Param(0.0, 0.0, 30.0, "N m", start=0.5, doc="root mean square of the torque"),
-        "time": Param(0.1, 1e-3, 10.0, "s", start=0.1, shape=True, scale="log", doc="over which it is alike"),
-        "seed": Param(0.0, 0.0, 2.0**31 - 1, "1", start=0.0, shape=True, doc="of the stream"),
+        "time": Param(0.1, 1e-3, 10.0, "s", start=0.1, shape=True, scale="log", doc="correlation time"),
+        "seed": Param(0.0, 0.0, 2.0**31 - 1, "1", start=0.0, shape=True, doc="random seed"),
     }
 
     def targets(self, model):

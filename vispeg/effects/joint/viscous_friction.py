@@ -11,7 +11,7 @@ from vispeg.core.params import Param
 
 
 class ViscousFriction(Effect):
-    """Torque against, and proportional to, joint velocity."""
+    """Friction torque proportional to velocity."""
 
     name = "viscous_friction"
     family = "joint"

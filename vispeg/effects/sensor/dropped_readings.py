@@ -16,7 +16,7 @@ from vispeg.effects.common.row_noise import keys, uniform
 
 
 class DroppedReadings(Effect):
-    """Readings that are missing now and then."""
+    """Lost joint readings; the last one is repeated."""
 
     name = "dropped_readings"
     family = "sensor"
@@ -25,7 +25,7 @@ class DroppedReadings(Effect):
     smooth = False
     params = {
         "chance": Param(0.0, 0.0, 0.5, "1", start=0.01, doc="probability that a reading is lost"),
-        "seed": Param(0.0, 0.0, 2.0**31 - 1, "1", start=0.0, shape=True, doc="of the stream"),
+        "seed": Param(0.0, 0.0, 2.0**31 - 1, "1", start=0.0, shape=True, doc="random seed"),
     }
 
     def targets(self, model):

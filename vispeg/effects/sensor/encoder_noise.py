@@ -16,7 +16,7 @@ from vispeg.effects.common.row_noise import keys, normal
 
 
 class EncoderNoise(Effect):
-    """Noisy readings."""
+    """White noise of measured angle and velocity."""
 
     name = "encoder_noise"
     family = "sensor"
@@ -26,7 +26,7 @@ class EncoderNoise(Effect):
     params = {
         "sd": Param(0.0, 0.0, 0.02, "rad", start=1e-3, doc="standard deviation of an angle"),
         "velocity": Param(0.0, 0.0, 0.5, "rad/s", start=0.01, doc="standard deviation of a velocity"),
-        "seed": Param(0.0, 0.0, 2.0**31 - 1, "1", start=0.0, shape=True, doc="of the stream"),
+        "seed": Param(0.0, 0.0, 2.0**31 - 1, "1", start=0.0, shape=True, doc="random seed"),
     }
 
     def targets(self, model):

@@ -12,7 +12,7 @@ from vispeg.core.params import Param
 
 
 class EncoderOffset(Effect):
-    """A constant error of the measured angle."""
+    """Constant error of the measured angle."""
 
     name = "encoder_offset"
     family = "sensor"

@@ -14,7 +14,7 @@ from vispeg.core.params import Param
 
 
 class EncoderQuantization(Effect):
-    """A coarse encoder."""
+    """Quantization of the measured angle."""
 
     name = "encoder_quantization"
     family = "sensor"

@@ -12,7 +12,7 @@ from vispeg.effects.common.delay import DelayLine
 
 
 class SensorDelay(Effect):
-    """Stale readings."""
+    """Delay of joint readings."""
 
     name = "sensor_delay"
     family = "sensor"

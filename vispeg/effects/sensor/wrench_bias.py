@@ -13,7 +13,7 @@ from vispeg.effects.common.wrist import FORCE, TORQUE, WristEffect, axes
 
 
 class WrenchBias(WristEffect):
-    """A force sensor with a wrong zero."""
+    """Zero error of the wrist's wrench sensor."""
 
     name = "wrench_bias"
     order = 40

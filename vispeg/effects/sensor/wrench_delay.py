@@ -15,7 +15,7 @@ from vispeg.effects.common.wrist import WristEffect
 
 
 class WrenchDelay(WristEffect):
-    """Stale forces."""
+    """Delay of wrench readings."""
 
     name = "wrench_delay"
     order = 20

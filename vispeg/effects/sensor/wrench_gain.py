@@ -12,7 +12,7 @@ from vispeg.effects.common.wrist import WristEffect
 
 
 class WrenchGain(WristEffect):
-    """A force sensor with a wrong scale."""
+    """Scale error of the wrist's wrench sensor."""
 
     name = "wrench_gain"
     order = 30

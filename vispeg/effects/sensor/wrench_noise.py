@@ -15,7 +15,7 @@ from vispeg.effects.common.wrist import WristEffect, six
 
 
 class WrenchNoise(WristEffect):
-    """Noisy forces."""
+    """White noise of wrench readings."""
 
     name = "wrench_noise"
     order = 92
@@ -23,7 +23,7 @@ class WrenchNoise(WristEffect):
     params = {
         "force": Param(0.0, 0.0, 10.0, "N", start=0.2, doc="standard deviation of each force"),
         "torque": Param(0.0, 0.0, 1.0, "N m", start=0.01, doc="standard deviation of each torque"),
-        "seed": Param(0.0, 0.0, 2.0**31 - 1, "1", start=0.0, shape=True, doc="of the stream"),
+        "seed": Param(0.0, 0.0, 2.0**31 - 1, "1", start=0.0, shape=True, doc="random seed"),
     }
 
     def start(self, x, p):

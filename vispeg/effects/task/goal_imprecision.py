@@ -13,7 +13,7 @@ from vispeg.core.params import Param
 
 
 class GoalImprecision(Effect):
-    """A belief of the hole's place that is off."""
+    """Error of the believed hole position."""
 
     name = "goal_imprecision"
     family = "task"

@@ -16,7 +16,7 @@ from vispeg.effects.task.hole_tilt import turned
 
 
 class GripPose(Effect):
-    """A peg that was not gripped straight."""
+    """Pose error of the peg in the gripper."""
 
     name = "grip_pose"
     family = "task"

@@ -15,7 +15,7 @@ from vispeg.effects.common.parts import named
 
 
 class HoleClearance(Effect):
-    """A wider or tighter hole."""
+    """Change of the hole's diameter."""
 
     name = "hole_clearance"
     family = "task"

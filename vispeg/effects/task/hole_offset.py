@@ -14,7 +14,7 @@ from vispeg.effects.common.parts import fixture
 
 
 class HoleOffset(Effect):
-    """A fixture that stands elsewhere."""
+    """Position error of the fixture."""
 
     name = "hole_offset"
     family = "task"

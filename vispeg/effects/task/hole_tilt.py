@@ -23,7 +23,7 @@ def turned(quat: np.ndarray, angles: np.ndarray) -> np.ndarray:
 
 
 class HoleTilt(Effect):
-    """A fixture that does not stand upright, or is turned."""
+    """Orientation error of the fixture."""
 
     name = "hole_tilt"
     family = "task"

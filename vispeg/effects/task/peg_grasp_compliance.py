@@ -16,14 +16,16 @@ GRIP = 0.125  # m above the flange: the middle of the fingers' overlap with the 
 
 
 class PegGraspCompliance(Effect):
-    """Soft fingertips."""
+    """Compliance of the peg between the fingers."""
 
     name = "peg_grasp_compliance"
     family = "task"
     params = springs.compliances(
         {
-            **{axis: f"way per force along the flange's {axis}" for axis in "xy"},
-            **{turn: f"turn per torque about the flange's {axis}" for turn, axis in (("roll", "x"), ("pitch", "y"))},
+            **{axis: f"deflection per force along the flange's {axis}" for axis in "xy"},
+            **{
+                turn: f"rotation per torque about the flange's {axis}" for turn, axis in (("roll", "x"), ("pitch", "y"))
+            },
         }
     )
     writes = springs.WRITES

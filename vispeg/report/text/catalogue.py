@@ -15,11 +15,11 @@ GROUPS = get_args(Family)
 GROUP_WORDS = {
     "joint": "friction, springs and play in a joint",
     "drive": "between a command and the torque at the joint",
-    "sensor": "what encoders and the wrist's force sensor make of the truth",
-    "body": "masses, and how the base stands",
-    "contact": "what touches, and how",
-    "task": "what is held, its grip and the goal: where they are, where they are believed to be",
-    "camera": "what a lens, a sensor and a codec make of a picture",
+    "sensor": "encoders and the wrist's wrench sensor",
+    "body": "masses, gravity, orientation of the base",
+    "contact": "friction, stiffness, damping and compliance in contact",
+    "task": "held part, grip and goal: true and believed poses",
+    "camera": "lens, image sensor, depth, timing and codec",
     "appearance": "colours, textures, lamps and surroundings",
 }
 

@@ -12,7 +12,7 @@ from vispeg.effects.common.camera import CameraEffect
 
 
 class Brightness(CameraEffect):
-    """A picture brighter or darker than rendered."""
+    """Relative change of all encoded colour values."""
 
     name = "brightness"
     order = 62

@@ -12,7 +12,7 @@ from vispeg.effects.common.light import LightEffect
 
 
 class Exposure(LightEffect):
-    """More or less light on the sensor than the renderer had."""
+    """Exposure: scale of the light on the sensor."""
 
     name = "exposure"
     channel = "light"

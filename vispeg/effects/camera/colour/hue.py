@@ -10,12 +10,12 @@ from vispeg.effects.common.camera import CameraEffect
 
 
 class Hue(CameraEffect):
-    """Colours turned round the colour circle."""
+    """Rotation of the hue."""
 
     name = "hue"
     order = 66
     photometric = True
-    params = {"turn": Param(0.0, -0.5, 0.5, "turns", start=0.1, doc="red to green is a third of a turn")}
+    params = {"turn": Param(0.0, -0.5, 0.5, "turns", start=0.1, doc="rotation; red to green is a third of a turn")}
 
     def image(self, state, frame, p, rng):
         import cv2

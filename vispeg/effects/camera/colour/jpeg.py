@@ -12,7 +12,7 @@ from vispeg.effects.common.camera import CameraEffect
 
 
 class Jpeg(CameraEffect):
-    """Blocks and ringing of a compressed picture."""
+    """JPEG compression artefacts."""
 
     name = "jpeg"
     order = 70

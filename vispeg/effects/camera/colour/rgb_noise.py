@@ -15,7 +15,7 @@ from vispeg.effects.common.light import LightEffect
 
 
 class RgbNoise(LightEffect):
-    """Photon and read-out noise, new in every frame."""
+    """Shot and read-out noise, new in every frame."""
 
     name = "rgb_noise"
     channel = "light"

@@ -14,7 +14,7 @@ from vispeg.effects.common.light import LUMA
 
 
 class Saturation(CameraEffect):
-    """Colours paler or stronger than rendered."""
+    """Change of the colour saturation."""
 
     name = "saturation"
     order = 64

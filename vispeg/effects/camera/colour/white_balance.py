@@ -12,7 +12,7 @@ from vispeg.effects.common.light import LightEffect
 
 
 class WhiteBalance(LightEffect):
-    """A white that is warmer or colder than white."""
+    """White balance: gains of red and blue."""
 
     name = "white_balance"
     channel = "light"

@@ -14,19 +14,21 @@ from vispeg.effects.common.camera import CameraEffect, seed_param
 
 
 class BlockMatching(CameraEffect):
-    """Depth from two rendered eyes and a matcher."""
+    """Depth from stereo matching of two rendered images."""
 
     name = "block_matching"
     smooth = False
     params = {
         "on": Param(0.0, 0.0, 1.0, "1", start=1.0, doc="1: depth is matched, not rendered"),
-        "baseline": Param(0.05, 0.005, 0.3, "m", start=0.05, shape=True, doc="to the second eye, on the right"),
+        "baseline": Param(
+            0.05, 0.005, 0.3, "m", start=0.05, shape=True, doc="distance to the second camera, on the right"
+        ),
         "focal": Param(
-            210.0, 50.0, 1000.0, "px", start=210.0, shape=True, doc="focal length at which is matched, at least"
+            210.0, 50.0, 1000.0, "px", start=210.0, shape=True, doc="least focal length of the matched images"
         ),
         "nearest": Param(0.1, 0.04, 0.5, "m", start=0.1, shape=True, doc="depth of the largest disparity searched"),
         "window": Param(5.0, 1.0, 15.0, "px", start=5.0, shape=True, doc="side of the matched blocks"),
         "pattern": Param(0.6, 0.0, 1.0, "1", start=0.6, shape=True, doc="contrast of the projected dots"),
-        "noise": Param(0.01, 0.0, 0.1, "1", start=0.01, shape=True, doc="sd of the eyes' read-out noise"),
+        "noise": Param(0.01, 0.0, 0.1, "1", start=0.01, shape=True, doc="sd of the images' read-out noise"),
         "seed": seed_param("picks the dot pattern"),
     }

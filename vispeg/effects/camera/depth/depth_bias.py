@@ -17,7 +17,7 @@ from vispeg.effects.common.rays import rays
 
 
 class DepthBias(CameraEffect):
-    """Depth wrong in the same way in every frame."""
+    """Systematic depth error, the same in every frame."""
 
     name = "depth_bias"
     channel = "depth"

@@ -18,7 +18,7 @@ from vispeg.effects.common.field import correlated
 
 
 class DepthDropout(CameraEffect):
-    """Readings that are missing anywhere, elsewhere in each frame."""
+    """Missing depth readings at random pixels, new in every frame."""
 
     name = "depth_dropout"
     channel = "depth"

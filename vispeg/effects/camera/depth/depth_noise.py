@@ -17,7 +17,7 @@ from vispeg.effects.common.field import normal
 
 
 class DepthNoise(CameraEffect):
-    """Distances that scatter, more so far away."""
+    """Depth noise that grows with the squared distance."""
 
     name = "depth_noise"
     channel = "depth"

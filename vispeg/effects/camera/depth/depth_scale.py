@@ -13,12 +13,12 @@ from vispeg.effects.common.camera import CameraEffect, column
 
 
 class DepthScale(CameraEffect):
-    """Everything a little nearer or farther, in proportion."""
+    """Scale error of all depths."""
 
     name = "depth_scale"
     channel = "depth"
     order = 33
-    params = {"factor": Param(1.0, 0.8, 1.25, "1", start=1.02, scale="log", doc="on every distance")}
+    params = {"factor": Param(1.0, 0.8, 1.25, "1", start=1.02, scale="log", doc="factor on every depth")}
 
     def image(self, state, frame, p, rng):
         rows = self.rows(p)

@@ -14,14 +14,14 @@ from vispeg.effects.common.field import persistent
 
 
 class DepthTemporal(CameraEffect):
-    """Waves in the depth that change slowly from frame to frame."""
+    """Disparity noise correlated over frames."""
 
     name = "depth_temporal"
     order = 28
     params = {
         "sd": Param(0.0, 0.0, 2.0, "px", start=0.08, doc="standard deviation of the disparity, at the native size"),
-        "rho": Param(0.7, 0.0, 0.99, "1", start=0.7, shape=True, doc="share that a frame keeps of the one before"),
-        "length": Param(2.0, 0.0, 6.0, "px", start=2.0, shape=True, doc="of the low-pass, in px of the image"),
+        "rho": Param(0.7, 0.0, 0.99, "1", start=0.7, shape=True, doc="correlation with the previous frame"),
+        "length": Param(2.0, 0.0, 6.0, "px", start=2.0, shape=True, doc="low-pass length in the image"),
         **PARAMS,
     }
 

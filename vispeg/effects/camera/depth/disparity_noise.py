@@ -16,13 +16,13 @@ from vispeg.effects.common.field import correlated
 
 
 class DisparityNoise(CameraEffect):
-    """Depth that scatters with the square of the distance, new in every frame."""
+    """Disparity noise, new in every frame: depth noise grows with the squared distance."""
 
     name = "disparity_noise"
     order = 26
     params = {
         "sd": Param(0.0, 0.0, 2.0, "px", start=0.1, doc="standard deviation of the disparity, at the native size"),
-        "length": Param(1.0, 0.0, 6.0, "px", start=1.0, shape=True, doc="of the low-pass, in px of the image"),
+        "length": Param(1.0, 0.0, 6.0, "px", start=1.0, shape=True, doc="low-pass length in the image"),
         **PARAMS,
     }
 

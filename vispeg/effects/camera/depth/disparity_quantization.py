@@ -14,7 +14,7 @@ from vispeg.effects.common.disparity import PARAMS, disparity, gauge
 
 
 class DisparityQuantization(CameraEffect):
-    """Depth in steps."""
+    """Quantized disparity: depth in steps."""
 
     name = "disparity_quantization"
     order = 32

@@ -21,15 +21,15 @@ SLOPES = np.float32(2.0)  # an edge rises so many times as far to its near side 
 
 
 class EdgeFattening(CameraEffect):
-    """Near things grow over what is behind them."""
+    """Edges of near surfaces shifted over the background by a stereo matcher's window."""
 
     name = "edge_fattening"
     channel = "depth"
     order = 18
     params = {
         "window": Param(0.0, 0.0, 31.0, "px", start=7.0, doc="side of the matcher's window, at its native size"),
-        "reject": Param(0.3, 0.0, 1.0, "1", start=0.3, shape=True, doc="share of straddling pixels that are lost"),
-        "contrast": Param(2.0, 0.2, 50.0, "px", start=2.0, shape=True, doc="step in disparity that makes an edge"),
+        "reject": Param(0.3, 0.0, 1.0, "1", start=0.3, shape=True, doc="share of edge pixels without a reading"),
+        "contrast": Param(2.0, 0.2, 50.0, "px", start=2.0, shape=True, doc="disparity step that counts as an edge"),
         **PARAMS,
     }
 

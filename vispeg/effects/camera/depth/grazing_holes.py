@@ -23,7 +23,7 @@ DARK, BRIGHT = 0.05, 0.9  # linear luminance below and above which a matcher fin
 
 
 class GrazingHoles(CameraEffect):
-    """Readings that are missing where a surface turns away, or reflects too little or too much."""
+    """Missing depth at grazing incidence, on dark surfaces and in highlights."""
 
     name = "grazing_holes"
     order = 14
@@ -31,10 +31,10 @@ class GrazingHoles(CameraEffect):
         "grazing": Param(0.0, 0.0, 1.0, "1", start=0.8, doc="chance of no reading on a surface seen edge-on"),
         "dark": Param(0.0, 0.0, 1.0, "1", start=0.5, doc="chance on a black surface"),
         "shine": Param(0.0, 0.0, 1.0, "1", start=0.3, doc="chance in a highlight"),
-        "blobs": Param(0.0, 0.0, 0.3, "1", start=0.02, doc="chance anywhere"),
-        "angle": Param(1.3, 0.6, 1.5, "rad", start=1.3, shape=True, doc="incidence at which `grazing` is half felt"),
+        "blobs": Param(0.0, 0.0, 0.3, "1", start=0.02, doc="chance at any pixel"),
+        "angle": Param(1.3, 0.6, 1.5, "rad", start=1.3, shape=True, doc="incidence at half of `grazing`"),
         "size": Param(1.5, 0.0, 8.0, "px", start=1.5, shape=True, doc="length of the field's low-pass"),
-        "rho": Param(0.9, 0.0, 0.99, "1", start=0.9, shape=True, doc="share of the field kept from frame to frame"),
+        "rho": Param(0.9, 0.0, 0.99, "1", start=0.9, shape=True, doc="correlation with the previous frame"),
     }
 
     def image(self, state, frame, p, rng):

@@ -17,7 +17,7 @@ from vispeg.effects.common.field import normal
 
 
 class LateralJitter(CameraEffect):
-    """Ragged edges: a reading from a neighbouring pixel."""
+    """Depth readings from neighbouring pixels: ragged edges."""
 
     name = "lateral_jitter"
     order = 22

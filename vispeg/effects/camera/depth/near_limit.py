@@ -14,7 +14,7 @@ from vispeg.effects.common.disparity import truth
 
 
 class NearLimit(CameraEffect):
-    """No reading of what is too near."""
+    """Least distance that a depth camera measures."""
 
     name = "near_limit"
     order = 12

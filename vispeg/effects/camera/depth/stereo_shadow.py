@@ -20,16 +20,16 @@ SLACK = 0.05  # px; a surface seen nearly edge-on is not hidden by rounding
 
 
 class StereoShadow(CameraEffect):
-    """No depth beside near things, where only one eye sees."""
+    """Missing depth where only one of two stereo cameras sees."""
 
     name = "stereo_shadow"
     order = 10
     params = {
         "baseline": Param(
-            0.0, -0.3, 0.3, "m", start=0.05, doc="from the depth image's eye to the other, right positive"
+            0.0, -0.3, 0.3, "m", start=0.05, doc="from the depth image's camera to the other, right positive"
         ),
         "band": Param(
-            0.0, 0.0, 1.0, "1", start=0.0, shape=True, doc="1: the image's edge, which one eye alone sees, is lost"
+            0.0, 0.0, 1.0, "1", start=0.0, shape=True, doc="1: no depth at the edge that one camera alone sees"
         ),
     }
 

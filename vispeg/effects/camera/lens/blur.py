@@ -11,7 +11,7 @@ from vispeg.effects.common.light import LightEffect
 
 
 class Blur(LightEffect):
-    """A picture out of focus."""
+    """Defocus: Gaussian blur of the image."""
 
     name = "blur"
     channel = "light"

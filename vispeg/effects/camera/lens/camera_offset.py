@@ -17,7 +17,7 @@ AXES = np.array([1.0, -1.0, -1.0])  # OpenCV's axes in MuJoCo's
 
 
 class CameraOffset(CameraEffect):
-    """A camera that is not quite where it was calibrated."""
+    """Error of the camera's extrinsic calibration."""
 
     name = "camera_offset"
     channel = "border"

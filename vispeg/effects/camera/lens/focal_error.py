@@ -12,7 +12,7 @@ from vispeg.effects.common.camera import CameraEffect
 
 
 class FocalError(CameraEffect):
-    """An image a little larger or smaller than K says."""
+    """Error of the calibrated focal length."""
 
     name = "focal_error"
     channel = "border"

@@ -19,7 +19,7 @@ FAR = 10.0  # times the ray, which no image reaches
 
 
 class LensDistortion(CameraEffect):
-    """A lens that is not as straight as K says."""
+    """Lens distortion that the calibration lacks."""
 
     name = "lens_distortion"
     channel = "border"

@@ -16,7 +16,7 @@ from vispeg.effects.common.camera import CameraEffect, seed_param
 
 
 class Occlusion(CameraEffect):
-    """Rectangles that hide part of the image."""
+    """Rectangles that occlude the image."""
 
     name = "occlusion"
     order = 45

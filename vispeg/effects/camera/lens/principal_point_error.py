@@ -12,7 +12,7 @@ from vispeg.effects.common.camera import CameraEffect
 
 
 class PrincipalPointError(CameraEffect):
-    """An image a little beside where K says."""
+    """Error of the calibrated principal point."""
 
     name = "principal_point_error"
     channel = "border"

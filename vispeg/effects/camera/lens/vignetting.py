@@ -14,7 +14,7 @@ from vispeg.effects.common.rays import rays
 
 
 class Vignetting(LightEffect):
-    """Corners darker than the centre."""
+    """Vignetting: darker corners."""
 
     name = "vignetting"
     channel = "light"

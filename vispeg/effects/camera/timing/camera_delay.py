@@ -19,15 +19,13 @@ from vispeg.effects.common.field import begins
 
 
 class CameraDelay(CameraEffect):
-    """A camera whose frames come late."""
+    """Delay of the camera's frames relative to the joint log."""
 
     name = "camera_delay"
     channel = "border"
     order = 85
     params = {
-        "delay": Param(
-            0.0, -0.1, 0.5, "s", start=0.06, doc="from what happens to its image's arrival; below 0 the joint log lags"
-        )
+        "delay": Param(0.0, -0.1, 0.5, "s", start=0.06, doc="from exposure to arrival; below 0 the joint log lags")
     }
 
     def image(self, state, frame, p, rng):

@@ -11,11 +11,11 @@ from vispeg.effects.common.field import begins
 
 
 class DroppedFrames(CameraEffect):
-    """A camera that loses frames."""
+    """Lost camera frames."""
 
     name = "dropped_frames"
     order = 80
-    params = {"chance": Param(0.0, 0.0, 0.5, "1", start=0.02, doc="of losing a frame")}
+    params = {"chance": Param(0.0, 0.0, 0.5, "1", start=0.02, doc="probability that a frame is lost")}
 
     def image(self, state, frame, p, rng):
         opening = begins(state, frame)

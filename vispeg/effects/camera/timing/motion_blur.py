@@ -20,15 +20,17 @@ LONGEST = 31.0  # px; a longer line is a smear in which nothing can be seen anyh
 
 
 class MotionBlur(LightEffect):
-    """A picture smeared by motion while the shutter was open."""
+    """Motion blur over the exposure time."""
 
     name = "motion_blur"
     channel = "light"
     order = 54
     params = {
-        "length": Param(0.0, 0.0, 15.0, "px", start=2.0, doc="of the smear in the direction of `angle`"),
-        "exposure": Param(0.0, 0.0, 0.1, "s", start=0.01, doc="time in which the camera's own motion smears"),
-        "angle": Param(0.0, -np.pi, np.pi, "rad", start=0.0, shape=True, doc="of the drawn smear, from right to down"),
+        "length": Param(0.0, 0.0, 15.0, "px", start=2.0, doc="of the blur along `angle`"),
+        "exposure": Param(0.0, 0.0, 0.1, "s", start=0.01, doc="exposure time, for the camera's own motion"),
+        "angle": Param(
+            0.0, -np.pi, np.pi, "rad", start=0.0, shape=True, doc="direction of `length`, from right to down"
+        ),
     }
 
     def light(self, frame, p, rng):

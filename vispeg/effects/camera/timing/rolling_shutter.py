@@ -18,7 +18,7 @@ from vispeg.effects.common.rays import rays
 
 
 class RollingShutter(CameraEffect):
-    """A picture that leans while the camera moves."""
+    """Rolling shutter: image rows exposed one after the other."""
 
     name = "rolling_shutter"
     channel = "border"

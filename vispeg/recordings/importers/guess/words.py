@@ -50,7 +50,9 @@ def advice(proposal: Proposal) -> list[str]:
         why = "torque_sensor is not stated" if "tau" in signals else "there is no measured torque"
         now = f"as proposed, nothing can be compared: the controller is unknown and {why}"
     out = [now]
-    gain = "the model is then driven as the robot was, which also shows delays, gear play, elasticity and encoder errors"
+    gain = (
+        "the model is then driven as the robot was, which also shows delays, gear play, elasticity and encoder errors"
+    )
     if "q_cmd" in signals:
         n = len(proposal.joints)
         out.append(
