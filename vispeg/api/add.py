@@ -73,10 +73,10 @@ def add(
         out: model file to write, .yaml.
         where: a joint, a link, `flange`, `base`, or `all`; a measurement has its own place.
         settings: values, `NAME=NUMBER`.
-        overwrite: whether `out` may be replaced; what is no model is not.
+        overwrite: replace `out`; what is no model is not.
 
     Raises:
-        UserError: no such model, effect, place or parameter; a measurement of another robot; `out` is there.
+        UserError: no such model, effect, place or parameter; a measurement of another robot; `out` exists.
     """
     path = Path(out)
     if path.suffix.lower() not in (".yaml", ".yml"):

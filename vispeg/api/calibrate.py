@@ -79,7 +79,7 @@ def calibrate(
     distortion: Distortion = "brown4",
     name: str = "camera",
 ) -> CalibrationResult:
-    """Calibrates a camera; with `poses` also where it sits: on the flange, or on the base with the board on the flange.
+    """Calibrates a camera; with `poses` also its pose on the flange, or on the base with the board on the flange.
 
     Args:
         images: folder of images of one size.
@@ -95,7 +95,7 @@ def calibrate(
         name: the camera's name in camera.yaml.
 
     Raises:
-        UserError: images without the board, too few views, motion that does not tell where the camera sits.
+        UserError: images without the board, too few views, motion that does not determine the camera's pose.
     """
     if intrinsics is not None and poses is None:
         raise UserError("nothing is left to find", expected="--poses, or no --intrinsics")

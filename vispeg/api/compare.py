@@ -75,19 +75,17 @@ def compare(
     threads: int = 2,
     reading: Reading = silent,
 ) -> ComparisonResult:
-    """Drives the model as the robot was driven and says how far it is off, at which joint, and when.
+    """Compares a model, driven by the recorded commands, with recordings: size, joint and time of its error.
 
-    Where the model is of a cell and a recording has frames, each is predicted at the measured angles: how
-    far borders, depth and colour are off is `record["pictures"]`.
-
-    A model of a cell is compared by the wrench at the wrist: axis by axis, and phase by phase of contact.
+    A model of a cell is also compared by the wrench at the wrist, by axis and phase of contact, and by pictures, which
+    are predicted at the measured angles: `record["pictures"]` holds the errors of borders, depth and colour.
 
     Args:
         model: a world, a model file, a robot's name, or a path to an MJCF or URDF.
         recordings: folders, or recordings in memory, of one robot.
-        seconds: of a longer recording, the windows that show the most, this long in all; 0 uses all of it.
+        seconds: of longer recordings, length of the most informative windows, s in all; 0 uses everything.
         threads: of the simulation.
-        reading: shows how far a recording is read.
+        reading: progress display of reading a recording.
 
     Raises:
         UserError: a model or a recording that cannot be read, or that cannot be compared with each other.

@@ -141,30 +141,30 @@ def render_dataset(
     begun: Begun = lambda frames, resumed: None,
     watch: Callable[[int], None] = lambda frames: None,
 ) -> RenderedDataset:
-    """An expert plays, and its moments are drawn in several looks through the cameras; see docs/datasets.md.
+    """Renders a dataset: the expert plays, and the cameras draw each moment in several looks; see docs/datasets.md.
 
-    A rendering that was stopped goes on when it is called again, and ends with the same bytes.
+    A stopped rendering goes on when it is called again, and ends with the same bytes.
 
     Args:
         out: folder of the dataset, new or empty.
         world: a built-in world's name or a world file.
-        frames: in all: one moment in one look, seen by every camera.
+        frames: in all; a frame is one moment in one look, by every camera.
         looks: of every episode; its physics runs once.
-        cameras: to look through; the world's where not given.
+        cameras: names; by default the world's.
         size: pixels of a picture's shorter side; 0 for the cameras' own.
-        seed: of everything.
-        noise: standard deviation of what disturbs the expert's actions, as a share of the greatest action.
-        labels: whether the pictures of parts are drawn; poses are always kept.
-        workers: processes of one thread each; 0 for none but this one.
+        seed: of everything random.
+        noise: standard deviation on the expert's actions, as a share of the greatest action.
+        labels: draw segmentation images; poses are always written.
+        workers: processes of one thread each; 0 for this process alone.
         engine: where workers run: on this machine, or on the Ray cluster at RAY_ADDRESS.
         format: of the folder: LeRobotDataset v3.0, BOP, or plain PNG and CSV files.
-        backend: renderer, where the world names none.
-        overwrite: replace `out`, if it is there, once the new dataset is complete.
-        begun: is told once how many frames there will be, and how many are there.
-        watch: is told frames as they are drawn.
+        backend: renderer, if the world names none.
+        overwrite: replace an existing `out` once the new dataset is complete.
+        begun: called once with the number of frames, and of those that exist.
+        watch: called with frames as they are drawn.
 
     Raises:
-        UserError: an unknown world or camera, numbers that cannot be, or `out` holds something else.
+        UserError: an unknown world or camera, impossible numbers, or `out` holds something else.
     """
     from vispeg.demonstrations.plan import plan_of
     from vispeg.demonstrations.stage import shard

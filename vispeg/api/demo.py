@@ -83,9 +83,9 @@ def demo(*, seed: int = 0, threads: int = 2, say: Callable[[str], None] = lambda
     """Compares the nominal iiwa14 with recordings of a robot that hides two effects, and diagnoses what it lacks.
 
     Args:
-        seed: of whatever is drawn.
+        seed: of everything random.
         threads: of the simulation.
-        say: is told what is being done.
+        say: called with a line on each step.
     """
     place = assets() / "recordings"
     fitted, held_out = ([place / name for name in names] for names in (FITTED, HELD_OUT))

@@ -102,22 +102,22 @@ def diagnose(
         model: a world, a model file, a robot's name, or a path to an MJCF or URDF; an MJCF of one free body is an
             object, whose recordings are tosses (docs/formats.md).
         recordings: folders, or recordings in memory, to fit.
-        validate: those to judge on, which are never fitted.
-        baseline: of the same robot as it was before, two or more, the last of them judged on: what is named is then the
-            change since, and `record["baseline"]` what the robot had before.
-        seconds: of a longer recording, the windows that show the most, this long in all; 0 uses all of it.
-        seed: of whatever is drawn.
+        validate: held-out ones, never fitted.
+        baseline: earlier ones of the same robot, two or more, the last one held out. The effects named are then the
+            change since; `record["baseline"]` holds those before.
+        seconds: of longer recordings, length of the most informative windows, s in all; 0 uses everything.
+        seed: of everything random.
         threads: of the simulation.
-        policies: folders, or `expert`, that play the cell with the identified model and then with what is left
-            unexplained; `record["cost"]` is what that costs them.
+        policies: folders, or `expert`, that play with the identified model and again with the unexplained remainder;
+            `record["cost"]` is the difference in success.
         cell: their world, a built-in name or a file.
-        episodes: of each policy, with and without what is left.
-        part: a folder that keeps what is worked out until the result is saved: with the same arguments and folder, a
-            diagnosis that was stopped goes on.
-        rooms: of a cell, where the cause is looked for: `joints`, `contact`, `pictures`; where none is named, in all
-            if the recordings have joint torques, a wrench and pictures, else in that of the pictures or the wrench.
-        say: is told what is being done.
-        reading: shows how far a recording is read.
+        episodes: of each policy, with and without the remainder.
+        part: a folder of finished steps until the result is saved; with the same arguments and folder a stopped
+            diagnosis goes on.
+        rooms: of a cell, the evidence to diagnose: `joints`, `contact`, `pictures`; by default all if the recordings
+            have joint torques, a wrench and pictures, else pictures or wrench.
+        say: called with a line on each step.
+        reading: progress display of reading a recording.
 
     Raises:
         UserError: a model or a recording that cannot be read or compared, or in which nothing moves; a policy that

@@ -50,24 +50,23 @@ def evaluate(
     overwrite: bool = False,
     playing: Playing = silent,
 ) -> EvaluationResult:
-    """Plays policies in one world and says how often they succeed, with 95 % intervals.
+    """Plays policies in one world; success with 95 % intervals.
 
     Args:
-        policies: folders, names of policies that come with the package, `NAME=FOLDER`, or `expert`, the scripted one.
+        policies: folders, names of bundled policies, `NAME=FOLDER`, or `expert`, the scripted one.
         world: a built-in world's name or a world file.
         episodes: of every policy.
-        controls: as in `vispeg.evaluation.controls`: the same policies with their sight taken away in that way.
+        controls: as in `vispeg.evaluation.controls`: the same policies with images that carry no information.
         task: settings in place of the world's, such as `steps`.
-        videos: failures of each policy that are filmed; needs `out`.
-        seed: another number plays other episodes.
+        videos: failures of each policy to film; needs `out`.
+        seed: of the episodes.
         workers: processes.
-        out: a folder in which episodes are kept as they end, so that an evaluation that was stopped goes on, and which
-            holds the result; without it, nothing is written.
+        out: a folder for episodes, as they end, and the result; a stopped evaluation goes on there. None: no files.
         overwrite: replace the result in `out`.
-        playing: shows how far it is.
+        playing: progress display.
 
     Raises:
-        UserError: a policy, a world or a control that there is not, or `out` holds something else.
+        UserError: no such policy, world or control, or `out` holds something else.
     """
     check_numbers(episodes, workers)
     named = [str(p) for p in ([policies] if isinstance(policies, str | Path) else policies)]

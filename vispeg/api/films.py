@@ -40,7 +40,7 @@ def films(
         overwrite: whether it may be replaced.
 
     Raises:
-        UserError: no such policy or world; `out` is there.
+        UserError: no such policy or world; `out` exists.
     """
     from vispeg.evaluation.films.video import write_video
     from vispeg.learn.coarse_to_fine import open_policy
@@ -107,13 +107,13 @@ def play(
     """Plays a policy and writes a video of each episode.
 
     Args:
-        policy: a folder, or the name of a policy that comes with the package.
-        world: a built-in world or a world file; the one that the policy was trained in where not given.
-        tolerance: of the task (`TaskConfig.tolerance`); where not given the world's, or the policy's own in the world
+        policy: a folder, or a bundled policy's name.
+        world: a built-in world or a world file; by default the one that the policy was trained in.
+        tolerance: of the task (`TaskConfig.tolerance`); by default the world's, or the policy's own in the world
             that it was trained in.
         episodes: how many.
         seed: of the first; the next ones count up.
-        out: folder of the videos; films/POLICY-WORLD where not given.
+        out: folder of the videos; by default films/POLICY-WORLD.
         rerun: a file FILE.rrd for the Rerun viewer with the same episodes.
         overwrite: whether `out` and `rerun` may be replaced.
         watch: called with each video once it is written.

@@ -95,19 +95,19 @@ def fit(
         model: a world, a model file, a robot's name, or a path to an MJCF or URDF.
         recordings: folders, or recordings in memory, to fit.
         effects: what to fit: instances with the values to start from, or texts `EFFECT:WHERE[:param=start,...]`, where
-            WHERE `all` is one value for all places and `each` one for each; those of the model where none is named. A
-            servo or a limit in a joint without such a value starts at what the recordings suggest.
-        validate: recordings to judge on, which are never fitted.
-        seconds: of a longer recording, the windows that show the most, this long in all; 0 uses all of it.
-        method: `auto`: CMA-ES before least squares where an effect is not smooth, else least squares.
-        iterations: least-squares steps at most, and a tenth of the CMA-ES generations.
-        starts: optimizers that start at different values; the best one counts.
+            WHERE `all` is one value for all places and `each` one for each; by default those of the model. A servo or a
+            limit without a start value starts at an estimate from the recordings.
+        validate: held-out recordings, never fitted.
+        seconds: of longer recordings, length of the most informative windows, s in all; 0 uses everything.
+        method: `auto`: least squares, with CMA-ES before it if an effect is not smooth.
+        iterations: most least-squares steps; CMA-ES has ten times as many generations.
+        starts: number of random starts; the best result counts.
         seed: of the random starts and of CMA-ES.
         threads: of the simulation.
-        part: a folder that keeps where the optimizers stand until the result is saved.
+        part: a folder for the state of the optimizers until the result is saved.
         resume: go on from `part`.
-        watch: is told the number and trace of an optimizer after each of its steps.
-        reading: shows how far a recording is read.
+        watch: called with number and trace of an optimizer after each of its steps.
+        reading: progress display of reading a recording.
 
     Raises:
         UserError: a model, a recording or an effect that cannot be read, or nothing to fit.

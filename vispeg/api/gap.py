@@ -82,25 +82,25 @@ def gap(
     overwrite: bool = False,
     playing: Playing = silent,
 ) -> GapResult:
-    """Plays policies in several worlds on the same seeds and says what each loses, with 95 % intervals.
+    """Plays policies in several worlds on the same seeds; the loss of each with 95 % intervals.
 
     Args:
         policies: as in `vispeg.evaluate`; replicas of one name differ in their training seed.
         worlds: built-in worlds' names or world files; the first is the training world. One that is named after others
             (VNP after V, N, P) is split into their shares.
         episodes: of every policy in every world.
-        controls: as in `vispeg.evaluation.controls`; all that the first world has where not given.
-        control_worlds: those of `worlds` in which the controls are played; the first and the last where not given.
-        records: files of episodes that are there already; they are not played again.
+        controls: as in `vispeg.evaluation.controls`; by default all that the first world has.
+        control_worlds: worlds of the controls; by default the first and the last of `worlds`.
+        records: files of episodes to reuse.
         measured: CSV of a real robot's trials.
         robot: the name of that target.
-        videos: seeds of each policy that are filmed in the first world and the last; needs `out`.
+        videos: seeds of each policy to film in the first and the last world; needs `out`.
         fine_tuned: allow policies that were trained or fine-tuned in a target.
         seed, workers, out, overwrite, playing: as in `vispeg.evaluate`.
 
     Raises:
-        UserError: nothing to evaluate; a policy, world, control or record that there is not or that does not fit; a
-            policy that was trained in a target.
+        UserError: nothing to evaluate; no such policy, world, control or record, or an unfit one; a policy that
+            was trained in a target.
     """
     named = [str(p) for p in ([policies] if isinstance(policies, str | Path) else policies)]
     files = [Path(r) for r in records]

@@ -71,7 +71,7 @@ def load_recording(path: str | Path, *, seconds: float = 0.0) -> Recording:
 
     Args:
         path: the folder.
-        seconds: of a longer recording, the windows that show the most, this long in all; 0 keeps all of it.
+        seconds: of longer recordings, length of the most informative windows, s in all; 0 keeps everything.
 
     Raises:
         UserError: anything missing, malformed or implausible, naming the file and the key, column or row.
@@ -101,7 +101,7 @@ def read_inputs(
         need_validate: whether there must be one to judge on.
         seconds: of a longer recording the windows that show the most, this long in all; 0 uses all.
         signals: header -> what is kept of a recording beside `q`; None keeps all.
-        reading: shows how far a recording is read.
+        reading: progress display of reading a recording.
 
     Raises:
         UserError: none given, one given twice or on both sides, or another robot's.

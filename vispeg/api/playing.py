@@ -82,7 +82,7 @@ def folders(who: Iterable[Entrant]) -> list[Path]:
 
 
 def check_numbers(episodes: int, workers: int) -> None:
-    """Raises UserError for numbers that make no sense."""
+    """Raises UserError for impossible numbers."""
     if episodes < 1:
         raise UserError("no episodes", key="--episodes", expected="1 or more", got=episodes)
     if workers < 1:

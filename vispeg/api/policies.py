@@ -15,7 +15,7 @@ def load_policy(place: str | Path) -> Policy:
     """A policy that acts: `policy.reset(n)`, then `policy.act(observations)` gives actions (n, action) within +-1.
 
     Args:
-        place: a folder with policy.json and policy.safetensors, or the name of a policy that comes with the package
+        place: a folder with policy.json and policy.safetensors, or a bundled policy's name
             (`vispeg policies` lists them). Nothing in the folder is executed.
 
     Raises:

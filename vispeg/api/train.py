@@ -1,4 +1,4 @@
-"""Policies are trained: what `vispeg train` does, from Python."""
+"""`vispeg train` from Python."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class TrainedPolicy:
 
     @property
     def summary(self) -> list[Block]:
-        """Where the policy is, and how its run stood at the last evaluation."""
+        """Folder of the policy, and results of the last evaluation."""
         last = [f"success {float(row['success']):.0%} after {row['steps']} steps" for row in self.history[-1:]]
         return [*(Line(text) for text in last), Line(f"best policy: {self.best}", path=True)]
 
@@ -99,29 +99,29 @@ def train(
         world: a built-in world's name or a world file.
         recipe: reinforcement learning, imitation of a teacher, or the one after the other.
         settings: fields of the task's configuration that replace the world's, such as `stack`, `dof`, `reward`.
-        curriculum: wider fits to begin with, mm, widest first.
+        curriculum: wider clearances to begin with, mm, widest first.
         start_radius: lateral ranges of starts (m) to begin with, nearest first.
-        ranges: randomization from the first step on, opening over the first half, or each range as the policy copes.
+        ranges: randomization full from the first step, growing over the first half, or range by range with success.
         steps: of the environment, in all.
         target: success rate that ends the run once two evaluations in a row reach it; above 1 never.
         seed: of networks, exploration and episodes.
-        envs: environments that are stepped together.
+        envs: environments in one batch.
         threads: of the physics and of the networks.
-        utd: critic updates a step; the modality's usual number where not given.
+        utd: critic updates a step; by default the modality's.
         recurrent: width of an LSTM in place of stacked observations; 0 for none.
         symmetric: critics that see what the actor sees, in place of ground truth.
         teacher: a policy's folder or name, or `expert`, for imitation.
         dataset: demonstrations as `render_dataset` writes them, in place of a teacher, or half of each batch of `sac`.
-        distill: `steps` and `updates` of a round of imitation, and `looks` of each state, where not the usual ones.
+        distill: `steps` and `updates` of a round of imitation, and `looks` of each state, other than the defaults.
         every: steps between evaluations and checkpoints.
         episodes: of an evaluation, on seeds that training never draws.
         device: where networks run.
-        wandb: a project of Weights & Biases that the curves are sent to as well.
-        out: folder of the run; runs/TASK/TIME_sSEED where not given.
-        show: whether progress is shown on standard error.
+        wandb: a project of Weights & Biases for the curves.
+        out: folder of the run; by default runs/TASK/TIME_sSEED.
+        show: show progress on standard error.
 
     Raises:
-        UserError: no such task, world or teacher; numbers that cannot be; `out` holds something else.
+        UserError: no such task, world or teacher; impossible numbers; `out` holds something else.
     """
     if wandb is not None:  # before torch: who asks for curves is told of both, one after the other
         require("wandb", "--wandb")
@@ -171,8 +171,8 @@ def resume(run: str | Path, steps: int | None = None, *, show: bool = False) -> 
 
     Args:
         run: its folder.
-        steps: up to where; as the run was begun where not given.
-        show: whether progress is shown on standard error.
+        steps: new total; by default that of the run.
+        show: show progress on standard error.
 
     Raises:
         UserError: no run is there, its last checkpoint is gone or damaged, or another process trains there.

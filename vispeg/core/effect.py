@@ -33,24 +33,24 @@ class Effect(ABC):
     Class attributes:
         name: the name in model files.
         family: the folder of the library that it stands in.
-        searchable: False where a diagnosis of an arm does not look for it, though its family is one of an arm.
+        searchable: False if a diagnosis of an arm does not search it, though its family is one of an arm.
         params: its parameters.
         writes: the MjModel fields that `write` may touch; a test holds it to that.
         order: position in the chain of drive hooks; smaller acts earlier (nearer to the command).
         smooth: False where the residual is not smooth in the parameters (a global search is then used).
-        telling: magnitudes without which this effect is only another one under its name (default: any of them).
-        stage: when a diagnosis of contact looks for it (one of STAGES, in their order); empty: never.
-        sizes: parameter -> values at which that diagnosis tries it; the others it leaves as they are.
-        shown_by: motions of contact (`vispeg record`) that show it; empty: any.
-        told_from: effects that may look the same -> the motion that tells them apart; either of the two may say it.
-        told_by: parameter -> the motion that tells it from those, where that is another one.
-        needs: what a recording of contact must hold to tell it, a key of `contact_check.NEEDS`; empty: not checked.
+        telling: magnitudes without which this effect equals another one (default: any of them).
+        stage: of a contact diagnosis in which it is searched (one of STAGES, in their order); empty: never.
+        sizes: parameter -> values that a contact diagnosis tries; other parameters stay.
+        shown_by: contact motions (`vispeg record`) that excite it; empty: any.
+        told_from: effects it may be confused with -> the motion that separates them; either of the two may state it.
+        told_by: parameter -> the motion that separates it from those, if that is another one.
+        needs: what a contact recording must contain to excite it, a key of `contact_check.NEEDS`; empty: not checked.
         step: greatest physics step at which its own motion stays stable, s.
         grows_from: simpler effects that it may be mistaken for -> {own parameter: that one's, where its fit starts}.
         contains: simpler effects that this one turns into at some of its values; it rivals them only by being better.
         moments: shapes in which, times the magnitude, the effect is linear: a mass at x is a moment of mass times x.
-        torqueless: True where no torque is missing at the joint, so that the effect is looked for at every joint.
-        common: what every arm has in every joint is tried there at once, with all effects of the same word here.
+        torqueless: True if no torque is missing at the joint, so that the effect is searched at every joint.
+        common: effects of one word, which every arm has in every joint, are tried in all joints at once.
         shared: True where one value for all joints (`where: all`) is the natural first guess.
     """
 
@@ -109,7 +109,7 @@ class Effect(ABC):
         return tau
 
     def goal(self, state: Any, goal: np.ndarray, x: Any, p: Values) -> np.ndarray:
-        """What reaches a position servo's loop at each physics step, given the goal (nsim, nj) in rad that was sent.
+        """The goal (nsim, nj), rad, that reaches a position servo's loop at each physics step, from the one sent.
 
         An effect with this hook acts there instead of in `drive` where goals are sent.
         """
@@ -131,38 +131,38 @@ class Effect(ABC):
         raise NotImplementedError
 
     def observe(self, state: Any, q: np.ndarray, dq: np.ndarray, x: Any, p: Values) -> tuple[np.ndarray, np.ndarray]:
-        """What the encoders make of joint angles and velocities, both (nsim, nj)."""
+        """Joint angles and velocities, both (nsim, nj), as the encoders read them."""
         return q, dq
 
     def wrench(self, state: Any, wrench: np.ndarray, x: Any, p: Values) -> np.ndarray:
-        """What the wrist's force sensor makes of the wrench (nsim, 6) that the tool puts on the flange: N, N m.
+        """The tool's wrench on the flange (nsim, 6), N and N m, as the wrist's sensor reads it.
 
         Forces, then torques, at the flange and in its frame; asked once a control tick.
         """
         return wrench
 
     def unread(self, reading: np.ndarray, period: float, p: Mapping[str, float]) -> np.ndarray:
-        """The wrench (n, 6) that there was, given what the sensor made of it every `period` s: `wrench` undone."""
+        """Inverse of `wrench`: the true wrench (n, 6) from readings every `period` s."""
         return reading
 
     def yields(self, load: np.ndarray, p: Values) -> np.ndarray:
-        """How far joints (n, nj) rad stand behind their encoders under `load` (n, nj) N m beyond that at the start."""
+        """Deflection (n, nj) rad of joints behind their encoders, by `load` (n, nj) N m beyond that at the start."""
         return np.zeros_like(load)
 
     def resolution(self, p: Mapping[str, float]) -> float:
-        """Rad within which a reading does not tell the angle; 0 of what does not round."""
+        """Quantization step of a reading, rad; 0 for none."""
         return 0.0
 
     def reading_noise(self, sigma: float, p: Mapping[str, float]) -> float:
-        """RMS of a measured angle about what the right model reads, rad, where the sensor's own noise is `sigma`."""
+        """RMS of a measured angle about the right model's, rad, if the sensor's noise is `sigma`."""
         return sigma
 
     def believe(self, goal: np.ndarray, p: Values) -> np.ndarray:
-        """Where the task's goal (nsim, 3) in m is believed to be, given where it is. Base frame."""
+        """Believed position of the task's goal (nsim, 3), m, from the true one; base frame."""
         return goal
 
     def image(self, state: Any, frame: Frame, p: Values, rng: Sequence[np.random.Generator]) -> None:
-        """What a camera makes of `frame`, changed in place; `rng` holds one stream an image.
+        """Changes a camera's `frame` in place; `rng` holds one stream an image.
 
         `p[name]` is (frame.n,). `state` is a dict of the effect's own, empty when the episode begins and kept from
         frame to frame (temporal correlation, latency).
@@ -174,7 +174,7 @@ class Effect(ABC):
         raise NotImplementedError
 
     def guesses(self, look: Any) -> list[dict[str, float]]:
-        """Parameter values at which to take a signature, seen from the data; [] where the data rule the effect out.
+        """Parameter values at which to take a signature, from the data; [] if the data rule the effect out.
 
         Args:
             look: what is known at the place, None where it is no joint: `q`, `dq`, `tau`, `needed` (n,) measured angle,
@@ -188,7 +188,7 @@ class Effect(ABC):
         return "drive"
 
     def channels(self) -> frozenset[str]:
-        """Kinds of measured values that it leaves a trace in.
+        """Channels of measured values that it affects.
 
         `angle` and `torque`, the motion under a known controller: whatever moves the arm or its readings. `servo` and
         `load`, the motion under a servo's own loop: that, and what is in the loop. `needed`, the torque of a measured

@@ -108,7 +108,7 @@ def load_world(source: str | Path) -> WorldFile:
     """A world by name or by file.
 
     Raises:
-        UserError: naming the file, the key, what came and what there is to choose from.
+        UserError: with file, key, value and choices.
     """
     path = _path(source, None)
     parts = _Parts()

@@ -17,8 +17,8 @@ class World:
     Attributes:
         robot: a robot's name (`iiwa14`) or a path to an MJCF or URDF.
         tool: None, a tool's name, or a mapping with `mass_kg`, `com_m`, `inertia_kgm2` at the flange.
-        effects: what is added to nominal, in any order.
-        cell: what stands around the robot, where a cell is meant and not an arm alone.
+        effects: deviations from nominal, in any order.
+        cell: settings of the cell around the robot; none for an arm alone.
     """
 
     robot: str = "iiwa14"

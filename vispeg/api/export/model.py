@@ -73,7 +73,7 @@ def export_model(
         overwrite: whether it may be replaced.
 
     Raises:
-        UserError: no such model, one that the format cannot hold, another ending, or `out` is there.
+        UserError: no such model, one that the format cannot hold, another ending, or `out` exists.
     """
     path = Path(out)
     check_ending(path, to)

@@ -45,12 +45,12 @@ def export_policy(policy: str | Path, out: str | Path, *, overwrite: bool = Fals
     """Writes a policy's deterministic action as an ONNX model.
 
     Args:
-        policy: a folder, or the name of a policy that comes with the package.
+        policy: a folder, or a bundled policy's name.
         out: file, .onnx.
         overwrite: whether it may be replaced.
 
     Raises:
-        UserError: no such policy, one of two networks, another ending than .onnx, or `out` is there.
+        UserError: no such policy, one of two networks, another ending than .onnx, or `out` exists.
     """
     check_ending(Path(out), "onnx")
     require("torch", "export")

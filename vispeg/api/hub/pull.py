@@ -50,7 +50,7 @@ def pull(
 
     Raises:
         UserError: no such repository or revision, the hub does not answer, no policy or dataset, anything that is wrong
-            with it (see `Kind.check`), or `out` is there. Nothing is written then.
+            with it (see `Kind.check`), or `out` exists. Nothing is written then.
     """
     kind = DATASET if dataset else POLICY
     refuse(out, overwrite, holds=kind.name)

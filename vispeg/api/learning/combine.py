@@ -64,10 +64,10 @@ def combine(
         out: folder of the two.
         within: distance of the tip from the goal's axis, as the coarse policy sees it, at which the fine one takes
             over, m.
-        overwrite: whether `out` may be replaced.
+        overwrite: replace `out`.
 
     Raises:
-        UserError: no such policies, or such that do not fit; `within` is not above 0; `out` is there.
+        UserError: no such policies, or such that do not fit; `within` is not above 0; `out` exists.
     """
     require("torch", "combining policies")
     from vispeg.learn import coarse_to_fine

@@ -72,24 +72,24 @@ def finetune(
     """Fine-tunes a policy in a target world on a few demonstrations; see docs/learning.md.
 
     Args:
-        policy: a folder, or the name of a policy that comes with the package.
+        policy: a folder, or a bundled policy's name.
         world: the target: a built-in world's name or a world file.
         out: folder of the new policy.
         teacher: who demonstrates: `expert` for the scripted policy, or a state policy's folder or name.
         dataset: demonstrations in LeRobot's layout, in place of the teacher's.
         demos: successful demonstrations in the target world.
         updates: gradient steps.
-        lr: learning rate; a tenth of the one that the policy was trained at where not given.
+        lr: learning rate; by default a tenth of the one that the policy was trained at.
         known: share of each batch from the world that the policy was trained in, 0 to 0.5.
         known_world: that world, where the policy's own record does not name a built-in one.
         episodes: of the evaluations before and after.
         seed: of everything random.
         device: where the network runs.
-        overwrite: whether `out` may be replaced.
+        overwrite: replace `out`.
         say: called with a sentence on each stage.
 
     Raises:
-        UserError: no such policy, world or teacher; the policy does not fit the world; `out` is there.
+        UserError: no such policy, world or teacher; the policy does not fit the world; `out` exists.
     """
     require("torch", "fine-tuning")
     from vispeg.learn.methods import finetune as tuning

@@ -38,7 +38,7 @@ def effects(
     """Effects, each with the model whose joints, links or parts are its places: the robot, or the default cell.
 
     Args:
-        name: one alone; all where not given.
+        name: one alone; by default all.
         search: a text that name, first lines or parameters must have in them, in any case.
         family: one alone.
         robot: a name or a path to an MJCF or URDF.

@@ -44,7 +44,7 @@ def draw_effect(
     Args:
         name: of the effect.
         out: folder of the picture, effect-NAME.png.
-        where: the effect's place; a usual one where not given.
+        where: the effect's place; by default a usual one.
         robot: a name or a path to an MJCF or URDF.
         overwrite: draw a picture that is there anew.
 

@@ -37,14 +37,14 @@ def measure_joint(
     Args:
         recordings: folders, or tables whose `columns` are named.
         out: folder of measurement.yaml, joint.png and, with a servo, actuator.xml for MuJoCo.
-        joint: to measure; not given, the one that moves most in the recordings.
+        joint: to measure; by default the one that moves most in the recordings.
         columns: of tables: time, q_cmd, q and, where there is one, tau -> the name of the column (s, rad, N m).
-        inertia: that the joint turns, kg m2, for the actuator; not given, that of the robot's model, or 1.
+        inertia: that the joint turns, kg m2, for the actuator; by default that of the robot's model, or 1.
         settings: conditions, seed, overwrite.
 
     Raises:
         UserError: recordings that show nothing of the joint, or of several robots; tables without columns; an
-            impossible inertia; `out` is there.
+            impossible inertia; `out` exists.
     """
     settings = settings or MeasureSettings()
     paths = [Path(path) for path in recordings]

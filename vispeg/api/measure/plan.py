@@ -100,14 +100,14 @@ def plan_joint(
         joint: to measure.
         out: folder of the motions.
         robot: a robot's name, a model file, or a path to an MJCF or URDF.
-        posture: angles of all joints, rad; the usual centre where not given.
+        posture: angles of all joints, rad; by default the usual centre.
         size: the greatest step, rad.
         rate_hz: samples a second, 20 to 5000.
         seed: of the order.
-        overwrite: whether `out` may be replaced.
+        overwrite: replace `out`.
 
     Raises:
-        UserError: no such robot or joint, a posture or step outside its range, another rate, or `out` is there.
+        UserError: no such robot or joint, a posture or step outside its range, another rate, or `out` exists.
     """
     world = read_model(robot)
     arm = load(world.robot, tool=world.tool)

@@ -37,12 +37,12 @@ def measure_mass(
         readings: the table; a unit may end a column's name (mass_g).
         out: file of the measurement, .yaml.
         where: a held part (the effect is object_mass), or `flange` (payload).
-        nominal: mass of the part in the model, kg; that of the world's cell where not given.
+        nominal: mass of the part in the model, kg; by default that of the world's cell.
         world: of the cell.
         settings: resolution and accuracy of the scale, conditions, seed, overwrite.
 
     Raises:
-        UserError: readings that are no such table, an unknown part, or `out` is there.
+        UserError: readings that are no such table, an unknown part, or `out` exists.
     """
     settings = settings or MeasureSettings()
 
@@ -80,7 +80,7 @@ def measure_com(
         settings: as for every measurement.
 
     Raises:
-        UserError: readings that do not tell it, wrong axes, or `out` is there.
+        UserError: readings that do not tell it, wrong axes, or `out` exists.
     """
     settings = settings or MeasureSettings()
     paths = [Path(path) for path in readings]
@@ -116,13 +116,13 @@ def measure_friction(
     Args:
         readings: one table, or recordings with a wrench that begin in free air and slide.
         out: file of the measurement, .yaml.
-        where: the part; not given, the one that the gripper holds in the world's cell.
-        nominal: its coefficient in the model; that of the world's cell where not given.
+        where: the part; by default the one that the gripper holds in the world's cell.
+        nominal: its coefficient in the model; by default that of the world's cell.
         world: of the cell.
         settings: as for every measurement.
 
     Raises:
-        UserError: readings that do not tell it, an unknown part, or `out` is there.
+        UserError: readings that do not tell it, an unknown part, or `out` exists.
     """
     settings = settings or MeasureSettings()
     paths, part = [Path(path) for path in readings], where or held_part(world)
@@ -149,12 +149,12 @@ def measure_restitution(
     Args:
         readings: a table with columns t1 t2 t3 (s), flight1 flight2 (s), or drop bounce (m).
         out: file of the measurement, .yaml.
-        where: the part; not given, the one that the gripper holds in the world's cell.
+        where: the part; by default the one that the gripper holds in the world's cell.
         world: of the cell.
         settings: as for every measurement.
 
     Raises:
-        UserError: readings that are no such table, or `out` is there.
+        UserError: readings that are no such table, or `out` exists.
     """
     settings, part = settings or MeasureSettings(), where or held_part(world)
 
@@ -194,7 +194,7 @@ def measure_stiffness(
         settings: as for every measurement.
 
     Raises:
-        UserError: a table and recordings, or neither; readings that do not tell it; or `out` is there.
+        UserError: a table and recordings, or neither; readings that do not tell it; or `out` exists.
     """
     settings = settings or MeasureSettings()
     stops, fixtures = [Path(path) for path in stop], [Path(path) for path in fixture]

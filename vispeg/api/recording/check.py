@@ -116,7 +116,7 @@ def check(
         watch: opened with what goes on and the recording; it gives the callback that takes the share that is done.
 
     Raises:
-        UserError: a recording cannot be used; `out` is there.
+        UserError: a recording cannot be used; `out` exists.
     """
     paths = [Path(path) for path in recordings]
     if not paths:

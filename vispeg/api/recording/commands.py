@@ -60,7 +60,7 @@ def write_motion(
     Args:
         name: of the motion.
         out: the .csv file.
-        model: the robot that moves; not given, the default cell for motions in contact and of looking, else iiwa14.
+        model: the robot that moves; by default the default cell for motions in contact and of looking, else iiwa14.
         duration: of a joint motion (5 s where not given) or of one that looks at a cell (16 s), s.
         rate_hz: commands a second.
         seed: of the motion.

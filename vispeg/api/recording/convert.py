@@ -43,7 +43,7 @@ def convert(
         source: see `read_source`.
         robot: a name, or a path to an MJCF or URDF.
         out: the folder.
-        mapping: names and units, or the YAML file with them; the recording format's own names where not given.
+        mapping: names and units, or the YAML file with them; by default the recording format's own names.
         topics: of a bag.
         cameras: a camera file with what the source does not say of its cameras.
         torque_sensor: what measured torque is: behind the gear (joint) or from the current (motor).
@@ -53,7 +53,7 @@ def convert(
         progress: called with the share of a table that is read.
 
     Raises:
-        UserError: naming the file and what is wrong in it; `out` is there.
+        UserError: naming the file and what is wrong in it; `out` exists.
     """
     source, robot = Path(source), placed(robot)
     if not source.exists():
@@ -101,7 +101,7 @@ def convert_object(
         overwrite: replace `out`.
 
     Raises:
-        UserError: no archive, or one of something else; a rate that cannot be; `out` is there.
+        UserError: no archive, or one of something else; a rate that cannot be; `out` exists.
     """
     source, robot = Path(source), placed(robot)
     if source.suffix.lower() != ".npz":

@@ -68,14 +68,14 @@ def record(
     Args:
         model: a world, a model file, a robot's name, or a path to an MJCF or URDF; contact and pictures need a cell.
         motion: a name, or a .csv or .parquet file with `time` and `q_cmd.*` (rad), or `ee_cmd.*` (m) in a cell.
-        duration: s; 5 (osc: 9, look: 16) where not given. Tables and motions of contact have their own.
+        duration: s; by default 5 (osc: 9, look: 16). Tables and motions of contact have their own.
         rate_hz: control ticks and samples a second.
-        control: the controller; `position` where not given, `osc` for the motion osc and in a cell.
-        kp: stiffness, one a joint (N m/rad), or six for osc (1/s^2); the controller's own where not given.
+        control: the controller; by default `position`, `osc` for the motion osc and in a cell.
+        kp: stiffness, one a joint (N m/rad), or six for osc (1/s^2); by default the controller's own.
         kd: damping, one a joint (N m s/rad), or six for osc (1/s).
         effects: hidden in the robot: instances, or texts `EFFECT:WHERE[:param=number,...]`.
-        tool: at the flange, declared in the recording; the model's where not given.
-        noise: 1-sigma by signal, SI: `q`, `dq`, `tau`, `ee`, `ft`, `ft_torque`; a good arm's where not given.
+        tool: at the flange, declared in the recording; by default the model's.
+        noise: 1-sigma by signal, SI: `q`, `dq`, `tau`, `ee`, `ft`, `ft_torque`; by default a good arm's.
         force_limit: in a cell, the greatest force that the controller asks for, N.
         torque_sensor: what `tau` measures: torque behind the gear, the motor's, nothing.
         wrench_sensor: in a cell, whether the wrench at the flange is recorded; without it contact is told from `tau`.

@@ -65,7 +65,7 @@ def perturb(
         episodes: trials a position, still and pushed each.
         force: N, range of the pushes.
         duration: s, of a push.
-        positions: a file `format: vispeg-positions/1`; the task's own list where not given.
+        positions: a file `format: vispeg-positions/1`; by default the task's own list.
 
     Raises:
         UserError: as `vispeg.evaluate`; a push or a list of positions that cannot be.

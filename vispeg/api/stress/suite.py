@@ -71,8 +71,8 @@ def suite(
         policies, seed, workers, out, overwrite, playing: as in `vispeg.evaluate`.
         train, target: built-in worlds' names or world files.
         measured: CSV of a real robot's trials in place of a target.
-        configurations: a file `format: vispeg-suite/1`; the package's list where not given.
-        version: its name; that of `out` where not given.
+        configurations: a file `format: vispeg-suite/1`; by default the package's list.
+        version: its name; by default that of `out`.
         fine_tuned: allow policies that were trained or fine-tuned in the target.
         episodes: of a configuration and world.
 

@@ -275,7 +275,7 @@ def _sensor(names: list[str], out: Proposal) -> None:
         sensor, why = "motor", "as a load or effort mostly comes from a current; say joint for a sensor behind the gear"
     else:
         out.doubts.append(
-            "torque_sensor: no name states where torque was measured; until you state joint or motor, torque is not used"
+            "torque_sensor: no name states where torque was measured; it is not used until you state joint or motor"
         )
         return
     out.recording["torque_sensor"] = sensor
