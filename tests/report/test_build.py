@@ -272,7 +272,7 @@ def test_candidates_say_what_was_in_the_model_already(run, diagnosis):
     record["candidates"][1]["tried_beside"] = [{"effect": "payload", "where": "flange"}]
     text = _page(run(record)).text
     given, added = (
-        text.index("1 tried beside the model as given, best gain 31 %"),
+        text.index("1 tried beside the initial model, best gain 31 %"),
         text.index("1 tried beside payload(flange)"),
     )
     assert given < text.index("viscous_friction(joint4)31 %") < added < text.index("backlash(joint2)−2.0 %")

@@ -76,7 +76,7 @@ def fit_record(
         "effects": [without_origin(final.effects[i]) for i in free],
         "ladder": [
             {"model": label, "fit_error": f, "heldout_error": h, "unit": unit}
-            for label, f, h in zip(("given", "fitted"), fitted, held, strict=True)
+            for label, f, h in zip(("initial", "fitted"), fitted, held, strict=True)
         ],
         "noise_floor": {"value": floor, "unit": unit},
         "chi2": fit.cost,

@@ -64,7 +64,7 @@ def _beside(row: Mapping[str, Any]) -> str:
     """What was in the model already when a candidate was added to it; empty where a record does not say."""
     if "tried_beside" not in row:
         return ""
-    return ", ".join(label(other) for other in rows(row, "tried_beside")) or "the model as given"
+    return ", ".join(label(other) for other in rows(row, "tried_beside")) or "the initial model"
 
 
 def _some(value: Any) -> bool:

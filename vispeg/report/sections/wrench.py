@@ -84,9 +84,9 @@ def _figure(force: Trace, torque: Trace, codes: np.ndarray, names: list[str], sh
             quiet(ax)
     _band(axes[6], force.time, codes, names)
     axes[6].set_xlabel("time (s)")
-    entries = {"measured": (MEASURED, "-"), "model as given": (BEFORE, "-")}
+    entries = {"measured": (MEASURED, "-"), "initial model": (BEFORE, "-")}
     if force.after is not None:
-        entries["with what was found"] = (AFTER, "-")
+        entries["corrected model"] = (AFTER, "-")
     legend(figure, entries)
     return figure
 

@@ -144,7 +144,7 @@ def comparison_summary(comparison: Mapping[str, Any]) -> list[Block]:
     ]
     if comparison.get("chi2", 0.0) <= words.NEAR_FLOOR**2:
         whose = "the model of the arm" if camera_words.cameras(comparison) else "the model"
-        out.append(Line(f"{whose} is at the noise floor: nowhere does it fail"))
+        out.append(Line(f"{whose} is at the noise floor everywhere"))
     elif worst:
         out.append(Line(f"where it fails: {'; '.join(worst[:3])}"))
     out += [Line(sentence) for sentence in camera_words.cameras(comparison)]

@@ -100,7 +100,7 @@ def verdict(values: Mapping[str, Any]) -> str:
     last, floor = ladder_ends(values)[1], _floor(values)
     down = last is not None and floor is not None and last <= NEAR_FLOOR * floor
     if kind == "adequate":
-        return "The model as given is adequate: no known effect makes it predict the held-out recordings better."
+        return "The model is adequate: no known effect improves its prediction of the held-out recordings."
     if kind == "identified":
         verb = "explain" if len(names) > 1 else "explains"
         reach = "down to the noise floor" if down else "as far as any known effect can"

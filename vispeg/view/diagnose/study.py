@@ -78,7 +78,7 @@ class Study:
         self.search = self.subject.search
         self.given = len(self.world.effects)
         self.state, self.before = None, list[tuple[State, list[Rung]]]()
-        self.rungs = [Rung("the model as given", self.subject.error(self.world))]
+        self.rungs = [Rung("the initial model", self.subject.error(self.world))]
         self.scores: dict[str, Score] = {}
         tell("model", (self.subject.model, self.subject.cell))
         if self.search is not None:
