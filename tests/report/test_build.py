@@ -92,7 +92,7 @@ def test_what_helped_without_sufficing_is_called_partial(run, diagnosis, old):
     )
     record["next_experiment"]["expected_separation_sigma"] = 0.0
     text = _page(run(record)).text
-    assert "Partial. Each of these lowers the error" in text and "No effect is named" not in text
+    assert "Partial. Each of these lowers the held-out error" in text and "No effect is named" not in text
     help_ = (
         "Payload at the flange (0.843 kg) and Coulomb friction in joint 4 (1.31 N m) help, but a structured residual"
     )
@@ -106,7 +106,7 @@ def test_a_tentative_effect_stands_apart_from_those_that_are_named(run, diagnosi
     record["effects"] = [e | {"partial": True} for e in record["effects"]]
     record["effects"][0]["tentative"] = True
     text = _page(run(record)).text
-    assert "Tentative. These too lower the error" in text
+    assert "Tentative. These too lower the held-out error" in text
     assert text.index("Coulomb friction in joint 4 coulomb_friction(joint4)") < text.index("Tentative. These too")
 
 

@@ -22,7 +22,7 @@ from vispeg.datasets.shards.engine_ray import on_ray
 from vispeg.datasets.shards.rendering import render
 from vispeg.report.text.summary import Block, Line, html
 
-Begun = Callable[[int, int], None]  # is told the frames that there will be, and those that an earlier run has left
+Begun = Callable[[int, int], None]  # called with the number of frames, and of those of an earlier run
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ def check_dataset(
 
     Args:
         dataset: its folder.
-        watch: is told what goes on, frames as they are checked, and how many there are.
+        watch: called with the step, frames as they are checked, and the total.
 
     Raises:
         UserError: no dataset at all, or one whose `meta/info.json` cannot be read.

@@ -30,7 +30,7 @@ from vispeg.worlds.world import World
 
 Model = World | str | Path
 Source = Recording | str | Path
-Share = Callable[[float], None]  # is told the share that is read, 0 to 1
+Share = Callable[[float], None]  # called with the share that is read, 0 to 1
 Reading = Callable[[Path], AbstractContextManager[Share]]
 
 

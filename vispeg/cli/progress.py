@@ -55,7 +55,7 @@ def bars(totals: Mapping[str, int], unit: str, quiet: bool = False) -> Iterator[
 
 @contextmanager
 def rendering(frames: int, quiet: bool = False) -> Iterator[tuple[Callable[[int, int], None], Callable[[int], None]]]:
-    """A bar of frames with the rate of the new ones; yields what is told the frames from before, and the new ones."""
+    """A bar of frames with the rate of the new ones; yields a function of earlier and new frames."""
     began = time.monotonic()
     made = 0
     with bars({"rendering": frames}, "frames", quiet) as advance:
@@ -72,7 +72,7 @@ def rendering(frames: int, quiet: bool = False) -> Iterator[tuple[Callable[[int,
 def playing(
     jobs: Sequence[Job], folder: Path, quiet: bool = False
 ) -> Iterator[Callable[[Sequence[Episode], int, int], None]]:
-    """A bar of episodes for each policy, with the success so far; yields what is told the episodes as they end."""
+    """A bar of episodes for each policy, with the success so far; yields a function of episodes as they end."""
     from vispeg.evaluation.records import read
     from vispeg.evaluation.runner import EPISODES
 

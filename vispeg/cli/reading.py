@@ -12,7 +12,7 @@ LARGE = 50_000_000  # bytes that take long enough for a line
 
 @contextmanager
 def progress_bar(title: str, size: int = 0, quiet: bool = False) -> Iterator[Callable[[float], None]]:
-    """Shows progress on standard error while the body runs; yields what a share from 0 to 1 is told to.
+    """Shows progress on standard error while the body runs; yields a function of the share, 0 to 1.
 
     Args:
         title: what goes on, such as `reading rig-a`.

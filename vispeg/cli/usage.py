@@ -84,7 +84,7 @@ def one_line(framed: str) -> str:
 
 
 def _unknown(options: str, hints: str) -> str:
-    """The first option that there is not, and those that are most like it, without the parser's lines of help."""
+    """The unknown options and their nearest matches, without the parser's lines of help."""
     near = dict.fromkeys(re.findall(r"(?<!\S)--[a-z][a-z-]*(?!\S)", hints))
     name = options.partition(",")[0].strip()
     if name in ELSEWHERE:

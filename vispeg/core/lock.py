@@ -1,4 +1,4 @@
-"""One writer at a time for each result: the second one is told who the first is. The lock ends with its process."""
+"""One writer at a time for each result: the second gets an error that names the first. A lock ends with its process."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ ELSEWHERE = "so it is not replaced; move it away or name another folder"
 
 
 def mark(folder: Path, holds: str, files: Iterable[str] | None = None) -> None:
-    """Writes down what a folder holds: a word for it, and the names of its files, which are those in it if not given.
+    """Writes down what a folder holds: a word for it, and the names of its files, by default those in it.
 
     Raises:
         OSError: it cannot be written.

@@ -20,7 +20,7 @@ from vispeg.datasets.read import Dataset
 from vispeg.formats.format import enrol
 from vispeg.formats.guard import is_file
 
-MOST = 20  # problems of one kind that are told
+MOST = 20  # problems of one kind that are listed
 UNIT = 1e-3  # by which a quaternion's length may differ from 1
 Watch = Callable[[int], None]
 
@@ -37,7 +37,7 @@ def check(folder: str | Path, watch: Watch = lambda frames: None) -> list[str]:
 
     Args:
         folder: of the dataset.
-        watch: told frames as they have been looked at.
+        watch: called with frames as they are checked.
 
     Raises:
         UserError: no dataset at all, or one whose `meta/info.json` cannot be read.
@@ -45,7 +45,7 @@ def check(folder: str | Path, watch: Watch = lambda frames: None) -> list[str]:
     data = open_dataset(folder)
     if isinstance(data, Stored):
         return collected(data.check()) + _records(data, watch)
-    if faults := collected(_files(data)):  # what lies in a broken file would only be told a second time
+    if faults := collected(_files(data)):  # the content of a broken file would only be reported twice
         return faults
     if faults := collected(_meta(data)):
         return faults

@@ -155,7 +155,7 @@ def entries_of(feature: Feature) -> list[str]:
 
 
 def short_of(name: str) -> str:
-    """A picture feature's name where files or people are told: CAMERA, CAMERA_depth, parts.CAMERA."""
+    """A picture feature's name in files and messages: CAMERA, CAMERA_depth, parts.CAMERA."""
     if name.startswith("observation.depth."):
         return name.removeprefix("observation.depth.") + "_depth"
     return name.removeprefix("observation.images.").removeprefix("label.")

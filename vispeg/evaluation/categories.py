@@ -4,7 +4,7 @@ Two questions, two exact tests. Of what kinds are the failures: Pearson's chi2 o
 all tables of the same margins (the Freeman-Halton extension of Fisher's test, with chi2 for the order of tables; A.
 Agresti, Statistical Science 7 (1992) 131). How often does each kind happen: Fisher's test of the kind's share among
 all episodes, with Holm's correction over kinds. The second answers also where one side hardly fails, as a simulation
-often does: there, kinds of failures cannot be compared, but that a kind appears elsewhere can be told.
+often does: there kinds of failures cannot be compared, but a kind that appears elsewhere can be named.
 """
 
 from __future__ import annotations

@@ -121,7 +121,7 @@ def refuse_trained_on(
     Args:
         who: the policies.
         world, world_hash: the target's name and hash.
-        source: the target's file; where not given, the built-in world of that name.
+        source: the target's file; by default the built-in world of that name.
         training: the comparison's training world, whose parts are held out from nobody, as those of S are.
 
     Raises:

@@ -1,4 +1,4 @@
-"""The transfer gap: success of every policy in every world, what is lost, to which factor, what cannot be told."""
+"""The transfer gap: success of every policy in every world, losses, their factors, and what is undecided."""
 
 from __future__ import annotations
 

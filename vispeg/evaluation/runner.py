@@ -40,7 +40,7 @@ def run(
         out: the folder; a run that was stopped goes on there.
         workers: processes; 0 or 1: in this one, except for worlds that Filament draws.
         arena: plays one job. Sent to workers by name.
-        watch: told the new episodes, how many are done, and how many there will be.
+        watch: called with the new episodes, the number done, and the total.
 
     Raises:
         UserError: OUT holds episodes of other policies or worlds under the same names; whatever a job raises.

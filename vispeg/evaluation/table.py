@@ -26,7 +26,7 @@ class Table:
     """Episodes by (policy, world, control), then by training seed and episode seed.
 
     Args:
-        episodes: the records; configurations are told apart by the episode's seed and configuration together.
+        episodes: the records; configurations are identified by the episode's seed and configuration together.
 
     Raises:
         UserError: no episode; a policy with two modalities.

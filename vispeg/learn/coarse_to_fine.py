@@ -1,7 +1,7 @@
 """A coarse policy that sees brings the tip to the goal; a fine contact policy takes over there.
 
 An episode is handed over for good once the coarse policy thinks the tip to be near the goal's axis. What it saw
-goes along: a fine policy that is told a believed target (`state`) is told the goal where the coarse one saw it.
+goes along: a fine `state` policy gets the goal as the coarse one estimated it.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from vispeg.learn.modalities import Modality, modality
 from vispeg.learn.policy import Policy
 from vispeg.learn.settings import SacSettings
 
-MakeEnv = Callable[[int, Mapping[str, Any]], VectorEnv]  # (rows, task settings) -> environment that resets when told
+MakeEnv = Callable[[int, Mapping[str, Any]], VectorEnv]  # (rows, task settings) -> environment without autoreset
 HELD_OUT = 2**31  # seeds from here on are never drawn by training, whose seeds are below it
 
 

@@ -32,7 +32,7 @@ class Acts(Protocol):
 
 @dataclass(frozen=True)
 class Outcome:
-    """How one episode ended; `info` is the environment's record of it, or what it told where it keeps none."""
+    """How one episode ended; `info` is the environment's record of it, or its values if there is none."""
 
     seed: int
     success: bool

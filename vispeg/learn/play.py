@@ -31,7 +31,7 @@ def play(policy: Policy, env: Any, seeds: list[int]) -> Iterator[Played]:
 
     Args:
         policy: to play.
-        env: a vector environment of one row with `render_mode="rgb_array"` that resets when told.
+        env: a vector environment of one row with `render_mode="rgb_array"` without autoreset.
         seeds: of the episodes.
     """
     from vispeg.learn.infos import row_info

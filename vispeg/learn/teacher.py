@@ -87,7 +87,7 @@ class Tare:
 
 
 class StateTeacher:
-    """A state policy, or the scripted expert, as the teacher of students that are not told where the goal is.
+    """A state policy, or the scripted expert, as the teacher of students that do not know the goal.
 
     Args:
         policy: with `reset(n, rows)` and `act(obs)`.
@@ -118,7 +118,7 @@ def teacher_of(source: str | Path, config: Any) -> StateTeacher:
         config: the task's TaskConfig.
 
     Raises:
-        UserError: not a policy, one that is not told where the goal is, or one that was made for another stack of
+        UserError: not a policy, one that does not know the goal, or one that was made for another stack of
             observations.
     """
     observed = Observation(task_of(config).terms, config)

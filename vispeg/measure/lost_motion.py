@@ -59,7 +59,7 @@ def _friction(torque: Sequence[Stroke], results: list[Quantity], notes: list[str
             results.append(propagate("friction", "N m", lambda x: x, inputs, rng, repeats=len(torque)))
             notes.append("one speed: Coulomb and viscous friction are not told apart")
         return
-    # the inertia that what is left of each start has moved is a third unknown, and told to nobody
+    # the inertia that what is left of each start has moved is a third unknown, not determined
     acceleration = np.array([s.acceleration for s in torque]) if len(torque) >= 6 else None
     x, cov, dof = loops.line(speed, height, acceleration)
     for name, unit, k in (("coulomb_friction", "N m", 0), ("viscous_friction", "N m s/rad", 1)):

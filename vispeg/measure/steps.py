@@ -1,6 +1,6 @@
-"""A second-order answer with delay, fitted to steps: K, natural frequency, damping ratio, delay, bandwidth.
+"""A second-order step response with delay, fitted to steps: K, natural frequency, damping ratio, delay, bandwidth.
 
-H(s) = K wn^2 e^(-d s) / (s^2 + 2 z wn s + wn^2). Its step answer, for the poles p = wn (-z +- sqrt(z^2 - 1)):
+H(s) = K wn^2 e^(-d s) / (s^2 + 2 z wn s + wn^2). Its step response, for the poles p = wn (-z +- sqrt(z^2 - 1)):
 1 + (p2 e^(p1 t) - p1 e^(p2 t)) / (p1 - p2), over- and underdamped alike.
 """
 
@@ -45,7 +45,7 @@ class Servo:
 
 @dataclass(frozen=True)
 class Step:
-    """One step and what it fitted: `size` rad, signed; `rest` the RMS that is left, as a share of the size."""
+    """One step and its fit: `size` rad, signed; `rest` the RMS residual as a share of the size."""
 
     trace: str
     start: float
@@ -55,7 +55,7 @@ class Step:
 
 
 def step_answer(t: np.ndarray, wn: float, zeta: float) -> np.ndarray:
-    """The unit step's answer (n,) at t s; 0 before."""
+    """Unit step response (n,) at t s; 0 before."""
     root = np.sqrt(complex(zeta**2 - 1.0))
     root = root if abs(root) > 1e-6 else 1e-6 + 0j
     p1, p2 = wn * (-zeta + root), wn * (-zeta - root)
@@ -97,7 +97,7 @@ def _fit(trace: Trace, first: int, last: int) -> Step:
 
 
 def _onset(t: np.ndarray, y: np.ndarray, end: float) -> float:
-    """When the answer passes a twentieth of its end, s."""
+    """Time at which the response passes 5 % of its end value, s."""
     past = np.flatnonzero(y * np.sign(end or 1.0) > 0.05 * abs(end))
     return float(t[past[0]]) if len(past) else 0.0
 

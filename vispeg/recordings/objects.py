@@ -55,7 +55,7 @@ class ObjectRecording:
         path: the folder (or a label where there is none).
         name_of: the object's body in the model.
         rate_hz: nominal sample rate.
-        time: (n,) s, from anew in each episode.
+        time: (n,) s, restarting in each episode.
         pose: (n, 7) x y z qw qx qy qz of the body in the world, m; no reading is missing.
         rate: (n, 6) velocity in the world, m/s, and angular velocity in the body's own frame, rad/s.
         episode: (n,) int; rows of one toss belong together.

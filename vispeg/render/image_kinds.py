@@ -14,8 +14,8 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.core.frame import Frame
 
-FAR = 4.0  # m, greatest depth that is told apart
-SHOWN = (0.02, 0.40)  # m, depths that a picture for people tells apart
+FAR = 4.0  # m, greatest depth in the observation
+SHOWN = (0.02, 0.40)  # m, range of depths of a picture for people
 STEP = 5e-5  # m, a unit of stored depth: 0.05 mm, up to 3.27 m in 16 bits
 
 

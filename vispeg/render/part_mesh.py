@@ -17,7 +17,7 @@ def part_mesh(scene: Any, part: str, site: str) -> tuple[np.ndarray, np.ndarray]
     Args:
         scene: `vispeg.robots.scene.Scene`.
         part: one of its parts, of boxes, cylinders, spheres, capsules and meshes.
-        site: whose frame it is told in.
+        site: whose frame it is in.
     """
     import trimesh
 

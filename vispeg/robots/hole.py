@@ -1,4 +1,4 @@
-"""A block with a hole in it: a ring of convex wedges for contact, one smooth mesh for the eye.
+"""A block with a hole in it: a ring of convex wedges for contact, one smooth mesh to be seen.
 
 Frame: the hole's own, origin at the centre of its mouth, z up and out of it. A regular hole of n sides is exact; a
 round one is a circle's tangent polygon, whose walls stand at the radius and whose corners are at most

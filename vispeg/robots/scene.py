@@ -63,7 +63,7 @@ def build(config: SceneConfig | None = None, cameras: tuple[str, ...] = CAMERAS)
     """The cell for a configuration; equal configurations give the same object.
 
     Args:
-        config: its geometry; the default cell if not given.
+        config: its geometry; by default the default cell.
         cameras: names of those that stand in it, which effects of cameras find as their places.
 
     Raises:

@@ -54,7 +54,7 @@ class UserShape:
         return np.ptp(self.vertices, axis=0)
 
     def add(self, spec: mujoco.MjSpec, body, name: str, place, contact: dict, visual: dict) -> None:
-        """Adds geom `name` for the eye and `name`_piece0.. for contact; `place` maps (n, 3) into the body's frame."""
+        """Adds geom `name` to be seen and `name`_piece0.. for contact; `place` maps (n, 3) into the body's frame."""
         corners = place(self.vertices)[self.faces].reshape(-1, 3)  # faces apart, so that edges stay sharp
         indices = np.arange(len(corners))
         spec.add_mesh(

@@ -24,7 +24,7 @@ from vispeg.sim.compiled import compiled, nominal_of
 
 MOTION_HZ = 30.0  # bandwidth of the motion whose acceleration is believed
 STILL = 0.5  # s at the start of an episode in which nothing is touched: the sensor's zero is read there
-NOISES = 6.0  # of a force component: no touch is told from less
+NOISES = 6.0  # of a force component: less is no touch
 ROWS = 4096  # samples whose kinematics are worked out at a time
 
 

@@ -65,7 +65,7 @@ class Task(ABC):
     # Cell -----------------------------------------------------------------------------------------------------
     @abstractmethod
     def cell(self, config: Any, cameras: tuple[str, ...] | None = None) -> Scene:
-        """The cell that these settings ask for, with cameras of these names (all standard ones if not given)."""
+        """The cell that these settings ask for, with cameras of these names (by default all standard ones)."""
 
     def check(self, scene: Scene, ranges: Sequence[tuple[RandomizedEffect, Path, str]], file: Path) -> None:
         """Whether every episode of a world can be begun.

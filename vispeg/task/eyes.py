@@ -1,4 +1,4 @@
-"""Through which cameras a task is seen, and what of their pictures an observation holds."""
+"""Cameras of a task, and their images in its observations."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def image_spaces(obs_mode: str, cameras: Sequence[Camera]) -> dict[str, gym.Spac
 
 
 def task_cameras(scene: Scene, task: TaskConfig, stated: Mapping[str, Any]) -> tuple[Camera, ...]:
-    """The cameras that a task is seen through.
+    """The cameras of a task.
 
     Args:
         scene: in which they stand.

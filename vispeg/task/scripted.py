@@ -12,7 +12,7 @@ from vispeg.task.registry import task_of
 
 
 class Scripted:
-    """The scripted expert as a policy that is told the goal."""
+    """The scripted expert as a policy that knows the goal."""
 
     modality = "state"
     meta: Mapping[str, Any] = {"name": "expert"}

@@ -11,7 +11,7 @@ from vispeg.sim.compiled import compiled
 
 
 class Episodes:
-    """What the page's worker holds; `tell` is told "cell" (side, MjModel, world), then "moment" (side, Moment)."""
+    """Of the page's worker; `tell` is called with "cell" (side, MjModel, world), then "moment" (side, Moment)."""
 
     def __init__(self, tell: Callable[[str, Any], None]):
         self.tell = tell

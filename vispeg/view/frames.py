@@ -58,7 +58,7 @@ class Frame:
 
 
 class Frames:
-    """What the page's worker holds; `tell` is told "dataset" (Holding) and "frame" (Frame)."""
+    """What the page's worker holds; `tell` is called with "dataset" (Holding) and "frame" (Frame)."""
 
     def __init__(self, tell: Callable[[str, Any], None]):
         self.tell, self.data = tell, None

@@ -32,7 +32,7 @@ class ImportPage(Page):
         place: where it stands.
         logs: files to begin with.
         robot: whose log it is.
-        written: is told the folder of each recording that was written.
+        written: called with the folder of each written recording.
     """
 
     title = "Import"

@@ -57,7 +57,7 @@ class Look:
 
 
 class Importer:
-    """What the page's worker holds; `tell` is told "proposed" (Proposed) and "look" (Look)."""
+    """What the page's worker holds; `tell` is called with "proposed" (Proposed) and "look" (Look)."""
 
     def __init__(self, tell: Callable[[str, Any], None]):
         self.tell = tell

@@ -17,7 +17,7 @@ class Job:
     Args:
         place: of the page; the line is added where the page's elements are being added.
         receive: called with (name, value) of what the work tells beside `say`.
-        idle: is told whether nothing is asked for any more, after each change of that.
+        idle: called after each change, with whether nothing is requested any more.
     """
 
     def __init__(self, place: Place, receive: Callable[[str, Any], None], idle: Callable[[bool], None]):

@@ -1,4 +1,4 @@
-"""What a person asks to see: a folder or file of any kind that the package knows, told apart by its content."""
+"""Sources to show: folders and files of any known kind, recognized by their content."""
 
 from __future__ import annotations
 

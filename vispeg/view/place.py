@@ -36,7 +36,7 @@ class Place:
         return self.server.gui
 
     def look(self, view: View) -> None:
-        """Turns every window, and those that are opened later, to a point: where the eye is, and the point, m."""
+        """Turns every window, and those that are opened later, to a point: position of the viewer, and the point, m."""
         first = self.server.initial_camera
         for camera in (first, *(client.camera for client in self.server.get_clients().values())):
             camera.position, camera.look_at = view

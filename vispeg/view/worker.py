@@ -1,6 +1,6 @@
 """A process of its own for long work: it does one thing after the other, tells how far it is, and can be stopped.
 
-What it does is told in plain data, so that the page stays alive while it works and outlives it where it fails.
+It reports in plain data, so that the page stays alive while it works and outlives it where it fails.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Worker:
     Args:
         make: `make(tell, *args)` makes the object in the process; `tell(name, value)` of it reaches `heard`.
         args: of `make`; data that can be pickled, between these two processes alone.
-        heard: is told from a thread of this process: ("told", name, value), ("done", method, result), ("refused" or
+        heard: called from a thread of this process: ("told", name, value), ("done", method, result), ("refused" or
             "failed", method, text), ("stopped", method, None).
     """
 

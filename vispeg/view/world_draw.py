@@ -50,7 +50,7 @@ class Drawn:
 
 
 class Draws:
-    """What the page's worker holds; `tell` is told "ranges" ([Range]) and "drawn" (Drawn)."""
+    """What the page's worker holds; `tell` is called with "ranges" ([Range]) and "drawn" (Drawn)."""
 
     def __init__(self, tell: Callable[[str, Any], None]):
         self.tell = tell

@@ -61,7 +61,7 @@ def write_motion(
         name: of the motion.
         out: the .csv file.
         model: the robot that moves; by default the default cell for motions in contact and of looking, else iiwa14.
-        duration: of a joint motion (5 s where not given) or of one that looks at a cell (16 s), s.
+        duration: of a joint motion (default 5) or of a look (default 16), s.
         rate_hz: commands a second.
         seed: of the motion.
         overwrite: replace `out`, if it is a motion.

@@ -107,7 +107,7 @@ def record_look(
 
     Args:
         world: of a cell. Effects of the arm act on the motion, those of cameras, looks, fixture and grip on the
-            pictures; none of them is told in the recording.
+            pictures; the recording states none of them.
         motion: one of `vispeg.identify.motions.look_motion.LOOKS`, or what is commanded, at `rate_hz`.
         cameras: as their user believes them; `wrist_wide` of the cell at 320 x 240 px if none is given.
         fps: pictures a second of each camera.

@@ -78,7 +78,7 @@ def record(
         noise: 1-sigma by signal, SI: `q`, `dq`, `tau`, `ee`, `ft`, `ft_torque`; by default a good arm's.
         force_limit: in a cell, the greatest force that the controller asks for, N.
         torque_sensor: what `tau` measures: torque behind the gear, the motor's, nothing.
-        wrench_sensor: in a cell, whether the wrench at the flange is recorded; without it contact is told from `tau`.
+        wrench_sensor: in a cell, whether the flange's wrench is recorded; without it contact is estimated from `tau`.
         repeat: runs of the same motion; more than one become episodes.
         cameras: in a cell, names of its own cameras, or camera files; a look has `wrist_wide` where none is given.
         size: (width, height) px of the pictures of the cell's own cameras.

@@ -74,7 +74,7 @@ class Price:
             missing_torque: a diagnosis' `remainder`.
             seed: of the episodes.
             part: a folder for the episodes; None keeps none.
-            say: is told how far it is.
+            say: called with the progress.
 
         Raises:
             UserError: the cell has no place for an effect of the model.

@@ -13,7 +13,7 @@ from vispeg.identify.checkpoint import Trace
 
 @contextmanager
 def following(starts: int, steps: int, quiet: bool) -> Iterator[Callable[[int, Trace], None]]:
-    """Tells of the optimizers while the body runs; yields what an optimizer's step is told to."""
+    """Shows the optimizers' progress while the body runs; yields a function to call at each step."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -36,7 +36,7 @@ def following(starts: int, steps: int, quiet: bool) -> Iterator[Callable[[int, T
 
 @contextmanager
 def generations(steps: int, quiet: bool) -> Iterator[Callable[[int, Trace], None]]:
-    """Tells of the generations of one CMA-ES while the body runs; yields what each one is told to."""
+    """Shows the generations of one CMA-ES while the body runs; yields a function to call at each."""
     from rich.console import Console
     from rich.progress import Progress
 

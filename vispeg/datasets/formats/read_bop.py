@@ -180,7 +180,7 @@ class Bop(Stored):
 
 
 def _scenes(listing: Any, scenes: list[Path], path: Path) -> list[tuple[int, str]]:
-    """Episode and camera of each scene; each its own episode where nothing is told."""
+    """Episode and camera of each scene; each its own episode if nothing is stated."""
     listed = listing.get("scenes") if isinstance(listing, dict) else None
     if listed is None and isinstance(listing, dict):
         return [(i, ANY) for i in range(len(scenes))]

@@ -30,7 +30,7 @@ def local(
         shards: those that are wanted.
         source, plan, layout: what makes them.
         workers: processes; 0: in this one.
-        tick: told frames as they are done.
+        tick: called with frames as they are done.
 
     Raises:
         UserError: what the source raises, or a shard that killed its worker again and again.
@@ -58,7 +58,7 @@ def _pool(
     shards: Sequence[Shard], source: Source, plan: Plan, layout: Layout, workers: int, tick: Callable[[int], None]
 ) -> Made:
     context = multiprocessing.get_context("spawn")
-    ticks: Any = context.SimpleQueue()  # put is done when it returns, so a frame is told before its shard
+    ticks: Any = context.SimpleQueue()  # put is done when it returns, so a frame is reported before its shard
     count = min(workers, len(shards))
     tasks = jobs_a_process(plan.backend)
     with pool_of(count, tasks, _listen, (ticks,)) as pool:

@@ -50,7 +50,7 @@ def render(
         out: the folder, new or empty; with `overwrite`, one with content is replaced once the new one is complete.
         engine: makes shards: `engine.local` or `engine_ray.on_ray`.
         workers: processes.
-        watch: told frames as they are done; first those that an earlier rendering had left.
+        watch: called with frames as they are done; first those that an earlier rendering had left.
         export: writes another format from the LeRobot folder (first) into an empty one (second).
         provenance: kept in `meta/render.json`.
 

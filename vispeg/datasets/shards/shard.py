@@ -30,7 +30,7 @@ def shard_bytes(source: Source, plan: Plan, layout: Layout, shard: Shard, tick: 
     Args:
         source: makes its episodes.
         plan, layout, shard: what is asked for.
-        tick: told how many frames more are drawn, by the source (see `drawn`), or else with each episode.
+        tick: called with the number of new frames, by the source (see `drawn`), or else with each episode.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq

@@ -4,7 +4,7 @@ Each joint stands `compliance` times its torque away from what its encoder says,
 began: kinematics that are calibrated, or a goal that is taught with the same arm, account for the arm's own weight.
 Quasi-static; the spring with a motor behind it, which sags too, is joint_elasticity. At the flange it is the compliance
 `J C J'` of Salisbury 1980, Active stiffness control of a manipulator in Cartesian coordinates, 19th IEEE Conference on
-Decision and Control: it turns with the posture, and so is told from that of a fixture.
+Decision and Control: it turns with the posture, which separates it from a fixture's.
 """
 
 from __future__ import annotations

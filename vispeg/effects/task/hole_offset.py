@@ -1,6 +1,6 @@
 """Hole offset: the fixture, and the hole in it, stands (x, y, z) from its nominal place, base axes.
 
-The goal itself moves: whoever is told where the hole is, is told the new place (an error of what is told is
+The goal itself moves: the believed goal moves with it (an error of the belief is
 `goal_imprecision`). Native mechanism: `body_pos` of the body `fixture`.
 """
 

@@ -76,7 +76,7 @@ def moments(env: Any, policy: Any, seed: int) -> Iterator[Moment]:
     """Plays the episode of a seed; the last moment has its outcome.
 
     Args:
-        env: a vector environment of one row that resets when told.
+        env: a vector environment of one row without autoreset.
         policy: see `vispeg.learn.policy.Policy`.
         seed: of the episode.
 

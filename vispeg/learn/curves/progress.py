@@ -67,7 +67,7 @@ class Table:
     Args:
         path: of the file, which may not exist yet.
         upto: steps of reinforcement from which the run goes on.
-        rounds: of its distillation that are finished; all of them if not given.
+        rounds: of its distillation that are finished; by default all.
     """
 
     def __init__(self, path: Path, upto: int, rounds: float = math.inf):

@@ -157,7 +157,7 @@ class Replay:
 
         Args:
             n: how many.
-            rng: of the draws; the ring's own if not given.
+            rng: of the draws; by default the ring's own.
             images: which images are fetched: those `before` the transition, `after` it, `both` or `none`.
 
         Raises:

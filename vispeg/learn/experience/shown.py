@@ -44,7 +44,7 @@ def from_folder(
 
     Args:
         folder: of a LeRobotDataset v3.0.
-        modality: of the policy that learns from it; not one that is told the goal.
+        modality: of the policy that learns from it; not one that knows the goal.
         layout: what the policy sees; images must have its sizes.
         seed: of later draws from the replay.
         device: where batches go: the learning network's.

@@ -99,7 +99,7 @@ def finetune(
         dataset: demonstrations in LeRobot's layout, in place of the teacher's in `target`.
         device: where the network runs: `cpu`, `cuda` or `auto`.
         overwrite: whether `out` may be replaced.
-        say: told how it goes.
+        say: called with the progress.
 
     Raises:
         UserError: the policy does not fit the environments, or the teacher fails in them.

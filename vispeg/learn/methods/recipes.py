@@ -35,7 +35,7 @@ def distilled(
     Args:
         config: with `teacher` or `dataset` set, unless `teacher` is given.
         folder: of the run.
-        make: environments; those of the configuration's world if not given.
+        make: environments; by default those of the configuration's world.
         show: whether to tell of progress on stderr.
         teacher: in place of the configuration's.
 

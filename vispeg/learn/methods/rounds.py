@@ -57,7 +57,7 @@ class Rounds:
 
     @property
     def state(self) -> RoundState | None:
-        """What `keep` was told of the last finished round; None before the first.
+        """The arguments of `keep` at the last finished round; None before the first.
 
         Raises:
             UserError: the file is damaged.

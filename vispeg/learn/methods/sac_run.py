@@ -49,7 +49,7 @@ class SacRun:
     Args:
         config: what to do.
         folder: of the run.
-        make: environments; those of the configuration's world if not given.
+        make: environments; by default those of the configuration's world.
         show: whether to tell of progress on stderr.
     """
 

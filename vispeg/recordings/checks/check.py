@@ -31,7 +31,7 @@ class JointCheck:
         name: the joint.
         missing: share of its angle readings that are missing.
         longest_missing_s: the longest stretch without one.
-        spikes: single bad readings; what follows about angle and speed is told without them.
+        spikes: single bad readings; later statistics of angle and speed leave them out.
         low, high: extremes of the angle.
         tracking_rms, tracking_worst: commanded minus measured angle, RMS and largest size.
         peak_torque: largest measured torque.

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from vispeg.recordings.checks.check import JointCheck
 
 SILENT_Q = 1e-7  # rad: no encoder is as quiet as this
-FLAT = 0.02  # least share of its own that a parameter's column needs to be told from the others
+FLAT = 0.02  # least share of its own that a parameter's column needs to be separable from the others
 POOR_TRACKING = 2.0  # degrees RMS: the article on sim-to-real transfer suspects the actuator model beyond 2 to 3
 
 

@@ -1,6 +1,6 @@
 """What a recording shows of contact: how long in which regime, how hard, how fast, and so which effects it excites.
 
-What an effect needs is told from the recording's own forces and speeds. The bounds follow a study of how well each
+What an effect needs is derived from the measured forces and speeds. The bounds follow a study of how well each
 effect is known after five seconds of each motion: one is excited where that is far better than the sizes at which it
 matters.
 """
@@ -15,7 +15,7 @@ import numpy as np
 from vispeg.core.effect import REGISTRY, effect
 from vispeg.recordings.regimes import FREE, IMPACT, INSIDE, PRESS, REGIMES, SLIDE
 
-AIR = 0.8  # s in free air from which the sensor's zero can be told
+AIR = 0.8  # s in free air that determine the sensor's zero
 TILT = 0.4  # rad that the tool must be tilted in free air to tell its mass and centre from the sensor's zero
 LONG = 0.5  # s in a regime that is enough to tell something
 RATIO = 2.0  # of the largest press to the smallest, to tell a compliance from a height
@@ -68,7 +68,7 @@ class ContactCheck:
 
 @dataclass(frozen=True)
 class Touched:
-    """What `vispeg.sim.touch` told, in plain arrays, each (n, ..) for the recording's samples.
+    """The result of `vispeg.sim.touch` in plain arrays, each (n, ..) for the recording's samples.
 
     Attributes:
         time: s.
@@ -130,7 +130,7 @@ def _free_start(t: Touched, number: int) -> float:
 
 
 def _excited(t: Touched, summary: ContactCheck, step: float) -> dict[str, str]:
-    """Effect -> why it cannot be told, "" where it can."""
+    """Effect -> why it is not excited, "" where it is."""
     lacks = _lacking(t, summary, step)
     needing = sorted((list(NEEDS).index(e.needs), name) for name, e in REGISTRY.items() if e.needs)
     return {name: lacks[effect(name).needs].format(other=next(iter(effect(name).told_from), "")) for _, name in needing}

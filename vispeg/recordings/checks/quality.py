@@ -43,7 +43,7 @@ class Limits:
 
     @classmethod
     def of(cls, robot: Limited, joints: Sequence[str] | None = None) -> Limits:
-        """A robot's limits, of these of its joints and in their order; of all in its own order where not given."""
+        """A robot's limits, of these of its joints and in their order; by default of all, in its own order."""
         order = [robot.joints.index(joint) for joint in (robot.joints if joints is None else joints)]
         return cls(robot.range[order], robot.velocity_limit[order], robot.torque_limit[order])
 

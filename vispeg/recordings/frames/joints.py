@@ -16,7 +16,7 @@ def joints_at(rec: Recording, time: np.ndarray, episode: np.ndarray | None = Non
     Args:
         rec: the recording.
         time: (n,) s.
-        episode: (n,) the episode of each; the first where not given.
+        episode: (n,) the episode of each; by default the first.
 
     Returns:
         (n, nj) rad; NaN before the first and after the last reading of an episode, and inside gaps.

@@ -108,7 +108,7 @@ def _line(stream: BinaryIO, file: Path, number: int) -> str:
 
 
 def _refuse_dialect(head: str, second: str, dialect: Dialect, file: Path) -> None:
-    """Semicolons and tabs are told from commas by the header: they would make one column of all."""
+    """The header decides between semicolons, tabs and commas: the wrong one makes one column of all."""
     separator = dialect.separator
     other = max((sign for sign in (",", ";", "\t") if sign != separator), key=head.count)
     if head.count(other) <= head.count(separator):

@@ -1,4 +1,4 @@
-"""Which way round a board lies that looks the same turned by half a turn: the robot's own turning tells."""
+"""Orientation of a board that looks the same after half a turn, from the robot's own rotation."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ class CameraRig:
         period: time between two pictures, s.
         outside: the camera of `picture`.
         backend, shadows: of the renderer.
-        look_seed: episode seed -> seed of its look; the same if not given.
+        look_seed: episode seed -> seed of its look; by default the same.
 
     Attributes:
         drawn: by row, the world of the present episode as it is seen.

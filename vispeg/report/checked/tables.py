@@ -43,7 +43,7 @@ def motion(report: CheckReport) -> Sheet:
 
 
 def signals(report: CheckReport) -> Sheet:
-    """The largest torque, the noise, and how well dry friction could be told with it."""
+    """The largest torque, the noise, and the precision of dry friction with it."""
     heads = ["largest torque\nN m", "angle noise\nrad", "torque noise\nN m", "dry friction known to\nN m (1 sigma)"]
     rows = []
     for joint in report.joints:

@@ -1,4 +1,4 @@
-"""Frames as pictures for the eye: colour as it is, depth and parts in colours, side by side."""
+"""Frames as viewable pictures: colour, and depth and parts in colours, side by side."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ PALETTE = np.array(
 
 
 def depth_range(data: Dataset | Stored, frames: Sequence[Mapping[str, np.ndarray]]) -> dict[str, tuple[float, float]]:
-    """For each camera, depths in m that most readings lie between, so that what is near can be told apart."""
+    """For each camera, depths in m that most readings lie between, so that near depths differ visibly."""
     out = {}
     for name in data.cameras:
         every = np.concatenate([f[depth_of(name, f)].ravel() for f in frames])

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 CELLS = (8, 6)  # of an image, for the residuals over it
-LEAST = 6  # borders in a cell from which a displacement is told
+LEAST = 6  # borders in a cell that determine a displacement
 CHANNELS = (  # words and unit, key of a frame's row, array over distance, array over the image
     ("borders (px)", "border_px", "border_distance", "along"),
     ("depth (mm)", "depth_mm", "distance", "depth_image"),

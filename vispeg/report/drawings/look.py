@@ -29,7 +29,7 @@ def draw(kind: Effect, where: str | None, scene: Any, path: Path, *, overwrite: 
 
     Args:
         kind: the effect, at its typical values.
-        where: its place; everywhere if not given.
+        where: its place; by default everywhere.
         scene: the cell.
         path: of the picture.
         overwrite: replace a picture that is there.

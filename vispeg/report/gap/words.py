@@ -59,7 +59,7 @@ def p_value(p: float | None) -> str:
 
 
 def role(policy: Row) -> str:
-    """What sets a policy apart from those that see: `teacher, told the goal`, `blind`, or nothing."""
+    """The role of a policy beside those with cameras: `teacher, told the goal`, `blind`, or nothing."""
     return ROLES.get("scripted" if policy.get("scripted") else str(policy["modality"]), "")
 
 

@@ -1,4 +1,4 @@
-"""Classes of effects that these recordings cannot tell apart, and what would."""
+"""Classes of effects that these recordings cannot separate, and the experiment that would."""
 
 from __future__ import annotations
 

@@ -115,7 +115,7 @@ class Correlations(TypedDict):
 
 
 def correlations(record: Record) -> Correlations:
-    """Correlation matrix as rows of (text, colour), and the pairs that the data hardly tell apart."""
+    """Correlation matrix as rows of (text, colour), and the pairs that the data hardly separate."""
     section = record.mapping("correlations")
     names = [str(name) for name in section.get("labels") or []]
     cells = [[number(v) for v in row] for row in section.get("matrix") or [] if isinstance(row, list)]

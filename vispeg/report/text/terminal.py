@@ -61,7 +61,7 @@ def rooms_table(diagnosis: Mapping[str, Any]) -> Sheet:
 
 
 def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
-    """The verdict in words, both tables, what cannot be told apart, and what to do next."""
+    """The verdict in words, both tables, what cannot be separated, and what to do next."""
     out: list[Block] = []
     if verdict := diagnosis.get("verdict"):
         out.append(Line(words.verdict(diagnosis), head=str(verdict)))

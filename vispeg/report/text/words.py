@@ -173,7 +173,7 @@ def price(values: Mapping[str, Any]) -> str:
 
 
 def rivals(values: Mapping[str, Any]) -> list[list[str]]:
-    """The classes of effects that the recordings cannot tell apart, in words, each with the chosen one first."""
+    """The classes of effects that the recordings cannot separate, in words, each with the chosen one first."""
     classes = []
     for effect in rows(values, "effects"):
         others = [named_effect(other) for other in rows(effect, "indistinguishable_from")]

@@ -84,7 +84,7 @@ class TaskSimulation:
         self.measured = self.home.copy(), np.zeros_like(self.home)
         self.push: list[Any] = [None] * n
         self.acted: list[list[np.ndarray]] = [[] for _ in range(n)]  # actions of the present episodes
-        self.heard: Callable[..., None] | None = None  # told of each control tick: q, dq, and the wrench after it
+        self.heard: Callable[..., None] | None = None  # called at each control tick with q, dq, and the wrench after it
 
     def _tool_weight(self) -> np.ndarray:
         """Weight (3,) N in the world frame that the wrench sensor carries at rest, as the controller knows it."""

@@ -97,7 +97,7 @@ class TaskVec(VectorEnv):
 
     Args:
         num_envs: rows.
-        world: a World or RandomizedWorld, a built-in world's name, or a world file; `nominal` if not given.
+        world: a World or RandomizedWorld, a built-in world's name, or a world file; by default `nominal`.
         obs_mode: `state`, `proprio`, `depth`, `rgb` or `rgbd`.
         seed: of the episodes until `reset` is given one.
         autoreset_mode: NEXT_STEP (gymnasium's default: the step after an end begins the next episode) or SAME_STEP

@@ -39,7 +39,7 @@ def elbow_turned(scene: Scene) -> np.ndarray:
     """Joint angles (nj,) rad with the flange as in `posture` and the elbow turned about the line to the wrist.
 
     Of the postures on the way to either side the one in which the flange's compliance `J J'` differs most from what it
-    was: so a give of the arm is told from one of the fixture.
+    was: which separates compliance of the arm from that of the fixture.
 
     Raises:
         UserError: an arm with one way to hold its flange, or without room to turn.

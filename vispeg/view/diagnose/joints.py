@@ -21,7 +21,7 @@ class Joints(Subject):
     Args:
         inputs: model and recordings.
         threads: of the simulation.
-        say: is told what is being done.
+        say: called with a line on each step.
         progress: of the search; None where there is nothing to judge on.
     """
 

@@ -44,7 +44,7 @@ class Study:
     """What the page's worker holds.
 
     Args:
-        tell: is told "say" (a sentence), "model" (MjModel to be drawn, whether it is a cell), "standing", "candidates",
+        tell: called with "say" (a sentence), "model" (MjModel, whether it is a cell), "standing", "candidates",
             "tried" and "pictured", see `vispeg.view.diagnose.standing`.
         model: as `vispeg diagnose` takes it.
         fitted, held_out: folders of recordings; without `held_out` the model is only compared with the others.

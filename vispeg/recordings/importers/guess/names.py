@@ -63,7 +63,7 @@ class Meaning:
         commanded: whether it was asked for; None where the name does not say.
         unit: of `importers.mapping.FACTORS`, or empty.
         label: what is left of the name: which joint.
-        said: the word that told the quantity.
+        said: the word that states the quantity.
     """
 
     name: str
