@@ -45,7 +45,7 @@ def test_a_fit_that_nothing_was_held_out_from_says_so_on_its_page(vispeg, rigs, 
     rec = ["--recording", rigs["friction"], "--quiet", "--iterations", "1"]
     assert vispeg("fit", "iiwa14", *rec, "--effects", "coulomb_friction:joint4", "--out", "f")[0] == 0
     page = (tmp_path / "f" / "report.html").read_text(encoding="utf-8")
-    assert "Error on the fitted recordings falls" in page and "only held-out ones (--validate) test a model" in page
+    assert "Error on the fitted recordings falls" in page and "only others (--validate) test a model" in page
     assert "held-out" not in page[page.index("<main>") : page.index("</main>")].lower()
 
 
