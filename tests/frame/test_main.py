@@ -85,8 +85,8 @@ def test_the_overview_fits_80_columns():
 
 
 def test_nearest_sub_command_is_suggested(capsys):
-    assert cli.main(["dataset", "chek"]) == 2
-    assert "did you mean 'check'" in capsys.readouterr().err
+    assert cli.main(["dataset", "show2"]) == 2
+    assert "did you mean 'show'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -77,7 +77,7 @@ def test_the_page_says_what_where_and_how_large_before_anything_else(run, diagno
         assert sections.index("where_it_fails") < sections.index("measured_vs_model")
     title = re.search("<h1>(.*?)</h1>", html)[1]
     assert "Payload at the flange (0.843 kg) and Coulomb friction in joint 4 (1.31 N m) explain" in title
-    assert "Constant torque against the direction of motion." in html
+    assert "Constant friction torque against the direction of motion." in html
     assert html.count("0.812 to 0.874") == 1, "an interval stands in one table"
 
 

@@ -1,7 +1,7 @@
 """Checks this machine: what is missing, and how to get it.
 
-Exit code 0: recordings can be checked, fitted and diagnosed here. Pictures, logs, training and videos are
-extras.
+Exit code 0: recordings can be checked, fitted and diagnosed here. Pictures,
+logs, training and videos are extras.
 
 Example:
     vispeg doctor
