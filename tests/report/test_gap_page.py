@@ -76,7 +76,8 @@ def test_the_page_opens_with_its_picture_and_says_what_the_worlds_are():
     assert main.index("<h1>") < main.index("<figure>") < main.index("<li>") < main.index("<table")
     assert "training world" in main[: main.index("</figure>")] and "unseen looks" in main[: main.index("</figure>")]
     first = main[: main.index("<h2>")]
-    assert "<b>S</b>: Training world of policies with cameras" in first and "<b>P</b>: Target world of the physics factor" in first
+    assert "<b>S</b>: Training world of policies with cameras" in first
+    assert "<b>P</b>: Target world of the physics factor" in first
     assert "<b>VP</b>: " not in first, "a world of another's making is not described as one of ours"
 
 
