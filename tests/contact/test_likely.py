@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from vispeg.contact.likely import absent, intervals
+from vispeg.contact.likely import absent, disagreement, intervals
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.identify.fit import Fit
@@ -29,10 +31,11 @@ class Only(Freedom):
 class Line:
     """Evidence whose residual is a straight line about a fit."""
 
-    correlated = 6.0
+    lasting = 6.0
 
     def __init__(self, fit):
         self.fit = fit
+        self.items = [SimpleNamespace(measured=fit.residual)]
 
     def residuals(self, worlds):
         to = [Space(w, [0], self.fit.space.freedom).start for w in worlds]
@@ -64,5 +67,30 @@ def test_a_value_may_be_absent_exactly_where_its_interval_holds_null():
     fit = linear_fit(placed, jacobian, noise, np.sqrt(6.0 * np.diag(inverse)))
     half = np.sqrt(3.84 * 6.0 * np.diag(inverse))
     for share, gone in ((0.99, [0, 1, 2]), (1.01, [])):
-        assert absent(Line(fit), fit, [0, 1, 2], fit.u + share * half) == gone
+        assert sorted(absent(Line(fit), fit, [0, 1, 2], fit.u + share * half)) == gone
         assert absent(Line(fit), fit, [1], fit.u - share * half) == gone[1:2]
+
+
+def test_what_may_be_absent_comes_least_needed_first():
+    rng = stream(8, "absent")
+    placed = EffectInstance.of("hole_offset", "fixture", x=1e-3, y=-1e-3, z=2e-3)
+    jacobian = rng.standard_normal((400, 3))
+    fit = linear_fit(placed, jacobian, np.zeros(400), np.ones(3))
+    half = np.sqrt(3.84 * 6.0 * np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+    assert absent(Line(fit), fit, [0, 1, 2], fit.u + np.array([0.5, 0.9, 0.1]) * half) == [2, 0, 1]
+
+
+def test_recordings_that_disagree_widen_an_interval_by_birges_ratio():
+    """One coordinate, recordings of equal information: chi squared of their own values about the mean, per degree."""
+    rng, sizes = stream(9, "disagreement"), [200, 200, 200]
+    column = np.tile(rng.standard_normal(200), 3)
+    apart = np.array([0.4, -0.1, -0.3])
+    placed = EffectInstance.of("hole_offset", "fixture", x=1e-3)
+    rest = -np.repeat(apart, 200) * column
+    space = Space(World().add(placed), [0], Only(("x",)))
+    fit = Fit(
+        space.world, rest, column[:, None], space, space.start, np.ones(1), np.eye(1), cost=float(np.mean(rest**2))
+    )
+    (found,) = disagreement(fit, sizes)
+    assert found == pytest.approx(float(column[:200] @ column[:200]) * float(apart @ apart) / 2)
+    assert disagreement(fit, [600]) == pytest.approx(0.0)

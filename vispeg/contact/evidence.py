@@ -199,6 +199,12 @@ class ContactEvidence(Evidence):
         """RMS floor of the force, N."""
         return float(np.sqrt(np.mean(self.floors[:3] ** 2)))
 
+    @property
+    def lasting(self) -> float:
+        """Blocks that the phase of contact lasts in which a block is, on average: as long as an error of form does."""
+        lengths = np.concatenate([i.phase.lengths[i.phase.valid & i.phase.near] for i in self.items])
+        return max(self.correlated, float(lengths.mean())) if len(lengths) else self.correlated
+
     def excited(self, world: World) -> dict[str, float]:
         """Seconds in each phase of contact over all items."""
         out: dict[str, float] = {}

@@ -2,8 +2,10 @@
 
 Where a contact sticks, a derivative by friction is zero: every greater value fits as well, a smaller one does not. An
 interval holds the values whose squared residual is within a quantile of the least, the others moving along as the
-derivatives say or staying: whichever reaches farther. Source: profile likelihood, Venzon and Moolgavkar 1988, A method
-for computing profile-likelihood-based confidence intervals, Applied Statistics 37(1).
+derivatives say or staying: whichever reaches farther. The quantile is scaled by how long an error of form lasts, and by
+how far recordings disagree. Sources: profile likelihood, Venzon and Moolgavkar 1988, A method for computing
+profile-likelihood-based confidence intervals, Applied Statistics 37(1); Birge 1932, The calculation of errors by the
+method of least squares, Physical Review 40, for measurements that disagree.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ from vispeg.identify.fit import Fit
 from vispeg.worlds.world import World
 
 QUANTILE = 3.84  # of chi squared with one degree of freedom: 95 %
-MOST = 4.0  # times the least scale: by how much recordings that disagree may stretch it
+FAINT = 0.03  # of the length of a derivative, below which a recording tells nothing of a coordinate
 ROUNDS = ((1.0,), (0.5, 2.0), (4.0, 8.0), (16.0, 64.0))  # of a half interval by derivatives, until the residual rises
 FLAT = 1e-12
 
@@ -67,25 +69,20 @@ def intervals(evidence: ContactEvidence, fit: Fit) -> tuple[World, np.ndarray]:
 
 
 def absent(evidence: ContactEvidence, fit: Fit, axes: Sequence[int], null: np.ndarray) -> list[int]:
-    """Those of some coordinates that may as well be at their `null` (naxis,): the squared residual says no otherwise.
-
-    The others move along as the derivatives say, or stay.
+    """Those of some coordinates that may as well be at their `null` (naxis,), the least needed first: the squared
+    residual says no otherwise where the others move along as the derivatives say, or stay.
     """
     low, high = fit.space.bounds
-    asked, points, rises = [], [], []
+    asked, points = [], []
     for ray in _rays(evidence, fit):
         way = null[ray.axis] - fit.u[ray.axis]
         if ray.axis in axes and way * ray.direction[ray.axis] >= 0:
-            share = way / ray.direction[ray.axis]
-            asked.append(ray.axis)
-            points.append(np.clip(fit.u + share * ray.direction, low, high))
-            rises.append(ray.rise)
-    base = float(fit.residual @ fit.residual)
-    gone = set()
-    for axis, rise, r in zip(asked, rises, evidence.residuals([fit.space.at(u) for u in points]), strict=True):
-        if float(r @ r) - base <= rise:
-            gone.add(axis)
-    return sorted(gone)
+            asked.append(ray)
+            points.append(np.clip(fit.u + way / ray.direction[ray.axis] * ray.direction, low, high))
+    base, needs = float(fit.residual @ fit.residual), {}
+    for ray, r in zip(asked, evidence.residuals([fit.space.at(u) for u in points]), strict=True):
+        needs[ray.axis] = min((float(r @ r) - base) / ray.rise, needs.get(ray.axis, np.inf))
+    return sorted((axis for axis in needs if needs[axis] <= 1.0), key=lambda axis: needs[axis])
 
 
 def _rays(evidence: ContactEvidence, fit: Fit) -> list[Ray]:
@@ -95,16 +92,39 @@ def _rays(evidence: ContactEvidence, fit: Fit) -> list[Ray]:
     size = np.sqrt(np.maximum(np.diag(info), FLAT))
     value, vector = np.linalg.eigh(info / np.outer(size, size))
     inverse = (vector / np.maximum(value, 1e-8)) @ vector.T / np.outer(size, size)
-    least = evidence.correlated * max(1.0, fit.cost)
+    least, apart = evidence.lasting * max(1.0, fit.cost), disagreement(fit, [i.measured.size for i in evidence.items])
     steps = np.abs(fit.space.steps(fit.u))
     out = []
     for i in range(n):
-        scale = float(np.clip(fit.sigma[i] ** 2 / inverse[i, i], least, MOST * least))
+        scale = max(least, float(apart[i]))
         half = min(np.sqrt(QUANTILE * scale * inverse[i, i]), steps[i])
         follow, stay = half * inverse[:, i] / inverse[i, i], half * np.eye(n)[i]
         ways = (follow, stay) if n > 1 else (stay,)
         out += [Ray(i, sign * way, QUANTILE * scale) for way in ways for sign in (-1.0, 1.0)]
     return out
+
+
+def disagreement(fit: Fit, sizes: Sequence[int]) -> np.ndarray:
+    """(naxis,) drop of the squared residual where each recording has its own value of a coordinate, per value more.
+
+    To first order; `sizes` are the recordings' parts of the residual. 0 where only one of them tells the coordinate.
+    """
+    of = np.repeat(np.arange(len(sizes)), sizes)[:, None] == np.arange(len(sizes))
+    unit = fit.jacobian / np.maximum(np.linalg.norm(fit.jacobian, axis=0), FLAT)
+    out = np.zeros(len(fit.u))
+    for i, column in enumerate(unit.T):
+        each = column[:, None] * of
+        each = each[:, np.linalg.norm(each, axis=0) > FAINT]
+        if each.shape[1] > 1:
+            apart = _left(np.column_stack([np.delete(unit, i, axis=1), each]), fit.residual)
+            out[i] = (_left(unit, fit.residual) - apart) / (each.shape[1] - 1)
+    return out
+
+
+def _left(columns: np.ndarray, residual: np.ndarray) -> float:
+    """Squared residual that no sum of columns takes."""
+    change, *_ = np.linalg.lstsq(columns, residual, rcond=1e-6)
+    return float(np.sum((residual - columns @ change) ** 2))
 
 
 def _ended(fit: Fit, ray: Ray, share: float) -> bool:

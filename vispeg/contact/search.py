@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
@@ -185,23 +186,36 @@ class ContactSearch(Search):
             self.bound(state, n_fixed)
 
     def _bare(self, fit: Fit, n_fixed: int) -> Fit:
-        """A fit anew without those of its magnitudes that may be absent; one of each effect stays."""
-        effects, space = list(fit.world.effects), fit.space
-        names = [(a.index, a.name) for a in space.axes]
-        some = [i for i, (k, name) in enumerate(names) if k >= n_fixed and name in effect(effects[k].effect).magnitudes]
-        null = np.array([space.forward(a.param.null, a) if i in some else 0.0 for i, a in enumerate(space.axes)])
-        gone = {names[i] for i in absent(self.evidence, fit, some, null)}
-        for k, placed in enumerate(effects):
-            dropped = {m for at, m in gone if at == k}
-            if dropped and len(dropped) < len([1 for at, _ in names if at == k]):
-                self.evidence.absent |= {(placed.effect, m) for m in dropped}
-                effects[k] = placed.with_values(**{m: effect(placed.effect).params[m].null for m in dropped})
-        if tuple(effects) == fit.world.effects:
-            return fit
-        (bare,) = self.fits([replace(fit.world, effects=tuple(effects))], n_fixed)
-        more = float(bare.residual @ bare.residual - fit.residual @ fit.residual)  # one by one, or all together
-        chance = self.evidence.correlated * max(1.0, fit.cost) * stats.chi2.isf(0.05, len(fit.u) - len(bare.u))
-        return bare if more <= chance else fit
+        """A fit anew without those of its magnitudes that may be absent: all of them, or the least needed alone."""
+        idle = self._idle(fit, n_fixed)
+        for some in (idle, idle[:1]) if idle else ():
+            before = self.evidence.absent
+            bare = self._nulled(fit, some, n_fixed)
+            more = float(bare.residual @ bare.residual - fit.residual @ fit.residual)
+            if more <= self.evidence.lasting * max(1.0, fit.cost) * stats.chi2.isf(0.05, len(some)):
+                return self._bare(bare, n_fixed)
+            self.evidence.absent = before
+        return fit
+
+    def _idle(self, fit: Fit, n_fixed: int) -> list[int]:
+        """Coordinates that may be absent, the least needed first; of each effect that which is needed most stays."""
+        axes, kinds, out = fit.space.axes, [effect(e.effect) for e in fit.world.effects], []
+        left = Counter(a.index for a in axes if a.index >= n_fixed)
+        several = [i for i, a in enumerate(axes) if left[a.index] > 1 and a.name in kinds[a.index].magnitudes]
+        null = np.array([fit.space.forward(a.param.null, a) if i in several else 0.0 for i, a in enumerate(axes)])
+        for i in absent(self.evidence, fit, several, null) if several else ():
+            if left[axes[i].index] > 1:
+                left[axes[i].index] -= 1
+                out.append(i)
+        return out
+
+    def _nulled(self, fit: Fit, gone: Sequence[int], n_fixed: int) -> Fit:
+        """A fit anew with some of its coordinates at null, where they stay."""
+        effects = list(fit.world.effects)
+        for a in (fit.space.axes[i] for i in gone):
+            effects[a.index] = effects[a.index].with_values(**{a.name: a.param.null})
+            self.evidence.absent = self.evidence.absent | {(effects[a.index].effect, a.name)}
+        return self.fits([replace(fit.world, effects=tuple(effects))], n_fixed)[0]
 
     def shows(self, state: State, trial: Trial) -> bool:
         """Whether a trial lowers the squared residual by more than chance; where contacts stick derivatives vanish."""
