@@ -102,6 +102,7 @@ class ContactEvidence(Evidence):
     decisive = 60.0
     alike = 0.03  # laws of contact are off by as much of a force, see `floors.SHARE`
     correlated = 6.0  # blocks: form errors last as long as a contact does
+    lasting = 14.0  # blocks that a visit to a phase takes: as long, an error of form acts on a parameter one way
     tied = correlated * 5.41  # of chi squared with one degree of freedom: one in 50
 
     def __init__(self, touching: Sequence[Touching], *, nthread: int = 1):
@@ -198,12 +199,6 @@ class ContactEvidence(Evidence):
     def floor(self) -> float:
         """RMS floor of the force, N."""
         return float(np.sqrt(np.mean(self.floors[:3] ** 2)))
-
-    @property
-    def lasting(self) -> float:
-        """Blocks that the phase of contact lasts in which a block is, on average: as long as an error of form does."""
-        lengths = np.concatenate([i.phase.lengths[i.phase.valid & i.phase.near] for i in self.items])
-        return max(self.correlated, float(lengths.mean())) if len(lengths) else self.correlated
 
     def excited(self, world: World) -> dict[str, float]:
         """Seconds in each phase of contact over all items."""

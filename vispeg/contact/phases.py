@@ -57,12 +57,6 @@ class Phases:
         """(m,) bool: blocks that are compared; in the ms after a make solver and filter decide, not the model."""
         return (self.used & (self.code != IMPACT)) | self.resting
 
-    @property
-    def lengths(self) -> np.ndarray:
-        """(m,) blocks that are compared of the visit to a phase in which each block is."""
-        visit = np.r_[0, np.cumsum(np.diff(self.code) != 0)]
-        return np.bincount(visit, self.valid)[visit]
-
     def of(self, name: str) -> np.ndarray:
         """(m,) bool."""
         return self.code == NAMES.index(name)
