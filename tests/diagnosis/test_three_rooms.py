@@ -6,7 +6,7 @@ import pytest
 
 from vispeg.cli.main import main
 
-pytestmark = pytest.mark.slow  # four minutes of processor time a case
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]  # two to four minutes of processor time a case
 
 
 def diagnosed(folder, *effects):
@@ -25,8 +25,8 @@ def diagnosed(folder, *effects):
 
 def named(record):
     """Room -> labels of the effects that it named."""
-    assert set(record["rooms"]) == {"joints", "pictures", "contact"}
-    out = {room: set() for room in record["rooms"]}
+    out = {row["room"]: set() for row in record["rooms"]}
+    assert set(out) == {"joints", "pictures", "contact"}
     for e in record["effects"]:
         out[e["room"]].add(f"{e['effect']}({e['where']})")
     return out
