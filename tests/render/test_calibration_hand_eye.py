@@ -174,3 +174,15 @@ def test_a_board_of_another_size_is_an_effect_of_its_own(mount):
         assert effect["effect"] == "board_scale" and effect["square_m"] == pytest.approx(BOARD.square, rel=0.02)
         assert np.linalg.norm(off(scale.larger.camera)[:3]) < np.linalg.norm(off(found.hand_eye.camera)[:3])
     assert false == 0 and np.mean(held) >= 0.75
+
+
+def test_a_focal_length_that_images_hardly_fix_makes_no_board_larger():
+    """A longer one puts the board farther off, as a smaller board would: its uncertainty is the scale's as well."""
+    small = Board("chessboard", 5, 4, 0.0236)
+    for seed in (6, 8):
+        rng = stream(seed, "lens and scale")
+        views, poses = seen(rng, 12, small, tilt=22.0)
+        arm = flange(poses, "flange", rng, (5e-5, 1e-4))
+        found = calibrate(views, small, distortion="none", flange=arm)
+        assert found.board_scale is not None and not found.board_scale.named
+        assert abs(found.camera.focal[0] / LENS.focal[0] - 1) > 0.02, "the images were to say little of it"

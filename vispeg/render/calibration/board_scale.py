@@ -6,7 +6,7 @@ Every length that images give is then off by one factor, the camera's distance f
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypedDict
 
@@ -57,17 +57,25 @@ class BoardScale:
 
 
 def board_scale(
-    views: Sequence[View], board: Board, camera: Intrinsics, flange: np.ndarray, mount: Mount, stated: HandEye
+    views: Sequence[View],
+    board: Board,
+    camera: Intrinsics,
+    flange: np.ndarray,
+    mount: Mount,
+    stated: HandEye,
+    lens_of: Callable[[Sequence[View]], Intrinsics],
 ) -> BoardScale | None:
     """The size of the board by the robot's motion; None where they do not tell, or not with a view less.
 
     Args:
         views, board, camera, flange, mount: as `solve` takes them.
         stated: the solution with the board as it is said to be.
+        lens_of: the intrinsics by some of the views: a camera that takes all for farther makes the board larger.
     """
 
     def shift(rows: np.ndarray) -> np.ndarray:
-        there = _scaled([views[i] for i in rows], board, camera, flange[rows], mount, larger, value)
+        some = [views[i] for i in rows]
+        there = _scaled(some, board, lens_of(some), flange[rows], mount, larger, value)
         return np.array([there[0] - value])
 
     try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -114,10 +114,16 @@ def calibrate(
         views, board_poses = turn_views(views, board_poses, flange, board)
         hand_eye = solve(views, board, camera, flange, mount)
         _refuse_other_way(hand_eye, views, board, camera, flange, mount)
-    inner, outer = _half_widths(views, board, camera, fit, distortion, flange, mount, hand_eye)
+
+    def lens_of(some: Sequence[View]) -> Intrinsics:
+        return camera if fit is None else estimate(some, board, distortion, start=camera).intrinsics
+
+    inner, outer = _half_widths(views, board, camera, lens_of, fit, flange, mount, hand_eye)
     if inner is not None and (inner[:2] / camera.focal).max() > LOOSE:
         raise undetermined(f"fx {camera.focal[0]:.4g} +- {inner[0]:.2g} px")
-    scale = None if hand_eye is None or flange is None else board_scale(views, board, camera, flange, mount, hand_eye)
+    scale = None
+    if hand_eye is not None and flange is not None:
+        scale = board_scale(views, board, camera, flange, mount, hand_eye, lens_of)
     return Calibration(
         camera,
         fit,
@@ -135,8 +141,8 @@ def _half_widths(
     views: Sequence[View],
     board: Board,
     camera: Intrinsics,
+    lens_of: Callable[[Sequence[View]], Intrinsics],
     fit: IntrinsicsFit | None,
-    distortion: Distortion,
     flange: np.ndarray | None,
     mount: Mount,
     hand_eye: HandEye | None,
@@ -144,10 +150,10 @@ def _half_widths(
     """Of the intrinsics (9,) and of the camera's place (6,), each None where it was not estimated."""
 
     def shift(retained: np.ndarray) -> np.ndarray:
-        some, lens, out = [views[i] for i in retained], camera, []
+        some, out = [views[i] for i in retained], []
         try:
+            lens = lens_of(some)
             if fit is not None:
-                lens = estimate(some, board, distortion, start=camera).intrinsics
                 out.append(lens.values - camera.values)
             if hand_eye is not None and flange is not None:
                 near = solve(some, board, lens, flange[retained], mount, start=hand_eye)
