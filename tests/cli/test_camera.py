@@ -9,7 +9,9 @@ from board_views import BOARD, LENS, X, flange, picture, place
 from scipy.spatial.transform import Rotation
 
 from vispeg.core.seeds import stream
-from vispeg.render.cameras.camera_files import load_camera
+from vispeg.recordings.load import load
+from vispeg.render.cameras.camera_files import load_camera, save_cameras
+from vispeg.vision.eye import camera_of
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +51,6 @@ def test_calibrate_and_show(vispeg, images, tmp_path):
 
 def test_given_intrinsics_and_json(vispeg, images, tmp_path):
     from vispeg.render.cameras.camera import Camera
-    from vispeg.render.cameras.camera_files import save_cameras
 
     save_cameras(tmp_path / "k.yaml", Camera("k", 640, 480, *LENS.focal, *LENS.centre))
     args = ["--pattern", "9x6", "--square", 0.0236, "--intrinsics", "k.yaml", "--out", "w", "--json"]
@@ -70,3 +71,26 @@ def test_mistakes(refused, images, tmp_path):
     (tmp_path / "w").mkdir()
     (tmp_path / "w" / "mine").write_text("mine")
     refused(["camera", "calibrate", images, "--pattern", "9x6", *given], "not empty")
+
+
+def test_a_recorded_look_at_a_board_calibrates_the_camera(vispeg, tmp_path):
+    """A cell that states a board shows it; the joints say where the flange was; the hidden offset is in the place."""
+    stated = "{kind: charuco, columns: 5, rows: 4, square: 0.03, marker: 0.022, dictionary: DICT_4X4_50}"
+    model = f"format: vispeg-model/1\nrobot: iiwa14\ntool: meg50+peg16\ncell: {{world: nominal, board: {stated}}}\n"
+    (tmp_path / "cell.yaml").write_text(model)
+    how = ["--motion", "look", "--fps", 1, "--size", "640x480", "--seed", 5, "--out", "seen"]
+    hidden = ["--effects", "camera_offset:wrist_wide:x=0.004"]
+    code, _, err = vispeg("record", "cell.yaml", *how, *hidden)
+    assert code == 0, err
+    assert "charuco" in (tmp_path / "seen" / "recording.yaml").read_text()
+    believed = camera_of(load(tmp_path / "seen").frames.cameras["wrist_wide"])
+    save_cameras(tmp_path / "lens.yaml", believed)
+    board = ["--board", "charuco", "--pattern", "5x4", "--square", 0.03, "--marker", 0.022]
+    code, out, err = vispeg("camera", "calibrate", "seen", *board, "--intrinsics", "lens.yaml", "--out", "w", "--json")
+    assert code == 0, err
+    eye = json.loads(out)["hand_eye"]
+    truth = np.array(believed.pos) + 0.004 * believed.rotation[:, 0]
+    assert np.all(np.abs(np.array(eye["pos_m"]) - truth) < 1.5 * np.array(eye["half_width_95"]["pos_m"]))
+    assert max(eye["half_width_95"]["pos_m"]) < 1e-3, "far less than the offset"
+    code, _, err = vispeg("camera", "calibrate", "seen", *board, "--poses", "poses.csv", "--out", "v")
+    assert code == 2 and "its own poses" in err

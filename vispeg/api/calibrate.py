@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from vispeg.api.photographs import photographs
 from vispeg.api.result import Result
 from vispeg.core.errors import UserError
 from vispeg.core.provenance import digest, here
@@ -82,7 +83,7 @@ def calibrate(
     """Calibrates a camera; with `poses` also its pose on the flange, or on the base with the board on the flange.
 
     Args:
-        images: folder of images of one size.
+        images: folder of images of one size, or a recording with frames: its joints then say where the flange was.
         pattern: COLUMNSxROWS: inner corners of a chessboard (`9x6`), squares of a ChArUco board.
         square: side of a square, m.
         board: what the images show, `chessboard` or `charuco`.
@@ -92,21 +93,23 @@ def calibrate(
         mount: what the camera is fixed to.
         intrinsics: known ones instead of fitted ones: a camera file, OpenCV's, ROS's or ViSP's.
         distortion: lens terms to fit: `none`; `radial` (k1 k2); `brown4` (and p1 p2); `brown5` (and k3).
-        name: the camera's name in camera.yaml.
+        name: the camera's name in camera.yaml, and which one of a recording with several is meant.
 
     Raises:
         UserError: images without the board, too few views, motion that does not determine the camera's pose.
     """
-    if intrinsics is not None and poses is None:
+    taken = photographs(images, poses, name)
+    if intrinsics is not None and taken.flange is None:
         raise UserError("nothing is left to find", expected="--poses, or no --intrinsics")
-    folder = Path(images)
     marks = (marker, dictionary, legacy) if board == "charuco" else (0.0, "", False)
     printed = rooms.Board(board, *parse_pattern(pattern), square, *marks)
     lens = None if intrinsics is None else read_intrinsics(Path(intrinsics))
     sources = [Path(p) for p in (images, poses, intrinsics) if p is not None and Path(p).exists()]
     stamp = here(None, {str(path): f"sha256:{digest(path)}" for path in sources})
-    views, missed = rooms.detect(folder, printed)
-    flange = None if poses is None else rooms.read_poses(Path(poses), [view.name for view in views])
+    views, missed = rooms.detect(taken.files, printed)
+    flange = None if taken.flange is None else taken.flange([view.name for view in views])
     calibration = rooms.calibrate(views, printed, distortion=distortion, camera=lens, flange=flange, mount=mount)
     results = {**record(calibration, printed, missed), "provenance": stamp}
-    return CalibrationResult(results, calibration.to_camera(name), printed, folder, calibration, flange, tuple(sources))
+    return CalibrationResult(
+        results, calibration.to_camera(name), printed, taken.files[0].parent, calibration, flange, tuple(sources)
+    )

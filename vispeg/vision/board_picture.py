@@ -3,17 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from vispeg.core.seeds import stream
 from vispeg.render.calibration.board import Board
+from vispeg.robots.scene import Scene
 from vispeg.vision.eye import Eye
-from vispeg.vision.predict import TO_LINEAR, encoded
+from vispeg.vision.predict import TO_LINEAR, Rendering, encoded
 
 FINER = 3  # rays a pixel in each direction
 PER_SQUARE = 24  # texels
 LIGHT = 0.8  # of the light that its white sends back
 LIFT = 2e-3  # m that it may lie below what the depth shows, and be seen
+THICK, GAP = 3e-3, 0.01  # m: of the board; between its printed side and the fixture
+LAID_M, LAID_RAD = 0.01, 0.1  # by which nobody knows where a board was put down, and how it was turned
+
+
+def put_down(board: Board, scene: Scene, seed: int) -> np.ndarray:
+    """(4, 4) board to base, z into the board: on the table beside the fixture, about as far off as hands put it."""
+    rng = stream(seed, "board")
+    x, y, _ = scene.target
+    columns, rows = board.grid
+    middle = 0.5 * board.square * np.array([columns - 1, rows - 1])
+    out = np.eye(4)
+    away = scene.config.block + GAP + LAID_M + 0.5 * board.square * (rows + 1)
+    turned = Rotation.from_euler("z", np.pi / 2 + rng.uniform(-LAID_RAD, LAID_RAD))
+    out[:3, :3] = turned.as_matrix() @ np.diag([1.0, -1.0, -1.0])
+    here = np.array([x - away, y, THICK]) + [*rng.uniform(-LAID_M, LAID_M, 2), 0.0]
+    out[:3, 3] = here - out[:3, :2] @ middle
+    return out
+
+
+def showing(board: Board, pose: np.ndarray) -> Callable[[Rendering], Rendering]:
+    """What puts a board that lies at a pose (4, 4), board to base, into pictures."""
+
+    def shown(picture: Rendering) -> Rendering:
+        camera = picture.pose[:3, 3], picture.pose[:3, :3]
+        rgb, depth = with_board(picture.rgb, picture.depth, picture.eye, camera, board, pose)
+        return replace(picture, rgb=rgb, depth=depth)
+
+    return shown
 
 
 def texture(board: Board) -> np.ndarray:

@@ -16,9 +16,11 @@ from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
 from vispeg.recordings.frames.frames import Frames, RecordedFrame
 from vispeg.render.backends.backend import BackendName
+from vispeg.render.calibration.board import Board
 from vispeg.render.cameras.camera import Camera
 from vispeg.render.cameras.pipeline import Pipeline
 from vispeg.robots.scene import Scene
+from vispeg.vision.board_picture import put_down, showing
 from vispeg.vision.eye import recorded_of
 from vispeg.vision.predict import Predictor, Rendering
 from vispeg.vision.shutter import DRAWN, Path, Shutter, exposed
@@ -42,6 +44,7 @@ def photograph(
     backend: BackendName = "auto",
     shadows: bool = False,
     finer: int = FINER,
+    board: Board | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Frames:
     """Pictures of a cell along a motion.
@@ -55,11 +58,13 @@ def photograph(
         seed: of what the sensors draw.
         backend, shadows: of the renderer.
         finer: rays a pixel in each direction, an odd number.
+        board: that lies on the table, somewhere beside the fixture.
         progress: called with the share that is done.
     """
     scene = replace(scene, cameras=tuple(c.name for c in cameras))
     frames: list[RecordedFrame] = []
-    with Predictor(scene, cameras, backend, shadows, finer) as predictor:
+    beside = () if board is None else (showing(board, put_down(board, scene, seed)),)
+    with Predictor(scene, cameras, backend, shadows, finer, *beside) as predictor:
         predictor.see(world.only(lambda e: e.effect != SENSES))
         for k, camera in enumerate(cameras):
             shutter, sensor = Shutter.of(world, camera.name), _sensor(world, camera)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,6 +56,7 @@ class Predictor:
         backend, shadows: of the renderer.
         finer: rays a pixel in each direction, an odd number: colour is the mean of their light, depth and part are
             those of the ray through the centre.
+        beside: adds to a picture what the cell's model does not have.
 
     Attributes:
         geometry: where everything stands; `draw` moves it.
@@ -69,10 +70,11 @@ class Predictor:
         backend: BackendName = "auto",
         shadows: bool = False,
         finer: int = 1,
+        beside: Callable[[Rendering], Rendering] = lambda picture: picture,
     ):
         if finer < 1 or finer % 2 == 0:
             raise ValueError(f"an odd number of rays, not {finer}")
-        self.finer = finer
+        self.finer, self._beside = finer, beside
         self.scene, self.cameras = scene, {c.name: c for c in cameras}
         self.geometry = Geometry(scene, cameras)
         self._renderer = Renderer(scene, list(cameras)[:1], backend, labels=True, shadows=shadows)
@@ -107,7 +109,7 @@ class Predictor:
             rgb, depth, parts = _bent(drawn, rgb, depth, parts)
         if self.finer > 1:
             rgb, depth, parts = _coarser(rgb, depth, parts, self.finer)
-        return Rendering(eye, np.array(q, float), rgb, depth, parts, shot.pose)
+        return self._beside(Rendering(eye, np.array(q, float), rgb, depth, parts, shot.pose))
 
     def sensed(
         self, rendering: Rendering, seed: int, velocity: np.ndarray | None = None

@@ -27,6 +27,7 @@ from vispeg.render.cameras.standard import SIZE, standard_cameras
 from vispeg.robots.scene import Scene
 from vispeg.task.belief import DEFAULT, believed
 from vispeg.task.world_file import load_world
+from vispeg.vision.board import board_of
 from vispeg.vision.photograph import photograph
 from vispeg.worlds.split import of_arm
 from vispeg.worlds.world import World
@@ -162,7 +163,7 @@ def taken(
     """Pictures of a recorded motion, `fps` a second of each camera.
 
     Args:
-        world, scene, cameras: what is photographed.
+        world, scene, cameras: what is photographed, with the board that the world's cell states.
         rec: its samples.
         truth: (n, nj) rad, where the joints were at its samples.
         fps: pictures a second.
@@ -172,7 +173,8 @@ def taken(
     times = np.arange(LATEST, rec.time[-1] - LATEST, 1 / fps)
     times = times + rng.uniform(0, 0.5 / rec.rate_hz, len(times))
     curve = CubicSpline(rec.time, truth)
-    return photograph(scene, cameras, world, curve, times, seed, backend=backend, shadows=shadows, progress=progress)
+    drawn = {"backend": backend, "shadows": shadows, "board": board_of(world.cell), "progress": progress}
+    return photograph(scene, cameras, world, curve, times, seed, **drawn)
 
 
 __all__ = ["LOOKS", "cameras_of", "look_of", "record_look", "refuse_rate", "scene_of", "taken"]

@@ -23,7 +23,7 @@ class Calibrate:
     """
 
     images: tyro.conf.Positional[Path]
-    """Folder of images of one size."""
+    """Folder of images of one size, or a recording with frames, whose joints say where the flange was."""
     pattern: str
     """COLUMNSxROWS: inner corners of a chessboard (9x6), squares of a ChArUco board."""
     square: float
@@ -47,7 +47,7 @@ class Calibrate:
     distortion: Literal["none", "radial", "brown4", "brown5"] = "brown4"
     """Lens terms to fit: none; radial: k1 k2; brown4: k1 k2 p1 p2; brown5: k1 k2 p1 p2 k3."""
     name: str = "camera"
-    """The camera's name in camera.yaml."""
+    """The camera's name in camera.yaml; of a recording with several cameras, the one to take."""
     overwrite: bool = False
     """Replace OUT if it exists."""
     output: OutputOptions = Output()

@@ -60,15 +60,15 @@ def read_grey(path: Path) -> np.ndarray:
     return image
 
 
-def detect(folder: str | Path, board: Board) -> tuple[list[View], dict[str, str]]:
-    """The views of a folder in which the board was found, and the other pictures' names with the reason.
+def detect(images: str | Path | Sequence[Path], board: Board) -> tuple[list[View], dict[str, str]]:
+    """The views of a folder or of some files in which the board was found; the other pictures' names with the reason.
 
     A picture that repeats another within a pixel is left out: it adds nothing, and intervals would take it for proof.
 
     Raises:
         UserError: no picture, pictures of different sizes, or none that shows the board.
     """
-    files = pictures(folder)
+    files = pictures(images) if isinstance(images, str | Path) else list(images)
     views: list[View] = []
     missed: dict[str, str] = {}
     size: tuple[int, int] | None = None
@@ -88,7 +88,7 @@ def detect(folder: str | Path, board: Board) -> tuple[list[View], dict[str, str]
     if not views:
         many = "the image" if len(files) == 1 else f"any of {len(files)} images"
         hint = _other_pattern(read_grey(files[0]), board)
-        raise UserError(f"no {board.pattern} {board.kind} found in {many}{hint}", file=folder)
+        raise UserError(f"no {board.pattern} {board.kind} found in {many}{hint}", file=files[0].parent)
     return views, missed
 
 

@@ -1,0 +1,70 @@
+"""Images to calibrate from: a folder of them with the flange's poses beside it, or a recording with frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from vispeg.core.errors import UserError
+from vispeg.recordings.frames.joints import joints_at
+from vispeg.recordings.load import load
+from vispeg.render.calibration.detect import pictures
+from vispeg.render.calibration.poses import read_poses
+from vispeg.robots.model import load as load_robot
+from vispeg.sim.compiled import flange_pose
+
+
+@dataclass(frozen=True)
+class Photographs:
+    """Image files, and base_T_flange (n, 4, 4) m of some by their names; None where nobody says where it was."""
+
+    files: list[Path]
+    flange: Callable[[Sequence[str]], np.ndarray] | None
+
+
+def photographs(images: str | Path, poses: str | Path | None, camera: str) -> Photographs:
+    """What `images` holds.
+
+    Args:
+        images: a folder of images, or a recording with frames.
+        poses: of the flange, for a folder of images.
+        camera: which one of a recording that has several.
+
+    Raises:
+        UserError: no image; a recording without colour frames of one camera, or given poses beside its own.
+    """
+    root = Path(images)
+    if (root / "recording.yaml").is_file():
+        return _recorded(root, poses, camera)
+    return Photographs(pictures(root), None if poses is None else partial(read_poses, Path(poses)))
+
+
+def _recorded(root: Path, poses: str | Path | None, camera: str) -> Photographs:
+    if poses is not None:
+        raise UserError("a recording has its own poses: those of its joints", key="--poses", expected="none", got=poses)
+    rec = load(root)
+    names = () if rec.frames is None else rec.frames.names
+    if rec.frames is None or (len(names) > 1 and camera not in names):
+        raise UserError("no such camera", file=root, key="--name", got=camera, choices=names, expected="frames")
+    frames = rec.frames.of(camera if camera in names else names[0])
+    q = joints_at(rec, frames.times, frames.episodes)
+    poses_at = _matrices(flange_pose(load_robot(rec.robot), q))
+    shot = zip((f.rgb_source for f in frames), poses_at, np.isfinite(q).all(axis=1), strict=True)
+    flange = {file: pose for file, pose, measured in shot if measured and isinstance(file, Path)}
+    if not flange:
+        raise UserError("no colour frames at measured joint angles", file=root)
+    by_name = {file.name: pose for file, pose in flange.items()}
+    return Photographs(list(flange), lambda wanted: np.stack([by_name[name] for name in wanted]))
+
+
+def _matrices(poses: np.ndarray) -> np.ndarray:
+    """(n, 4, 4) of poses (n, 7), x y z qw qx qy qz."""
+    out = np.tile(np.eye(4), (len(poses), 1, 1))
+    out[:, :3, :3] = Rotation.from_quat(poses[:, 3:], scalar_first=True).as_matrix()
+    out[:, :3, 3] = poses[:, :3]
+    return out
