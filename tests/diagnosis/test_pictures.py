@@ -15,6 +15,8 @@ from vispeg.api.fit import fit
 from vispeg.api.recording.look import cameras_of, look_of, scene_of
 from vispeg.api.rooms.pictures import diagnose
 from vispeg.core.effect import EffectInstance
+from vispeg.diagnosis.pictures.coverage import excitations
+from vispeg.diagnosis.pictures.excited import not_excited
 from vispeg.diagnosis.pictures.halves import Halves
 from vispeg.diagnosis.pictures.remainder import Left
 from vispeg.diagnosis.pictures.spread import of_form, widened
@@ -78,6 +80,23 @@ def test_an_offset_and_a_focal_error_are_named_and_fitted():
 def test_nothing_is_found_where_nothing_is_hidden():
     record = diagnosed().record
     assert record["verdict"] == "adequate" and not record["effects"], record["reason"]
+    silent = {(row["effect"], row["where"], *row.get("numbers", ())) for row in record["views"]["not_excited"]}
+    beforehand = not_excited(excitations(SCENE, pictured(4), CELL))
+    assert {(row["effect"], row["where"], *row.get("numbers", ())) for row in beforehand} == silent
+    assert {"white_balance", "exposure"} <= {name for name, *_ in silent}
+
+
+def test_a_camera_at_rest_shows_nothing_of_time_and_one_without_depth_nothing_of_depth():
+    rec = pictured(3, frames=8)
+    still = replace(rec.frames, frames=tuple(replace(f, rgb_source=rec.frames[0].rgb) for f in rec.frames))
+    without = tuple(replace(f, depth_source=None) for f in still)
+    resting = replace(
+        rec, q=np.tile(path(3)(rec.frames[0].time), (len(rec.q), 1)), frames=replace(still, frames=without)
+    )
+    rows = {x.effect: x for x in excitations(SCENE, resting, CELL)}
+    assert not any(rows[name].excited for name in ("camera_delay", "rolling_shutter"))
+    assert "exposure" in rows["motion_blur"].silent and rows["rgb_noise"].excited and rows["camera_offset"].excited
+    assert not {"depth_scale", "depth_bias", "depth_noise", "depth_dropout", "edge_fattening"} & set(rows)
 
 
 def test_an_encoder_s_offset_is_not_called_a_camera_s():

@@ -41,7 +41,7 @@ def faulty(name="rig"):
 def made(rec, contact=None, cameras=()):
     found, touched = contact or (None, None)
     report = replace(check(rec, LIMITS), contact=found)
-    return examined(rec, report, LIMITS, cameras, touched, plot(rec, report, LIMITS))
+    return examined(rec, report, LIMITS, (cameras, ()), touched, plot(rec, report, LIMITS))
 
 
 def charts(html):
@@ -137,7 +137,9 @@ def test_contact_is_shaded_where_the_sensor_feels_a_force():
     assert found is not None
     limits = Limits(np.full((7, 2), [-3.0, 3.0]), np.full(7, 9.0), np.full(7, 100.0))
     report = replace(check(rec, limits), contact=found[0])
-    html = render([examined(rec, report, limits, (), found[1], plot(rec, report, limits))], [], "vispeg check rig")
+    html = render(
+        [examined(rec, report, limits, ((), ()), found[1], plot(rec, report, limits))], [], "vispeg check rig"
+    )
     track = charts(html)[1]["tracks"][0]
     ((start, stop),) = track["bands"]
     assert (start, stop) == pytest.approx((2.0, 3.0), abs=0.05)

@@ -14,6 +14,9 @@ from vispeg.api.result import Result
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.core.provenance import here
+from vispeg.diagnosis.pictures.coverage import excitations
+from vispeg.diagnosis.pictures.excited import Excitation
+from vispeg.identify.pictures.read import comparable
 from vispeg.recordings.checks.check import SIGNALS, CheckReport
 from vispeg.recordings.checks.check import check as examine
 from vispeg.recordings.checks.contact_check import said, together
@@ -28,8 +31,10 @@ from vispeg.report.checked.page import render
 from vispeg.report.checked.summary import camera_blocks, recording_blocks
 from vispeg.report.text.summary import Block, Line
 from vispeg.robots.model import load as load_robot
+from vispeg.robots.scene import Scene
 from vispeg.task.belief import believed
 from vispeg.vision.check import CameraCheck, check_frames
+from vispeg.worlds.world import World
 
 HEAD = 20_000  # rows of each recording that are held against the others'
 Share = Callable[[float], None]
@@ -50,6 +55,8 @@ class Checks(Result):
     Attributes:
         reports: of each recording.
         cameras: of each recording, what was found of its cameras; empty without frames.
+        excited: of each recording, by how much effects of camera, sensor and arm would change its pictures; empty
+            where that cannot be known.
         stated: of each recording, whether it says in which cell it was made.
         repeats: which of them repeat one motion.
         pages: of each recording, what its page shows; empty where nothing was drawn.
@@ -59,6 +66,7 @@ class Checks(Result):
 
     reports: Sequence[CheckReport]
     cameras: Sequence[Sequence[CameraCheck]]
+    excited: Sequence[Sequence[Excitation]]
     stated: Sequence[bool]
     repeats: Sequence[Repeated]
     pages: Sequence[Examined]
@@ -70,8 +78,8 @@ class Checks(Result):
     def record(self) -> Mapping[str, object]:
         """All of it, as check.json holds it."""
         entries = [
-            {**report.to_json(), **({"cameras": [c.to_json() for c in cameras]} if cameras else {})}
-            for report, cameras in zip(self.reports, self.cameras, strict=True)
+            {**report.to_json(), **_of_pictures(cameras, excited)}
+            for report, cameras, excited in zip(self.reports, self.cameras, self.excited, strict=True)
         ]
         return {"format": "vispeg-check/1", "recordings": entries, "repeats": list(self.repeats)}
 
@@ -79,8 +87,9 @@ class Checks(Result):
     def summary(self) -> list[Block]:
         """Two tables a recording, more where there are pictures, and what is to be said."""
         blocks = list[Block]()
-        for report, cameras, stated in zip(self.reports, self.cameras, self.stated, strict=True):
-            blocks += [*recording_blocks(report), *camera_blocks(cameras, stated)]
+        each = zip(self.reports, self.cameras, self.excited, self.stated, strict=True)
+        for report, cameras, excited, stated in each:
+            blocks += [*recording_blocks(report), *camera_blocks(cameras, excited, stated)]
         touched = [report.contact for report in self.reports if report.contact is not None]
         if len(touched) > 1:
             blocks += [Line("together:"), *(Line(f"  {line}") for line in said(touched[0], together(touched)))]
@@ -143,7 +152,7 @@ def limits_of(rec: Recording) -> Limits:
 
 
 def _examined(paths: Sequence[Path], drawn: bool, watch: Watch) -> Checks:
-    reports, heads, cameras, stated = [], [], [], []
+    reports, heads, cameras, excited, stated = [], [], [], [], []
     pages, drawings = list[Examined](), dict[str, bytes]()
     for number, path in enumerate(paths, start=1):
         with watch("reading", path) as share:
@@ -153,14 +162,16 @@ def _examined(paths: Sequence[Path], drawn: bool, watch: Watch) -> Checks:
             contact, touched = check_contact(rec) or (None, None)
             reports.append(replace(examine(rec, limits, share), contact=contact))
         heads.append(_head(rec))
-        cameras.append(_cameras(rec, watch))
+        scene = _scene_of(rec)
+        cameras.append(_cameras(rec, scene, watch))
+        excited.append(_excited(rec, scene, watch))
         stated.append(rec.cell is not None)
         if drawn:
             name = "check.png" if len(paths) == 1 else f"check-{number}-{rec.name}.png"
             drawings[name] = plot(rec, reports[-1], limits)
-            pages.append(examined(rec, reports[-1], limits, cameras[-1], touched, drawings[name]))
+            pages.append(examined(rec, reports[-1], limits, (cameras[-1], excited[-1]), touched, drawings[name]))
         del rec
-    return Checks(reports, cameras, stated, _repeats(heads), pages, drawings, paths)
+    return Checks(reports, cameras, excited, stated, _repeats(heads), pages, drawings, paths)
 
 
 def _signals(header: Header) -> tuple[str, ...]:
@@ -168,16 +179,34 @@ def _signals(header: Header) -> tuple[str, ...]:
     return (*SIGNALS, "ft") if header.wrench is not None or header.cell is not None else SIGNALS
 
 
-def _cameras(rec: Recording, watch: Watch) -> list[CameraCheck]:
+def _scene_of(rec: Recording) -> Scene | None:
+    """The cell that a recording with frames states, with its cameras; None where it states none of this arm."""
+    if rec.frames is None or rec.cell is None:
+        return None
+    scene = believed(rec.cell, rec.path / "recording.yaml").scene
+    return replace(scene, cameras=tuple(rec.frames.names)) if scene.joints == tuple(rec.joints) else None
+
+
+def _cameras(rec: Recording, scene: Scene | None, watch: Watch) -> list[CameraCheck]:
     """The frames of a recording, checked against the cell that it states; none where it has no frames."""
     if rec.frames is None:
         return []
-    scene = None if rec.cell is None else believed(rec.cell, rec.path / "recording.yaml").scene
-    if scene is not None:
-        same = scene.joints == tuple(rec.joints)
-        scene = replace(scene, cameras=tuple(rec.frames.names)) if same else None
     with watch("looking at the frames of", rec.path) as share:
         return check_frames(rec, scene, share)
+
+
+def _excited(rec: Recording, scene: Scene | None, watch: Watch) -> list[Excitation]:
+    """What effects would do to a recording's pictures; nothing where these cannot be compared with a cell."""
+    if scene is None or not comparable(rec):
+        return []
+    with watch("seeing which effects would show in", rec.path) as share:
+        return excitations(scene, rec, World(cell=rec.cell), share)
+
+
+def _of_pictures(cameras: Sequence[CameraCheck], excited: Sequence[Excitation]) -> Mapping[str, object]:
+    if not cameras:
+        return {}
+    return {"cameras": [c.to_json() for c in cameras], "excited": [x.as_dict() for x in excited]}
 
 
 def _head(rec: Recording) -> Recording:

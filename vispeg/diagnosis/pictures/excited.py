@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.pictures.search import PictureSearch
-from vispeg.diagnosis.pictures.sensors import Sensed
 from vispeg.worlds.world import World
 
 FASTER = "look-fast: fast motion up and down the image, both ways"
@@ -31,36 +31,82 @@ SHOWN = {  # what shows an effect where the motion of these views did not
     "near_limit": "an approach to 0.1 m and nearer",
 }
 ROOM = ("exposure", "white_balance")  # that a room's own light and colours may make as well
-LIT = "a model that states how the room looks (`appearance` effects), with colours and lights as they are"
+LIT = "a stated look: a model with `appearance` effects, colours and lights as they are"
 
 
-def not_excited(search: PictureSearch, sensed: Sequence[Sensed], world: World) -> list[dict]:
-    """The effects of which a typical size would change these pictures by less than can be told, why, and what shows it.
+@dataclass(frozen=True)
+class Excitation:
+    """By how much a typical size of an effect changes pictures, and from where on that can be told.
 
-    An effect of which one number alone is silent is listed with that number.
+    Attributes:
+        effect, where: of the effect.
+        channel: the readings that it changes most clearly: `border`, `depth` or `light`.
+        change, needed: px RMS of borders, or multiples of what is ordinary of a sensor's figure.
+        silent: its numbers of which a typical size changes too little.
     """
+
+    effect: str
+    where: str
+    channel: str
+    change: float
+    needed: float
+    silent: tuple[str, ...]
+
+    @property
+    def excited(self) -> bool:
+        """Whether a typical size would show."""
+        return self.change >= self.needed
+
+    @property
+    def unit(self) -> str:
+        """Of `change` and `needed`."""
+        return "px" if self.channel == "border" else "times what is ordinary"
+
+    @property
+    def motion(self) -> str:
+        """What shows it where these pictures do not."""
+        return LIT if self.effect in ROOM else SHOWN.get(self.effect, MOVE)
+
+    def as_dict(self) -> dict:
+        """For check.json."""
+        numbers = {"silent": list(self.silent), "excited": self.excited, "motion": self.motion}
+        return {**asdict(self), "unit": self.unit, **numbers}
+
+
+def border_excitations(search: PictureSearch, world: World) -> list[Excitation]:
+    """What typical effects, all their numbers at once, do to the borders to judge on."""
     out = []
     for name, where in search.places(world):
         kind = effect(name)
         typical = EffectInstance.of(name, where, **{k: kind.params[k].start for k in kind.magnitudes})
-        size = search.judged.change(world.add(typical), world)
-        if size < search.least_of(typical):
-            why = f"a typical one moves these borders by {size:.2f} px"
-            out.append({"effect": name, "where": where, "why": why, "motion": SHOWN.get(name, MOVE)})
-    for kind, silent in ((s.kind, s.silent) for s in sensed):
-        out += [_silent(kind, name, where, numbers) for (name, where), numbers in silent.items()]
+        change, least = search.judged.change(world.add(typical), world), search.least_of(typical)
+        silent = tuple(kind.magnitudes) if change < least else ()
+        out.append(Excitation(name, where, "border", change, least, silent))
     return out
 
 
-def _silent(kind: str, name: str, where: str, numbers: Mapping[str, float]) -> dict:
-    """A row of an effect on the sensor, of which these numbers at a typical size change no figure."""
-    said = {"effect": name, "where": where}
-    if len(numbers) < len(effect(name).magnitudes):
-        said |= {"numbers": sorted(numbers)}
-    if name in ROOM:
-        return said | {"why": "no stated look: colours and light of the room are not known", "motion": LIT}
-    sizes = ", ".join(f"{k} {effect(name).params[k].start:g}" for k in sorted(numbers))
-    return said | {"why": f"a typical one ({sizes}) changes no figure of {kind}", "motion": SHOWN.get(name, MOVE)}
+def not_excited(excitations: Sequence[Excitation]) -> list[dict]:
+    """The effects of which a typical size would change these pictures by less than can be told, why, and what shows it.
+
+    An effect of which one number alone is silent is listed with that number.
+    """
+    return [_row(e) for e in excitations if e.silent]
+
+
+def _row(e: Excitation) -> dict:
+    row = {"effect": e.effect, "where": e.where}
+    if len(e.silent) < len(effect(e.effect).magnitudes):
+        row |= {"numbers": sorted(e.silent)}
+    return row | {"why": _why(e), "motion": e.motion}
+
+
+def _why(e: Excitation) -> str:
+    if e.channel == "border":
+        return f"a typical one moves these borders by {e.change:.2f} px"
+    if e.effect in ROOM:
+        return "no stated look: colours and light of the room are not known"
+    sizes = ", ".join(f"{k} {effect(e.effect).params[k].start:g}" for k in sorted(e.silent))
+    return f"a typical one ({sizes}) changes no figure of {e.channel}"
 
 
 def motion_between(effect_name: str, others: Sequence[str]) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.pictures.borders import BorderSearch
-from vispeg.diagnosis.pictures.excited import motion_between, not_excited
+from vispeg.diagnosis.pictures.excited import border_excitations, motion_between, not_excited
 from vispeg.diagnosis.pictures.flatness import heights_left
 from vispeg.diagnosis.pictures.halves import compare_halves
 from vispeg.diagnosis.pictures.projection import confounded, projections
@@ -89,6 +89,7 @@ def diagnose_pictures(
         drawn = shown_pictures(predictor, theirs, world, final, judged, seed)
     maps = projections(judged.geometry, world, final, state.fit)
     floor = judged.floor
+    excitations = [*border_excitations(search, state.world), *(x for s in sensed for x in s.excitations)]
     record: DiagnosisRecord = {
         "format": "vispeg-diagnosis/1",
         "verdict": verdict.verdict,
@@ -120,7 +121,7 @@ def diagnose_pictures(
             "halves": None if halves is None else {"px": halves.difference, "uncertainty_px": halves.uncertainty},
             "remainder": [{"input": x.input, "where": x.where, "share": x.share, "px": x.size} for x in remainder],
             "sensor": [s.as_dict() for s in sensed],
-            "not_excited": not_excited(search, sensed, state.world),
+            "not_excited": not_excited(excitations),
         },
     }
     arrays: dict[str, np.ndarray] = {"joints": np.array(scene.joints), "unit": np.array("px")} | drawn

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.conclusion.rivals import Rivals
+from vispeg.diagnosis.pictures.excited import Excitation
 from vispeg.diagnosis.pictures.search import PictureSearch
 from vispeg.diagnosis.pictures.spread import confirmed
 from vispeg.diagnosis.schema import Channel
@@ -40,22 +41,21 @@ class SensorSearch(PictureSearch):
                 out.append(at)
         return out
 
-    def silent(self, world: World) -> dict[tuple[str, str], dict[str, float]]:
-        """Effects by place, with the magnitudes of which a typical size changes no figure of the frames to judge on."""
-        out: dict[tuple[str, str], dict[str, float]] = {}
-        for at in super().places(world):
-            for number, typical in self._secants(*at).items():
-                changed = self.judged.change(world.add(typical), world)
-                if changed < CHANGED:
-                    out.setdefault(at, {})[number] = changed
-        return out
+    def excitations(self, world: World) -> list[Excitation]:
+        """What every effect's numbers, one by one at a typical size, change in the frames to judge on."""
+        return [self._excitation(world, *at) for at in super().places(world)]
+
+    def _excitation(self, world: World, name: str, where: str) -> Excitation:
+        sizes = {k: self.judged.change(world.add(e), world) for k, e in self._secants(name, where).items()}
+        silent = tuple(k for k, size in sizes.items() if size < CHANGED)
+        return Excitation(name, where, self.judged.kind, max(sizes.values(), default=0.0), CHANGED, silent)
 
 
 @dataclass(frozen=True)
 class Sensed:
     """What one kind of pictures says of the sensor: where a search of it ended, and the evidence that it judged on.
 
-    `silent` are the effects that these pictures could not show, by place, with their silent magnitudes.
+    `excitations` says which effects these pictures could show.
     """
 
     kind: Kind
@@ -63,7 +63,7 @@ class Sensed:
     rivals: list[Rivals]
     judged: SensorEvidence
     before: World
-    silent: Mapping[tuple[str, str], Mapping[str, float]]
+    excitations: list[Excitation]
 
     @property
     def added(self) -> tuple[EffectInstance, ...]:
@@ -111,7 +111,7 @@ def sensor_search(
     cameras = list({s.camera.name: s.camera for some in sights for s in some}.values())
     out = []
     with Predictor(scene, cameras, finer=FINER) as predictor:
-        shots = [_shots(predictor, some, e, placed) for some, e in zip(sights, borders, strict=True)]
+        shots = [shots_by(predictor, some, e, placed) for some, e in zip(sights, borders, strict=True)]
     for kind in KINDS:
         evidence, judged = (sensor_evidence(scene, s, kind, world) for s in shots)
         if evidence is None or judged is None:
@@ -120,13 +120,14 @@ def sensor_search(
         search, n_fixed = SensorSearch(evidence, judged, say), len(world.effects)
         state = search.run(world)
         rivals = search.rivals(state, n_fixed)
-        out.append(Sensed(kind, confirmed(search, state, n_fixed), rivals, judged, world, search.silent(world)))
+        out.append(Sensed(kind, confirmed(search, state, n_fixed), rivals, judged, world, search.excitations(world)))
     return out
 
 
-def _shots(
+def shots_by(
     predictor: Predictor, sights: Sequence[Sight], borders: BorderEvidence, world: World
 ) -> list[tuple[Sight, list[Shot]]]:
+    """The frames of sights as a world predicts them, at the postures that their borders ask for."""
     return [
         (sight, shots_of(predictor, sight, world, posture))
         for sight, posture in zip(sights, borders.postures(world), strict=True)

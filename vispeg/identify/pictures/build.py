@@ -19,9 +19,12 @@ from vispeg.worlds.world import World
 
 
 def border_evidence(
-    scene: Scene, fitted: Sequence[Sight], held_out: Sequence[Sight], world: World
+    scene: Scene, fitted: Sequence[Sight], held_out: Sequence[Sight], world: World, robot: float | None = None
 ) -> tuple[BorderEvidence, BorderEvidence]:
-    """Edges of the sights to fit and of those to judge on, both found from one alignment on those to fit."""
+    """Edges of the sights to fit and of those to judge on, both found from one alignment on those to fit.
+
+    `robot` is the standard deviation of each joint's angle in each frame, rad; estimated where None.
+    """
     cameras = list({s.camera.name: s.camera for s in (*fitted, *held_out)}.values())
     with Predictor(scene, cameras) as predictor:
         settled, points = align(predictor, fitted, world)
@@ -35,7 +38,7 @@ def border_evidence(
         name: noise_of(np.concatenate([a for a, s in zip(away, fitted, strict=True) if s.camera.name == name]))
         for name in dict.fromkeys(s.camera.name for s in fitted)
     }
-    evidence = BorderEvidence(geometry, _items(fitted, points, away, noise), settled)
+    evidence = BorderEvidence(geometry, _items(fitted, points, away, noise), settled, robot)
     return evidence, BorderEvidence(geometry, _items(held_out, judged, to_judge, noise), settled, evidence.robot)
 
 

@@ -79,7 +79,8 @@ def links_of(shots: Sequence[Shot]) -> Links:
         room = points @ s.rendering.pose[:3, :3].T + s.rendering.pose[:3, 3]
         for number, (other, free) in enumerate(zip(shots, clear, strict=True)):
             here = (room - other.rendering.pose[:3, 3]) @ other.rendering.pose[:3, :3]
-            at = np.rint(np.nan_to_num(other.rendering.eye.project(here), nan=-1)).astype(int)
+            pixel = np.nan_to_num(other.rendering.eye.project(here), nan=-1)
+            at = np.rint(np.clip(pixel, -1, max(width, height))).astype(int)
             inner = (at >= 0).all(1) & (at < [width, height]).all(1) & (here[:, 2] > 0)
             a, b = np.where(inner[:, None], at, 0).T
             near = np.abs(other.rendering.depth[b, a] - here[:, 2]) < SAME[0] + SAME[1] * here[:, 2]

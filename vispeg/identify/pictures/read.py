@@ -38,6 +38,19 @@ def sights_of(recordings: Sequence[Recording]) -> list[Sight]:
     return out
 
 
+def comparable(rec: Recording) -> bool:
+    """Whether `sights_of` takes a recording: every camera's pose is stated, and its frames are enough."""
+    frames = rec.frames
+    if frames is None or not len(frames) or any(frames.cameras[name].pose is None for name in frames.names):
+        return False
+    return all(len(_standing(rec, frames.of(name))) >= LEAST for name in frames.names)
+
+
+def _standing(rec: Recording, frames: Frames) -> np.ndarray:
+    """(n,) numbers of the frames at whose moments all joint angles were measured."""
+    return np.flatnonzero(np.isfinite(joints_at(rec, frames.times, frames.episodes)).all(1))
+
+
 def _curve(rec: Recording, episode: int) -> CubicSpline | None:
     """`joints_at` of an episode without gaps, its spline made once; None where readings are missing."""
     rows = slice(None) if rec.episode is None else rec.episode == episode
@@ -48,8 +61,7 @@ def _curve(rec: Recording, episode: int) -> CubicSpline | None:
 
 def _sight(rec: Recording, name: str, frames: Frames) -> Sight:
     episodes = frames.episodes
-    standing = np.isfinite(joints_at(rec, frames.times, episodes)).all(1)
-    rows = np.flatnonzero(standing)
+    rows = _standing(rec, frames)
     if len(rows) < LEAST:
         what = f"camera '{name}' has too few frames at measured joint angles"
         raise UserError(what, file=rec.path, expected=f"{LEAST} or more", got=len(rows))

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vispeg.diagnosis.pictures.excited import Excitation
 from vispeg.recordings.checks.check import CheckReport, smoothed
 from vispeg.recordings.checks.plot import MOST_GAPS, laid_out
 from vispeg.recordings.checks.quality import Limits, saturated
@@ -44,7 +45,9 @@ class Examined:
     Attributes:
         name: as people call it.
         report: what `check` found.
-        cameras: what it found of each camera; stated: whether the recording says what stands in the cell.
+        cameras: what it found of each camera.
+        excited: what effects would do to the pictures.
+        stated: whether the recording says what stands in the cell.
         signals: angle, command, speed and torque of the joints; gaps as bands, bad readings as values of their own.
         contact: the wrench over time, stretches of contact as bands; None without one.
         frames: some pictures of each camera.
@@ -54,6 +57,7 @@ class Examined:
     name: str
     report: CheckReport
     cameras: tuple[CameraCheck, ...]
+    excited: tuple[Excitation, ...]
     stated: bool
     signals: Track
     contact: Track | None
@@ -65,11 +69,16 @@ def examined(
     rec: Recording,
     report: CheckReport,
     limits: Limits | None,
-    cameras: Sequence[CameraCheck],
+    pictures: tuple[Sequence[CameraCheck], Sequence[Excitation]],
     touched: Touch | None,
     drawing: bytes,
 ) -> Examined:
-    """What the page keeps of a recording; `drawing` is the PNG of `vispeg.recordings.checks.plot`.
+    """What the page keeps of a recording.
+
+    Args:
+        rec, report, limits, touched: the recording, and what was found of its joints and of contact.
+        pictures: what was found of its cameras, and what effects would do to their pictures.
+        drawing: the PNG of `vispeg.recordings.checks.plot`.
 
     Raises:
         UserError: a damaged picture among the frames.
@@ -77,7 +86,8 @@ def examined(
     return Examined(
         name=rec.name,
         report=report,
-        cameras=tuple(cameras),
+        cameras=tuple(pictures[0]),
+        excited=tuple(pictures[1]),
         stated=rec.cell is not None,
         signals=_signals(rec, report, limits),
         contact=None if touched is None else _contact(rec, touched),

@@ -188,7 +188,7 @@ def _regimes(contact: ContactCheck) -> list[Mapping[str, object]]:
 def _cameras(checked: Sequence[Examined]) -> Mapping[str, object]:
     return {
         "recordings": [
-            {"name": rec.name, "frames": rec.frames, "sheets": tables.cameras(rec.cameras)}
+            {"name": rec.name, "frames": rec.frames, "sheets": tables.cameras(rec.cameras, rec.excited)}
             for rec in checked
             if rec.cameras
         ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from vispeg.diagnosis.pictures.excited import Excitation
 from vispeg.recordings.checks.check import CheckReport
 from vispeg.recordings.checks.contact_check import said
 from vispeg.report.checked import tables
@@ -21,9 +22,15 @@ def recording_blocks(report: CheckReport) -> list[Block]:
     return [*blocks, *(Line(f"  {line}", path=True) for line in contact), *map(_warning, report.warnings)]
 
 
-def camera_blocks(checks: Sequence[CameraCheck], stated: bool) -> list[Block]:
-    """Tables of the cameras and their warnings; `stated`: whether the recording says what stands in the cell."""
-    blocks = [block for sheet in tables.cameras(checks) for block in (Line(""), sheet)]
+def camera_blocks(checks: Sequence[CameraCheck], excited: Sequence[Excitation], stated: bool) -> list[Block]:
+    """Tables of the cameras and their warnings.
+
+    Args:
+        checks: of the cameras.
+        excited: what effects would do to the pictures.
+        stated: whether the recording says what stands in the cell.
+    """
+    blocks = [block for sheet in tables.cameras(checks, excited) for block in (Line(""), sheet)]
     blocks += [_warning(line) for c in checks for line in warnings_of(c)]
     return [*blocks, *([_warning(NO_CELL)] if checks and not stated else [])]
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from vispeg.diagnosis.pictures.excited import Excitation
 from vispeg.recordings.checks.check import CheckReport
 from vispeg.report.text.effect_words import unit
 from vispeg.report.text.quantities import plain
@@ -53,8 +54,8 @@ def signals(report: CheckReport) -> Sheet:
     return _by_joint(heads, rows)
 
 
-def cameras(checks: Sequence[CameraCheck]) -> list[Sheet]:
-    """The clock, light and depth of each camera, its views, and how well each number of its errors would be known."""
+def cameras(checks: Sequence[CameraCheck], excited: Sequence[Excitation]) -> list[Sheet]:
+    """The clock, light and depth of each camera, its views, how well its errors would be known, which effects show."""
     if not checks:
         return []
     made = []
@@ -75,7 +76,20 @@ def cameras(checks: Sequence[CameraCheck]) -> list[Sheet]:
             for row in zip(*(c.precision for c in informative), strict=True)
         ]
         made.append(Sheet(columns, rows))
-    return made
+    return [*made, *([_excited(excited)] if excited else ())]
+
+
+def _excited(rows: Sequence[Excitation]) -> Sheet:
+    """What a typical size of each effect does to the pictures, of what can be told, and what shows the others."""
+    heads = Column("changes pictures by", right=True), Column("told from", right=True), Column("not shown: it takes")
+    return Sheet([Column("effect"), *heads], [_effect(x) for x in rows])
+
+
+def _effect(x: Excitation) -> list[str]:
+    """A row: px of borders, or a sensor's figure in multiples of what is ordinary."""
+    mark = " px" if x.channel == "border" else "-fold"
+    silent = (", ".join(x.silent) if x.excited else "it") + f": {x.motion.split(':')[0]}" if x.silent else ""
+    return [f"{x.effect}({x.where})", f"{x.change:.2f}{mark}", f"{x.needed:.2f}{mark}", silent]
 
 
 def _by_joint(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Sheet:

@@ -1,0 +1,51 @@
+"""Which effects one recording's pictures could show, before anybody fits to them: the figures that a diagnosis has."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from vispeg.diagnosis.pictures.borders import BorderSearch
+from vispeg.diagnosis.pictures.excited import Excitation, border_excitations
+from vispeg.diagnosis.pictures.sensors import FINER, KINDS, SensorSearch, shots_by
+from vispeg.identify.pictures.build import border_evidence
+from vispeg.identify.pictures.evidence import BorderEvidence
+from vispeg.identify.pictures.read import sights_of
+from vispeg.identify.pictures.sensor import sensor_evidence
+from vispeg.identify.pictures.sight import Sight
+from vispeg.recordings.recording import Recording
+from vispeg.robots.scene import Scene
+from vispeg.vision.predict import Predictor
+from vispeg.worlds.world import World
+
+EXACT = 0.0  # rad: the difference of two predictions hardly depends on where an arm's error put each frame
+
+
+def excitations(
+    scene: Scene, rec: Recording, world: World, progress: Callable[[float], None] = lambda share: None
+) -> list[Excitation]:
+    """By how much a typical size of each effect of camera, sensor and arm changes the pictures of a recording.
+
+    Args:
+        scene: the cell as it is believed.
+        rec: with frames.
+        world: the model.
+        progress: called with the share that is done.
+
+    Raises:
+        UserError: a camera whose pose is not stated, or with too few frames.
+    """
+    sights = sights_of([rec])
+    evidence, _ = border_evidence(scene, sights, [], world, EXACT)
+    progress(0.4)
+    out = border_excitations(BorderSearch(evidence, evidence), world)
+    progress(0.5)
+    return [*out, *_of_sensor(scene, sights, evidence, world)]
+
+
+def _of_sensor(scene: Scene, sights: Sequence[Sight], evidence: BorderEvidence, world: World) -> list[Excitation]:
+    """What effects on depth and light do where the borders were found."""
+    cameras = list({s.camera.name: s.camera for s in sights}.values())
+    with Predictor(scene, cameras, finer=FINER) as predictor:
+        shots = shots_by(predictor, sights, evidence, evidence.settled)
+    figures = (sensor_evidence(scene, shots, kind, world) for kind in KINDS)
+    return [x for f in figures if f is not None for x in SensorSearch(f, f).excitations(world)]
