@@ -11,8 +11,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vispeg.core.errors import UserError
+from vispeg.recordings.frames.frames import Frames
 from vispeg.recordings.frames.joints import joints_at
 from vispeg.recordings.load import load
+from vispeg.recordings.recording import Recording
 from vispeg.render.calibration.detect import pictures
 from vispeg.render.calibration.poses import read_poses
 from vispeg.robots.model import load as load_robot
@@ -48,18 +50,23 @@ def _recorded(root: Path, poses: str | Path | None, camera: str) -> Photographs:
     if poses is not None:
         raise UserError("a recording has its own poses: those of its joints", key="--poses", expected="none", got=poses)
     rec = load(root)
-    names = () if rec.frames is None else rec.frames.names
-    if rec.frames is None or (len(names) > 1 and camera not in names):
-        raise UserError("no such camera", file=root, key="--name", got=camera, choices=names, expected="frames")
-    frames = rec.frames.of(camera if camera in names else names[0])
+    frames = _frames_of(rec, camera)
     q = joints_at(rec, frames.times, frames.episodes)
-    poses_at = _matrices(flange_pose(load_robot(rec.robot), q))
-    shot = zip((f.rgb_source for f in frames), poses_at, np.isfinite(q).all(axis=1), strict=True)
-    flange = {file: pose for file, pose, measured in shot if measured and isinstance(file, Path)}
+    every = _matrices(flange_pose(load_robot(rec.robot), q))
+    rows = np.flatnonzero(np.isfinite(q).all(axis=1))
+    flange = {file: every[i] for i in rows if isinstance(file := frames[int(i)].rgb_source, Path)}
     if not flange:
         raise UserError("no colour frames at measured joint angles", file=root)
     by_name = {file.name: pose for file, pose in flange.items()}
     return Photographs(list(flange), lambda wanted: np.stack([by_name[name] for name in wanted]))
+
+
+def _frames_of(rec: Recording, camera: str) -> Frames:
+    """The frames of the camera of this name, or of the only one."""
+    names = [] if rec.frames is None else list(rec.frames.names)
+    if rec.frames is None or not names or (len(names) > 1 and camera not in names):
+        raise UserError("no such camera", file=rec.path, key="--name", got=camera, choices=names, expected="frames")
+    return rec.frames.of(camera if camera in names else names[0])
 
 
 def _matrices(poses: np.ndarray) -> np.ndarray:

@@ -46,9 +46,11 @@ class SensorSearch(PictureSearch):
         return [self._excitation(world, *at) for at in super().places(world)]
 
     def _excitation(self, world: World, name: str, where: str) -> Excitation:
-        sizes = {k: self.judged.change(world.add(e), world) for k, e in self._secants(name, where).items()}
+        judged = self.judged
+        assert isinstance(judged, SensorEvidence)
+        sizes = {k: judged.change(world.add(e), world) for k, e in self._secants(name, where).items()}
         silent = tuple(k for k, size in sizes.items() if size < CHANGED)
-        return Excitation(name, where, self.judged.kind, max(sizes.values(), default=0.0), CHANGED, silent)
+        return Excitation(name, where, judged.kind, max(sizes.values(), default=0.0), CHANGED, silent)
 
 
 @dataclass(frozen=True)
