@@ -17,10 +17,12 @@ from vispeg.core.memory import release
 from vispeg.identify.channels import Channel, Item, shows
 from vispeg.identify.contact import Contact, contact_of
 from vispeg.identify.load import load_noise, unsigned, with_gains
+from vispeg.identify.opened import OPEN, driven
 from vispeg.identify.space import Freedom
 from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel, load
+from vispeg.robots.stops import passed, without_stops
 from vispeg.sim.rollout import Response, simulate
 from vispeg.sim.segments.segment import EXTERNAL, segments
 from vispeg.sim.shares import processes, shared
@@ -47,10 +49,10 @@ class Evidence(Freedom):
     """
 
     def __init__(self, recordings: Sequence[Recording], *, h_max: float = 2e-3, nthread: int = 1):
-        self.recordings, self.nthread = list(recordings), nthread
+        self.recordings, self.nthread = [driven(rec, robot_of(rec)) for rec in recordings], nthread
         servo = all(rec.control.mode == "servo" for rec in recordings)
         self.h_max = max(h_max, SERVO_STEP) if servo else h_max
-        touched = [(rec, contact_of(rec, robot_of(rec))) for rec in recordings]
+        touched = [(rec, contact_of(rec, robot_of(rec))) for rec in self.recordings]
         self.items = [item for rec, contact in touched for item in _items(rec, contact)]
         groups: dict[tuple, list[int]] = {}
         for i, item in enumerate(self.items):
@@ -60,6 +62,8 @@ class Evidence(Freedom):
         self.groups = list(groups.values())
         self.notes = [_windows(rec) for rec in recordings if rec.chosen]
         self.notes += [contact.said(rec.name) for rec, contact in touched if contact is not None]
+        self.notes += [OPEN.format(a.name) for a, b in zip(self.recordings, recordings, strict=True) if a is not b]
+        self.notes += _stops(self.recordings)
         self.floor_from = "stated noise" if all("q" in r.noise for r in recordings) else "estimated"
         self._recent: list[tuple[tuple[World, ...], list[np.ndarray]]] = []
         self.rollouts = 0.0  # simulated seconds, for the record
@@ -201,6 +205,12 @@ def _windows(rec: Recording) -> str:
     return said if every == 1 else f"{said}; one sample in {every} is compared"
 
 
+def _stops(recordings: Sequence[Recording]) -> list[str]:
+    """Which joints were measured beyond the stops of their model."""
+    beyond = [j for rec in recordings for j in passed(nominal_robot(rec), rec.q)]
+    return [f"{j} was measured beyond its range in the model, so that stop is left out" for j in dict.fromkeys(beyond)]
+
+
 def _predicted(channel: Channel, item: Item, response: Response) -> np.ndarray:
     """What a rollout says of a channel, (nworld, m, nj)."""
     if channel.kind == "load":
@@ -214,6 +224,15 @@ _ROBOTS: dict[tuple, RobotModel] = {}
 
 
 def robot_of(rec: Recording) -> RobotModel:
+    """The nominal robot of a recording without the stops that a joint was measured beyond: they are none."""
+    robot = nominal_robot(rec)
+    key = (id(robot), passed(robot, rec.q))
+    if key not in _ROBOTS:
+        _ROBOTS[key] = without_stops(robot, key[1])
+    return _ROBOTS[key]
+
+
+def nominal_robot(rec: Recording) -> RobotModel:
     """The nominal robot of a recording, its declared tool and tilt included; checked against its joints."""
     key = (rec.robot, repr(rec.tool), rec.base_tilt)
     if key not in _ROBOTS:

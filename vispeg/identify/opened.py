@@ -1,0 +1,64 @@
+"""Position loops that a saturated drive leaves open.
+
+A drive that is asked for more torque than it can give follows its command no longer: nothing corrects the joint, a
+rollout of the right model leaves the recording as one of an open loop does, and says nothing of what is wrong. So
+where that lasts for most of a recording, the recording counts as one under torque control: the torques that were asked
+for follow from what the controller read, and an observer holds rollouts softly to the measured motion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from vispeg.control.laws import position
+from vispeg.recordings.differentiate import smooth
+from vispeg.recordings.recording import Recording
+from vispeg.robots.model import RobotModel
+from vispeg.sim.segments.along import gravity, inertia
+from vispeg.sim.segments.segment import Segment, segments
+
+MOTION_HZ = 15.0  # bandwidth of the motion whose acceleration is believed
+BEYOND = 1.5  # of the greatest torque that the motion ever needed: a drive asked for so much more did not give it
+MOST = 0.5  # of a recording's samples, from which on its loop is taken as open
+OPEN = "{}: a drive is saturated most of the time, so the torques that its loop asked for drive the models"
+FLAT = 0.25  # of the torque that a saturated drive gives, by which that varies at most
+
+
+def driven(rec: Recording, robot: RobotModel) -> Recording:
+    """The recording, or where a drive is saturated most of the time the same as one under torque control."""
+    if rec.control.mode != "position" or rec.q_cmd is None or not saturated(rec, robot).any():
+        return rec
+    return replace(rec, control=replace(rec.control, mode="torque"), tau_cmd=_asked(rec))
+
+
+def saturated(rec: Recording, robot: RobotModel) -> np.ndarray:
+    """(nj,) bool: joints whose drives give one torque and no more, most of the time."""
+    parts = [_torques(rec, robot, s) for s in segments(rec)]
+    asked, needed = (np.concatenate(side) for side in zip(*parts, strict=True))
+    beyond = np.abs(asked) > BEYOND * np.abs(needed).max(axis=0)
+    size = np.maximum(beyond.sum(axis=0), 1)
+    along = np.where(beyond, np.sign(asked) * needed, 0.0)
+    mean = along.sum(axis=0) / size
+    spread = np.sqrt(np.where(beyond, (along - mean) ** 2, 0.0).sum(axis=0) / size)
+    return (beyond.mean(axis=0) > MOST) & (spread < FLAT * mean)
+
+
+def _torques(rec: Recording, robot: RobotModel, s: Segment) -> tuple[np.ndarray, np.ndarray]:
+    """Torques (n, nj) N m that the loop asked for, and that the nominal arm needs for the motion, on the log's clock."""
+    grid = np.arange(s.ticks) * s.tick
+    weight = gravity(s, robot)
+    _, _, ddq = smooth(grid, s.q_raw, MOTION_HZ)
+    needed = np.einsum("nij,nj->ni", inertia(s, robot), ddq) + weight
+    asked, time = _asked(rec)[s.rows], rec.time[s.rows] - rec.time[s.rows[0]]
+    asked = np.stack([np.interp(grid, time, joint) for joint in asked.T], axis=1)
+    return asked + (weight if rec.control.gravity_compensation == "model" else 0.0), needed
+
+
+def _asked(rec: Recording) -> np.ndarray:
+    """(n, nj) N m: what the loop asked its drives for beside gravity, from what it read."""
+    assert rec.q_cmd is not None and rec.control.kp is not None and rec.control.kd is not None
+    goal = np.zeros_like(rec.q) if rec.dq_cmd is None else rec.dq_cmd
+    speed = np.gradient(rec.q, rec.time, axis=0) if rec.dq is None else rec.dq
+    return position(rec.q_cmd, goal, rec.q, speed, rec.control.kp, rec.control.kd)
