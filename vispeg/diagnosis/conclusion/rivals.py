@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+from scipy import stats
+
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.evidence.screen import Score
-from vispeg.diagnosis.selection.accept import equal
+from vispeg.diagnosis.selection.accept import DECISIVE, equal
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.selection.state import State, Trial
@@ -114,6 +116,17 @@ def merely_richer(judge: Judge, trial: Trial, state: State, label: str) -> bool:
     return nested and judge.gain(state.loss, trial.loss).z < 3.0
 
 
+def grown_from(judge: Judge, trial: Trial, state: State, label: str) -> bool:
+    """Whether the chosen effect grows from a rival at its place, and decisively so: gear play from a rotor's inertia.
+
+    What a rival leaves may be little of all that there was, and yet most of it is mended by what it lacks.
+    """
+    name, where = label.rstrip(")").split("(")
+    grows = trial.score.placed.effect in effect(name).grows_from and trial.score.placed.where == where
+    gain = judge.gain(trial.loss, state.loss)
+    return grows and gain.relative > DECISIVE and gain.z > stats.norm.isf(0.05)
+
+
 def _compare(search: Search, state: State, label: str, trials: list[Trial], without: float) -> Rivals:
     others = [t for t in trials if not t.score.beside and t.score.placed.label != label]
     equals = [
@@ -123,5 +136,6 @@ def _compare(search: Search, state: State, label: str, trials: list[Trial], with
         and not t.absent
         and t.gain.relative > 0
         and not merely_richer(search.judge, t, state, label)
+        and not grown_from(search.judge, t, state, label)
     ]
     return Rivals(label, tuple(t.bare for t in equals), tuple(t.bare for t in others))

@@ -1,21 +1,25 @@
 """Which recordings judge: those that were asked to, unless nothing that the model lacks shows in them.
 
 A drive that saturates in two of three motions leaves no trace in the third, and no effect can be judged there: then one
-of the two judges in its place, and it is fitted.
+of the two judges in its place, and it is fitted. Where it saturates in one motion alone, but in either half of it, the
+second half judges what is fitted to the first.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vispeg.identify.evidence import Evidence
+from vispeg.identify.inverse import evidence_for
+from vispeg.recordings.columns import SIGNALS
 from vispeg.recordings.recording import Recording
 from vispeg.worlds.world import World
 
 QUIET = 1.25  # noise variances, up to which a recording shows nothing that a model lacks
 LOUD = 10.0  # noise variances, from which on one does
+HALF = 2.4  # s, that half a recording must outlast: so long takes an observed rollout to settle, and to say something
 
 
 @dataclass(frozen=True)
@@ -35,8 +39,9 @@ class Roles:
 def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:
     """Roles of the recordings behind two sets of evidence, where those that they were given cannot be left unsaid.
 
-    Of several fitted recordings that show what the model lacks the last one judges, if none that should judge does. Of
-    one alone it is said that nothing else shows it: what is fitted to it is judged nowhere.
+    Of several fitted recordings that show what the model lacks the last one judges, but never the one that shows most,
+    if none that should judge does. One alone judges by its second half, if both its halves show it; else it is said
+    that nothing else shows it: what is fitted to it is judged nowhere.
     """
     if max(shown(judged, world)) > QUIET:
         return None
@@ -46,12 +51,28 @@ def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:
         return None
     names = ", ".join(r.name for r in judged.recordings)
     if len(loud) == 1:
+        first, second = halves(loud[0])
+        if np.ptp(second.time) > HALF and min(shown(evidence_for(world, [first, second]), world)) > LOUD:
+            rest = [r for r in evidence.recordings if r is not loud[0]]
+            note = f"only {loud[0].name} shows what the model lacks: its second half judges what is fitted to its first"
+            return Roles([first, *rest, *judged.recordings], [second], note)
         what = f"{loud[0].name} is {max(means):.3g} noise variances from the model, and none of it shows in {names}"
         note = f"{what}: nothing can be judged before another recording shows it"
         return Roles(evidence.recordings, judged.recordings, note, loud[0].name)
-    rest = [r for r in evidence.recordings if r is not loud[-1]]
-    note = f"nothing that the model lacks shows in {names}, so {loud[-1].name} judges and {names} is fitted"
-    return Roles([*rest, *judged.recordings], [loud[-1]], note)
+    most = evidence.recordings[int(np.argmax(means))]
+    judge = [r for r in loud if r is not most][-1]
+    rest = [r for r in evidence.recordings if r is not judge]
+    note = f"nothing that the model lacks shows in {names}, so {judge.name} judges and {names} is fitted"
+    return Roles([*rest, *judged.recordings], [judge], note)
+
+
+def halves(rec: Recording) -> tuple[Recording, Recording]:
+    """The first and the second half of a recording."""
+    middle, out = len(rec.time) // 2, []
+    for name, rows in (("first", slice(None, middle)), ("second", slice(middle, None))):
+        cut = {key: value[rows] for key in ("time", "episode", *SIGNALS) if (value := getattr(rec, key)) is not None}
+        out.append(replace(rec, path=rec.path.with_name(f"{rec.name}, {name} half"), **cut))
+    return out[0], out[1]
 
 
 def shown(evidence: Evidence, world: World) -> list[float]:

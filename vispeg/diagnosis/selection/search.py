@@ -165,7 +165,8 @@ class Search(Loop[State, Trial], Shown, Proposals):
         most = max((s.gain for s in scores if not s.beside), default=0.0)
         scores = [s for s in scores if not s.beside or most < SINGLE * s.gain]
         state.screening += scores
-        need = max(self.evidence.least_gain * self.judge.mean(state.loss), self.least_share * state.scale)
+        held, fitted = self.judge.mean(state.loss), float(state.residual @ state.residual) / self.evidence.count
+        need = max(self.evidence.least_gain * held, self.least_share * state.scale) * min(1.0, fitted / held)
         if not scores or scores[0].gain / self.evidence.count < PROMISE * need:
             return []
         short = shortlist(scores, BEST)

@@ -1,0 +1,59 @@
+"""Loops that a saturated drive leaves open are compared like torque control; stops that were passed are none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from loops import iiwa_segment, recorded
+
+from vispeg.core.effect import EffectInstance
+from vispeg.core.seeds import stream
+from vispeg.identify.evidence import Evidence
+from vispeg.identify.opened import driven, saturated
+from vispeg.robots.model import load
+from vispeg.robots.stops import GIVE, passed, without_stops
+from vispeg.worlds.world import World
+
+ROBOT = load("iiwa14")
+
+
+def run(limit: float):
+    world = World().add(EffectInstance.of("torque_limit", "joint4", limit=limit))
+    return world, recorded(ROBOT, "iiwa14", world, iiwa_segment("position", 3.0, seed=3), stream(3, "opened"))
+
+
+def test_a_drive_that_gives_what_it_is_asked_for_keeps_its_loop():
+    _, rec = run(1000.0)
+    assert not saturated(rec, ROBOT).any()
+    assert driven(rec, ROBOT) is rec
+
+
+def test_friction_is_no_saturation():
+    """It too makes a loop ask for more than the motion needs, but what the joint gets follows the motion."""
+    world = World().add(EffectInstance.of("coulomb_friction", "joint7", torque=0.15))
+    rec = recorded(ROBOT, "iiwa14", world, iiwa_segment("position", 3.0, seed=3), stream(3, "dry"))
+    assert not saturated(rec, ROBOT).any()
+
+
+def test_the_right_model_of_an_open_loop_stands_at_the_noise_floor():
+    world, rec = run(14.0)
+    assert list(np.flatnonzero(saturated(rec, ROBOT))) == [3]
+    evidence = Evidence([rec], h_max=1e-3)
+    assert evidence.recordings[0].control.mode == "torque"
+    assert any("saturated" in note for note in evidence.notes)
+    (residual,) = evidence.residuals([world])
+    assert np.sum(residual**2) / evidence.count == pytest.approx(1.0, abs=0.3)
+    assert driven(evidence.recordings[0], ROBOT) is evidence.recordings[0]
+
+
+def test_a_stop_that_was_passed_is_left_out():
+    _, rec = run(1000.0)
+    low, high = ROBOT.range[3]
+    beyond = replace(rec, q=np.where(np.arange(7) == 3, high + 2 * GIVE, rec.q))
+    assert passed(ROBOT, rec.q) == () and passed(ROBOT, beyond.q) == ("joint4",)
+    assert without_stops(ROBOT, ()) is ROBOT
+    free = without_stops(ROBOT, ("joint4",))
+    assert list(free.compile().jnt_limited) == [True] * 3 + [False] + [True] * 3
+    assert tuple(free.range[3]) == (low, high)  # motions are still planned inside it
