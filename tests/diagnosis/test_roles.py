@@ -20,7 +20,7 @@ LIMIT = EffectInstance.of("torque_limit", "shoulder", limit=14.0)  # N m
 
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory):
-    """Motions, two of which ask the shoulder for more than its drive gives all their time, and one in its first half."""
+    """Motions that ask the shoulder for more than its drive gives: two all their time, one in its first half."""
     path = tmp_path_factory.mktemp("arm") / "arm.xml"
     path.write_text(ARM)
     robot, out = load(path), {}

@@ -45,7 +45,6 @@ class Effect(ABC):
         told_from: effects it may be confused with -> the motion that separates them; either of the two may state it.
         told_by: parameter -> the motion that separates it from those, if that is another one.
         needs: what a contact recording must contain to excite it, a key of `contact_check.NEEDS`; empty: not checked.
-        step: greatest physics step at which its own motion stays stable, s.
         grows_from: simpler effects that it may be mistaken for -> {own parameter: that one's, where its fit starts}.
         contains: simpler effects that this one turns into at some of its values; it rivals them only by being better.
         moments: shapes in which, times the magnitude, the effect is linear: a mass at x is a moment of mass times x.
@@ -68,7 +67,6 @@ class Effect(ABC):
     telling: ClassVar[tuple[str, ...]] = ()
     contains: ClassVar[tuple[str, ...]] = ()
     grows_from: ClassVar[Mapping[str, Mapping[str, str]]] = {}
-    step: ClassVar[float] = float("inf")
     stage: ClassVar[str] = ""
     sizes: ClassVar[Mapping[str, tuple[float, ...]]] = {}
     shown_by: ClassVar[tuple[str, ...]] = ()
@@ -99,6 +97,10 @@ class Effect(ABC):
 
     def write(self, fields: Any, p: Values) -> None:
         """Sets model fields, `fields[name]` of shape (nsim, ...), already holding the nominal values."""
+
+    def stable_step(self, p: Mapping[str, float]) -> float:
+        """Greatest physics step, s, at which its own motion stays stable with these values."""
+        return float("inf")
 
     def start(self, x: Any, p: Values) -> Any:
         """State carried from step to step, or None."""

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from vispeg.core.effect import Effect, effect
+from vispeg.core.effect import Effect, EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.memory import release
 from vispeg.identify.channels import Channel, Item, shows
@@ -112,7 +112,7 @@ class Evidence(Freedom):
 
     def _rolled_out(self, worlds: Sequence[World], nthread: int) -> list[np.ndarray]:
         """The worlds by the step that they need: one that needs a fine one does not make it for all."""
-        steps = np.array([min([self.h_max, *(effect(e.effect).step for e in w.effects)]) for w in worlds])
+        steps = np.array([min([self.h_max, *(_stable_step(e) for e in w.effects)]) for w in worlds])
         if np.all(steps == steps[0]):
             return self._rolled_out_at(float(steps[0]), worlds, nthread)
         out: list[np.ndarray] = [np.empty((len(worlds), *i.measured.shape)) for i in self.items]
@@ -203,6 +203,10 @@ def _windows(rec: Recording) -> str:
     """What is used of a long recording."""
     said, every = rec.chosen.said(rec.name) if rec.chosen else "", _every(rec)
     return said if every == 1 else f"{said}; one sample in {every} is compared"
+
+
+def _stable_step(placed: EffectInstance) -> float:
+    return effect(placed.effect).stable_step({name: v.value for name, v in placed.params.items()})
 
 
 def _stops(recordings: Sequence[Recording]) -> list[str]:

@@ -46,7 +46,7 @@ def saturated(rec: Recording, robot: RobotModel) -> np.ndarray:
 
 
 def _torques(rec: Recording, robot: RobotModel, s: Segment) -> tuple[np.ndarray, np.ndarray]:
-    """Torques (n, nj) N m that the loop asked for, and that the nominal arm needs for the motion, on the log's clock."""
+    """Torques (n, nj) N m that the loop asked for and that the nominal arm needs, on the controller's clock."""
     grid = np.arange(s.ticks) * s.tick
     weight = gravity(s, robot)
     _, _, ddq = smooth(grid, s.q_raw, MOTION_HZ)

@@ -8,6 +8,7 @@ richer effect that is no law is asked for in the place of each that comes in (`g
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,11 +24,14 @@ from vispeg.diagnosis.selection.cross import reduced
 from vispeg.diagnosis.selection.judge import present
 from vispeg.diagnosis.selection.prune import LOCAL
 from vispeg.diagnosis.selection.state import State, Trial, without
-from vispeg.identify.fit import Race
+from vispeg.identify.fit import Race, squares
 from vispeg.worlds.world import World
 
 if TYPE_CHECKING:
     from vispeg.diagnosis.selection.search import Search
+
+SCALES = (1.0, 3.0)  # of a guess, at which a richer effect is tried in the place of a simple one
+FITTED = 2  # of those starts, of each kind
 
 
 def refined(search: Search, state: State, n_fixed: int) -> bool:
@@ -111,23 +115,42 @@ def _fitted(
     return Trial(score, fits[k], losses[k], search.judge.gain(state.loss, losses[k]))
 
 
+def _grown(search: Search, state: State, simple: EffectInstance) -> list[EffectInstance]:
+    """Richer effects where the simple one stands: at what the data suggest, smaller and larger, with its value."""
+    joints = search.evidence.items[0].robot.joints
+    if simple.where not in joints:
+        return []
+    data = joint_data(search.missing(state.world), search.evidence.items)[joints.index(simple.where)]
+    starts: list[EffectInstance] = []
+    for name, kind in searchable().items():
+        for param_name, its in kind.grows_from.get(simple.effect, {}).items():
+            for guess, scale in product(kind.guesses(data), SCALES):
+                scaled = {k: v * scale for k, v in guess.items() if k in kind.magnitudes}
+                start = EffectInstance.of(
+                    name, simple.where, **{**guess, **scaled, param_name: simple.params[its].value}
+                )
+                starts += [start] if start not in starts and search.evidence.sees(kind) else []
+    return starts
+
+
+def _first(starts: list[EffectInstance]) -> list[EffectInstance]:
+    """The first FITTED of each kind."""
+    kinds = [[s for s in starts if s.effect == name] for name in dict.fromkeys(s.effect for s in starts)]
+    return [s for some in kinds for s in some[:FITTED]]
+
+
 def grow(search: Search, state: State, placed: EffectInstance, n_fixed: int) -> None:
     """Puts a richer effect in the place of the one just added, which may have been its shadow: play behind a rotor.
 
     The richer one's own fit, from afar, is easily caught where the simpler one explains most.
     """
     simple = next(e for e in state.world.effects if (e.effect, e.where) == (placed.effect, placed.where))
-    data = joint_data(search.missing(state.world), search.evidence.items)
-    starts: list[EffectInstance] = []
-    for name, kind in searchable().items():
-        for param_name, its in kind.grows_from.get(simple.effect, {}).items():
-            joints = search.evidence.items[0].robot.joints
-            for guess in kind.guesses(data[joints.index(simple.where)]) if simple.where in joints else ():
-                start = EffectInstance.of(name, simple.where, **{**guess, param_name: simple.params[its].value})
-                starts += [start] if start not in starts and search.evidence.sees(kind) else []
+    rest = state.world.without(simple.effect, simple.where)
+    starts = _grown(search, state, simple)
     if not starts:
         return
-    rest = state.world.without(simple.effect, simple.where)
+    squared = [squares(r) for r in search.evidence.each_residual([rest.add(s) for s in starts])]
+    starts = _first([starts[k] for k in np.argsort(squared)])  # a fit of play creeps where it begins far off
     fits = search.fits([rest.add(s) for s in starts], n_fixed, races=[Race()] * len(starts))
     losses = search.judge.losses([f.world for f in fits])
     k = int(np.argmin([search.judge.mean(loss) for loss in losses]))

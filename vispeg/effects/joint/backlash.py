@@ -14,6 +14,8 @@ from vispeg.core.params import Param
 from vispeg.effects.common.gear import free_step, motor_step
 
 TOOTH_RELAXATION = 2e-3  # s
+STEP, LEAST_STEP = 1e-3, 2.5e-4  # s: a rotor free in its play, under a stiff servo, runs away at 2 ms
+TURN = 0.9  # rad of the rotor's oscillation against the teeth, that one step may span
 
 
 class Backlash(Effect):
@@ -23,7 +25,6 @@ class Backlash(Effect):
     family = "joint"
     order = 85
     smooth = False
-    step = 1e-3  # a rotor free in its play, under a stiff servo, runs away at 2 ms
     grows_from = {"rotor_inertia": {"motor_inertia": "inertia"}}
     params = {
         "gap": Param(0.0, 0.0, 0.1, "rad", start=1e-3, doc="total free play"),
@@ -34,6 +35,13 @@ class Backlash(Effect):
             3e-5, 5e-6, 2e-4, "rad/(N m)", start=3e-5, shape=True, scale="log", doc="of the teeth in contact"
         ),
     }
+
+    def stable_step(self, p):
+        """A light rotor against stiff teeth runs away sooner; halves of a step, so that few worlds differ in theirs."""
+        step, most = STEP, TURN * (p["motor_inertia"] * p["compliance"]) ** 0.5
+        while step > max(most, LEAST_STEP):
+            step /= 2
+        return step
 
     def start(self, x, p):
         side = np.where(x.tau >= 0, 0.5, -0.5)
