@@ -163,3 +163,15 @@ def test_a_member_of_a_group_at_its_bound_goes_at_once_if_the_others_are_worth_h
     dismissed(search, state, before, score, 0)
     assert [e.effect for e in state.world.effects] == ["coulomb_friction"] if worth else len(state.world.effects) == 2
     assert len(state.last) == (not worth) and len(state.steps) == 1
+
+
+@pytest.mark.parametrize(("touch", "share"), [(5.0, 5.0 / 100.0), (500.0, 1.0)])
+def test_a_promise_is_measured_on_what_the_fitted_recordings_show(touch, share):
+    """A limit that one motion touches for a moment and the judge for seconds can promise no more than the moment."""
+    search = Search.__new__(Search)
+    search.evidence = SimpleNamespace(least_gain=0.02, count=1000)  # type: ignore[assignment]
+    search.judge, search.least_share = judge(), 0.001
+    loss = np.full((40, 1), 25.0 * 100.0)
+    state = State(World(), loss, np.full(1000, np.sqrt(touch)), first=100.0)
+    assert search.judge.mean(loss) == pytest.approx(100.0)
+    assert search.least_drop(state) == pytest.approx(0.02 * 100.0 * share)

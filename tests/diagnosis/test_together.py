@@ -12,7 +12,7 @@ from vispeg.core.seeds import stream
 from vispeg.diagnosis.evidence.dictionary import Dictionary
 from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.evidence.signatures import Signature
-from vispeg.diagnosis.selection.names import SURE, Ground, doubted, exchanges, open_ended, tentative
+from vispeg.diagnosis.selection.names import SURE, Exchange, Ground, doubted, exchanges, open_ended, tentative
 from vispeg.diagnosis.selection.state import State
 from vispeg.diagnosis.selection.together import together
 from vispeg.identify.space import Space
@@ -131,6 +131,14 @@ def test_stand_ins_are_not_named_and_what_is_certain_is(toy):
     assert said["coulomb_friction(joint3)"].shaken == ()
     state = State(fit.world, np.zeros((1, 1)), fit.residual)
     assert tentative(state, 0, found, []) == {"joint_bias(joint1)", "joint_bias(joint2)"}
+
+
+def test_far_from_the_recordings_only_what_removes_as_much_as_is_left_is_named(toy):
+    fit = fitted(toy["noise"], [toy["a"], toy["b"]], [1.0, 1.0])
+    state = State(fit.world, np.zeros((1, 1)), fit.residual)
+    much, little = Exchange("joint_bias(joint1)", 1.5, (), ()), Exchange("joint_bias(joint2)", 0.5, (), ())
+    assert not tentative(state, 0, [much, little], [])
+    assert tentative(state, 0, [much, little], [], far=True) == {"joint_bias(joint2)"}
 
 
 def test_exchange_with_the_doubted_candidates_alone_is_that_with_all(toy):

@@ -11,7 +11,7 @@ from vispeg.diagnosis.conclusion.intervals import widened
 from vispeg.diagnosis.conclusion.next_experiment import next_experiment, repeated
 from vispeg.diagnosis.conclusion.rivals import settled
 from vispeg.diagnosis.conclusion.subsets import subsets
-from vispeg.diagnosis.conclusion.verdict import Verdict, decide
+from vispeg.diagnosis.conclusion.verdict import FARTHEST, Verdict, decide
 from vispeg.diagnosis.evidence.base_parameters import base_parameters
 from vispeg.diagnosis.evidence.localise import maps, missing_torque, peaks, where_it_fails
 from vispeg.diagnosis.evidence.motionless import refuse_motionless
@@ -108,7 +108,7 @@ def diagnose(
     unsure = open_ended(state, n_fixed)
     if verdict.partial and state.fit is not None:
         say("asking which names are certain")
-        unsure = tentative(state, n_fixed, search.exchanges(state), rivals)
+        unsure = tentative(state, n_fixed, search.exchanges(state), rivals, far=after > FARTHEST * floor)
     unsure |= {c.label for c in changing}
     final = with_origin(
         widened(state.world, n_fixed, before, after - floor + 1.0),

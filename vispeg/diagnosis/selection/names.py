@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from vispeg.diagnosis.conclusion.rivals import Rivals
 
 SURE = 0.3  # of the error left where it sits, that taking a named effect away must cost beside any other candidate
+FAR = 1.0  # the same where the model is far from the recordings
 SLACK = 0.2  # of the error left and of what an effect removed, by which a rival that is worth a fit may be worse
 ALIKE = 0.7  # of what an effect costs by itself, under which it must cost beside another for the two to be alike
 ASKED = 6  # rivals, at most
@@ -157,11 +158,14 @@ def open_ended(state: State, n_fixed: int) -> frozenset[str]:
     return frozenset(out)
 
 
-def tentative(state: State, n_fixed: int, exchanged: Sequence[Exchange], rivals: Sequence[Rivals]) -> frozenset[str]:
+def tentative(
+    state: State, n_fixed: int, exchanged: Sequence[Exchange], rivals: Sequence[Rivals], *, far: bool = False
+) -> frozenset[str]:
     """Labels of the effects after the first `n_fixed` that must not be named.
 
     An effect is named where nothing shakes it, or only what was fitted in its place and lost on held-out recordings;
-    where few proven rivals do, it is named with them.
+    where few proven rivals do, it is named with them. A model that is `far` from the recordings names only what removes
+    as much as it leaves: what removes less may make up for a little of it.
     """
     proven = {r.label: {t.score.label for t in r.equals} for r in rivals}
     tried = {r.label: {t.score.label for t in r.tried} for r in rivals}
@@ -171,7 +175,7 @@ def tentative(state: State, n_fixed: int, exchanged: Sequence[Exchange], rivals:
         label, exchange = placed.label, by_label.get(placed.label)
         equals = proven.get(label, set())
         unsure = exchange is not None and (
-            exchange.costs < SURE or bool(set(exchange.shaken) - tried.get(label, set()))
+            exchange.costs < (FAR if far else SURE) or bool(set(exchange.shaken) - tried.get(label, set()))
         )
         if unsure or len(equals) > CLASS or _entangled(state, index):
             out.add(label)

@@ -165,8 +165,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
         most = max((s.gain for s in scores if not s.beside), default=0.0)
         scores = [s for s in scores if not s.beside or most < SINGLE * s.gain]
         state.screening += scores
-        held, fitted = self.judge.mean(state.loss), float(state.residual @ state.residual) / self.evidence.count
-        need = max(self.evidence.least_gain * held, self.least_share * state.scale) * min(1.0, fitted / held)
+        need = self.least_drop(state)
         if not scores or scores[0].gain / self.evidence.count < PROMISE * need:
             return []
         short = shortlist(scores, BEST)
@@ -178,6 +177,14 @@ class Search(Loop[State, Trial], Shown, Proposals):
             trials = trials + self.try_all(state, shortlist(elsewhere, BEST), n_fixed, tested)
             trials.sort(key=lambda t: bool(t.rejected))
         return trials
+
+    def least_drop(self, state: State) -> float:
+        """Drop of the mean squared residual that a step needs, on fitted recordings that may show less than the judge.
+
+        A drive may saturate for a moment in one motion and for seconds in another.
+        """
+        held, fitted = self.judge.mean(state.loss), float(state.residual @ state.residual) / self.evidence.count
+        return max(self.evidence.least_gain * held, self.least_share * state.scale) * min(1.0, fitted / held)
 
     def try_all(self, state: State, scores: Sequence[Score], n_fixed: int, tested: int) -> list[Trial]:
         """Fits each score's effect jointly with what was accepted, and judges all on the held-out recordings."""
