@@ -11,9 +11,9 @@ from loops import iiwa_segment, recorded
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.identify.evidence import Evidence
-from vispeg.identify.opened import driven, saturated
+from vispeg.identify.loops.opened import driven, saturated
+from vispeg.identify.loops.stops import GIVE, passed, without_stops
 from vispeg.robots.model import load
-from vispeg.robots.stops import GIVE, passed, without_stops
 from vispeg.worlds.world import World
 
 ROBOT = load("iiwa14")

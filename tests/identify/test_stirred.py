@@ -12,8 +12,8 @@ from vispeg.diagnosis.conclusion.verdict import FLOOR
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import motion
+from vispeg.identify.loops.stirred import reading_noise, stirred
 from vispeg.identify.record import centre_of, controller, record
-from vispeg.identify.stirred import reading_noise, stirred
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import load
 from vispeg.sim.compiled import compiled

@@ -111,10 +111,7 @@ class Effect(ABC):
         return tau
 
     def goal(self, state: Any, goal: np.ndarray, x: Any, p: Values) -> np.ndarray:
-        """The goal (nsim, nj), rad, that reaches a position servo's loop at each physics step, from the one sent.
-
-        An effect with this hook acts there instead of in `drive` where goals are sent.
-        """
+        """The goal (nsim, nj), rad, that reaches a servo's loop at each physics step; there in the place of `drive`."""
         return goal
 
     def regulate(self, loop: Any, p: Values) -> None:

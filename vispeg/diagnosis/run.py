@@ -37,7 +37,7 @@ from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.share import Share
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import TorqueEvidence, evidence_for
-from vispeg.identify.stirred import stirred
+from vispeg.identify.loops.stirred import stirred
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import records
 from vispeg.worlds.world import World

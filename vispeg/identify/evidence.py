@@ -17,12 +17,12 @@ from vispeg.core.memory import release
 from vispeg.identify.channels import Channel, Item, shows
 from vispeg.identify.contact import Contact, contact_of
 from vispeg.identify.load import load_noise, unsigned, with_gains
-from vispeg.identify.opened import OPEN, driven
+from vispeg.identify.loops.opened import OPEN, driven
+from vispeg.identify.loops.stops import passed, without_stops
 from vispeg.identify.space import Freedom
 from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel, load
-from vispeg.robots.stops import passed, without_stops
 from vispeg.sim.rollout import Response, simulate
 from vispeg.sim.segments.segment import EXTERNAL, segments
 from vispeg.sim.shares import processes, shared

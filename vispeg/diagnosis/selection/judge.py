@@ -11,7 +11,7 @@ from scipy import stats
 from vispeg.core.effect import effect
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit
-from vispeg.identify.stirred import reading_noise
+from vispeg.identify.loops.stirred import reading_noise
 from vispeg.worlds.world import World
 
 CAP = 1e7  # squared whitened residual beyond which a reading counts no more: one wild row must not decide

@@ -1,0 +1,1 @@
+"""Loops that are closed over noise, over a saturated drive, or against stops that are none."""
