@@ -9,9 +9,9 @@ from pressed import recorded
 from vispeg.contact.drive import Driven
 from vispeg.contact.evidence import predicted
 from vispeg.contact.floors import FORM
-from vispeg.contact.profile import outward, probed, tries
 from vispeg.contact.run import evidence_of
-from vispeg.contact.search import ContactSearch
+from vispeg.contact.selection.profile import outward, probed, tries
+from vispeg.contact.selection.search import ContactSearch
 from vispeg.contact.sensor import stands_for
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream

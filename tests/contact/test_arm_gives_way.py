@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from vispeg.contact.evidence import ContactEvidence
-from vispeg.contact.likely import QUANTILE
 from vispeg.contact.run import evidence_of
+from vispeg.contact.selection.likely import QUANTILE
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream

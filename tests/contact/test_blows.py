@@ -10,8 +10,8 @@ import pytest
 
 from vispeg.contact.again.blows import blows, forces
 from vispeg.contact.again.damping import struck
-from vispeg.contact.profile import place_of, places
 from vispeg.contact.run import evidence_of
+from vispeg.contact.selection.profile import place_of, places
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.seeds import stream
 from vispeg.effects.common.parts import shapes

@@ -13,13 +13,13 @@ from pressed import SCENE, recorded
 from vispeg.contact.drive import hands
 from vispeg.contact.hand import AXES, grasp, hand
 from vispeg.contact.inputs import touching
-from vispeg.contact.likely import intervals
 from vispeg.contact.noise import louder
 from vispeg.contact.nuisance import PLACE, Nuisance
 from vispeg.contact.path import jacobian
-from vispeg.contact.profile import Probe, idle, looked_for, places, probed, profile, strongest, tries
 from vispeg.contact.run import compare_contact, diagnose_contact, evidence_of
-from vispeg.contact.search import ContactSearch
+from vispeg.contact.selection.likely import intervals
+from vispeg.contact.selection.profile import Probe, idle, looked_for, places, probed, profile, strongest, tries
+from vispeg.contact.selection.search import ContactSearch
 from vispeg.core.effect import STAGES, EffectInstance, Value, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream

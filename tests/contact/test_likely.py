@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from vispeg.contact.likely import absent, disagreement, intervals
+from vispeg.contact.selection.likely import absent, disagreement, intervals
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.identify.fit import Fit

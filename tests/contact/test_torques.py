@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from vispeg.api.inputs import felt
-from vispeg.contact.likely import intervals
-from vispeg.contact.profile import places
 from vispeg.contact.run import evidence_of
+from vispeg.contact.selection.likely import intervals
+from vispeg.contact.selection.profile import places
 from vispeg.contact.torques import touches
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError

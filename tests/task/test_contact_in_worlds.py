@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
-from vispeg.contact.profile import looked_for
+from vispeg.contact.selection.profile import looked_for
 from vispeg.core.effect import EffectInstance
 from vispeg.task.environments.simulation import TaskSimulation
 from vispeg.task.peg.config import PegConfig

@@ -12,7 +12,7 @@ from vispeg.contact.noise import louder
 from vispeg.contact.record import arrays, channels, not_excited, phase_errors, separating, shows_from, where_it_fails
 from vispeg.contact.remainder import judged as in_phases
 from vispeg.contact.remainder import remainder
-from vispeg.contact.search import ContactSearch
+from vispeg.contact.selection.search import ContactSearch
 from vispeg.diagnosis.compare import Comparison
 from vispeg.diagnosis.conclusion.intervals import widened
 from vispeg.diagnosis.conclusion.rivals import find_rivals

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vispeg.contact.again.blows import Blow, blows, forces, restarts
-from vispeg.contact.likely import QUANTILE
-from vispeg.contact.profile import looked_for, place_of, tries
+from vispeg.contact.selection.likely import QUANTILE
+from vispeg.contact.selection.profile import looked_for, place_of, tries
 from vispeg.core.effect import EffectInstance, Value, effect
 from vispeg.diagnosis.schema import NotExcited
 from vispeg.effects.common.parts import shapes

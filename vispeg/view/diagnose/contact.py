@@ -8,7 +8,7 @@ from vispeg.api.inputs import Inputs
 from vispeg.contact.phases import NAMES
 from vispeg.contact.record import COLUMNS
 from vispeg.contact.run import evidence_of
-from vispeg.contact.search import ContactSearch
+from vispeg.contact.selection.search import ContactSearch
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.recordings.recording import Recording

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
@@ -11,8 +10,9 @@ import numpy as np
 from scipy import stats
 
 from vispeg.contact.evidence import ContactEvidence
-from vispeg.contact.likely import absent, intervals
-from vispeg.contact.profile import Probe, further, idle, places, probed, shown_from, strongest, value
+from vispeg.contact.selection.likely import intervals
+from vispeg.contact.selection.profile import Probe, further, idle, places, probed, shown_from, strongest, value
+from vispeg.contact.selection.sparse import sparse
 from vispeg.contact.thin import PART
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.conclusion.verdict import FLOOR
@@ -179,43 +179,11 @@ class ContactSearch(Search):
         fit = trial.fit
         if state.fit is not None:  # it was fitted shortly
             (fit,) = self.fits([fit.world], n_fixed)
-        fit = self._bare(fit, n_fixed)
+        fit = sparse(self.evidence, fit, n_fixed, lambda w: self.fits([w], n_fixed)[0])
         state.take(fit, self.judge.losses([fit.world])[0])
         state.cross = self.cross.loss_of(fit, fit.residual)
         if not self.runs:
             self.bound(state, n_fixed)
-
-    def _bare(self, fit: Fit, n_fixed: int) -> Fit:
-        """A fit anew without those of its magnitudes that may be absent: all of them, or the least needed alone."""
-        idle = self._idle(fit, n_fixed)
-        for some in (idle, idle[:1]) if idle else ():
-            before = self.evidence.absent
-            bare = self._nulled(fit, some, n_fixed)
-            more = float(bare.residual @ bare.residual - fit.residual @ fit.residual)
-            if more <= self.evidence.lasting * max(1.0, fit.cost) * stats.chi2.isf(0.05, len(some)):
-                return self._bare(bare, n_fixed)
-            self.evidence.absent = before
-        return fit
-
-    def _idle(self, fit: Fit, n_fixed: int) -> list[int]:
-        """Coordinates that may be absent, the least needed first; of each effect that which is needed most stays."""
-        axes, kinds, out = fit.space.axes, [effect(e.effect) for e in fit.world.effects], []
-        left = Counter(a.index for a in axes if a.index >= n_fixed)
-        several = [i for i, a in enumerate(axes) if left[a.index] > 1 and a.name in kinds[a.index].magnitudes]
-        null = np.array([fit.space.forward(a.param.null, a) if i in several else 0.0 for i, a in enumerate(axes)])
-        for i in absent(self.evidence, fit, several, null) if several else ():
-            if left[axes[i].index] > 1:
-                left[axes[i].index] -= 1
-                out.append(i)
-        return out
-
-    def _nulled(self, fit: Fit, gone: Sequence[int], n_fixed: int) -> Fit:
-        """A fit anew with some of its coordinates at null, where they stay."""
-        effects = list(fit.world.effects)
-        for a in (fit.space.axes[i] for i in gone):
-            effects[a.index] = effects[a.index].with_values(**{a.name: a.param.null})
-            self.evidence.absent = self.evidence.absent | {(effects[a.index].effect, a.name)}
-        return self.fits([replace(fit.world, effects=tuple(effects))], n_fixed)[0]
 
     def shows(self, state: State, trial: Trial) -> bool:
         """Whether a trial lowers the squared residual by more than chance; where contacts stick derivatives vanish."""
@@ -255,7 +223,7 @@ class ContactSearch(Search):
         return [Score(_fitted(a), a.score.gain, (_fitted(b),)) for a, b in combinations(order, 2)]
 
     def shown_from(self, world: World) -> dict[tuple[str, str], dict[str, float]]:
-        """See `vispeg.contact.profile.shown_from`: in the fitted recordings and, at that size, the held-out ones."""
+        """See `profile.shown_from`: in the fitted recordings and, at that size, the held-out ones."""
         where = places(self.evidence, world)
         least = shown_from(self.probed(world, where), self.need())
         asked = [
@@ -274,7 +242,7 @@ class ContactSearch(Search):
         return least
 
     def probed(self, world: World, where: Sequence[tuple[str, str]]) -> list[Probe]:
-        """`vispeg.contact.profile.probed`, remembered."""
+        """`vispeg.contact.selection.profile.probed`, remembered."""
 
         def work_out() -> list:
             return [

@@ -1,0 +1,59 @@
+"""A fit without the parameters that may as well be absent: a fixture that gives way in x alone has no pitch."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy import stats
+
+from vispeg.contact.evidence import ContactEvidence
+from vispeg.contact.selection.likely import absent
+from vispeg.core.effect import effect
+from vispeg.identify.fit import Fit
+from vispeg.worlds.world import World
+
+LEVEL = 0.05  # chance that what is there is taken for absent
+
+
+def sparse(evidence: ContactEvidence, fit: Fit, n_fixed: int, refit: Callable[[World], Fit]) -> Fit:
+    """A fit anew without those magnitudes that may be absent: all of them at once, or else the least needed, and again.
+
+    The effects after the first `n_fixed` are asked; of each at least one magnitude stays. `evidence.absent` holds what
+    went out, so that later fits leave it at null.
+    """
+    idle = _idle(evidence, fit, n_fixed)
+    for some in (idle, idle[:1]) if idle else ():
+        before = evidence.absent
+        smaller = refit(_without(evidence, fit, some))
+        more = float(smaller.residual @ smaller.residual - fit.residual @ fit.residual)
+        if more <= evidence.lasting * max(1.0, fit.cost) * stats.chi2.isf(LEVEL, len(some)):
+            return sparse(evidence, smaller, n_fixed, refit)
+        evidence.absent = before
+    return fit
+
+
+def _idle(evidence: ContactEvidence, fit: Fit, n_fixed: int) -> list[int]:
+    """Coordinates that may be absent, the least needed first; of each effect that which is needed most stays."""
+    axes, kinds, out = fit.space.axes, [effect(e.effect) for e in fit.world.effects], []
+    count = Counter(a.index for a in axes if a.index >= n_fixed)
+    several = [i for i, a in enumerate(axes) if count[a.index] > 1 and a.name in kinds[a.index].magnitudes]
+    if not several:
+        return []
+    null = np.array([fit.space.forward(a.param.null, a) if i in several else 0.0 for i, a in enumerate(axes)])
+    for i in absent(evidence, fit, several, null):
+        if count[axes[i].index] > 1:
+            count[axes[i].index] -= 1
+            out.append(i)
+    return out
+
+
+def _without(evidence: ContactEvidence, fit: Fit, gone: Sequence[int]) -> World:
+    """The fit's world with some of its coordinates at null, where they stay."""
+    effects = list(fit.world.effects)
+    for a in (fit.space.axes[i] for i in gone):
+        effects[a.index] = effects[a.index].with_values(**{a.name: a.param.null})
+        evidence.absent = evidence.absent | {(effects[a.index].effect, a.name)}
+    return replace(fit.world, effects=tuple(effects))
