@@ -99,7 +99,7 @@ def train(
         world: a built-in world's name or a world file.
         recipe: reinforcement learning, imitation of a teacher, or the one after the other.
         settings: fields of the task's configuration that replace the world's, such as `stack`, `dof`, `reward`.
-        curriculum: wider clearances to begin with, mm, widest first.
+        curriculum: wider tolerances to begin with, mm, widest first.
         start_radius: lateral ranges of starts (m) to begin with, nearest first.
         ranges: randomization full from the first step, growing over the first half, or range by range with success.
         steps: of the environment, in all.

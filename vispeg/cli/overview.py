@@ -59,7 +59,7 @@ COMMANDS = {name: module for section in SECTIONS.values() for name, module in se
 HEAD = """usage: vispeg COMMAND [ARGUMENTS]
 
 Finds what a robot model is missing, from recordings of the real robot, and
-trains peg-in-hole policies in simulation on what it found."""
+trains insertion policies in simulation on what it found."""
 FOOT = """`vispeg COMMAND --help` shows arguments and examples; `vispeg --version` the
 version. Example:
 

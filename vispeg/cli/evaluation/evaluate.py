@@ -42,7 +42,7 @@ class Args:
     controls: tuple[str, ...] = ()
     """Play also with images shuffled or frozen, or with a goal that never moves (GOAL_fixed)."""
     tolerance: Room = None
-    """Clearance of the goal, mm; default: the world's."""
+    """Width of the goal less that of the part, mm; default: the world's."""
     videos: int = 4
     """Failures of each policy to film; 0 for none."""
     rerun: Path | None = None

@@ -39,7 +39,7 @@ class Args:
     positions: Path | None = None
     """A file of positions, `format: vispeg-positions/1`; default: the task's."""
     tolerance: Room = None
-    """Clearance of the goal, mm; default: the world's."""
+    """Width of the goal less that of the part, mm; default: the world's."""
     trials: Played = Trials()
 
     @goes_on()

@@ -29,7 +29,7 @@ class Args:
     world: str | None = None
     """A built-in world's name or a world file; default: the training world."""
     tolerance: Room = None
-    """Clearance of the goal, mm; default: the world's, or the policy's in its training world."""
+    """Width of the goal less that of the part, mm; default: the world's, or the policy's in its training world."""
     episodes: int = 3
     """Number of episodes."""
     seed: int = 0

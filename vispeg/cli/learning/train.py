@@ -44,9 +44,9 @@ class Args:
     world: str = "nominal"
     """A built-in world's name or a world file."""
     tolerance: Room = None
-    """Clearance of the goal, mm; default: the world's."""
+    """Width of the goal less that of the part, mm; default: the world's."""
     curriculum: tuple[float, ...] = ()
-    """Wider clearances to begin with, mm, widest first; the next stage begins at 80 % success."""
+    """Wider tolerances to begin with, mm, widest first; the next stage begins at 80 % success."""
     start_radius: tuple[float, ...] = ()
     """Lateral ranges of starts for these stages, m, nearest first."""
     stack: int | None = None
