@@ -75,6 +75,12 @@ class Probe:
         """(effect, place)."""
         return self.placed.effect, self.placed.where
 
+    @property
+    def promise(self) -> float:
+        """Gain of the best size along a straight line through this one; no less than its own."""
+        along = 0.5 * (self.gain + self.moved)
+        return along**2 / self.moved if along > 0 else self.gain
+
 
 def probed(
     evidence: ContactEvidence, world: World, where: Sequence[tuple[str, str]], least: float = 0.0
@@ -199,6 +205,14 @@ def strongest(probes: Sequence[Probe]) -> list[Score]:
         if score.key not in out or score.gain > out[score.key].gain:
             out[score.key] = score
     return sorted(out.values(), key=lambda s: -s.gain)
+
+
+def promises(probes: Sequence[Probe]) -> dict[tuple[str, str], float]:
+    """(effect, place): what the best of its sizes promises; sizes are few, and a fit finds those between them."""
+    out: dict[tuple[str, str], float] = {}
+    for p in probes:
+        out[p.key] = max(p.promise, out.get(p.key, -np.inf))
+    return out
 
 
 def profile(evidence: ContactEvidence, world: World, where: Sequence[tuple[str, str]]) -> list[Score]:

@@ -11,7 +11,17 @@ from scipy import stats
 
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.selection.likely import intervals
-from vispeg.contact.selection.profile import Probe, further, idle, places, probed, shown_from, strongest, value
+from vispeg.contact.selection.profile import (
+    Probe,
+    further,
+    idle,
+    places,
+    probed,
+    promises,
+    shown_from,
+    strongest,
+    value,
+)
 from vispeg.contact.selection.sparse import sparse
 from vispeg.contact.thin import PART
 from vispeg.core.effect import EffectInstance, effect
@@ -30,7 +40,7 @@ SINGLES, PAIRED = 5, 3  # effects that are fitted at a step, and those of them w
 SHORT = 4  # iterations of what races beside other effects
 NONE = -1e300  # the gain of what changes nothing, as JSON can say it
 LEVEL = 0.01  # chance that any effect of the library passes where there is none
-NEAR = 0.6  # of the drop that an effect needs, which a size that is tried must come to for the effect to be fitted
+NEAR = 0.6  # of the drop that an effect needs, which a size that is tried must promise for the effect to be fitted
 SCENE = ("contact", "task")  # families of what stands in the cell
 WORTH = 0.2  # of the best one's gain that another must have in the profile to be fitted
 BESIDE = 0.1  # of what is left, that an effect beside others must remove
@@ -136,7 +146,8 @@ class ContactSearch(Search):
     def step(self, state: State, n_fixed: int) -> list[Trial]:
         """Profiles the library, fits the best and, where none of them reaches the floor, their pairs."""
         scores, tested = self.scored(state), self.tested(state)
-        scores = [s for s in scores if s.gain >= NEAR * self.need()]
+        promise = promises(self.probed(state.world, places(self.evidence, state.world)))
+        scores = [s for s in scores if promise[s.key] >= NEAR * self.need()]
         short = [s for i, s in enumerate(scores[:SINGLES]) if i < 2 or s.gain > WORTH * scores[0].gain]
         if not short:
             return []
