@@ -179,6 +179,21 @@ def test_what_sticks_is_told_a_least_friction_and_no_greatest():
     assert 1.15 < scale.low < 1.45 and scale.high > 2.5
 
 
+def test_a_size_promises_what_the_best_one_along_its_line_gains():
+    rng = stream(3, "promise")
+    base, way = rng.standard_normal(200), rng.standard_normal(200)
+    way *= -np.sign(base @ way)
+    best = float(base @ way) ** 2 / float(way @ way)
+    placed = EffectInstance.of("fixture_compliance", "fixture", z=1e-5)
+    for size in (0.01, 0.3, 2.0):
+        r = base + size * way
+        probe = Probe(placed, "z", float(base @ base - r @ r), float(np.sum((r - base) ** 2)))
+        assert probe.promise == pytest.approx(best) and probe.gain <= best + 1e-9
+        r = base - size * way
+        away = Probe(placed, "z", float(base @ base - r @ r), float(np.sum((r - base) ** 2)))
+        assert away.promise == away.gain < 0, "it only gets worse"
+
+
 def test_a_parameter_that_gains_nothing_beside_the_best_of_its_effect_is_idle():
     def probe(name, value, gain):
         return Probe(EffectInstance.of("hole_offset", "fixture", **{name: value}), name, gain)

@@ -10,6 +10,7 @@ from vispeg.recordings.load import load
 from vispeg.recordings.noise import NOISE
 from vispeg.recordings.regimes import IMPACT, INSIDE, PRESS, REGIMES, SLIDE, Thresholds, regimes, touching
 from vispeg.recordings.write import write
+from vispeg.robots.model import load as load_robot
 from vispeg.sim.touch import touch
 from vispeg.task.belief import believed
 from vispeg.task.rig.expert import record_expert
@@ -45,6 +46,12 @@ def test_every_motion_begins_with_a_second_in_free_air(touches, name):
     rec, seen = touches[name]
     assert not seen.touching[rec.time <= min(AIR, 1.0)].any()
     assert np.abs(np.diff(rec.ee_cmd[:, :3], axis=0)).max() * rec.rate_hz < 0.5, "m/s"
+
+
+def test_what_looks_and_inserts_stays_within_the_joints_ranges_and_speed_limits(touches):
+    rec, arm = touches["look-and-insert"][0], load_robot("iiwa14")
+    assert np.all((rec.q > arm.range[:, 0]) & (rec.q < arm.range[:, 1]))
+    assert np.all(np.abs(rec.dq) < arm.velocity_limit)
 
 
 def test_each_motion_excites_what_it_is_for(touches):
