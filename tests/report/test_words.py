@@ -145,6 +145,15 @@ def test_a_direction_in_which_nothing_was_fitted_goes_unsaid():
     assert "roll" in effect_words.size(row)
 
 
+def test_a_direction_that_may_be_null_goes_unsaid_beside_one_that_may_not():
+    row = {"effect": "camera_offset", "where": "wrist_wide", "params": {}}
+    for name, (low, high) in {"x": (3.9e-3, 4.1e-3), "y": (-1e-4, 1.1e-4), "rx": (-3e-4, 4e-4)}.items():
+        row["params"][name] = {"value": 0.5 * (low + high), "low": low, "high": high, "unit": "m"}
+    assert effect_words.size(row) == "x 4.00 mm"
+    row["params"]["x"]["low"] = -1e-3
+    assert all(name in effect_words.size(row) for name in ("x", "y", "rx"))
+
+
 def test_a_parameter_that_was_not_looked_for_has_no_row_beside_those_that_were():
     z = {"value": 2.98e-5, "low": 1.79e-5, "high": 4.48e-5, "unit": "m/N"}
     bare = {"value": 0.0, "unit": "m/N"}

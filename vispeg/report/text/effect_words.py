@@ -65,18 +65,30 @@ def named(row: Mapping[str, Any]) -> str:
 def size(row: Mapping[str, Any]) -> str:
     """`1.20 N m`, or `coulomb 1.20 N m, excess 0.400 N m`: the parameters that make the effect vanish at null.
 
-    A parameter at null is left out beside one that is not. Empty where no value is stated.
+    One that is at null, or whose interval includes it, is left out beside one that is not. Empty without a value.
     """
     kind, params = REGISTRY.get(str(row.get("effect"))), params_of(row)
     names = [n for n in params if kind is None or n not in kind.params or not kind.params[n].shape]
     stated = [(n, params[n]) for n in names if number(params[n].get("value")) is not None]
     alone = len(stated) == 1
     if kind is not None:  # directions in which nothing was fitted go unsaid
-        stated = [(n, p) for n, p in stated if n not in kind.params or p["value"] != kind.params[n].null] or stated
+        for at_null in (_is_null, _may_be_null):
+            stated = [
+                (n, p) for n, p in stated if n not in kind.params or not at_null(p, kind.params[n].null)
+            ] or stated
     texts = [_text(p) for _, p in stated]
     if alone and not texts[0][0].isalpha() and " " in texts[0]:
         return texts[0]
     return ", ".join(f"{n.replace('_', ' ')} {text}" for (n, _), text in zip(stated, texts, strict=True))
+
+
+def _is_null(p: Mapping[str, Any], null: float) -> bool:
+    return p["value"] == null
+
+
+def _may_be_null(p: Mapping[str, Any], null: float) -> bool:
+    low, high = number(p.get("low")), number(p.get("high"))
+    return low is not None and high is not None and low <= null <= high
 
 
 def sized(row: Mapping[str, Any]) -> str:
