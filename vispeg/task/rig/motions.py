@@ -90,13 +90,13 @@ def press(place: Place, count: int = 4) -> Path:
 
 
 def press_elbow(place: Place) -> Path:
-    """Presses with the elbow turned and the flange as before: what of a give turns with the arm is the arm's."""
+    """Presses with the elbow turned and the flange as before: separates the arm's compliance from the fixture's."""
     return press(place)
 
 
 def slide(place: Place) -> Path:
     """Slides a cross beside the goal, each line there and back, pressing with two forces; the tool leans sideways, so
-    that a flat end meets the fixture at one place of its rim and not now here, now there.
+    that its flat end touches the fixture at one place of its rim.
     """
     path, lean = place.begin(), place.vary(0.07)
     for force, along in product((place.vary(5.0), place.vary(10.0)), (0, 1)):
@@ -143,12 +143,12 @@ def _inserted(path: Path, place: Place) -> Path:
 
 
 def insert_turned(place: Place) -> Path:
-    """The same with the flange turned by 90 deg: tells the grip from the goal's place."""
+    """Inserts with the flange turned by 90 deg: separates the part's pose in the grip from the goal's place."""
     return insert(place, quarter(place.scene))
 
 
 def rock(place: Place) -> Path:
-    """Tilts the held part in the goal until it stands across, about both axes, both ways."""
+    """Tilts the held part in the goal until it touches on two sides, about both axes, both ways."""
     inside = 0.8 * place.depth
     path = place.begin().to(0.6, tip=(0, 0, 0.004)).to(1.0, tip=(0, 0, -inside))
     tilt = place.vary(1.0, 0.05) * (place.gap / inside + 0.03)
@@ -161,7 +161,7 @@ def rock(place: Place) -> Path:
 
 
 def hard_press(place: Place) -> Path:
-    """Presses with 60 to 115 N at two places: the grip slips or does not, springs give way."""
+    """Presses with 60 to 115 N at two places: shows slip in the grip, and compliance."""
     path, first = place.begin(), place.rng.uniform(0, np.pi)
     for angle in (first, first + np.pi):
         _down(path, place.aside * np.cos(angle), place.aside * np.sin(angle), 10.0)
@@ -172,7 +172,7 @@ def hard_press(place: Place) -> Path:
 
 
 def tap(place: Place) -> Path:
-    """Taps the fixture at two speeds: what a contact gives back."""
+    """Taps the fixture at two speeds: shows damping and restitution."""
     path, height, deep = place.begin(), 0.008, 0.004
     for speed in (0.012, 0.035):
         for k in range(4):
@@ -185,7 +185,7 @@ def tap(place: Place) -> Path:
 
 
 def touch_datum(place: Place) -> Path:
-    """Touches the table on two sides of the fixture, and the fixture: a height that is known, with the same grip."""
+    """Touches the table on two sides of the fixture, and the fixture, with the same grip: a datum height."""
     path, height = place.begin(0.05), -float(place.scene.target[2])
     far = place.scene.config.block + 0.06
     for x, y, z in ((-far, 0.0, height), (0.0, far, height), (0.0, place.aside, 0.0)):
@@ -197,7 +197,7 @@ def touch_datum(place: Place) -> Path:
 
 
 def mix(place: Place) -> Path:
-    """A little of each: free air, a press, a slide, an insertion, a tap."""
+    """Free air, a press, a slide, an insertion and a tap, short."""
     path, r = place.begin(0.06), place.aside
     for turn in ((0.45, 0, 0), (0, 0.45, 0), (0, 0, 0)):
         path.to(0.7, turn=turn)
@@ -216,7 +216,7 @@ def mix(place: Place) -> Path:
 
 
 def look_and_insert(place: Place) -> Path:
-    """Looks about the goal from all sides, slides beside it, goes in as `insert` does: for joints, wrench and cameras.
+    """Looks at the goal from all sides, slides beside it, goes in as `insert` does: for joints, wrench and cameras.
 
     The hand tilts, rolls, approaches and moves sideways at once, each both ways and at changing speed, the goal kept in
     sight of a camera on the hand: turns leave the goal where it is.
