@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from vispeg.core.errors import UserError
 from vispeg.recordings.frames.frames import Frames
@@ -17,6 +16,7 @@ from vispeg.recordings.load import load
 from vispeg.recordings.recording import Recording
 from vispeg.render.calibration.detect import pictures
 from vispeg.render.calibration.poses import read_poses
+from vispeg.render.calibration.rigid import from_quaternion
 from vispeg.robots.model import load as load_robot
 from vispeg.sim.compiled import flange_pose
 
@@ -52,7 +52,8 @@ def _recorded(root: Path, poses: str | Path | None, camera: str) -> Photographs:
     rec = load(root)
     frames = _frames_of(rec, camera)
     q = joints_at(rec, frames.times, frames.episodes)
-    every = _matrices(flange_pose(load_robot(rec.robot), q))
+    pose = flange_pose(load_robot(rec.robot), q)
+    every = from_quaternion(pose[:, :3], pose[:, 3:])
     rows = np.flatnonzero(np.isfinite(q).all(axis=1))
     flange = {file: every[i] for i in rows if isinstance(file := frames[int(i)].rgb_source, Path)}
     if not flange:
@@ -67,11 +68,3 @@ def _frames_of(rec: Recording, camera: str) -> Frames:
     if rec.frames is None or not names or (len(names) > 1 and camera not in names):
         raise UserError("no such camera", file=rec.path, key="--name", got=camera, choices=names, expected="frames")
     return rec.frames.of(camera if camera in names else names[0])
-
-
-def _matrices(poses: np.ndarray) -> np.ndarray:
-    """(n, 4, 4) of poses (n, 7), x y z qw qx qy qz."""
-    out = np.tile(np.eye(4), (len(poses), 1, 1))
-    out[:, :3, :3] = Rotation.from_quat(poses[:, 3:], scalar_first=True).as_matrix()
-    out[:, :3, 3] = poses[:, :3]
-    return out

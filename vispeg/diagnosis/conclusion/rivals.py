@@ -110,7 +110,7 @@ def _without(search: Search, state: State, gone: Sequence[EffectInstance], n_fix
 
 def merely_richer(judge: Judge, trial: Trial, state: State, label: str) -> bool:
     """Whether a rival contains the chosen effect as a special case and is not better for it."""
-    name, where = label.rstrip(")").split("(")
+    name, where = _parts(label)
     kind = effect(trial.score.placed.effect)
     nested = name in kind.contains and trial.score.placed.where == where
     return nested and judge.gain(state.loss, trial.loss).z < 3.0
@@ -121,10 +121,16 @@ def grown_from(judge: Judge, trial: Trial, state: State, label: str) -> bool:
 
     What a rival leaves may be little of all that there was, and yet most of it is mended by what it lacks.
     """
-    name, where = label.rstrip(")").split("(")
+    name, where = _parts(label)
     grows = trial.score.placed.effect in effect(name).grows_from and trial.score.placed.where == where
     gain = judge.gain(trial.loss, state.loss)
     return grows and gain.relative > DECISIVE and gain.z > stats.norm.isf(0.05)
+
+
+def _parts(label: str) -> tuple[str, str]:
+    """Effect and place of `effect(place)`."""
+    name, _, where = label.rstrip(")").partition("(")
+    return name, where
 
 
 def _compare(search: Search, state: State, label: str, trials: list[Trial], without: float) -> Rivals:

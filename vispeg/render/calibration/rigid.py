@@ -17,7 +17,7 @@ def transform(rotation_vector: np.ndarray, translation: np.ndarray) -> np.ndarra
 
 
 def from_quaternion(translation: np.ndarray, wxyz: np.ndarray) -> np.ndarray:
-    """The 4x4 transform of a translation (3,) m and a unit quaternion (w, x, y, z)."""
+    """Transforms (..., 4, 4) of translations (..., 3) m and unit quaternions (..., 4), w first."""
     return transform(Rotation.from_quat(wxyz, scalar_first=True).as_rotvec(), translation)
 
 
