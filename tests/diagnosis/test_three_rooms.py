@@ -6,7 +6,7 @@ import pytest
 
 from vispeg.cli.main import main
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]  # two to four minutes of processor time a case
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]  # three minutes of processor time a case, an encoder 24
 
 
 def diagnosed(folder, *effects):
