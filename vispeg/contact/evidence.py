@@ -101,6 +101,7 @@ class ContactEvidence(Evidence):
     most_effects = 6
     decisive = 60.0
     alike = 0.03  # laws of contact are off by as much of a force, see `floors.SHARE`
+    rough = 5.0  # where contacts come and go, worlds 1e-3 of an effect apart differ by 5 to 15
     correlated = 6.0  # blocks: form errors last as long as a contact does
     lasting = 14.0  # blocks that a visit to a phase takes: as long, an error of form acts on a parameter one way
     tied = correlated * 5.41  # of chi squared with one degree of freedom: one in 50

@@ -80,6 +80,7 @@ class Evidence(Freedom):
     )  # drop of the squared whitened residual that no chance makes, where errors that hang together count
     alike = 0.0  # share of what an effect removes that does not tell it from a rival
     tied = 0.0  # drop of the held-out squared residual that chance makes, which does not either
+    rough = 0.0  # change of the squared residual that a solver's chatter makes
     correlated = 1.0  # readings in a row whose floor is one and the same error
 
     def tells(self, difference: np.ndarray) -> np.ndarray:

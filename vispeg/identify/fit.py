@@ -13,6 +13,7 @@ from vispeg.core.effect import EffectInstance, Value
 from vispeg.identify.checkpoint import Trace
 from vispeg.identify.cmaes import minimise
 from vispeg.identify.evidence import Evidence
+from vispeg.identify.point import Point, Settled
 from vispeg.identify.pool import Submit
 from vispeg.identify.space import Space
 from vispeg.worlds.world import World
@@ -99,7 +100,7 @@ def fit_job(
     def job(submit: Submit) -> Fit:
         space = Space(world, free, evidence)
         if ended is not None:
-            return _summary(evidence, space, np.array(ended[0], float), ended[1], _Point(space, submit, None, columns))
+            return _summary(evidence, space, np.array(ended[0], float), ended[1], Point(space, submit, columns=columns))
         low, high = space.bounds
         candidates = [space.start] + [Space(w, free, evidence).start for w in starts]
         candidates = [np.clip(u, low + 1e-9, high - 1e-9) for u in candidates]
@@ -114,7 +115,8 @@ def fit_job(
                     trace.chosen(costs)
             best = candidates[int(np.argmin(costs))]
         size = sum(item.measured.size for item in evidence.items)
-        point, u, converged = _least_squares(_Point(space, submit, trace, columns), best, iterations, race, trace, size)
+        point = Point(space, submit, trace, columns, evidence.rough)
+        point, u, converged = _least_squares(point, best, iterations, race, trace, size)
         return _summary(evidence, space, u, converged, point)
 
     return job
@@ -126,8 +128,8 @@ def squares(r: np.ndarray) -> float:
 
 
 def _least_squares(
-    point: _Point, u0: np.ndarray, iterations: int, race: Race | None, trace: Trace | None, size: int
-) -> tuple[_Point, np.ndarray, bool]:
+    point: Point, u0: np.ndarray, iterations: int, race: Race | None, trace: Trace | None, size: int
+) -> tuple[Point, np.ndarray, bool]:
     low, high = point.space.bounds
 
     def lap(intermediate_result: optimize.OptimizeResult) -> None:
@@ -137,56 +139,14 @@ def _least_squares(
         if race is not None:
             race.check(cost, intermediate_result.nit)
 
-    result = optimize.least_squares(
-        lambda u: point.answer(u)[:, -1], u0, lambda u: point.answer(u)[:, :-1], bounds=(low, high), method="trf",
-        x_scale=1.0, max_nfev=iterations, callback=lap, ftol=5e-4, xtol=1e-4, gtol=1e-12,
-    )  # fmt: skip
+    try:
+        result = optimize.least_squares(
+            lambda u: point.answer(u)[:, -1], u0, lambda u: point.answer(u)[:, :-1], bounds=(low, high), method="trf",
+            x_scale=1.0, max_nfev=iterations, callback=lap, ftol=5e-4, xtol=1e-4, gtol=1e-12,
+        )  # fmt: skip
+    except Settled as end:
+        return point, end.u, True
     return point, result.x, result.status > 0
-
-
-class _Point:
-    """Residual and finite-difference Jacobian of a point in one batch: a few more rows cost less than one more call."""
-
-    def __init__(self, space: Space, submit: Submit, trace: Trace | None = None, columns: np.ndarray | None = None):
-        self.space, self.submit, self.trace, self.columns = space, submit, trace, columns
-        self.evaluated: dict[
-            bytes, tuple[np.ndarray, np.ndarray]
-        ] = {}  # residual, and derivatives that are not `columns`
-        points = [] if trace is None else trace.points
-        self.answers = {np.array(u, float).tobytes(): np.array(answer, float) for u, answer in points}
-
-    def at(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Residual (m,) and Jacobian (m, n) of a point."""
-        key = u.tobytes()
-        if key not in self.evaluated:
-            steps, first = self.space.steps(u), 0 if self.columns is None else self.columns.shape[1]
-            points = [u] + [u + np.eye(len(u))[i] * steps[i] for i in range(first, len(u))]
-            r, *moved = self.submit([self.space.at(p) for p in points])
-            fresh = [(m - r) / s for m, s in zip(moved, steps[first:], strict=True)]
-            jac = np.stack(fresh, axis=1) if fresh else np.empty((len(r), 0))
-            if self.evaluated:  # the solver ends at this point or at the best one before
-                best = min(self.evaluated, key=lambda k: float(np.sum(self.evaluated[k][0] ** 2)))
-                self.evaluated = {best: self.evaluated[best]}
-            self.evaluated[key] = (r, jac)
-        r, jac = self.evaluated[key]
-        return r, jac if self.columns is None else np.column_stack([self.columns, jac])
-
-    def answer(self, u: np.ndarray) -> np.ndarray:
-        """All that least squares needs of a point, few enough numbers to be kept: [R Q'r; 0 |r - QQ'r|].
-
-        Here r (m,) is the residual and QR (m, n) the Jacobian. The n + 1 rows have the inner products of all m, hence
-        the same gradient, the same steps and the same decrease of the cost, up to rounding.
-        """
-        key = u.tobytes()
-        if key not in self.answers:
-            r, jac = self.at(u)
-            q, upper = np.linalg.qr(jac)
-            along = q.T @ r
-            rest = np.append(np.zeros(len(u)), np.linalg.norm(r - q @ along))
-            self.answers[key] = np.vstack([np.column_stack([upper, along]), rest])
-            if self.trace is not None:
-                self.trace.point(u, self.answers[key])
-        return self.answers[key]
 
 
 def _cma(
@@ -206,7 +166,7 @@ def _cma(
     return low + span * minimise(costs, start, zero, ones, sigma=0.2, generations=budget, rng=rng, trace=trace)
 
 
-def _summary(evidence: Evidence, space: Space, u: np.ndarray, converged: bool, point: _Point) -> Fit:
+def _summary(evidence: Evidence, space: Space, u: np.ndarray, converged: bool, point: Point) -> Fit:
     r, jac = point.at(u)
     sigma, correlation, weak = _uncertainty(evidence, r, jac, space)
     low, high = space.bounds

@@ -22,8 +22,9 @@ from vispeg.worlds.world import World
 
 QUANTILE = 3.84  # of chi squared with one degree of freedom: 95 %
 FAINT = 0.03  # of the length of a derivative, below which a recording tells nothing of a coordinate
-ROUNDS = ((1.0,), (0.5, 2.0), (4.0, 8.0), (16.0, 64.0))  # of a half interval by derivatives, until the residual rises
+ROUNDS = ((1.0,), (2.0,), (4.0, 8.0), (16.0, 64.0))  # of a half interval by derivatives, until the residual rises
 FLAT = 1e-12
+BENT = 1.2  # times the variance that a coordinate would have alone, up to which the others hardly move along
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,7 @@ def _rays(evidence: ContactEvidence, fit: Fit) -> list[Ray]:
         scale = max(least, float(apart[i]))
         half = min(np.sqrt(QUANTILE * scale * inverse[i, i]), steps[i])
         follow, stay = half * inverse[:, i] / inverse[i, i], half * np.eye(n)[i]
-        ways = (follow, stay) if n > 1 else (stay,)
+        ways = (follow, stay) if inverse[i, i] * info[i, i] > BENT else (follow,)
         out += [Ray(i, sign * way, QUANTILE * scale) for way in ways for sign in (-1.0, 1.0)]
     return out
 

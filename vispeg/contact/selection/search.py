@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import combinations
 
@@ -28,10 +28,12 @@ from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.conclusion.verdict import FLOOR
 from vispeg.diagnosis.evidence.localise import MissingTorque
 from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.accept import equal
-from vispeg.diagnosis.selection.judge import Gain
+from vispeg.diagnosis.selection.judge import Gain, Judge
 from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.selection.state import State, Trial
+from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit, Race
 from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World
@@ -53,6 +55,16 @@ class ContactSearch(Search):
     evidence: ContactEvidence
     few = 99
     runs = False  # through: what comes in by itself, in the viewer, has its intervals at once
+
+    def __init__(
+        self,
+        evidence: Evidence,
+        judge: Judge,
+        say: Callable[[str], None] = lambda _: None,
+        progress: Progress | None = None,
+    ):
+        super().__init__(evidence, judge, say, progress)
+        self.lately: dict[str, Fit] = {}  # by label, what `reduced` fitted last
 
     def missing(self, world: World) -> list[MissingTorque]:
         """No torque of a joint is looked at."""
@@ -93,7 +105,7 @@ class ContactSearch(Search):
             return False
         worlds = [state.world.without(e.effect, e.where) for e in some]
         self.say(f"leaving out {', '.join(e.label for e in some)}")
-        fits = self.fits(worlds, n_fixed, iterations=5)
+        fits = self.reduced(worlds, n_fixed)
         losses = self.judge.losses([f.world for f in fits])
         worse = [float(f.residual @ f.residual - state.residual @ state.residual) for f in fits]
         held = [float((loss - state.loss).sum()) for loss in losses]
@@ -109,6 +121,7 @@ class ContactSearch(Search):
             return False
         k = min(weak, key=lambda k: worse[k] / count[k])
         self.say(f"not needed beside the others: {some[k].label}")
+        self.lately = {}
         state.take(fits[k], losses[k])
         state.cross = self.cross.loss_of(fits[k], fits[k].residual)
         return True
@@ -142,6 +155,14 @@ class ContactSearch(Search):
         if races is None or columns is None or all(c is None for c in columns):
             return super().fits(worlds, n_fixed, races=races, iterations=min(iterations, 6))
         return super().fits(worlds, n_fixed, races=races, iterations=SHORT, columns=columns)
+
+    def reduced(
+        self, worlds: Sequence[World], n_fixed: int, columns: Sequence[np.ndarray | None] | None = None
+    ) -> list[Fit]:
+        """As for joints; remembered, for rivals are looked for beside what `spared` has fitted."""
+        if any(w.label not in self.lately for w in worlds):
+            self.lately = dict(zip((w.label for w in worlds), super().reduced(worlds, n_fixed), strict=True))
+        return [self.lately[w.label] for w in worlds]
 
     def step(self, state: State, n_fixed: int) -> list[Trial]:
         """Profiles the library, fits the best and, where none of them reaches the floor, their pairs."""
@@ -187,6 +208,7 @@ class ContactSearch(Search):
     def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
         """Adds what a trial tried, fitted to its end, without the parameters that may as well be absent."""
         state.steps.append((trial.bare, [t.bare for t in trials]))
+        self.lately = {}
         fit = trial.fit
         if state.fit is not None:  # it was fitted shortly
             (fit,) = self.fits([fit.world], n_fixed)

@@ -97,7 +97,7 @@ def _without(search: Search, state: State, gone: Sequence[EffectInstance], n_fix
     worlds = [state.world.without(e.effect, e.where) for e in gone]
     fits: list[Fit | None] = [None] * len(gone)
     if gone and len(worlds[0].effects) > n_fixed and state.fit is not None:
-        fits = [*search.fits(worlds, n_fixed, iterations=5, columns=[state.derivatives([e]) for e in gone])]
+        fits = [*search.reduced(worlds, n_fixed, [state.derivatives([e]) for e in gone])]
     worlds = [world if fit is None else fit.world for world, fit in zip(worlds, fits, strict=True)]
     bare = search.evidence.residuals(worlds) if None in fits else []
     out = []

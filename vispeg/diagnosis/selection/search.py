@@ -254,6 +254,12 @@ class Search(Loop[State, Trial], Shown, Proposals):
         again = [job(k, (u, bool(c))) for k, (u, c) in enumerate(ends)]
         return fresh or run_together(again, self.evidence.residuals)
 
+    def reduced(
+        self, worlds: Sequence[World], n_fixed: int, columns: Sequence[np.ndarray | None] | None = None
+    ) -> list[Fit]:
+        """Fits of worlds that each lack one of the accepted effects."""
+        return self.fits(worlds, n_fixed, iterations=5, columns=columns)
+
     def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
         """Adds what a trial tried, one of `trials`; derivatives that earlier effects had are taken anew."""
         state.steps.append((trial.bare, [t.bare for t in trials]))

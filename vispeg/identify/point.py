@@ -1,0 +1,121 @@
+"""What least squares asks of a point of a fit: its residual and derivatives, worked out once and kept small."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.identify.checkpoint import Trace
+from vispeg.identify.pool import Submit
+from vispeg.identify.space import Space
+
+REFUSED = 2  # steps that gain nothing, after which a fit to a rough residual has ended: one may have been too long
+
+
+class Settled(Exception):
+    """Nothing is left to gain but roughness.
+
+    Attributes:
+        u: the best point, in optimizer coordinates.
+    """
+
+    def __init__(self, u: np.ndarray):
+        super().__init__("settled")
+        self.u = u
+
+
+class Point:
+    """Residual and finite-difference Jacobian of a point, in optimizer coordinates.
+
+    Both come in one batch, for a few more rows cost less than one more call. Where the residual is rough, steps that
+    gain nothing are common: there derivatives are worked out only of a point that is better than those before it.
+
+    Args:
+        space: the coordinates.
+        submit: rolls out worlds.
+        trace: is told of each point; what a given trace holds is not worked out again.
+        columns: (m, k) derivatives to the first k coordinates, taken as constant.
+        rough: change of the squared residual that says nothing, such as a solver's chatter; 0 for none.
+    """
+
+    def __init__(
+        self,
+        space: Space,
+        submit: Submit,
+        trace: Trace | None = None,
+        columns: np.ndarray | None = None,
+        rough: float = 0.0,
+    ):
+        self.space, self.submit, self.trace, self.columns, self.rough = space, submit, trace, columns, rough
+        self.evaluated: dict[
+            bytes, tuple[np.ndarray, np.ndarray]
+        ] = {}  # residual, and derivatives that are not `columns`
+        points = [] if trace is None else trace.points
+        self.answers = {np.array(u, float).tobytes(): np.array(answer, float) for u, answer in points}
+        self.asked: set[bytes] = set()
+        self.best, self.least, self.refused = np.zeros(0), np.inf, 0
+
+    def at(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residual (m,) and Jacobian (m, n) of a point."""
+        key = u.tobytes()
+        if key not in self.evaluated:
+            self._evaluate(u)
+        r, jac = self.evaluated[key]
+        return r, jac if self.columns is None else np.column_stack([self.columns, jac])
+
+    def answer(self, u: np.ndarray) -> np.ndarray:
+        """All that least squares needs of a point, few enough numbers to be kept: [R Q'r; 0 |r - QQ'r|].
+
+        Here r (m,) is the residual and QR (m, n) the Jacobian. The n + 1 rows have the inner products of all m, hence
+        the same gradient, the same steps and the same decrease of the cost, up to rounding. Of a point that is refused
+        there is |r| alone.
+
+        Raises:
+            Settled: no step from here promises more than roughness, or none of the last ones gained anything.
+        """
+        key = u.tobytes()
+        if key not in self.answers:
+            self.answers[key] = self._answer(u)
+            if self.trace is not None:
+                self.trace.point(u, self.answers[key])
+        if key not in self.asked:
+            self.asked.add(key)
+            self._compare(u, self.answers[key])
+        return self.answers[key]
+
+    def _compare(self, u: np.ndarray, answer: np.ndarray) -> None:
+        """Takes note of a point that is better than those before it; ends the fit where only roughness is left."""
+        left, promised = float(np.sum(answer[:, -1] ** 2)), float(np.sum(answer[:-1, -1] ** 2))
+        if left >= self.least:
+            self.refused += 1
+        else:
+            self.best, self.least, self.refused = u.copy(), left, 0
+        if self.rough and (self.refused >= REFUSED or (left <= self.least and promised < self.rough)):
+            raise Settled(self.best)
+
+    def _answer(self, u: np.ndarray) -> np.ndarray:
+        n = len(u)
+        if self.rough and self.least < np.inf:
+            (r,) = self.submit([self.space.at(u)])
+            if float(r @ r) >= self.least:
+                return np.pad([[np.linalg.norm(r)]], (n, 0))
+            self._evaluate(u, r)
+        r, jac = self.at(u)
+        q, upper = np.linalg.qr(jac)
+        along = q.T @ r
+        rest = np.append(np.zeros(n), np.linalg.norm(r - q @ along))
+        return np.vstack([np.column_stack([upper, along]), rest])
+
+    def _evaluate(self, u: np.ndarray, r: np.ndarray | None = None) -> None:
+        """Rolls out a point, where its residual is not known, and one beside it along each coordinate."""
+        steps, first = self.space.steps(u), 0 if self.columns is None else self.columns.shape[1]
+        points = [u + np.eye(len(u))[i] * steps[i] for i in range(first, len(u))]
+        r, *moved = self.submit([self.space.at(p) for p in [u, *points]]) if r is None else [r, *self._beside(points)]
+        fresh = [(m - r) / s for m, s in zip(moved, steps[first:], strict=True)]
+        jac = np.stack(fresh, axis=1) if fresh else np.empty((len(r), 0))
+        if self.evaluated:  # the solver ends at this point or at the best one before
+            best = min(self.evaluated, key=lambda k: float(np.sum(self.evaluated[k][0] ** 2)))
+            self.evaluated = {best: self.evaluated[best]}
+        self.evaluated[u.tobytes()] = (r, jac)
+
+    def _beside(self, points: list[np.ndarray]) -> list[np.ndarray]:
+        return self.submit([self.space.at(p) for p in points]) if points else []
