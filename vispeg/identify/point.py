@@ -84,12 +84,12 @@ class Point:
 
     def _compare(self, u: np.ndarray, answer: np.ndarray) -> None:
         """Takes note of a point that is better than those before it; ends the fit where only roughness is left."""
-        left, promised = float(np.sum(answer[:, -1] ** 2)), float(np.sum(answer[:-1, -1] ** 2))
-        if left >= self.least:
+        cost, promised = float(np.sum(answer[:, -1] ** 2)), float(np.sum(answer[:-1, -1] ** 2))
+        if cost >= self.least:
             self.refused += 1
         else:
-            self.best, self.least, self.refused = u.copy(), left, 0
-        if self.rough and (self.refused >= REFUSED or (left <= self.least and promised < self.rough)):
+            self.best, self.least, self.refused = u.copy(), cost, 0
+        if self.rough and (self.refused >= REFUSED or (cost <= self.least and promised < self.rough)):
             raise Settled(self.best)
 
     def _answer(self, u: np.ndarray) -> np.ndarray:
