@@ -15,6 +15,9 @@ from vispeg.sim.touch import touch
 from vispeg.task.belief import believed
 from vispeg.task.rig.expert import record_expert
 from vispeg.task.rig.motions import AIR, PATHS, motion
+from vispeg.task.rig.pace import SAMPLES_HZ, followed, paced
+from vispeg.task.rig.path import Frame, Path
+from vispeg.task.rig.posture import posture
 from vispeg.task.rig.record import record_cell
 from vispeg.task.rig.replay import replay
 from vispeg.worlds.model_file import load_model
@@ -48,10 +51,40 @@ def test_every_motion_begins_with_a_second_in_free_air(touches, name):
     assert np.abs(np.diff(rec.ee_cmd[:, :3], axis=0)).max() * rec.rate_hz < 0.5, "m/s"
 
 
-def test_what_looks_and_inserts_stays_within_the_joints_ranges_and_speed_limits(touches):
+def test_what_looks_and_inserts_stays_within_the_joints_ranges(touches):
     rec, arm = touches["look-and-insert"][0], load_robot("iiwa14")
     assert np.all((rec.q > arm.range[:, 0]) & (rec.q < arm.range[:, 1]))
+
+
+@pytest.mark.parametrize("name", PATHS)
+def test_no_motion_asks_more_of_a_joint_than_its_speed_limit(touches, name):
+    rec, arm = touches[name][0], load_robot("iiwa14")
     assert np.all(np.abs(rec.dq) < arm.velocity_limit)
+
+
+def test_the_way_of_the_arm_is_foreseen(touches):
+    """The angles that pacing works out are those of the simulated arm, which comes a tenth of a second late."""
+    rec = touches["free"][0]
+    every = round(rec.rate_hz / SAMPLES_HZ)
+    near = posture(SCENE.scene)
+    foreseen = followed(SCENE.scene, rec.ee_cmd[::every], near)
+    measured = rec.q[::every]
+    late = min(np.abs(measured[k:] - foreseen[: len(foreseen) - k]).max() for k in range(2, 9))
+    assert late < 0.15, "rad"
+
+
+def test_a_leg_is_slowed_as_far_as_its_joints_need_and_no_other():
+    """However fast a leg was asked for, it takes the same time; one that is slow enough keeps its own to the bit."""
+    scene, stiffness, near = SCENE.scene, SCENE.config.stiffness, posture(SCENE.scene)
+    start = Path(Frame((0.0, 0.0, 0.1))).to(4.0, tip=(0.02, 0.0, 0.1))
+    fast, faster = (Path(start.start) for _ in range(2))
+    for path, seconds in ((fast, 0.6), (faster, 0.3)):
+        path.legs += start.legs
+        path.to(seconds, turn=(0.7, 0.0, 0.0)).to(0.5)
+    a, b = ([leg.seconds for leg in paced(path, scene, stiffness, near).legs] for path in (fast, faster))
+    assert a[1] == pytest.approx(b[1], rel=0.05)
+    assert a[1] > 1.1 * 0.6
+    assert (a[0], a[2]) == (b[0], b[2]) == (4.0, 0.5)
 
 
 def test_each_motion_excites_what_it_is_for(touches):

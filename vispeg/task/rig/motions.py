@@ -17,8 +17,9 @@ from vispeg.core.errors import UserError
 from vispeg.robots.scene import Scene
 from vispeg.task.config import TaskConfig
 from vispeg.task.rig.commanded import CellMotion
-from vispeg.task.rig.path import Frame, Path, commands, quarter
-from vispeg.task.rig.posture import elbow_turned
+from vispeg.task.rig.pace import paced
+from vispeg.task.rig.path import FORCE, Frame, Path, commands, quarter
+from vispeg.task.rig.posture import elbow_turned, posture
 
 OVER = 0.03  # m: the tip over the fixture in free air
 NEAR = 0.0015  # m over a surface, from where it is approached slowly
@@ -284,8 +285,16 @@ def motion(
     """
     if name not in paths:
         raise UserError("unknown motion of a cell", key="--motion", got=name, choices=(*paths, "expert"))
-    time, frames = paths[name](Place(scene, rng)).frames(rate_hz)
-    most = ROOM * float(np.linalg.norm(frames[:, 6:9], axis=1).max())
-    posture = elbow_turned(scene) if name in TURNED else None
-    ee_cmd = commands(frames, scene, STIFF.get(name, config.stiffness), posture)
-    return CellMotion(name, time, ee_cmd, most if most > config.force_limit else None, STIFF.get(name), posture)
+    near = elbow_turned(scene) if name in TURNED else posture(scene)
+    stiffness = STIFF.get(name, config.stiffness)
+    time, frames = paced(paths[name](Place(scene, rng)), scene, stiffness, near).frames(rate_hz)
+    most = ROOM * float(np.linalg.norm(frames[:, FORCE], axis=1).max())
+    ee_cmd = commands(frames, scene, stiffness, near)
+    return CellMotion(
+        name,
+        time,
+        ee_cmd,
+        most if most > config.force_limit else None,
+        STIFF.get(name),
+        near if name in TURNED else None,
+    )

@@ -16,6 +16,7 @@ from vispeg.task.rig.posture import posture
 from vispeg.task.start import DOWN
 
 Vec = tuple[float, float, float]
+FORCE = slice(6, 9)  # columns of a frame's numbers
 RAMP = 0.1  # s in which a piece of even speed gets going
 
 
@@ -96,7 +97,7 @@ def commands(
     Raises:
         UserError: a pose out of the arm's reach.
     """
-    tip, turn, force, pivot = frames[:, :3], frames[:, 3:6], frames[:, 6:9], frames[:, 9:10]
+    tip, turn, force, pivot = frames[:, :3], frames[:, 3:6], frames[:, FORCE], frames[:, 9:10]
     rot = turned(facing(frames[:, 10]), turn)
     up = np.zeros((len(frames), 3))
     up[:, 2:] = scene.tip - pivot

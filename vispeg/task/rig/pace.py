@@ -1,0 +1,71 @@
+"""How fast a motion of a cell may be: legs in which a joint would pass its speed limit take longer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from vispeg.control.laws import rotation_vector
+from vispeg.robots.scene import Scene
+from vispeg.sim.compiled import nominal_of
+from vispeg.sim.nominal import Nominal
+from vispeg.task.control import DAMPING, POSTURE
+from vispeg.task.rig.path import FORCE, Path, commands
+
+SHARE = 0.9  # of a joint's speed limit that a leg may ask for
+SAMPLES_HZ = 50.0
+SOFT = 1e-6  # beside the inverse of the operational inertia, kg^-1: near a singular posture it stays finite
+
+
+def paced(path: Path, scene: Scene, stiffness: tuple[float, float], near: np.ndarray) -> Path:
+    """The path with legs so long that no joint passes `SHARE` of its speed limit where the arm follows its poses.
+
+    Args:
+        path: of the tool's tip, with forces: these bend the commanded poses, not the way of the arm, and are left out.
+        scene: the believed cell; a joint without a stated limit is not slowed.
+        stiffness: of the controller, see `vispeg.task.rig.path.commands`.
+        near: (nj,) rad, the posture in which the arm begins and to which its null space is pulled.
+
+    Raises:
+        UserError: a pose out of the arm's reach.
+    """
+    time, frames = path.frames(SAMPLES_HZ)
+    frames[:, FORCE] = 0.0
+    angles = followed(scene, commands(frames, scene, stiffness, near), near)
+    limit = np.where(np.isfinite(scene.velocity_limit), scene.velocity_limit, np.inf)
+    share = (np.abs(np.gradient(angles, 1.0 / SAMPLES_HZ, axis=0)) / (SHARE * limit)).max(axis=1)
+    ends = np.cumsum([0.0, *(leg.seconds for leg in path.legs)])
+    slow = Path(path.start)
+    for leg, begin, end in zip(path.legs, ends[:-1], ends[1:], strict=True):
+        within = (time >= begin - 1e-9) & (time <= end + 1e-9)
+        slow.legs.append(replace(leg, seconds=leg.seconds * max(1.0, float(share[within].max(initial=0.0)))))
+    return slow
+
+
+def followed(scene: Scene, pose: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Joint angles (n, nj) rad in which operational space control follows flange poses (n, 7) at `SAMPLES_HZ`.
+
+    The inverse of the Jacobian is weighted by inertia, so that light joints move more, and the null space goes to the
+    posture at the rate of its spring over its damper. Source: Khatib 1987, A unified approach for motion and force
+    control of robot manipulators, IEEE J. Robotics and Automation 3(1), the dynamically consistent inverse.
+    """
+    nominal, q, out = nominal_of(scene.nominal, 1), near.copy(), []
+    pull = POSTURE / DAMPING / SAMPLES_HZ
+    q = _step(nominal, q, pose[0], np.zeros_like(q), 10)
+    for goal in pose:
+        q = _step(nominal, q, goal, pull * (near - q), 2)
+        out.append(q)
+    return np.array(out)
+
+
+def _step(nominal: Nominal, q: np.ndarray, goal: np.ndarray, pull: np.ndarray, times: int) -> np.ndarray:
+    """Newton steps from q (nj,) to a flange pose, the first with a way `pull` (nj,) for the null space."""
+    for _ in range(times):
+        mass, jac, pos, quat, _ = nominal.operational(q[None])
+        light = np.linalg.solve(mass[0], jac[0].T)
+        inverse = light @ np.linalg.inv(jac[0] @ light + SOFT * np.eye(6))
+        error = np.concatenate([goal[:3] - pos[0], rotation_vector(quat, goal[None, 3:])[0]])
+        q = q + pull + inverse @ (error - jac[0] @ pull)
+        pull = np.zeros_like(q)
+    return q
