@@ -123,3 +123,13 @@ def hands(scene: Scene, cell: Scene, path: Path, worlds: Sequence[World], nthrea
         if at is not None:
             weight[:, b] *= np.divide(behind.body_invweight0[at], hand_weight, out=np.ones(2), where=hand_weight > 0)
     return batch
+
+
+def built_alike(worlds: Sequence[World]) -> list[np.ndarray]:
+    """Indices of the worlds by what they have built in."""
+    groups: dict[tuple[str, ...], list[int]] = {}
+    for i, w in enumerate(worlds):
+        groups.setdefault(
+            tuple(sorted({e.effect for e in w.effects if effect(e.effect).overrides("build")})), []
+        ).append(i)
+    return [np.array(rows) for rows in groups.values()]

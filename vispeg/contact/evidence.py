@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from vispeg.contact.drive import Driven, drive
+from vispeg.contact.drive import Driven, built_alike, drive
 from vispeg.contact.floors import floors
 from vispeg.contact.hand import Grasp, grasp, hand
 from vispeg.contact.nuisance import PLACE, TURN, nuisance
@@ -22,7 +22,7 @@ from vispeg.contact.sensor import hand_world, readings, stands_for, trusted
 from vispeg.contact.thin import PART, driven_blocks, pieces, thinned
 from vispeg.contact.torques import calm, notes
 from vispeg.contact.yielding import given_way
-from vispeg.core.effect import Effect, effect
+from vispeg.core.effect import Effect
 from vispeg.core.errors import UserError
 from vispeg.identify.channels import Channel, Item
 from vispeg.identify.evidence import PENALTY, Evidence
@@ -162,7 +162,7 @@ class ContactEvidence(Evidence):
     def _simulated(self, worlds: Sequence[World], part: bool = False) -> list[np.ndarray]:
         self.rollouts += len(worlds) * sum(i.path.time[-1] for i in self.items) / (PART if part else 1)
         out = [np.empty((len(worlds), *i.measured.shape)) for i in self.items]
-        for rows in _alike(worlds):
+        for rows in built_alike(worlds):
             for item, values in zip(self.items, out, strict=True):
                 windows = pieces(item.phase) if part else item.phase.windows
                 for some in np.split(rows, range(ROWS, len(rows), ROWS)):
@@ -243,16 +243,6 @@ def predicted(item: ContactItem, out: Driven, worlds: Sequence[World]) -> np.nda
     correction = np.where(item.phase.resting[None, :, None], -out.zero[:, None], item.phase.means(out.correction))
     each = [stands_for(item.path, item.hand, hand_world(item.source.believed, w)) for w in worlds]
     return item.measured[None] + correction / np.array(each)[:, None, None]
-
-
-def _alike(worlds: Sequence[World]) -> list[np.ndarray]:
-    """Indices of the worlds by what they have built in."""
-    groups: dict[tuple[str, ...], list[int]] = {}
-    for i, w in enumerate(worlds):
-        groups.setdefault(
-            tuple(sorted({e.effect for e in w.effects if effect(e.effect).overrides("build")})), []
-        ).append(i)
-    return [np.array(rows) for rows in groups.values()]
 
 
 def _items(t: Touching, scene: Scene, seconds: float, hold: Grasp, nthread: int) -> list[ContactItem]:

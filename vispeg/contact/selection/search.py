@@ -22,6 +22,7 @@ from vispeg.contact.selection.profile import (
     strongest,
     value,
 )
+from vispeg.contact.selection.spare import BESIDE, spared
 from vispeg.contact.selection.sparse import sparse
 from vispeg.contact.thin import PART
 from vispeg.core.effect import EffectInstance, effect
@@ -45,7 +46,6 @@ LEVEL = 0.01  # chance that any effect of the library passes where there is none
 NEAR = 0.6  # of the drop that an effect needs, which a size that is tried must promise for the effect to be fitted
 SCENE = ("contact", "task")  # families of what stands in the cell
 WORTH = 0.2  # of the best one's gain that another must have in the profile to be fitted
-BESIDE = 0.1  # of what is left, that an effect beside others must remove
 AS_MUCH = 0.3  # the same of a rival, of what the effect in whose place it stands removes
 
 
@@ -90,41 +90,10 @@ class ContactSearch(Search):
         """As for joints; intervals, which are dear by the squared residual, come once, of what stayed."""
         n_fixed, self.runs = len(world.effects) if n_fixed is None else n_fixed, True
         state = super().run(world, n_fixed)
-        while self.spared(state, n_fixed):
+        while spared(self, state, n_fixed):
             pass
         self.bound(state, n_fixed)
         return state
-
-    def spared(self, state: State, n_fixed: int) -> bool:
-        """Takes out the effect of several that is needed least once the others are fitted anew; False where all are.
-
-        What came in first may stand for what came in later, and no derivative tells: contacts come and go.
-        """
-        some = state.world.effects[n_fixed:]
-        if state.fit is None or len(some) < 2:
-            return False
-        worlds = [state.world.without(e.effect, e.where) for e in some]
-        self.say(f"leaving out {', '.join(e.label for e in some)}")
-        fits = self.reduced(worlds, n_fixed)
-        losses = self.judge.losses([f.world for f in fits])
-        worse = [float(f.residual @ f.residual - state.residual @ state.residual) for f in fits]
-        held = [float((loss - state.loss).sum()) for loss in losses]
-        count = [len([a for a in state.fit.space.axes if a.index == n_fixed + k]) for k in range(len(some))]
-        cost = state.fit.cost, self.judge.mean(state.loss)
-        weak = [
-            k
-            for k, (f, loss) in enumerate(zip(fits, losses, strict=True))
-            if worse[k] <= max(self.need(cost[0], count[k]), self.form(f.residual))
-            or held[k] <= max(self.confirms(cost[1]), BESIDE * float(loss.sum()))
-        ]
-        if not weak:
-            return False
-        k = min(weak, key=lambda k: worse[k] / count[k])
-        self.say(f"not needed beside the others: {some[k].label}")
-        self.lately = {}
-        state.take(fits[k], losses[k])
-        state.cross = self.cross.loss_of(fits[k], fits[k].residual)
-        return True
 
     def bound(self, state: State, n_fixed: int) -> None:
         """Intervals by the squared residual; where less of it lies on their way, of a fit anew from there."""
