@@ -8,7 +8,10 @@ import pytest
 from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.conclusion.rivals import grown_from
 from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.selection.accept import equal
 from vispeg.diagnosis.selection.judge import Judge
+from vispeg.diagnosis.selection.state import State, Trial
+from vispeg.worlds.world import World
 
 
 def judge() -> Judge:
@@ -36,3 +39,42 @@ def test_what_the_chosen_effect_grew_from_is_no_rival_where_it_leaves_most_of_th
     state = SimpleNamespace(loss=25.0 * 1.7 * spread)
     trial = SimpleNamespace(score=Score(EffectInstance.of(rival, where), 0.0), loss=25.0 * left * spread)
     assert grown_from(judge(), trial, state, "backlash(joint3)") == refuted  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("best", "rival", "as_good"),
+    [
+        (1.0, 1.008, True),  # a hundredth of the noise
+        (1.0, 90.0, False),  # a thousandth of what both remove, and ninety times what the chosen one leaves
+        (61.0, 110.0, True),  # neither law is exact: they leave alike
+        (61.0, 130.0, False),
+        (4000.0, 4100.0, True),
+    ],
+)
+def test_a_rival_is_equal_on_what_remains_not_on_what_both_remove(best, rival, as_good):
+    """131 000 noise variances without either; every block of time alike, so that chance makes nothing of it."""
+    spread = np.random.default_rng(1).uniform(0.9, 1.1, (40, 1))
+    spread /= spread.mean()
+    loss = [25.0 * value * spread for value in (rival, best)]
+    assert equal(judge(), *loss, 131e3, remaining=True) == as_good
+    assert equal(judge(), *loss, 131e3), "of candidates of a step the simpler one is taken"
+
+
+def trial(*effects: str, new: str):
+    """A trial of `new` beside `effects` in a chain of joints."""
+    world = World().add(*(EffectInstance.of(name, "joint1") for name in (*effects, new)))
+    score = Score(EffectInstance.of(new, "joint1"), 1.0)
+    return Trial(score, SimpleNamespace(world=world), np.zeros((1, 1)), None)  # type: ignore[arg-type]
+
+
+def test_a_step_says_what_may_stand_in_the_place_of_its_effect_while_the_others_stay():
+    names = "coulomb_friction", "joint_bias", "cogging"
+    world = World().add(*(EffectInstance.of(name, "joint1") for name in names))
+    others = [trial(*names[:k], new="cable_spring") for k in range(3)]
+    steps = [(best := trial(*names[:k], new=names[k]), [best, others[k]]) for k in range(3)]
+    state = State(world, np.zeros((1, 1)), np.zeros(1), steps=steps)  # type: ignore[arg-type]
+    step = state.brought(world.effects[2])
+    assert step is not None and step[0] is steps[2][0] and step[1][1] is others[2]
+    assert state.brought(world.effects[0]) is None, "others came in later"
+    state.world = world.without("joint_bias", "joint1")
+    assert state.brought(world.effects[2]) is None, "what it was tried beside went out again"

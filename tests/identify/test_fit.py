@@ -11,7 +11,7 @@ from loops import drive, hinge, pendulum, recorded
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.identify.evidence import Evidence
-from vispeg.identify.fit import fit_job
+from vispeg.identify.fit import Chase, fit_job
 from vispeg.identify.pool import run_together
 from vispeg.worlds.world import World
 
@@ -142,3 +142,32 @@ def test_global_search_needs_no_start_and_repeats():
     np.testing.assert_array_equal(search(), first)
     with pytest.raises(ValueError, match="random generator"):
         run_together([fit_job(ev, start, [0], method="cma")], ev.residuals)
+
+
+def test_a_fit_that_cannot_come_near_gives_up_and_one_that_can_is_the_same_as_alone():
+    """Coulomb friction for viscous friction leaves most of the error, however long it is fitted."""
+    ev, rollouts = evidence(hinge("viscous_friction", damping=0.7), 3), []
+
+    def counted(worlds):
+        rollouts.append(len(worlds))
+        return ev.residuals(worlds)
+
+    def cost(start: World, race: Chase | None):
+        rollouts.clear()
+        (result,) = run_together([fit_job(ev, start, [0], race=race)], counted)
+        return result.cost, len(rollouts)
+
+    wrong, right = hinge("coulomb_friction", torque=0.02), hinge("viscous_friction", damping=0.05)
+    (best, steps), (alone, all_steps) = cost(right, None), cost(wrong, None)
+    assert cost(right, Chase(1.3 * best)) == (best, steps)
+    stopped, fewer = cost(wrong, Chase(1.3 * best))
+    assert alone > 10 * best and stopped >= alone and fewer < all_steps
+
+
+def test_a_chase_gives_up_by_the_rate_at_which_a_fit_falls():
+    steep, flat = Chase(2.0, 8), Chase(2.0, 8)
+    for lap in range(1, 7):
+        steep.check(1.0 + 1e5 * 0.1**lap, lap)
+    flat.check(361.0, 1)
+    with pytest.raises(StopIteration):
+        flat.check(355.0, 2)

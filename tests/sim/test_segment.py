@@ -6,14 +6,18 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from loops import KD, KP
+import pytest
+from loops import KD, KP, iiwa_segment
 
+from vispeg.core.effect import EffectInstance
 from vispeg.recordings.recording import Control, Recording
 from vispeg.robots.model import load
 from vispeg.sim import compiled
 from vispeg.sim.compiled import flange_pose
+from vispeg.sim.rollout import simulate
 from vispeg.sim.segments.along import gravity, gravity_slope, inertia
 from vispeg.sim.segments.segment import segments
+from vispeg.worlds.world import World
 
 JOINTS = load("iiwa14").joints
 
@@ -93,3 +97,20 @@ def counted(made):
 
     make.sizes = []
     return make
+
+
+@pytest.mark.parametrize("mode", ["position", "osc"])
+def test_a_segment_up_to_a_sample_is_driven_as_the_whole_one_is_until_then(mode):
+    whole = iiwa_segment(mode, 0.6)
+    world = World().add(EffectInstance.of("viscous_friction", "joint4", damping=0.5))
+    start = whole.until(200)
+    assert start.ticks == len(start.time) == 200 and whole.ticks > 250
+    long, short = (simulate(load("iiwa14"), [world], [s], along=True)[0] for s in (whole, start))
+    np.testing.assert_array_equal(short.q[0], long.q[0, :200])
+
+
+def test_a_segment_between_two_ticks_ends_behind_its_last_sample():
+    whole = iiwa_segment("position", 0.2)
+    late = replace(whole, time=whole.time[:-1:2] + 0.0007, rows=whole.rows[:-1:2])
+    start = late.until(20)
+    assert len(start.time) == 20 and (start.ticks - 2) * start.tick < start.time[-1] <= (start.ticks - 1) * start.tick

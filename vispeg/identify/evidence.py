@@ -36,7 +36,8 @@ MODEL_SIGMA = 4e-6  # rad: what the integrator itself is sure of
 PENALTY = 1e4  # whitened residual of a rollout that diverged
 SAMPLES_HZ = 250.0  # of a long recording that are compared: more would only repeat what a robot can do in 4 ms
 LONG = 4e6  # bytes of one rollout beyond which what it leaves is given back at once
-AT_ONCE = 32e6  # bytes of rollouts in memory at once, a process, and of answers that are remembered
+AT_ONCE = 128e6  # bytes of rollouts in memory at once, a process: a row among six costs twice one among 24
+REMEMBERED = 32e6  # bytes of answers that are remembered
 
 
 class Evidence(Freedom):
@@ -101,7 +102,7 @@ class Evidence(Freedom):
         answer = with_gains(self.items, self._simulated(worlds))
         if key is not None:
             size = max(1, sum(y.nbytes for y in answer))
-            self._recent = [(key, answer), *self._recent[: min(7, int(AT_ONCE / size))]]
+            self._recent = [(key, answer), *self._recent[: min(7, int(REMEMBERED / size))]]
         return answer
 
     def _simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
@@ -127,7 +128,8 @@ class Evidence(Freedom):
         out: list[np.ndarray] = [np.empty(0)] * len(self.items)
         for group in self.groups:
             items = [self.items[i] for i in group]
-            h_max = step * (SOFT_STEP if items[0].segment.control.mode == "osc" else 1.0)
+            soft = items[0].segment.control.mode == "osc"
+            h_max = min(step, self.h_max * SOFT_STEP) if soft else step
             responses = simulate(
                 items[0].robot, worlds, [i.segment for i in items], h_max=h_max, nthread=nthread, along=True
             )
@@ -273,7 +275,11 @@ def _items(rec: Recording, contact: Contact | None) -> list[Item]:
         segment = replace(segment, time=segment.time[thin], rows=segment.rows[thin])
         late = (segment.time >= settle)[:, None]
         if contact is not None:
-            late &= contact.free[segment.rows][:, None]
+            free = contact.free[segment.rows]
+            if not free.any():
+                continue
+            segment = segment.until(int(np.flatnonzero(free)[-1]) + 1)  # what follows is not compared
+            late = (late & free[:, None])[: len(segment.time)]
             grid = np.arange(segment.ticks) * segment.tick
             torque = contact.torque[segment.rows].T
             segment.cache[EXTERNAL] = np.stack([np.interp(grid, segment.time, joint) for joint in torque], axis=1)

@@ -75,6 +75,29 @@ class Race:
             raise StopIteration
 
 
+class Chase(Race):
+    """Fits that give up once they cannot come near what another one reached, at the rate at which they fall.
+
+    One for each fit: it compares laps in a row. A fit that still falls steeply goes on, however far behind it is: from
+    lap to lap the share that is left may be squared, as Newton's steps square it.
+
+    Args:
+        goal: mean squared residual to come to.
+        iterations: that the fit may take.
+    """
+
+    def __init__(self, goal: float, iterations: int = 8, laps: int = 2):
+        super().__init__(laps=laps)
+        self.goal, self.iterations, self.last = goal, iterations, np.inf
+
+    def check(self, mean_square: float, lap: int) -> None:
+        """Raises StopIteration where a fit cannot reach the goal."""
+        before, self.last = self.last, mean_square
+        falls = 2.0 ** max(self.iterations - lap, 0) - 1.0
+        if lap >= self.laps and mean_square * min(mean_square / before, 1.0) ** falls > self.goal:
+            raise StopIteration
+
+
 def fit_job(
     evidence: Evidence,
     world: World,

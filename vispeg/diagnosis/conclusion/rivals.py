@@ -18,6 +18,7 @@ from vispeg.identify.fit import Fit
 
 EXCHANGES = 3  # at most
 BETTER = 0.01  # of the held-out error, that a rival must remove to come in; none for what every arm has in that joint
+FAR = 3.0  # times what the chosen effect leaves over the noise, by which a rival is far from it
 MOST = 3  # rivals of one of many effects that are fitted
 AT_ONCE = 2**30  # bytes of derivatives that fits side by side may hold
 
@@ -58,18 +59,33 @@ def _better(search: Search, state: State, rival: Trial, label: str) -> bool:
 def find_rivals(search: Search, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
     """Rivals of every accepted effect, all the others kept and refitted."""
     chosen = state.world.effects[n_fixed:]
-    if len(chosen) == 1 and len(state.steps) == 1:
-        return [_compare(search, state, chosen[0].label, list(state.steps[0][1]), state.first)]
     if len(chosen) > search.few:
         return _proposed(search, state, n_fixed, say)
     out = []
     for placed in chosen:
+        step = state.brought(placed)
+        if step is not None and (len(state.steps) == 1 or search.evidence.alike == 0):
+            without = search.judge.mean(step[0].loss) + step[0].gain.mean
+            out.append(_compare(search, state, placed.label, step[1], without))
+            continue
         say(f"looking for rivals of {placed.label}")
         (reduced,) = _without(search, state, [placed], n_fixed)
         scores, tested = search.instead(reduced, placed)
-        trials = search.try_all(reduced, scores, n_fixed, tested) if scores else []
+        trials = search.try_all(reduced, scores, n_fixed, tested, _goal(search, state)) if scores else []
         out.append(_compare(search, state, placed.label, trials, search.judge.mean(reduced.loss)))
     return out
+
+
+def _goal(search: Search, state: State) -> float | None:
+    """Mean squared residual that a rival's fit must come near to, or else it gives up: near what the chosen one leaves.
+
+    None where a model's form leaves errors that last, so that a rival may be as good and leave more.
+    """
+    if state.fit is None or search.evidence.alike > 0:
+        return None
+    size = len(state.residual)
+    left, noise = float(state.residual @ state.residual) / size, search.evidence.count / size
+    return left + FAR * max(left - noise, 0.1)
 
 
 def _proposed(search: Search, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
@@ -87,7 +103,7 @@ def _proposed(search: Search, state: State, n_fixed: int, say: Callable[[str], N
             (beside, [Score(r, 0.0) for r in asked[e.label][:MOST]], len(asked[e.label]))
             for e, beside in zip(part, reduced, strict=True)
         ]
-        for e, beside, trials in zip(part, reduced, search.try_each(tries, n_fixed), strict=True):
+        for e, beside, trials in zip(part, reduced, search.try_each(tries, n_fixed, _goal(search, state)), strict=True):
             by_label[e.label] = _compare(search, state, e.label, trials, search.judge.mean(beside.loss))
     return [by_label.get(e.label, Rivals(e.label, (), ())) for e in state.world.effects[n_fixed:]]
 
@@ -138,7 +154,7 @@ def _compare(search: Search, state: State, label: str, trials: list[Trial], with
     equals = [
         t
         for t in others
-        if equal(search.judge, t.loss, state.loss, without, search.evidence.alike)
+        if equal(search.judge, t.loss, state.loss, without, search.evidence.alike, remaining=True)
         and not t.absent
         and t.gain.relative > 0
         and not merely_richer(search.judge, t, state, label)

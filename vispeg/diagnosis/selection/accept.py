@@ -112,16 +112,25 @@ def threshold(scores: Sequence[float], tested: int) -> float:
     return float(stats.norm.isf(levels[passed[-1] if len(passed) else 0]))
 
 
-def equal(judge: Judge, loss: np.ndarray, best: np.ndarray, without: float = 1.0, alike: float = 0.0) -> bool:
+def equal(
+    judge: Judge,
+    loss: np.ndarray,
+    best: np.ndarray,
+    without: float = 1.0,
+    alike: float = 0.0,
+    remaining: bool = False,
+) -> bool:
     """Whether held-out data cannot tell a world from a better one: not significantly worse, or hardly worse.
 
     Hardly is measured on what is left above the floor and on the excess `without` either, or on the share `alike` of
-    all that the better one removes: no model is exact. With such a share chance counts, too, as far as errors that
-    last make it (`Evidence.tied`), if the worse one removes half as much.
+    all that the better one removes: no model is exact. With `remaining`, a better one that leaves little has shown that
+    it is: then the worse one may leave twice as much, and no more. With such a share chance counts, too, as far as
+    errors that last make it (`Evidence.tied`), if the worse one removes half as much.
     """
     gain = judge.gain(loss, best)
     excess = max(judge.mean(best) - 1.0, 0.0)
-    share = max(LEAST_SHARE * (without - 1.0), alike * (without - judge.mean(best)))
+    form = LEAST_SHARE * (without - 1.0)
+    share = max(min(form, excess) if remaining else form, alike * (without - judge.mean(best)))
     hardly = gain.mean <= max(TIE * (excess + 0.3), share)
     half = alike > 0 and gain.mean <= 0.5 * (without - judge.mean(best)) and judge.tied(gain)
     return hardly or half or (gain.z < 2.0 and not judge.apart(gain))

@@ -24,7 +24,7 @@ from vispeg.diagnosis.selection.cross import reduced
 from vispeg.diagnosis.selection.judge import present
 from vispeg.diagnosis.selection.prune import LOCAL
 from vispeg.diagnosis.selection.state import State, Trial, without
-from vispeg.identify.fit import Race, squares
+from vispeg.identify.fit import Chase, Race, squares
 from vispeg.worlds.world import World
 
 if TYPE_CHECKING:
@@ -151,13 +151,30 @@ def grow(search: Search, state: State, placed: EffectInstance, n_fixed: int) -> 
         return
     squared = [squares(r) for r in search.evidence.each_residual([rest.add(s) for s in starts])]
     starts = _first([starts[k] for k in np.argsort(squared)])  # a fit of play creeps where it begins far off
-    fits = search.fits([rest.add(s) for s in starts], n_fixed, races=[Race()] * len(starts))
+    chases = [Chase(squares(state.residual)) for _ in starts]
+    columns = [state.derivatives([simple])] * len(starts)
+    fits = search.fits([rest.add(s) for s in starts], n_fixed, races=chases, columns=columns)
     losses = search.judge.losses([f.world for f in fits])
     k = int(np.argmin([search.judge.mean(loss) for loss in losses]))
-    gain = search.judge.gain(state.loss, losses[k])
-    if gain.relative > DECISIVE and gain.z > stats.norm.isf(0.05) and present(fits[k], -1):
+    crossed = state.cross, search.cross.loss_of(fits[k], fits[k].residual)
+    trial = Trial(Score(starts[k], 0.0), fits[k], losses[k], search.judge.gain(state.loss, losses[k]))
+    if _stands_behind(search, state, trial, search.judge.gain(state.loss, losses[k], crossed).z):
         search.say(f"{starts[k].label} stands behind {simple.label}")
-        trial = Trial(Score(starts[k], 0.0), fits[k], losses[k], gain)
-        state.steps.append((trial.bare, [trial.bare]))
-        state.take(trial.fit, trial.loss)
-        state.cross = search.cross.loss_of(trial.fit, trial.fit.residual)
+        search.take(state, trial, [trial], n_fixed)
+
+
+def _stands_behind(search: Search, state: State, trial: Trial, crossed: float) -> bool:
+    """Whether a richer effect removes most of what the simple one leaves: over the noise, which no effect removes.
+
+    `crossed`: standard errors of its gain with the cross-fitted blocks. Where it is a small share of all, noise
+    included, chance might make it, so more is asked.
+    """
+    gain, judge = trial.gain, search.judge
+    most = gain.mean > DECISIVE * max(judge.mean(state.loss) - judge.floor(state.world), 0.0)
+    if not most or not present(trial.fit, -1):
+        return False
+    if gain.relative > DECISIVE:
+        return gain.z > stats.norm.isf(0.05)
+    if gain.relative < search.evidence.least_gain or gain.z < HELD_OUT or crossed < stats.norm.isf(DISCOVERIES):
+        return False
+    return bic_gain(search.evidence, state.world, state.residual, trial.fit) > 0

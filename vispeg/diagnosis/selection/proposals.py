@@ -34,6 +34,7 @@ class Proposals:
         self.evidence, self.judge, self.progress = evidence, judge, progress
         self.cross = Cross(Judge(evidence))
         self._beside, self._taken = "", {}  # a world as text, and the signatures that were taken beside it
+        self._alone: dict[str, dict[tuple[str, str], Score | None]] = {}  # by world as text, scores of single places
 
     def missing(self, world: World) -> list[MissingTorque]:
         """Missing torque of every fitted segment under a world."""
@@ -63,6 +64,9 @@ class Proposals:
             scores.sort(key=lambda s: -s.gain)
             return [[[_plain(e) for e in s.members], s.gain, [_plain(e) for e in s.out]] for s in scores]
 
+        known = self._alone.setdefault(model_text(world), {})
+        if not groups and not several and all(p in known for p in places):
+            return sorted((s for p in places if (s := known[p]) is not None), key=lambda s: -s.gain)
         asked = [[list(p) for p in group] for group in (places, *groups)]
         proposals = self.progress.recall(["screen", model_text(world), asked, several], work_out)
         out = []
@@ -70,6 +74,7 @@ class Proposals:
             first, *beside = (EffectInstance.of(name, where, **values) for name, where, values in members)
             placed = tuple(EffectInstance.of(name, where, **values) for name, where, values in gone)
             out.append(Score(first, gain, tuple(beside), placed))
+        known |= dict.fromkeys(places) | {s.key: s for s in out if not s.beside and not s.out}
         return out
 
     def exchanges(self, state: State) -> list[Exchange]:

@@ -22,7 +22,7 @@ from vispeg.diagnosis.selection.shadows import cast_out, dismissed
 from vispeg.diagnosis.selection.shown import Shown
 from vispeg.diagnosis.selection.state import State, Trial, without
 from vispeg.identify.evidence import Evidence
-from vispeg.identify.fit import Fit, Race, fit_job
+from vispeg.identify.fit import Chase, Fit, Race, fit_job
 from vispeg.identify.pool import run_together
 from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World
@@ -186,14 +186,19 @@ class Search(Loop[State, Trial], Shown, Proposals):
         held, fitted = self.judge.mean(state.loss), float(state.residual @ state.residual) / self.evidence.count
         return max(self.evidence.least_gain * held, self.least_share * state.scale) * min(1.0, fitted / held)
 
-    def try_all(self, state: State, scores: Sequence[Score], n_fixed: int, tested: int) -> list[Trial]:
+    def try_all(
+        self, state: State, scores: Sequence[Score], n_fixed: int, tested: int, goal: float | None = None
+    ) -> list[Trial]:
         """Fits each score's effect jointly with what was accepted, and judges all on the held-out recordings."""
-        return self.try_each([(state, scores, tested)], n_fixed)[0]
+        return self.try_each([(state, scores, tested)], n_fixed, goal)[0]
 
-    def try_each(self, tries: Sequence[tuple[State, Sequence[Score], int]], n_fixed: int) -> list[list[Trial]]:
+    def try_each(
+        self, tries: Sequence[tuple[State, Sequence[Score], int]], n_fixed: int, goal: float | None = None
+    ) -> list[list[Trial]]:
         """The same for several (state, scores, places tested), all fitted side by side; a state's candidates race.
 
-        A rollout of many rows costs little more than one of a few.
+        With a `goal`, a mean squared residual, each gives up where it cannot come to it instead. A rollout of many rows
+        costs little more than one of a few.
         """
         flat = [(state, s) for state, scores, _ in tries for s in scores]
         if not flat:
@@ -201,6 +206,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
         worlds = [without(state.world, s.out).add(*s.members) for state, s in flat]
         self.say(f"fitting {', '.join(dict.fromkeys(s.label for _, s in flat))}")
         races = [race for race, (_, scores, _) in ((Race(), t) for t in tries) for _ in scores]
+        races = races if goal is None else [Chase(goal) for _ in races]
         fits = self.fits(worlds, n_fixed, races=races, columns=[state.derivatives(s.out) for state, s in flat])
         trials = []
         for (state, s), f, loss in zip(flat, fits, self.judge.losses([f.world for f in fits]), strict=True):

@@ -64,6 +64,19 @@ class State:
         stay = [self.world.effects[a.index].label not in gone for a in self.fit.space.axes]
         return self.fit.jacobian[:, stay]
 
+    def brought(self, placed: EffectInstance) -> tuple[Trial, list[Trial]] | None:
+        """The step that brought in an effect by itself, if the others stand beside it that stood beside it then.
+
+        What else was tried in that step was tried in its place. None otherwise, or where it alone was tried later on.
+        """
+        beside = {e.label for e in self.world.effects} - {placed.label}
+        for best, trials in self.steps[::-1]:
+            if best.score.has(placed) and (len(trials) > 1 or len(self.steps) == 1):
+                alone = best.score.count == 1 and not best.score.out
+                same = {e.label for e in best.fit.world.effects} - {placed.label} == beside
+                return (best, trials) if alone and same else None
+        return None
+
     def grouped(self, placed: EffectInstance) -> bool:
         """Whether an effect came in as one of a group, without a test of its own."""
         came = [best.score for best, _ in self.steps if best.score.has(placed)]

@@ -15,7 +15,7 @@ from vispeg.effects.common.gear import free_step, motor_step
 
 TOOTH_RELAXATION = 2e-3  # s
 STEP, LEAST_STEP = 1e-3, 2.5e-4  # s: a rotor free in its play, under a stiff servo, runs away at 2 ms
-TURN = 0.9  # rad of the rotor's oscillation against the teeth, that one step may span
+TURN = 0.45  # rad of the rotor's oscillation against the teeth, that one step may span: 1 % of its period late
 
 
 class Backlash(Effect):

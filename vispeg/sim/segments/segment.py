@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -46,6 +47,13 @@ class Segment:
     def ticks(self) -> int:
         """Number of control ticks."""
         return len(self.q)
+
+    def until(self, count: int) -> Segment:
+        """The same up to its first `count` samples: what comes after them is not simulated."""
+        ticks = min(self.ticks, max(2, math.ceil(self.time[count - 1] / self.tick - 1e-6) + 1))
+        command = {name: values[:ticks] for name, values in self.command.items()}
+        q, dq, raw = (values[:ticks] for values in (self.q, self.dq, self.q_raw))
+        return Segment(self.control, self.tick, command, q, dq, raw, self.time[:count], self.rows[:count])
 
 
 def segments(rec: Recording) -> list[Segment]:
