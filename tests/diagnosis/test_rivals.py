@@ -8,6 +8,7 @@ import pytest
 from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.conclusion.rivals import grown_from
 from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.selection import law
 from vispeg.diagnosis.selection.accept import equal
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.state import State, Trial
@@ -19,6 +20,7 @@ def judge() -> Judge:
         blocks=lambda seconds: np.repeat(np.arange(40), 25),
         items=[SimpleNamespace(nj=1, measured=np.zeros((1000, 1)), valid=np.ones((1000, 1), bool))],
         tells=lambda difference: np.ones(len(difference), bool),
+        unit="N m",
     )
     return Judge(evidence)  # type: ignore[arg-type]
 
@@ -78,3 +80,27 @@ def test_a_step_says_what_may_stand_in_the_place_of_its_effect_while_the_others_
     assert state.brought(world.effects[0]) is None, "others came in later"
     state.world = world.without("joint_bias", "joint1")
     assert state.brought(world.effects[2]) is None, "what it was tried beside went out again"
+
+
+@pytest.mark.parametrize(
+    ("rotor", "play", "stands"),
+    [
+        (1.35, 1.0, True),  # near the noise: a quarter of the error, and all that is left over the noise
+        (1.35, 1.25, False),  # under half of what is left
+        (1.02, 1.0, False),  # too little to show
+        (80.0, 1.5, True),
+        (80.0, 60.0, False),
+    ],
+)
+def test_play_stands_behind_a_rotor_where_it_removes_most_of_what_is_left_over_the_noise(
+    rotor, play, stands, monkeypatch
+):
+    monkeypatch.setattr(law, "present", lambda fit, index: True)
+    monkeypatch.setattr(law, "bic_gain", lambda *args: 1.0)
+    spread = np.random.default_rng(2).uniform(0.9, 1.1, (40, 1))
+    spread /= spread.mean()
+    state = SimpleNamespace(loss=25.0 * rotor * spread, world=World(), residual=None)
+    better = SimpleNamespace(loss=25.0 * play * spread, fit=None)
+    better.gain = judge().gain(state.loss, better.loss)
+    search = SimpleNamespace(judge=judge(), evidence=SimpleNamespace(least_gain=0.02))
+    assert law._stands_behind(search, state, better, better.gain.z) == stands  # type: ignore[arg-type]
