@@ -132,6 +132,25 @@ def test_signatures_beside_one_world_are_taken_once(searched, monkeypatch):
     np.testing.assert_array_equal(again[0].columns, first[0].columns)
 
 
+def test_what_was_screened_beside_a_world_is_not_screened_again(searched, monkeypatch):
+    search = Search(searched[0].evidence, searched[0].judge)
+    bare = search.start(World(searched[1].world.robot))
+    places, missing = [("joint_bias", "elbow"), ("rotor_inertia", "shoulder")], search.missing(bare.world)
+    first = search.screened(bare.world, bare.residual, None, places[:1], missing)
+    asked, real = [], search.screened
+
+    def screened(world, residual, fit, places, missing):
+        asked.extend(places)
+        return real(world, residual, fit, places, missing)
+
+    monkeypatch.setattr(search, "screened", screened)
+    both = search.screened_alone(bare.world, bare.residual, None, places, missing)
+    again = search.screened_alone(bare.world, bare.residual, None, places, missing)
+    assert asked == places[1:] and again == both
+    assert [s for s in both if s.key == places[0]] == first
+    assert [s.gain for s in both] == sorted((s.gain for s in both), reverse=True)
+
+
 def test_servos_are_asked_for_in_every_joint_at_once_each_with_its_best_guess():
     rng = stream(1, "servos")
     names, guesses = ("natural_frequency", "gain"), (10.0, 60.0)

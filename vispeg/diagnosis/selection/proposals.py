@@ -64,9 +64,6 @@ class Proposals:
             scores.sort(key=lambda s: -s.gain)
             return [[[_plain(e) for e in s.members], s.gain, [_plain(e) for e in s.out]] for s in scores]
 
-        known = self._alone.setdefault(model_text(world), {})
-        if not groups and not several and all(p in known for p in places):
-            return sorted((s for p in places if (s := known[p]) is not None), key=lambda s: -s.gain)
         asked = [[list(p) for p in group] for group in (places, *groups)]
         proposals = self.progress.recall(["screen", model_text(world), asked, several], work_out)
         out = []
@@ -74,8 +71,24 @@ class Proposals:
             first, *beside = (EffectInstance.of(name, where, **values) for name, where, values in members)
             placed = tuple(EffectInstance.of(name, where, **values) for name, where, values in gone)
             out.append(Score(first, gain, tuple(beside), placed))
-        known |= dict.fromkeys(places) | {s.key: s for s in out if not s.beside and not s.out}
+        alone = {s.key: s for s in out if not s.beside and not s.out}
+        self._alone.setdefault(model_text(world), {}).update(dict.fromkeys(places) | alone)
         return out
+
+    def screened_alone(
+        self,
+        world: World,
+        residual: np.ndarray,
+        fit: Fit | None,
+        places: Sequence[tuple[str, str]],
+        missing: Sequence[MissingTorque],
+    ) -> list[Score]:
+        """The same for single places; those that were screened beside the same world before are not screened again."""
+        fresh = [p for p in places if p not in self._alone.get(model_text(world), {})]
+        if fresh:
+            self.screened(world, residual, fit, fresh, missing)
+        scores = self._alone[model_text(world)] if places else {}
+        return sorted((s for p in places if (s := scores[p]) is not None), key=lambda s: -s.gain)
 
     def exchanges(self, state: State) -> list[Exchange]:
         """What each effect of the fit costs beside every other candidate, and what may stand in its place.

@@ -224,7 +224,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
         joints = self.evidence.items[0].robot.joints
         near = [placed.where] if placed.where in joints else []
         places = [c for c in candidates(self.evidence, state.world, near) if c != (placed.effect, placed.where)]
-        scores = self.screened(state.world, state.residual, state.fit, places, self.missing(state.world))
+        scores = self.screened_alone(state.world, state.residual, state.fit, places, self.missing(state.world))
         return (shortlist(scores, 5) if scores else []), len(places)
 
     def fits(
