@@ -84,8 +84,8 @@ def _goal(search: Search, state: State) -> float | None:
     if state.fit is None or search.evidence.alike > 0:
         return None
     size = len(state.residual)
-    left, noise = float(state.residual @ state.residual) / size, search.evidence.count / size
-    return left + FAR * max(left - noise, 0.1)
+    remains, noise = float(state.residual @ state.residual) / size, search.evidence.count / size
+    return remains + FAR * max(remains - noise, 0.1)
 
 
 def _proposed(search: Search, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
