@@ -63,8 +63,8 @@ def find_rivals(search: Search, state: State, n_fixed: int, say: Callable[[str],
         return _proposed(search, state, n_fixed, say)
     out = []
     for placed in chosen:
-        step = state.brought(placed)
-        if step is not None and (len(state.steps) == 1 or search.evidence.alike == 0):
+        step = _tried(search, state, placed, len(chosen))
+        if step is not None:
             without = search.judge.mean(step[0].loss) + step[0].gain.mean
             out.append(_compare(search, state, placed.label, step[1], without))
             continue
@@ -74,6 +74,16 @@ def find_rivals(search: Search, state: State, n_fixed: int, say: Callable[[str],
         trials = search.try_all(reduced, scores, n_fixed, tested, _goal(search, state)) if scores else []
         out.append(_compare(search, state, placed.label, trials, search.judge.mean(reduced.loss)))
     return out
+
+
+def _tried(search: Search, state: State, placed: EffectInstance, count: int) -> tuple[Trial, list[Trial]] | None:
+    """The step whose candidates were tried in the place of an effect, one of `count`; None where it must be asked anew.
+
+    Where a model's form leaves errors that last, what looks alike must be asked for by name.
+    """
+    if count == len(state.steps) == 1:
+        return state.steps[0]
+    return state.brought(placed) if search.evidence.alike == 0 else None
 
 
 def _goal(search: Search, state: State) -> float | None:

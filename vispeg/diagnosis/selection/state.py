@@ -71,7 +71,7 @@ class State:
         """
         beside = {e.label for e in self.world.effects} - {placed.label}
         for best, trials in self.steps[::-1]:
-            if best.score.has(placed) and (len(trials) > 1 or len(self.steps) == 1):
+            if best.score.has(placed) and len(trials) > 1:
                 alone = best.score.count == 1 and not best.score.out
                 same = {e.label for e in best.fit.world.effects} - {placed.label} == beside
                 return (best, trials) if alone and same else None
