@@ -97,8 +97,8 @@ class Search(Loop[State, Trial], Shown, Proposals):
 
         The joints that miss most come first, and with them everything that is no joint; the other joints, whose missing
         torque they may hide, only where nothing passes there; then the first places count as tested too. Where one
-        joint alone comes first, and nothing passes but at a bound, two effects at once are tried in it, and then what
-        all joints may have.
+        joint alone comes first, and nothing passes but at a bound, two effects at once are tried in it. What all joints
+        may have is then tried, too, and in the first step unless what passes leaves no more than noise.
         """
         missing = self.missing(state.world)
         near, rest, common = self.places(state, missing)
@@ -107,12 +107,17 @@ class Search(Loop[State, Trial], Shown, Proposals):
         trials = self.step_at(state, n_fixed, near, missing, len(near), common, several)
         trials = trials if common or passes(trials) else self.paired(state, n_fixed, missing, len(near)) + trials
         every = [] if common else self.everywhere(state)  # a light joint far off may hide what all the others miss
-        if every and not passes(trials):
+        if every and not (passes(trials) and (state.fit is not None or self.arrived(trials))):
             trials += self.step_at(state, n_fixed, [], missing, len(near), every, not several)
             trials = in_order(self.judge, state, trials)
         if rest and all(t.rejected for t in trials):
             trials = self.step_at(state, n_fixed, rest, missing, len(near) + len(rest)) + trials
         return trials
+
+    def arrived(self, trials: Sequence[Trial]) -> bool:
+        """Whether the first of them leaves nothing to look for: one effect in one joint was all."""
+        best = trials[0]
+        return self.judge.mean(best.loss) - self.judge.floor(best.fit.world) <= AT_FLOOR - 1.0
 
     def paired(self, state: State, n_fixed: int, missing: Sequence[MissingTorque], tested: int) -> list[Trial]:
         """Two effects at once in the joint that misses most, fitted from several starts and judged."""
