@@ -11,7 +11,7 @@ from loops import drive, hinge, pendulum, recorded
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.identify.evidence import Evidence
-from vispeg.identify.fit import Chase, fit_job
+from vispeg.identify.fit import Chase, Race, fit_job
 from vispeg.identify.pool import run_together
 from vispeg.worlds.world import World
 
@@ -171,3 +171,15 @@ def test_a_chase_gives_up_by_the_rate_at_which_a_fit_falls():
     flat.check(361.0, 1)
     with pytest.raises(StopIteration):
         flat.check(355.0, 2)
+
+
+@pytest.mark.parametrize("order", [(1.5, 30.0), (30.0, 1.5)])
+def test_the_order_of_threads_decides_no_race(order):
+    """Fits of one round go on whoever is told first; in the next round the one far behind gives up."""
+    race = Race(laps=2)
+    for cost in order:
+        race.check(cost, 2)
+    race.turn()
+    race.check(1.4, 3)
+    with pytest.raises(StopIteration):
+        race.check(29.0, 3)

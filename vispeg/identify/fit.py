@@ -60,6 +60,9 @@ class Fit:
 class Race:
     """Fits that run together and give up when another is far ahead: a hopeless candidate costs as much as a good one.
 
+    A fit is compared with what the others had reached when all last waited for rollouts, so that the order in which
+    their threads run decides nothing.
+
     Args:
         ratio: a fit gives up once its mean squared residual, less the noise, is so many times the best one's.
         laps: iterations that every fit may take.
@@ -67,11 +70,18 @@ class Race:
 
     def __init__(self, ratio: float = 4.0, laps: int = 2):
         self.ratio, self.laps, self.best = ratio, laps, np.inf
+        self.reached: list[float] = []  # since all last waited
+
+    def turn(self) -> None:
+        """All fits wait for rollouts."""
+        self.best = min([self.best, *self.reached])
+        self.reached.clear()
 
     def check(self, mean_square: float, lap: int) -> None:
         """Raises StopIteration where a fit is out of the race."""
-        self.best = min(self.best, mean_square)
-        if lap >= self.laps and mean_square - 1.0 > self.ratio * max(self.best - 1.0, 0.1):
+        self.reached.append(mean_square)
+        best = min(self.best, mean_square)
+        if lap >= self.laps and mean_square - 1.0 > self.ratio * max(best - 1.0, 0.1):
             raise StopIteration
 
 

@@ -255,8 +255,14 @@ class Search(Loop[State, Trial], Shown, Proposals):
             options = {"race": raced[k], "iterations": iterations, "ended": ended, "columns": held[k]}
             return fit_job(self.evidence, worlds[k], free, **options)
 
+        def evaluate(some: Sequence[World]) -> list[np.ndarray]:
+            for race in raced:
+                if race is not None:
+                    race.turn()
+            return self.evidence.residuals(some)
+
         def work_out() -> list:
-            fresh.extend(run_together([job(k) for k in range(len(worlds))], self.evidence.residuals))
+            fresh.extend(run_together([job(k) for k in range(len(worlds))], evaluate))
             return [[f.u.tolist(), f.converged] for f in fresh]
 
         quick = [None if c is None else c.shape[1] for c in held]
