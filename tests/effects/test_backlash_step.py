@@ -17,7 +17,7 @@ def test_the_step_is_a_share_of_the_time_in_which_the_rotor_turns_back():
     """One radian of its oscillation against the teeth takes sqrt(J c)."""
     for inertia in (1.0, 0.1, 0.014, 0.006):
         step = PLAY.stable_step({"motor_inertia": inertia, "compliance": 3e-5})
-        assert step in (1e-3, 2.5e-4) or step <= 0.5 * np.sqrt(inertia * 3e-5)
+        assert step in (1e-3, 2.5e-4) or step <= 0.75 * np.sqrt(inertia * 3e-5)
     heavy, light = (PLAY.stable_step({"motor_inertia": i, "compliance": 3e-5}) for i in (0.4, 0.014))
     assert heavy == 1e-3 and light < heavy
 

@@ -37,7 +37,7 @@ PENALTY = 1e4  # whitened residual of a rollout that diverged
 SAMPLES_HZ = 250.0  # of a long recording that are compared: more would only repeat what a robot can do in 4 ms
 LONG = 4e6  # bytes of one rollout beyond which what it leaves is given back at once
 AT_ONCE = 128e6  # bytes of rollouts in memory at once, a process: a row among six costs twice one among 24
-REMEMBERED = 32e6  # bytes of answers that are remembered
+ROWS = 32  # worlds at once, a process: whatever effects are in a batch are asked of all its rows
 
 
 class Evidence(Freedom):
@@ -102,7 +102,7 @@ class Evidence(Freedom):
         answer = with_gains(self.items, self._simulated(worlds))
         if key is not None:
             size = max(1, sum(y.nbytes for y in answer))
-            self._recent = [(key, answer), *self._recent[: min(7, int(REMEMBERED / size))]]
+            self._recent = [(key, answer), *self._recent[: min(7, int(AT_ONCE / 4 / size))]]
         return answer
 
     def _simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
@@ -128,8 +128,7 @@ class Evidence(Freedom):
         out: list[np.ndarray] = [np.empty(0)] * len(self.items)
         for group in self.groups:
             items = [self.items[i] for i in group]
-            soft = items[0].segment.control.mode == "osc"
-            h_max = min(step, self.h_max * SOFT_STEP) if soft else step
+            h_max = min(step, self.h_max * SOFT_STEP) if items[0].segment.control.mode == "osc" else step
             responses = simulate(
                 items[0].robot, worlds, [i.segment for i in items], h_max=h_max, nthread=nthread, along=True
             )
@@ -144,7 +143,7 @@ class Evidence(Freedom):
     def each_residual(self, worlds: Sequence[World]) -> Iterator[np.ndarray]:
         """The same one by one: who keeps none of them needs the memory of a few, however long the recordings are."""
         size = sum(4 * 8 * item.segment.ticks * item.nj for item in self.items)  # four signals a rollout
-        some = max(1, int(AT_ONCE / size)) * self.nthread
+        some = max(1, min(ROWS, int(AT_ONCE / size))) * self.nthread
         for start in range(0, len(worlds), some):
             per_item = self.simulated(worlds[start : start + some])
             if size > LONG:

@@ -151,7 +151,9 @@ def grow(search: Search, state: State, placed: EffectInstance, n_fixed: int) -> 
         return
     squared = [squares(r) for r in search.evidence.each_residual([rest.add(s) for s in starts])]
     starts = _first([starts[k] for k in np.argsort(squared)])  # a fit of play creeps where it begins far off
-    chases = [Chase(squares(state.residual)) for _ in starts]
+    noise = search.evidence.count / len(state.residual)
+    goal = squares(state.residual) - DECISIVE * max(squares(state.residual) - noise, 0.0)
+    chases = [Chase(goal) for _ in starts]
     columns = [state.derivatives([simple])] * len(starts)
     fits = search.fits([rest.add(s) for s in starts], n_fixed, races=chases, columns=columns)
     losses = search.judge.losses([f.world for f in fits])

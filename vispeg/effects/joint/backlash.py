@@ -15,7 +15,7 @@ from vispeg.effects.common.gear import free_step, motor_step
 
 TOOTH_RELAXATION = 2e-3  # s
 STEP, LEAST_STEP = 1e-3, 2.5e-4  # s: a rotor free in its play, under a stiff servo, runs away at 2 ms
-TURN = 0.45  # rad of the rotor's oscillation against the teeth, that one step may span: 1 % of its period late
+TURN = 0.75  # rad of the rotor's oscillation against the teeth, that one step may span: its period is 2 % off then
 
 
 class Backlash(Effect):
@@ -65,4 +65,4 @@ class Backlash(Effect):
         return np.where(loose, q + (state["theta"] - x.q), q), np.where(loose, dq + (state["omega"] - x.dq), dq)
 
     def guesses(self, look):
-        return [{"gap": g, "motor_inertia": i} for g in (3e-4, 1.5e-3) for i in (0.05, 0.4)]
+        return [{"gap": g, "motor_inertia": i} for g in (3e-4, 1.5e-3) for i in (0.06, 0.4)]
