@@ -6,7 +6,10 @@ import pytest
 
 from vispeg.cli.main import main
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]  # three minutes of processor time a case, an encoder 24
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.timeout(1800),
+]  # three minutes of processor time a case, an encoder a quarter of an hour
 
 
 def diagnosed(folder, *effects):
