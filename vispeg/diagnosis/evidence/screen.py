@@ -89,6 +89,12 @@ def groups(evidence: Evidence, world: World, done: Collection[str] = ()) -> list
     return [places for places in places_by_effect.values() if len(places) > 1]
 
 
+def shortlist(scores: Sequence[Score], best: int) -> list[Score]:
+    """The scores worth a fit: the best, none under a quarter of the greatest gain unless few are left."""
+    top = scores[0].gain
+    return [s for i, s in enumerate(scores) if i < best and (i < 4 or s.gain > 0.25 * top)]
+
+
 def screen(
     taken: Sequence[Signature],
     residual: np.ndarray,

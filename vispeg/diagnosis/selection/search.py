@@ -9,7 +9,7 @@ import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.evidence.localise import MissingTorque, joint_z
-from vispeg.diagnosis.evidence.screen import Score, candidates, groups
+from vispeg.diagnosis.evidence.screen import Score, candidates, groups, shortlist
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.accept import LEAST_SHARE, in_order, passes, ranked
 from vispeg.diagnosis.selection.judge import Judge
@@ -298,9 +298,3 @@ def suspects(missing: Sequence[MissingTorque], joints: list[str], share: float =
     order = np.argsort(-z)
     keep = [j for j in order[:most] if z[j] > share * z.max()]
     return [joints[j] for j in sorted(keep)]
-
-
-def shortlist(scores: Sequence[Score], best: int) -> list[Score]:
-    """The scores worth a fit: the best, none under a quarter of the greatest gain unless few are left."""
-    top = scores[0].gain
-    return [s for i, s in enumerate(scores) if i < best and (i < 4 or s.gain > 0.25 * top)]
