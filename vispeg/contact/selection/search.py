@@ -10,6 +10,7 @@ import numpy as np
 from scipy import stats
 
 from vispeg.contact.evidence import ContactEvidence
+from vispeg.contact.selection.form import form
 from vispeg.contact.selection.likely import intervals
 from vispeg.contact.selection.profile import (
     Probe,
@@ -22,7 +23,7 @@ from vispeg.contact.selection.profile import (
     strongest,
     value,
 )
-from vispeg.contact.selection.spare import BESIDE, spared
+from vispeg.contact.selection.spare import spared
 from vispeg.contact.selection.sparse import sparse
 from vispeg.contact.thin import PART
 from vispeg.core.effect import EffectInstance, effect
@@ -191,19 +192,19 @@ class ContactSearch(Search):
         """Whether a trial lowers the squared residual by more than chance; where contacts stick derivatives vanish."""
         drop = float(state.residual @ state.residual - trial.fit.residual @ trial.fit.residual)
         count = len([a for a in trial.fit.space.axes if a.index >= len(trial.fit.world.effects) - trial.score.count])
-        more = self.form(state.residual) if state.fit is not None else 0.0
+        more = form(self.evidence.items, state.residual) if state.fit is not None else 0.0
         return drop > max(self.need(trial.fit.cost, count), more)
-
-    def form(self, residual: np.ndarray) -> float:
-        """What an effect beside others must remove of a residual: no law of contact is exact, and some effect of the
-        library always removes a little of what the form of another leaves.
-        """
-        return BESIDE * float(residual @ residual)
 
     def holds(self, state: State, trial: Trial) -> bool:
         """The same of the held-out recordings: nothing is fitted to them, and one effect is asked for."""
-        more = BESIDE * float(state.loss.sum()) if state.fit is not None else 0.0
+        more = self.held_form(state.world) if state.fit is not None else 0.0
         return float((state.loss - trial.loss).sum()) > max(self.confirms(self.judge.mean(trial.loss)), more)
+
+    def held_form(self, world: World) -> float:
+        """See `vispeg.contact.selection.form.form`, of the held-out recordings."""
+        judged = self.judge.evidence
+        assert isinstance(judged, ContactEvidence)
+        return form(judged.items, judged.residuals([world])[0])
 
     def confirms(self, cost: float = 1.0) -> float:
         """Drop of the held-out squared residual that an effect which is not there reaches once in 100 times."""

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from vispeg.contact.selection.form import form
 from vispeg.diagnosis.selection.state import State
 
 if TYPE_CHECKING:
     from vispeg.contact.selection.search import ContactSearch
-
-BESIDE = 0.1  # of what is left, that an effect beside others must remove
 
 
 def spared(search: ContactSearch, state: State, n_fixed: int) -> bool:
@@ -30,9 +29,9 @@ def spared(search: ContactSearch, state: State, n_fixed: int) -> bool:
     cost = state.fit.cost, search.judge.mean(state.loss)
     weak = [
         k
-        for k, (f, loss) in enumerate(zip(fits, losses, strict=True))
-        if worse[k] <= max(search.need(cost[0], count[k]), search.form(f.residual))
-        or held[k] <= max(search.confirms(cost[1]), BESIDE * float(loss.sum()))
+        for k, f in enumerate(fits)
+        if worse[k] <= max(search.need(cost[0], count[k]), form(search.evidence.items, f.residual))
+        or held[k] <= max(search.confirms(cost[1]), search.held_form(f.world))
     ]
     if not weak:
         return False

@@ -1,0 +1,39 @@
+"""How much of a squared residual is of form: what blocks next to one another share, and no white noise makes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vispeg.contact.evidence import ContactItem
+from vispeg.contact.phases import Phases
+
+BESIDE = 0.1  # of the form's part of what is left, that an effect beside others must remove
+
+
+def form(items: Sequence[ContactItem], residual: np.ndarray) -> float:
+    """What an effect beside others must remove of a squared residual.
+
+    No law of contact is exact, and some effect of the library always removes a little of what the form of another
+    leaves; of noise none does. White noise is told by the mean square of successive differences, half of which is its
+    variance, between blocks of one phase. Source: von Neumann, Kent, Bellinson and Hart 1941, The mean square
+    successive difference, Annals of Mathematical Statistics 12(2).
+
+    Args:
+        items: recordings.
+        residual: whitened, of all items, flat.
+    """
+    ends = np.cumsum([i.measured.size for i in items])[:-1]
+    white = sum(
+        _white(r.reshape(i.measured.shape), i.phase) for i, r in zip(items, np.split(residual, ends), strict=True)
+    )
+    return BESIDE * max(float(residual @ residual) - white, 0.0)
+
+
+def _white(residual: np.ndarray, phase: Phases) -> float:
+    """Squared residual (m, 6) that white noise would make of an item, as large as its successive differences say."""
+    valid, code = phase.valid, phase.code
+    next_to = valid[1:] & valid[:-1] & (code[1:] == code[:-1])
+    steps = np.diff(residual, axis=0)[next_to]
+    return float(0.5 * np.sum(steps**2) / max(len(steps), 1) * valid.sum())
