@@ -17,7 +17,7 @@ def form(items: Sequence[ContactItem], residual: np.ndarray) -> float:
 
     No law of contact is exact, and some effect of the library always removes a little of what the form of another
     leaves; of noise none does. White noise is told by the mean square of successive differences, half of which is its
-    variance, between blocks of one phase. Source: von Neumann, Kent, Bellinson and Hart 1941, The mean square
+    variance, between blocks of one phase. Source: von Neumann and others 1941, The mean square
     successive difference, Annals of Mathematical Statistics 12(2).
 
     Args:
