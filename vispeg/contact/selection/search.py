@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -30,12 +31,10 @@ from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.conclusion.verdict import FLOOR
 from vispeg.diagnosis.evidence.localise import MissingTorque
 from vispeg.diagnosis.evidence.screen import Score
-from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.accept import equal
-from vispeg.diagnosis.selection.judge import Gain, Judge
+from vispeg.diagnosis.selection.judge import Gain
 from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.selection.state import State, Trial
-from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit, Race
 from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World
@@ -57,15 +56,10 @@ class ContactSearch(Search):
     few = 99
     runs = False  # through: what comes in by itself, in the viewer, has its intervals at once
 
-    def __init__(
-        self,
-        evidence: Evidence,
-        judge: Judge,
-        say: Callable[[str], None] = lambda _: None,
-        progress: Progress | None = None,
-    ):
-        super().__init__(evidence, judge, say, progress)
-        self.lately: dict[str, Fit] = {}  # by label, what `reduced` fitted last
+    @cached_property
+    def lately(self) -> dict[str, Fit]:
+        """By label, what `reduced` fitted last beside the present effects."""
+        return {}
 
     def missing(self, world: World) -> list[MissingTorque]:
         """No torque of a joint is looked at."""

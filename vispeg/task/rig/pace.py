@@ -33,8 +33,7 @@ def paced(path: Path, scene: Scene, stiffness: tuple[float, float], near: np.nda
     time, frames = path.frames(SAMPLES_HZ)
     frames[:, FORCE] = 0.0
     angles = followed(scene, commands(frames, scene, stiffness, near), near)
-    limit = np.where(np.isfinite(scene.velocity_limit), scene.velocity_limit, np.inf)
-    share = (np.abs(np.gradient(angles, 1.0 / SAMPLES_HZ, axis=0)) / (SHARE * limit)).max(axis=1)
+    share = (np.abs(np.gradient(angles, 1.0 / SAMPLES_HZ, axis=0)) / (SHARE * scene.velocity_limit)).max(axis=1)
     ends = np.cumsum([0.0, *(leg.seconds for leg in path.legs)])
     slow = Path(path.start)
     for leg, begin, end in zip(path.legs, ends[:-1], ends[1:], strict=True):
