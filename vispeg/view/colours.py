@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from threading import Lock
 from typing import Any
 
 from vispeg.view import html
@@ -20,26 +21,34 @@ class Colours:
     def __init__(self, server: Any, dark: bool):
         self.server, gui = server, server.gui
         self.systems: dict[int, bool] = {}  # by window: whether its system is dark
+        self.lock = Lock()  # a choice and a window that speaks at the same time: the later one reads the other's word
         self.choice = gui.add_dropdown("Colours", (SYSTEM, LIGHT, DARK), initial_value=DARK if dark else SYSTEM)
         self.heard = gui.add_text("System", "")  # a window types here what its system says; it hides the field
-        gui.add_html(html.window(self.heard._impl.uuid))
+        server.on_client_connect(self._greet)
         self.choice.on_update(lambda _: self.apply())
         self.heard.on_update(self._hear)
         self._theme(gui, dark)
 
     def apply(self) -> None:
-        """Turns all windows to what was chosen."""
-        self._theme(self.server.gui, self.choice.value == DARK)
-        if self.choice.value == SYSTEM:
+        """Turns all windows to what was chosen, each by itself: a message to all may overtake one to a window."""
+        with self.lock:
             for window in self.server.get_clients().values():
-                self._theme(window.gui, self.systems.get(window.client_id, False))
+                self._turn(window)
 
-    def _hear(self, event: Any) -> None:
+    async def _greet(self, window: Any) -> None:
+        """A window is asked once it can be answered: words of one that is not yet connected are lost."""
+        window.gui.add_html(html.window(self.heard._impl.uuid))
+
+    async def _hear(self, event: Any) -> None:  # awaited before another window's word can take this one's place
         if event.client is None:
             return
-        self.systems[event.client.client_id] = str(self.heard.value).startswith(DARK)
-        if self.choice.value == SYSTEM:
-            self._theme(event.client.gui, self.systems[event.client.client_id])
+        with self.lock:
+            self.systems[event.client.client_id] = str(self.heard.value).startswith(DARK)
+            self._turn(event.client)
+
+    def _turn(self, window: Any) -> None:
+        chosen = self.choice.value
+        self._theme(window.gui, self.systems.get(window.client_id, False) if chosen == SYSTEM else chosen == DARK)
 
     @staticmethod
     def _theme(gui: Any, dark: bool) -> None:

@@ -7,6 +7,7 @@ const rowOf = (label) => {
   while (row && !row.querySelector('input, [role=slider]')) row = row.parentElement;
   return row && row.querySelectorAll('label[for]').length === 1 ? row : null;
 };
+let told = false;
 const tell = () => {
   const row = rowOf(document.querySelector('label[for="' + target + '"]'));
   if (!row) return;
@@ -15,6 +16,7 @@ const tell = () => {
   const value = (dark.matches ? 'dark ' : 'light ') + Math.random();
   Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(field, value);
   field.dispatchEvent(new Event('input', { bubbles: true }));
+  told = true;
 };
 const named = (element, name) => {
   if (!element.getAttribute('aria-label') && !(element.labels && element.labels.length)) {
@@ -22,6 +24,7 @@ const named = (element, name) => {
   }
 };
 const name = () => {
+  if (!told) tell();
   for (const label of document.querySelectorAll('label[for]')) {
     const row = rowOf(label);
     if (row) row.querySelectorAll('input:not([type=hidden]), [role=slider]').forEach((e) => named(e, label.textContent));
@@ -41,7 +44,6 @@ const later = () => {
   waits = true;
   setTimeout(() => { waits = false; name(); }, 200);
 };
-tell();
 name();
 dark.addEventListener('change', tell);
 new MutationObserver(later).observe(document.body, { childList: true, subtree: true });
