@@ -118,3 +118,18 @@ def test_rivals_are_equal_within_what_chance_makes_of_lasting_errors():
     assert alike(900.0, 900.0 + 0.9 * chance, 900.0 + 10 * chance)
     assert not alike(900.0, 900.0 + 0.9 * chance, 900.0 + 1.35 * chance)
     assert not alike(900.0, 900.0 + 2.0 * chance, 900.0 + 10 * chance)
+
+
+def test_an_effect_is_judged_by_what_a_fit_leaves_where_that_is_less_than_floors_allow_for():
+    """Of errors as large as floors it asks what it asks at one variance; of smaller ones their share, lasting longer;
+    of more its multiple; of none at all what chatter makes.
+    """
+    search = ContactSearch(evidence_of([recorded()]), Judge(evidence_of([recorded((), 1)])))
+    one, even = search.need(1.0), search.evidence.correlated / search.evidence.lasting
+    assert search.need(even) == pytest.approx(one)
+    assert search.need(even / 2) == pytest.approx(one / 2)
+    assert search.need(3.0) == pytest.approx(3 * one)
+    assert search.confirms(even / 2) == pytest.approx(search.confirms() / 2)
+    asked = [search.need(cost, count=2) for cost in np.linspace(0.0, 3.0, 31)]
+    assert np.all(np.diff(asked) >= 0)
+    assert asked[0] == search.confirms(0.0) == 3 * search.evidence.rough, "15 is the most that chatter makes"

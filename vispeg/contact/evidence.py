@@ -127,6 +127,14 @@ class ContactEvidence(Evidence):
         size = np.abs(difference)
         return size >= max(1.0, TIE * float(size.max(initial=0.0)))
 
+    def errors(self, cost: float) -> float:
+        """Variance of errors that an effect is judged by where a fit leaves `cost`, both in units of floors.
+
+        Floors allow for errors that a good sensor has not. Where less is left, that is what counts, but as what may
+        last as long as a visit to a phase. Intervals, which have no second recording that judges them, stay wide.
+        """
+        return max(min(1.0, cost * self.lasting / self.correlated), cost)
+
     def frees(self, kind: Effect, name: str) -> bool:
         """Parameters that a diagnosis of contact tries at some size, less those that a search found to be absent."""
         return (name in kind.sizes or not kind.sizes) and (kind.name, name) not in self.absent

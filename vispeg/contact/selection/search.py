@@ -43,6 +43,7 @@ SINGLES, PAIRED = 5, 3  # effects that are fitted at a step, and those of them w
 SHORT = 4  # iterations of what races beside other effects
 NONE = -1e300  # the gain of what changes nothing, as JSON can say it
 LEVEL = 0.01  # chance that any effect of the library passes where there is none
+CHATTER = 3  # times the least that contacts which come and go make of a squared residual: the most
 NEAR = 0.6  # of the drop that an effect needs, which a size that is tried must promise for the effect to be fitted
 SCENE = ("contact", "task")  # families of what stands in the cell
 WORTH = 0.2  # of the best one's gain that another must have in the profile to be fitted
@@ -72,8 +73,14 @@ class ContactSearch(Search):
         (Bonferroni). Source: the likelihood ratio's law, Wilks 1938, Annals of Mathematical Statistics 9(1).
         """
         library = max(1, len(places(self.evidence, World())))
-        scale = self.evidence.correlated * max(1.0, state_cost)
-        return float(scale * stats.chi2.isf(level / library, max(count, 1)))
+        return self.beyond(state_cost, float(stats.chi2.isf(level / library, max(count, 1))))
+
+    def beyond(self, cost: float, quantile: float) -> float:
+        """Drop of the squared residual beyond a quantile of chi squared, where a fit leaves `cost` variances of floors.
+
+        Never less than contacts that come and go make.
+        """
+        return max(self.evidence.correlated * self.evidence.errors(cost) * quantile, CHATTER * self.evidence.rough)
 
     def worth_it(self, state: State, n_fixed: int) -> bool:
         """Up to so many effects: floors count errors that a good sensor does not have, so what is within them may
@@ -202,7 +209,7 @@ class ContactSearch(Search):
 
     def confirms(self, cost: float = 1.0) -> float:
         """Drop of the held-out squared residual that an effect which is not there reaches once in 100 times."""
-        return float(self.evidence.correlated * max(1.0, cost) * stats.chi2.isf(2 * LEVEL, 1))
+        return self.beyond(cost, float(stats.chi2.isf(2 * LEVEL, 1)))
 
     def refusal(self, state: State, trial: Trial, level: float, absent: bool) -> str:
         """Two likelihood ratios alone: contact acts in few blocks, of which ranks and shares of all say little."""
