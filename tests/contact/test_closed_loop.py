@@ -8,9 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 
+from vispeg.contact.again import last_judge
 from vispeg.contact.again.closed_loop import closed_loop
-from vispeg.core.effect import EffectInstance
+from vispeg.core.effect import EffectInstance, Value
 from vispeg.core.seeds import stream
+from vispeg.diagnosis.conclusion.verdict import Verdict
 from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.noise import NOISE
 from vispeg.robots.tools import CELL
@@ -25,6 +27,7 @@ FOUND = believed(MODEL.cell)
 HIDDEN = {
     "tilted": EffectInstance.of("hole_tilt", "fixture", roll=0.03),
     "too tight": EffectInstance.of("hole_clearance", "fixture", width=-3.4e-3),
+    "stiff joint": EffectInstance.of("coulomb_friction", "joint2", torque=4.0),
 }
 
 
@@ -38,7 +41,7 @@ def insertion(hidden):
     return record_cell(MODEL.add(HIDDEN[hidden]), made, NOISE, stream(2, "closed loop"))
 
 
-@pytest.mark.parametrize("case", HIDDEN)
+@pytest.mark.parametrize("case", ["tilted", "too tight"])
 def test_the_corrected_model_ends_as_the_hidden_cell_and_with_its_peak_force(case):
     rec = insertion(case)
     replayed, said = closed_loop([rec], {"given": World(), "corrected": World().add(HIDDEN[case])})
@@ -63,3 +66,57 @@ def test_only_what_can_be_run_again_is():
     replayed, said = closed_loop([gap], {"given": World()})
     assert not replayed
     assert said == ["not run again in closed loop: simulated: samples are not the controller's ticks; expected 500 Hz"]
+
+
+SURE = Verdict("identified", "along the measured path")
+
+
+@pytest.mark.parametrize("case", HIDDEN)
+def test_a_verdict_stays_where_the_model_ends_as_the_insertion_did(case):
+    """The right model is never contradicted; the model as given is where the hole ends the trial, and not where the
+    arm is off in free air too.
+    """
+    rec = insertion(case)
+    models = {"given": World(), "corrected": World().add(HIDDEN[case])}
+    for name, model in models.items():
+        replayed, _ = closed_loop([rec], {name: model})
+        verdict = last_judge.judged(SURE, replayed, [rec], model, 0, 1)
+        arm_is_right = replayed[0]["trials"][name]["free_off"] < last_judge.ARM
+        assert arm_is_right == (name == "corrected" or case != "stiff joint")
+        if (case, name) != ("too tight", "given"):
+            assert verdict is SURE
+        else:
+            assert (verdict.verdict, verdict.partial) == ("unexplained", True)
+            assert "in closed loop" in verdict.reason
+
+
+def test_a_verdict_falls_only_where_no_value_within_the_intervals_comes_near():
+    """The same model: sure of a wide hole it is contradicted, unsure of it up to the right width it is not."""
+    rec = insertion("too tight")
+    wide = EffectInstance.of("hole_clearance", "fixture", width=-1e-5)
+    for low, verdict in ((-2e-5, "unexplained"), (-3.4e-3, "identified")):
+        model = World().add(replace(wide, params={"width": Value(-1e-5, low, 0.0)}))
+        replayed, _ = closed_loop([rec], {"given": World(), "corrected": model})
+        assert last_judge.judged(SURE, replayed, [rec], model, 0, 1).verdict == verdict
+
+
+def test_a_peak_force_within_a_quarter_or_a_newton_or_between_two_runs_is_alike():
+    def trial(peak, outcome="success"):
+        return {"peak_force": peak, "contact_s": 1.0, "outcome": outcome}
+
+    assert last_judge.alike(trial(20.0), [trial(24.9)])
+    assert not last_judge.alike(trial(20.0), [trial(25.1)])
+    assert last_judge.alike(trial(1.0), [trial(1.9)])
+    assert last_judge.alike(trial(20.0), [trial(10.0), trial(40.0)])
+    assert not last_judge.alike(trial(20.0), [trial(20.0, "jammed")])
+    assert last_judge.alike(trial(20.0, "timeout"), [trial(20.0, "jammed")]), "why it failed is chance"
+
+
+def test_each_uncertain_value_is_run_at_both_its_ends():
+    given = EffectInstance.of("hole_tilt", "fixture", roll=0.01)
+    known = EffectInstance.of("tool_mass", "gripper", mass=0.1)
+    unsure = replace(given, params={**given.params, "roll": Value(0.01, 0.0, 0.02)})
+    worlds = list(last_judge.at_ends(World().add(known).add(unsure), 0))
+    assert sorted(w.effects[1].params["roll"].value for w in worlds) == [0.0, 0.02]
+    assert all(w.effects[0] == known for w in worlds)
+    assert list(last_judge.at_ends(World().add(unsure), 1)) == []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from vispeg.contact.again import last_judge
 from vispeg.contact.again.closed_loop import closed_loop
 from vispeg.contact.again.damping import struck
 from vispeg.contact.evidence import ContactEvidence
@@ -63,8 +64,12 @@ def diagnose_contact(
     fitted_world = state.world.add(*beside)
     rests = [*remainder(evidence, state.world), *remainder(judged, state.world, held_out=True)]
     verdict = in_phases(decide(before, after, len(fitted_world.effects) - n_fixed, rivals, []), rests)
+    corrected = widened(state.world, n_fixed, before, after).add(*beside)
+    models = {"given": world, "corrected": corrected} if len(corrected.effects) > n_fixed else {"given": world}
+    replayed, said = closed_loop(held_out, models, nthread)
+    verdict = last_judge.judged(verdict, replayed, held_out, corrected, n_fixed, nthread)
     final = with_origin(
-        widened(state.world, n_fixed, before, after).add(*beside),
+        corrected,
         n_fixed,
         fitted,
         held_out,
@@ -73,8 +78,6 @@ def diagnose_contact(
         verdict.partial,
     )
     predicted = judged.simulated([world, state.world])
-    models = {"given": world, "corrected": final} if len(final.effects) > n_fixed else {"given": world}
-    replayed, said = closed_loop(held_out, models, nthread)
     unseen = [*not_excited(least_sizes), *hit.unseen]
     record: DiagnosisRecord = {
         "format": "vispeg-diagnosis/1",

@@ -202,11 +202,14 @@ class RoomRecord(TypedDict):
 
 
 class Trial(TypedDict):
-    """One run of an insertion: N, s, and how it ended in the words of an outcome."""
+    """One run of an insertion: N, s, how it ended in the words of an outcome, and how far the tip was off the measured
+    way in free air above the hole (RMS, m).
+    """
 
     peak_force: float
     contact_s: float
     outcome: str
+    free_off: NotRequired[float]
 
 
 class Replayed(TypedDict):

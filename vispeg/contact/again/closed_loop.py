@@ -19,9 +19,8 @@ from vispeg.core.errors import UserError
 from vispeg.diagnosis.schema import Replayed, Trial
 from vispeg.recordings.cell import Outcome, WrenchSensor
 from vispeg.recordings.recording import Recording
-from vispeg.recordings.regimes import FREE
 from vispeg.robots.scene import Scene
-from vispeg.sim.touch import touch
+from vispeg.sim.touch import Touch, touch
 from vispeg.task.belief import believed
 from vispeg.task.registry import task_of
 from vispeg.worlds.world import World
@@ -59,10 +58,11 @@ def closed_loop(
             continue
         felt = touching(episode)
         read = felt.recording if felt.torques is None else calm(felt.recording, felt.torques)
-        trials = {"measured": _trial(read, cell.scene, rec.outcomes[0])}
+        seen = _felt(read, cell.scene)
+        trials = {"measured": _trial(seen, seen, read.rate_hz, rec.outcomes[0])}
         for name, ran in played.items():
             same = replace(read, q=ran[0], ft=ran[1], wrench=WrenchSensor())
-            trials[name] = _trial(same, cell.scene, ran[2])
+            trials[name] = _trial(_felt(same, cell.scene), seen, read.rate_hz, ran[2])
         out.append({"recording": rec.name, "trials": trials})
     return out, said
 
@@ -77,10 +77,21 @@ def _first(rec: Recording) -> Recording:
     return replace(rec, **cut, outcomes=rec.outcomes[:1])
 
 
-def _trial(rec: Recording, scene: Scene, outcome: Outcome) -> Trial:
-    """What the wrench at the wrist says of one run: peak contact force and time in contact; and how it ended."""
+def _felt(rec: Recording, scene: Scene) -> Touch:
     felt = touch(rec, scene)
     assert felt is not None
-    seconds = float(np.sum(felt.regime != FREE)) / rec.rate_hz
-    ended = outcome.category or ("success" if outcome.success else "failure")
-    return {"peak_force": float(np.nanmax(felt.force)), "contact_s": seconds, "outcome": ended}
+    return felt
+
+
+def _trial(run: Touch, measured: Touch, rate: float, outcome: Outcome) -> Trial:
+    """What the wrench at the wrist says of one run, where its tip was before anything touched, and how it ended."""
+    n = min(len(run.tip), len(measured.tip))
+    before = ~np.logical_or.accumulate(run.touching[:n] | measured.touching[:n])
+    above = before & (measured.tip[:n, 2] > 0)  # of the goal: inside, a tip is pushed by less than counts as a touch
+    off = np.linalg.norm(run.tip[:n][above] - measured.tip[:n][above], axis=1)
+    return {
+        "peak_force": float(np.nanmax(run.force)),
+        "contact_s": float(np.sum(run.touching)) / rate,
+        "outcome": outcome.category or ("success" if outcome.success else "failure"),
+        "free_off": float(np.sqrt(np.nanmean(off**2))) if above.any() else 0.0,
+    }
