@@ -58,11 +58,11 @@ def closed_loop(
             continue
         felt = touching(episode)
         read = felt.recording if felt.torques is None else calm(felt.recording, felt.torques)
-        seen = _felt(read, cell.scene)
-        trials = {"measured": _trial(seen, seen, read.rate_hz, rec.outcomes[0])}
+        way = _felt(read, cell.scene)
+        trials = {"measured": _trial(way, way, read.rate_hz, rec.outcomes[0])}
         for name, ran in played.items():
             same = replace(read, q=ran[0], ft=ran[1], wrench=WrenchSensor())
-            trials[name] = _trial(_felt(same, cell.scene), seen, read.rate_hz, ran[2])
+            trials[name] = _trial(_felt(same, cell.scene), way, read.rate_hz, ran[2])
         out.append({"recording": rec.name, "trials": trials})
     return out, said
 
