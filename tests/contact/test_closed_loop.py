@@ -90,6 +90,14 @@ def test_a_verdict_stays_where_the_model_ends_as_the_insertion_did(case):
             assert "in closed loop" in verdict.reason
 
 
+def test_an_arm_that_was_never_in_free_air_is_not_known_to_be_right():
+    rec = insertion("too tight")
+    replayed, _ = closed_loop([rec], {"given": World()})
+    for trial in replayed[0]["trials"].values():
+        del trial["free_off"]
+    assert last_judge.judged(SURE, replayed, [rec], World(), 0, 1) is SURE
+
+
 def test_a_verdict_falls_only_where_no_value_within_the_intervals_comes_near():
     """The same model: sure of a wide hole it is contradicted, unsure of it up to the right width it is not."""
     rec = insertion("too tight")

@@ -203,7 +203,7 @@ class RoomRecord(TypedDict):
 
 class Trial(TypedDict):
     """One run of an insertion: N, s, how it ended in the words of an outcome, and how far the tip was off the measured
-    way in free air above the goal (RMS, m).
+    way in free air above the goal (RMS, m; absent where it began inside).
     """
 
     peak_force: float

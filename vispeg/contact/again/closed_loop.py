@@ -89,9 +89,11 @@ def _trial(run: Touch, measured: Touch, rate: float, outcome: Outcome) -> Trial:
     before = ~np.logical_or.accumulate(run.touching[:n] | measured.touching[:n])
     above = before & (measured.tip[:n, 2] > 0)  # of the goal: inside, a tip is pushed by less than counts as a touch
     off = np.linalg.norm(run.tip[:n][above] - measured.tip[:n][above], axis=1)
-    return {
+    out: Trial = {
         "peak_force": float(np.nanmax(run.force)),
         "contact_s": float(np.sum(run.touching)) / rate,
         "outcome": outcome.category or ("success" if outcome.success else "failure"),
-        "free_off": float(np.sqrt(np.nanmean(off**2))) if above.any() else 0.0,
     }
+    if np.isfinite(off).any():
+        out["free_off"] = float(np.sqrt(np.nanmean(off**2)))
+    return out

@@ -1,7 +1,7 @@
 """A verdict in the face of an insertion that was run again: a model whose own ends otherwise lacks something.
 
-It judges where the arm by itself goes as it was measured: what an arm lacks is no evidence of contact. Paths
-part where contacts come and go, so that the right model's peak force is off a little, and what is uncertain may
+It judges where the arm by itself is known to go as it was measured: what an arm lacks is no evidence of contact.
+Paths part where contacts come and go, so that the right model's peak force is off a little, and what is uncertain may
 move it more. A verdict falls only where no value within the intervals comes near what was measured.
 """
 
@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from vispeg.contact.again.closed_loop import closed_loop
 from vispeg.diagnosis.conclusion.verdict import Verdict
@@ -44,7 +46,7 @@ def judged(
         return verdict
     for row in replayed:
         measured, (name, last) = row["trials"]["measured"], list(row["trials"].items())[-1]
-        if last.get("free_off", 0.0) > ARM or alike(measured, [last]):
+        if last.get("free_off", np.inf) > ARM or alike(measured, [last]):
             continue
         of = [r for r in held_out if r.name == row["recording"]]
         ends, _ = closed_loop(of, {str(k): w for k, w in enumerate(at_ends(world, n_fixed))}, threads)
