@@ -73,6 +73,7 @@ def at_ends(world: World, n_fixed: int) -> Iterator[World]:
     """Worlds with one value at one end of its interval."""
     for k, placed in enumerate(world.effects[n_fixed:], n_fixed):
         for name, value in placed.params.items():
-            for end in {value.low, value.high} - {None, value.value}:
-                moved = placed.with_values(**{name: end})
-                yield replace(world, effects=(*world.effects[:k], moved, *world.effects[k + 1 :]))
+            for end in {value.low, value.high} - {value.value}:
+                if end is not None:
+                    moved = placed.with_values(**{name: end})
+                    yield replace(world, effects=(*world.effects[:k], moved, *world.effects[k + 1 :]))
