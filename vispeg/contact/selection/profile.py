@@ -6,7 +6,7 @@ No derivatives: where nothing touches they vanish, though a size that makes it t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -114,9 +114,19 @@ def probed(
         return rough
     (base,) = evidence.residuals([world])
     rows = evidence.residuals([world.add(rough[k].placed) for k in again])
-    for k, r in zip(again, rows, strict=True):
-        rough[k] = _probe(rough[k].name, rough[k].placed, base, r, 1)
-    return rough
+    exact = {k: _probe(rough[k].name, rough[k].placed, base, r, 1) for k, r in zip(again, rows, strict=True)}
+    best = {s.key: s.gain for s in strongest(list(exact.values()))}
+    return [exact.get(k, _beside(p, hopeful, best)) for k, p in enumerate(rough)]
+
+
+def _beside(p: Probe, hopeful: dict[tuple[str, str], float], best: dict[tuple[str, str], float]) -> Probe:
+    """A probe of a part, to stand beside those of all of the recordings: its share of its effect's best one.
+
+    A part that begins in contact sees a wrong height many times as strongly as all of it does.
+    """
+    if p.key not in best or p.gain <= 0 or hopeful[p.key] <= 0:
+        return p
+    return replace(p, gain=p.gain / hopeful[p.key] * max(best[p.key], 0.0))
 
 
 def outward(name: str, where: str) -> list[list[tuple[str, EffectInstance]]]:
