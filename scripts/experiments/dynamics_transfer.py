@@ -13,9 +13,10 @@ first half of the steps, for all alike: a world with what was identified is hard
 A command that was stopped goes on when given again: recordings, diagnosis, runs and episodes are kept, and the results
 are written anew after every plant and training seed. naive and randomized are trained once for all plants.
 
-What it costs: 18 processor seconds a thousand steps (docs/results/dynamics.md), so 9.6 minutes a run of 32000. N plants
-and K seeds are 2 K (N + 1) runs and N diagnoses of 3 to 12 minutes: the second command is 66 runs, 10.6 hours of one
-core, and two hours more for diagnoses and episodes.
+What it costs: 13 processor seconds a thousand steps (docs/results/dynamics.md), so 7 minutes a run of 32000. N plants
+and K seeds are 2 K (N + 1) runs and N diagnoses of 2 to 5 minutes: the second command is 66 runs, 7.7 hours of one
+core, and an hour more for diagnoses and episodes. Two processes share it with `--first` and an own `--out`, once the
+runs of naive and randomized, which all plants use, are there.
 """
 
 from __future__ import annotations
@@ -62,13 +63,14 @@ def main() -> None:
     """Identifies, trains, judges; writes dynamics_transfer.json and .md after every plant and seed."""
     parser = arguments.parser(__doc__ or "")
     parser.add_argument("--plants", type=int, default=1, help="hidden plants, the bundled one first")
+    parser.add_argument("--first", type=int, default=0, help="number of the first plant, to share the work out")
     parser.add_argument("--ranges", default="full", choices=["full", "schedule", "adaptive"], help="how they open")
     given = parser.parse_args()
     work, budget = given.runs / "dynamics_transfer", arguments.budget(given)
     given.out.mkdir(parents=True, exist_ok=True)
     tables: dict[int, dict[str, Any]] = {}
     about: dict[str, Any] = {}
-    for number in range(given.plants):
+    for number in range(given.first, given.plants):
         plant = hidden_plant(number, work)
         model = identify(plant, work / f"identification-{number}")
         spent(f"plant {number}: identified")
