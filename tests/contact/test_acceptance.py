@@ -10,7 +10,7 @@ from vispeg.contact.drive import Driven
 from vispeg.contact.evidence import predicted
 from vispeg.contact.floors import FORM
 from vispeg.contact.run import evidence_of
-from vispeg.contact.selection.profile import outward, probed, tries
+from vispeg.contact.selection.profile import outward, probed, strongest, tries
 from vispeg.contact.selection.search import ContactSearch
 from vispeg.contact.selection.spare import spared
 from vispeg.contact.sensor import stands_for
@@ -76,6 +76,23 @@ def test_sizes_are_tried_from_none_outward_until_one_is_felt_and_none_promises()
     names = [p.name for p in probed(Straight(), World(), [("hole_offset", "fixture")], 50.0)]
     by = {k: sorted(v for n, v in zip(names, tried, strict=True) if n == k) for k in "xyz"}
     assert by == {"x": [-3e-4, 3e-4, 1e-3, 3e-3], "y": [-3e-4, 3e-4], "z": [-3e-3, -1e-3, -3e-4, 3e-4, 1e-3, 3e-3]}
+
+
+class Loud(Straight):
+    """The part begins in contact: it sees all ten times as strongly. 0.3 mm is no rival of 3 mm and stays the part's."""
+
+    hidden = np.array([2.5e-3, 0.0, 0.0])
+
+    def residuals_in_part(self, worlds):
+        return [10 * r for r in self.residuals(worlds)]
+
+
+def test_a_size_seen_by_a_part_alone_gains_no_more_than_the_best_of_all_recordings():
+    evidence = Loud()
+    (best,) = strongest(probed(evidence, World(), [("hole_offset", "fixture")], 50.0))
+    before, after = (float(r @ r) for r in evidence.residuals([World(), World().add(best.placed)]))
+    assert best.placed.params["x"].value == pytest.approx(3e-3)
+    assert best.gain == pytest.approx(before - after)
 
 
 def test_every_size_of_an_effect_lies_on_one_way_from_none():
