@@ -79,7 +79,7 @@ def test_sizes_are_tried_from_none_outward_until_one_is_felt_and_none_promises()
 
 
 class Loud(Straight):
-    """The part begins in contact: it sees all ten times as strongly. 0.3 mm is no rival of 3 mm and stays the part's."""
+    """Its part begins in contact and sees all ten times as strongly; 0.3 mm is asked of the part alone."""
 
     hidden = np.array([2.5e-3, 0.0, 0.0])
 
