@@ -174,6 +174,15 @@ def test_divergence_is_said_and_stays_in_its_row():
     np.testing.assert_array_equal(pair.q[1], one(ROBOT, World(), s).q[0])
 
 
+def test_what_comes_after_a_short_segment_does_not_count():
+    """Beside a longer one it is held on after its end; that it runs wild there is nothing that was asked."""
+    wild = World().add(EffectInstance.of("command_delay", "all", delay=0.03))
+    short, long = iiwa_segment("position", 0.05), iiwa_segment("position", 0.5)
+    first, second = simulate(ROBOT, [wild], [short, long])
+    assert not first.diverged[0] and second.diverged[0]
+    np.testing.assert_array_equal(first.q, one(ROBOT, wild, short).q)
+
+
 def test_gravity_along_the_measured_motion_is_nearly_exact():
     """The first-order gravity of candidates near the measurement costs under a microradian for a friction of 2 N m."""
     world = World().add(EffectInstance.of("coulomb_friction", "joint4", torque=2.0))

@@ -136,6 +136,7 @@ class _Run:
         out = np.empty((4, ticks, *q0.shape))
         true_q = np.empty((ticks, *q0.shape)) if want_ee else None
         motor = np.zeros_like(q0)
+        self.wild = np.zeros(self.rows.nsim, bool)
         for k in range(ticks):
             plant.read()
             if noise is not None and noise.sensed:
@@ -154,18 +155,22 @@ class _Run:
                 if sub:
                     plant.read()
                 motor = plant.step(command if self.servos is None else self.servos.torque(command), hold)
+            self._ends(k)
         out[2:, 0] = out[2:, 1]  # nothing was measured before the first step
         return [self._response(i, out, true_q) for i in range(len(self.rows.segments))]
+
+    def _ends(self, k: int) -> None:
+        """Notes which rows ran wild in the segments that end at tick k: what a shorter one does later says nothing."""
+        for i, s in enumerate(self.rows.segments):
+            if s.ticks == k + 1:
+                rows = slice(i * self.rows.nworld, (i + 1) * self.rows.nworld)
+                self.wild[rows] = self.plant.batch.warning[rows, :, 1].any(axis=1)
 
     def _response(self, i: int, out: np.ndarray, true_q: np.ndarray | None) -> Response:
         nworld, s = self.rows.nworld, self.rows.segments[i]
         rows = slice(i * nworld, (i + 1) * nworld)
         q, dq, joint, motor = (self._sampled(s, out[c][:, rows]) for c in range(4))
-        bad = (
-            ~np.all(np.isfinite(q), axis=(1, 2))
-            | (np.abs(q).max(axis=(1, 2)) > ANGLE)
-            | self.plant.batch.warning[rows, :, 1].any(axis=1)
-        )
+        bad = ~np.all(np.isfinite(q), axis=(1, 2)) | (np.abs(q).max(axis=(1, 2)) > ANGLE) | self.wild[rows]
         far = ~np.all(np.isfinite(q) & (np.abs(q) < ANGLE) & (np.abs(dq) < SPEED), axis=2)
         first = np.where(far.any(axis=1), far.argmax(axis=1), -1)
         at = np.where(bad, s.time[first], np.nan)
