@@ -10,8 +10,9 @@ from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.diagnosis.run import diagnose
 from vispeg.identify.contact import AFTER, BEFORE, contact_of
-from vispeg.identify.evidence import Evidence, robot_of
+from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import TorqueEvidence
+from vispeg.identify.nominal import robot_of
 from vispeg.recordings.noise import NOISE
 from vispeg.recordings.recording import Control
 from vispeg.worlds.model_file import load_model

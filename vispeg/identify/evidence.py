@@ -18,11 +18,12 @@ from vispeg.identify.channels import Channel, Item, shows
 from vispeg.identify.contact import Contact, contact_of
 from vispeg.identify.load import load_noise, unsigned, with_gains
 from vispeg.identify.loops.opened import OPEN, driven
-from vispeg.identify.loops.stops import passed, without_stops
+from vispeg.identify.loops.runaway import in_hand, said
+from vispeg.identify.loops.stops import passed
+from vispeg.identify.nominal import nominal_robot, robot_of
 from vispeg.identify.space import Freedom
 from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Recording
-from vispeg.robots.model import RobotModel, load
 from vispeg.sim.rollout import Response, simulate
 from vispeg.sim.segments.segment import EXTERNAL, segments
 from vispeg.sim.shares import processes, shared
@@ -50,7 +51,8 @@ class Evidence(Freedom):
     """
 
     def __init__(self, recordings: Sequence[Recording], *, h_max: float = 2e-3, nthread: int = 1):
-        self.recordings, self.nthread = [driven(rec, robot_of(rec)) for rec in recordings], nthread
+        sound = [in_hand(rec, nominal_robot(rec), 2.0 * _settle(rec)) for rec in recordings]
+        self.recordings, self.nthread = [driven(rec, robot_of(rec)) for rec in sound], nthread
         servo = all(rec.control.mode == "servo" for rec in recordings)
         self.h_max = max(h_max, SERVO_STEP) if servo else h_max
         touched = [(rec, contact_of(rec, robot_of(rec))) for rec in self.recordings]
@@ -63,7 +65,8 @@ class Evidence(Freedom):
         self.groups = list(groups.values())
         self.notes = [_windows(rec) for rec in recordings if rec.chosen]
         self.notes += [contact.said(rec.name) for rec, contact in touched if contact is not None]
-        self.notes += [OPEN.format(a.name) for a, b in zip(self.recordings, recordings, strict=True) if a is not b]
+        self.notes += [said(rec, rest) for rec, rest in zip(recordings, sound, strict=True) if rest is not rec]
+        self.notes += [OPEN.format(a.name) for a, b in zip(self.recordings, sound, strict=True) if a is not b]
         self.notes += _stops(self.recordings)
         self.floor_from = "stated noise" if all("q" in r.noise for r in recordings) else "estimated"
         self._recent: list[tuple[tuple[World, ...], list[np.ndarray]]] = []
@@ -226,36 +229,9 @@ def _predicted(channel: Channel, item: Item, response: Response) -> np.ndarray:
     return response.q
 
 
-_ROBOTS: dict[tuple, RobotModel] = {}
-
-
-def robot_of(rec: Recording) -> RobotModel:
-    """The nominal robot of a recording without the stops that a joint was measured beyond: they are none."""
-    robot = nominal_robot(rec)
-    key = (id(robot), passed(robot, rec.q))
-    if key not in _ROBOTS:
-        _ROBOTS[key] = without_stops(robot, key[1])
-    return _ROBOTS[key]
-
-
-def nominal_robot(rec: Recording) -> RobotModel:
-    """The nominal robot of a recording, its declared tool and tilt included; checked against its joints."""
-    key = (rec.robot, repr(rec.tool), rec.base_tilt)
-    if key not in _ROBOTS:
-        try:
-            _ROBOTS[key] = load(rec.robot, tool=rec.tool, base_tilt=rec.base_tilt)
-        except UserError as error:
-            raise UserError(str(error), file=rec.path / "recording.yaml") from error
-    robot = _ROBOTS[key]
-    if tuple(rec.joints) != tuple(robot.joints):
-        raise UserError(
-            "the recording's joints are not the robot's",
-            file=rec.path / "recording.yaml",
-            key="joints",
-            expected=", ".join(robot.joints),
-            got=", ".join(rec.joints),
-        )
-    return robot
+def _settle(rec: Recording) -> float:
+    """Seconds at the start of a segment that are not compared."""
+    return SETTLE if rec.control.mode in ("position", "servo") else OBSERVED
 
 
 def _every(rec: Recording) -> int:
@@ -266,7 +242,7 @@ def _every(rec: Recording) -> int:
 def _items(rec: Recording, contact: Contact | None) -> list[Item]:
     robot, noise = robot_of(rec), noise_of(rec)
     out = []
-    settle = SETTLE if rec.control.mode in ("position", "servo") else OBSERVED
+    settle = _settle(rec)
     for segment in segments(rec):
         if segment.time[-1] <= 2 * settle:
             continue

@@ -16,7 +16,8 @@ from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.identify.channels import Channel, Item
 from vispeg.identify.contact import Contact, contact_of
-from vispeg.identify.evidence import Evidence, robot_of
+from vispeg.identify.evidence import Evidence
+from vispeg.identify.nominal import robot_of
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.noise import highpass_sigma
 from vispeg.recordings.recording import Control, Recording

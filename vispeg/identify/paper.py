@@ -17,7 +17,7 @@ from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.identify.checkpoint import Trace
 from vispeg.identify.cmaes import minimise
-from vispeg.identify.evidence import robot_of
+from vispeg.identify.nominal import robot_of
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import compiled, flange_pose

@@ -91,8 +91,6 @@ def choose(rec: Recording, seconds: float = SECONDS) -> Recording:
     picked = _greedy(cells, spans, max(1, int(seconds / LENGTH)))
     picked = sorted(picked, key=lambda k: spans[k][0])
     parts = [spans[k] for k in picked]  # those that touch stay apart: side by side, equally long ones cost the least
-    rows = np.concatenate([np.arange(first, stop) for first, stop in parts])
-    number = np.repeat(np.arange(len(parts)), [stop - first for first, stop in parts])
     most, overall = tops[:, picked].max(axis=1), tops.max(axis=1)
     cover = np.min(np.where(overall > 0, most / np.maximum(overall, 1e-12), 1.0), axis=-1)
     windows = tuple(Window(float(rec.time[first]), float(rec.time[stop - 1])) for first, stop in parts)
@@ -106,9 +104,15 @@ def choose(rec: Recording, seconds: float = SECONDS) -> Recording:
         acceleration=float(cover[1]),
         load=float(cover[2]),
     )
-    names = ("time", *SIGNALS)
-    cut = {name: value[rows] for name in names if (value := getattr(rec, name)) is not None}
-    return replace(rec, episode=number, chosen=chosen, **cut)
+    return replace(taken(rec, parts), chosen=chosen)
+
+
+def taken(rec: Recording, parts: Sequence[tuple[int, int]]) -> Recording:
+    """The recording with these spans of its rows (first, stop) alone, each an episode, each in its own time."""
+    rows = np.concatenate([np.arange(first, stop) for first, stop in parts])
+    number = np.repeat(np.arange(len(parts)), [stop - first for first, stop in parts])
+    cut = {name: value[rows] for name in ("time", *SIGNALS) if (value := getattr(rec, name)) is not None}
+    return replace(rec, episode=number, **cut)
 
 
 def _runs(episode: np.ndarray) -> list[np.ndarray]:

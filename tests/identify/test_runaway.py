@@ -1,0 +1,71 @@
+"""Stretches in which a loop lost its arm say nothing: the rest of the recording is compared without them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from loops import iiwa_segment, recorded
+
+from vispeg.core.effect import EffectInstance
+from vispeg.core.seeds import stream
+from vispeg.identify.evidence import Evidence
+from vispeg.identify.loops.runaway import AFTER, BEFORE, in_hand
+from vispeg.recordings.recording import Control, Recording
+from vispeg.robots.model import load
+from vispeg.worlds.world import World
+
+ROBOT = load("iiwa14")
+SECONDS, LEAST = 3.0, 0.8
+WORLD = World().add(EffectInstance.of("coulomb_friction", "joint4", torque=1.0))
+
+
+@pytest.fixture(scope="module")
+def calm() -> Recording:
+    return recorded(ROBOT, "iiwa14", WORLD, iiwa_segment("position", SECONDS, seed=3), stream(3, "calm"))
+
+
+def thrown(rec: Recording, begin: float, end: float) -> Recording:
+    """Joint 5 is thrown about at up to 25 rad/s, which is eleven times what it is made for."""
+    inside = (rec.time >= begin) & (rec.time <= end)
+    q = rec.q.copy()
+    q[inside, 4] += 0.4 * np.sin(2 * np.pi * 10.0 * (rec.time[inside] - begin))
+    return replace(rec, q=q)
+
+
+def mean_square(rec: Recording) -> float:
+    evidence = Evidence([rec], h_max=1e-3)
+    (residual,) = evidence.residuals([WORLD])
+    return float(residual @ residual) / evidence.count
+
+
+def test_a_loop_that_holds_its_arm_keeps_all(calm):
+    assert in_hand(calm, ROBOT, LEAST) is calm
+
+
+def test_what_comes_before_is_judged_as_if_nothing_followed(calm):
+    """The right model stands at the floor up to there, and the stretch and what follows it are left out."""
+    rec = thrown(calm, 2.0, 2.3)
+    kept = in_hand(rec, ROBOT, LEAST)
+    assert kept.time[0] == 0.0 and kept.time[-1] == pytest.approx(2.0 - BEFORE, abs=0.02)
+    assert in_hand(kept, ROBOT, LEAST) is kept
+    np.testing.assert_array_equal(kept.q, calm.q[: len(kept.q)])
+    assert mean_square(rec) == pytest.approx(1.0, abs=0.2)
+    (note,) = Evidence([rec], h_max=1e-3).notes
+    assert "loses the arm" in note and "1.9 of 3 s" in note
+
+
+def test_where_it_is_lost_at_once_what_follows_is_what_there_is(calm):
+    kept = in_hand(thrown(calm, 0.2, 0.5), ROBOT, LEAST)
+    assert kept.time[0] == pytest.approx(0.5 + AFTER, abs=0.02) and kept.time[-1] == calm.time[-1]
+
+
+def test_nothing_is_left_out_where_nothing_would_be_left_or_known(calm):
+    """A rated speed, a loop that could lose the arm, and time enough without it: else the recording stays whole."""
+    rec = thrown(calm, 0.2, 2.9)
+    assert in_hand(rec, ROBOT, LEAST) is rec
+    rec = thrown(calm, 2.0, 2.3)
+    assert in_hand(rec, replace(ROBOT, velocity_limit=np.full(7, np.inf)), LEAST) is rec
+    passive = replace(rec, control=Control("passive", 500.0))
+    assert in_hand(passive, ROBOT, LEAST) is passive

@@ -1,0 +1,65 @@
+"""Stretches of a recording in which a closed loop lost the arm.
+
+Near the brink of stability (readings that come late) or in a singular posture (operational space control) a loop may
+throw the arm about at many times the speed it is made for. There errors grow from one tick to the next: noise decides
+what happens, the right model leaves the recording by as much as any other, and this error drowns all that the rest of
+the recording says. So such a stretch is left out, and what follows, too: a loop so near the brink forgets a start state
+that is not quite right for seconds. Only where it loses the arm at once, what follows is what there is.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.recordings.differentiate import smooth
+from vispeg.recordings.recording import Recording
+from vispeg.recordings.windows import taken
+from vispeg.robots.model import RobotModel
+
+BEYOND = 3.0  # times the speed that a joint is made for, which no loop that holds its arm reaches
+MOTION_HZ = 50.0  # bandwidth of the speeds that are looked at
+BEFORE, AFTER = 0.1, 1.0  # s about them that are left out in any case: errors grow before they show, and fade after
+RUNAWAY = (
+    "{}: the loop loses the arm (a joint exceeds {:g} times its rated speed): {:.3g} of {:.3g} s can be compared, "
+    "from {:.3g} s on"
+)
+
+
+def in_hand(rec: Recording, robot: RobotModel, least: float) -> Recording:
+    """The recording with what each episode shows before its loop lost the arm, or else after.
+
+    It is `rec` itself where there are none, where no loop is known that could lose the arm, where the robot's file
+    states no speeds, or where nothing longer than `least` seconds would be left.
+    """
+    if rec.control.mode not in ("position", "osc"):
+        return rec
+    episode = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
+    runs = [np.flatnonzero(episode == e) for e in np.unique(episode)]
+    lost = [_lost(rec.time[rows], rec.q[rows], robot.velocity_limit) for rows in runs]
+    if not any(off.any() for off in lost):
+        return rec
+    kept = []
+    for rows, off in zip(runs, lost, strict=True):
+        long = [part for part in _stretches(rows[~off]) if rec.time[part[-1]] - rec.time[part[0]] > least]
+        kept += [(part[0], part[-1] + 1) for part in long[:1]]
+    return taken(rec, kept) if kept else rec
+
+
+def said(before: Recording, after: Recording) -> str:
+    """A note on what was left out of a recording."""
+    spent = [np.ptp(time) for time in (after.time, before.time)]
+    return RUNAWAY.format(before.name, BEYOND, *spent, after.time[0])
+
+
+def _lost(time: np.ndarray, q: np.ndarray, limit: np.ndarray) -> np.ndarray:
+    """(n,) bool: within BEFORE before, or AFTER after, a sample at which some joint is far too fast."""
+    _, dq, _ = smooth(time, q, MOTION_HZ)
+    fast = time[(np.abs(dq) > BEYOND * limit).any(axis=1)]  # a missing reading is not fast
+    # of the samples too fast the last one before time + BEFORE; it is no further back than time - AFTER
+    last = np.searchsorted(fast, time + BEFORE, side="right") - 1
+    return (last >= 0) & (fast[last] >= time - AFTER) if len(fast) else np.zeros(len(time), bool)
+
+
+def _stretches(rows: np.ndarray) -> list[np.ndarray]:
+    """Runs of consecutive row numbers."""
+    return [run for run in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1) if len(run)]

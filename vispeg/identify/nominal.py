@@ -1,0 +1,39 @@
+"""The nominal robot of a recording: its file's arm with the declared tool and tilt, and without stops it passed."""
+
+from __future__ import annotations
+
+from vispeg.core.errors import UserError
+from vispeg.identify.loops.stops import passed, without_stops
+from vispeg.recordings.recording import Recording
+from vispeg.robots.model import RobotModel, load
+
+_ROBOTS: dict[tuple, RobotModel] = {}
+
+
+def robot_of(rec: Recording) -> RobotModel:
+    """The nominal robot of a recording without the stops that a joint was measured beyond: they are none."""
+    robot = nominal_robot(rec)
+    key = (id(robot), passed(robot, rec.q))
+    if key not in _ROBOTS:
+        _ROBOTS[key] = without_stops(robot, key[1])
+    return _ROBOTS[key]
+
+
+def nominal_robot(rec: Recording) -> RobotModel:
+    """The nominal robot of a recording, its declared tool and tilt included; checked against its joints."""
+    key = (rec.robot, repr(rec.tool), rec.base_tilt)
+    if key not in _ROBOTS:
+        try:
+            _ROBOTS[key] = load(rec.robot, tool=rec.tool, base_tilt=rec.base_tilt)
+        except UserError as error:
+            raise UserError(str(error), file=rec.path / "recording.yaml") from error
+    robot = _ROBOTS[key]
+    if tuple(rec.joints) != tuple(robot.joints):
+        raise UserError(
+            "the recording's joints are not the robot's",
+            file=rec.path / "recording.yaml",
+            key="joints",
+            expected=", ".join(robot.joints),
+            got=", ".join(rec.joints),
+        )
+    return robot
