@@ -81,6 +81,23 @@ def test_bounce_damping_and_rest_depth():
     np.testing.assert_array_equal(speed[:, 6], speed[:, 0])
 
 
+@pytest.mark.parametrize("load", [2.0, 60.0])
+def test_a_softer_contact_stands_deeper_under_any_load(load):
+    """1 / stiffness times, also where nominal contact is pressed beyond the width over which it grows harder."""
+    worlds = [NOMINAL, one("contact_stiffness", scale=0.1), one("contact_stiffness", scale=0.02)]
+    batch = bench(worlds, (*BESIDE, TOP), 5e-4)
+    down = batch.bind("qfrc_applied")
+    down[:, SLIP] = load
+    for _ in range(1200):
+        batch.step()
+    depth = []
+    for row in range(len(worlds)):
+        d = batch.get_data(row)
+        mujoco.mj_forward(batch.get_model(row), d)
+        depth.append(d.contact.dist.mean())
+    np.testing.assert_allclose(np.array(depth) / depth[0], [1.0, 10.0, 50.0], rtol=0.05)
+
+
 @pytest.mark.parametrize("z", [0.1, 0.3, 0.8, 1.7])
 def test_rebound_is_that_of_a_dashpot_that_cannot_pull(z):
     """Schwager and Poeschel's form against the integrated equation x'' = -2 z x' - x, ended where the force is zero."""

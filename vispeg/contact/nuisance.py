@@ -32,6 +32,7 @@ PLACE, TURN = 2e-4, 4e-4  # m, rad: by how much a robot's forward kinematics may
 TOUCH = Thresholds().touch  # N, of contact that a place binds
 LATE = 5e-4  # s
 BLOWS, BEFORE = 0.1, 5  # share of a slide's scatter by which it drags otherwise; blocks before a tip sticks
+ACROSS = 0.1  # of a slide's drag, by which a tool that hops in the model and whose mass is off its axis drags sideways
 FAR, TWIST = 0.02, 0.5  # m, rad over which that changes
 NEARLY, SLIPPED = 0.75, 1.5e-4  # of what a grip holds, from which a blow moves the part in it; m
 STUCK = 0.005  # m/s, of a tip below which it sticks
@@ -204,7 +205,11 @@ def _stuck(item: ContactItem) -> list[np.ndarray]:
 
 
 def _chatters(item: ContactItem) -> list[np.ndarray]:
-    """Where a slide chatters, its blows push against it and up, by the same share of their size all along."""
+    """Where a slide chatters, its blows push against it and up, by the same share of their size all along.
+
+    In the model every slide does, however smooth it is: a convex contact parts as it slides (MuJoCo 4.0 manual,
+    Computation, Contact), and a tool whose mass is off its axis then swings aside with every hop: it drags across, too.
+    """
     phase, turn = item.phase, _turn(item)
     slides = (phase.code != NAMES.index("free")) & (phase.speed >= STUCK)
     size = np.linalg.norm(phase.scatter(item.path.wrench[:, :3]), axis=1) * slides
@@ -213,6 +218,7 @@ def _chatters(item: ContactItem) -> list[np.ndarray]:
     drag = force * (1 - up)
     drag /= np.maximum(np.linalg.norm(drag, axis=1), TOUCH)[:, None]
     pushes = [BLOWS * size[:, None] * way for way in (drag, np.tile(up, (len(size), 1)))]
+    pushes.append(ACROSS * slides[:, None] * np.cross(up, force))
     return [_at_tip(item, turn.inv().apply(push)) for push in pushes]
 
 

@@ -37,6 +37,7 @@ from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.share import Share
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import TorqueEvidence, evidence_for
+from vispeg.identify.loops.soft import near
 from vispeg.identify.loops.stirred import stirred
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import records
@@ -72,6 +73,7 @@ def diagnose(
     """
     still = refuse_motionless(fitted, held_out)
     evidence, judged = evidence_for(world, fitted, nthread), evidence_for(world, held_out, nthread, h_max=1e-3)
+    evidence, judged = near(evidence, world), near(judged, world)
     roles = recast(world, evidence, judged)
     if roles is not None:
         say(roles.note)

@@ -1,9 +1,11 @@
 """Blows of a recorded tool: found, and run again in worlds from just before each, as restarts of a toss are.
 
-What a contact takes out of a blow shows in the force of its first hundredths of a second, which no path at 40 Hz holds.
-So the whole arm runs again, under the controller that ran, from where it was some ms before the touch; the force after
-the touch is compared in a few windows, each from its own touch on, so that a height need not be known. Source: window
-restarts as in Acosta, Yang and Posa 2022, Validating robotics simulators on real-world impacts, RA-L 7(3).
+What a contact takes out of a blow shows in its first hundredths of a second, which no path at 40 Hz holds. So the whole
+arm runs again, under the controller that ran, from where it was some ms before the touch. Compared are the impulse, and
+how long the tool then flies until it touches again, each from its own touch on, so that a height need not be known. Both
+are the same of a stiff and of a soft contact; a force is not. Sources: window restarts as in Acosta, Yang and Posa 2022,
+Validating robotics simulators on real-world impacts, RA-L 7(3); restitution from the times between bounces, Bernstein
+1977, Listening to the coefficient of restitution, American Journal of Physics 45(1).
 """
 
 from __future__ import annotations
@@ -25,9 +27,11 @@ from vispeg.worlds.world import World
 
 BEFORE, AFTER = 0.012, 0.065  # s that are run before the measured touch, and after it
 CALM = 0.05  # s before the touch in free air from which place and speed are taken
-WINDOWS = (0.0, 0.008, 0.016, 0.03, 0.05)  # s after the touch, between which forces are averaged
-FORCE, SHARE = 0.4, 0.15  # N, and of the force of the window: what the right model leaves
-FIRST = 0.3  # the same in the first window, where a sample is as long as the peak
+HIT = 0.016  # s from the touch, in which the impulse is: longer than a contact lasts
+PARTED = 0.08  # of the peak force, under which the tool flies
+BRUSH = 5.0  # times the threshold of a touch, up to which the peak is that of no blow
+IMPULSE, LEAST = 0.15, 0.01  # and N s: what the right model leaves of an impulse,
+FLIGHT, SAMPLE = 0.25, 0.004  # and s: of a flight, whose ends are read to a sample or two
 
 
 @dataclass(frozen=True)
@@ -42,7 +46,7 @@ class Blow:
         axis: (3,) along which the contact pushes, flange axes.
         threshold: N, of a touch.
         speed: m/s, of the tip.
-        force: (len(WINDOWS) - 1,) N along the axis, means over the windows.
+        felt: (2,) impulse, N s along the axis, and flight, s.
     """
 
     recording: Recording
@@ -52,13 +56,12 @@ class Blow:
     axis: np.ndarray
     threshold: float
     speed: float
-    force: np.ndarray
+    felt: np.ndarray
 
     @property
     def sigma(self) -> np.ndarray:
-        """(k,) N, what the right model leaves in each window."""
-        share = np.r_[FIRST, np.full(len(self.force) - 1, SHARE)]
-        return np.hypot(FORCE, share * np.maximum(np.abs(self.force), 0.3 * np.abs(self.force).max()))
+        """(2,) N s and s, what the right model leaves."""
+        return np.hypot([LEAST, SAMPLE], np.array([IMPULSE, FLIGHT]) * self.felt)
 
 
 def restarts(rec: Recording) -> bool:
@@ -91,34 +94,40 @@ def blows(rec: Recording) -> list[Blow]:
         axis = push.sum(axis=0) / max(np.linalg.norm(push.sum(axis=0)), 1e-9)
         speed = float(np.linalg.norm(felt.velocity[first - before]))
         least = max(felt.threshold, 0.0 if noise is None else 6.0 * float(noise[0]))
-        force = _windows(felt.wrench[rows, :3] @ axis, rec.rate_hz, before, least)
-        if np.isfinite(force).all():
+        blow = _felt(felt.wrench[rows, :3] @ axis, rec.rate_hz, before, least)
+        if np.isfinite(blow).all():
             begin = _started(rec, first - calm, first, first - before)
-            out.append(Blow(rec, cell.scene, rows, begin, axis, least, speed, force))
+            out.append(Blow(rec, cell.scene, rows, begin, axis, least, speed, blow))
     return out
 
 
-def forces(blow: Blow, worlds: Sequence[World], nthread: int = 1) -> np.ndarray:
-    """(nworld, k) N that the worlds predict for a blow; NaN where a world does not touch in time."""
+def predicted(blow: Blow, worlds: Sequence[World], nthread: int = 1) -> np.ndarray:
+    """(nworld, 2) N s and s that the worlds predict for a blow; NaN where a world does not hit in time."""
     rec, rate = blow.recording, blow.recording.control.rate_hz
     assert rec.ee_cmd is not None
     cell = believed(rec.cell, rec.path / "recording.yaml")
     plants = [cell.world.add(*w.effects) for w in worlds]
     ran = run(cell.scene, plants, rec.control, rec.ee_cmd[blow.rows], *blow.start, nthread=nthread).ft
     before = max(2, round(0.5 * BEFORE * rate))
-    return np.stack([_windows(wrench @ blow.axis, rate, before, blow.threshold) for wrench in ran[:, :, :3]])
+    return np.stack([_felt(wrench @ blow.axis, rate, before, blow.threshold) for wrench in ran[:, :, :3]])
 
 
-def _windows(force: np.ndarray, rate: float, before: int, threshold: float) -> np.ndarray:
-    """(k,) means of a force (n,) over `WINDOWS` after its own touch, less what it was before; NaN without any."""
-    above = force - force[:before].mean()
+def _felt(force: np.ndarray, rate: float, before: int, threshold: float) -> np.ndarray:
+    """(2,) impulse and flight of a force (n,) less what it was `before` the touch; NaN without a blow.
+
+    A tool that does not come back is said to fly until the force's end.
+    """
+    above, hit = force - force[:before].mean(), round(HIT * rate)
     touched = np.flatnonzero(np.abs(above) > threshold)
-    out = np.full(len(WINDOWS) - 1, np.nan)
-    if len(touched):
-        edges = touched[0] + np.round(np.array(WINDOWS) * rate).astype(int)
-        if edges[-1] <= len(force):
-            out = np.array([above[a:b].mean() for a, b in zip(edges[:-1], edges[1:], strict=True)])
-    return out
+    peak = above[touched[0] : touched[0] + hit].max() if len(touched) else 0.0
+    if peak < BRUSH * threshold or touched[0] + hit > len(above):
+        return np.full(2, np.nan)
+    on = above > max(threshold, PARTED * peak)
+    first = int(np.argmax(on))
+    part = first + int(np.argmin(np.r_[on[first:], False]))
+    flight = int(np.argmax(np.r_[on[part:], True]))
+    parts = part < first + 2 * hit  # or else it stays
+    return np.array([above[touched[0] : touched[0] + hit].sum() / rate, parts * flight / rate])
 
 
 def _started(rec: Recording, begin: int, end: int, at: int) -> tuple[np.ndarray, np.ndarray]:
