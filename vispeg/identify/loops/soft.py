@@ -1,0 +1,78 @@
+"""Operational space control that lets the posture go: its null space is too soft to hold a model near the recording.
+
+A null space of 10 1/s^2 gives way to five newton metres by half a radian. So a model that lacks as much (a tilted base)
+ends in another posture, with another inertia and another gravity: nothing there is linear in what it lacks, and no
+candidate shows what it is. The torques that the loop asked for follow from what it read, as those of an open loop do,
+and an observer holds rollouts softly to the measured motion, in the measured posture.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from vispeg.control.laws import hold_pose
+from vispeg.identify.evidence import Evidence
+from vispeg.identify.nominal import nominal_robot
+from vispeg.recordings.differentiate import smooth
+from vispeg.recordings.recording import Recording
+from vispeg.robots.model import RobotModel
+from vispeg.sim.compiled import nominal_of
+from vispeg.worlds.world import World
+
+FAR = 0.05  # rad RMS in some joint, from which on the posture is another: inertia and gravity differ by some per cent
+MOTION_HZ = 40.0  # bandwidth of velocities that were not recorded
+ROWS = 4096  # samples that are worked out at a time
+SOFT = "{}: the null space lets the model drift by {:.2g} rad, so the torques that the loop asked for drive the models"
+
+
+def near(evidence: Evidence, world: World) -> Evidence:
+    """The evidence, those of its OSC recordings that `world` drifts away from as under torque control."""
+    drift = _drift(evidence, world)
+    if not drift:
+        return evidence
+    recordings = [as_asked(r, nominal_robot(r)) if id(r) in drift else r for r in evidence.recordings]
+    out = Evidence(recordings, h_max=evidence.h_max, nthread=evidence.nthread)
+    out.notes = [*evidence.notes, *(SOFT.format(r.name, drift[id(r)]) for r in evidence.recordings if id(r) in drift)]
+    return out
+
+
+def _drift(evidence: Evidence, world: World) -> dict[int, float]:
+    """Of each OSC recording (by id) that the world leaves by more than FAR, the RMS angle of its worst joint."""
+    if all(i.recording.control.mode != "osc" for i in evidence.items):
+        return {}
+    out: dict[int, float] = {}
+    for item, predicted in zip(evidence.items, evidence.simulated([world]), strict=True):
+        if item.recording.control.mode == "osc":
+            valid = item.valid[:, : item.nj]
+            gap = np.where(valid, item.measured[:, : item.nj] - predicted[0][:, : item.nj], 0.0)
+            gap = np.where(np.isfinite(gap), gap, np.pi)  # a rollout that diverged
+            rms = np.sqrt((gap**2).sum(axis=0) / np.maximum(valid.sum(axis=0), 1)).max()
+            out[id(item.recording)] = max(out.get(id(item.recording), 0.0), float(rms))
+    return {key: rms for key, rms in out.items() if rms > FAR}
+
+
+def as_asked(rec: Recording, robot: RobotModel) -> Recording:
+    """An OSC recording as one under torque control: with what its law asks for at what it read, beside gravity."""
+    known = np.isfinite(rec.q).all(axis=1, keepdims=True)
+    torque = np.where(known, _asked(rec, robot, np.nan_to_num(rec.q)), np.nan)
+    return replace(rec, control=replace(rec.control, mode="torque"), tau_cmd=torque)
+
+
+def _asked(rec: Recording, robot: RobotModel, q: np.ndarray) -> np.ndarray:
+    """(n, nj) N m of the law in RECORDING.md at readings q (n, nj), without gravity."""
+    c, n = rec.control, len(q)
+    assert rec.ee_cmd is not None and c.kp is not None and c.kd is not None
+    dq = np.nan_to_num(smooth(rec.time, q, MOTION_HZ)[1] if rec.dq is None else rec.dq)
+    pull = None if c.nullspace is None else c.nullspace.kp * (c.nullspace.q - q) - c.nullspace.kd * dq
+    parts = [q[start : start + ROWS] for start in range(0, n, ROWS)]
+    operational = [nominal_of(robot, len(part)).operational(part) for part in parts]
+    mass, jac, pos, quat, gravity = (np.concatenate(signal) for signal in zip(*operational, strict=True))
+    gains = np.broadcast_to(c.kp, (n, 6)), np.broadcast_to(c.kd, (n, 6))
+    goal = rec.ee_cmd[:, :3], rec.ee_cmd[:, 3:]
+    tau = hold_pose((mass, jac, pos, quat, gravity), dq, *goal, *gains, pull, c.force_limit)
+    if c.torque_limit is None:
+        return tau
+    weight = gravity if c.gravity_compensation == "model" else 0.0
+    return np.clip(tau + weight, -np.asarray(c.torque_limit), c.torque_limit) - weight
