@@ -137,11 +137,14 @@ class ContactEvidence(Evidence):
 
     def frees(self, kind: Effect, name: str) -> bool:
         """Parameters that a diagnosis of contact tries at some size, less those that a search found to be absent."""
-        return (name in kind.sizes or not kind.sizes) and (kind.name, name) not in self.absent
+        tried = name in kind.sizes or name in kind.beside or not kind.sizes
+        return tried and (kind.name, name) not in self.absent
 
     def nudge(self, kind: Effect, name: str) -> float | None:
         """The smallest size that is tried: where contacts come and go, a shorter step shows the roughness alone."""
         p = kind.params[name]
+        if name in kind.beside:
+            return 0.5 * abs(p.start - p.null)
         if name not in kind.sizes:
             return None
         size = np.abs(np.log(kind.sizes[name]) if p.scale == "log" else np.array(kind.sizes[name]) - p.null)

@@ -10,7 +10,7 @@ Gaussian Processes for Machine Learning, 2.7, for linear nuisances in a covarian
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -193,9 +193,8 @@ def _stuck(item: ContactItem) -> list[np.ndarray]:
     phase, turn = item.phase, _turn(item)
     blows = np.linalg.norm(phase.scatter(item.path.wrench[:, :3]), axis=1)
     sticks = (phase.code == NAMES.index("press")) & (phase.speed < STUCK)
-    edges = np.flatnonzero(np.diff(np.r_[0, sticks.astype(int), 0]))
     out = []
-    for a, b in zip(edges[::2], edges[1::2], strict=True):
+    for a, b in _runs(sticks):
         size = np.hypot(PLACE * item.grasp.stiffness[0], BLOWS * blows[max(a - BEFORE, 0) : a].max(initial=0.0))
         for along in np.eye(3)[:2]:
             push = np.zeros((len(phase.time), 3))
@@ -218,8 +217,16 @@ def _chatters(item: ContactItem) -> list[np.ndarray]:
     drag = force * (1 - up)
     drag /= np.maximum(np.linalg.norm(drag, axis=1), TOUCH)[:, None]
     pushes = [BLOWS * size[:, None] * way for way in (drag, np.tile(up, (len(size), 1)))]
-    pushes.append(ACROSS * slides[:, None] * np.cross(up, force))
+    across = ACROSS * np.cross(up, force)
+    for a, b in _runs(slides):
+        pushes.append(np.where((np.arange(len(size)) >= a) & (np.arange(len(size)) < b), across.T, 0.0).T)
     return [_at_tip(item, turn.inv().apply(push)) for push in pushes]
+
+
+def _runs(flag: np.ndarray) -> Iterator[tuple[int, int]]:
+    """First block of each stretch with a flag (m,), and the one after its last."""
+    edges = np.flatnonzero(np.diff(np.r_[0, flag.astype(int), 0]))
+    return zip(edges[::2], edges[1::2], strict=True)
 
 
 def _slipped(item: ContactItem) -> list[np.ndarray]:

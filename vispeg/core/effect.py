@@ -41,6 +41,7 @@ class Effect(ABC):
         telling: magnitudes without which this effect equals another one (default: any of them).
         stage: of a contact diagnosis in which it is searched (one of STAGES, in their order); empty: never.
         sizes: parameter -> values that a contact diagnosis tries; other parameters stay.
+        beside: parameters that show only where one with sizes is off its null, and are fitted with it.
         shown_by: contact motions (`vispeg record`) that excite it; empty: any.
         told_from: effects it may be confused with -> the motion that separates them; either of the two may state it.
         told_by: parameter -> the motion that separates it from those, if that is another one.
@@ -69,6 +70,7 @@ class Effect(ABC):
     grows_from: ClassVar[Mapping[str, Mapping[str, str]]] = {}
     stage: ClassVar[str] = ""
     sizes: ClassVar[Mapping[str, tuple[float, ...]]] = {}
+    beside: ClassVar[tuple[str, ...]] = ()
     shown_by: ClassVar[tuple[str, ...]] = ()
     told_from: ClassVar[Mapping[str, str]] = {}
     told_by: ClassVar[Mapping[str, str]] = {}

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vispeg.diagnosis.conclusion.farthest import farthest
 from vispeg.diagnosis.conclusion.intervals import widened
 from vispeg.diagnosis.conclusion.next_experiment import next_experiment, repeated
 from vispeg.diagnosis.conclusion.rivals import settled
@@ -105,12 +106,13 @@ def diagnose(
         least = base_parameters(evidence, judged, world)
     mark = None if least is None else _mean_square(judged, least)
     unjudged = None if roles is None else roles.unjudged(state.world, evidence)
-    verdict = decide(before, after, len(state.world.effects) - n_fixed, rivals, depends, floor, mark, unjudged)
+    worst = farthest(judged, after_held, floor)
+    verdict = decide(before, after, len(state.world.effects) - n_fixed, rivals, depends, floor, mark, unjudged, worst)
     changing = search.changes(state, n_fixed)
     unsure = open_ended(state, n_fixed)
     if verdict.partial and state.fit is not None:
         say("asking which names are certain")
-        unsure = tentative(state, n_fixed, search.exchanges(state), rivals, far=after > FARTHEST * floor)
+        unsure = tentative(state, n_fixed, search.exchanges(state), rivals, far=worst > FARTHEST)
     unsure |= {c.label for c in changing}
     final = with_origin(
         widened(state.world, n_fixed, before, after - floor + 1.0),

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.evidence.remainder import CONVINCING, Dependence
 from vispeg.diagnosis.evidence.roles import Roles
 
 FLOOR = 1.6  # held-out mean squared residual, in noise variances, up to which a model stands at the noise floor
 EXPLAINED = 0.97  # share of the held-out excess over noise that an identified model must explain
-# However bad the nominal model was, an identified one leaves no more than this, in noise variances:
+# However bad the nominal model was, an identified one leaves no more than this in any kind of channel, over its floor:
 FARTHEST = 100.0
 MARK = 1.25  # of what least squares of base parameters leaves, up to which an identified model may leave too
 
@@ -37,6 +35,7 @@ def decide(
     floor: float = 1.0,
     mark: float | None = None,
     unjudged: Roles | None = None,
+    farthest: float | None = None,
 ) -> Verdict:
     """The verdict.
 
@@ -48,6 +47,8 @@ def decide(
         floor: of the final model, in noise variances; above 1 where encoders are coarse or the loop feeds noise back.
         mark: what least squares of all base parameters, friction and bias leaves on the same recordings; None: unknown.
         unjudged: roles of the recordings where one alone shows what is missing, and nothing can be judged.
+        farthest: of the kinds of channels the one that the final model describes worst, over its floor; by default the
+            mean over all.
     """
     if unjudged is not None:
         rest = {"depends_on": [], "text": unjudged.note, "explained_share": 0.0, "shows_in": unjudged.alone}
@@ -56,11 +57,13 @@ def decide(
     explained = 1.0 - excess_after / excess_before
     at_floor = after <= FLOOR * floor
     top = depends[0] if depends else None
-    most = min(FARTHEST * floor, np.inf if mark is None else MARK * mark)
-    if not at_floor and (explained < EXPLAINED or after > most or not n_added):
+    far = (after / floor if farthest is None else farthest) > FARTHEST or (mark is not None and after > MARK * mark)
+    if not at_floor and (explained < EXPLAINED or far or not n_added):
         on = [{"input": d.input, "joint": d.joint, "share": d.share} for d in depends if d.share >= CONVINCING]
         what = f"it depends on {on[0]['input']} at {on[0]['joint']}" if on else "no single input predicts it"
         text = f"a residual {after:.1f} times the noise variance remains that no known effect explains; {what}"
+        if farthest is not None and farthest > FARTHEST:
+            text += f"; what is described worst is {farthest:.0f} times its noise variance off"
         if mark is not None:
             text += f"; least squares of all masses, friction and bias leaves {mark:.1f}"
         rest = {"depends_on": on, "text": text, "explained_share": round(explained, 4)}

@@ -1,7 +1,9 @@
-"""Gripper slip: the fingers hold their part with `grip` times the nominal force along its axis before it slips.
+"""Gripper slip: the fingers hold their part with `grip` times the nominal force along its axis before it slips, and
+with `viscosity` times its speed more while it does, as soft pads do.
 
-Native mechanism: `dof_frictionloss` of the slide between part and gripper, dry friction in N. Source: Coulomb's law for
-two fingers, `2 mu F`, whose product is what `grip` scales.
+Native mechanism: `dof_frictionloss`, dry friction in N, and `dof_damping`, N s/m, of the slide between part and
+gripper. Sources: Coulomb's law for two fingers, `2 mu F`, whose product is what `grip` scales; sliding rubber holds
+more the faster it slides, Persson 2001, Theory of rubber friction and contact mechanics, J. Chem. Phys. 115.
 """
 
 from __future__ import annotations
@@ -16,10 +18,14 @@ class GripperSlip(Effect):
 
     name = "gripper_slip"
     family = "contact"
-    params = {"grip": Param(1.0, 0.0, 2.0, "1", start=0.3, doc="of the nominal force at which it slips")}
-    writes = frozenset({"dof_frictionloss"})
+    params = {
+        "grip": Param(1.0, 0.0, 2.0, "1", start=0.3, doc="of the nominal force at which it slips"),
+        "viscosity": Param(0.0, 0.0, 1e4, "N s/m", start=1e3, doc="force per speed beyond that, while it slips"),
+    }
+    writes = frozenset({"dof_frictionloss", "dof_damping"})
     stage = "friction"
     sizes = {"grip": (0.07, 0.15, 0.3, 0.6)}
+    beside = ("viscosity",)
     shown_by = ("hard-press",)
     told_from = {"grip_pose": "hard-press"}
     needs = "hard press"
@@ -28,4 +34,6 @@ class GripperSlip(Effect):
         return held(model) if getattr(model, "slip", "") else []
 
     def write(self, fields, p):
-        fields["dof_frictionloss"][:, fields.model.joint(fields.robot.slip).dofadr[0]] *= p["grip"][:, 0]
+        slide = fields.model.joint(fields.robot.slip).dofadr[0]
+        fields["dof_frictionloss"][:, slide] *= p["grip"][:, 0]
+        fields["dof_damping"][:, slide] += p["viscosity"][:, 0]
