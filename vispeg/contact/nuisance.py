@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from vispeg.contact.phases import NAMES
 from vispeg.contact.torques import unsure
+from vispeg.contact.wedge import softness, wedging
 from vispeg.recordings.regimes import Thresholds
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import compiled
@@ -74,7 +75,7 @@ def nuisance(items: Sequence[ContactItem]) -> Nuisance:
     for item, error in zip(items, errors, strict=True):
         alone = [*_drifts(item), _late(item), *_stuck(item), *_chatters(item), *_slipped(item), *unsure(item)]
         separate.append(_whitened(item, [*alone, *_turned(item)]))
-        shared.append(_whitened(item, [*_mixtures(item), *_misplaced(item, error)]))
+        shared.append(_whitened(item, [*_mixtures(item), *_misplaced(item, error), _gives(item)]))
     columns = np.concatenate(shared, axis=0)
     out = np.zeros((ends[-1], columns.shape[1] + sum(o.shape[1] for o in separate)))
     out[:, : columns.shape[1]], at = columns, columns.shape[1]
@@ -163,6 +164,15 @@ def _turned(item: ContactItem) -> list[np.ndarray]:
     w, held = _bound(item)
     measured = held[None] * (TURN * w[:, 3:]).T[:, :, None]
     return list(_larger(item.answer[3:], measured))
+
+
+def _gives(item: ContactItem) -> np.ndarray:
+    """Where a part wedges in walls that give way by as much as one contact does: work done over the net force is how
+    far it goes along that.
+    """
+    w, held = _bound(item)
+    force = np.maximum(np.linalg.norm(item.phase.contact[:, :3], axis=1), TOUCH)
+    return held * (softness(item.source.scene) * wedging(item) ** 2 / force)[:, None]
 
 
 def _larger(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -1,0 +1,47 @@
+"""Forces across a part that wedges, from the wrench at the flange alone."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from vispeg.contact.wedge import softness, wedging
+from vispeg.robots.scene import build
+
+SCENE = build()
+
+
+def item(first: float, second: float, depth: float, axis: float = 0.0):
+    """One block of a part that bears with `first` N on the mouth and `second` the other way at its tip."""
+    tip, way = SCENE.tip, np.array([np.cos(axis), np.sin(axis), 0.0])
+    force = (first - second) * way
+    torque = np.cross([0, 0, tip - depth], first * way) - np.cross([0, 0, tip], second * way)
+    place = np.zeros((1, 6))
+    origin = np.array([*SCENE.target[:2], SCENE.target[2] - depth + tip])
+    path = SimpleNamespace(time=np.zeros(1), origin=origin, frame=np.array([0.0, 1, 0, 0]), place=place)
+    phase = SimpleNamespace(contact=np.r_[force, torque][None], rows=lambda clock: np.zeros(1, int))
+    return SimpleNamespace(path=path, phase=phase, source=SimpleNamespace(scene=SCENE))
+
+
+@pytest.mark.parametrize("axis", [0.0, 0.7, 2.0])
+def test_a_couple_tells_both_forces_of_a_wedge(axis):
+    got = wedging(item(446.0, 420.0, 0.017, axis))
+    np.testing.assert_allclose(got, np.hypot(446.0, 420.0), rtol=1e-9)
+
+
+def test_a_part_that_leans_on_one_wall_or_hangs_over_the_goal_does_not_wedge():
+    assert wedging(item(0.0, 25.0, 0.017)) == 0.0, "one force at the tip"
+    assert wedging(item(25.0, 0.0, 0.017)) == 0.0, "one force at the mouth"
+    assert wedging(item(446.0, 420.0, -0.01)) == 0.0, "above it"
+
+
+def test_softness_is_that_of_one_contact_at_rest():
+    """Against the balance of the solver, `f (1 - d) w / d = k r`."""
+    model = SCENE.compile()
+    geom, body = model.geom("peg").id, model.body("peg").id
+    (time, ratio), (d, d1) = model.geom_solref[geom], model.geom_solimp[geom, :2]
+    force, k = 3.0, 1 / (d1 * time * ratio) ** 2
+    depth = force * (1 - d) / d * model.body_invweight0[body, 0] / k
+    assert softness(SCENE) == pytest.approx(depth / force, rel=1e-9)

@@ -1,0 +1,53 @@
+"""How far a held part turns in a goal where it wedges, because walls give way: by what net force, nobody reads.
+
+A rocked part bears on the mouth and, the other way, on the wall at its tip. A sensor reads the difference of the two
+forces; their sum, many times as large, shows in the couple alone: `N1 + N2 = 2 M / h`, `N1 - N2 = F` over a depth h
+(Whitney 1982, Quasi-static assembly of compliantly supported rigid parts, J. Dyn. Sys. Meas. Control 104). Walls of the
+model are as stiff as all of its flat pieces that touch there together, real ones perhaps as one.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from vispeg.robots.scene import Scene
+from vispeg.sim.compiled import compiled
+
+if TYPE_CHECKING:
+    from vispeg.contact.evidence import ContactItem
+
+SURELY = 1.1  # times the net force, that the sum of two forces is over that of one
+SHALLOW = 0.004  # m of depth, under which a part leans on an edge but does not wedge
+
+
+def softness(scene: Scene) -> float:
+    """m/N: what one contact of the held part gives way, barely pressed: `(1 - d) w / (d k)`.
+
+    With `k = 1 / (d1 T z)^2` of solref (T, z) and solimp (d, d1, ..), and the inverse weight w of its body. Source:
+    MuJoCo 4.0 manual, Modeling, Solver parameters.
+    """
+    model = compiled(scene)
+    body = model.body(scene.held).id
+    geom = int(np.flatnonzero((model.geom_bodyid == body) & (model.geom_contype + model.geom_conaffinity > 0))[0])
+    (time, ratio), (d, d1) = model.geom_solref[geom, :2], model.geom_solimp[geom, :2]
+    return float((1 - d) * model.body_invweight0[body, 0] * (d1 * time * ratio) ** 2 / d)
+
+
+def wedging(item: ContactItem) -> np.ndarray:
+    """(m,) N: root of `N1^2 + N2^2` of the forces across a part that wedges; 0 where it does not."""
+    path, scene, contact = item.path, item.source.scene, item.phase.contact
+    rows = item.phase.rows(path.time)
+    frame = Rotation.from_quat(path.frame, scalar_first=True)
+    turn = frame * Rotation.from_euler("XYZ", path.place[rows, 3:])
+    tip = path.origin + frame.apply(path.place[rows, :3]) + turn.apply([0.0, 0.0, scene.tip])
+    depth = scene.target[2] - tip[:, 2]
+    over = np.hypot(*(tip[:, :2] - scene.target[:2]).T) < 2 * scene.config.apothem
+    middle = scene.tip - 0.5 * depth  # of the two forces, along the part's axis
+    couple = contact[:, 3:5] - middle[:, None] * np.stack([-contact[:, 1], contact[:, 0]], axis=1)
+    across = np.linalg.norm(contact[:, :2], axis=1)
+    both = 2 * np.linalg.norm(couple, axis=1) / np.maximum(depth, SHALLOW)
+    wedged = over & (depth > SHALLOW) & (both > SURELY * across)
+    return np.where(wedged, np.sqrt(0.5 * (both**2 + across**2)), 0.0)
