@@ -13,7 +13,7 @@ from vispeg.core.seeds import stream
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.law import laws, refined
 from vispeg.diagnosis.selection.search import Search
-from vispeg.effects.joint.hysteresis import stretch
+from vispeg.effects.joint.hysteresis import yielding
 from vispeg.identify.inverse import MOTION_HZ, STICK, TorqueEvidence
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.recording import Control
@@ -40,7 +40,7 @@ def searched(request, tmp_path_factory):
         dry = LEVEL * np.tanh(dq / STICK)
         for j, joint in enumerate(JOINTS):
             if joint in request.param:
-                dry[:, j] = STIFFNESS[joint] * stretch(motion[:, j], LEVEL[j] / STIFFNESS[joint])
+                dry[:, j] = STIFFNESS[joint] * yielding(motion[:, j], LEVEL[j] / STIFFNESS[joint])
         tau = rec.tau + dry
         unknown = Control("unknown", rec.rate_hz)
         recordings.append(replace(rec, control=unknown, tau=tau, torque_sensor="motor", q_cmd=None, dq_cmd=None))
