@@ -116,6 +116,9 @@ class ContactEvidence(Evidence):
             scene = hands.setdefault(id(t.scene), hand(t.scene, self.hold))
             self.items += _items(t, scene, SECONDS / len(touching), self.hold, nthread)
         self.nuisance = nuisance(self.items)
+        self.left_out = [~driven_blocks(i.phase, pieces(i.phase)) & ~i.phase.resting for i in self.items]
+        shown = [np.repeat(~out, i.measured.shape[1]) for i, out in zip(self.items, self.left_out, strict=True)]
+        self.nuisance_in_part = self.nuisance.of_rows(np.concatenate(shown))
         self.notes: list[str] = notes([(t.recording, t.torques) for t in touching])
         self.absent: set[tuple[str, str]] = set()
         self.floor_from = "simulated repeats with the stated noise"
@@ -156,10 +159,11 @@ class ContactEvidence(Evidence):
         for w in range(len(worlds)):
             yield np.concatenate([r.ravel() for r in self.whitened([y[w] for y in per_item])])
 
-    def whitened(self, predicted: Sequence[np.ndarray]) -> list[np.ndarray]:
+    def whitened(self, predicted: Sequence[np.ndarray], part: bool = False) -> list[np.ndarray]:
         """(m, 6) of each item: what a world leaves, without what the items' sensors and kinematics leave open."""
         parts = [self.whiten(item, y) for item, y in zip(self.items, predicted, strict=True)]
-        flat = self.nuisance.whitened(np.concatenate([p.ravel() for p in parts]))
+        errors = self.nuisance_in_part if part else self.nuisance
+        flat = errors.whitened(np.concatenate([p.ravel() for p in parts]))
         size = np.abs(flat)
         flat = np.where(size > FAR, np.sign(flat) * np.sqrt(FAR * np.maximum(2 * size - FAR, 0.0)), flat)
         ends = np.cumsum([p.size for p in parts])[:-1]
@@ -184,10 +188,9 @@ class ContactEvidence(Evidence):
     def residuals_in_part(self, worlds: Sequence[World]) -> list[np.ndarray]:
         """Whitened residuals of about one block in `PART`, the others 0: what many worlds are screened by."""
         per_item = self._simulated(worlds, part=True)
-        for item, values in zip(self.items, per_item, strict=True):
-            left_out = ~driven_blocks(item.phase, pieces(item.phase)) & ~item.phase.resting
+        for item, values, left_out in zip(self.items, per_item, self.left_out, strict=True):
             values[:, left_out] = item.measured[left_out]
-        residuals = [self.whitened([y[w] for y in per_item]) for w in range(len(worlds))]
+        residuals = [self.whitened([y[w] for y in per_item], part=True) for w in range(len(worlds))]
         return [np.concatenate([r.ravel() for r in parts]) for parts in residuals]
 
     def simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:

@@ -47,17 +47,23 @@ class Nuisance:
     Attributes:
         basis: (n, k) orthonormal, over all blocks and channels of one item, or of several one after another.
         less: (k,) share of the residual along each that is taken off.
+        columns: (n, j) that it was made of.
     """
 
     basis: np.ndarray
     less: np.ndarray
+    columns: np.ndarray
 
     @classmethod
     def of(cls, columns: np.ndarray) -> Nuisance:
         """Of the columns (n, k) of A, each the whitened residual of one error of its usual size."""
         u, s, _ = np.linalg.svd(columns, full_matrices=False)
         u, s = u[:, s > LEAST], s[s > LEAST]
-        return cls(u, 1 - 1 / np.sqrt(1 + s**2))
+        return cls(u, 1 - 1 / np.sqrt(1 + s**2), columns)
+
+    def of_rows(self, rows: np.ndarray) -> Nuisance:
+        """That of some of the values, (n,) bool, where the others are not looked at."""
+        return Nuisance.of(np.where(rows[:, None], self.columns, 0.0))
 
     def whitened(self, residual: np.ndarray) -> np.ndarray:
         """Of the shape of a residual of `n` values that is whitened block by block."""

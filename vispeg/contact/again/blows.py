@@ -1,11 +1,11 @@
 """Blows of a recorded tool: found, and run again in worlds from just before each, as restarts of a toss are.
 
-What a contact takes out of a blow shows in its first hundredths of a second, which no path at 40 Hz holds. So the whole
-arm runs again, under the controller that ran, from where it was some ms before the touch. Compared are the impulse, and
-how long the tool then flies until it touches again, each from its own touch on, so that a height need not be known. Both
-are the same of a stiff and of a soft contact; a force is not. Sources: window restarts as in Acosta, Yang and Posa 2022,
-Validating robotics simulators on real-world impacts, RA-L 7(3); restitution from the times between bounces, Bernstein
-1977, Listening to the coefficient of restitution, American Journal of Physics 45(1).
+What a contact takes out of a blow shows in its first hundredths of a second, which no path at 40 Hz holds. So the
+whole arm runs again, under the controller that ran, from where it was some ms before the touch. Compared are the
+impulse, and how long the tool then flies until it touches again, each from its own touch on, so that a height need not
+be known. Both are the same of a stiff and of a soft contact; a force is not. Sources: window restarts as in Acosta,
+Yang and Posa 2022, Validating robotics simulators on real-world impacts, RA-L 7(3); restitution from the times between
+bounces, Bernstein 1977, Listening to the coefficient of restitution, American Journal of Physics 45(1).
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ FINER = 4  # between two of them about the best, once more
 HANG = 2.0  # readings of a blow whose errors are one
 EXPLAINED = 2.0  # mean squared residual up to which a world explains the blows
 # Restitution falls with speed, by Hunt and Crossley 1975 (Coefficient of restitution interpreted as damping in
-# vibroimpact, J. Appl. Mech. 42) between 20 and 70 mm/s as it does where damping doubles; by the model it does not fall.
+# vibroimpact, J. Appl. Mech. 42) between 20 and 70 mm/s as it does where damping doubles; in the model it is constant.
 LAW = 2.0  # times the nominal damping, up to which another law of contact explains it
 BESIDE = ("compliance", "friction", "free air")  # stages of the effects that blows may come from, too
 

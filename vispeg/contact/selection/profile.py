@@ -91,15 +91,13 @@ def probed(
     no size along it promises to lower the residual. What may come to `least` is asked anew by all of the recordings.
     """
     ways = [way for name, at in where for way in outward(name, at)]
-    (base,) = evidence.residuals_in_part([world])
+    screen = _Screen(evidence, world)
     rough: list[Probe] = []
     promise: dict[tuple[str, str], float] = {}
     for step in range(max((len(w) for w in ways), default=0)):
         ways = [w for w in ways if len(w) > step]
-        rows = evidence.residuals_in_part([world.add(w[step][1]) for w in ways])
-        tried = [_probe(*w[step], base, r, PART) for w, r in zip(ways, rows, strict=True)]
+        tried, promised = screen.ask([w[step] for w in ways])
         rough += tried
-        promised = [_promised(base, r, PART) for r in rows]
         for t, p in zip(tried, promised, strict=True):
             promise[t.key] = max(p, promise.get(t.key, 0.0))
         bar = max(HOPE * least, FAINT * max(promised, default=0.0))
@@ -117,6 +115,28 @@ def probed(
     exact = {k: _probe(rough[k].name, rough[k].placed, base, r, 1) for k, r in zip(again, rows, strict=True)}
     best = {s.key: s.gain for s in strongest(list(exact.values()))}
     return [exact.get(k, _beside(p, hopeful, best)) for k, p in enumerate(rough)]
+
+
+class _Screen:
+    """What sizes of effects gain beside a world, by a part of the recordings, and what a straight line through each
+    promises; by all of them where what an effect did once remains, as of a part that slipped in its grip.
+    """
+
+    def __init__(self, evidence: ContactEvidence, world: World):
+        self.world, self.asked = world, {PART: evidence.residuals_in_part, 1: evidence.residuals}
+        self.base: dict[int, np.ndarray] = {}
+
+    def ask(self, tries: Sequence[tuple[str, EffectInstance]]) -> tuple[list[Probe], list[float]]:
+        """Of each try a probe and its promise."""
+        times = [1 if effect(placed.effect).remembers else PART for _, placed in tries]
+        out: dict[int, tuple[Probe, float]] = {}
+        for part, residuals in self.asked.items():
+            some = [k for k, t in enumerate(times) if t == part]
+            if some and part not in self.base:
+                (self.base[part],) = residuals([self.world])
+            for k, r in zip(some, residuals([self.world.add(tries[k][1]) for k in some]), strict=True):
+                out[k] = _probe(*tries[k], self.base[part], r, part), _promised(self.base[part], r, part)
+        return [out[k][0] for k in range(len(tries))], [out[k][1] for k in range(len(tries))]
 
 
 def _beside(p: Probe, hopeful: dict[tuple[str, str], float], best: dict[tuple[str, str], float]) -> Probe:

@@ -46,7 +46,7 @@ LEVEL = 0.01  # chance that any effect of the library passes where there is none
 CHATTER = 3  # times the least that contacts which come and go make of a squared residual: the most
 NEAR = 0.6  # of the drop that an effect needs, which a size that is tried must promise for the effect to be fitted
 SCENE = ("contact", "task")  # families of what stands in the cell
-WORTH = 0.2  # of the best one's gain that another must have in the profile to be fitted
+WORTH = 0.2  # of what the best one promises, that another must promise in the profile to be fitted
 AS_MUCH = 0.3  # the same of a rival, of what the effect in whose place it stands removes
 
 
@@ -139,8 +139,9 @@ class ContactSearch(Search):
         """Profiles the library, fits the best and, where none of them reaches the floor, their pairs."""
         scores, tested = self.scored(state), self.tested(state)
         promise = promises(self.probed(state.world, places(self.evidence, state.world)))
+        scores = sorted(scores, key=lambda s: -max(s.gain, promise[s.key]))
         scores = [s for s in scores if promise[s.key] >= NEAR * self.need()]
-        short = [s for i, s in enumerate(scores[:SINGLES]) if i < 2 or s.gain > WORTH * scores[0].gain]
+        short = [s for i, s in enumerate(scores[:SINGLES]) if i < 2 or promise[s.key] > WORTH * promise[scores[0].key]]
         if not short:
             return []
         trials = self.try_all(state, short, n_fixed, tested)

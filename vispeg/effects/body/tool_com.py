@@ -23,7 +23,7 @@ class ToolCom(Effect):
     }
     writes = frozenset({"body_ipos"})
     stage = "free air"
-    sizes = dict.fromkeys("xyz", (0.01,))
+    sizes = dict.fromkeys("xyz", (-0.005, 0.005))
     shown_by = ("free",)
     told_from = {"wrench_bias": "free", "object_mass": "free"}
     needs = "tilt"

@@ -1,10 +1,10 @@
-"""Contact stiffness: a part's contacts are `scale` times as stiff as nominal, at the same damping ratio.
+"""Contact stiffness: a part's contacts are `scale` times as stiff as nominal, any load presses them 1 / scale times as deep.
 
-Native mechanism: `geom_solref` = (time constant, damping ratio) and the width of `geom_solimp`, over which a contact
-grows harder. Stiffness goes as 1 / (time constant x ratio)^2, so the time constant is divided by sqrt(scale); the width
-is divided by `scale`, or else a contact pressed beyond it would be nearly as hard as nominal. Then any load presses 1 /
-scale times as deep. MuJoCo keeps the time constant above two physics steps, which bounds how stiff a contact can
-become. Source: MuJoCo 4.0 manual, Modeling, Solver parameters.
+A contact at rest under a load f stands r deep by `f = d / (1 - d) k r / w`, with impedance d, `k = d / (d1 T z)^2` and
+the inverse weight w of what it moves. Native mechanism: `geom_solimp`, whose odds `d / (1 - d)` are scaled, and whose
+width, over which a contact grows harder, is divided by `scale`; `geom_solref` keeps k. A longer time constant T would
+do the same at rest, but what touches would then answer late: 1 / scale times as late as a spring of that stiffness.
+Source: MuJoCo 4.0 manual, Modeling, Solver parameters.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from vispeg.effects.common.parts import changed, touching
 
 
 class ContactStiffness(Effect):
-    """Stiffness of a contact at constant damping ratio."""
+    """Stiffness of a contact."""
 
     name = "contact_stiffness"
     family = "contact"
@@ -33,7 +33,9 @@ class ContactStiffness(Effect):
         return touching(model)
 
     def write(self, fields, p):
-        time_constant, width = fields["geom_solref"][..., 0], fields["geom_solimp"][..., 2]
+        time_constant, solimp = fields["geom_solref"][..., 0], fields["geom_solimp"]
         for at, scale in changed(fields, p["scale"], 1.0):
-            time_constant[at] /= np.sqrt(scale)
-            width[at] /= scale
+            d, d1, width = np.moveaxis(solimp[at][..., :3], -1, 0)
+            soft, soft1 = (scale * e / (1 - e + scale * e) for e in (d, d1))
+            time_constant[at] *= np.sqrt(soft / d) * d1 / soft1
+            solimp[at] = np.concatenate([np.stack([soft, soft1, width / scale], -1), solimp[at][..., 3:]], -1)

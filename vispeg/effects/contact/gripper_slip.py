@@ -26,6 +26,7 @@ class GripperSlip(Effect):
     stage = "friction"
     sizes = {"grip": (0.07, 0.15, 0.3, 0.6)}
     beside = ("viscosity",)
+    remembers = True
     shown_by = ("hard-press",)
     told_from = {"grip_pose": "hard-press"}
     needs = "hard press"

@@ -22,7 +22,7 @@ class WrenchBias(WristEffect):
         **{a: Param(0.0, -2.0, 2.0, "N m", start=0.1, doc=f"measured minus true torque about {a[1]}") for a in TORQUE},
     }
     stage = "free air"
-    sizes = {**dict.fromkeys(FORCE, (1.0,)), **dict.fromkeys(TORQUE, (0.1,))}
+    sizes = {**dict.fromkeys(FORCE, (-1.0, 1.0)), **dict.fromkeys(TORQUE, (-0.1, 0.1))}
     shown_by = ("free",)
     told_from = {"tool_mass": "free", "tool_com": "free", "object_mass": "free"}
     needs = "free air"
