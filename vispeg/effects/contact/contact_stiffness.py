@@ -1,4 +1,4 @@
-"""Contact stiffness: a part's contacts are `scale` times as stiff as nominal, any load presses them 1 / scale times as deep.
+"""Contact stiffness: a part's contacts are `scale` times as stiff as nominal: any load presses them 1 / scale as deep.
 
 A contact at rest under a load f stands r deep by `f = d / (1 - d) k r / w`, with impedance d, `k = d / (d1 T z)^2` and
 the inverse weight w of what it moves. Native mechanism: `geom_solimp`, whose odds `d / (1 - d)` are scaled, and whose
