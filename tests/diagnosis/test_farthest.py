@@ -1,0 +1,48 @@
+"""A model is as far from the recordings as it is in the channel that it describes worst, over that channel's floor."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from loops import iiwa_segment, recorded
+
+from vispeg.core.seeds import stream
+from vispeg.diagnosis.conclusion.farthest import farthest
+from vispeg.diagnosis.conclusion.verdict import decide
+from vispeg.identify.evidence import Evidence
+from vispeg.robots.model import load
+from vispeg.worlds.world import World
+
+
+@pytest.fixture(scope="module")
+def evidence() -> Evidence:
+    """Angles and joint torques of the iiwa."""
+    rec = recorded(load("iiwa14"), "iiwa14", World(), iiwa_segment("position", 2.0, seed=1), stream(1, "farthest"))
+    return Evidence([rec])
+
+
+def off(evidence: Evidence, angle: float, torque: float) -> np.ndarray:
+    """A residual of so many times the noise in each valid reading."""
+    (item,) = evidence.items
+    return np.where(item.valid, np.r_[np.full(7, angle), np.full(7, torque)], 0.0).ravel()
+
+
+def test_torques_that_say_little_do_not_bring_the_angles_nearer(evidence):
+    residual = off(evidence, 12.0, 1.0)
+    assert residual @ residual / evidence.count == pytest.approx(72.5)
+    assert farthest(evidence, residual) == pytest.approx(144.0)
+    assert farthest(evidence, off(evidence, 1.0, 5.0)) == pytest.approx(25.0), "whichever it is"
+
+
+def test_coarse_encoders_raise_the_floor_of_angles_alone(evidence):
+    """Rounding leaves 9 noise variances in each angle, as a mean over angles and torques 5."""
+    assert farthest(evidence, off(evidence, 3.0, 1.0), floor=5.0) == pytest.approx(1.0)
+    assert farthest(evidence, off(evidence, 1.0, 3.0), floor=5.0) == pytest.approx(9.0)
+
+
+def test_the_verdict_rests_on_it_however_bad_the_nominal_model_was():
+    assert decide(3000.0, 75.0, 9, [], []).verdict == "identified", "as a mean over all readings"
+    verdict = decide(3000.0, 75.0, 9, [], [], farthest=149.0)
+    assert verdict.verdict == "unexplained" and verdict.partial and "149 times" in verdict.reason
+    assert decide(1e6, 75.0, 9, [], [], farthest=149.0).verdict == "unexplained"
+    assert decide(3000.0, 34.0, 9, [], [], farthest=67.0).verdict == "identified"
