@@ -7,6 +7,7 @@ from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.search import Search
 from vispeg.identify.inverse import evidence_for
+from vispeg.identify.loops.soft import near
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel
 from vispeg.view.diagnose.standing import Field, Track
@@ -29,10 +30,10 @@ class Joints(Subject):
 
     def __init__(self, inputs: Inputs, threads: int, say: Say, progress: Progress | None):
         judging = inputs.fitted if progress is None else inputs.held_out
-        self.judged = evidence_for(inputs.world, judging, threads, h_max=1e-3)
+        self.judged = near(evidence_for(inputs.world, judging, threads, h_max=1e-3), inputs.world)
         self.search = None
         if progress is not None:
-            evidence = evidence_for(inputs.world, inputs.fitted, threads)
+            evidence = near(evidence_for(inputs.world, inputs.fitted, threads), inputs.world)
             self.search = Search(evidence, Judge(self.judged), say, progress)
         self.unit, self.columns = self.judged.unit, self.joints
         self.units = (self.unit,) * len(self.columns)
