@@ -11,6 +11,7 @@ from mujoco import batch as mjb
 from scipy.spatial.transform import Rotation
 
 from vispeg.contact.path import Path
+from vispeg.contact.pieces import Pieces, inside, stretches
 from vispeg.core.effect import effect
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import compiled
@@ -80,21 +81,23 @@ def drive(
     damping = -compiled(scene).actuator_biasprm[6:12, 2]
     applied = np.einsum("nij,wnj->wni", path.jacobian, wrench - zero[:, None])
     correction, places = np.full(wrench.shape, np.nan), place.copy()
+    pieces, within = Pieces(batch, batch.model, scene), inside(path, cell)
     for window in windows:  # what is no joint of the hand's own goes on where the last window left it
         qpos[:, :6], qvel[:] = place[:, window.start], 0.0
         qvel[:, :6] = rate[:, window.start]
-        n = window.stop - window.start
-        control = np.zeros((len(worlds), n, 12 + qvel.shape[1]))
-        control[:, :, :6] = place[:, window]
-        control[:, :, 6:12] = rate[:, np.minimum(np.arange(window.start, window.stop) + 1, len(path.rate) - 1)]
-        control[:, :, 12:18] = applied[:, window]
-        begin = rate[:, window.start : window.start + 1]
-        out = batch.rollout(n, control, CONTROL, record=["actuator_force", "qpos", "qvel"])
-        # a step's dampers act on the speed that it ends with, `actuator_force` is of the one that it begins with
-        gained = np.diff(out["qvel"][:, :, :6], axis=1, prepend=begin)
-        force = out["actuator_force"][:, :, :6] + out["actuator_force"][:, :, 6:12] - damping * gained
-        correction[:, window] = np.linalg.solve(path.jacobian[None, window], force[..., None])[..., 0]
-        places[:, window] = out["qpos"][:, :, :6]
+        for part in stretches(within, window):
+            pieces.inside(bool(within[part.start]))
+            begin, n = qvel[:, None, :6].copy(), part.stop - part.start
+            control = np.zeros((len(worlds), n, 12 + qvel.shape[1]))
+            control[:, :, :6] = place[:, part]
+            control[:, :, 6:12] = rate[:, np.minimum(np.arange(part.start, part.stop) + 1, len(path.rate) - 1)]
+            control[:, :, 12:18] = applied[:, part]
+            out = batch.rollout(n, control, CONTROL, record=["actuator_force", "qpos", "qvel"])
+            # a step's dampers act on the speed that it ends with, `actuator_force` is of the one that it begins with
+            gained = np.diff(out["qvel"][:, :, :6], axis=1, prepend=begin)
+            force = out["actuator_force"][:, :, :6] + out["actuator_force"][:, :, 6:12] - damping * gained
+            correction[:, part] = np.linalg.solve(path.jacobian[None, part], force[..., None])[..., 0]
+            places[:, part] = out["qpos"][:, :, :6]
     return Driven(correction, zero, places)
 
 

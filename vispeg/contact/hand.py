@@ -18,6 +18,7 @@ from vispeg.robots.scene import Scene
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 FRAME = "hand"  # the body that stands for the flange
+WEDGE, RULES = "hole_wall", 2  # the pieces of a goal, and their priority over what is held, see `vispeg.contact.pieces`
 MARK = "attached-"  # MuJoCo wants a prefix for what is taken over from another spec
 
 
@@ -71,6 +72,9 @@ def _spec(scene: Scene, hold: Grasp) -> mujoco.MjSpec:
     for geom in source.worldbody.geoms:
         if geom.contype or geom.conaffinity:
             _copied(spec, geom)
+    for geom in spec.geoms:
+        if geom.name.startswith(WEDGE):
+            geom.priority = RULES
     for kind in ("stiffness", "damping"):
         for i, axis in enumerate(AXES):
             _spring(spec, axis, kind, float(getattr(hold, kind)[i]))

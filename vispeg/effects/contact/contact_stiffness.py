@@ -16,6 +16,15 @@ from vispeg.core.params import Param
 from vispeg.effects.common.parts import changed, touching
 
 
+def scaled(solref: np.ndarray, solimp: np.ndarray, scale: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
+    """Contacts (..., 2) and (..., 5) that are `scale` (...) times as stiff."""
+    d, d1, width = np.moveaxis(solimp[..., :3], -1, 0)
+    soft, soft1 = (scale * e / (1 - e + scale * e) for e in (d, d1))
+    time = solref[..., 0] * np.sqrt(soft / d) * d1 / soft1
+    new = np.concatenate([np.stack([soft, soft1, width / scale], -1), solimp[..., 3:]], -1)
+    return np.stack([time, solref[..., 1]], -1), new
+
+
 class ContactStiffness(Effect):
     """Stiffness of a contact."""
 
@@ -33,9 +42,6 @@ class ContactStiffness(Effect):
         return touching(model)
 
     def write(self, fields, p):
-        time_constant, solimp = fields["geom_solref"][..., 0], fields["geom_solimp"]
+        solref, solimp = fields["geom_solref"], fields["geom_solimp"]
         for at, scale in changed(fields, p["scale"], 1.0):
-            d, d1, width = np.moveaxis(solimp[at][..., :3], -1, 0)
-            soft, soft1 = (scale * e / (1 - e + scale * e) for e in (d, d1))
-            time_constant[at] *= np.sqrt(soft / d) * d1 / soft1
-            solimp[at] = np.concatenate([np.stack([soft, soft1, width / scale], -1), solimp[at][..., 3:]], -1)
+            solref[at], solimp[at] = scaled(solref[at], solimp[at], scale)
