@@ -16,7 +16,7 @@ from vispeg.contact.phases import NAMES
 from vispeg.diagnosis.conclusion.verdict import Verdict
 from vispeg.worlds.world import World
 
-FORM = 1.7  # noise variances that the form of the right model may leave in a phase
+FORM = 1.0  # variances of the floor, which counts what the form of the right model leaves, that it may leave in a phase
 SPREAD = 2.6  # standard deviations by which a mean square over few blocks may lie above
 CHANNELS = 6
 
