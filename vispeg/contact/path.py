@@ -70,6 +70,13 @@ def along(scene: Scene, rec: Recording, wrench: np.ndarray, rows: np.ndarray, lo
     return Path(step, time, pose[0, :3], pose[0, 3:], place, rate, jacobian(place[:, 3:]), read, rows, clock)
 
 
+def tips(path: Path, scene: Scene) -> np.ndarray:
+    """(n, 3) m, base axes: where the tip of the scene's part is along a path, from the believed mouth of its goal."""
+    frame = Rotation.from_quat(path.frame, scalar_first=True)
+    turn = frame * Rotation.from_euler("XYZ", path.place[:, 3:])
+    return path.origin + frame.apply(path.place[:, :3]) + turn.apply([0.0, 0.0, scene.tip]) - scene.target
+
+
 def jacobian(angles: np.ndarray) -> np.ndarray:
     """(n, 6, 6) that takes a wrench in the flange's axes to forces of the hand's joints at these angles (n, 3) rad."""
     turn = Rotation.from_euler("XYZ", angles).as_matrix()

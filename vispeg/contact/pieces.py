@@ -11,10 +11,9 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from vispeg.contact.hand import WEDGE
-from vispeg.contact.path import Path
+from vispeg.contact.path import Path, tips
 from vispeg.effects.common.parts import shapes
 from vispeg.effects.contact.contact_stiffness import scaled
 from vispeg.robots.scene import Scene
@@ -38,8 +37,8 @@ class Pieces:
         pieces = max(1.0, len(self.ids) * width / (2 * np.pi * (scene.config.apothem + width)))
         friction, *self.law = (batch.expand(f"geom_{name}") for name in ("friction", "solref", "solimp"))
         friction[:, self.ids] = friction[:, held]
-        self.alone = tuple(values[:, held].copy() for values in self.law)
-        self.together = scaled(*self.alone, 1 / pieces)
+        solref, solimp = (values[:, held].copy() for values in self.law)
+        self.alone, self.together = (solref, solimp), scaled(solref, solimp, 1 / pieces)
 
     def inside(self, tip: bool) -> None:
         """Sets their contacts for a part whose tip is inside the goal, or not."""
@@ -50,9 +49,7 @@ class Pieces:
 
 def inside(path: Path, scene: Scene) -> np.ndarray:
     """(n,) bool: where a path has the tip of the scene's part below the mouth of its goal, within twice its apothem."""
-    frame = Rotation.from_quat(path.frame, scalar_first=True)
-    turn = frame * Rotation.from_euler("XYZ", path.place[:, 3:])
-    tip = path.origin + frame.apply(path.place[:, :3]) + turn.apply([0.0, 0.0, scene.tip]) - scene.target
+    tip = tips(path, scene)
     return (tip[:, 2] < 0) & (np.hypot(tip[:, 0], tip[:, 1]) < 2 * scene.config.apothem)
 
 

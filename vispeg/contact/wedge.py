@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from vispeg.contact.path import tips
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import compiled
 
@@ -38,13 +38,9 @@ def softness(scene: Scene) -> float:
 
 def wedging(item: ContactItem) -> np.ndarray:
     """(m,) N: root of `N1^2 + N2^2` of the forces across a part that wedges; 0 where it does not."""
-    path, scene, contact = item.path, item.source.scene, item.phase.contact
-    rows = item.phase.rows(path.time)
-    frame = Rotation.from_quat(path.frame, scalar_first=True)
-    turn = frame * Rotation.from_euler("XYZ", path.place[rows, 3:])
-    tip = path.origin + frame.apply(path.place[rows, :3]) + turn.apply([0.0, 0.0, scene.tip])
-    depth = scene.target[2] - tip[:, 2]
-    over = np.hypot(*(tip[:, :2] - scene.target[:2]).T) < 2 * scene.config.apothem
+    scene, contact = item.source.scene, item.phase.contact
+    tip = tips(item.path, scene)[item.phase.rows(item.path.time)]
+    depth, over = -tip[:, 2], np.hypot(tip[:, 0], tip[:, 1]) < 2 * scene.config.apothem
     middle = scene.tip - 0.5 * depth  # of the two forces, along the part's axis
     couple = contact[:, 3:5] - middle[:, None] * np.stack([-contact[:, 1], contact[:, 0]], axis=1)
     across = np.linalg.norm(contact[:, :2], axis=1)
