@@ -9,6 +9,7 @@ from vispeg.contact.again.closed_loop import closed_loop
 from vispeg.contact.again.damping import struck
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.inputs import touching
+from vispeg.contact.law import unsure
 from vispeg.contact.noise import louder
 from vispeg.contact.record import arrays, channels, not_excited, phase_errors, separating, shows_from, where_it_fails
 from vispeg.contact.remainder import judged as in_phases
@@ -76,6 +77,7 @@ def diagnose_contact(
         judged.angle_rms(before_held),
         judged.angle_rms(after_held),
         verdict.partial,
+        unsure(corrected, n_fixed),
     )
     predicted = judged.simulated([world, state.world])
     unseen = [*not_excited(least_sizes), *hit.unseen]

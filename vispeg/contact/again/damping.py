@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vispeg.contact.again.blows import Blow, blows, predicted, restarts
+from vispeg.contact.law import within
 from vispeg.contact.selection.likely import QUANTILE
 from vispeg.contact.selection.profile import looked_for, place_of, tries
 from vispeg.core.effect import EffectInstance, Value, effect
@@ -29,9 +30,6 @@ SCALES = np.geomspace(0.05, 10.0, 15)
 FINER = 4  # between two of them about the best, once more
 HANG = 2.0  # readings of a blow whose errors are one
 EXPLAINED = 2.0  # mean squared residual up to which a world explains the blows
-# Restitution falls with speed, by Hunt and Crossley 1975 (Coefficient of restitution interpreted as damping in
-# vibroimpact, J. Appl. Mech. 42) between 20 and 70 mm/s as it does where damping doubles; in the model it is constant.
-LAW = 2.0  # times the nominal damping, up to which another law of contact explains it
 BESIDE = ("compliance", "friction", "free air")  # stages of the effects that blows may come from, too
 
 
@@ -71,7 +69,7 @@ def struck(world: World, fitted: Sequence[Recording], held_out: Sequence[Recordi
     count = f"{len(fit)} blows and {len(judge)} held-out ones, run again from just before each"
     flight = f"the flight after the held-out ones is off by {1e3 * before.rms:.2g} ms RMS"
     rise = _rise(least, fit)
-    if none - least <= rise or (low <= LAW and high >= 1 / LAW) or before.square - after.square <= QUANTILE * HANG:
+    if none - least <= rise or within(low, high) or before.square - after.square <= QUANTILE * HANG:
         e = " to ".join(f"{_restitution(scene, where, s):.2g}" for s in (high, low))
         text = f"{low:.2g} to {high:.2g} times the nominal damping ({TWIN} {e}) fit them"
         if before.square > EXPLAINED * before.count:
