@@ -28,6 +28,7 @@ HOLD = 120.0  # N: the grip's friction along the peg
 LAG = 0.004  # s, least: dashpot over spring of a peg that gives way in the fingers
 FIXTURE = np.array([0.6] * 3 + [1.5e-3] * 2)  # kg, kg m^2: what moves where the fixture gives way
 SLACK = 500.0  # N s/m: what brakes a loose peg
+CREEP = 2000.0  # N s/m: force over what the grip holds per speed at which a peg slips in it
 # kg that contacts feel on planes and across the peg, and of a fixture that gives way: makes the damping's step implicit
 FELT, FELT_GIVING = np.array([3.0, 0.3]), np.array([0.6, 0.2])
 ACROSS = (GROUP != 0).astype(int)
@@ -320,7 +321,7 @@ class Plant:
             loose = np.clip(self.peg[:, :2] + h * force[:, :2] / SLACK, -self.play[:, None], self.play[:, None])
             self.peg[:, :2] = np.where(self.play[:, None] > 0, loose, self.peg[:, :2])
         over = np.maximum(np.abs(force[:, 2]) - self.hold, 0.0)
-        self.peg[:, 2] += np.where(over > 0, h * np.sign(force[:, 2]) * over / 2000.0, 0.0)
+        self.peg[:, 2] += np.where(over > 0, h * np.sign(force[:, 2]) * over / CREEP, 0.0)
 
     @property
     def energy(self) -> np.ndarray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from contact_plant import CREEP
 from score import share, wilson
 
 Record = dict[str, Any]
@@ -12,6 +13,7 @@ Record = dict[str, Any]
 TWINS = ({"hole_offset", "grip_pose"}, {"hole_tilt", "grip_pose"}, {"object_mass", "tool_mass"},
          {"contact_damping", "restitution"})  # fmt: skip
 UNLIKE = {"contact_stiffness", "contact_damping"}  # whose numbers mean another thing in another law of contact
+PLANTS = {("gripper_slip", "viscosity"): CREEP}  # what the plant has, whatever is hidden
 HOLE, CLEARANCE = 1e-4, 5e-5  # m: goals
 
 
@@ -68,7 +70,14 @@ def values(records: Sequence[Record]) -> list[tuple[str, str, float, float, floa
             for t in r["hidden"]:
                 if (e["effect"], e["where"]) == (t["effect"], t["where"]) and e["effect"] not in UNLIKE:
                     out += [
-                        (e["effect"], k, t["params"].get(k, 0.0), p["value"], p.get("low"), p.get("high"))
+                        (
+                            e["effect"],
+                            k,
+                            t["params"].get(k, PLANTS.get((e["effect"], k), 0.0)),
+                            p["value"],
+                            p.get("low"),
+                            p.get("high"),
+                        )
                         for k, p in e["params"].items()
                     ]
     return out
