@@ -62,7 +62,7 @@ def bench(worlds: list[World], tip, h: float, velocity=(0.0, 0.0, 0.0), loose: b
     batch.expand("opt.timestep")[:] = h
     batch.expand("dof_armature")[:, :7] = CLAMP
     batch.expand("opt.tolerance")[:] = 0.0  # it is relative to the mean inertia, which the clamp makes huge
-    batch.expand("dof_damping")[:, SLIP] = 0.0
+    batch.expand("dof_damping")[:, SLIP] -= model.dof_damping[SLIP]  # what is nominal; an effect's stays
     if loose:
         batch.expand("dof_frictionloss")[:, SLIP] = 0.0
     q = pose(*tip)

@@ -147,6 +147,16 @@ def test_what_sensors_leave_open_is_whitened_by_the_root_of_its_covariance():
     np.testing.assert_allclose(root @ (np.eye(60) + columns @ columns.T) @ root, np.eye(60), atol=3e-3)
 
 
+def test_what_sensors_leave_open_in_a_part_is_that_of_the_part_alone():
+    """The rows that are looked at are whitened by their own covariance, as if there were no others."""
+    rng = stream(4, "nuisance")
+    columns, rows = rng.standard_normal((60, 4)) * [0.5, 2.0, 10.0, 1.0], np.arange(60) % 3 == 0
+    whole, alone = Nuisance.of(columns).of_rows(rows), Nuisance.of(columns[rows])
+    residual = rng.standard_normal(60) * rows
+    np.testing.assert_allclose(whole.whitened(residual)[rows], alone.whitened(residual[rows]), atol=1e-12)
+    np.testing.assert_array_equal(whole.whitened(residual)[~rows], 0.0)
+
+
 def test_a_height_within_the_kinematics_trust_is_no_evidence_and_one_beyond_it_is():
     """Higher by half of what kinematics are good to, a cell stays at the floor; ten times that costs ten times more."""
     rec = recorded()

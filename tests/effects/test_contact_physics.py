@@ -139,6 +139,18 @@ def test_the_peg_slips_at_the_scaled_grip():
     assert (batch.bind("qpos")[:, SLIP] < -4e-4).all(), "it slipped"
 
 
+def test_what_slips_in_soft_fingers_is_held_more_the_faster_it_goes():
+    """The same, driven at 5 and 10 mm/s: grip and viscosity times speed."""
+    viscosity = np.array([0.0, 1000.0, 4000.0])
+    for speed in (0.005, 0.01):
+        worlds = [one("gripper_slip", grip=0.2, viscosity=v) for v in viscosity]
+        batch = bench(worlds, (*BESIDE, TOP + 1e-5), 2e-4, velocity=(0, 0, -speed), loose=False)
+        for _ in range(600):
+            batch.step()
+        held = np.array([contact_force(batch, row)[2] - MASS * G for row in range(3)])
+        np.testing.assert_allclose(held, 120.0 * 0.2 + viscosity * speed, rtol=1e-2)
+
+
 def test_the_hole_is_as_wide_as_its_effect_says():
     """The peg moved sideways in the hole meets the wall after half the clearance, wider and narrower, on both sides."""
     widths = np.array([0.0, 0.002, -0.001, -0.0028])
