@@ -88,6 +88,12 @@ def test_nothing_is_named_where_damping_is_nominal_or_something_else_is_softer()
     assert not beside.effects and "fit them" in beside.notes[0], "nor beside what was found"
 
 
+def test_damping_within_what_another_law_explains_is_told_but_not_named():
+    mild = "contact_damping:scale=0.6"
+    found = struck(World(), [tapped(1, mild)], [tapped(2, mild)])
+    assert not found.effects and "fit them" in found.notes[0] and "no damping" not in found.notes[0]
+
+
 def test_a_wrench_along_a_path_never_names_it_and_without_blows_it_is_not_excited():
     rec = tapped(1)
     air = rec.time < 1.0

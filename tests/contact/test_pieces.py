@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from mujoco import batch as mjb
 
 from vispeg.contact.hand import grasp, hand
-from vispeg.contact.pieces import Pieces, stretches
+from vispeg.contact.pieces import Pieces, inside, stretches
 from vispeg.robots.scene import build
 from vispeg.sim.compiled import compiled
 
@@ -43,6 +45,18 @@ def test_a_contact_with_a_piece_follows_the_piece():
     model = compiled(HAND)
     assert model.geom("hole_wall0").priority > model.geom("peg").priority > model.geom("table").priority
     assert compiled(SCENE).geom("hole_wall0").priority < compiled(SCENE).geom("peg").priority, "the cell keeps its own"
+
+
+def test_only_a_tip_below_the_bevel_is_inside():
+    """One that presses on the top, and is read to be in it by the noise of kinematics, is not; nor is one far aside."""
+    depth, aside = np.meshgrid([-5e-4, 2e-5, 9e-4, 1.5e-3, 0.02], [0.0, 1.4e-3, 0.03])
+    n, down = depth.size, np.array([0.0, 1, 0, 0])
+    place = np.zeros((n, 6))
+    place[:, 0], place[:, 2] = aside.ravel(), depth.ravel()  # the hand's z points down
+    goal = np.array(SCENE.target)
+    path = SimpleNamespace(origin=goal + [0, 0, SCENE.tip], frame=down, place=place, goal=goal)
+    within = inside(path, SCENE).reshape(depth.shape)
+    np.testing.assert_array_equal(within, [[0, 0, 0, 1, 1], [0, 0, 0, 1, 1], [0] * 5])
 
 
 @pytest.mark.parametrize(

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+import mujoco
 import numpy as np
 import pytest
+from clamped import BESIDE, SCENE, SLIP, TOP, G, bench
 
 from vispeg.contact.wedge import softness, wedging
-from vispeg.robots.scene import build
-
-SCENE = build()
+from vispeg.worlds.world import World
 
 
 def item(first: float, second: float, depth: float, axis: float = 0.0):
@@ -20,7 +20,8 @@ def item(first: float, second: float, depth: float, axis: float = 0.0):
     torque = np.cross([0, 0, tip - depth], first * way) - np.cross([0, 0, tip], second * way)
     place = np.zeros((1, 6))
     origin = np.array([*SCENE.target[:2], SCENE.target[2] - depth + tip])
-    path = SimpleNamespace(time=np.zeros(1), origin=origin, frame=np.array([0.0, 1, 0, 0]), place=place)
+    frame, goal = np.array([0.0, 1, 0, 0]), np.array(SCENE.target)
+    path = SimpleNamespace(time=np.zeros(1), origin=origin, frame=frame, place=place, goal=goal)
     phase = SimpleNamespace(contact=np.r_[force, torque][None], rows=lambda clock: np.zeros(1, int))
     return SimpleNamespace(path=path, phase=phase, source=SimpleNamespace(scene=SCENE))
 
@@ -37,11 +38,14 @@ def test_a_part_that_leans_on_one_wall_or_hangs_over_the_goal_does_not_wedge():
     assert wedging(item(446.0, 420.0, -0.01)) == 0.0, "above it"
 
 
-def test_softness_is_that_of_one_contact_at_rest():
-    """Against the balance of the solver, `f (1 - d) w / d = k r`."""
-    model = SCENE.compile()
-    geom, body = model.geom("peg").id, model.body("peg").id
-    (time, ratio), (d, d1) = model.geom_solref[geom], model.geom_solimp[geom, :2]
-    force, k = 3.0, 1 / (d1 * time * ratio) ** 2
-    depth = force * (1 - d) / d * model.body_invweight0[body, 0] / k
-    assert softness(SCENE) == pytest.approx(depth / force, rel=1e-9)
+def test_softness_is_how_deep_one_contact_stands_per_newton():
+    """The peg pressed on the fixture's top with 1 N: all its points of contact bear a share, and are as deep."""
+    load = 1.0
+    batch = bench([World()], (*BESIDE, TOP), 5e-4)
+    batch.bind("qfrc_applied")[:, SLIP] = load
+    for _ in range(1200):
+        batch.step()
+    data, model = batch.get_data(0), batch.get_model(0)
+    mujoco.mj_forward(model, data)
+    share = (load + model.body("peg").mass[0] * G) / data.ncon
+    assert softness(SCENE) == pytest.approx(-data.contact.dist.mean() / share, rel=0.03)

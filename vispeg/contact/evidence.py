@@ -280,7 +280,7 @@ def _item(
     t: Touching, felt: Touch, scene: Scene, rows: np.ndarray, seconds: float, hold: Grasp, nthread: int
 ) -> ContactItem | None:
     rec = t.recording
-    path = along(t.scene, rec, t.wrench, rows, H_MAX)
+    path = along(t.scene, rec, t.wrench, rows, H_MAX, t.believed)
     phase = phases(t.scene, felt, path, BLOCK)
     if phase is None:
         return None

@@ -72,9 +72,10 @@ def _spec(scene: Scene, hold: Grasp) -> mujoco.MjSpec:
     for geom in source.worldbody.geoms:
         if geom.contype or geom.conaffinity:
             _copied(spec, geom)
-    for geom in spec.geoms:
-        if geom.name.startswith(WEDGE):
-            geom.priority = RULES
+    if scene.config.shape == "round" and all(g.priority < 1 or g.parent.name == scene.held for g in spec.geoms):
+        for geom in spec.geoms:  # no other part has a contact of its own with them
+            if geom.name.startswith(WEDGE):
+                geom.priority = RULES
     for kind in ("stiffness", "damping"):
         for i, axis in enumerate(AXES):
             _spring(spec, axis, kind, float(getattr(hold, kind)[i]))

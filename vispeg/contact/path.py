@@ -11,6 +11,7 @@ from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import flange_pose
+from vispeg.worlds.world import World
 
 PATH_HZ = 40.0  # bandwidth of the flange's path: an impact's is lost above it
 
@@ -26,6 +27,7 @@ class Path:
         place, rate: (n, 6) the hand's coordinates, m and rad, and their rates.
         jacobian: (n, 6, 6): generalised forces from a wrench on the tool at the flange, in the flange's axes.
         wrench: (n, 6) N, N m that the flange put on the tool, flange axes, as read.
+        goal: (3,) m, base frame, the mouth of the goal as it is believed to stand.
         rows: (k,) rows of the recording.
         clock: (k,) s since its start, of these rows.
     """
@@ -38,11 +40,12 @@ class Path:
     rate: np.ndarray
     jacobian: np.ndarray
     wrench: np.ndarray
+    goal: np.ndarray
     rows: np.ndarray
     clock: np.ndarray
 
 
-def along(scene: Scene, rec: Recording, wrench: np.ndarray, rows: np.ndarray, longest: float) -> Path:
+def along(scene: Scene, rec: Recording, wrench: np.ndarray, rows: np.ndarray, longest: float, believed: World) -> Path:
     """The path of one episode.
 
     Args:
@@ -51,6 +54,7 @@ def along(scene: Scene, rec: Recording, wrench: np.ndarray, rows: np.ndarray, lo
         wrench: (len(rec.time), 6) what the flange put on the tool, flange axes.
         rows: of the episode.
         longest: physics step, s, at most; whole steps make up a sample.
+        believed: effects that are part of the believed cell; they may say that the goal stands elsewhere.
     """
     clock = rec.time[rows] - rec.time[rows[0]]
     period = float(np.median(np.diff(clock)))
@@ -67,14 +71,16 @@ def along(scene: Scene, rec: Recording, wrench: np.ndarray, rows: np.ndarray, lo
 
     place, rate = on_grid(calm), on_grid(rate)
     read = on_grid(_bridged(clock, wrench[rows]))
-    return Path(step, time, pose[0, :3], pose[0, 3:], place, rate, jacobian(place[:, 3:]), read, rows, clock)
+    off = [[e.params[a].value for a in "xyz"] for e in believed.effects if e.effect == scene.offset]
+    goal = np.add(scene.target, np.sum(off, axis=0) if off else 0.0)
+    return Path(step, time, pose[0, :3], pose[0, 3:], place, rate, jacobian(place[:, 3:]), read, goal, rows, clock)
 
 
 def tips(path: Path, scene: Scene) -> np.ndarray:
-    """(n, 3) m, base axes: where the tip of the scene's part is along a path, from the believed mouth of its goal."""
+    """(n, 3) m, base axes: where the tip of the scene's part is along a path, from the mouth of its goal."""
     frame = Rotation.from_quat(path.frame, scalar_first=True)
     turn = frame * Rotation.from_euler("XYZ", path.place[:, 3:])
-    return path.origin + frame.apply(path.place[:, :3]) + turn.apply([0.0, 0.0, scene.tip]) - scene.target
+    return path.origin + frame.apply(path.place[:, :3]) + turn.apply([0.0, 0.0, scene.tip]) - path.goal
 
 
 def jacobian(angles: np.ndarray) -> np.ndarray:

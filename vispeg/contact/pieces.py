@@ -12,11 +12,13 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from vispeg.contact.hand import WEDGE
+from vispeg.contact.hand import RULES
 from vispeg.contact.path import Path, tips
 from vispeg.effects.common.parts import shapes
 from vispeg.effects.contact.contact_stiffness import scaled
 from vispeg.robots.scene import Scene
+
+RIM = 1e-3  # m below the mouth, under which a tip that presses on the top may be read to be
 
 
 class Pieces:
@@ -29,10 +31,9 @@ class Pieces:
     """
 
     def __init__(self, batch: Any, model: mujoco.MjModel, scene: Scene):
-        held, width = shapes(model, scene.held), scene.config.diameter
-        self.ids = [g for g in range(model.ngeom) if model.geom(g).name.startswith(WEDGE)]
-        if not self.ids or len(held) != 1:  # a user's block or part has other shapes
-            self.ids = []
+        held, width = shapes(model, scene.held)[:1], scene.config.diameter  # effects write all of its shapes alike
+        self.ids = [g for g in range(model.ngeom) if model.geom_priority[g] == RULES]
+        if not self.ids:
             return
         pieces = max(1.0, len(self.ids) * width / (2 * np.pi * (scene.config.apothem + width)))
         friction, *self.law = (batch.expand(f"geom_{name}") for name in ("friction", "solref", "solimp"))
@@ -48,9 +49,9 @@ class Pieces:
 
 
 def inside(path: Path, scene: Scene) -> np.ndarray:
-    """(n,) bool: where a path has the tip of the scene's part below the mouth of its goal, within twice its apothem."""
-    tip = tips(path, scene)
-    return (tip[:, 2] < 0) & (np.hypot(tip[:, 0], tip[:, 1]) < 2 * scene.config.apothem)
+    """(n,) bool: where a path has the tip of the scene's part within its goal, below the bevel of the mouth."""
+    tip, config = tips(path, scene), scene.config
+    return (tip[:, 2] < -max(config.chamfer, RIM)) & (np.hypot(tip[:, 0], tip[:, 1]) < config.apothem)
 
 
 def stretches(flag: np.ndarray, window: slice) -> list[slice]:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vispeg.contact.path import tips
+from vispeg.effects.common.parts import shapes
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import compiled
 
@@ -26,14 +27,13 @@ SHALLOW = 0.004  # m of depth, under which a part leans on an edge but does not 
 def softness(scene: Scene) -> float:
     """m/N: what one contact of the held part gives way, barely pressed: `(1 - d) w / (d k)`.
 
-    With `k = 1 / (d1 T z)^2` of solref (T, z) and solimp (d, d1, ..), and the inverse weight w of its body. Source:
+    With `k = d / (d1 T z)^2` of solref (T, z) and solimp (d, d1, ..), and the inverse weight w of its body. Source:
     MuJoCo 4.0 manual, Modeling, Solver parameters.
     """
     model = compiled(scene)
-    body = model.body(scene.held).id
-    geom = int(np.flatnonzero((model.geom_bodyid == body) & (model.geom_contype + model.geom_conaffinity > 0))[0])
+    body, geom = model.body(scene.held).id, shapes(model, scene.held)[0]
     (time, ratio), (d, d1) = model.geom_solref[geom, :2], model.geom_solimp[geom, :2]
-    return float((1 - d) * model.body_invweight0[body, 0] * (d1 * time * ratio) ** 2 / d)
+    return float((1 - d) * model.body_invweight0[body, 0] * (d1 * time * ratio / d) ** 2)
 
 
 def wedging(item: ContactItem) -> np.ndarray:

@@ -72,8 +72,10 @@ def struck(world: World, fitted: Sequence[Recording], held_out: Sequence[Recordi
     if none - least <= rise or within(low, high) or before.square - after.square <= QUANTILE * HANG:
         e = " to ".join(f"{_restitution(scene, where, s):.2g}" for s in (high, low))
         text = f"{low:.2g} to {high:.2g} times the nominal damping ({TWIN} {e}) fit them"
-        if before.square > EXPLAINED * before.count:
+        if min(before.square, after.square) > EXPLAINED * before.count:
             text = "no damping explains them"
+        elif not low <= 1.0 <= high:
+            text += ", which another law of contact explains, too: not named"
         return Struck(notes=(f"{count}: {flight}; {text}",))
     rivals = _rivals(world, scene, fit, least + rise, nthread)
     if after.square > EXPLAINED * after.count or rivals:
