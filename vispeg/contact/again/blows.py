@@ -27,7 +27,7 @@ from vispeg.worlds.world import World
 
 BEFORE, AFTER = 0.012, 0.065  # s that are run before the measured touch, and after it
 CALM = 0.05  # s before the touch in free air from which place and speed are taken
-HIT = 0.016  # s from the touch, in which the peak is, and the impulse where the tool stays
+HIT = 0.016  # s from the touch, in which the peak and the impulse are, or until a tool parts later than that
 PARTED = 0.08  # of the peak force, under which the tool flies
 BRUSH = 5.0  # times the threshold of a touch, up to which the peak is that of no blow
 IMPULSE, LEAST = 0.15, 0.01  # and N s: what the right model leaves of an impulse,
@@ -127,7 +127,7 @@ def _felt(force: np.ndarray, rate: float, before: int, threshold: float) -> np.n
     part = first + int(np.argmin(np.r_[on[first:], False]))
     flight = int(np.argmax(np.r_[on[part:], True]))
     parts = part < first + 2 * hit  # or else it stays
-    end = part if parts else touched[0] + hit
+    end = max(touched[0] + hit, part) if parts else touched[0] + hit
     return np.array([above[touched[0] : end].sum() / rate, parts * flight / rate])
 
 
