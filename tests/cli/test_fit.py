@@ -186,7 +186,7 @@ def test_paper_protocol_brings_the_flange_nearer(vispeg, rigs, tmp_path):
 
 
 def test_paper_cost_is_the_sum_of_norms():
-    from vispeg.identify.paper import Pieces, cost
+    from vispeg.identify.paper.protocol import Pieces, cost
 
     measured = np.zeros((2, 3, 3))
     measured[0, :, 0], measured[1, 0, 1] = 0.03, 0.04

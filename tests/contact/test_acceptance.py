@@ -7,8 +7,8 @@ import pytest
 from pressed import recorded
 
 from vispeg.contact.drive import Driven
-from vispeg.contact.evidence import predicted
-from vispeg.contact.floors import FORM
+from vispeg.contact.errors.floors import FORM
+from vispeg.contact.items import predicted
 from vispeg.contact.run import evidence_of
 from vispeg.contact.selection.profile import outward, probed, strongest, tries
 from vispeg.contact.selection.search import ContactSearch

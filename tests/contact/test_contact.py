@@ -11,10 +11,10 @@ import pytest
 from pressed import SCENE, recorded
 
 from vispeg.contact.drive import hands
+from vispeg.contact.errors.noise import louder
+from vispeg.contact.errors.nuisance import PLACE, Nuisance
 from vispeg.contact.hand import AXES, grasp, hand
 from vispeg.contact.inputs import touching
-from vispeg.contact.noise import louder
-from vispeg.contact.nuisance import PLACE, Nuisance
 from vispeg.contact.path import jacobian
 from vispeg.contact.run import compare_contact, diagnose_contact, evidence_of
 from vispeg.contact.selection.likely import intervals

@@ -7,8 +7,8 @@ from pressed import SCENE
 from scipy.spatial.transform import Rotation
 
 from vispeg.contact.drive import drive
-from vispeg.contact.evidence import driven
 from vispeg.contact.hand import grasp, hand
+from vispeg.contact.items import driven
 from vispeg.contact.path import Path, jacobian
 from vispeg.contact.run import evidence_of
 from vispeg.core.seeds import stream
@@ -34,7 +34,8 @@ def swung(amplitude: float, hz: float = 0.5) -> Path:
     rate = np.gradient(place, STEP, axis=0)
     rows = np.arange(len(time))
     read = np.zeros_like(place)
-    return Path(STEP, time, np.array([0.6, 0.0, 0.6]), DOWN, place, rate, jacobian(place[:, 3:]), read, rows, time)
+    start, goal = np.array([0.6, 0.0, 0.6]), np.zeros(3)
+    return Path(STEP, time, start, DOWN, place, rate, jacobian(place[:, 3:]), read, goal, rows, time)
 
 
 def test_what_moves_a_hand_in_free_air_is_its_mass_times_its_acceleration():

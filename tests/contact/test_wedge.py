@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from clamped import BESIDE, SCENE, SLIP, TOP, G, bench
 
-from vispeg.contact.wedge import softness, wedging
+from vispeg.contact.errors.wedge import softness, wedging
 from vispeg.worlds.world import World
 
 

@@ -3,8 +3,8 @@
 import pytest
 
 from vispeg.cli.main import main
-from vispeg.identify import paper
-from vispeg.identify.paper_intervals import determine
+from vispeg.identify.paper import protocol
+from vispeg.identify.paper.intervals import determine
 from vispeg.recordings.load import load
 from vispeg.worlds.world import World
 
@@ -24,8 +24,8 @@ def determined(tmp_path_factory):
     hidden += ["viscous_friction:joint6:damping=1", "gravity_tilt:base:roll=0.006"]
     args = ["record", "iiwa14", "--out", str(out), "--motion", "osc", "--duration", "4", "--seed", "3"]
     assert main([*args, "--effects", *hidden]) == 0
-    pieces = paper.cut(load(out))
-    space = paper.Coordinates(World(), pieces)  # the search is left out: it only begins nearer
+    pieces = protocol.cut(load(out))
+    space = protocol.Coordinates(World(), pieces)  # the search is left out: it only begins nearer
     return space, pieces, determine(space, pieces, World())
 
 
@@ -50,5 +50,5 @@ def test_it_ends_at_the_cost_of_the_truth(determined):
     truth = World().add(
         *(e.with_values(**{k: TRUTH.get(f"{e.label}.{k}", 0.0) for k in e.params}) for e in found.world.effects)
     )
-    before, after, true = (paper.cost(pieces, y) for y in paper.paths(pieces, [World(), found.world, truth]))
+    before, after, true = (protocol.cost(pieces, y) for y in protocol.paths(pieces, [World(), found.world, truth]))
     assert after <= 1.02 * true < 0.3 * before

@@ -1,4 +1,4 @@
-"""The paper's protocol (`vispeg.identify.paper`) on recordings: what `vispeg fit --protocol paper` does."""
+"""The paper's protocol (`vispeg.identify.paper.protocol`) on recordings: what `vispeg fit --protocol paper` does."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from vispeg.api.result import Result
 from vispeg.core.effect import EffectInstance, Value, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.identify import paper
 from vispeg.identify.checkpoint import Checkpoint, Trace
-from vispeg.identify.paper_intervals import determine
+from vispeg.identify.paper import protocol
+from vispeg.identify.paper.intervals import determine
 from vispeg.report.drawings.signature import signature_panels
 from vispeg.report.text.quantities import quantity
 from vispeg.report.text.summary import Block, Line
@@ -87,7 +87,7 @@ def fit_paper(
     recording: Source,
     validate: Source | Sequence[Source] = (),
     *,
-    iterations: int = paper.GENERATIONS,
+    iterations: int = protocol.GENERATIONS,
     seed: int = 0,
     threads: int = 2,
     part: str | Path | None = None,
@@ -113,7 +113,7 @@ def fit_paper(
         raise UserError(
             "the paper's protocol fits one recording", key="--recording", expected=1, got=len(inputs.fitted)
         )
-    pieces = {rec.name: paper.cut(rec) for rec in (*inputs.fitted, *inputs.held_out)}
+    pieces = {rec.name: protocol.cut(rec) for rec in (*inputs.fitted, *inputs.held_out)}
     fitted, world, stamp = inputs.fitted[0].name, inputs.world, inputs.provenance(seed)
     checkpoint = None
     if part is not None:
@@ -121,15 +121,15 @@ def fit_paper(
         checkpoint = Checkpoint(Path(part) / "checkpoint.json", key, 1, resume, watch)
     trace = checkpoint.traces[0] if checkpoint is not None else None
     rng = stream(seed, "fit", "paper")
-    near = paper.fit_paper(world, pieces[fitted], rng=rng, generations=iterations, nthread=threads, trace=trace)
-    determined = determine(paper.Coordinates(world, pieces[fitted]), pieces[fitted], near, threads)
+    near = protocol.fit_paper(world, pieces[fitted], rng=rng, generations=iterations, nthread=threads, trace=trace)
+    determined = determine(protocol.Coordinates(world, pieces[fitted]), pieces[fitted], near, threads)
     final = determined.world
     rows, lines = [], {}
     for name, piece in pieces.items():
-        before, after = paper.paths(piece, [world, final], threads)
+        before, after = protocol.paths(piece, [world, final], threads)
         lines[name] = piece.time, {"measured": piece.measured, "before": before, "after": after}
         row: dict[str, object] = {"recording": name, "fitted": name == fitted, "unit": "m"}
-        row |= {"cost_before": paper.cost(piece, before), "cost_after": paper.cost(piece, after)}
+        row |= {"cost_before": protocol.cost(piece, before), "cost_after": protocol.cost(piece, after)}
         rms = [float(np.sqrt(np.mean(_distance(piece.measured, y) ** 2))) for y in (before, after)]
         rows.append(row | {"rms_before": rms[0], "rms_after": rms[1]})
     effects = tuple(e for e in final.effects if e not in world.effects)

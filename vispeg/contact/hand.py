@@ -18,7 +18,7 @@ from vispeg.robots.scene import Scene
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 FRAME = "hand"  # the body that stands for the flange
-WEDGE, RULES = "hole_wall", 2  # the pieces of a goal, and their priority over what is held, see `vispeg.contact.pieces`
+RULES = 2  # priority of the goal's pieces over what is held, see `vispeg.contact.pieces`
 MARK = "attached-"  # MuJoCo wants a prefix for what is taken over from another spec
 
 
@@ -74,7 +74,7 @@ def _spec(scene: Scene, hold: Grasp) -> mujoco.MjSpec:
             _copied(spec, geom)
     if scene.config.shape == "round" and all(g.priority < 1 or g.parent.name == scene.held for g in spec.geoms):
         for geom in spec.geoms:  # no other part has a contact of its own with them
-            if geom.name.startswith(WEDGE):
+            if geom.name.startswith(scene.wall):
                 geom.priority = RULES
     for kind in ("stiffness", "damping"):
         for i, axis in enumerate(AXES):

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vispeg.contact.evidence import Touching
+from vispeg.contact.items import Touching
 from vispeg.contact.torques import estimated, sensed
 from vispeg.recordings.cell import WrenchSensor, canonical
 from vispeg.recordings.recording import Recording

@@ -1,8 +1,8 @@
 """The pieces of a round goal: a part inside bears on several at once, and together they are as stiff as one contact.
 
-A hole is a ring of n wedges. A part of width w within a hole of apothem a bears on some `n w / (2 pi (a + w))` of them,
-each as stiff as a flat wall alone, so that walls would be as many times too stiff where a part wedges. On the top,
-where it slides from one piece to the next, pieces stay as stiff as they are: what sinks in meets their sides.
+The goal is a ring of n wedges. A part of width w within walls at a distance a bears on some `n w / (2 pi (a + w))` of
+them, each as stiff as a flat wall alone, so that walls would be as many times too stiff where a part wedges. On the
+top, where it slides from one piece to the next, pieces stay as stiff as they are: what sinks in meets their sides.
 """
 
 from __future__ import annotations

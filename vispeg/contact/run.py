@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 from vispeg.contact.again import last_judge
 from vispeg.contact.again.closed_loop import closed_loop
 from vispeg.contact.again.damping import struck
+from vispeg.contact.errors.noise import louder
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.inputs import touching
 from vispeg.contact.law import unsure
-from vispeg.contact.noise import louder
 from vispeg.contact.record import arrays, channels, not_excited, phase_errors, separating, shows_from, where_it_fails
 from vispeg.contact.remainder import judged as in_phases
 from vispeg.contact.remainder import remainder

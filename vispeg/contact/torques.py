@@ -21,7 +21,7 @@ from vispeg.sim.compiled import flange_pose
 from vispeg.sim.external import STILL, External, external
 
 if TYPE_CHECKING:
-    from vispeg.contact.evidence import ContactItem
+    from vispeg.contact.items import ContactItem
 
 HOLDS = 1.0  # s over which friction and hysteresis keep their sign
 NEAR = 3e-3  # m over a surface below which a tip may touch it
@@ -82,8 +82,8 @@ def touches(rec: Recording, scene: Scene) -> bool:
 
 
 def unsure(item: ContactItem) -> list[np.ndarray]:
-    """Columns (m, 6) N, N m for `vispeg.contact.nuisance`: errors of joint torques of their usual size, and what the
-    posture does not see; none where a wrench was measured.
+    """Columns (m, 6) N, N m for `vispeg.contact.errors.nuisance`: errors of joint torques of their usual size, and what
+    the posture does not see; none where a wrench was measured.
     """
     estimate = item.source.torques
     if estimate is None:

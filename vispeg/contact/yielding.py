@@ -19,7 +19,7 @@ from vispeg.worlds.places import values
 from vispeg.worlds.world import World
 
 if TYPE_CHECKING:
-    from vispeg.contact.evidence import ContactItem
+    from vispeg.contact.items import ContactItem
 
 EVERY = 0.02  # s between the postures that are looked at
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.frame import Frame
-from vispeg.core.params import Param
+from vispeg.core.params import Param, Value
 from vispeg.core.registry import Registry
 
 Family = Literal["joint", "drive", "sensor", "body", "contact", "task", "camera", "appearance"]
@@ -256,15 +256,6 @@ def effect(name: Any, *, file: str | Path | None = None, key: str | None = None)
     if not isinstance(name, str) or name not in REGISTRY:
         raise UserError("unknown effect", file=file, key=key, got=name, choices=sorted(REGISTRY), see=ALL_NAMES)
     return REGISTRY[name]
-
-
-@dataclass(frozen=True)
-class Value:
-    """A parameter's value with its 95 % interval where it was fitted."""
-
-    value: float
-    low: float | None = None
-    high: float | None = None
 
 
 @dataclass(frozen=True)

@@ -43,3 +43,12 @@ class Param:
     def __post_init__(self) -> None:
         if not self.low <= self.start <= self.high:
             raise ValueError(f"start {self.start} outside [{self.low}, {self.high}]")
+
+
+@dataclass(frozen=True)
+class Value:
+    """A parameter's value with its 95 % interval where it was fitted."""
+
+    value: float
+    low: float | None = None
+    high: float | None = None

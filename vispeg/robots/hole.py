@@ -14,6 +14,7 @@ import numpy as np
 
 ROUND_ERROR = 2e-5  # m: by how much a corner of a round hole may lie outside its circle
 MESH = mujoco.mjtGeom.mjGEOM_MESH
+WALL = "hole_wall"  # the wedges' names, before their numbers
 
 
 def sides(radius: float, error: float = ROUND_ERROR) -> int:
@@ -44,7 +45,7 @@ def add_walls(spec: mujoco.MjSpec, body, n: int, apothem: float, outer: float, d
     for i in range(n):
         half = math.pi * i / n
         quat = (math.cos(half), 0, 0, math.sin(half))
-        body.add_geom(name=f"hole_wall{i}", type=MESH, meshname="hole_wedge", quat=quat, **CONTACT)
+        body.add_geom(name=f"{WALL}{i}", type=MESH, meshname="hole_wedge", quat=quat, **CONTACT)
     size = (outer, outer, FLOOR / 2)
     body.add_geom(
         name="hole_bottom", type=mujoco.mjtGeom.mjGEOM_BOX, size=size, pos=(0, 0, -depth - FLOOR / 2), **CONTACT

@@ -38,6 +38,7 @@ class Scene(RobotModel):
         tip: height of the tip below the flange, m.
         target: nominal place of the goal, base frame, m.
         goal, tip_site: names of the sites that the task brings together, z of both along the way in.
+        wall: what names of the goal's pieces begin with.
         held, fixture: bodies of what the gripper holds and of what the goal is part of.
         offset, tilt: effects that move the goal and turn it: where the fixture really stands.
         slip: slide joint of the held part in the gripper; "" where it cannot slip.
@@ -52,6 +53,7 @@ class Scene(RobotModel):
     target: tuple[float, float, float] = SceneConfig.fixture
     goal: str = "hole"
     tip_site: str = "peg_tip"
+    wall: str = hole.WALL
     held: str = "peg"
     fixture: str = "fixture"
     offset: str = "hole_offset"

@@ -97,7 +97,7 @@ class Args:
         from vispeg.api.fit_paper import fit_paper
         from vispeg.cli.models.fit_progress import generations
         from vispeg.core.errors import UserError
-        from vispeg.identify.paper import GENERATIONS
+        from vispeg.identify.paper.protocol import GENERATIONS
 
         if self.effects:
             raise UserError("the paper's protocol has its own parameters", key="--effects", expected="none")

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vispeg.contact.evidence import ContactItem
+from vispeg.contact.items import ContactItem
 from vispeg.contact.phases import Phases
 
 BESIDE = 0.1  # of the form's part of what is left, that an effect beside others must remove

@@ -38,11 +38,11 @@ def in_hand(rec: Recording, robot: RobotModel, least: float) -> Recording:
     lost = [_lost(rec.time[rows], rec.q[rows], robot.velocity_limit) for rows in runs]
     if not any(off.any() for off in lost):
         return rec
-    kept = []
+    stretches = []
     for rows, off in zip(runs, lost, strict=True):
         long = [part for part in _stretches(rows[~off]) if rec.time[part[-1]] - rec.time[part[0]] > least]
-        kept += [(part[0], part[-1] + 1) for part in long[:1]]
-    return taken(rec, kept) if kept else rec
+        stretches += [(part[0], part[-1] + 1) for part in long[:1]]
+    return taken(rec, stretches) if stretches else rec
 
 
 def said(before: Recording, after: Recording) -> str:

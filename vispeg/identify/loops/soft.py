@@ -55,8 +55,8 @@ def _drift(evidence: Evidence, world: World) -> dict[int, float]:
 
 def as_asked(rec: Recording, robot: RobotModel) -> Recording:
     """An OSC recording as one under torque control: with what its law asks for at what it read, beside gravity."""
-    known = np.isfinite(rec.q).all(axis=1, keepdims=True)
-    torque = np.where(known, _asked(rec, robot, np.nan_to_num(rec.q)), np.nan)
+    read = np.isfinite(rec.q).all(axis=1, keepdims=True)
+    torque = np.where(read, _asked(rec, robot, np.nan_to_num(rec.q)), np.nan)
     return replace(rec, control=replace(rec.control, mode="torque"), tau_cmd=torque)
 
 

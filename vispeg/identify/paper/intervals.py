@@ -15,7 +15,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from vispeg.core.effect import Value, effect
-from vispeg.identify.paper import Coordinates, Pieces, cost, paths
+from vispeg.identify.paper.protocol import Coordinates, Pieces, cost, paths
 from vispeg.worlds.world import World
 
 STEP = 0.02  # of a typical size, for differences

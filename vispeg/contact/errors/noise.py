@@ -14,7 +14,7 @@ from vispeg.recordings.noise import highpass_sigma
 from vispeg.worlds.world import World
 
 if TYPE_CHECKING:
-    from vispeg.contact.evidence import ContactItem
+    from vispeg.contact.items import ContactItem
 
 LOUDER = 1.15  # of what is stated, below which noise is taken to be that: stated figures are rounded
 SPREAD = 1.6  # of a standard deviation from the median of fourth differences, over one from as many readings themselves

@@ -3,7 +3,7 @@
 A drive of the nominal hand leaves a path and a wrench that agree exactly. With the recording's noise put on both they
 are driven again: what then is corrected is noise, not the model. To it comes `FORM`, what another integrator and
 another law of contact leave of the right model, and a share of how a contact chatters: blows that a path does not show
-push one way on the average. What sensors leave open beyond that is in `vispeg.contact.nuisance`.
+push one way on the average. What sensors leave open beyond that is in `vispeg.contact.errors.nuisance`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vispeg.contact.drive import Driven, drive
-from vispeg.contact.noise import noise
+from vispeg.contact.errors.noise import noise
 from vispeg.contact.path import PATH_HZ, Path
 from vispeg.contact.phases import NAMES
 from vispeg.contact.sensor import REACH, hand_world, readings
@@ -25,7 +25,7 @@ from vispeg.recordings.noise import noise_of
 from vispeg.worlds.world import World
 
 if TYPE_CHECKING:
-    from vispeg.contact.evidence import ContactItem
+    from vispeg.contact.items import ContactItem
 
 FORM: dict[str, float] = dict(zip(NAMES, (0.02, 0.01, 0.04, 0.05, 2.0), strict=True))  # N
 SHARE: dict[str, float] = dict(

@@ -18,15 +18,15 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from vispeg.contact.errors.wedge import softness, wedging
 from vispeg.contact.phases import NAMES
 from vispeg.contact.torques import unsure
-from vispeg.contact.wedge import softness, wedging
 from vispeg.recordings.regimes import Thresholds
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import compiled
 
 if TYPE_CHECKING:
-    from vispeg.contact.evidence import ContactItem
+    from vispeg.contact.items import ContactItem
 
 DRIFT, CROSS, LEVER = 0.15, 0.01, 0.1  # N over a recording; share of another channel; m, of a torque against a force
 PLACE, TURN = 2e-4, 4e-4  # m, rad: by how much a robot's forward kinematics may be off within a cell

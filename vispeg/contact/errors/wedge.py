@@ -18,7 +18,7 @@ from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import compiled
 
 if TYPE_CHECKING:
-    from vispeg.contact.evidence import ContactItem
+    from vispeg.contact.items import ContactItem
 
 SURELY = 1.1  # times the net force, that the sum of two forces is over that of one
 SHALLOW = 0.004  # m of depth, under which a part leans on an edge but does not wedge

@@ -1,0 +1,161 @@
+"""One episode of a recording of contact: its path, its phases, and the wrench in blocks that worlds are compared by."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from vispeg.contact.drive import Driven, drive
+from vispeg.contact.errors.floors import floors
+from vispeg.contact.errors.nuisance import PLACE, TURN
+from vispeg.contact.hand import Grasp
+from vispeg.contact.path import Path, along
+from vispeg.contact.phases import Phases, phases
+from vispeg.contact.sensor import hand_world, readings, stands_for
+from vispeg.contact.thin import thinned
+from vispeg.contact.torques import calm
+from vispeg.contact.yielding import given_way
+from vispeg.core.errors import UserError
+from vispeg.identify.channels import Channel, Item
+from vispeg.recordings.cell import WrenchSensor
+from vispeg.recordings.recording import Control, Recording
+from vispeg.robots.scene import Scene
+from vispeg.sim.external import External
+from vispeg.sim.segments.segment import Segment
+from vispeg.sim.touch import Touch, touch
+from vispeg.worlds.world import World
+
+BLOCK = 0.04  # s: of a solver's chatter a mean over it leaves little
+H_MAX = 1e-3  # s, physics step, at most: at twice this a slide drags by 10 % less than its friction
+
+
+@dataclass(frozen=True)
+class Touching:
+    """A recording of contact.
+
+    Attributes:
+        recording: with measured angles.
+        scene: the cell as the user believes it.
+        believed: effects that are part of that belief.
+        wrench: (n, 6) N, N m: what the flange puts on the tool, flange axes.
+        torques: what joint torques tell of it where no sensor read it; None where one did.
+    """
+
+    recording: Recording
+    scene: Scene
+    wrench: np.ndarray
+    believed: World = field(default_factory=World)
+    torques: External | None = None
+
+
+@dataclass(frozen=True)
+class ContactItem(Item):
+    """One episode: two channels, force and torque, three columns each, a row a block."""
+
+    path: Path = None  # type: ignore[assignment]
+    phase: Phases = None  # type: ignore[assignment]
+    source: Touching = None  # type: ignore[assignment]
+    hand: Scene = None  # type: ignore[assignment]
+    grasp: Grasp = None  # type: ignore[assignment]
+    floor: np.ndarray = None  # type: ignore[assignment]  (m, 6)
+    answer: np.ndarray = None  # type: ignore[assignment]  (6, m, 6), see `displaced`
+
+    @property
+    def nj(self) -> int:
+        """Axes."""
+        return 3
+
+    @property
+    def sigma(self) -> np.ndarray:  # type: ignore[override]
+        """(m, 6): the floor of the block's phase."""
+        return self.floor
+
+    @property
+    def period(self) -> float:
+        """Time between blocks, s."""
+        return BLOCK
+
+
+def driven(
+    item: ContactItem, worlds: Sequence[World], nthread: int = 1, windows: Sequence[slice] | None = None
+) -> Driven:
+    """Hands of worlds of one structure along one item's path, or along some windows of it."""
+    hand_worlds = [hand_world(item.source.believed, w) for w in worlds]
+    wrench = np.stack([readings(item.path, item.hand, w) for w in hand_worlds])
+    windows = item.phase.windows if windows is None else windows
+    cell, rest, way = item.source.scene, item.phase.rest, given_way(item, hand_worlds, wrench)
+    return drive(item.hand, cell, item.path, hand_worlds, wrench, rest, windows, nthread, way=way)
+
+
+def displaced(item: ContactItem, nominal: Driven, nthread: int = 1) -> np.ndarray:
+    """(6, m, 6) how the wrench answers where the hand is off its path by `PLACE` or `TURN`, an axis each.
+
+    Along the tool's axis it is deeper by that. `nominal` is how the believed model went along the path itself.
+    """
+    off = np.diag(np.repeat([PLACE, TURN], 3))
+    world = hand_world(item.source.believed, World())
+    wrench = np.repeat(readings(item.path, item.hand, world)[None], 6, axis=0)
+    phase, scenes = item.phase, (item.hand, item.source.scene)
+    out = drive(*scenes, item.path, [world] * 6, wrench, phase.rest, phase.windows, nthread, off)
+    return np.nan_to_num(phase.means(out.correction) - phase.means(nominal.correction))
+
+
+def predicted(item: ContactItem, out: Driven, worlds: Sequence[World]) -> np.ndarray:
+    """(nworld, m, 6): measured wrench, less the zero found in free air, plus the correction, as the sensor reads it.
+
+    While the hand rests at the start, the zero itself is what is compared. Forces are told as readings, whatever a
+    world says that these stand for: errors are the sensor's, and what reads less would seem to fit them better.
+    """
+    correction = np.where(item.phase.resting[None, :, None], -out.zero[:, None], item.phase.means(out.correction))
+    each = [stands_for(item.path, item.hand, hand_world(item.source.believed, w)) for w in worlds]
+    return item.measured[None] + correction / np.array(each)[:, None, None]
+
+
+def items_of(t: Touching, scene: Scene, seconds: float, hold: Grasp, nthread: int) -> list[ContactItem]:
+    """One item an episode of a recording, of which `seconds` of contact are driven.
+
+    Raises:
+        UserError: no episode begins in free air.
+    """
+    rec = t.recording
+    number = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
+    calmed = rec if t.torques is None else calm(rec, t.torques)
+    felt = touch(replace(calmed, wrench=rec.wrench or WrenchSensor()), t.scene)
+    assert felt is not None  # `touching` refused a recording without a wrench
+    episodes = np.unique(number)
+    each = seconds / len(episodes)
+    out = [_item(t, felt, scene, np.flatnonzero(number == n), each, hold, nthread) for n in episodes]
+    out = [i for i in out if i is not None]
+    if not out:
+        raise UserError(
+            "no episode begins in free air", file=rec.path, expected="0.3 s or more before the first contact"
+        )
+    return out
+
+
+def _item(
+    t: Touching, felt: Touch, scene: Scene, rows: np.ndarray, seconds: float, hold: Grasp, nthread: int
+) -> ContactItem | None:
+    rec = t.recording
+    path = along(t.scene, rec, t.wrench, rows, H_MAX, t.believed)
+    phase = phases(t.scene, felt, path, BLOCK)
+    if phase is None:
+        return None
+    phase = thinned(phase, seconds)
+    time = phase.time
+    blank = np.zeros((len(time), len(rec.joints)))
+    segment = Segment(
+        Control("unknown", rec.rate_hz), BLOCK, {}, blank, blank, blank, time, rows[phase.rows(path.clock)]
+    )
+    measured = phase.means(path.wrench[None])[0]
+    sigma = np.ones_like(measured)
+    item = ContactItem(rec, segment, t.scene, (), path, phase, t, scene, hold, sigma)
+    nominal = driven(item, [World()], nthread)
+    sigma = floors(item, nominal, nthread)
+    answer = displaced(item, nominal, nthread)
+    valid = np.isfinite(measured) & phase.valid[:, None]
+    parts = (("force", slice(0, 3)), ("moment", slice(3, 6)))
+    channels = tuple(Channel(name, measured[:, p], sigma[:, p], valid[:, p]) for name, p in parts)
+    return ContactItem(rec, segment, t.scene, channels, path, phase, t, scene, hold, sigma, answer)
