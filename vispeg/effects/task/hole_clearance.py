@@ -12,7 +12,6 @@ import numpy as np
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
 from vispeg.effects.common.parts import named
-from vispeg.robots.hole import WALL
 
 
 class HoleClearance(Effect):
@@ -33,8 +32,8 @@ class HoleClearance(Effect):
         return [] if user_block else named(model, "fixture")
 
     def write(self, fields, p):
-        pos, model = fields["geom_pos"], fields.model
-        walls = [g for g in range(model.ngeom) if model.geom(g).name.startswith(WALL)]
-        angle = 2 * np.pi / len(walls) * np.array([int(model.geom(g).name[len(WALL) :]) for g in walls])
+        pos, model, wall = fields["geom_pos"], fields.model, fields.robot.wall
+        walls = [g for g in range(model.ngeom) if model.geom(g).name.startswith(wall)]
+        angle = 2 * np.pi / len(walls) * np.array([int(model.geom(g).name.removeprefix(wall)) for g in walls])
         outwards = np.stack([np.cos(angle), np.sin(angle), np.zeros(len(walls))], axis=1)
         pos[:, walls] += 0.5 * p["width"][:, :, None] * outwards
