@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.selection.likely import absent, disagreement, intervals
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
@@ -31,7 +32,8 @@ class Only(Freedom):
 class Line:
     """Evidence whose residual is a straight line about a fit."""
 
-    lasting = 6.0
+    lasting, correlated = 6.0, 3.0
+    errors = ContactEvidence.errors
 
     def __init__(self, fit):
         self.fit = fit
@@ -42,17 +44,21 @@ class Line:
         return [self.fit.residual + self.fit.jacobian @ (u - self.fit.u) for u in to]
 
 
-def test_an_interval_of_a_smooth_residual_is_what_its_derivatives_say():
-    """Linear residuals: ends where the squared residual rises by the quantile, in closed form, others moving along."""
+@pytest.mark.parametrize(("rms", "variance"), [(0.9, 1.0), (0.5, 0.5), (1.5, 2.25)])
+def test_an_interval_of_a_smooth_residual_is_what_its_derivatives_say(rms, variance):
+    """Linear residuals: ends where the squared residual rises by the quantile, in closed form, others moving along.
+
+    As wide as the errors that an effect is judged by: floors, or less where a fit leaves less, or more.
+    """
     rng = stream(6, "likely")
     placed = EffectInstance.of("hole_offset", "fixture", x=1e-3, y=-1e-3, z=2e-3)
-    jacobian, noise = rng.standard_normal((400, 3)) * [3.0, 1.0, 30.0], rng.standard_normal(400)
+    jacobian, noise = rng.standard_normal((400, 3)) * [3.0, 2.0, 30.0], rng.standard_normal(400)
     noise -= jacobian @ np.linalg.lstsq(jacobian, noise, rcond=None)[0]
-    noise /= noise.std() / 0.9
+    noise /= np.sqrt(np.mean(noise**2)) / rms
     inverse = np.linalg.inv(jacobian.T @ jacobian)
     fit = linear_fit(placed, jacobian, noise, np.sqrt(6.0 * np.diag(inverse)))
     world, best = intervals(Line(fit), fit)
-    half = np.sqrt(3.84 * 6.0 * np.diag(inverse)) * [a.unit for a in fit.space.axes]
+    half = np.sqrt(3.84 * 6.0 * variance * np.diag(inverse)) * [a.unit for a in fit.space.axes]
     for value, h in zip((world.effects[0].params[k] for k in "xyz"), half, strict=True):
         assert value.high - value.value == pytest.approx(h, rel=1e-6)
         assert value.value - value.low == pytest.approx(h, rel=1e-6)
@@ -62,7 +68,8 @@ def test_an_interval_of_a_smooth_residual_is_what_its_derivatives_say():
 def test_a_value_may_be_absent_exactly_where_its_interval_holds_null():
     rng = stream(7, "absent")
     placed = EffectInstance.of("hole_offset", "fixture", x=1e-3, y=-1e-3, z=2e-3)
-    jacobian, noise = rng.standard_normal((400, 3)) * [3.0, 1.0, 30.0], np.zeros(400)
+    jacobian, noise = rng.standard_normal((400, 3)) * [3.0, 1.0, 30.0], np.ones(400)
+    noise -= jacobian @ np.linalg.lstsq(jacobian, noise, rcond=None)[0]
     inverse = np.linalg.inv(jacobian.T @ jacobian)
     fit = linear_fit(placed, jacobian, noise, np.sqrt(6.0 * np.diag(inverse)))
     half = np.sqrt(3.84 * 6.0 * np.diag(inverse))
@@ -74,8 +81,9 @@ def test_a_value_may_be_absent_exactly_where_its_interval_holds_null():
 def test_what_may_be_absent_comes_least_needed_first():
     rng = stream(8, "absent")
     placed = EffectInstance.of("hole_offset", "fixture", x=1e-3, y=-1e-3, z=2e-3)
-    jacobian = rng.standard_normal((400, 3))
-    fit = linear_fit(placed, jacobian, np.zeros(400), np.ones(3))
+    jacobian, noise = rng.standard_normal((400, 3)), np.ones(400)
+    noise -= jacobian @ np.linalg.lstsq(jacobian, noise, rcond=None)[0]
+    fit = linear_fit(placed, jacobian, noise, np.ones(3))
     half = np.sqrt(3.84 * 6.0 * np.diag(np.linalg.inv(jacobian.T @ jacobian)))
     assert absent(Line(fit), fit, [0, 1, 2], fit.u + np.array([0.5, 0.9, 0.1]) * half) == [2, 0, 1]
 

@@ -74,7 +74,7 @@ class ContactEvidence(Evidence):
         """Variance of errors that an effect is judged by where a fit leaves `cost`, both in units of floors.
 
         Floors allow for errors that a good sensor has not. Where less is left, that is what counts, but as what may
-        last as long as a visit to a phase. Intervals, which have no second recording that judges them, stay wide.
+        last as long as a visit to a phase. Intervals go by the same: of what is accepted they leave out null.
         """
         return max(min(1.0, cost * self.lasting / self.correlated), cost)
 
