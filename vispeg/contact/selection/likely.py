@@ -23,6 +23,7 @@ from vispeg.worlds.world import World
 QUANTILE = 3.84  # of chi squared with one degree of freedom: 95 %
 FAINT = 0.03  # of the length of a derivative, below which a recording tells nothing of a coordinate
 ROUNDS = ((1.0,), (2.0,), (4.0, 8.0), (16.0, 64.0))  # of a half interval by derivatives, until the residual rises
+CLOSER = (None, None)  # and from there to where it rises, for what begins to slip rises at once
 FLAT = 1e-12
 BENT = 1.2  # times the variance that a coordinate would have alone, up to which the others hardly move along
 
@@ -48,12 +49,17 @@ def intervals(evidence: ContactEvidence, fit: Fit) -> tuple[World, np.ndarray]:
     low, high = fit.space.bounds
     rays = _rays(evidence, fit)
     ways: list[list[tuple[float, float]]] = [[(0.0, 0.0)] for _ in rays]
-    for shares in ROUNDS:
-        going = [k for k, ray in enumerate(rays) if ways[k][-1][1] < ray.rise and not _ended(fit, ray, ways[k][-1][0])]
-        points = [(k, s, np.clip(fit.u + s * rays[k].direction, low, high)) for k in going for s in shares]
-        for (k, s, u), r in zip(points, evidence.residuals([fit.space.at(u) for *_, u in points]), strict=True):
+    for shares in (*ROUNDS, *CLOSER):
+        points = []
+        for k, ray in enumerate(rays):
+            if shares is None:
+                points += [(k, s) for s in _near_end(ways[k], ray.rise)]
+            elif ways[k][-1][1] < ray.rise and not _ended(fit, ray, ways[k][-1][0]):
+                points += [(k, s) for s in shares]
+        at = [np.clip(fit.u + s * rays[k].direction, low, high) for k, s in points]
+        for (k, s), u, r in zip(points, at, evidence.residuals([fit.space.at(u) for u in at]), strict=True):
             rise = float(r @ r) - base
-            ways[k].append((s, rise))
+            ways[k] = sorted([*ways[k], (s, rise)])
             if rise < least:
                 best, least = u, rise
     effects: list[EffectInstance] = list(fit.world.effects)
@@ -134,6 +140,13 @@ def _ended(fit: Fit, ray: Ray, share: float) -> bool:
     low, high = fit.space.bounds
     at = fit.u[ray.axis] + share * ray.direction[ray.axis]
     return bool(at <= low[ray.axis] or at >= high[ray.axis])
+
+
+def _near_end(way: Sequence[tuple[float, float]], rise: float) -> list[float]:
+    """Where a way seems to come to `rise`, and halfway on to the next point, which is beyond it; none if none is."""
+    end = _end(way, rise)
+    beyond = [share for share, _ in way if share > end]
+    return [end, 0.5 * (end + beyond[0])] if beyond else []
 
 
 def _end(way: Sequence[tuple[float, float]], rise: float) -> float:

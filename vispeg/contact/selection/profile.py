@@ -263,7 +263,7 @@ def idle(probes: Sequence[Probe]) -> set[tuple[str, str]]:
 
 FELT = 5.0  # standard deviations by which some size must move the residual for an effect to be excited
 SHARE = 0.03
-HALF = 0.5  # of what an effect must gain, that a straight line through a size must promise in the screen
+HALF = 0.4  # of what an effect must gain, that a straight line through a size must promise in the screen
 HOPE = 0.25  # of what a size must promise, that the screen must see in it
 FAINT = 0.03  # of what the best size promises, below which no greater one is tried
 CLOSE = 0.1  # of what a way promises, within which a size comes to it

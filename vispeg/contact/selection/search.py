@@ -75,6 +75,14 @@ class ContactSearch(Search):
         library = max(1, len(places(self.evidence, World())))
         return self.beyond(state_cost, float(stats.chi2.isf(level / library, max(count, 1))))
 
+    def needed_beside(self, world: World) -> float:
+        """What one parameter of an effect must gain beside a world: less where that leaves less than floors allow for.
+
+        What a world leaves beyond floors raises it not, for the effect may be what takes it away.
+        """
+        (residual,) = self.evidence.residuals([world])
+        return self.need(min(1.0, float(np.mean(residual**2))))
+
     def beyond(self, cost: float, quantile: float) -> float:
         """Drop of the squared residual beyond a quantile of chi squared, where a fit leaves `cost` variances of floors.
 
@@ -140,7 +148,7 @@ class ContactSearch(Search):
         scores, tested = self.scored(state), self.tested(state)
         promise = promises(self.probed(state.world, places(self.evidence, state.world)))
         scores = sorted(scores, key=lambda s: -max(s.gain, promise[s.key]))
-        scores = [s for s in scores if promise[s.key] >= NEAR * self.need()]
+        scores = [s for s in scores if promise[s.key] >= NEAR * self.needed_beside(state.world)]
         short = [s for i, s in enumerate(scores[:SINGLES]) if i < 2 or promise[s.key] > WORTH * promise[scores[0].key]]
         if not short:
             return []
@@ -252,7 +260,7 @@ class ContactSearch(Search):
         def work_out() -> list:
             return [
                 [p.placed.effect, p.placed.where, p.name, p.placed.params[p.name].value, max(p.gain, NONE), p.moved]
-                for p in probed(self.evidence, world, where, self.need())
+                for p in probed(self.evidence, world, where, self.needed_beside(world))
             ]
 
         question = ["contact profile", model_text(world), [list(p) for p in where]]
