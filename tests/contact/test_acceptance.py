@@ -150,3 +150,12 @@ def test_an_effect_is_judged_by_what_a_fit_leaves_where_that_is_less_than_floors
     asked = [search.need(cost, count=2) for cost in np.linspace(0.0, 3.0, 31)]
     assert np.all(np.diff(asked) >= 0)
     assert asked[0] == search.confirms(0.0) == 3 * search.evidence.rough, "15 is the most that chatter makes"
+
+
+@pytest.mark.parametrize(("left", "counted"), [(0.1, 0.1), (0.6, 0.6), (1.0, 1.0), (40.0, 1.0)])
+def test_an_effect_is_screened_by_what_it_needs_beside_the_present_world(left, counted, monkeypatch):
+    """`left` variances of floors under a world: what is beyond floors may be what the effect takes away."""
+    search = ContactSearch(evidence_of([recorded()]), Judge(evidence_of([recorded((), 1)])))
+    residual = np.full(400, np.sqrt(left))
+    monkeypatch.setattr(search.evidence, "residuals", lambda worlds: [residual for _ in worlds])
+    assert search.needed_beside(World()) == pytest.approx(search.need(counted))

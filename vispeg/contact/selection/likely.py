@@ -23,7 +23,7 @@ from vispeg.worlds.world import World
 QUANTILE = 3.84  # of chi squared with one degree of freedom: 95 %
 FAINT = 0.03  # of the length of a derivative, below which a recording tells nothing of a coordinate
 ROUNDS = ((1.0,), (2.0,), (4.0, 8.0), (16.0, 64.0))  # of a half interval by derivatives, until the residual rises
-CLOSER = (None, None)  # and from there to where it rises, for what begins to slip rises at once
+CLOSER = 2  # times that the end is then looked at from nearer, for what begins to slip rises at once
 FLAT = 1e-12
 BENT = 1.2  # times the variance that a coordinate would have alone, up to which the others hardly move along
 
@@ -43,36 +43,63 @@ class Ray:
     rise: float
 
 
+class Ways:
+    """How the squared residual rises along rays from a fit.
+
+    Attributes:
+        rays: where to.
+        points: of each ray, shares of its direction and the rise there, in the order of shares.
+        best, least: the coordinates (naxis,) with the least residual of all points, and by how much it is below the
+            fit's.
+    """
+
+    def __init__(self, evidence: ContactEvidence, fit: Fit):
+        self.evidence, self.fit = evidence, fit
+        self.rays = _rays(evidence, fit)
+        self.points: list[list[tuple[float, float]]] = [[(0.0, 0.0)] for _ in self.rays]
+        self.best, self.least = fit.u, 0.0
+
+    def ask(self, wanted: Sequence[tuple[int, float]]) -> None:
+        """Looks at shares of rays, (ray, share) each."""
+        low, high = self.fit.space.bounds
+        at = [np.clip(self.fit.u + share * self.rays[k].direction, low, high) for k, share in wanted]
+        residuals = self.evidence.residuals([self.fit.space.at(u) for u in at])
+        for (k, share), u, r in zip(wanted, at, residuals, strict=True):
+            rise = float(r @ r - self.fit.residual @ self.fit.residual)
+            self.points[k] = sorted([*self.points[k], (share, rise)])
+            if rise < self.least:
+                self.best, self.least = u, rise
+
+    def open(self) -> list[int]:
+        """Rays that have neither risen enough nor come to a bound."""
+        ends = [points[-1] for points in self.points]
+        return [
+            k
+            for k, (ray, (share, rise)) in enumerate(zip(self.rays, ends, strict=True))
+            if rise < ray.rise and not _ended(self.fit, ray, share)
+        ]
+
+
 def intervals(evidence: ContactEvidence, fit: Fit) -> tuple[World, np.ndarray]:
     """The fitted world with these intervals, and the coordinates (naxis,) with the least residual on the way."""
-    base, best, least = float(fit.residual @ fit.residual), fit.u, 0.0
     low, high = fit.space.bounds
-    rays = _rays(evidence, fit)
-    ways: list[list[tuple[float, float]]] = [[(0.0, 0.0)] for _ in rays]
-    for shares in (*ROUNDS, *CLOSER):
-        points = []
-        for k, ray in enumerate(rays):
-            if shares is None:
-                points += [(k, s) for s in _near_end(ways[k], ray.rise)]
-            elif ways[k][-1][1] < ray.rise and not _ended(fit, ray, ways[k][-1][0]):
-                points += [(k, s) for s in shares]
-        at = [np.clip(fit.u + s * rays[k].direction, low, high) for k, s in points]
-        for (k, s), u, r in zip(points, at, evidence.residuals([fit.space.at(u) for u in at]), strict=True):
-            rise = float(r @ r) - base
-            ways[k] = sorted([*ways[k], (s, rise)])
-            if rise < least:
-                best, least = u, rise
+    ways = Ways(evidence, fit)
+    for shares in ROUNDS:
+        ways.ask([(k, share) for k in ways.open() for share in shares])
+    for _ in range(CLOSER):
+        near = [_near_end(points, ray.rise) for ray, points in zip(ways.rays, ways.points, strict=True)]
+        ways.ask([(k, share) for k, shares in enumerate(near) for share in shares])
     effects: list[EffectInstance] = list(fit.world.effects)
     for i, axis in enumerate(fit.space.axes):
         ends = [fit.u[i]]
-        for ray, way in zip(rays, ways, strict=True):
+        for ray, points in zip(ways.rays, ways.points, strict=True):
             if ray.axis == i:
-                ends.append(fit.u[i] + _end(way, ray.rise + least) * ray.direction[i])
+                ends.append(fit.u[i] + _end(points, ray.rise + ways.least) * ray.direction[i])
         values = [fit.space.backward(float(np.clip(e, low[i], high[i])), axis) for e in ends]
         placed = effects[axis.index]
         params = {**placed.params, axis.name: Value(values[0], min(values), max(values))}
         effects[axis.index] = replace(placed, params=params)
-    return replace(fit.world, effects=tuple(effects)), best
+    return replace(fit.world, effects=tuple(effects)), ways.best
 
 
 def absent(evidence: ContactEvidence, fit: Fit, axes: Sequence[int], null: np.ndarray) -> list[int]:
