@@ -39,6 +39,14 @@ def test_fall_divides_the_first_by_the_last_and_the_last_by_the_floor():
     assert "falls 40-fold, from 6.00 mrad RMS to 0.150 mrad RMS, which is 1.50 × the noise floor." in text
 
 
+def test_an_error_well_below_the_floor_is_no_share_of_it():
+    """A floor of contact allows for cross-talk, which a good sensor has not."""
+    text = words.fall(_ladder(6e-3, 1.5e-5))
+    assert "which is below the noise floor: 0.100 mrad RMS allows for errors that these recordings have not" in text
+    assert "×" not in text
+    assert "0.90 × the noise floor" in words.fall(_ladder(6e-3, 9e-5))
+
+
 def test_a_rising_error_is_never_called_a_fall():
     text = words.fall(_ladder(1e-3, 2.5e-3))
     assert "rises 2.5-fold" in text and "fall" not in text

@@ -17,6 +17,7 @@ TENTATIVE = "tentative: they lower the error, but each may stand in for another 
 MOST_PRICED = 3  # joints whose remainder is played back
 MOST_RIVALS = 3  # that a sentence lists
 SAME = 0.05  # a relative change below this is called none
+BELOW = 0.8  # noise floors, under which an error shows that the floor allows for more than there is
 
 
 def join(parts: Iterable[str], word: str = "and") -> str:
@@ -73,15 +74,18 @@ def fall(values: Mapping[str, Any]) -> str:
     first, last, unit = ladder_ends(values)
     if last is None:
         return f"The {error_name(values).lower()} is not known."
-    floor = against_floor(last, _floor(values))
-    steps = len(rows(values, "ladder"))
-    if steps == 1 or first is None:
-        return f"{error_name(values)} is {quantity(last, unit)}" + (f", {floor}." if floor else ".")
-    moved = change(first, last) or "stays"
-    return (
-        f"{error_name(values)} {moved}, from {quantity(first, unit)} to {quantity(last, unit)}"
-        + (f", which is {floor}." if floor else ".")
-    )  # fmt: skip
+    if len(rows(values, "ladder")) == 1 or first is None:
+        return f"{error_name(values)} is {quantity(last, unit)}{_beside(', ', last, _floor(values), unit)}."
+    moved, beside = change(first, last) or "stays", _beside(", which is ", last, _floor(values), unit)
+    return f"{error_name(values)} {moved}, from {quantity(first, unit)} to {quantity(last, unit)}{beside}."
+
+
+def _beside(joint: str, error: float, floor: float | None, unit: str) -> str:
+    """An error as a multiple of the noise floor, after `joint`; one well below it says what that means."""
+    if floor is not None and 0 < error < BELOW * floor:
+        return f"{joint}below the noise floor: {quantity(floor, unit)} allows for errors that these recordings have not"
+    times = against_floor(error, floor)
+    return f"{joint}{times}" if times else ""
 
 
 def diverged(values: Mapping[str, Any]) -> list[str]:
