@@ -251,25 +251,18 @@ def profile(evidence: ContactEvidence, world: World, where: Sequence[tuple[str, 
 
 
 def idle(probes: Sequence[Probe]) -> set[tuple[str, str]]:
-    """(effect, parameter) of which no size gains a `SHARE` of what the effect's best parameter does, nor promises more
-    than little of it: a size beyond the best one may leave more than none does.
-    """
-    gains: dict[tuple[str, str], float] = {}
-    hopes: dict[tuple[str, str], float] = {}
+    """(effect, parameter) that no size of gains a `SHARE` of what the effect's best parameter does."""
+    top: dict[str, float] = {}
+    best: dict[tuple[str, str], float] = {}
     for p in probes:
         key = p.placed.effect, p.name
-        gains[key], hopes[key] = max(p.gain, gains.get(key, -np.inf)), max(p.promise, hopes.get(key, -np.inf))
-    top, most = ({name: max(v for (n, _), v in of.items() if n == name) for name, _ in of} for of in (gains, hopes))
-    return {
-        key
-        for key, gain in gains.items()
-        if gain < max(SHARE * top[key[0]], 0.0) and gain < top[key[0]] and hopes[key] < LITTLE * most[key[0]]
-    }
+        top[p.placed.effect] = max(top.get(p.placed.effect, -np.inf), p.gain)
+        best[key] = max(best.get(key, -np.inf), p.gain)
+    return {key for key, gain in best.items() if gain < max(SHARE * top[key[0]], 0.0) and gain < top[key[0]]}
 
 
 FELT = 5.0  # standard deviations by which some size must move the residual for an effect to be excited
 SHARE = 0.03
-LITTLE = 0.15  # of what the best parameter promises
 HALF = 0.4  # of what an effect must gain, that a straight line through a size must promise in the screen
 HOPE = 0.25  # of what a size must promise, that the screen must see in it
 FAINT = 0.03  # of what the best size promises, below which no greater one is tried

@@ -11,6 +11,7 @@ import numpy as np
 from scipy import stats
 
 from vispeg.contact.evidence import ContactEvidence
+from vispeg.contact.selection.alike import alike, freed, refitted
 from vispeg.contact.selection.form import form
 from vispeg.contact.selection.likely import intervals
 from vispeg.contact.selection.profile import (
@@ -102,6 +103,7 @@ class ContactSearch(Search):
         state = super().run(world, n_fixed)
         while spared(self, state, n_fixed):
             pass
+        refitted(self, state, n_fixed)
         self.bound(state, n_fixed)
         return state
 
@@ -274,11 +276,13 @@ class ContactSearch(Search):
         """The best of those that were fitted beside it when it came in, and of those that it is hard to tell from."""
         where = [p for p in places(self.evidence, state.world) if p != (placed.effect, placed.where)]
         beside = {t.score.key for taken, trials in state.steps if taken.score.has(placed) for t in trials}
-        alike = {*effect(placed.effect).told_from, *(n for n, _ in where if placed.effect in effect(n).told_from)}
-        near = [p for p in where if p in beside or p[0] in alike]
+        near = [p for p in where if p in beside or alike(p[0], placed.effect)]
         without, beside_it = self.evidence.residuals([state.world, state.world.add(placed)])
         least = AS_MUCH * float(without @ without - beside_it @ beside_it)
-        return [s for s in strongest(self.probed(state.world, near))[:PAIRED] if s.gain > least], len(where)
+        best = [s for s in strongest(self.probed(state.world, near))[:PAIRED] if s.gain > least]
+        for s in best:
+            freed(self, placed, s.placed)
+        return best, len(where)
 
     def _grow(self, state: State, placed: EffectInstance, n_fixed: int) -> None:
         """No effect of contact is a richer form of another."""

@@ -1,0 +1,63 @@
+"""Effects that are hard to tell from a chosen one have the parameters that it has before they are called worse.
+
+A screen asks the sizes of each parameter by itself, and frees what promises something. What it freed of one effect it
+may not have freed of another that acts alike: a grip that gives way along x alone is no rival of a fixture that gives
+way along x and y.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vispeg.contact.selection.profile import places, strongest
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.selection.state import State
+
+if TYPE_CHECKING:
+    from vispeg.contact.selection.search import ContactSearch
+
+
+def alike(one: str, other: str) -> bool:
+    """Whether a motion is needed to tell two kinds of effect apart."""
+    return one in effect(other).told_from or other in effect(one).told_from
+
+
+def lacking(placed: EffectInstance, rival: EffectInstance) -> set[str]:
+    """Parameters by whose names one effect acts and the other, which is hard to tell from it, could but does not."""
+    kind = effect(rival.effect)
+    if rival.effect == placed.effect or not alike(placed.effect, rival.effect):
+        return set()
+    acts = [k for k, v in placed.params.items() if v.value != effect(placed.effect).params[k].null]
+    return {k for k in acts if k in kind.params and rival.params[k].value == kind.params[k].null}
+
+
+def freed(search: ContactSearch, placed: EffectInstance, rival: EffectInstance) -> bool:
+    """Lets fits move what a rival lacks; whether it lacks anything."""
+    names = {(rival.effect, name) for name in lacking(placed, rival)}
+    search.evidence.absent = search.evidence.absent - names
+    return bool(names)
+
+
+def refitted(search: ContactSearch, state: State, n_fixed: int) -> None:
+    """Fits again what was tried beside the only effect and lacked a parameter that this one has; so, too, what was not
+    tried.
+    """
+    chosen = state.world.effects[n_fixed:]
+    if len(chosen) != 1 or len(state.steps) != 1:
+        return
+    (placed,), (taken, trials) = chosen, state.steps[0]
+    world = state.world.without(placed.effect, placed.where)
+    lone = {t.score.key: t.fit.world.effects[-1] for t in trials if not t.score.beside}
+    others = [p for p in places(search.evidence, world) if p not in lone and lacking(placed, EffectInstance.of(*p))]
+    felt = [s.placed for s in strongest(search.probed(world, others)) if s.gain > -np.inf] if others else []
+    again = [rival for rival in (*lone.values(), *felt) if freed(search, placed, rival)]
+    if not again:
+        return
+    before = search.start(world, n_fixed)
+    tried = search.try_all(before, [Score(rival, 0.0) for rival in again], n_fixed, search.tested(before))
+    anew = {t.score.key: t.bare for t in tried}
+    old = [t if t.score.beside else anew.pop(t.score.key, t) for t in trials]
+    state.steps[0] = taken, [*old, *anew.values()]
