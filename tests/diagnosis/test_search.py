@@ -45,6 +45,8 @@ def test_joints_that_are_not_suspected_are_looked_at_before_the_search_gives_up(
     world = World(recordings[0].robot)
     record = diagnose(world, recordings[:2], recordings[2:], nthread=1, plan_next=False).record
     assert [(e["effect"], e["where"]) for e in record["effects"]] == [("coulomb_friction", "shoulder")]
+    refused = [(c["effect"], c["where"]) for c in record["candidates"]]
+    assert refused and ("coulomb_friction", "shoulder") not in refused, "what was accepted was not refused"
 
 
 def trial(label: str, loss: float, at_bound: bool = False, rejected: str = "") -> Trial:

@@ -110,7 +110,7 @@ def candidates(state: State, rivals: Sequence[Rivals], n_fixed: int) -> list[Can
     out = []
     for best, trials in state.steps:
         for t in trials:
-            if t is best:
+            if t.score is best.score:
                 continue
             why = t.rejected or f"{best.score.label} explains the held-out data as well or better"
             out.append(_candidate(t, why, n_fixed))

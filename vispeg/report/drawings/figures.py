@@ -73,7 +73,7 @@ STYLE: Mapping[str, object] = {
     "svg.hashsalt": "vispeg",
     "text.parse_math": False,  # names are the user's: a dollar sign is a dollar sign
 }
-MARKS = ("|", "^", "o")
+MARKS = ("|", "^", "o", "s")
 LONG = 300  # letters of a path from which it is a curve, not a mark
 SIZED = ("font.size", "axes.titlesize", "axes.labelsize", "xtick.labelsize", "ytick.labelsize", "legend.fontsize")
 

@@ -7,19 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vispeg.report.drawings.figures import (
-    AFTER,
-    BEFORE,
-    MEASURED,
-    MUTED,
-    RIVALS,
-    RULE,
-    Shape,
-    chart,
-    legend,
-    new_figure,
-    quiet,
-)
+from vispeg.report.drawings.figures import AFTER, BEFORE, MEASURED, Shape, chart, legend, new_figure, quiet
+from vispeg.report.drawings.palette import day
 from vispeg.report.evidence import Trace
 from vispeg.report.record import Record, data_link
 from vispeg.report.text.quantities import plain, quantity
@@ -31,6 +20,7 @@ if TYPE_CHECKING:
 TITLE = "Wrench, measured against model"
 MOST = 3
 AXES = "xyz"
+PHASES = tuple(map(day, ("pale", "lagoon", "violet", "sand", "wine")))  # in the order of their names
 
 
 def context(record: Record) -> Mapping[str, object] | None:
@@ -82,28 +72,21 @@ def _figure(force: Trace, torque: Trace, codes: np.ndarray, names: list[str], sh
             ax.plot(trace.time, trace.measured[:, j], color=MEASURED, linewidth=0.7)
             ax.set_ylabel(f"{'F' if k == 0 else 'T'}{axis} ({unit})")
             quiet(ax)
-    _band(axes[6], force.time, codes, names)
+    _band(axes[6], force.time, codes)
     axes[6].set_xlabel("time (s)")
     entries = {"measured": (MEASURED, "-"), "initial model": (BEFORE, "-")}
     if force.after is not None:
         entries["corrected model"] = (AFTER, "-")
+    entries |= {names[k]: (PHASES[k % len(PHASES)], "s") for k in range(len(names)) if np.any(codes == k)}
     legend(figure, entries)
     return figure
 
 
-def _band(ax: Axes, time: np.ndarray, codes: np.ndarray, names: list[str]) -> None:
-    """The phase of contact as coloured stretches, each named once."""
-    colours = (RULE, BEFORE, RIVALS[0], RIVALS[1], MUTED)
+def _band(ax: Axes, time: np.ndarray, codes: np.ndarray) -> None:
+    """The phase of contact as coloured stretches; the legend names them, for many are too short for a word."""
     step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
-    edges = np.flatnonzero(np.diff(codes)) + 1
-    for part in np.split(np.arange(len(codes)), edges):
-        code = int(codes[part[0]])
+    for part in np.split(np.arange(len(codes)), np.flatnonzero(np.diff(codes)) + 1):
         left, right = float(time[part[0]]) - step / 2, float(time[part[-1]]) + step / 2
-        ax.axvspan(left, right, color=colours[code % len(colours)], alpha=0.75, linewidth=0)
-    present = [k for k in range(len(names)) if np.any(codes == k)]
-    for k in present:
-        lengths = [p for p in np.split(np.arange(len(codes)), edges) if codes[p[0]] == k]
-        longest = max(lengths, key=len)
-        ax.text(time[longest].mean(), 0.5, names[k], ha="center", va="center", transform=ax.get_xaxis_transform())
+        ax.axvspan(left, right, color=PHASES[int(codes[part[0]]) % len(PHASES)], linewidth=0)
     ax.set_yticks([])
     ax.set_ylabel("phase")
