@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pressed import recorded
@@ -12,9 +14,9 @@ from vispeg.contact.items import predicted
 from vispeg.contact.run import evidence_of
 from vispeg.contact.selection.profile import outward, probed, strongest, tries
 from vispeg.contact.selection.search import ContactSearch
-from vispeg.contact.selection.spare import spared
+from vispeg.contact.selection.spare import doubted, includes_none, spared
 from vispeg.contact.sensor import stands_for
-from vispeg.core.effect import EffectInstance
+from vispeg.core.effect import EffectInstance, Value
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.selection.accept import equal
 from vispeg.diagnosis.selection.judge import Judge
@@ -159,3 +161,39 @@ def test_an_effect_is_screened_by_what_it_needs_beside_the_present_world(left, c
     residual = np.full(400, np.sqrt(left))
     monkeypatch.setattr(search.evidence, "residuals", lambda worlds: [residual for _ in worlds])
     assert search.needed_beside(World()) == pytest.approx(search.need(counted))
+
+
+def spanned(placed: EffectInstance, **spans: tuple[float, float]) -> EffectInstance:
+    """An effect with these intervals."""
+    values = {k: Value(placed.params[k].value, *span) for k, span in spans.items()}
+    return replace(placed, params={**placed.params, **values})
+
+
+@pytest.mark.parametrize(
+    ("placed", "includes"),
+    [
+        (spanned(FIXTURE, z=(0.0, 6e-5)), True),
+        (spanned(FIXTURE, z=(1e-5, 6e-5)), False),
+        (spanned(FIXTURE, z=(0.0, 6e-5), x=(1e-6, 2e-6)), False),
+        (spanned(FRICTION, scale=(0.9, 2.0)), True),
+        (spanned(FRICTION, scale=(1.1, 2.0)), False),
+        (FIXTURE, False),
+    ],
+)
+def test_an_interval_includes_none_where_all_of_the_fitted_magnitudes_do(placed, includes):
+    assert includes_none(placed) == includes
+
+
+@pytest.mark.parametrize("others", [(), (FRICTION,)])
+def test_what_may_as_well_not_be_there_is_taken_out(others):
+    """Alone it leaves the model as it was given, beside another effect this one, fitted anew."""
+    search = ContactSearch(evidence_of([recorded((FRICTION,))]), Judge(evidence_of([recorded((FRICTION,), 2)])))
+    world = World(effects=(*(spanned(e, scale=(1.6, 1.8)) for e in others), spanned(FIXTURE, z=(0.0, 6e-5))))
+    state = search.start(World(), 0)
+    (fit,) = search.fits([world], 0, iterations=1)
+    state.take(replace(fit, world=world), state.loss)
+    assert doubted(search, state, 0)
+    assert [e.effect for e in state.world.effects] == [e.effect for e in others]
+    (residual,) = search.evidence.residuals([state.world])
+    np.testing.assert_allclose(state.residual, residual, rtol=1e-6, atol=1e-9)
+    assert (state.fit is None) == (not others)

@@ -25,7 +25,7 @@ from vispeg.contact.selection.profile import (
     strongest,
     value,
 )
-from vispeg.contact.selection.spare import spared
+from vispeg.contact.selection.spare import doubted, spared
 from vispeg.contact.selection.sparse import sparse
 from vispeg.contact.thin import PART
 from vispeg.core.effect import EffectInstance, effect
@@ -105,6 +105,8 @@ class ContactSearch(Search):
             pass
         refitted(self, state, n_fixed)
         self.bound(state, n_fixed)
+        while doubted(self, state, n_fixed):
+            self.bound(state, n_fixed)
         return state
 
     def bound(self, state: State, n_fixed: int) -> None:

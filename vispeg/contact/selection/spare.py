@@ -1,10 +1,12 @@
-"""Which of several effects of contact the others can do without."""
+"""Which effects of contact the others can do without, and which may as well not be there."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from vispeg.contact.selection.form import form
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.selection.state import State
 
 if TYPE_CHECKING:
@@ -40,4 +42,37 @@ def spared(search: ContactSearch, state: State, n_fixed: int) -> bool:
     search.lately = {}
     state.take(fits[k], losses[k])
     state.cross = search.cross.loss_of(fits[k], fits[k].residual)
+    return True
+
+
+def includes_none(placed: EffectInstance) -> bool:
+    """Whether the interval of every magnitude that was fitted holds the value at which the effect is not there."""
+    kind = effect(placed.effect)
+    spans = [(kind.params[k].null, placed.params[k]) for k in kind.magnitudes]
+    inside = [v.low <= null <= v.high for null, v in spans if v.low is not None and v.high is not None]
+    return bool(inside) and all(inside)
+
+
+def doubted(search: ContactSearch, state: State, n_fixed: int) -> bool:
+    """Takes out an effect whose intervals include none; False where there is no such effect.
+
+    An effect is accepted by what its best value removes, an interval goes by all that a value may be.
+    """
+    some = state.world.effects[n_fixed:]
+    gone = next((e for e in reversed(some) if includes_none(e)), None)
+    if gone is None:
+        return False
+    search.say(f"its interval includes none: {gone.label}")
+    world, search.lately = state.world.without(gone.effect, gone.where), {}
+    if len(some) > 1:
+        (fit,) = search.reduced([world], n_fixed)
+        state.take(fit, search.judge.losses([fit.world])[0])
+        state.cross, search.lately = search.cross.loss_of(fit, fit.residual), {}
+        return True
+    before = search.start(world, n_fixed)
+    state.world, state.loss, state.residual = before.world, before.loss, before.residual
+    state.fit, state.cross = before.fit, before.cross
+    why = f"the interval of {gone.label} includes none"
+    state.last = [replace(t, rejected=t.rejected or why) for _, trials in state.steps for t in trials]
+    state.steps = []
     return True
