@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from vispeg.contact.selection.search import ContactSearch
 
 
-def alike(one: str, other: str) -> bool:
+def alike(name: str, other: str) -> bool:
     """Whether a motion is needed to tell two kinds of effect apart."""
-    return one in effect(other).told_from or other in effect(one).told_from
+    return name in effect(other).told_from or other in effect(name).told_from
 
 
 def lacking(placed: EffectInstance, rival: EffectInstance) -> set[str]:
