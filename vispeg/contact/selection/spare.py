@@ -5,9 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from vispeg.contact.selection.form import form
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.selection.state import State
+from vispeg.identify.fit import Fit
 
 if TYPE_CHECKING:
     from vispeg.contact.selection.search import ContactSearch
@@ -39,10 +42,15 @@ def spared(search: ContactSearch, state: State, n_fixed: int) -> bool:
         return False
     k = min(weak, key=lambda k: worse[k] / count[k])
     search.say(f"not needed beside the others: {some[k].label}")
-    search.lately = {}
-    state.take(fits[k], losses[k])
-    state.cross = search.cross.loss_of(fits[k], fits[k].residual)
+    _take(search, state, fits[k], losses[k])
     return True
+
+
+def _take(search: ContactSearch, state: State, fit: Fit, loss: np.ndarray) -> None:
+    """The state of a fit with an effect less; what was fitted beside that effect is forgotten."""
+    search.lately = {}
+    state.take(fit, loss)
+    state.cross = search.cross.loss_of(fit, fit.residual)
 
 
 def includes_none(placed: EffectInstance) -> bool:
@@ -63,11 +71,10 @@ def doubted(search: ContactSearch, state: State, n_fixed: int) -> bool:
     if gone is None:
         return False
     search.say(f"its interval includes none: {gone.label}")
-    world, search.lately = state.world.without(gone.effect, gone.where), {}
+    world = state.world.without(gone.effect, gone.where)
     if len(some) > 1:
-        (fit,) = search.reduced([world], n_fixed)
-        state.take(fit, search.judge.losses([fit.world])[0])
-        state.cross, search.lately = search.cross.loss_of(fit, fit.residual), {}
+        (fit,) = search.reduced([world], n_fixed)  # as `spared` fitted it
+        _take(search, state, fit, search.judge.losses([fit.world])[0])
         return True
     before = search.start(world, n_fixed)
     state.world, state.loss, state.residual = before.world, before.loss, before.residual
