@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from vispeg.core.errors import UserError
 from vispeg.robots import hole
@@ -73,6 +74,37 @@ def test_what_is_seen_is_what_is_felt(shape):
         ((c.apothem + c.chamfer) ** 3 - c.apothem**3) / 3 / c.chamfer * c.chamfer - c.apothem**2 * c.chamfer
     )
     assert abs(signed) + bottom == pytest.approx(block - bore - bevel, rel=1e-6)
+
+
+@pytest.mark.parametrize("settings", [{}, {"shape": "square"}, {"clearance_mm": 0.2, "chamfer": 0.0}, {"block": 0.014}])
+def test_pieces_fill_the_block_without_lying_upon_each_other(settings):
+    """Their volumes add up to the block's less the hole's and the bevel's, and their top is flat and whole."""
+    c = SceneConfig(**settings)
+    n = 4 if c.shape == "square" else hole.sides(c.apothem)
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_body(name="fixture")
+    hole.add_walls(spec, spec.body("fixture"), n, c.apothem, c.block, c.depth, c.chamfer)
+    model = spec.compile()
+    pieces = [g for g in range(model.ngeom) if model.geom(g).name not in ("hole_bottom", hole.TOP)]
+    volume = sum(_volume(model, int(model.geom_dataid[g])) for g in pieces)
+    bevel = ((c.apothem + c.chamfer) ** 3 - c.apothem**3) / 3 - c.apothem**2 * c.chamfer
+    whole = n * np.tan(np.pi / n) * (c.depth * (c.block**2 - c.apothem**2) - bevel)
+    assert volume == pytest.approx(whole, rel=1e-6)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    rng = np.random.default_rng(0)
+    for radius, angle in zip(
+        rng.uniform(c.apothem + c.chamfer + 1e-4, c.block, 200), rng.uniform(-4, 4, 200), strict=True
+    ):
+        if radius * np.cos(np.pi / n) > c.apothem + c.chamfer:
+            start = np.array([radius * np.cos(angle), radius * np.sin(angle), 0.01])
+            far = mujoco.mj_ray(model, data, start, np.array([0, 0, -1.0]), None, 1, -1, np.zeros(1, np.int32))
+            assert far == pytest.approx(0.01, abs=1e-7)
+
+
+def _volume(model: mujoco.MjModel, mesh: int) -> float:
+    start, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+    return ConvexHull(model.mesh_vert[start : start + count]).volume
 
 
 def test_impossible_geometry_is_refused():

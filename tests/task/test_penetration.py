@@ -35,5 +35,5 @@ def test_a_pushed_peg_presses_as_deep_into_the_wall_as_stated(clearance, stated)
         mujoco.mj_forward(cell.model, data)
         depth.append(-float(data.contact.dist.min(initial=0.0)))
         force.append(float(np.linalg.norm(cell.sensors[0, 7:10])))
-    assert max(force) > 15.0, "the wall bears the push"
+    assert np.mean(force[-50:]) > 6.0, "the wall bears what the controller leaves of the push"
     assert 1e3 * max(depth) == pytest.approx(stated, abs=0.01)

@@ -11,7 +11,7 @@ from mujoco import batch as mjb
 from scipy.spatial.transform import Rotation
 
 from vispeg.contact.path import Path
-from vispeg.contact.pieces import Pieces, inside, stretches
+from vispeg.contact.pieces import Pieces, places, stretches
 from vispeg.core.effect import effect
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import compiled
@@ -80,13 +80,13 @@ def drive(
     zero = wrench[:, rest].mean(axis=1) - weight
     damping = -compiled(scene).actuator_biasprm[6:12, 2]
     applied = np.einsum("nij,wnj->wni", path.jacobian, wrench - zero[:, None])
-    correction, places = np.full(wrench.shape, np.nan), place.copy()
-    pieces, within = Pieces(batch, batch.model, scene), inside(path, cell)
+    correction, went = np.full(wrench.shape, np.nan), place.copy()
+    pieces, where = Pieces(batch, batch.model, scene), places(path, cell)
     for window in windows:  # what is no joint of the hand's own goes on where the last window left it
         qpos[:, :6], qvel[:] = place[:, window.start], 0.0
         qvel[:, :6] = rate[:, window.start]
-        for part in stretches(within, window):
-            pieces.inside(bool(within[part.start]))
+        for part in stretches(where, window):
+            pieces.at(int(where[part.start]))
             begin, n = qvel[:, None, :6].copy(), part.stop - part.start
             control = np.zeros((len(worlds), n, 12 + qvel.shape[1]))
             control[:, :, :6] = place[:, part]
@@ -97,8 +97,8 @@ def drive(
             gained = np.diff(out["qvel"][:, :, :6], axis=1, prepend=begin)
             force = out["actuator_force"][:, :, :6] + out["actuator_force"][:, :, 6:12] - damping * gained
             correction[:, part] = np.linalg.solve(path.jacobian[None, part], force[..., None])[..., 0]
-            places[:, part] = out["qpos"][:, :, :6]
-    return Driven(correction, zero, places)
+            went[:, part] = out["qpos"][:, :, :6]
+    return Driven(correction, zero, went)
 
 
 def hands(scene: Scene, cell: Scene, path: Path, worlds: Sequence[World], nthread: int = 1) -> mjb.Batch:

@@ -72,9 +72,9 @@ def _spec(scene: Scene, hold: Grasp) -> mujoco.MjSpec:
     for geom in source.worldbody.geoms:
         if geom.contype or geom.conaffinity:
             _copied(spec, geom)
-    if scene.config.shape == "round" and all(g.priority < 1 or g.parent.name == scene.held for g in spec.geoms):
+    if all(g.priority < 1 or g.parent.name == scene.held for g in spec.geoms):
         for geom in spec.geoms:  # no other part has a contact of its own with them
-            if geom.name.startswith(scene.wall):
+            if geom.name == scene.top or scene.config.shape == "round" and geom.name.startswith(scene.wall):
                 geom.priority = RULES
     for kind in ("stiffness", "damping"):
         for i, axis in enumerate(AXES):

@@ -1,8 +1,9 @@
-"""The pieces of a round goal: a part inside bears on several at once, and together they are as stiff as one contact.
+"""The pieces of a goal: which of them a part bears on, and how stiff they are together.
 
-The goal is a ring of n wedges. A part of width w within walls at a distance a bears on some `n w / (2 pi (a + w))` of
-them, each as stiff as a flat wall alone, so that walls would be as many times too stiff where a part wedges. On the
-top, where it slides from one piece to the next, pieces stay as stiff as they are: what sinks in meets their sides.
+The goal's walls are n wedges. A part of width w within walls at a distance a bears on some `n w / (2 pi (a + w))` of
+them, each as stiff as a flat wall alone, so that walls would be as many times too stiff where a part wedges. On the rim
+of the mouth, where it slides from one wedge to the next, they stay as stiff as they are: what sinks in meets their
+sides. Beside the mouth pieces give way to one that is all of their top, so that a soft part meets no sides at all.
 """
 
 from __future__ import annotations
@@ -11,18 +12,24 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from vispeg.contact.hand import RULES
 from vispeg.contact.path import Path, tips
 from vispeg.effects.common.parts import shapes
 from vispeg.effects.contact.contact_stiffness import scaled
+from vispeg.robots.hole import TOUCHED, UNTOUCHED
 from vispeg.robots.scene import Scene
 
 RIM = 1e-3  # m below the mouth, under which a tip that presses on the top may be read to be
+SLIDES, STEADY = 0.01, 20  # m/s across; samples that a speed is the mean of
+LEAST = 0.03  # of a contact's damper
+# where a tip is: over the mouth or its rim, below its bevel, all of it beside the rim, there and sliding
+OVER, INSIDE, BESIDE, ALONG = range(4)
 
 
 class Pieces:
-    """The goal's pieces in a batch of hands. They have no contact of their own but that of what is held.
+    """The goal's pieces in a batch of hands. Its walls have no contact of their own but that of what is held.
 
     Args:
         batch: whose effects are written.
@@ -31,30 +38,65 @@ class Pieces:
     """
 
     def __init__(self, batch: Any, model: mujoco.MjModel, scene: Scene):
+        names = [model.geom(g).name for g in range(model.ngeom)]
+        self.top = [g for g, name in enumerate(names) if name == scene.top]
+        self.parts = [g for g, name in enumerate(names) if name.startswith((scene.wall, scene.plate))]
+        self.touched = batch.expand("geom_contype") if self.top else None
+        self.law: tuple[np.ndarray, ...] = ()
         held, width = shapes(model, scene.held)[:1], scene.config.diameter  # effects write all of its shapes alike
-        self.ids = [g for g in range(model.ngeom) if model.geom_priority[g] == RULES]
-        if not self.ids:
+        self.ruling = [g for g in range(model.ngeom) if model.geom_priority[g] == RULES]
+        walls = [g for g in self.ruling if g not in self.top]
+        if not self.ruling:
             return
-        pieces = max(1.0, len(self.ids) * width / (2 * np.pi * (scene.config.apothem + width)))
-        friction, *self.law = (batch.expand(f"geom_{name}") for name in ("friction", "solref", "solimp"))
-        friction[:, self.ids] = friction[:, held]
-        solref, solimp = (values[:, held].copy() for values in self.law)
+        friction, *law = (batch.expand(f"geom_{name}") for name in ("friction", "solref", "solimp"))
+        solref, solimp = (values[:, held].copy() for values in law)
+        self.law = tuple(law)
+        share = np.minimum(1.0, odds(solimp) / odds(model.geom_solimp[held]))
+        friction[:, self.ruling] = friction[:, held]
+        pieces = max(1.0, len(walls) * width / (2 * np.pi * (scene.config.apothem + width)))
         self.alone, self.together = (solref, solimp), scaled(solref, solimp, 1 / pieces)
+        self.sliding = quick(solref, share), solimp
 
-    def inside(self, tip: bool) -> None:
-        """Sets their contacts for a part whose tip is inside the goal, or not."""
-        if self.ids:
-            for values, new in zip(self.law, self.together if tip else self.alone, strict=True):
-                values[:, self.ids] = new
+    def at(self, place: int) -> None:
+        """Sets what a part touches whose tip is at a place, and how stiff that is."""
+        if self.touched is not None:
+            beside = place in (BESIDE, ALONG)
+            self.touched[:, self.top] = TOUCHED if beside else UNTOUCHED
+            self.touched[:, self.parts] = UNTOUCHED if beside else TOUCHED
+        if not self.law:
+            return
+        law = {INSIDE: self.together, ALONG: self.sliding}.get(place, self.alone)
+        for values, new in zip(self.law, law, strict=True):
+            values[:, self.ruling] = new
 
 
-def inside(path: Path, scene: Scene) -> np.ndarray:
-    """(n,) bool: where a path has the tip of the scene's part within its goal, below the bevel of the mouth."""
+def odds(solimp: np.ndarray) -> np.ndarray:
+    """(...) `d / (1 - d)` of contacts (..., 5), to which their stiffness at rest is proportional."""
+    return solimp[..., 0] / (1 - solimp[..., 0])
+
+
+def quick(solref: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Contacts (..., 2) as stiff as before, whose dampers are a `share` (...) of what they were, `LEAST` at least.
+
+    In MuJoCo's law what slides at v is lifted by `mu v b / k`, for its friction cone is one with the damper's force
+    (Todorov 2014, Convex and analytically-invertible dynamics with contacts, ICRA): 0.1 mm at 60 mm/s in the cell,
+    under which a soft contact would not be felt where it slides. The hand itself is damped.
+    """
+    share = np.maximum(share, LEAST)
+    return np.stack([solref[..., 0] / share, solref[..., 1] * share], axis=-1)
+
+
+def places(path: Path, scene: Scene) -> np.ndarray:
+    """(n,) where a path has the tip of the scene's part: `OVER`, `INSIDE`, `BESIDE` or `ALONG`."""
     tip, config = tips(path, scene), scene.config
-    return (tip[:, 2] < -max(config.chamfer, RIM)) & (np.hypot(tip[:, 0], tip[:, 1]) < config.apothem)
+    far, corner = np.hypot(tip[:, 0], tip[:, 1]), 2**0.5 if config.shape == "square" else 1.0
+    inside = (tip[:, 2] < -max(config.chamfer, RIM)) & (far < config.apothem)
+    beside = far > corner * (config.apothem + config.chamfer + config.diameter / 2)
+    speed = np.linalg.norm(np.gradient(uniform_filter1d(tip[:, :2], STEADY, axis=0), path.time, axis=0), axis=1)
+    return np.select([inside, beside & (speed > SLIDES), beside], [INSIDE, ALONG, BESIDE], OVER)
 
 
-def stretches(flag: np.ndarray, window: slice) -> list[slice]:
-    """The window cut where the flag (n,) changes."""
-    cuts = np.flatnonzero(np.diff(flag[window].astype(int))) + window.start + 1
+def stretches(place: np.ndarray, window: slice) -> list[slice]:
+    """The window cut where the place (n,) changes."""
+    cuts = np.flatnonzero(np.diff(place[window])) + window.start + 1
     return [slice(a, b) for a, b in zip([window.start, *cuts], [*cuts, window.stop], strict=True)]

@@ -1,8 +1,12 @@
-"""A block with a hole in it: a ring of convex wedges for contact, one smooth mesh to be seen.
+"""A block with a hole in it: wedges around the mouth and plates about them for contact, one smooth mesh to be seen.
 
 Frame: the hole's own, origin at the centre of its mouth, z up and out of it. A regular hole of n sides is exact; a
 round one is a circle's tangent polygon, whose walls stand at the radius and whose corners are at most
 radius (1/cos(pi/n) - 1) further out (Coxeter, Regular Polytopes, 2.8): the clearance is never less than stated.
+
+Every piece that a part bears on is as stiff as a whole surface. Wedges as wide as the block would make its top as many
+times too stiff, so they end in a square about the mouth, and the rest of the top is four plates around it. Where a soft
+part sinks in, it still meets their sides: `TOP` is one piece, for what is known to stay beside the mouth.
 """
 
 from __future__ import annotations
@@ -14,7 +18,10 @@ import numpy as np
 
 ROUND_ERROR = 2e-5  # m: by how much a corner of a round hole may lie outside its circle
 MESH = mujoco.mjtGeom.mjGEOM_MESH
-WALL = "hole_wall"  # the wedges' names, before their numbers
+WALL, PLATE = "hole_wall", "hole_plate"  # names of the wedges and plates, before their numbers
+TOP = "hole_top"  # the block as if it had no hole; nothing touches it unless it is given `TOUCHED`
+TOUCHED, UNTOUCHED = 1, 2  # contype; every part of a cell looks for the first alone
+RIM = 2e-3  # m: of flat wedge about the bevel, at least, so that no wedge is thinner
 
 
 def sides(radius: float, error: float = ROUND_ERROR) -> int:
@@ -23,37 +30,75 @@ def sides(radius: float, error: float = ROUND_ERROR) -> int:
     return max(16, 4 * math.ceil(n / 4))
 
 
-def wedge(n: int, apothem: float, outer: float, depth: float, chamfer: float) -> np.ndarray:
-    """Corners (10, 3) in m of one of the n wedges, its wall facing -x at x = apothem.
+def polygon(n: int, apothem: float) -> np.ndarray:
+    """Corners (n, 2) of a regular polygon, counterclockwise; its first side faces +x."""
+    angle = np.pi * (2 * np.arange(n) - 1) / n
+    return apothem / np.cos(np.pi / n) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def cut(outline: np.ndarray, normal: tuple[float, float], reach: float = 0.0) -> np.ndarray:
+    """The convex outline (k, 2) where `normal . x >= reach` (Sutherland and Hodgman 1974)."""
+    above = outline @ np.array(normal) - reach
+    out = []
+    for p, q, a, b in zip(outline, np.roll(outline, -1, 0), above, np.roll(above, -1), strict=True):
+        if a >= 0:
+            out.append(p)
+        if a * b < 0:
+            out.append(p + (q - p) * a / (a - b))
+    return np.array(out)
+
+
+def wedge(i: int, n: int, apothem: float, outline: np.ndarray, depth: float, chamfer: float) -> np.ndarray:
+    """Corners (k, 3) in m of wedge i of n, its wall facing the axis.
 
     Args:
-        n: walls of the hole.
+        i, n: its number, walls of the hole.
         apothem: distance of a wall from the axis.
-        outer: the same for the block's outside.
+        outline: (m, 2) what the wedges fill, counterclockwise.
         depth: of the hole.
         chamfer: height and width of the 45 deg bevel at the mouth; 0 for none.
     """
-    slope = math.tan(math.pi / n)
-    section = [(apothem, -depth), (apothem, -chamfer), (apothem + chamfer, 0.0), (outer, 0.0), (outer, -depth)]
-    return np.array([(x, side * x * slope, z) for x, z in section for side in (-1, 1)])
+    start, end = np.pi * (2 * i - 1) / n, np.pi * (2 * i + 1) / n  # the rays that it lies between
+    middle = (math.cos(2 * np.pi * i / n), math.sin(2 * np.pi * i / n))
+    sector = cut(cut(outline, (-math.sin(start), math.cos(start))), (math.sin(end), -math.cos(end)))
+    layers = [(apothem, -depth), (apothem, -chamfer), (apothem + chamfer, 0.0)]
+    return np.concatenate([_at(cut(sector, middle, reach), z) for reach, z in layers])
 
 
 def add_walls(spec: mujoco.MjSpec, body, n: int, apothem: float, outer: float, depth: float, chamfer: float) -> None:
-    """Adds the wedges and the bottom of the hole to `body`, for contact only (group 3)."""
-    corners = wedge(n, apothem, outer, depth, chamfer)
-    spec.add_mesh(name="hole_wedge", uservert=corners.ravel().tolist())
-    for i in range(n):
-        half = math.pi * i / n
-        quat = (math.cos(half), 0, 0, math.sin(half))
-        body.add_geom(name=f"{WALL}{i}", type=MESH, meshname="hole_wedge", quat=quat, **CONTACT)
+    """Adds the wedges, the plates and the bottom of the hole to `body`, for contact only (group 3)."""
+    square, block = polygon(4, apothem + chamfer + RIM), polygon(n, outer)
+    fits = np.hypot(*square[0]) < outer
+    corners = [wedge(i, n, apothem, square if fits else block, depth, chamfer) for i in range(n // 4)]
+    _add(spec, body, corners, WALL, "hole_wedge")
+    if fits:  # like a windmill's sails, so that none lies upon another
+        sail = cut(cut(block, (1, 0), square[0, 0]), (0, 1), square[0, 1])
+        _add(spec, body, [np.concatenate([_at(sail, 0.0), _at(sail, -depth)])], PLATE, PLATE)
+    spec.add_mesh(name=TOP, uservert=np.concatenate([_at(block, 0.0), _at(block, -depth)]).ravel().tolist())
+    body.add_geom(name=TOP, type=MESH, meshname=TOP, mass=0.0, **CONTACT | {"contype": UNTOUCHED})
     size = (outer, outer, FLOOR / 2)
     body.add_geom(
         name="hole_bottom", type=mujoco.mjtGeom.mjGEOM_BOX, size=size, pos=(0, 0, -depth - FLOOR / 2), **CONTACT
     )
 
 
+def _at(outline: np.ndarray, z: float) -> np.ndarray:
+    return np.column_stack([outline, np.full(len(outline), z)])
+
+
+def _add(spec: mujoco.MjSpec, body, quarter: list[np.ndarray], name: str, mesh: str) -> None:
+    """Pieces of a quarter of the block, four times about the axis; numbered counterclockwise."""
+    for k, corners in enumerate(quarter):
+        spec.add_mesh(name=f"{mesh}{k}", uservert=corners.ravel().tolist())
+    for i in range(4 * len(quarter)):
+        turn, k = divmod(i, len(quarter))
+        half = math.pi / 4 * turn
+        quat = (math.cos(half), 0, 0, math.sin(half))
+        body.add_geom(name=f"{name}{i}", type=MESH, meshname=f"{mesh}{k}", quat=quat, **CONTACT)
+
+
 FLOOR = 0.02  # m: material below the hole
-CONTACT = {"contype": 1, "conaffinity": 0, "group": 3, "rgba": (0.2, 0.6, 0.9, 0.4)}
+CONTACT = {"contype": TOUCHED, "conaffinity": 0, "group": 3, "rgba": (0.2, 0.6, 0.9, 0.4)}
 
 
 def visual(n: int, apothem: float, outer: float, depth: float, chamfer: float) -> tuple[np.ndarray, np.ndarray]:

@@ -38,7 +38,8 @@ class Scene(RobotModel):
         tip: height of the tip below the flange, m.
         target: nominal place of the goal, base frame, m.
         goal, tip_site: names of the sites that the task brings together, z of both along the way in.
-        wall: what names of the goal's pieces begin with.
+        wall, plate: what names of the goal's pieces begin with: around its mouth, and beside it.
+        top: geom that is all of them without the mouth, which nothing touches.
         held, fixture: bodies of what the gripper holds and of what the goal is part of.
         offset, tilt: effects that move the goal and turn it: where the fixture really stands.
         slip: slide joint of the held part in the gripper; "" where it cannot slip.
@@ -54,6 +55,8 @@ class Scene(RobotModel):
     goal: str = "hole"
     tip_site: str = "peg_tip"
     wall: str = hole.WALL
+    plate: str = hole.PLATE
+    top: str = hole.TOP
     held: str = "peg"
     fixture: str = "fixture"
     offset: str = "hole_offset"
