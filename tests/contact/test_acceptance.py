@@ -16,7 +16,8 @@ from vispeg.contact.selection.profile import outward, probed, strongest, tries
 from vispeg.contact.selection.search import ContactSearch
 from vispeg.contact.selection.spare import doubted, includes_none, spared
 from vispeg.contact.sensor import stands_for
-from vispeg.core.effect import EffectInstance, Value
+from vispeg.core.effect import EffectInstance
+from vispeg.core.params import Value
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.selection.accept import equal
 from vispeg.diagnosis.selection.judge import Judge

@@ -10,7 +10,8 @@ import pytest
 
 from vispeg.contact.again import last_judge
 from vispeg.contact.again.closed_loop import closed_loop
-from vispeg.core.effect import EffectInstance, Value
+from vispeg.core.effect import EffectInstance
+from vispeg.core.params import Value
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.conclusion.verdict import Verdict
 from vispeg.recordings.cell import CellBelief

@@ -20,8 +20,9 @@ from vispeg.contact.run import compare_contact, diagnose_contact, evidence_of
 from vispeg.contact.selection.likely import intervals
 from vispeg.contact.selection.profile import Probe, idle, looked_for, places, probed, profile, strongest, tries
 from vispeg.contact.selection.search import ContactSearch
-from vispeg.core.effect import STAGES, EffectInstance, Value, effect
+from vispeg.core.effect import STAGES, EffectInstance, effect
 from vispeg.core.errors import UserError
+from vispeg.core.params import Value
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.accept import HELD_OUT

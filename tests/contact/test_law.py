@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from vispeg.contact.law import LAW, unsure, within
-from vispeg.core.effect import EffectInstance, Value
+from vispeg.core.effect import EffectInstance
+from vispeg.core.params import Value
 from vispeg.worlds.world import World
 
 

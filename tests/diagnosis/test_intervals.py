@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vispeg.core.effect import EffectInstance, Value, effect
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.params import Value
 from vispeg.diagnosis.conclusion.intervals import widened
 from vispeg.worlds.world import World
 

@@ -11,7 +11,8 @@ from loops import iiwa_segment, mode_of, one
 from mujoco import batch as mjb
 
 from vispeg.core.effect import REGISTRY as EVERY
-from vispeg.core.effect import EffectInstance, Value, searchable
+from vispeg.core.effect import EffectInstance, searchable
+from vispeg.core.params import Value
 from vispeg.core.seeds import stream
 from vispeg.robots.model import load
 from vispeg.sim.compiled import compiled

@@ -3,8 +3,9 @@
 import pytest
 
 from vispeg.api.stress.remainder import Price
-from vispeg.core.effect import EffectInstance, Value, effect, searchable
+from vispeg.core.effect import EffectInstance, effect, searchable
 from vispeg.core.errors import UserError
+from vispeg.core.params import Value
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.stress.remainder import IDENTIFIED, LEFT, settings, summarise
 from vispeg.report.text import words

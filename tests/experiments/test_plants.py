@@ -8,7 +8,8 @@ from plants import BUNDLED, hidden_plant
 from training import Budget, Variant, configuration
 from transfer_table import success_table
 
-from vispeg.core.effect import EffectInstance, Value
+from vispeg.core.effect import EffectInstance
+from vispeg.core.params import Value
 from vispeg.evaluation.records import Episode
 from vispeg.task.world_file import load_world
 from vispeg.worlds.distribution import Normal

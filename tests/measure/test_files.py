@@ -5,7 +5,8 @@ import pytest
 import yaml
 
 from vispeg.cli.main import main
-from vispeg.core.effect import EffectInstance, Value
+from vispeg.core.effect import EffectInstance
+from vispeg.core.params import Value
 from vispeg.task.world_file import load_world
 from vispeg.worlds.measurement_file import Measurement, load_measurement, measurement_text
 from vispeg.worlds.model_file import load_model

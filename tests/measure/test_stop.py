@@ -5,7 +5,8 @@ import pytest
 
 from vispeg.api.measure.enough import ends, verdict
 from vispeg.cli.main import main
-from vispeg.core.effect import EffectInstance, Value
+from vispeg.core.effect import EffectInstance
+from vispeg.core.params import Value
 from vispeg.evaluation.statistics.intervals import paired_difference
 from vispeg.worlds.measurement_file import load_measurement
 

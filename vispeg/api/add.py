@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from vispeg.api.inputs import read_model
-from vispeg.core.effect import EffectInstance, Value, effect
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
+from vispeg.core.params import Value
 from vispeg.render.cameras.standard import standard_cameras
 from vispeg.report.text.summary import Block, Line, html
 from vispeg.robots.model import RobotModel

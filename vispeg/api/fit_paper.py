@@ -11,8 +11,9 @@ import numpy as np
 
 from vispeg.api.inputs import Model, Reading, Source, read_inputs, silent
 from vispeg.api.result import Result
-from vispeg.core.effect import EffectInstance, Value, effect
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
+from vispeg.core.params import Value
 from vispeg.core.seeds import stream
 from vispeg.identify.checkpoint import Checkpoint, Trace
 from vispeg.identify.paper import protocol

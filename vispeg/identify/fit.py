@@ -9,7 +9,8 @@ from typing import Literal
 import numpy as np
 from scipy import optimize, stats
 
-from vispeg.core.effect import EffectInstance, Value
+from vispeg.core.effect import EffectInstance
+from vispeg.core.params import Value
 from vispeg.identify.checkpoint import Trace
 from vispeg.identify.cmaes import minimise
 from vispeg.identify.evidence import Evidence

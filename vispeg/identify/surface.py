@@ -12,7 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from vispeg.core.effect import EffectInstance, Value
+from vispeg.core.effect import EffectInstance
+from vispeg.core.params import Value
 from vispeg.identify.restarts import Restarts
 from vispeg.identify.space import Space
 from vispeg.worlds.world import World

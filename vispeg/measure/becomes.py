@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import vispeg.effects  # noqa: F401  (names must be enrolled)
-from vispeg.core.effect import EffectInstance, Value, effect
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
+from vispeg.core.params import Value
 from vispeg.worlds.measurement_file import Quantity
 
 SCALES = {  # quantity -> the effect whose `scale` it is of a nominal value

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vispeg.core.effect import EffectInstance, Value, effect
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
+from vispeg.core.params import Value
 from vispeg.measure import frequency, loops, lost_motion, steps
 from vispeg.measure.actuator import step_error
 from vispeg.measure.becomes import placed

@@ -10,8 +10,9 @@ from typing import Any, Literal
 
 import yaml
 
-from vispeg.core.effect import EffectInstance, Value
+from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
+from vispeg.core.params import Value
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.typed import typed
 from vispeg.formats.yaml_data import read_yaml

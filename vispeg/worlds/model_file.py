@@ -9,8 +9,9 @@ from typing import Any, NotRequired, TypedDict
 
 import yaml
 
-from vispeg.core.effect import EffectInstance, Value, effect
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
+from vispeg.core.params import Value
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.guard import is_file
 from vispeg.formats.typed import typed

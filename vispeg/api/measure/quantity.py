@@ -9,8 +9,9 @@ import numpy as np
 
 from vispeg.api.measure.nominal import cell_value, held_part
 from vispeg.api.measure.result import MeasurementResult, MeasureSettings, check_out, write
-from vispeg.core.effect import EffectInstance, Value
+from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
+from vispeg.core.params import Value
 from vispeg.core.seeds import stream
 from vispeg.measure import com, friction, mass, restitution, stiffness
 from vispeg.measure.becomes import payload, placed, scaled

@@ -15,7 +15,8 @@ from vispeg.contact.again.blows import Blow, blows, predicted, restarts
 from vispeg.contact.law import within
 from vispeg.contact.selection.likely import QUANTILE
 from vispeg.contact.selection.profile import looked_for, place_of, tries
-from vispeg.core.effect import EffectInstance, Value, effect
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.params import Value
 from vispeg.diagnosis.schema import NotExcited
 from vispeg.effects.common.parts import shapes
 from vispeg.effects.contact.restitution import rebound

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vispeg.core.effect import EffectInstance, Value
+from vispeg.core.effect import EffectInstance
+from vispeg.core.params import Value
 from vispeg.recordings.cell import wrench_noise
 from vispeg.recordings.noise import highpass_sigma
 from vispeg.worlds.world import World

@@ -16,7 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vispeg.contact.evidence import ContactEvidence
-from vispeg.core.effect import EffectInstance, Value
+from vispeg.core.effect import EffectInstance
+from vispeg.core.params import Value
 from vispeg.identify.fit import Fit
 from vispeg.worlds.world import World
 

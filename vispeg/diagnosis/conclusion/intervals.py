@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from vispeg.core.effect import Value, effect
-from vispeg.core.params import Param
+from vispeg.core.effect import effect
+from vispeg.core.params import Param, Value
 from vispeg.worlds.world import World
 
 

@@ -19,7 +19,8 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
-from vispeg.core.effect import EffectInstance, Value
+from vispeg.core.effect import EffectInstance
+from vispeg.core.params import Value
 from vispeg.diagnosis.pictures.search import PictureSearch
 from vispeg.diagnosis.selection.accept import HELD_OUT
 from vispeg.diagnosis.selection.state import State

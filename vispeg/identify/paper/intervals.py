@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import t as student
 
-from vispeg.core.effect import Value, effect
+from vispeg.core.effect import effect
+from vispeg.core.params import Value
 from vispeg.identify.paper.protocol import Coordinates, Pieces, cost, paths
 from vispeg.worlds.world import World
 
