@@ -24,7 +24,7 @@ from vispeg.robots.scene import Scene
 RIM = 1e-3  # m below the mouth, under which a tip that presses on the top may be read to be
 SLIDES, STEADY = 0.01, 20  # m/s across; samples that a speed is the mean of
 LEAST = 0.03  # of a contact's damper
-# where a tip is: over the mouth or its rim, below its bevel, all of it beside the rim, there and sliding
+# where a tip is: over the mouth or its rim, below its bevel, on the block and all beside the rim, there and sliding
 OVER, INSIDE, BESIDE, ALONG = range(4)
 
 
@@ -91,7 +91,7 @@ def places(path: Path, scene: Scene) -> np.ndarray:
     tip, config = tips(path, scene), scene.config
     far, corner = np.hypot(tip[:, 0], tip[:, 1]), 2**0.5 if config.shape == "square" else 1.0
     inside = (tip[:, 2] < -max(config.chamfer, RIM)) & (far < config.apothem)
-    beside = far > corner * (config.apothem + config.chamfer + config.diameter / 2)
+    beside = (far > corner * (config.apothem + config.chamfer + config.diameter / 2)) & (far < config.block)
     speed = np.linalg.norm(np.gradient(uniform_filter1d(tip[:, :2], STEADY, axis=0), path.time, axis=0), axis=1)
     return np.select([inside, beside & (speed > SLIDES), beside], [INSIDE, ALONG, BESIDE], OVER)
 

@@ -19,7 +19,7 @@ import numpy as np
 ROUND_ERROR = 2e-5  # m: by how much a corner of a round hole may lie outside its circle
 MESH = mujoco.mjtGeom.mjGEOM_MESH
 WALL, PLATE = "hole_wall", "hole_plate"  # names of the wedges and plates, before their numbers
-TOP = "hole_top"  # the block as if it had no hole; nothing touches it unless it is given `TOUCHED`
+TOP = "hole_top"  # a box without a hole, quick to touch; nothing does unless it is given `TOUCHED`
 TOUCHED, UNTOUCHED = 1, 2  # contype; every part of a cell looks for the first alone
 RIM = 2e-3  # m: of flat wedge about the bevel, at least, so that no wedge is thinner
 
@@ -74,8 +74,8 @@ def add_walls(spec: mujoco.MjSpec, body, n: int, apothem: float, outer: float, d
     if fits:  # like a windmill's sails, so that none lies upon another
         sail = cut(cut(block, (1, 0), square[0, 0]), (0, 1), square[0, 1])
         _add(spec, body, [np.concatenate([_at(sail, 0.0), _at(sail, -depth)])], PLATE, PLATE)
-    spec.add_mesh(name=TOP, uservert=np.concatenate([_at(block, 0.0), _at(block, -depth)]).ravel().tolist())
-    body.add_geom(name=TOP, type=MESH, meshname=TOP, mass=0.0, **CONTACT | {"contype": UNTOUCHED})
+    box = {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": (outer, outer, depth / 2), "pos": (0, 0, -depth / 2)}
+    body.add_geom(name=TOP, mass=0.0, **CONTACT | box | {"contype": UNTOUCHED})
     size = (outer, outer, FLOOR / 2)
     body.add_geom(
         name="hole_bottom", type=mujoco.mjtGeom.mjGEOM_BOX, size=size, pos=(0, 0, -depth - FLOOR / 2), **CONTACT
