@@ -10,7 +10,7 @@ import pytest
 from mujoco import batch as mjb
 
 from vispeg.contact.hand import grasp, hand
-from vispeg.contact.pieces import ALONG, BESIDE, INSIDE, LEAST, OVER, Pieces, odds, places, quick, stretches
+from vispeg.contact.pieces import ALONG, BESIDE, INSIDE, LEAST, OVER, Pieces, less_damped, odds, stretches, tip_places
 from vispeg.effects.contact.contact_stiffness import scaled
 from vispeg.robots.hole import TOUCHED, UNTOUCHED
 from vispeg.robots.scene import build
@@ -48,7 +48,7 @@ def test_a_contact_with_a_piece_follows_the_piece():
 def test_only_a_tip_below_the_bevel_is_inside():
     """One that presses on the top, and is read to be in it by the noise of kinematics, is not; nor is one far aside."""
     depth, aside = np.meshgrid([-5e-4, 2e-5, 9e-4, 1.5e-3, 0.02], [0.0, 1.4e-3, 0.03])
-    where = places(_path(aside.ravel(), depth.ravel()), SCENE).reshape(depth.shape)
+    where = tip_places(_path(aside.ravel(), depth.ravel()), SCENE).reshape(depth.shape)
     np.testing.assert_array_equal(where == INSIDE, [[0, 0, 0, 1, 1], [0, 0, 0, 1, 1], [0] * 5])
     np.testing.assert_array_equal(where >= BESIDE, [[0] * 5, [0] * 5, [1] * 5])
 
@@ -56,7 +56,7 @@ def test_only_a_tip_below_the_bevel_is_inside():
 def test_what_slides_beside_the_mouth_is_told_from_what_rests_there():
     """From 30 to 40 mm aside, standing, at 50 mm/s, and standing again; then in over the mouth's rim."""
     aside = np.concatenate([np.full(200, 0.03), np.linspace(0.03, 0.04, 200), np.full(200, 0.04), [0.01] * 100])
-    where = places(_path(aside, np.zeros(len(aside))), SCENE)
+    where = tip_places(_path(aside, np.zeros(len(aside))), SCENE)
     assert set(where[:180]) == set(where[420:580]) == {BESIDE}
     assert set(where[220:380]) == {ALONG}
     assert set(where[-100:]) == {OVER}
@@ -83,18 +83,31 @@ def test_beside_the_mouth_one_top_is_touched_and_the_pieces_are_not():
         assert set(touched[:, part].ravel()) == {UNTOUCHED if whole else TOUCHED}
 
 
-@pytest.mark.parametrize("scale", [1.0, 0.1, 0.03])
+def test_what_slides_on_a_soft_top_is_less_damped_and_nothing_else_is():
+    model = compiled(HAND)
+    batch, held, top = mjb.Batch(model, 2), model.geom("peg").id, model.geom("hole_top").id
+    solref, solimp = batch.expand("geom_solref"), batch.expand("geom_solimp")
+    solref[1, held], solimp[1, held] = scaled(solref[1, held], solimp[1, held], 0.1)
+    pieces = Pieces(batch, model, HAND)
+    pieces.at(ALONG)
+    np.testing.assert_allclose(solref[:, top], [solref[0, held], solref[1, held] * [10, 0.1]], rtol=1e-9)
+    for where in (BESIDE, OVER):
+        pieces.at(where)
+        np.testing.assert_array_equal(solref[:, top], solref[:, held])
+        np.testing.assert_array_equal(solimp[:, top], solimp[:, held])
+
+
+@pytest.mark.parametrize("scale", [0.1, 0.03])
 def test_a_part_that_slides_stands_as_deep_as_one_at_rest(scale):
     """With the cell's law as it is, a soft contact is not felt where it slides: MuJoCo lifts what does."""
     solref, solimp = np.array([0.003, 1.0]), np.array([0.95, 0.99, 2e-4, 0.5, 2.0])
     soft = scaled(solref, solimp, scale)
-    law = quick(soft[0], np.array(scale)), soft[1]
+    law = less_damped(soft[0], np.array(scale)), soft[1]
     rest, moving = depth(law, 0.0), depth(law, 0.06)
     assert rest == pytest.approx(depth(soft, 0.0), rel=0.01), "at rest dampers do nothing"
-    if scale < 1:
-        assert depth(soft, 0.06) < 0.4 * rest
-        assert moving == pytest.approx(rest, rel=0.25)
-    np.testing.assert_allclose(quick(solref, np.array([1.0, 0.0])), [solref, [0.003 / LEAST, LEAST]])
+    assert depth(soft, 0.06) < 0.4 * rest
+    assert moving == pytest.approx(rest, rel=0.25)
+    np.testing.assert_allclose(less_damped(solref, np.array([1.0, 0.0])), [solref, [0.003 / LEAST, LEAST]])
 
 
 def depth(law, speed, load=12.0):

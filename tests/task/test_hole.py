@@ -3,11 +3,14 @@
 import mujoco
 import numpy as np
 import pytest
+from mujoco import batch as mjb
 from scipy.spatial import ConvexHull
 
 from vispeg.core.errors import UserError
+from vispeg.effects.task.hole_clearance import HoleClearance
 from vispeg.robots import hole
 from vispeg.robots.scene import SceneConfig, build
+from vispeg.sim.state import Fields
 
 
 def freed(config: SceneConfig) -> mujoco.MjModel:
@@ -82,24 +85,53 @@ def test_pieces_fill_the_block_without_lying_upon_each_other(settings):
     c = SceneConfig(**settings)
     n = 4 if c.shape == "square" else hole.sides(c.apothem)
     spec = mujoco.MjSpec()
-    spec.worldbody.add_body(name="fixture")
-    hole.add_walls(spec, spec.body("fixture"), n, c.apothem, c.block, c.depth, c.chamfer)
+    hole.add_walls(spec, spec.worldbody.add_body(name="fixture"), n, c.apothem, c.block, c.depth, c.chamfer)
+    spec.delete(spec.geom(hole.TOP))  # a ray meets it, though no part does
     model = spec.compile()
-    pieces = [g for g in range(model.ngeom) if model.geom(g).name not in ("hole_bottom", hole.TOP)]
+    pieces = [g for g in range(model.ngeom) if model.geom(g).name != "hole_bottom"]
     volume = sum(_volume(model, int(model.geom_dataid[g])) for g in pieces)
     bevel = ((c.apothem + c.chamfer) ** 3 - c.apothem**3) / 3 - c.apothem**2 * c.chamfer
     whole = n * np.tan(np.pi / n) * (c.depth * (c.block**2 - c.apothem**2) - bevel)
     assert volume == pytest.approx(whole, rel=1e-6)
-    data = mujoco.MjData(model)
+    assert np.ptp(heights(model, c.apothem + c.chamfer, c.block, n)) < 1e-7
+
+
+@pytest.mark.parametrize("width", [-1e-3, 1e-3, 5e-3])
+@pytest.mark.parametrize("shape", ["round", "square"])
+def test_a_changed_clearance_changes_the_hole_and_leaves_no_gap_about_it(shape, width):
+    """Walls move by half of it, and the top is flat from the bevel's edge on; walls that move apart leave seams."""
+    c, scene = SceneConfig(shape=shape), build(SceneConfig(shape=shape))
+    n = 4 if shape == "square" else hole.sides(c.apothem)
+    spec = scene.spec()
+    spec.delete(spec.geom(hole.TOP))
+    model = spec.compile()
+    batch = mjb.Batch(model, 1)
+    HoleClearance().write(Fields(batch, scene), {"width": np.array([[width]])})
+    model.geom_pos[:] = batch.expand("geom_pos")[0]
+    deep = heights(model, c.apothem + c.chamfer + width / 2, c.block - abs(width), n)
+    assert np.mean(deep > 1e-7) < (0.03 if width > 0 else 1e-9)
+    across = [beam(model, np.array(c.fixture) + [0, 0, -0.01], way) for way in np.eye(3)[:2]]
+    np.testing.assert_allclose(across, c.apothem + width / 2, atol=1e-6)
+
+
+def heights(model, inner, outer, n):
+    """M below the mouth's level, seen from above at 400 places of the block of n sides between the two apothems."""
+    rng, at = np.random.default_rng(0), []
+    middle = model.body("fixture").pos
+    while len(at) < 400:
+        spot = rng.uniform(-outer, outer, 2)
+        side = 2 * np.pi / n * np.arange(n)
+        reach = (spot[0] * np.cos(side) + spot[1] * np.sin(side)).max()
+        if inner + 1e-5 < reach < outer - 1e-5:
+            at.append(beam(model, middle + [*spot, 0.01], [0, 0, -1.0]) - 0.01)
+    return np.array(at)
+
+
+def beam(model, start, way):
+    """M from a point along a way to the first of the fixture's shapes for contact."""
+    data, group = mujoco.MjData(model), np.array([0, 0, 0, 1, 0, 0], np.uint8)
     mujoco.mj_forward(model, data)
-    rng = np.random.default_rng(0)
-    for radius, angle in zip(
-        rng.uniform(c.apothem + c.chamfer + 1e-4, c.block, 200), rng.uniform(-4, 4, 200), strict=True
-    ):
-        if radius * np.cos(np.pi / n) > c.apothem + c.chamfer:
-            start = np.array([radius * np.cos(angle), radius * np.sin(angle), 0.01])
-            far = mujoco.mj_ray(model, data, start, np.array([0, 0, -1.0]), None, 1, -1, np.zeros(1, np.int32))
-            assert far == pytest.approx(0.01, abs=1e-7)
+    return mujoco.mj_ray(model, data, np.array(start), np.array(way), group, 1, -1, np.zeros(1, np.int32))
 
 
 def _volume(model: mujoco.MjModel, mesh: int) -> float:

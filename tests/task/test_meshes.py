@@ -92,6 +92,18 @@ def test_the_hole_keeps_its_volume_and_its_clearance(files):
     assert left == pytest.approx(CLEARANCE / 2000, abs=2 * block.error + 2e-6)
 
 
+def test_a_peg_from_a_file_in_the_built_in_hole(files):
+    """A prism of 64 sides, 16 mm across its corners, goes into 18 mm; one of a hexagon, 18.5 mm across, does not."""
+    turn = np.pi / 32 * np.arange(64)
+    prism(APOTHEM * np.stack([np.cos(turn), np.sin(turn)], axis=1), 0.0, LENGTH).export(files / "round.stl")
+    keys = {"mesh_scale": 1e-3, "mesh_concavity": CONCAVITY, "clearance_mm": CLEARANCE}
+    scene = build(SceneConfig(peg_mesh=str(files / "round.stl"), **keys))
+    flange = np.array(scene.config.fixture) + [0, 0, scene.tip - 0.8 * scene.config.depth]
+    assert user_shapes.gap(scene.compile(), flange) == pytest.approx(CLEARANCE / 2000, abs=3e-5)
+    with pytest.raises(UserError, match="does not fit"):
+        build(SceneConfig(peg_mesh=str(files / "peg.stl"), **keys))
+
+
 def test_pieces_are_kept_on_disk(files):
     """The second reading is the first one's, and a damaged file is made anew."""
     path = str(files / "hole.obj")

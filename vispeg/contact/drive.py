@@ -11,7 +11,7 @@ from mujoco import batch as mjb
 from scipy.spatial.transform import Rotation
 
 from vispeg.contact.path import Path
-from vispeg.contact.pieces import Pieces, places, stretches
+from vispeg.contact.pieces import Pieces, stretches, tip_places
 from vispeg.core.effect import effect
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import compiled
@@ -81,7 +81,7 @@ def drive(
     damping = -compiled(scene).actuator_biasprm[6:12, 2]
     applied = np.einsum("nij,wnj->wni", path.jacobian, wrench - zero[:, None])
     correction, went = np.full(wrench.shape, np.nan), place.copy()
-    pieces, where = Pieces(batch, batch.model, scene), places(path, cell)
+    pieces, where = Pieces(batch, batch.model, scene), tip_places(path, cell)
     for window in windows:  # what is no joint of the hand's own goes on where the last window left it
         qpos[:, :6], qvel[:] = place[:, window.start], 0.0
         qvel[:, :6] = rate[:, window.start]

@@ -21,7 +21,7 @@ from vispeg.effects.contact.contact_stiffness import scaled
 from vispeg.robots.hole import TOUCHED, UNTOUCHED
 from vispeg.robots.scene import Scene
 
-RIM = 1e-3  # m below the mouth, under which a tip that presses on the top may be read to be
+BELOW = 1e-3  # m below the mouth, under which a tip that presses on the top may be read to be
 SLIDES, STEADY = 0.01, 20  # m/s across; samples that a speed is the mean of
 LEAST = 0.03  # of a contact's damper
 # where a tip is: over the mouth or its rim, below its bevel, on the block and all beside the rim, there and sliding
@@ -41,30 +41,23 @@ class Pieces:
         names = [model.geom(g).name for g in range(model.ngeom)]
         self.top = [g for g, name in enumerate(names) if name == scene.top]
         self.parts = [g for g, name in enumerate(names) if name.startswith((scene.wall, scene.plate))]
-        self.touched = batch.expand("geom_contype") if self.top else None
-        self.law: tuple[np.ndarray, ...] = ()
-        held, width = shapes(model, scene.held)[:1], scene.config.diameter  # effects write all of its shapes alike
         self.ruling = [g for g in range(model.ngeom) if model.geom_priority[g] == RULES]
-        walls = [g for g in self.ruling if g not in self.top]
-        if not self.ruling:
-            return
-        friction, *law = (batch.expand(f"geom_{name}") for name in ("friction", "solref", "solimp"))
-        solref, solimp = (values[:, held].copy() for values in law)
-        self.law = tuple(law)
-        share = np.minimum(1.0, odds(solimp) / odds(model.geom_solimp[held]))
+        held, width = shapes(model, scene.held)[:1], scene.config.diameter  # effects write all of its shapes alike
+        self.touched = batch.expand("geom_contype")
+        friction, solref, solimp = (batch.expand(f"geom_{name}") for name in ("friction", "solref", "solimp"))
         friction[:, self.ruling] = friction[:, held]
-        pieces = max(1.0, len(walls) * width / (2 * np.pi * (scene.config.apothem + width)))
-        self.alone, self.together = (solref, solimp), scaled(solref, solimp, 1 / pieces)
-        self.sliding = quick(solref, share), solimp
+        self.law, (ref, imp) = (solref, solimp), (values[:, held].copy() for values in (solref, solimp))
+        walls = len(set(self.ruling) - set(self.top))
+        bears_on = max(1.0, walls * width / (2 * np.pi * (scene.config.apothem + width)))
+        self.alone, self.together = (ref, imp), scaled(ref, imp, 1 / bears_on)
+        self.sliding = less_damped(ref, np.minimum(1.0, odds(imp) / odds(model.geom_solimp[held]))), imp
 
     def at(self, place: int) -> None:
         """Sets what a part touches whose tip is at a place, and how stiff that is."""
-        if self.touched is not None:
-            beside = place in (BESIDE, ALONG)
+        beside = place in (BESIDE, ALONG)
+        if self.top:
             self.touched[:, self.top] = TOUCHED if beside else UNTOUCHED
             self.touched[:, self.parts] = UNTOUCHED if beside else TOUCHED
-        if not self.law:
-            return
         law = {INSIDE: self.together, ALONG: self.sliding}.get(place, self.alone)
         for values, new in zip(self.law, law, strict=True):
             values[:, self.ruling] = new
@@ -75,7 +68,7 @@ def odds(solimp: np.ndarray) -> np.ndarray:
     return solimp[..., 0] / (1 - solimp[..., 0])
 
 
-def quick(solref: np.ndarray, share: np.ndarray) -> np.ndarray:
+def less_damped(solref: np.ndarray, share: np.ndarray) -> np.ndarray:
     """Contacts (..., 2) as stiff as before, whose dampers are a `share` (...) of what they were, `LEAST` at least.
 
     In MuJoCo's law what slides at v is lifted by `mu v b / k`, for its friction cone is one with the damper's force
@@ -86,11 +79,14 @@ def quick(solref: np.ndarray, share: np.ndarray) -> np.ndarray:
     return np.stack([solref[..., 0] / share, solref[..., 1] * share], axis=-1)
 
 
-def places(path: Path, scene: Scene) -> np.ndarray:
-    """(n,) where a path has the tip of the scene's part: `OVER`, `INSIDE`, `BESIDE` or `ALONG`."""
+def tip_places(path: Path, scene: Scene) -> np.ndarray:
+    """(n,) where a path has the tip of the scene's part: `OVER`, `INSIDE`, `BESIDE` or `ALONG`.
+
+    By the believed goal: an effect that moves it by less than a part beside it is away leaves it beside.
+    """
     tip, config = tips(path, scene), scene.config
     far, corner = np.hypot(tip[:, 0], tip[:, 1]), 2**0.5 if config.shape == "square" else 1.0
-    inside = (tip[:, 2] < -max(config.chamfer, RIM)) & (far < config.apothem)
+    inside = (tip[:, 2] < -max(config.chamfer, BELOW)) & (far < config.apothem)
     beside = (far > corner * (config.apothem + config.chamfer + config.diameter / 2)) & (far < config.block)
     speed = np.linalg.norm(np.gradient(uniform_filter1d(tip[:, :2], STEADY, axis=0), path.time, axis=0), axis=1)
     return np.select([inside, beside & (speed > SLIDES), beside], [INSIDE, ALONG, BESIDE], OVER)

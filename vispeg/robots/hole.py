@@ -5,8 +5,9 @@ round one is a circle's tangent polygon, whose walls stand at the radius and who
 radius (1/cos(pi/n) - 1) further out (Coxeter, Regular Polytopes, 2.8): the clearance is never less than stated.
 
 Every piece that a part bears on is as stiff as a whole surface. Wedges as wide as the block would make its top as many
-times too stiff, so they end in a square about the mouth, and the rest of the top is four plates around it. Where a soft
-part sinks in, it still meets their sides: `TOP` is one piece, for what is known to stay beside the mouth.
+times too stiff, so they end in a square about the mouth, and the rest of the top is four plates around it; a block in
+which that square has no room is wedges alone. Where a soft part sinks in, it still meets the sides of pieces: `TOP` is
+one piece, for what is known to stay beside the mouth.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ MESH = mujoco.mjtGeom.mjGEOM_MESH
 WALL, PLATE = "hole_wall", "hole_plate"  # names of the wedges and plates, before their numbers
 TOP = "hole_top"  # a box without a hole, quick to touch; nothing does unless it is given `TOUCHED`
 TOUCHED, UNTOUCHED = 1, 2  # contype; every part of a cell looks for the first alone
-RIM = 2e-3  # m: of flat wedge about the bevel, at least, so that no wedge is thinner
+FLAT = 2e-3  # m: of wedge about the bevel, at least, so that no wedge is thinner
 
 
 def sides(radius: float, error: float = ROUND_ERROR) -> int:
@@ -67,13 +68,13 @@ def wedge(i: int, n: int, apothem: float, outline: np.ndarray, depth: float, cha
 
 def add_walls(spec: mujoco.MjSpec, body, n: int, apothem: float, outer: float, depth: float, chamfer: float) -> None:
     """Adds the wedges, the plates and the bottom of the hole to `body`, for contact only (group 3)."""
-    square, block = polygon(4, apothem + chamfer + RIM), polygon(n, outer)
+    square, block = polygon(4, apothem + chamfer + FLAT), polygon(n, outer)
     fits = np.hypot(*square[0]) < outer
     corners = [wedge(i, n, apothem, square if fits else block, depth, chamfer) for i in range(n // 4)]
-    _add(spec, body, corners, WALL, "hole_wedge")
+    _add(spec, body, corners, WALL)
     if fits:  # like a windmill's sails, so that none lies upon another
         sail = cut(cut(block, (1, 0), square[0, 0]), (0, 1), square[0, 1])
-        _add(spec, body, [np.concatenate([_at(sail, 0.0), _at(sail, -depth)])], PLATE, PLATE)
+        _add(spec, body, [np.concatenate([_at(sail, 0.0), _at(sail, -depth)])], PLATE)
     box = {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": (outer, outer, depth / 2), "pos": (0, 0, -depth / 2)}
     body.add_geom(name=TOP, mass=0.0, **CONTACT | box | {"contype": UNTOUCHED})
     size = (outer, outer, FLOOR / 2)
@@ -86,15 +87,15 @@ def _at(outline: np.ndarray, z: float) -> np.ndarray:
     return np.column_stack([outline, np.full(len(outline), z)])
 
 
-def _add(spec: mujoco.MjSpec, body, quarter: list[np.ndarray], name: str, mesh: str) -> None:
+def _add(spec: mujoco.MjSpec, body, quarter: list[np.ndarray], name: str) -> None:
     """Pieces of a quarter of the block, four times about the axis; numbered counterclockwise."""
     for k, corners in enumerate(quarter):
-        spec.add_mesh(name=f"{mesh}{k}", uservert=corners.ravel().tolist())
+        spec.add_mesh(name=f"{name}{k}", uservert=corners.ravel().tolist())
     for i in range(4 * len(quarter)):
         turn, k = divmod(i, len(quarter))
         half = math.pi / 4 * turn
         quat = (math.cos(half), 0, 0, math.sin(half))
-        body.add_geom(name=f"{name}{i}", type=MESH, meshname=f"{mesh}{k}", quat=quat, **CONTACT)
+        body.add_geom(name=f"{name}{i}", type=MESH, meshname=f"{name}{k}", quat=quat, **CONTACT)
 
 
 FLOOR = 0.02  # m: material below the hole

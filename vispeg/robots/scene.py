@@ -39,7 +39,7 @@ class Scene(RobotModel):
         target: nominal place of the goal, base frame, m.
         goal, tip_site: names of the sites that the task brings together, z of both along the way in.
         wall, plate: what names of the goal's pieces begin with: around its mouth, and beside it.
-        top: geom that is all of them without the mouth, which nothing touches.
+        top: geom that is all of them without the mouth; touched only where a diagnosis of contact says so.
         held, fixture: bodies of what the gripper holds and of what the goal is part of.
         offset, tilt: effects that move the goal and turn it: where the fixture really stands.
         slip: slide joint of the held part in the gripper; "" where it cannot slip.

@@ -181,10 +181,11 @@ def gap(model: mujoco.MjModel, flange: np.ndarray) -> float:
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    touches = (model.geom_contype | model.geom_conaffinity) != 0
-    pegs, blocks = (np.flatnonzero(touches & (model.geom_bodyid == model.body(b).id)) for b in ("peg", "fixture"))
+    pegs, blocks = (np.flatnonzero(model.geom_bodyid == model.body(b).id) for b in ("peg", "fixture"))
+    kind, other = model.geom_contype, model.geom_conaffinity
+    meet = [(a, b) for a in pegs for b in blocks if kind[a] & other[b] or kind[b] & other[a]]
     down, turn = np.diag([1.0, -1.0, -1.0]), np.empty(9)
     for g in pegs:
         mujoco.mju_quat2Mat(turn, model.geom_quat[g])
         data.geom_xpos[g], data.geom_xmat[g] = flange + down @ model.geom_pos[g], (down @ turn.reshape(3, 3)).ravel()
-    return min(mujoco.mj_geomDistance(model, data, int(a), int(b), 0.05, None) for a in pegs for b in blocks)
+    return min(mujoco.mj_geomDistance(model, data, int(a), int(b), 0.05, None) for a, b in meet)

@@ -1,8 +1,9 @@
 """Hole clearance: the hole is `width` wider than nominal, measured across (diametral).
 
-Native mechanism: `geom_pos` of the hole's walls, each moved outwards along its own normal by half of `width`; no
-recompile, so clearance can be drawn per episode or tightened while a policy learns. What a camera sees of the hole
-stays nominal. A hole made narrower than the peg is one that the peg does not fit.
+Native mechanism: `geom_pos` of the hole's walls, each moved outwards along its own normal by half of `width`, and of
+the plates around them, each by as much along both sides of the square in which these stand. No recompile, so clearance
+can be drawn per episode or tightened while a policy learns. What a camera sees of the hole stays nominal. A hole made
+narrower than the peg is one that the peg does not fit.
 """
 
 from __future__ import annotations
@@ -32,8 +33,10 @@ class HoleClearance(Effect):
         return [] if user_block else named(model, "fixture")
 
     def write(self, fields, p):
-        pos, model, wall = fields["geom_pos"], fields.model, fields.robot.wall
-        walls = [g for g in range(model.ngeom) if model.geom(g).name.startswith(wall)]
-        angle = 2 * np.pi / len(walls) * np.array([int(model.geom(g).name.removeprefix(wall)) for g in walls])
-        outwards = np.stack([np.cos(angle), np.sin(angle), np.zeros(len(walls))], axis=1)
-        pos[:, walls] += 0.5 * p["width"][:, :, None] * outwards
+        pos, model, scene = fields["geom_pos"], fields.model, fields.robot
+        for name, turned, far in ((scene.wall, 0.0, 1.0), (scene.plate, -np.pi / 4, 2**0.5)):
+            some = [g for g in range(model.ngeom) if model.geom(g).name.startswith(name)]
+            number = np.array([int(model.geom(g).name.removeprefix(name)) for g in some])
+            angle = 2 * np.pi * number / (number.max(initial=0) + 1) + turned
+            outwards = far * np.stack([np.cos(angle), np.sin(angle), np.zeros(len(some))], axis=1)
+            pos[:, some] += 0.5 * p["width"][:, :, None] * outwards
