@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from vispeg.report.text import effect_words, words
+from vispeg.report.text import contact_words, effect_words, words
 from vispeg.report.text.quantities import interval, plain, quantity
 from vispeg.report.text.terminal import effects_table
 
@@ -170,3 +170,14 @@ def test_a_parameter_that_was_not_looked_for_has_no_row_beside_those_that_were()
     assert row[1:] == ["z", "3.0e−5", "1.8e−5 to 4.5e−5", "m/N"]
     assert len(effects_table({"effects": [{**placed, "params": {"x": bare}}]}).rows) == 1
     assert len(effects_table({"effects": [{**placed, "params": {"x": {**bare, "value": 1e-5}, "z": z}}]}).rows) == 2
+
+
+def test_the_phase_in_which_the_error_falls_most_is_told_and_none_where_none_falls():
+    """By squared error times time: two seconds from 1.4 N count more than half a second from 2 N."""
+    rows = [("free", 5.0, 0.1, 0.1), ("press", 2.0, 1.4, 0.5), ("slide", 0.5, 2.0, 0.4)]
+    phases = [{"phase": n, "seconds": s, "before": b, "after": a, "floor": 0.1} for n, s, b, a in rows]
+    said = "In presses the force error falls 2.8-fold, from 1.40 N RMS to 0.500 N RMS."
+    assert contact_words.phases({"phases": phases}) == said
+    assert contact_words.phases({"phases": phases[:1]}) == contact_words.phases({}) == ""
+    lone = [{"phase": "press", "seconds": 2.0, "before": 1.4, "floor": 0.1}]
+    assert contact_words.phases({"phases": lone}) == "", "a comparison has one model alone"

@@ -8,7 +8,7 @@ from typing import Any
 from vispeg.report.drawings.figures import chart
 from vispeg.report.drawings.ladder import ladder_figure, ladder_rows
 from vispeg.report.record import Record, data_link
-from vispeg.report.text import camera_words, effect_words, words
+from vispeg.report.text import camera_words, contact_words, effect_words, words
 from vispeg.report.text.quantities import number, quantity
 
 TITLE = "Verdict"
@@ -31,6 +31,7 @@ def context(record: Record) -> Mapping[str, object]:
         "verdict": values.get("verdict") if record.kind == "diagnosis" else None,
         "sentence": " ".join(filter(None, (*words.diverged(values), words.verdict(values), words.baseline(values)))),
         "fall": words.fall(values),
+        "phases": contact_words.phases(values),
         "cameras": camera_words.cameras(values),
         "figures": figures,
         "picture": chart(lambda shape: ladder_figure(record, shape), "ladder", words.fall(values)),
@@ -39,6 +40,7 @@ def context(record: Record) -> Mapping[str, object]:
         "onward": words.onward(values) if record.kind == "diagnosis" else "",
         "reason": str(values.get("reason") or "").rstrip("."),
         "judged": _judged(record),
+        "counted": contact_words.COUNTED if values.get("evidence") == "contact" else "",
         "robot": "" if record.robot is None else data_link(record.robot),
         "marks": _marks(record),
         "floor_unit_differs": bool(floor.get("unit")) and floor.get("unit") != unit and bool(unit),

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from vispeg.report.drawings.figures import chart
 from vispeg.report.drawings.ladder import ladder_figure
 from vispeg.report.record import Record
-from vispeg.report.text import words
+from vispeg.report.text import contact_words, words
 
 
 def context(record: Record, room: str) -> Mapping[str, object]:
@@ -17,6 +17,7 @@ def context(record: Record, room: str) -> Mapping[str, object]:
     return {
         "verdict": str(values.get("verdict") or ""),
         "fall": words.fall(values),
+        "phases": contact_words.phases(values),
         "reason": str(values.get("reason") or "").rstrip("."),
         "picture": drawn if len(record.rows("ladder")) > 1 else "",
     }

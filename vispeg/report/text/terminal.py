@@ -10,7 +10,7 @@ from vispeg.report.drawings.ladder import ladder_rows
 from vispeg.report.record import Record, rows
 from vispeg.report.sections.found import correlations, effect_rows
 from vispeg.report.sections.rooms import room_row
-from vispeg.report.text import camera_words, words
+from vispeg.report.text import camera_words, contact_words, words
 from vispeg.report.text.quantities import fold, interval, quantity
 from vispeg.report.text.summary import Block, Line, print_summary
 from vispeg.report.text.tables import Column, Sheet
@@ -68,6 +68,8 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
     if before := words.baseline(diagnosis):
         out.append(Line(before))
     out += [Line(words.fall(diagnosis)), ladder_table(diagnosis)]
+    if said := contact_words.phases(diagnosis):
+        out.append(Line(said))
     if diagnosis.get("rooms"):
         out.append(rooms_table(diagnosis))
     if diagnosis.get("effects"):
