@@ -18,8 +18,7 @@ from vispeg.contact.hand import RULES
 from vispeg.contact.path import Path, tips
 from vispeg.effects.common.parts import shapes
 from vispeg.effects.contact.contact_stiffness import scaled
-from vispeg.robots.hole import TOUCHED, UNTOUCHED
-from vispeg.robots.scene import Scene
+from vispeg.robots.scene import TOUCHED, UNTOUCHED, Scene
 
 BELOW = 1e-3  # m below the mouth, under which a tip that presses on the top may be read to be
 SLIDES, STEADY = 0.01, 20  # m/s across; samples that a speed is the mean of

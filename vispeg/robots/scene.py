@@ -16,6 +16,7 @@ from vispeg.core.errors import UserError
 from vispeg.robots import furniture, hole, tools, user_cell
 from vispeg.robots.declare import RobotConfig
 from vispeg.robots.furniture import COLOURS, LIGHTS
+from vispeg.robots.hole import TOUCHED, UNTOUCHED
 from vispeg.robots.model import RobotModel, load
 from vispeg.robots.scene_config import SceneConfig
 from vispeg.robots.user_shapes import UserShape
@@ -205,4 +206,4 @@ def _sensors(spec: mujoco.MjSpec) -> None:
     )
 
 
-__all__ = ["CAMERAS", "LIGHTS", "Scene", "SceneConfig", "build"]
+__all__ = ["CAMERAS", "LIGHTS", "TOUCHED", "UNTOUCHED", "Scene", "SceneConfig", "build"]

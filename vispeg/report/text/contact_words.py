@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from vispeg.recordings.regimes import REGIMES
 from vispeg.report.record import rows
 from vispeg.report.text.quantities import number, quantity
 from vispeg.report.text.words import change
 
-WHERE = {"free": "in free air", "press": "in presses", "slide": "in slides", "hole": "in the hole"}
+WHERE = dict(zip(REGIMES, ("in free air", "in presses", "in slides", "inside"), strict=False))
 LEAST = 1.2  # times smaller, from which a fall is worth a sentence
 COUNTED = "without what errors of the sensor and of kinematics may be"  # how the ladder's errors count
 
