@@ -1,6 +1,7 @@
 """The score of contact diagnoses: twins count as the class, inventions and silence do not."""
 
-from contact_score import judge, report, values
+import pytest
+from contact_score import judge, plain_fall, report, values
 
 FRICTION = {"effect": "contact_friction", "where": "peg", "params": {"scale": 1.7}}
 LADDER = [{"heldout_error": 5.0}, {"heldout_error": 1.0}]
@@ -37,3 +38,12 @@ def test_intervals_are_of_exact_names_only():
     assert (effect, name, true, found) == ("contact_friction", "scale", 1.7, 1.65) and low <= true <= high
     text = report([good, other, record([], [], "adequate", "none"), {**other, "verdict": "failed"}])
     assert "| no effect: given a name | 0 % [0, 79] of 1 |" in text and "1 runs failed" in text
+
+
+def test_the_plain_fall_is_of_squared_errors_weighed_by_time():
+    phases = [{"seconds": 1.0, "before": 4.0, "after": 2.0}, {"seconds": 3.0, "before": 2.0, "after": 1.0}]
+    r = record([FRICTION], [named("contact_friction", "peg", scale=1.65)]) | {"phases": phases}
+    assert plain_fall(r) == pytest.approx(2.0)
+    uneven = [{"seconds": 1.0, "before": 3.0, "after": 1.0}, {"seconds": 4.0, "before": 1.0, "after": 1.0}]
+    assert plain_fall(r | {"phases": uneven}) == pytest.approx((13 / 5) ** 0.5)
+    assert plain_fall(r | {"effects": []}) is None and plain_fall(record([FRICTION], [])) is None

@@ -67,8 +67,7 @@ def _path(aside, depth):
     place = np.zeros((len(aside), 6))
     place[:, 0], place[:, 2] = aside, depth  # the hand's z points down
     goal, down = np.array(SCENE.target), np.array([0.0, 1, 0, 0])
-    time = np.arange(len(aside)) * 1e-3
-    return SimpleNamespace(origin=goal + [0, 0, SCENE.tip], frame=down, place=place, goal=goal, time=time)
+    return SimpleNamespace(origin=goal + [0, 0, SCENE.tip], frame=down, place=place, goal=goal, step=1e-3)
 
 
 def test_beside_the_mouth_one_top_is_touched_and_the_pieces_are_not():

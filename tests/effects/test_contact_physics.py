@@ -83,9 +83,9 @@ def test_bounce_damping_and_rest_depth():
     np.testing.assert_array_equal(speed[:, 6], speed[:, 0])
 
 
-@pytest.mark.parametrize("load", [2.0, 60.0])
-def test_a_softer_contact_stands_deeper_under_any_load(load):
-    """1 / stiffness times; to 6 %, for MuJoCo draws its curve between two impedances, not between their odds."""
+@pytest.mark.parametrize(("load", "within"), [(2.0, 0.05), (12.0, 0.05), (60.0, 0.06)])
+def test_a_softer_contact_stands_deeper_under_any_load(load, within):
+    """1 / stiffness times; 60 N on four contacts leave the part of MuJoCo's curve where scaled odds are exact."""
     worlds = [NOMINAL, one("contact_stiffness", scale=0.1), one("contact_stiffness", scale=0.02)]
     batch = bench(worlds, (*BESIDE, TOP), 5e-4)
     down = batch.bind("qfrc_applied")
@@ -97,7 +97,7 @@ def test_a_softer_contact_stands_deeper_under_any_load(load):
         d = batch.get_data(row)
         mujoco.mj_forward(batch.get_model(row), d)
         depth.append(d.contact.dist.mean())
-    np.testing.assert_allclose(np.array(depth) / depth[0], [1.0, 10.0, 50.0], rtol=0.06)
+    np.testing.assert_allclose(np.array(depth) / depth[0], [1.0, 10.0, 50.0], rtol=within)
 
 
 @pytest.mark.parametrize("z", [0.1, 0.3, 0.8, 1.7])

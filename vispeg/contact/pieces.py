@@ -21,7 +21,7 @@ from vispeg.effects.contact.contact_stiffness import scaled
 from vispeg.robots.scene import TOUCHED, UNTOUCHED, Scene
 
 BELOW = 1e-3  # m below the mouth, under which a tip that presses on the top may be read to be
-SLIDES, STEADY = 0.01, 20  # m/s across; samples that a speed is the mean of
+SLIDES, STEADY = 0.01, 0.02  # m/s across; s that a speed is the mean of
 LEAST = 0.03  # of a contact's damper
 # where a tip is: over the mouth or its rim, below its bevel, on the block and all beside the rim, there and sliding
 OVER, INSIDE, BESIDE, ALONG = range(4)
@@ -87,7 +87,8 @@ def tip_places(path: Path, scene: Scene) -> np.ndarray:
     far, corner = np.hypot(tip[:, 0], tip[:, 1]), 2**0.5 if config.shape == "square" else 1.0
     inside = (tip[:, 2] < -max(config.chamfer, BELOW)) & (far < config.apothem)
     beside = (far > corner * (config.apothem + config.chamfer + config.diameter / 2)) & (far < config.block)
-    speed = np.linalg.norm(np.gradient(uniform_filter1d(tip[:, :2], STEADY, axis=0), path.time, axis=0), axis=1)
+    steady = uniform_filter1d(tip[:, :2], max(1, round(STEADY / path.step)), axis=0)
+    speed = np.linalg.norm(np.gradient(steady, path.step, axis=0), axis=1)
     return np.select([inside, beside & (speed > SLIDES), beside], [INSIDE, ALONG, BESIDE], OVER)
 
 

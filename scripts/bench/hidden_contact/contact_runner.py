@@ -15,7 +15,7 @@ from contact_make import folders
 
 HERE = Path(__file__).resolve().parent
 TIMEOUT = 1200.0  # s a process
-KEYS = ("verdict", "effects", "ladder", "noise_floor", "unexplained", "not_excited", "shows_from")
+KEYS = ("verdict", "effects", "ladder", "noise_floor", "unexplained", "not_excited", "shows_from", "phases")
 
 
 def diagnose(root: Path, case: Case) -> dict:

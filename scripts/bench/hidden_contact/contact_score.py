@@ -62,6 +62,16 @@ def judge(r: Record) -> Record:
     }  # fmt: skip
 
 
+def plain_fall(r: Record) -> float | None:
+    """How many times smaller the RMS of measured less predicted force became over all phases; None if nothing did.
+
+    The ladder's errors leave out what errors of sensor and kinematics explain.
+    """
+    phases = [p for p in r.get("phases") or [] if p.get("after")]
+    before, after = (sum(p["seconds"] * p[key] ** 2 for p in phases) for key in ("before", "after"))
+    return (before / after) ** 0.5 if r["effects"] and after > 0 else None
+
+
 def values(records: Sequence[Record]) -> list[tuple[str, str, float, float, float | None, float | None]]:
     """(effect, parameter, true, found, low, high) of every parameter of every effect that was named exactly."""
     out = []
@@ -109,6 +119,7 @@ def report(records: Sequence[Record]) -> str:
         ("hole position within 0.1 mm", share(d <= HOLE for d in near["hole_offset"])),
         ("clearance within 0.05 mm", share(d <= CLEARANCE for d in near["hole_clearance"])),
         ("fall of held-out error, median", f"{middle(r['fall'] for r in known)}-fold"),
+        ("fall of the plain force error, median", f"{middle(plain_fall(r) for r in known)}-fold"),
         ("processor seconds a diagnosis, median", middle(r.get("cpu_s") for r in done)),
     ]
     lines = [

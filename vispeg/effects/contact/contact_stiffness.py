@@ -4,7 +4,8 @@ A contact at rest under a load f stands r deep by `f = d / (1 - d) k r / w`, wit
 the inverse weight w of what it moves. Native mechanism: `geom_solimp`, whose odds `d / (1 - d)` are scaled, and whose
 width, over which a contact grows harder, is divided by `scale`; `geom_solref` keeps k. A longer time constant T would
 do the same at rest, but what touches would then answer late. A blow is answered in T whatever the impedance: its peak
-falls by a fifth where `scale` is 0.1. MuJoCo keeps T above two steps: near them a contact is up to 1.5 times as soft.
+falls by a fifth where `scale` is 0.1. At 15 N a contact and a `scale` of 0.02 it stands 5 % less deep than that.
+MuJoCo keeps T above two steps: near them a contact is up to 1.5 times as soft.
 Source: MuJoCo 4.0 manual, Modeling, Solver parameters.
 """
 

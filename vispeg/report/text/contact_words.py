@@ -10,9 +10,9 @@ from vispeg.report.record import rows
 from vispeg.report.text.quantities import number, quantity
 from vispeg.report.text.words import change
 
-WHERE = dict(zip(REGIMES, ("in free air", "in presses", "in slides", "inside"), strict=False))
+WHERE: dict[str, str] = dict(zip(REGIMES, ("in free air", "in presses", "in slides", "inside"), strict=False))
 LEAST = 1.2  # times smaller, from which a fall is worth a sentence
-COUNTED = "without what errors of the sensor and of kinematics may be"  # how the ladder's errors count
+COUNTED = "without what errors of sensor and kinematics explain"  # how the ladder's errors count
 
 
 def phases(values: Mapping[str, Any]) -> str:
