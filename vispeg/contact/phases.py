@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from vispeg.sim.touch import Touch
 NAMES = REGIMES
 SHORTEST, LONGEST = 0.3, 1.0  # s at the start in free air: what is needed, what is used for the sensor's zero
 STILL, LEVER = 0.01, 0.2  # m/s of tip or flange; m, of its turning
+STUCK = 0.005  # m/s, of a tip below which it sticks
 PRESSED = 8.0  # N beyond the declared tool's weight at the start, that only a contact can be
 
 
@@ -57,6 +59,11 @@ class Phases:
         """(m,) bool: blocks that are compared; in the ms after a make solver and filter decide, not the model."""
         return (self.used & (self.code != IMPACT)) | self.resting
 
+    @property
+    def sticks(self) -> np.ndarray:
+        """(m,) bool: presses in which the tip does not slide."""
+        return self.of("press") & (self.speed < STUCK)
+
     def of(self, name: str) -> np.ndarray:
         """(m,) bool."""
         return self.code == NAMES.index(name)
@@ -77,6 +84,12 @@ class Phases:
     def rows(self, clock: np.ndarray) -> np.ndarray:
         """(m,) sample of a recording with this clock nearest to each block's middle."""
         return np.clip(np.searchsorted(clock, self.time), 0, len(clock) - 1)
+
+
+def runs(flag: np.ndarray) -> Iterator[tuple[int, int]]:
+    """First block of each stretch with a flag (m,), and the one after its last."""
+    edges = np.flatnonzero(np.diff(np.r_[0, flag.astype(int), 0]))
+    return zip(edges[::2], edges[1::2], strict=True)
 
 
 def phases(scene: Scene, touch: Touch, path: Path, block: float) -> Phases | None:

@@ -42,6 +42,7 @@ class Effect(ABC):
         stage: of a contact diagnosis in which it is searched (one of STAGES, in their order); empty: never.
         sizes: parameter -> values that a contact diagnosis tries; other parameters stay.
         beside: parameters that show only where one with sizes is off its null, and are fitted with it.
+        posed: True where it is the pose of a part, which an arm's kinematics, a little off, seem to change as well.
         remembers: True where what it did once remains, so that no part of a recording shows it.
         shown_by: contact motions (`vispeg record`) that excite it; empty: any.
         told_from: effects it may be confused with -> the motion that separates them; either of the two may state it.
@@ -72,6 +73,7 @@ class Effect(ABC):
     stage: ClassVar[str] = ""
     sizes: ClassVar[Mapping[str, tuple[float, ...]]] = {}
     beside: ClassVar[tuple[str, ...]] = ()
+    posed: ClassVar[bool] = False
     remembers: ClassVar[bool] = False
     shown_by: ClassVar[tuple[str, ...]] = ()
     told_from: ClassVar[Mapping[str, str]] = {}

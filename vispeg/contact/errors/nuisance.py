@@ -10,7 +10,7 @@ Gaussian Processes for Machine Learning, 2.7, for linear nuisances in a covarian
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -18,8 +18,9 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from vispeg.contact.errors.bearing import bearing
 from vispeg.contact.errors.wedge import softness, wedging
-from vispeg.contact.phases import NAMES
+from vispeg.contact.phases import NAMES, STUCK, runs
 from vispeg.contact.torques import unsure
 from vispeg.recordings.regimes import Thresholds
 from vispeg.robots.scene import Scene
@@ -36,7 +37,6 @@ BLOWS, BEFORE = 0.1, 5  # share of a slide's scatter by which it drags otherwise
 ACROSS = 0.1  # of a slide's drag, by which a tool that hops in the model and whose mass is off its axis drags sideways
 FAR, TWIST = 0.02, 0.5  # m, rad over which that changes
 NEARLY, SLIPPED = 0.75, 1.5e-4  # of what a grip holds, from which a blow moves the part in it; m
-STUCK = 0.005  # m/s, of a tip below which it sticks
 LEAST = 0.05  # score below which a direction is no nuisance
 
 
@@ -80,7 +80,7 @@ def nuisance(items: Sequence[ContactItem]) -> Nuisance:
     errors = _smooth(places)
     for item, error in zip(items, errors, strict=True):
         alone = [*_drifts(item), _late(item), *_stuck(item), *_chatters(item), *_slipped(item), *unsure(item)]
-        separate.append(_whitened(item, [*alone, *_turned(item)]))
+        separate.append(_whitened(item, [*alone, *bearing(item), *_turned(item)]))
         shared.append(_whitened(item, [*_mixtures(item), *_misplaced(item, error), _gives(item)]))
     columns = np.concatenate(shared, axis=0)
     out = np.zeros((ends[-1], columns.shape[1] + sum(o.shape[1] for o in separate)))
@@ -208,9 +208,8 @@ def _stuck(item: ContactItem) -> list[np.ndarray]:
     """
     phase, turn = item.phase, _turn(item)
     blows = np.linalg.norm(phase.scatter(item.path.wrench[:, :3]), axis=1)
-    sticks = (phase.code == NAMES.index("press")) & (phase.speed < STUCK)
     out = []
-    for a, b in _runs(sticks):
+    for a, b in runs(phase.sticks):
         size = np.hypot(PLACE * item.grasp.stiffness[0], BLOWS * blows[max(a - BEFORE, 0) : a].max(initial=0.0))
         for along in np.eye(3)[:2]:
             push = np.zeros((len(phase.time), 3))
@@ -234,15 +233,9 @@ def _chatters(item: ContactItem) -> list[np.ndarray]:
     drag /= np.maximum(np.linalg.norm(drag, axis=1), TOUCH)[:, None]
     pushes = [BLOWS * size[:, None] * way for way in (drag, np.tile(up, (len(size), 1)))]
     across = ACROSS * np.cross(up, force)
-    for a, b in _runs(slides):
+    for a, b in runs(slides):
         pushes.append(np.where((np.arange(len(size)) >= a) & (np.arange(len(size)) < b), across.T, 0.0).T)
     return [_at_tip(item, turn.inv().apply(push)) for push in pushes]
-
-
-def _runs(flag: np.ndarray) -> Iterator[tuple[int, int]]:
-    """First block of each stretch with a flag (m,), and the one after its last."""
-    edges = np.flatnonzero(np.diff(np.r_[0, flag.astype(int), 0]))
-    return zip(edges[::2], edges[1::2], strict=True)
 
 
 def _slipped(item: ContactItem) -> list[np.ndarray]:

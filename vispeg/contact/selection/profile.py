@@ -6,12 +6,12 @@ No derivatives: where nothing touches they vanish, though a size that makes it t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from vispeg.contact.evidence import ContactEvidence
-from vispeg.contact.thin import PART
+from vispeg.contact.selection.screen import FELT, Probe, Screen
 from vispeg.core.effect import REGISTRY, STAGES, Effect, EffectInstance, effect
 from vispeg.diagnosis.evidence.screen import Score
 from vispeg.robots.scene import Scene
@@ -54,44 +54,21 @@ def tries(name: str, where: str) -> list[tuple[str, EffectInstance]]:
     return [(k, EffectInstance.of(name, where, **{k: v})) for k, values in effect(name).sizes.items() for v in values]
 
 
-@dataclass(frozen=True)
-class Probe:
-    """One size of one parameter of an effect.
-
-    Attributes:
-        placed: the effect with it.
-        name: of the parameter.
-        gain: by how much it lowers the squared residual; -inf if it moves nothing.
-        moved: squared length of what it changes in the residual.
-    """
-
-    placed: EffectInstance
-    name: str
-    gain: float
-    moved: float = np.inf
-
-    @property
-    def key(self) -> tuple[str, str]:
-        """(effect, place)."""
-        return self.placed.effect, self.placed.where
-
-    @property
-    def promise(self) -> float:
-        """Gain of the best size along a straight line through this one; no less than its own."""
-        along = 0.5 * (self.gain + self.moved)
-        return along**2 / self.moved if along > 0 else self.gain
-
-
 def probed(
-    evidence: ContactEvidence, world: World, where: Sequence[tuple[str, str]], least: float = 0.0
+    evidence: ContactEvidence,
+    world: World,
+    where: Sequence[tuple[str, str]],
+    least: float = 0.0,
+    free: Sequence[int] = (),
 ) -> list[Probe]:
     """Sizes of every parameter of the effects at their places, beside those of `world`.
 
     From none outward, each sign for itself, by a part of the recordings: a way ends where its last size was felt and
     no size along it promises to lower the residual. What may come to `least` is asked anew by all of the recordings.
+    The effects of the world at `free` are taken to be fitted anew beside each size, to first order.
     """
     ways = [way for name, at in where for way in outward(name, at)]
-    screen = _Screen(evidence, world)
+    screen = Screen(evidence, world, free)
     rough: list[Probe] = []
     promise: dict[tuple[str, str], float] = {}
     for step in range(max((len(w) for w in ways), default=0)):
@@ -110,33 +87,10 @@ def probed(
     again = [k for k, p in enumerate(rough) if p.key in hopeful and _hopeful(p.gain, hopeful[p.key])]
     if not again:
         return rough
-    (base,) = evidence.residuals([world])
-    rows = evidence.residuals([world.add(rough[k].placed) for k in again])
-    exact = {k: _probe(rough[k].name, rough[k].placed, base, r, 1) for k, r in zip(again, rows, strict=True)}
+    asked = screen.ask([(rough[k].name, rough[k].placed) for k in again], in_part=False)[0]
+    exact = dict(zip(again, asked, strict=True))
     best = {s.key: s.gain for s in strongest(list(exact.values()))}
     return [exact.get(k, _beside(p, hopeful, best)) for k, p in enumerate(rough)]
-
-
-class _Screen:
-    """What sizes of effects gain beside a world, by a part of the recordings, and what a straight line through each
-    promises; by all of them where what an effect did once remains, as of a part that slipped in its grip.
-    """
-
-    def __init__(self, evidence: ContactEvidence, world: World):
-        self.world, self.asked = world, {PART: evidence.residuals_in_part, 1: evidence.residuals}
-        self.base: dict[int, np.ndarray] = {}
-
-    def ask(self, tries: Sequence[tuple[str, EffectInstance]]) -> tuple[list[Probe], list[float]]:
-        """Of each try a probe and its promise."""
-        times = [1 if effect(placed.effect).remembers else PART for _, placed in tries]
-        out: dict[int, tuple[Probe, float]] = {}
-        for part, residuals in self.asked.items():
-            some = [k for k, t in enumerate(times) if t == part]
-            if some and part not in self.base:
-                (self.base[part],) = residuals([self.world])
-            for k, r in zip(some, residuals([self.world.add(tries[k][1]) for k in some]), strict=True):
-                out[k] = _probe(*tries[k], self.base[part], r, part), _promised(self.base[part], r, part)
-        return [out[k][0] for k in range(len(tries))], [out[k][1] for k in range(len(tries))]
 
 
 def _beside(p: Probe, hopeful: dict[tuple[str, str], float], best: dict[tuple[str, str], float]) -> Probe:
@@ -158,13 +112,6 @@ def outward(name: str, where: str) -> list[list[tuple[str, EffectInstance]]]:
     return [[(k, placed) for _, placed in sorted(way, key=lambda s: s[0])] for (k, _), way in ways.items()]
 
 
-def _promised(base: np.ndarray, r: np.ndarray, times: float) -> float:
-    """The drop of the squared residual at the best size along a straight line through one; 0 where it rises."""
-    change = r - base
-    along = float(base @ change)
-    return times * along**2 / max(float(change @ change), 1e-12) if along < 0 else 0.0
-
-
 def _size(name: str, parameter: str, placed: EffectInstance) -> float:
     """How far a value is from none; of a scale its logarithm."""
     param, value = effect(name).params[parameter], placed.params[parameter].value
@@ -174,11 +121,6 @@ def _size(name: str, parameter: str, placed: EffectInstance) -> float:
 def _hopeful(gain: float, best: float) -> bool:
     """Whether a size may turn out to be the best one of its effect."""
     return gain >= (HOPE * best if best > 0 else best)
-
-
-def _probe(name: str, placed: EffectInstance, base: np.ndarray, r: np.ndarray, times: float) -> Probe:
-    moved = times * float(np.sum((r - base) ** 2))
-    return Probe(placed, name, times * float(base @ base - r @ r) if moved > FELT**2 else -np.inf, moved)
 
 
 def shown_from(probes: Sequence[Probe], need: float) -> dict[tuple[str, str], dict[str, float]]:
@@ -261,7 +203,6 @@ def idle(probes: Sequence[Probe]) -> set[tuple[str, str]]:
     return {key for key, gain in best.items() if gain < max(SHARE * top[key[0]], 0.0) and gain < top[key[0]]}
 
 
-FELT = 5.0  # standard deviations by which some size must move the residual for an effect to be excited
 SHARE = 0.03
 HALF = 0.4  # of what an effect must gain, that a straight line through a size must promise in the screen
 HOPE = 0.25  # of what a size must promise, that the screen must see in it

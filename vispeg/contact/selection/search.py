@@ -15,7 +15,6 @@ from vispeg.contact.selection.alike import alike, freed, refitted
 from vispeg.contact.selection.form import form
 from vispeg.contact.selection.likely import intervals
 from vispeg.contact.selection.profile import (
-    Probe,
     further,
     idle,
     places,
@@ -25,6 +24,7 @@ from vispeg.contact.selection.profile import (
     strongest,
     value,
 )
+from vispeg.contact.selection.screen import Probe
 from vispeg.contact.selection.spare import doubted, spared
 from vispeg.contact.selection.sparse import sparse
 from vispeg.contact.thin import PART
@@ -57,6 +57,7 @@ class ContactSearch(Search):
     evidence: ContactEvidence
     few = 99
     runs = False  # through: what comes in by itself, in the viewer, has its intervals at once
+    n_fixed = 999  # effects of a world that were given with it: all, until a search begins
 
     @cached_property
     def lately(self) -> dict[str, Fit]:
@@ -100,6 +101,7 @@ class ContactSearch(Search):
     def run(self, world: World, n_fixed: int | None = None) -> State:
         """As for joints; intervals, which are dear by the squared residual, come once, of what stayed."""
         n_fixed, self.runs = len(world.effects) if n_fixed is None else n_fixed, True
+        self.n_fixed = n_fixed
         state = super().run(world, n_fixed)
         while spared(self, state, n_fixed):
             pass
@@ -149,6 +151,7 @@ class ContactSearch(Search):
 
     def step(self, state: State, n_fixed: int) -> list[Trial]:
         """Profiles the library, fits the best and, where none of them reaches the floor, their pairs."""
+        self.n_fixed = n_fixed
         scores, tested = self.scored(state), self.tested(state)
         promise = promises(self.probed(state.world, places(self.evidence, state.world)))
         scores = sorted(scores, key=lambda s: -max(s.gain, promise[s.key]))
@@ -264,10 +267,11 @@ class ContactSearch(Search):
         def work_out() -> list:
             return [
                 [p.placed.effect, p.placed.where, p.name, p.placed.params[p.name].value, max(p.gain, NONE), p.moved]
-                for p in probed(self.evidence, world, where, self.needed_beside(world))
+                for p in probed(self.evidence, world, where, self.needed_beside(world), free)
             ]
 
-        question = ["contact profile", model_text(world), [list(p) for p in where]]
+        free = range(min(self.n_fixed, len(world.effects)), len(world.effects))
+        question = ["contact profile", model_text(world), [list(p) for p in where], self.n_fixed]
         answer = self.progress.recall(question, work_out)  # also asked twice in one run: what is silent, what is best
         return [
             Probe(EffectInstance.of(n, at, **{name: value}), name, gain if gain > NONE else -np.inf, moved)

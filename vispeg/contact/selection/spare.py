@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vispeg.contact.errors.nuisance import PLACE, TURN
 from vispeg.contact.selection.form import form
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.selection.state import State
@@ -53,11 +54,21 @@ def _take(search: ContactSearch, state: State, fit: Fit, loss: np.ndarray) -> No
     state.cross = search.cross.loss_of(fit, fit.residual)
 
 
+REPEATS = {"m": 0.5 * PLACE, "rad": 0.5 * TURN}  # by how much an arm comes back to a pose otherwise: not to be named
+
+
 def includes_none(placed: EffectInstance) -> bool:
-    """Whether the interval of every magnitude that was fitted holds the value at which the effect is not there."""
+    """Whether the interval of every magnitude that was fitted holds the value at which the effect is not there.
+
+    Of a pose it need only come as near to that as an arm repeats one.
+    """
     kind = effect(placed.effect)
-    spans = [(kind.params[k].null, placed.params[k]) for k in kind.magnitudes]
-    inside = [v.low <= null <= v.high for null, v in spans if v.low is not None and v.high is not None]
+    inside = []
+    for k in kind.magnitudes:
+        param, v = kind.params[k], placed.params[k]
+        if v.low is not None and v.high is not None:
+            room = REPEATS.get(param.unit, 0.0) if kind.posed else 0.0
+            inside.append(v.low - room <= param.null <= v.high + room)
     return bool(inside) and all(inside)
 
 

@@ -27,6 +27,7 @@ class GripPose(Effect):
     }
     writes = frozenset({"body_pos", "body_quat"})
     stage = "geometry"
+    posed = True
     sizes = {
         **dict.fromkeys("xyz", (-3e-3, -1e-3, -3e-4, 3e-4, 1e-3, 3e-3)),
         **dict.fromkeys(("roll", "pitch"), (-0.04, -0.012, 0.012, 0.04)),

@@ -23,6 +23,7 @@ class HoleOffset(Effect):
     }
     writes = frozenset({"body_pos"})
     stage = "geometry"
+    posed = True
     sizes = dict.fromkeys("xyz", (-3e-3, -1e-3, -3e-4, 3e-4, 1e-3, 3e-3))
     shown_by = ("press", "insert", "rock")
     told_from = {"grip_pose": "insert-turned"}

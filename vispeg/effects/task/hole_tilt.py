@@ -34,6 +34,7 @@ class HoleTilt(Effect):
     }
     writes = frozenset({"body_quat"})
     stage = "geometry"
+    posed = True
     sizes = dict.fromkeys(("roll", "pitch"), (-0.04, -0.012, 0.012, 0.04))
     shown_by = ("press", "insert", "rock")
     told_from = {"grip_pose": "insert-turned", "contact_friction": "slide"}

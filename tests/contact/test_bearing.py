@@ -1,0 +1,28 @@
+"""Where a pressed end bears: the hand turns about a tip that stays, until its springs hold the couple."""
+
+from __future__ import annotations
+
+import numpy as np
+from pressed import recorded
+
+from vispeg.contact.errors.bearing import ASIDE, bearing
+from vispeg.contact.run import evidence_of
+
+
+def test_the_correction_holds_the_couple_about_the_tip_and_the_tip_stays():
+    (item,) = evidence_of([recorded()]).items
+    columns, stiffness = bearing(item), item.grasp.stiffness
+    pressed = item.phase.sticks
+    assert pressed.any() and len(columns) % 2 == 0
+    lever = np.array([0.0, 0.0, item.source.scene.tip])
+    radius = item.source.scene.config.diameter / 2
+    for axis in (0, 1):
+        column = np.sum(columns[axis::2], axis=0)  # of all presses
+        force, torque = column[:, :3], column[:, 3:]
+        couple = torque + np.cross(-lever, force)
+        expected = ASIDE * radius * np.abs(item.phase.contact[:, 2])
+        np.testing.assert_allclose(couple[pressed][:, axis], expected[pressed], rtol=1e-9)
+        np.testing.assert_allclose(np.delete(couple, axis, axis=1), 0.0, atol=1e-12)
+        moved = force / stiffness[:3] + np.cross(torque / stiffness[3:], lever)
+        np.testing.assert_allclose(moved, 0.0, atol=1e-12)
+        np.testing.assert_array_equal(column[~pressed], 0.0)

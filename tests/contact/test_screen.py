@@ -1,0 +1,58 @@
+"""What a size of an effect gains beside others: as much as if their parameters were fitted anew to it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from vispeg.contact.selection.profile import probed
+from vispeg.contact.thin import PART
+from vispeg.core.effect import EffectInstance
+from vispeg.core.seeds import stream
+from vispeg.identify.space import Freedom
+from vispeg.worlds.world import World
+
+OFFSET, GRIP = ("hole_offset", "fixture"), ("grip_pose", "peg")
+
+
+class Straight(Freedom):
+    """A residual that is linear in a hole's x and y and in a grip's x, which acts nearly as the hole's x does."""
+
+    def __init__(self):
+        rng = stream(1, "straight")
+        self.hole = 1e5 * rng.standard_normal((60, 2))
+        self.grip = self.hole[:, 0] + 3e4 * rng.standard_normal(60)
+        self.hidden = 2e-3 * self.grip + rng.standard_normal(60)
+
+    def frees(self, kind, name):
+        return name in ("x", "y") if kind.name == "hole_offset" else name == "x"
+
+    def residuals(self, worlds):
+        return [self.residual({e.effect: e.params for e in w.effects}) for w in worlds]
+
+    def residuals_in_part(self, worlds):
+        return [r / PART**0.5 for r in self.residuals(worlds)]
+
+    def residual(self, params):
+        hole, grip = params.get("hole_offset"), params.get("grip_pose")
+        out = self.hidden.copy()
+        if hole:
+            out -= self.hole @ [hole["x"].value, hole["y"].value]
+        return out - self.grip * grip["x"].value if grip else out
+
+
+def test_beside_an_effect_another_gains_what_both_fitted_together_do():
+    """The hole's offset alone stands for the grip's; beside it, as it is, no size of the grip's x gains anything."""
+    evidence = Straight()
+    alone, *_ = np.linalg.lstsq(evidence.hole, evidence.hidden, rcond=None)
+    world = World().add(EffectInstance.of(*OFFSET, x=alone[0], y=alone[1]))
+    before = float(np.sum(evidence.residuals([world])[0] ** 2))
+    as_it_is = {p.placed.params["x"].value: p.gain for p in probed(evidence, world, [GRIP]) if p.name == "x"}
+    anew = {p.placed.params["x"].value: p for p in probed(evidence, world, [GRIP], free=[0]) if p.name == "x"}
+    assert max(as_it_is.values()) < 0.1 * before
+    for size, probe in anew.items():
+        rest = evidence.hidden - evidence.grip * size
+        fitted, *_ = np.linalg.lstsq(evidence.hole, rest, rcond=None)
+        after = float(np.sum((rest - evidence.hole @ fitted) ** 2))
+        assert probe.gain == pytest.approx(before - after, rel=1e-6)
+    assert max(p.gain for p in anew.values()) > 0.5 * before

@@ -1,0 +1,38 @@
+"""Where on its end a part bears that is pressed flat on a surface: no model says.
+
+A flat end touches at the points that its own form and micrometres of tilt choose, and a simulator at four of its rim,
+which lie up to 0.3 radii further in than a circle does. The normal force then has another lever, and the hand, held to
+its path by soft springs, turns about the tip that sticks until these bear the couple.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vispeg.contact.phases import runs
+
+if TYPE_CHECKING:
+    from vispeg.contact.items import ContactItem
+
+ASIDE = 0.15  # radii of the end: half of what four points of its rim leave open
+
+
+def bearing(item: ContactItem) -> list[np.ndarray]:
+    """Of each press that sticks, about both axes across the tool: (m, 6) how the hand is corrected if its tip bears so
+    far aside.
+    """
+    scene, phase, hold = item.source.scene, item.phase, item.grasp
+    radius, tip = scene.config.diameter / 2, scene.tip
+    couple = ASIDE * radius * np.abs(phase.contact[:, 2])  # N m
+    turn = couple / (hold.stiffness[3] + hold.stiffness[0] * tip**2)  # rad, about the tip
+    force, torque = hold.stiffness[0] * tip, hold.stiffness[3]  # per rad; the tip lies along the flange's z
+    along_x = np.array([0.0, force, 0.0, torque, 0.0, 0.0])
+    along_y = np.array([-force, 0.0, 0.0, 0.0, torque, 0.0])
+    out = []
+    for a, b in runs(phase.sticks):
+        size = np.zeros(len(turn))
+        size[a:b] = turn[a:b]
+        out += [np.outer(size, along_x), np.outer(size, along_y)]
+    return out

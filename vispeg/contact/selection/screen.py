@@ -1,0 +1,108 @@
+"""What one size of an effect gains beside a world whose own parameters are fitted anew to it, to first order.
+
+What these could do as well counts for no other effect: friction that was fitted alone stands for a part of what a
+fixture does that gives way, and beside it no size of that would lower the residual. Source: Frisch and Waugh 1933,
+Partial time regressions as compared with individual trends, Econometrica 1(4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vispeg.contact.evidence import ContactEvidence
+from vispeg.contact.thin import PART
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.identify.space import Space
+from vispeg.worlds.world import World
+
+FELT = 5.0  # standard deviations by which some size must move the residual for an effect to be excited
+FLAT = 0.03  # of the longest direction, below which changes of the world's own parameters are one and the same
+
+
+@dataclass(frozen=True)
+class Probe:
+    """One size of one parameter of an effect.
+
+    Attributes:
+        placed: the effect with it.
+        name: of the parameter.
+        gain: by how much it lowers the squared residual; -inf if it moves nothing.
+        moved: squared length of what it changes in the residual.
+    """
+
+    placed: EffectInstance
+    name: str
+    gain: float
+    moved: float = np.inf
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """(effect, place)."""
+        return self.placed.effect, self.placed.where
+
+    @property
+    def promise(self) -> float:
+        """Gain of the best size along a straight line through this one; no less than its own."""
+        along = 0.5 * (self.gain + self.moved)
+        return along**2 / self.moved if along > 0 else self.gain
+
+
+class Screen:
+    """What sizes of effects gain beside a world, by a part of the recordings, and what a straight line through each
+    promises; by all of them where what an effect did once remains, as of a part that slipped in its grip.
+
+    Attributes:
+        base: by the part that is asked, the world's residual and a basis (m, k) of what its free parameters change.
+    """
+
+    def __init__(self, evidence: ContactEvidence, world: World, free: Sequence[int]):
+        self.world, self.asked = world, {PART: evidence.residuals_in_part, 1: evidence.residuals}
+        space = Space(world, free, evidence)
+        u = space.start
+        self.near = [space.at(u + step) for step in np.diag(space.steps(u))] if len(u) else []
+        self.base: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+
+    def ask(self, tries: Sequence[tuple[str, EffectInstance]], in_part: bool = True) -> tuple[list[Probe], list[float]]:
+        """Of each try a probe and its promise."""
+        times = [PART if in_part and not effect(placed.effect).remembers else 1 for _, placed in tries]
+        out: dict[int, tuple[Probe, float]] = {}
+        for part, residuals in self.asked.items():
+            some = [k for k, t in enumerate(times) if t == part]
+            if not some:
+                continue
+            if part not in self.base:
+                self.base[part] = self._begin(part)
+            base, basis = self.base[part]
+            for k, r in zip(some, residuals([self.world.add(tries[k][1]) for k in some]), strict=True):
+                rest = r - basis @ (basis.T @ r)
+                out[k] = _probe(*tries[k], base, rest, part), _promised(base, rest, part)
+        return [out[k][0] for k in range(len(tries))], [out[k][1] for k in range(len(tries))]
+
+    def _begin(self, part: int) -> tuple[np.ndarray, np.ndarray]:
+        base, *near = self.asked[part]([self.world, *self.near])
+        basis = _basis([r - base for r in near], len(base))
+        return base - basis @ (basis.T @ base), basis
+
+
+def _basis(changes: Sequence[np.ndarray], size: int) -> np.ndarray:
+    """(size, k) orthonormal, of the changes that are felt."""
+    felt = [c for c in changes if c @ c > FELT**2]
+    if not felt:
+        return np.zeros((size, 0))
+    u, length, _ = np.linalg.svd(np.stack([c / np.linalg.norm(c) for c in felt], axis=1), full_matrices=False)
+    return u[:, length > FLAT * length[0]]
+
+
+def _promised(base: np.ndarray, r: np.ndarray, times: float) -> float:
+    """The drop of the squared residual at the best size along a straight line through one; 0 where it rises."""
+    change = r - base
+    along = float(base @ change)
+    return times * along**2 / max(float(change @ change), 1e-12) if along < 0 else 0.0
+
+
+def _probe(name: str, placed: EffectInstance, base: np.ndarray, r: np.ndarray, times: float) -> Probe:
+    moved = times * float(np.sum((r - base) ** 2))
+    return Probe(placed, name, times * float(base @ base - r @ r) if moved > FELT**2 else -np.inf, moved)
