@@ -18,6 +18,7 @@ from vispeg.identify.evidence import Evidence
 from vispeg.recordings.checks.quality import quantization
 from vispeg.recordings.recording import Recording
 from vispeg.worlds.model_file import without_origin
+from vispeg.worlds.places import ALL
 from vispeg.worlds.world import World
 
 
@@ -76,8 +77,18 @@ def effects(world: World, n_fixed: int, rivals: Sequence[Rivals], fitted: World)
     return out
 
 
-def ladder(evidence: Evidence, judged: Evidence, state: State, fit0: np.ndarray, held0: np.ndarray) -> list[Rung]:
-    """Error of each model on the way, fitted and held out; `fit0`, `held0` are the residuals of the first."""
+def ladder(
+    evidence: Evidence,
+    judged: Evidence,
+    state: State,
+    fit0: np.ndarray,
+    held0: np.ndarray,
+    read: tuple[str, World] | None = None,
+) -> list[Rung]:
+    """Error of each model on the way, fitted and held out; `fit0`, `held0` are the residuals of the first.
+
+    `read` is the model with what the readings show by themselves, and that label, where they show something.
+    """
     unit = f"{judged.unit} RMS"
     rungs: list[Rung] = [
         {
@@ -88,10 +99,11 @@ def ladder(evidence: Evidence, judged: Evidence, state: State, fit0: np.ndarray,
         }
     ]
     opened = [] if state.opened is None else [state.opened]
-    worlds = opened + [best.fit.world for best, _ in state.steps]
+    begun = [] if read is None else [read[1]]
+    worlds = begun + opened + [best.fit.world for best, _ in state.steps]
     if worlds and state.world.label != worlds[-1].label:
         worlds.append(state.world)
-    labels = ["partial effects fitted anew"] * len(opened)
+    labels = ([] if read is None else [read[0]]) + ["partial effects fitted anew"] * len(opened)
     for best, _ in state.steps:
         labels.append(f"+ {best.score.label}")
     if len(worlds) > len(labels):
@@ -141,10 +153,12 @@ def _candidate(t: Trial, why: str, n_fixed: int) -> Candidate:
     }
 
 
-def coarse_encoders(rec: Recording, judged: Evidence) -> list[str]:
-    """Joints read in steps wider than the noise: squared errors do not show steps of up to some ten times the noise."""
+def coarse_encoders(rec: Recording, judged: Evidence, world: World) -> list[str]:
+    """Joints read in steps wider than the noise, of which the world does not say so."""
     steps = {joint: quantization(rec.q[:, j]) for j, joint in enumerate(rec.joints)}
     sigma = judged.items[0].recording.noise.get("q", 0.0)
+    said = {e.where for e in world.effects if effect(e.effect).overrides("resolution")}
+    steps = {joint: step for joint, step in steps.items() if joint not in said and ALL not in said}
     return [f"{joint} is read in steps of {step:.2g} rad" for joint, step in steps.items() if step and step > 2 * sigma]
 
 

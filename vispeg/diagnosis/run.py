@@ -16,6 +16,7 @@ from vispeg.diagnosis.conclusion.verdict import FARTHEST, Verdict, decide
 from vispeg.diagnosis.evidence.base_parameters import base_parameters
 from vispeg.diagnosis.evidence.localise import maps, missing_torque, peaks, where_it_fails
 from vispeg.diagnosis.evidence.motionless import refuse_motionless
+from vispeg.diagnosis.evidence.readings import gridded
 from vispeg.diagnosis.evidence.remainder import dependences, sizes
 from vispeg.diagnosis.evidence.roles import recast
 from vispeg.diagnosis.progress import Progress
@@ -86,9 +87,13 @@ def diagnose(
     say = Share(say, ahead=3)  # of one effect: its fit, its rivals, the next experiment
     search = Search(evidence, judge, say, progress)
     world, n_fixed = _opened(world)
+    read = gridded(world, [*fitted, *held_out]) if evidence.unit == "rad" else ()
+    begun, given = replace(world, effects=(*world.effects[:n_fixed], *read, *world.effects[n_fixed:])), n_fixed
+    shown = (f"+ {', '.join(e.label for e in read)}", begun) if read else None
+    n_fixed += len(read)  # of what a search leaves as it is; `given` are the user's own
     before_fit = evidence.residuals([world])[0]
     before_held = judged.residuals([world])[0]
-    state = search.run(world, n_fixed)
+    state = search.run(begun, n_fixed)
     say.ahead = 1
     rivals = settled(search, state, n_fixed, say)
     after_held = judged.residuals([state.world])[0]
@@ -107,7 +112,7 @@ def diagnose(
     mark = None if least is None else _mean_square(judged, least)
     unjudged = None if roles is None else roles.unjudged(state.world, evidence)
     worst = farthest(judged, after_held, floor)
-    verdict = decide(before, after, len(state.world.effects) - n_fixed, rivals, depends, floor, mark, unjudged, worst)
+    verdict = decide(before, after, len(state.world.effects) - given, rivals, depends, floor, mark, unjudged, worst)
     changing = search.changes(state, n_fixed)
     unsure = open_ended(state, n_fixed)
     if verdict.partial and state.fit is not None:
@@ -116,7 +121,7 @@ def diagnose(
     unsure |= {c.label for c in changing}
     final = with_origin(
         widened(state.world, n_fixed, before, after - floor + 1.0),
-        n_fixed,
+        given,
         fitted,
         held_out,
         judged.angle_rms(before_held),
@@ -125,7 +130,7 @@ def diagnose(
         unsure,
     )
     equals = [(f"{t.score.label} in place of {r.label}", t.fit.world) for r in rivals for t in r.equals]
-    drawing = arrays(judged, predicted) | subsets(judged, state.world, n_fixed, equals)
+    drawing = arrays(judged, predicted) | subsets(judged, state.world, given, equals)
     drawn, final_maps = maps(held[0]), maps(held[1])
     for axis, (edges, grid) in drawn.items():
         drawing[f"map/{axis}/edges"], drawing[f"map/{axis}/before"] = edges, grid
@@ -142,8 +147,8 @@ def diagnose(
         "format": "vispeg-diagnosis/1",
         "verdict": verdict.verdict,
         "reason": verdict.reason,
-        "effects": effects(final, n_fixed, rivals, state.world),
-        "ladder": ladder(evidence, judged, state, before_fit, before_held),
+        "effects": effects(final, given, rivals, state.world),
+        "ladder": ladder(evidence, judged, state, before_fit, before_held, shown),
         "noise_floor": {
             "value": judged.floor,
             "unit": f"{judged.unit} RMS",
@@ -165,7 +170,7 @@ def diagnose(
             *still,
             *evidence.notes,
             *(note for note in judged.notes if note not in evidence.notes),
-            *coarse_encoders(fitted[0], judged),
+            *coarse_encoders(fitted[0], judged, final),
             *_stirred(fed_back),
             *(c.said() for c in changing),
         ],

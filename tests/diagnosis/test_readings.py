@@ -1,0 +1,82 @@
+"""Encoders that read in steps are told by their readings alone, in steps that no squared error shows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vispeg.core.effect import EffectInstance
+from vispeg.core.seeds import stream
+from vispeg.diagnosis.evidence.readings import gridded
+from vispeg.diagnosis.run import diagnose
+from vispeg.identify.excitation import motion
+from vispeg.identify.record import centre_of, controller, record
+from vispeg.recordings.recording import Recording
+from vispeg.robots.model import load
+from vispeg.worlds.world import World
+
+NOISE = {"q": 2e-5, "dq": 1e-3, "tau": 0.2}
+STEP = 1.6e-4  # rad, 8 sigma
+
+
+@pytest.fixture(scope="module")
+def recordings():
+    """Three recordings of the nominal arm under torque control, 3 s each."""
+    robot, out = load("iiwa14"), []
+    for k in range(3):
+        path = motion("fourier", robot, 500.0, 3.0, stream(k, "readings"))
+        control = controller(robot, "torque", 500.0, centre_of(robot))
+        out.append(record(World(), path, control, NOISE, stream(k, "readings noise")))
+    return out
+
+
+def rounded(recs: list[Recording], **steps: float) -> list[Recording]:
+    """As encoders with these steps (joint -> rad) read them, from wherever their zero is."""
+    out = []
+    for rec in recs:
+        q = rec.q.copy()
+        for joint, step in steps.items():
+            j = rec.joints.index(joint)
+            q[:, j] = step * np.round((q[:, j] - 0.3 * step) / step) + 0.3 * step
+        out.append(replace(rec, q=q))
+    return out
+
+
+def test_the_step_is_read_off_with_its_interval(recordings):
+    read = gridded(World(), rounded(recordings, joint3=STEP, joint6=3 * STEP))
+    assert [e.label for e in read] == ["encoder_quantization(joint3)", "encoder_quantization(joint6)"]
+    for placed, true in zip(read, (STEP, 3 * STEP), strict=True):
+        step = placed.params["step"]
+        assert step.value == pytest.approx(true, rel=1e-6)
+        assert step.low < true < step.high < step.low * 1.001
+
+
+def test_one_step_in_all_joints_is_one_effect(recordings):
+    (placed,) = gridded(World(), rounded(recordings, **dict.fromkeys(recordings[0].joints, STEP)))
+    assert placed.where == "all" and placed.params["step"].value == pytest.approx(STEP, rel=1e-6)
+
+
+def test_nothing_is_read_off_what_has_no_step_of_its_own(recordings):
+    known = World().add(EffectInstance.of("encoder_quantization", "joint3", step=STEP))
+    coarse, fine = rounded(recordings, joint3=STEP), rounded(recordings, joint3=2e-6)
+    assert gridded(World(), recordings) == ()
+    assert gridded(World(), fine) == (), "a log's last decimal"
+    assert gridded(known, coarse) == ()
+    assert gridded(World(), [*coarse[:2], recordings[2]]) == (), "one recording has no step"
+    assert gridded(World(), [*coarse[:2], *rounded(recordings[2:], joint3=1.2 * STEP)]) == ()
+    rough = [replace(r, noise={**NOISE, "q": 0.3 * STEP}) for r in coarse]
+    assert gridded(World(), rough) == (), "the stated noise is that of the rounding"
+
+
+def test_a_diagnosis_names_the_joint_that_reads_in_steps(recordings):
+    first, second, third = rounded(recordings, joint3=STEP)
+    found = diagnose(World(), [first, second], [third], plan_next=False)
+    record = found.record
+    assert record["verdict"] == "identified"
+    assert [(e["effect"], e["where"]) for e in record["effects"]] == [("encoder_quantization", "joint3")]
+    assert [rung["model"] for rung in record["ladder"]] == ["nominal", "+ encoder_quantization(joint3)"]
+    assert not any("joint3 is read in steps" in note for note in record["notes"])
+    (placed,) = found.world.effects
+    assert placed.origin is not None and placed.params["step"].value == pytest.approx(STEP, rel=1e-6)
