@@ -15,6 +15,7 @@ from vispeg.identify.excitation import motion
 from vispeg.identify.record import centre_of, controller, record
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import load
+from vispeg.sim.compiled import compiled
 from vispeg.worlds.world import World
 
 NOISE = {"q": 2e-5, "dq": 1e-3, "tau": 0.2}
@@ -80,3 +81,21 @@ def test_a_diagnosis_names_the_joint_that_reads_in_steps(recordings):
     assert not any("joint3 is read in steps" in note for note in record["notes"])
     (placed,) = found.world.effects
     assert placed.origin is not None and placed.params["step"].value == pytest.approx(STEP, rel=1e-6)
+
+
+@pytest.mark.parametrize("mode", ["position", "torque", "osc", "servo"])
+def test_a_recorded_encoder_rounds_its_noise_too_and_every_run_has_its_own(mode):
+    """As a real one does: readings lie on its grid, near the true angle, and flip where noise tips them."""
+    robot = load("iiwa14")
+    control = controller(robot, mode, 500.0, centre_of(robot))
+    more = {"model": compiled(robot)} if mode == "osc" else {}
+    path = motion("osc" if mode == "osc" else "fourier", robot, 500.0, 1.0, stream(1, "readings"), **more)
+    coarse = World().add(EffectInstance.of("encoder_quantization", "joint3", step=STEP))
+    runs = record(coarse, path, control, NOISE, stream(2, "readings noise"), repeat=2)
+    first, second = (runs.q[runs.episode == k] for k in (0, 1))
+    steps = first[:, 2] / STEP
+    np.testing.assert_allclose(steps, np.round(steps), atol=1e-6)
+    assert runs.noise["q"] == NOISE["q"]
+    tipped = np.mean(np.abs(first[:, 2] - second[:, 2]) > 0.5 * STEP)
+    assert 0.05 < tipped < 0.9
+    np.testing.assert_allclose(np.std(first[:, 0] - second[:, 0]), np.sqrt(2) * NOISE["q"], rtol=0.5)

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.identify.excitation import Motion, room_of
 from vispeg.identify.gains import servo
@@ -17,7 +18,7 @@ from vispeg.recordings.recording import Control, Nullspace, Recording
 from vispeg.robots.declared import declared
 from vispeg.robots.model import RobotModel, load
 from vispeg.sim.compiled import flange_pose
-from vispeg.sim.rollout import Response, simulate
+from vispeg.sim.rollout import ReadingNoise, Response, simulate
 from vispeg.sim.segments.segment import Segment
 from vispeg.worlds.world import World
 
@@ -76,7 +77,8 @@ def record(
         world: the plant, effects included; its tool is declared in the recording, its effects are not.
         motion: the command; `ee_cmd` is derived from `q_cmd` where an osc controller needs one.
         control: the controller. In mode `torque` the joint servo with these gains computes `tau_cmd`.
-        noise: 1-sigma of white noise on `q`, `dq`, `tau`, `ee`; it is added to what was read, after the loop.
+        noise: 1-sigma of white noise on `q`, `dq`, `tau`, `ee`; it is added to what was read, after the loop. Encoders
+            that read in steps have that of `q` before they round.
         rng: the only source of chance.
         torque_sensor: what `tau` measures; `none` leaves it out. A servo has a `load` instead, its motor's torque.
         repeat: how often the same motion is run; more than one run become episodes.
@@ -87,28 +89,20 @@ def record(
     Raises:
         UserError: the arm does not follow (the controller is unstable with this plant).
     """
-    robot = load(world.robot, tool=world.tool)
-    segment, response = drive(world, motion, control, nthread, want_ee=True)
+    robot, quiet = load(world.robot, tool=world.tool), dict(noise)
+    sensed = None
+    if quiet.get("q", 0.0) > 0 and any(effect(e.effect).overrides("resolution") for e in world.effects):
+        own = np.full((repeat, len(robot.joints)), quiet.pop("q"))
+        sensed = ReadingNoise(own, np.zeros_like(own), rng, sensed=True)
+    segment, response = drive(world, motion, control, nthread, want_ee=True, sensed=sensed)
     if response.true is not None:
         watch(response.true[0])
-    q, dq, tau = response.q[0], response.dq[0], response.tau_motor[0]
-    signals = {"q": q, "dq": dq, "ee": response.ee[0] if response.ee is not None else flange_pose(robot, q)}
-    if torque_sensor != "none":
-        signals["tau"] = response.tau_joint[0] if torque_sensor == "joint" else tau
-    fixed: dict[str, np.ndarray] = {}
-    if control.mode == "osc":
-        fixed["ee_cmd"] = segment.command["ee_cmd"]
-    else:
-        fixed = {"q_cmd": motion.q_cmd, "dq_cmd": motion.dq_cmd}
-        del signals["ee"]
-    if control.mode == "servo":
-        del fixed["dq_cmd"]
-        signals, torque_sensor = {"q": q, "load": tau}, "none"
-    if control.mode == "torque":
-        fixed = {"tau_cmd": control.kp * (motion.q_cmd - q) + control.kd * (motion.dq_cmd - dq)}
-    runs = [{key: noisy(key, v, noise, rng) for key, v in signals.items()} for _ in range(repeat)]
-    columns: dict[str, Any] = {key: np.concatenate([r[key] for r in runs]) for key in signals}
-    columns |= {key: np.tile(v, (repeat, 1)) for key, v in fixed.items()}
+    runs = []
+    for r in [0] * repeat if sensed is None else range(repeat):
+        signals, fixed = _signals(robot, motion, control, segment, response, r, torque_sensor)
+        runs.append({key: noisy(key, v, quiet, rng) for key, v in signals.items()} | fixed)
+    torque_sensor = "none" if control.mode == "servo" else torque_sensor
+    columns: dict[str, Any] = {key: np.concatenate([r[key] for r in runs]) for key in runs[0]}
     if repeat > 1:
         columns["episode"] = np.repeat(np.arange(repeat), len(motion.time))
     stated = {key: float(noise[key]) for key in signals if noise.get(key, 0.0) > 0}
@@ -129,10 +123,42 @@ def record(
     )
 
 
+def _signals(
+    robot: RobotModel,
+    motion: Motion,
+    control: Control,
+    segment: Segment,
+    response: Response,
+    row: int,
+    torque_sensor: Literal["joint", "motor", "none"],
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """What the sensors read in a row of a response, and what was commanded."""
+    q, dq, tau = response.q[row], response.dq[row], response.tau_motor[row]
+    if control.mode == "servo":
+        return {"q": q, "load": tau}, {"q_cmd": motion.q_cmd}
+    signals = {"q": q, "dq": dq}
+    if control.mode == "osc":
+        signals["ee"] = response.ee[row] if response.ee is not None else flange_pose(robot, q)
+    if torque_sensor != "none":
+        signals["tau"] = response.tau_joint[row] if torque_sensor == "joint" else tau
+    if control.mode == "osc":
+        return signals, {"ee_cmd": segment.command["ee_cmd"]}
+    if control.mode == "torque":
+        return signals, {"tau_cmd": control.kp * (motion.q_cmd - q) + control.kd * (motion.dq_cmd - dq)}
+    return signals, {"q_cmd": motion.q_cmd, "dq_cmd": motion.dq_cmd}
+
+
 def drive(
-    world: World, motion: Motion, control: Control, nthread: int = 1, want_ee: bool = False
+    world: World,
+    motion: Motion,
+    control: Control,
+    nthread: int = 1,
+    want_ee: bool = False,
+    sensed: ReadingNoise | None = None,
 ) -> tuple[Segment, Response]:
-    """What a controller is told, and what the sensors of one world then read, without their noise.
+    """What a controller is told, and what the sensors of one world then read, without their noise but `sensed`.
+
+    One row, or as many as `sensed` has.
 
     Raises:
         UserError: the arm does not follow (the controller is unstable with this plant).
@@ -140,8 +166,11 @@ def drive(
     robot = load(world.robot, tool=world.tool)
     closed = replace(control, mode="position") if control.mode == "torque" else control
     segment = _segment(robot, motion, closed)
-    response = simulate(robot, [world], [segment], h_max=PLANT_STEP, nthread=nthread, want_ee=want_ee)[0]
-    if response.diverged[0]:
+    worlds = [world] * (1 if sensed is None else len(sensed.q))
+    (response,) = simulate(
+        robot, worlds, [segment], h_max=PLANT_STEP, nthread=nthread, want_ee=want_ee, reading_noise=sensed
+    )
+    if response.diverged.any():
         raise UserError("the arm does not follow: the loop is unstable", expected="lower gains or a higher rate")
     return segment, response
 
