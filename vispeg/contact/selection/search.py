@@ -271,7 +271,7 @@ class ContactSearch(Search):
             ]
 
         free = range(min(self.n_fixed, len(world.effects)), len(world.effects))
-        question = ["contact profile", model_text(world), [list(p) for p in where], self.n_fixed]
+        question = ["contact profile", model_text(world), [list(p) for p in where], list(free)]
         answer = self.progress.recall(question, work_out)  # also asked twice in one run: what is silent, what is best
         return [
             Probe(EffectInstance.of(n, at, **{name: value}), name, gain if gain > NONE else -np.inf, moved)
