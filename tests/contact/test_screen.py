@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from vispeg.contact.selection.profile import probed
+from vispeg.contact.selection.search import ContactSearch
 from vispeg.contact.thin import PART
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
+from vispeg.diagnosis.progress import Progress
 from vispeg.identify.space import Freedom
 from vispeg.worlds.world import World
 
@@ -56,3 +58,18 @@ def test_beside_an_effect_another_gains_what_both_fitted_together_do():
         after = float(np.sum((rest - evidence.hole @ fitted) ** 2))
         assert probe.gain == pytest.approx(before - after, rel=1e-6)
     assert max(p.gain for p in anew.values()) > 0.5 * before
+
+
+def test_a_screening_is_run_once_for_each_world_and_what_is_free_in_it(monkeypatch):
+    """What is looked at before a search begins, and its first step, ask the same of the model as it was given."""
+    asked = []
+    monkeypatch.setattr("vispeg.contact.selection.search.probed", lambda *args: asked.append(list(args[-1])) or [])
+    monkeypatch.setattr(ContactSearch, "needed_beside", lambda self, world: 15.0)
+    search = object.__new__(ContactSearch)
+    search.progress, search.evidence = Progress(), None
+    moved = World().add(EffectInstance.of(*GRIP, x=1e-3))
+    search.probed(World(), [OFFSET])
+    for n_fixed, world in ((0, World()), (0, moved), (1, moved), (0, moved)):
+        search.n_fixed = n_fixed
+        search.probed(world, [OFFSET])
+    assert asked == [[], [0], []]
