@@ -10,7 +10,8 @@ from vispeg.contact.run import evidence_of
 
 
 def test_the_correction_holds_the_couple_about_the_tip_and_the_tip_stays():
-    (item,) = evidence_of([recorded()]).items
+    evidence = evidence_of([recorded()])
+    (item,) = evidence.items
     columns, stiffness = bearing(item), item.grasp.stiffness
     pressed = item.phase.sticks
     assert pressed.any() and len(columns) % 2 == 0
@@ -26,3 +27,6 @@ def test_the_correction_holds_the_couple_about_the_tip_and_the_tip_stays():
         moved = force / stiffness[:3] + np.cross(torque / stiffness[3:], lever)
         np.testing.assert_allclose(moved, 0.0, atol=1e-12)
         np.testing.assert_array_equal(column[~pressed], 0.0)
+        seen = np.where(item.valid, column / item.sigma, 0.0)
+        seen *= 3 / np.linalg.norm(seen)
+        assert np.linalg.norm(evidence.nuisance.whitened(seen)) < 0.5 * 3, "the diagnosis takes it off"

@@ -9,7 +9,8 @@ import pytest
 
 from vispeg.api.recording.cell import cell_motion
 from vispeg.contact.remainder import Rest, judged
-from vispeg.contact.selection.profile import Probe, further, shown_from
+from vispeg.contact.selection.screen import Probe
+from vispeg.contact.selection.shows_from import further, shown_from
 from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.conclusion.verdict import Verdict
 from vispeg.sim.touch import touch

@@ -66,7 +66,7 @@ def test_a_screening_is_run_once_for_each_world_and_what_is_free_in_it(monkeypat
     monkeypatch.setattr("vispeg.contact.selection.search.probed", lambda *args: asked.append(list(args[-1])) or [])
     monkeypatch.setattr(ContactSearch, "needed_beside", lambda self, world: 15.0)
     search = object.__new__(ContactSearch)
-    search.progress, search.evidence = Progress(), None
+    search.progress, search.evidence, search.n_fixed = Progress(), None, None
     moved = World().add(EffectInstance.of(*GRIP, x=1e-3))
     search.probed(World(), [OFFSET])
     for n_fixed, world in ((0, World()), (0, moved), (1, moved), (0, moved)):

@@ -15,6 +15,7 @@ from vispeg.contact.record import arrays, channels, not_excited, phase_errors, s
 from vispeg.contact.remainder import judged as in_phases
 from vispeg.contact.remainder import remainder
 from vispeg.contact.selection.search import ContactSearch
+from vispeg.contact.selection.shows_from import least_sizes
 from vispeg.diagnosis.compare import Comparison
 from vispeg.diagnosis.conclusion.intervals import widened
 from vispeg.diagnosis.conclusion.rivals import find_rivals
@@ -53,7 +54,7 @@ def diagnose_contact(
     search = ContactSearch(evidence, judge, say, progress)
     n_fixed = len(world.effects)
     before_fit, before_held = evidence.residuals([world])[0], judged.residuals([world])[0]
-    least_sizes = search.shown_from(world)
+    shows = least_sizes(search, world)
     state = search.run(world)
     say.ahead = 1
     rivals = find_rivals(search, state, n_fixed, say) if len(state.world.effects) > n_fixed else []
@@ -80,7 +81,7 @@ def diagnose_contact(
         unsure(corrected, n_fixed),
     )
     predicted = judged.simulated([world, state.world])
-    unseen = [*not_excited(least_sizes), *hit.unseen]
+    unseen = [*not_excited(shows), *hit.unseen]
     record: DiagnosisRecord = {
         "format": "vispeg-diagnosis/1",
         "evidence": "contact",
@@ -94,7 +95,7 @@ def diagnose_contact(
         "unexplained": verdict.unexplained,
         "channels": channels(judged, predicted),
         "not_excited": unseen,
-        "shows_from": shows_from(least_sizes),
+        "shows_from": shows_from(shows),
         "closed_loop": replayed,
         "next_experiment": separating(fitted_world, rivals, unseen),
         "candidates": candidates(state, rivals, n_fixed),

@@ -40,7 +40,7 @@ def with_origin(
 ) -> World:
     """The world whose effects after the first `n_fixed` say what they were fitted and judged on.
 
-    `unsure` has the labels of those whose names are not certain.
+    `unsure` has the labels of those whose names are not certain. An encoder's step is never partial: no fit moves it.
     """
     origin = {
         "fitted_on": [r.name for r in fitted],
@@ -48,7 +48,15 @@ def with_origin(
         "heldout_error_before": float(before),
         "heldout_error_after": float(after),
     }
-    added = (replace(e, origin=origin, partial=partial, tentative=e.label in unsure) for e in world.effects[n_fixed:])
+    added = (
+        replace(
+            e,
+            origin=origin,
+            partial=partial and not effect(e.effect).overrides("resolution"),
+            tentative=e.label in unsure,
+        )
+        for e in world.effects[n_fixed:]
+    )
     effects = world.effects[:n_fixed] + tuple(added)
     return replace(world, effects=effects)
 
@@ -154,12 +162,17 @@ def _candidate(t: Trial, why: str, n_fixed: int) -> Candidate:
 
 
 def coarse_encoders(rec: Recording, judged: Evidence, world: World) -> list[str]:
-    """Joints read in steps wider than the noise, of which the world does not say so."""
+    """Joints read in steps wider than the noise, of which the world does not say so, and what would tell more."""
     steps = {joint: quantization(rec.q[:, j]) for j, joint in enumerate(rec.joints)}
     sigma = judged.items[0].recording.noise.get("q", 0.0)
     said = {e.where for e in world.effects if effect(e.effect).overrides("resolution")}
     steps = {joint: step for joint, step in steps.items() if joint not in said and ALL not in said}
-    return [f"{joint} is read in steps of {step:.2g} rad" for joint, step in steps.items() if step and step > 2 * sigma]
+    unstated = "" if "q" in rec.noise else "; state the encoders' noise (`noise: q`) to have that in the model"
+    return [
+        f"{joint} is read in steps of {step:.2g} rad{unstated}"
+        for joint, step in steps.items()
+        if step and step > 2 * sigma
+    ]
 
 
 def correlations(state: State) -> Correlations | None:

@@ -87,13 +87,13 @@ def diagnose(
     say = Share(say, ahead=3)  # of one effect: its fit, its rivals, the next experiment
     search = Search(evidence, judge, say, progress)
     world, n_fixed = _opened(world)
-    read = gridded(world, [*fitted, *held_out]) if evidence.unit == "rad" else ()
-    begun, given = replace(world, effects=(*world.effects[:n_fixed], *read, *world.effects[n_fixed:])), n_fixed
-    shown = (f"+ {', '.join(e.label for e in read)}", begun) if read else None
-    n_fixed += len(read)  # of what a search leaves as it is; `given` are the user's own
+    encoders = gridded(world, [*fitted, *held_out]) if evidence.unit == "rad" else ()
+    n_given, n_fixed = n_fixed, n_fixed + len(encoders)  # the user's own, and with what the readings show by themselves
+    first = replace(world, effects=(*world.effects[:n_given], *encoders, *world.effects[n_given:]))
+    rung = (f"+ {', '.join(e.label for e in encoders)}", first) if encoders else None
     before_fit = evidence.residuals([world])[0]
     before_held = judged.residuals([world])[0]
-    state = search.run(begun, n_fixed)
+    state = search.run(first, n_fixed)
     say.ahead = 1
     rivals = settled(search, state, n_fixed, say)
     after_held = judged.residuals([state.world])[0]
@@ -112,7 +112,8 @@ def diagnose(
     mark = None if least is None else _mean_square(judged, least)
     unjudged = None if roles is None else roles.unjudged(state.world, evidence)
     worst = farthest(judged, after_held, floor)
-    verdict = decide(before, after, len(state.world.effects) - given, rivals, depends, floor, mark, unjudged, worst)
+    n_added = len(state.world.effects) - n_given
+    verdict = decide(before, after, n_added, rivals, depends, floor, mark, unjudged, worst, len(encoders))
     changing = search.changes(state, n_fixed)
     unsure = open_ended(state, n_fixed)
     if verdict.partial and state.fit is not None:
@@ -121,7 +122,7 @@ def diagnose(
     unsure |= {c.label for c in changing}
     final = with_origin(
         widened(state.world, n_fixed, before, after - floor + 1.0),
-        given,
+        n_given,
         fitted,
         held_out,
         judged.angle_rms(before_held),
@@ -130,7 +131,7 @@ def diagnose(
         unsure,
     )
     equals = [(f"{t.score.label} in place of {r.label}", t.fit.world) for r in rivals for t in r.equals]
-    drawing = arrays(judged, predicted) | subsets(judged, state.world, given, equals)
+    drawing = arrays(judged, predicted) | subsets(judged, state.world, n_given, equals)
     drawn, final_maps = maps(held[0]), maps(held[1])
     for axis, (edges, grid) in drawn.items():
         drawing[f"map/{axis}/edges"], drawing[f"map/{axis}/before"] = edges, grid
@@ -147,8 +148,8 @@ def diagnose(
         "format": "vispeg-diagnosis/1",
         "verdict": verdict.verdict,
         "reason": verdict.reason,
-        "effects": effects(final, given, rivals, state.world),
-        "ladder": ladder(evidence, judged, state, before_fit, before_held, shown),
+        "effects": effects(final, n_given, rivals, state.world),
+        "ladder": ladder(evidence, judged, state, before_fit, before_held, rung),
         "noise_floor": {
             "value": judged.floor,
             "unit": f"{judged.unit} RMS",

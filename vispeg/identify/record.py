@@ -77,8 +77,8 @@ def record(
         world: the plant, effects included; its tool is declared in the recording, its effects are not.
         motion: the command; `ee_cmd` is derived from `q_cmd` where an osc controller needs one.
         control: the controller. In mode `torque` the joint servo with these gains computes `tau_cmd`.
-        noise: 1-sigma of white noise on `q`, `dq`, `tau`, `ee`; it is added to what was read, after the loop. Encoders
-            that read in steps have that of `q` before they round.
+        noise: 1-sigma of white noise on `q`, `dq`, `tau`, `ee`; it is added to what was read, after the loop. Where
+            an encoder reads in steps, all encoders have that of `q` in the loop, before they round.
         rng: the only source of chance.
         torque_sensor: what `tau` measures; `none` leaves it out. A servo has a `load` instead, its motor's torque.
         repeat: how often the same motion is run; more than one run become episodes.
@@ -91,7 +91,7 @@ def record(
     """
     robot, quiet = load(world.robot, tool=world.tool), dict(noise)
     sensed = None
-    if quiet.get("q", 0.0) > 0 and any(effect(e.effect).overrides("resolution") for e in world.effects):
+    if quiet.get("q", 0.0) > 0 and _rounds(world):
         own = np.full((repeat, len(robot.joints)), quiet.pop("q"))
         sensed = ReadingNoise(own, np.zeros_like(own), rng, sensed=True)
     segment, response = drive(world, motion, control, nthread, want_ee=True, sensed=sensed)
@@ -121,6 +121,11 @@ def record(
         notes="simulated",
         **columns,
     )
+
+
+def _rounds(world: World) -> bool:
+    """Whether an encoder of the world reads in steps."""
+    return any(effect(e.effect).resolution({k: v.value for k, v in e.params.items()}) > 0 for e in world.effects)
 
 
 def _signals(

@@ -107,12 +107,12 @@ def outward(name: str, where: str) -> list[list[tuple[str, EffectInstance]]]:
     """The sizes of each parameter of an effect by their sign, the one nearest to none first."""
     ways: dict[tuple[str, bool], list[tuple[float, EffectInstance]]] = {}
     for k, placed in tries(name, where):
-        size = _size(name, k, placed)
+        size = size_of(name, k, placed)
         ways.setdefault((k, size > 0), []).append((abs(size), placed))
     return [[(k, placed) for _, placed in sorted(way, key=lambda s: s[0])] for (k, _), way in ways.items()]
 
 
-def _size(name: str, parameter: str, placed: EffectInstance) -> float:
+def size_of(name: str, parameter: str, placed: EffectInstance) -> float:
     """How far a value is from none; of a scale its logarithm."""
     param, value = effect(name).params[parameter], placed.params[parameter].value
     return float(np.log(value / param.null)) if param.scale == "log" else value - param.null
@@ -121,52 +121,6 @@ def _size(name: str, parameter: str, placed: EffectInstance) -> float:
 def _hopeful(gain: float, best: float) -> bool:
     """Whether a size may turn out to be the best one of its effect."""
     return gain >= (HOPE * best if best > 0 else best)
-
-
-def shown_from(probes: Sequence[Probe], need: float) -> dict[tuple[str, str], dict[str, float]]:
-    """(effect, place): of each parameter the least distance from none (of a scale its factor) that moves the squared
-    residual by `need`; infinite where none in its range does.
-
-    Of each sign from the nearest size that does, its trace growing as its distance, and not nearer than one that does
-    not.
-    """
-    out: dict[tuple[str, str], dict[str, float]] = {}
-    ways: dict[tuple[tuple[str, str], str, bool], list[tuple[float, float]]] = {}
-    for p in probes:
-        size = _size(p.placed.effect, p.name, p.placed)
-        ways.setdefault((p.key, p.name, size > 0), []).append((abs(size), p.moved))
-    for (key, name, _), sizes in ways.items():
-        unseen, from_ = 0.0, np.inf
-        for size, moved in sorted(sizes):
-            if moved > FELT**2:
-                from_ = max(unseen, size * np.sqrt(need / moved))
-            if moved >= need:
-                break
-            unseen = size
-        least_of = out.setdefault(key, {})
-        least = float(np.exp(from_)) if effect(key[0]).params[name].scale == "log" else float(from_)
-        least_of[name] = within(key[0], name, min(least_of.get(name, np.inf), least))
-    return out
-
-
-def within(name: str, parameter: str, size: float) -> float:
-    """A size, or infinity where the parameter's range ends before it."""
-    param = effect(name).params[parameter]
-    if param.scale == "log":
-        return size if size <= max(param.high / param.null, param.null / param.low) else np.inf
-    return size if size <= max(param.high - param.null, param.null - param.low) else np.inf
-
-
-def value(name: str, parameter: str, size: float) -> float:
-    """The value of an effect's parameter that is `size` from none, as `shown_from` says it."""
-    param = effect(name).params[parameter]
-    return float(np.clip(param.null * size if param.scale == "log" else param.null + size, param.low, param.high))
-
-
-def further(name: str, parameter: str, size: float, times: float) -> float:
-    """A size so many times as far from none; infinite where the parameter's range ends before it."""
-    log = effect(name).params[parameter].scale == "log"
-    return within(name, parameter, float(size**times if log else size * times))
 
 
 def strongest(probes: Sequence[Probe]) -> list[Score]:

@@ -83,13 +83,13 @@ class Screen:
 
     def _begin(self, part: int) -> tuple[np.ndarray, np.ndarray]:
         base, *near = self.asked[part]([self.world, *self.near])
-        basis = _basis([r - base for r in near], len(base))
+        basis = _basis([r - base for r in near], len(base), FELT**2 / part)
         return base - basis @ (basis.T @ base), basis
 
 
-def _basis(changes: Sequence[np.ndarray], size: int) -> np.ndarray:
-    """(size, k) orthonormal, of the changes that are felt."""
-    felt = [c for c in changes if c @ c > FELT**2]
+def _basis(changes: Sequence[np.ndarray], size: int, least: float) -> np.ndarray:
+    """(size, k) orthonormal, of the changes whose squared length is over `least`."""
+    felt = [c for c in changes if c @ c > least]
     if not felt:
         return np.zeros((size, 0))
     u, length, _ = np.linalg.svd(np.stack([c / np.linalg.norm(c) for c in felt], axis=1), full_matrices=False)

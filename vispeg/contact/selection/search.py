@@ -15,19 +15,15 @@ from vispeg.contact.selection.alike import alike, freed, refitted
 from vispeg.contact.selection.form import form
 from vispeg.contact.selection.likely import intervals
 from vispeg.contact.selection.profile import (
-    further,
     idle,
     places,
     probed,
     promises,
-    shown_from,
     strongest,
-    value,
 )
-from vispeg.contact.selection.screen import Probe
+from vispeg.contact.selection.screen import Probe, Screen
 from vispeg.contact.selection.spare import doubted, spared
 from vispeg.contact.selection.sparse import sparse
-from vispeg.contact.thin import PART
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.conclusion.verdict import FLOOR
 from vispeg.diagnosis.evidence.localise import MissingTorque
@@ -57,7 +53,7 @@ class ContactSearch(Search):
     evidence: ContactEvidence
     few = 99
     runs = False  # through: what comes in by itself, in the viewer, has its intervals at once
-    n_fixed = 999  # effects of a world that were given with it: all, until a search begins
+    n_fixed: int | None = None  # effects of a world that were given with it: all, until a search starts
 
     @cached_property
     def lately(self) -> dict[str, Fit]:
@@ -98,10 +94,14 @@ class ContactSearch(Search):
         """
         return len(state.world.effects) - n_fixed < self.evidence.most_effects
 
+    def start(self, world: World, n_fixed: int | None = None) -> State:
+        """As for joints; what comes after the first `n_fixed` effects is free beside what is screened."""
+        self.n_fixed = len(world.effects) if n_fixed is None else n_fixed
+        return super().start(world, n_fixed)
+
     def run(self, world: World, n_fixed: int | None = None) -> State:
         """As for joints; intervals, which are dear by the squared residual, come once, of what stayed."""
         n_fixed, self.runs = len(world.effects) if n_fixed is None else n_fixed, True
-        self.n_fixed = n_fixed
         state = super().run(world, n_fixed)
         while spared(self, state, n_fixed):
             pass
@@ -151,7 +151,6 @@ class ContactSearch(Search):
 
     def step(self, state: State, n_fixed: int) -> list[Trial]:
         """Profiles the library, fits the best and, where none of them reaches the floor, their pairs."""
-        self.n_fixed = n_fixed
         scores, tested = self.scored(state), self.tested(state)
         promise = promises(self.probed(state.world, places(self.evidence, state.world)))
         scores = sorted(scores, key=lambda s: -max(s.gain, promise[s.key]))
@@ -242,25 +241,6 @@ class ContactSearch(Search):
         order = sorted(trials, key=lambda t: float(t.loss.sum()))[:PAIRED]
         return [Score(_fitted(a), a.score.gain, (_fitted(b),)) for a, b in combinations(order, 2)]
 
-    def shown_from(self, world: World) -> dict[tuple[str, str], dict[str, float]]:
-        """See `profile.shown_from`: in the fitted recordings and, at that size, the held-out ones."""
-        where = places(self.evidence, world)
-        least = shown_from(self.probed(world, where), self.need())
-        asked = [
-            (key, name, size, EffectInstance.of(*key, **{name: value(key[0], name, size)}))
-            for key, sizes in least.items()
-            for name, size in sizes.items()
-            if np.isfinite(size)
-        ]
-        judged = self.judge.evidence
-        assert isinstance(judged, ContactEvidence)
-        base, *rows = judged.residuals_in_part([world, *(world.add(p) for *_, p in asked)])
-        for (key, name, size, _), r in zip(asked, rows, strict=True):
-            short = self.confirms() / max(PART * float(np.sum((r - base) ** 2)), 1e-12)
-            if short > 1.0:
-                least[key][name] = further(key[0], name, size, float(np.sqrt(short)))
-        return least
-
     def probed(self, world: World, where: Sequence[tuple[str, str]]) -> list[Probe]:
         """`vispeg.contact.selection.profile.probed`, remembered."""
 
@@ -270,7 +250,8 @@ class ContactSearch(Search):
                 for p in probed(self.evidence, world, where, self.needed_beside(world), free)
             ]
 
-        free = range(min(self.n_fixed, len(world.effects)), len(world.effects))
+        n = len(world.effects)
+        free = range(n if self.n_fixed is None else min(self.n_fixed, n), n)
         question = ["contact profile", model_text(world), [list(p) for p in where], list(free)]
         answer = self.progress.recall(question, work_out)  # also asked twice in one run: what is silent, what is best
         return [
@@ -283,8 +264,9 @@ class ContactSearch(Search):
         where = [p for p in places(self.evidence, state.world) if p != (placed.effect, placed.where)]
         beside = {t.score.key for taken, trials in state.steps if taken.score.has(placed) for t in trials}
         near = [p for p in where if p in beside or alike(p[0], placed.effect)]
-        without, beside_it = self.evidence.residuals([state.world, state.world.add(placed)])
-        least = AS_MUCH * float(without @ without - beside_it @ beside_it)
+        free = range(self.n_fixed or 0, len(state.world.effects))
+        (own,) = Screen(self.evidence, state.world, free).ask([("", placed)], in_part=False)[0]
+        least = AS_MUCH * max(own.gain, 0.0)
         best = [s for s in strongest(self.probed(state.world, near))[:PAIRED] if s.gain > least]
         for s in best:
             freed(self, placed, s.placed)

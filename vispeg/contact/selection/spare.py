@@ -16,6 +16,9 @@ from vispeg.identify.fit import Fit
 if TYPE_CHECKING:
     from vispeg.contact.selection.search import ContactSearch
 
+# How closely an arm repeats a pose: 0.1 mm (a KUKA LBR iiwa's data sheet), half of what its kinematics may be off by
+REPEATS = {"m": 0.5 * PLACE, "rad": 0.5 * TURN}
+
 
 def spared(search: ContactSearch, state: State, n_fixed: int) -> bool:
     """Takes out the effect of several that is needed least once the others are fitted anew; False where all are.
@@ -54,9 +57,6 @@ def _take(search: ContactSearch, state: State, fit: Fit, loss: np.ndarray) -> No
     state.cross = search.cross.loss_of(fit, fit.residual)
 
 
-REPEATS = {"m": 0.5 * PLACE, "rad": 0.5 * TURN}  # by how much an arm comes back to a pose otherwise: not to be named
-
-
 def includes_none(placed: EffectInstance) -> bool:
     """Whether the interval of every magnitude that was fitted holds the value at which the effect is not there.
 
@@ -81,7 +81,7 @@ def doubted(search: ContactSearch, state: State, n_fixed: int) -> bool:
     gone = next((e for e in reversed(some) if includes_none(e)), None)
     if gone is None:
         return False
-    search.say(f"its interval includes none: {gone.label}")
+    search.say(f"{gone.label} may as well be none")
     world = state.world.without(gone.effect, gone.where)
     if len(some) > 1:
         (fit,) = search.reduced([world], n_fixed)  # as `spared` fitted it
@@ -90,7 +90,8 @@ def doubted(search: ContactSearch, state: State, n_fixed: int) -> bool:
     before = search.start(world, n_fixed)
     state.world, state.loss, state.residual = before.world, before.loss, before.residual
     state.fit, state.cross = before.fit, before.cross
-    why = f"the interval of {gone.label} includes none"
+    near = ", or comes as near to it as an arm repeats a pose" if effect(gone.effect).posed else ""
+    why = f"the interval of {gone.label} includes none{near}"
     state.last = [replace(t, rejected=t.rejected or why) for _, trials in state.steps for t in trials]
     state.steps = []
     return True

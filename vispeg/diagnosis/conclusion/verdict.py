@@ -36,6 +36,7 @@ def decide(
     mark: float | None = None,
     unjudged: Roles | None = None,
     farthest: float | None = None,
+    n_read: int = 0,
 ) -> Verdict:
     """The verdict.
 
@@ -49,6 +50,7 @@ def decide(
         unjudged: roles of the recordings where one alone shows what is missing, and nothing can be judged.
         farthest: of the kinds of channels the one that the final model describes worst, over its floor; by default the
             mean over all.
+        n_read: of the effects added those that the readings show by themselves, whatever the error does.
     """
     if unjudged is not None:
         rest = {"depends_on": [], "text": unjudged.note, "explained_share": 0.0, "shows_in": unjudged.alone}
@@ -82,4 +84,7 @@ def decide(
     )
     if floor > 1.05:
         remainder += f"; {floor:.1f} are what coarse or noisy readings leave even of the right model"
+    if n_added == n_read:
+        text = f"the readings lie on a grid; the held-out error of {after:.2f} noise variances is what its steps leave"
+        return Verdict("identified", text)
     return Verdict("identified", f"held-out error fell from {before:.1f} to {after:.2f} noise variances{remainder}")

@@ -18,48 +18,66 @@ from vispeg.recordings.recording import Recording
 from vispeg.worlds.places import ALL
 from vispeg.worlds.world import World
 
-LOUDER = 4.0  # times the noise: the least step; one of sqrt(12) times it is the noise itself
-AGREE = 0.01  # of a step, by which readings are off a grid and recordings off one another
-WIDTH = 0.05  # of a step over the whole of a motion: how exactly its ends fix the step
+LOUDER = 4.0  # times the stated noise: the least step (an estimated noise is never less than step / sqrt(12))
+FEW = 6  # readings that differ, under which a joint stands still and shows no step
+OFF = 0.05  # of a step: a reading farther from a multiple is on no grid, which also says how exactly a step is known
 
 
 def gridded(world: World, recordings: Sequence[Recording]) -> tuple[EffectInstance, ...]:
-    """Effects by which encoders read in steps, of joints of which every recording shows the same one.
+    """Effects by which encoders read in steps, of joints of which every recording in which they move shows the same.
 
-    One effect of all joints where these have one step, none of a joint for which the world has one already.
+    The grid must go through the joint's zero, as the effect's does. One effect of all joints where one step fits them
+    all; none of a joint for which the world has one already.
     """
     joints = recordings[0].joints
-    steps = np.array([common_step(recordings, j) for j in range(len(joints))])
+    moved = {j: m for j in range(len(joints)) if (m := [r for r in recordings if moves(r.q[:, j])])}
+    steps = {j: common_step(m, j) for j, m in moved.items()}
     out: list[EffectInstance] = []
     for name, kind in sorted(REGISTRY.items()):
         if not kind.overrides("resolution"):
             continue
-        has = {e.where for e in world.effects if e.effect == name}
-        free = np.array([ALL not in has and joint not in has for joint in joints])
         (param,) = kind.magnitudes
-        whole = free.all() and steps.all() and np.ptp(steps) < AGREE * steps[0]
-        places = {ALL: float(steps.mean())} if whole else dict(zip(joints, np.where(free, steps, 0.0), strict=True))
-        for where, step in places.items():
-            rows = range(len(joints)) if where == ALL else [joints.index(where)]
-            turn = max(float(np.nanmax(r.q[:, j]) - np.nanmin(r.q[:, j])) for r in recordings for j in rows)
-            if kind.params[param].null < step <= kind.params[param].high:
-                off = WIDTH * step**2 / max(turn, step)
+        has = {e.where for e in world.effects if e.effect == name}
+        places = {joints[j]: ([j], s) for j, s in steps.items() if s and joints[j] not in has and ALL not in has}
+        one = float(np.median(list(steps.values()))) if steps else 0.0
+        if one and not has and len(steps) > 1 and all(on_grid(r.q[:, j], one) for j, m in moved.items() for r in m):
+            places = {ALL: (list(steps), one)}
+        for where, (rows, step) in places.items():
+            if step <= kind.params[param].high:
+                width = OFF * step**2 / max(float(np.nanmax(np.abs(r.q[:, j]))) for j in rows for r in moved[j])
                 placed = EffectInstance.of(name, where, **{param: step})
-                out.append(EffectInstance(name, where, {**placed.params, param: Value(step, step - off, step + off)}))
+                value = Value(step, step - width, step + width)
+                out.append(EffectInstance(name, where, {**placed.params, param: value}))
     return tuple(out)
 
 
+def moves(values: np.ndarray) -> bool:
+    """Whether readings (n,) differ."""
+    return len(np.unique(values[np.isfinite(values)])) >= FEW
+
+
 def common_step(recordings: Sequence[Recording], joint: int) -> float:
-    """rad: the step that a joint is read in, in every recording; 0 where there is none, or none beyond its noise."""
-    steps = [quantization(r.q[:, joint]) or 0.0 for r in recordings]
-    if min(steps) <= 0 or np.ptp(steps) > AGREE * max(steps):
+    """rad: the step that a joint is read in, in all of these recordings; 0 where there is none beyond the noise."""
+    if any(quantization(r.q[:, joint]) is None for r in recordings):
         return 0.0
-    step = float(np.median(steps))
+    widest = max((r.q[:, joint] for r in recordings), key=lambda q: float(np.nanmax(np.abs(q))))
+    step = refined(widest, quantization(widest) or 0.0)
     louder = all(step > LOUDER * noise_of(r)["q"][joint] for r in recordings)
     return step if louder and all(on_grid(r.q[:, joint], step) for r in recordings) else 0.0
 
 
+def refined(values: np.ndarray, step: float) -> float:
+    """The step by least squares of values (n,) that are its multiples, the small ones first, whose counts are sure."""
+    values = values[np.isfinite(values)]
+    for share in (0.1, 0.3, 1.0):
+        near = values[np.abs(values) <= share * np.abs(values).max()]
+        counts = np.round(near / step)
+        if counts.any():
+            step = float(near @ counts / (counts @ counts))
+    return step
+
+
 def on_grid(values: np.ndarray, step: float) -> bool:
-    """Whether values (n,) next to one another differ by whole steps."""
-    moves = np.diff(values[np.isfinite(values)]) / step
-    return bool(np.abs(moves - np.round(moves)).max(initial=0.0) < AGREE)
+    """Whether values (n,) are whole multiples of a step."""
+    counts = values[np.isfinite(values)] / step
+    return bool(np.abs(counts - np.round(counts)).max(initial=0.0) < OFF)

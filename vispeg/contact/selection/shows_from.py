@@ -1,0 +1,84 @@
+"""From which size on each effect shows in the fitted recordings and, at that size, in the held-out ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vispeg.contact.evidence import ContactEvidence
+from vispeg.contact.selection.profile import places, size_of
+from vispeg.contact.selection.screen import FELT, Probe
+from vispeg.contact.thin import PART
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.worlds.world import World
+
+if TYPE_CHECKING:
+    from vispeg.contact.selection.search import ContactSearch
+
+
+def least_sizes(search: ContactSearch, world: World) -> dict[tuple[str, str], dict[str, float]]:
+    """`shown_from` beside a world; greater where the held-out recordings ask for more."""
+    where = places(search.evidence, world)
+    least = shown_from(search.probed(world, where), search.need())
+    asked = [
+        (key, name, size, EffectInstance.of(*key, **{name: value(key[0], name, size)}))
+        for key, sizes in least.items()
+        for name, size in sizes.items()
+        if np.isfinite(size)
+    ]
+    judged = search.judge.evidence
+    assert isinstance(judged, ContactEvidence)
+    base, *rows = judged.residuals_in_part([world, *(world.add(p) for *_, p in asked)])
+    for (key, name, size, _), r in zip(asked, rows, strict=True):
+        short = search.confirms() / max(PART * float(np.sum((r - base) ** 2)), 1e-12)
+        if short > 1.0:
+            least[key][name] = further(key[0], name, size, float(np.sqrt(short)))
+    return least
+
+
+def shown_from(probes: Sequence[Probe], need: float) -> dict[tuple[str, str], dict[str, float]]:
+    """(effect, place): of each parameter the least distance from none (of a scale its factor) that moves the squared
+    residual by `need`; infinite where none in its range does.
+
+    Of each sign from the nearest size that does, its trace growing as its distance, and not nearer than one that does
+    not.
+    """
+    out: dict[tuple[str, str], dict[str, float]] = {}
+    ways: dict[tuple[tuple[str, str], str, bool], list[tuple[float, float]]] = {}
+    for p in probes:
+        size = size_of(p.placed.effect, p.name, p.placed)
+        ways.setdefault((p.key, p.name, size > 0), []).append((abs(size), p.moved))
+    for (key, name, _), sizes in ways.items():
+        unseen, from_ = 0.0, np.inf
+        for size, moved in sorted(sizes):
+            if moved > FELT**2:
+                from_ = max(unseen, size * np.sqrt(need / moved))
+            if moved >= need:
+                break
+            unseen = size
+        least_of = out.setdefault(key, {})
+        least = float(np.exp(from_)) if effect(key[0]).params[name].scale == "log" else float(from_)
+        least_of[name] = within(key[0], name, min(least_of.get(name, np.inf), least))
+    return out
+
+
+def within(name: str, parameter: str, size: float) -> float:
+    """A size, or infinity where the parameter's range ends before it."""
+    param = effect(name).params[parameter]
+    if param.scale == "log":
+        return size if size <= max(param.high / param.null, param.null / param.low) else np.inf
+    return size if size <= max(param.high - param.null, param.null - param.low) else np.inf
+
+
+def value(name: str, parameter: str, size: float) -> float:
+    """The value of an effect's parameter that is `size` from none, as `shown_from` says it."""
+    param = effect(name).params[parameter]
+    return float(np.clip(param.null * size if param.scale == "log" else param.null + size, param.low, param.high))
+
+
+def further(name: str, parameter: str, size: float, times: float) -> float:
+    """A size so many times as far from none; infinite where the parameter's range ends before it."""
+    log = effect(name).params[parameter].scale == "log"
+    return within(name, parameter, float(size**times if log else size * times))
