@@ -92,8 +92,8 @@ def record(
     robot, quiet = load(world.robot, tool=world.tool), dict(noise)
     sensed = None
     if quiet.get("q", 0.0) > 0 and _rounds(world):
-        own = np.full((repeat, len(robot.joints)), quiet.pop("q"))
-        sensed = ReadingNoise(own, np.zeros_like(own), rng, sensed=True)
+        sigma = np.full((repeat, len(robot.joints)), quiet.pop("q"))
+        sensed = ReadingNoise(sigma, np.zeros_like(sigma), rng, sensed=True)
     segment, response = drive(world, motion, control, nthread, want_ee=True, sensed=sensed)
     if response.true is not None:
         watch(response.true[0])

@@ -265,8 +265,8 @@ class ContactSearch(Search):
         beside = {t.score.key for taken, trials in state.steps if taken.score.has(placed) for t in trials}
         near = [p for p in where if p in beside or alike(p[0], placed.effect)]
         free = range(self.n_fixed or 0, len(state.world.effects))
-        (own,) = Screen(self.evidence, state.world, free).ask([("", placed)], in_part=False)[0]
-        least = AS_MUCH * max(own.gain, 0.0)
+        (probe,) = Screen(self.evidence, state.world, free).ask([("", placed)], in_part=False)[0]
+        least = AS_MUCH * max(probe.gain, 0.0)
         best = [s for s in strongest(self.probed(state.world, near))[:PAIRED] if s.gain > least]
         for s in best:
             freed(self, placed, s.placed)

@@ -39,9 +39,14 @@ def gridded(world: World, recordings: Sequence[Recording]) -> tuple[EffectInstan
         (param,) = kind.magnitudes
         has = {e.where for e in world.effects if e.effect == name}
         places = {joints[j]: ([j], s) for j, s in steps.items() if s and joints[j] not in has and ALL not in has}
-        one = float(np.median(list(steps.values()))) if steps else 0.0
-        if one and not has and len(steps) > 1 and all(on_grid(r.q[:, j], one) for j, m in moved.items() for r in m):
-            places = {ALL: (list(steps), one)}
+        common = float(np.median(list(steps.values()))) if steps else 0.0
+        if (
+            common
+            and not has
+            and len(steps) > 1
+            and all(on_grid(r.q[:, j], common) for j, m in moved.items() for r in m)
+        ):
+            places = {ALL: (list(steps), common)}
         for where, (rows, step) in places.items():
             if step <= kind.params[param].high:
                 width = OFF * step**2 / max(float(np.nanmax(np.abs(r.q[:, j]))) for j in rows for r in moved[j])
