@@ -18,7 +18,8 @@ from vispeg.contact.inputs import touching
 from vispeg.contact.path import jacobian
 from vispeg.contact.run import compare_contact, diagnose_contact, evidence_of
 from vispeg.contact.selection.likely import intervals
-from vispeg.contact.selection.profile import Probe, idle, looked_for, places, probed, profile, strongest, tries
+from vispeg.contact.selection.profile import idle, looked_for, places, probed, strongest, tries
+from vispeg.contact.selection.screen import Probe
 from vispeg.contact.selection.search import ContactSearch
 from vispeg.core.effect import STAGES, EffectInstance, effect
 from vispeg.core.errors import UserError
@@ -132,10 +133,12 @@ def test_every_effect_that_is_looked_for_says_where_when_and_at_which_sizes():
 def test_a_profile_ranks_the_class_first_and_names_what_nothing_excites():
     evidence = evidence_of([recorded((FIXTURE,))])
     asked = [p for p in places(evidence, World()) if effect(p[0]).stage == "compliance"]
-    scores = profile(evidence, World(), asked)
+    scores = strongest(probed(evidence, World(), asked))
     assert scores[0].key == ("fixture_compliance", "fixture")
     air = evidence_of([upto(recorded(), 0.7)])
-    assert all(s.gain == -np.inf for s in profile(air, World(), asked)), "in free air nothing of contact shows"
+    assert all(s.gain == -np.inf for s in strongest(probed(air, World(), asked))), (
+        "in free air nothing of contact shows"
+    )
     assert len(tries("fixture_compliance", "fixture")) == 12
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -84,12 +83,6 @@ class Phases:
     def rows(self, clock: np.ndarray) -> np.ndarray:
         """(m,) sample of a recording with this clock nearest to each block's middle."""
         return np.clip(np.searchsorted(clock, self.time), 0, len(clock) - 1)
-
-
-def runs(flag: np.ndarray) -> Iterator[tuple[int, int]]:
-    """First block of each stretch with a flag (m,), and the one after its last."""
-    edges = np.flatnonzero(np.diff(np.r_[0, flag.astype(int), 0]))
-    return zip(edges[::2], edges[1::2], strict=True)
 
 
 def phases(scene: Scene, touch: Touch, path: Path, block: float) -> Phases | None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vispeg.contact.phases import runs
+from vispeg.recordings.checks.quality import runs
 
 if TYPE_CHECKING:
     from vispeg.contact.items import ContactItem

@@ -20,8 +20,9 @@ from scipy.spatial.transform import Rotation
 
 from vispeg.contact.errors.bearing import bearing
 from vispeg.contact.errors.wedge import softness, wedging
-from vispeg.contact.phases import NAMES, STUCK, runs
+from vispeg.contact.phases import NAMES, STUCK
 from vispeg.contact.torques import unsure
+from vispeg.recordings.checks.quality import runs
 from vispeg.recordings.regimes import Thresholds
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import compiled

@@ -141,11 +141,6 @@ def promises(probes: Sequence[Probe]) -> dict[tuple[str, str], float]:
     return out
 
 
-def profile(evidence: ContactEvidence, world: World, where: Sequence[tuple[str, str]]) -> list[Score]:
-    """The best size of each effect beside those of `world`, by the drop of the squared residual; best first."""
-    return strongest(probed(evidence, world, where))
-
-
 def idle(probes: Sequence[Probe]) -> set[tuple[str, str]]:
     """(effect, parameter) that no size of gains a `SHARE` of what the effect's best parameter does."""
     top: dict[str, float] = {}

@@ -247,25 +247,27 @@ class ContactSearch(Search):
         def work_out() -> list:
             return [
                 [p.placed.effect, p.placed.where, p.name, p.placed.params[p.name].value, max(p.gain, NONE), p.moved]
-                for p in probed(self.evidence, world, where, self.needed_beside(world), free)
+                for p in probed(self.evidence, world, where, self.needed_beside(world), self.free(world))
             ]
 
-        n = len(world.effects)
-        free = range(n if self.n_fixed is None else min(self.n_fixed, n), n)
-        question = ["contact profile", model_text(world), [list(p) for p in where], list(free)]
+        question = ["contact profile", model_text(world), [list(p) for p in where], list(self.free(world))]
         answer = self.progress.recall(question, work_out)  # also asked twice in one run: what is silent, what is best
         return [
             Probe(EffectInstance.of(n, at, **{name: value}), name, gain if gain > NONE else -np.inf, moved)
             for n, at, name, value, gain, moved in answer
         ]
 
+    def free(self, world: World) -> range:
+        """Indices of the effects that a search has added: what is screened is judged as if they were fitted anew."""
+        n = len(world.effects)
+        return range(n if self.n_fixed is None else min(self.n_fixed, n), n)
+
     def instead(self, state: State, placed: EffectInstance) -> tuple[list[Score], int]:
         """The best of those that were fitted beside it when it came in, and of those that it is hard to tell from."""
         where = [p for p in places(self.evidence, state.world) if p != (placed.effect, placed.where)]
         beside = {t.score.key for taken, trials in state.steps if taken.score.has(placed) for t in trials}
         near = [p for p in where if p in beside or alike(p[0], placed.effect)]
-        free = range(self.n_fixed or 0, len(state.world.effects))
-        (probe,) = Screen(self.evidence, state.world, free).ask([("", placed)], in_part=False)[0]
+        (probe,) = Screen(self.evidence, state.world, self.free(state.world)).ask([("", placed)], in_part=False)[0]
         least = AS_MUCH * max(probe.gain, 0.0)
         best = [s for s in strongest(self.probed(state.world, near))[:PAIRED] if s.gain > least]
         for s in best:

@@ -69,13 +69,13 @@ def saturated(values: np.ndarray, dt: float, limit: float = np.inf) -> np.ndarra
     for extreme in (finite.max(), finite.min()):
         if extreme == 0:
             continue
-        runs = [r for r in _runs(values == extreme) if r[1] - r[0] >= least]
+        flat = [r for r in runs(values == extreme) if r[1] - r[0] >= least]
         if quantum is not None:
-            runs = [r for r in runs if _entered_by_a_jump(values, r, 2.5 * quantum)]
-        for start, stop in runs:
+            flat = [r for r in flat if _entered_by_a_jump(values, r, 2.5 * quantum)]
+        for start, stop in flat:
             out[start:stop] = True
     if np.isfinite(limit):
-        for start, stop in _runs(np.abs(values) >= AT_LIMIT * limit):
+        for start, stop in runs(np.abs(values) >= AT_LIMIT * limit):
             if stop - start >= least:
                 out[start:stop] = True
     return out
@@ -109,7 +109,7 @@ def quantization(values: np.ndarray) -> float | None:
     return None
 
 
-def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
+def runs(mask: np.ndarray) -> list[tuple[int, int]]:
     """(start, stop) of each stretch of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
