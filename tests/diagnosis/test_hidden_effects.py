@@ -14,15 +14,17 @@ from vispeg.recordings.load import load
 from vispeg.worlds.world import World
 
 NAMED = [
-    "coulomb_friction/joint4/small",
-    "viscous_friction/joint1/small",
     "viscous_friction/joint6/small",
-    "hysteresis/joint1/small",
-    "joint_elasticity/joint2/small",
     "backlash/joint1/small",
     "cogging/joint1/small",
-    "cable_spring/joint4/small",
     "torque_limit/joint4/small",
+]
+AS_WELL = [
+    "coulomb_friction/joint4/small",
+    "viscous_friction/joint1/small",
+    "hysteresis/joint1/small",
+    "joint_elasticity/joint2/small",
+    "cable_spring/joint4/small",
 ]
 
 
@@ -34,7 +36,7 @@ def verdict(name: str, folder) -> dict:
 
 
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize("name", NAMED)
+@pytest.mark.parametrize("name", [*NAMED, *(pytest.param(name, marks=pytest.mark.slow) for name in AS_WELL)])
 def test_the_hidden_effect_is_named_and_the_error_falls(name, tmp_path):
     kind, where, _ = name.split("/")
     record = verdict(name, tmp_path)
