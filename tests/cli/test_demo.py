@@ -48,6 +48,7 @@ def test_truth_explains_the_bundled_recordings_of_another_program(vispeg, tmp_pa
     assert errors[1] < 0.01 * errors[0]
 
 
+@pytest.mark.slow
 def test_a_diagnosis_names_what_is_hidden_and_nothing_beside_it():
     """The demo's search, with neither pictures nor advice: several at a time are no better than the true two."""
     folder = assets() / "recordings"

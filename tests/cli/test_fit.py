@@ -79,6 +79,7 @@ def test_what_the_recording_cannot_tell_is_said(vispeg, rigs, tmp_path):
     assert params["coulomb"]["low"] <= 1e-3 and params["excess"]["low"] <= 1e-3
 
 
+@pytest.mark.slow
 def test_killed_fit_leaves_what_was_there_and_goes_on(rigs, tmp_path):
     with new_folder(tmp_path / "f", holds="fit") as old:
         (old / "before").touch()

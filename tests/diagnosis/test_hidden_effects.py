@@ -15,7 +15,6 @@ from vispeg.worlds.world import World
 
 NAMED = [
     "viscous_friction/joint6/small",
-    "backlash/joint1/small",
     "cogging/joint1/small",
     "torque_limit/joint4/small",
 ]
@@ -24,6 +23,7 @@ AS_WELL = [
     "viscous_friction/joint1/small",
     "hysteresis/joint1/small",
     "joint_elasticity/joint2/small",
+    "backlash/joint1/small",
     "cable_spring/joint4/small",
 ]
 

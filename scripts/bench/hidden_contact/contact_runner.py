@@ -8,6 +8,7 @@ import resource
 import subprocess
 import sys
 import time
+from functools import cache
 from pathlib import Path
 
 from contact_cases import Case
@@ -27,7 +28,7 @@ def diagnose(root: Path, case: Case) -> dict:
         command += ["--recording", str(folder)]
     command += ["--validate", str(judge), "--out", str(out), "--overwrite", "--quiet", "--threads", "1"]
     environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(HERE.parents[2])}
-    record: dict = {"case": case.name, "kind": case.kind, "hidden": case.hidden}
+    record: dict = {"case": case.name, "kind": case.kind, "hidden": case.hidden, "commit": commit()}
     begin, before = time.monotonic(), _cpu()
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT, env=environment, check=False)
@@ -39,6 +40,16 @@ def diagnose(root: Path, case: Case) -> dict:
         return record | {"verdict": "failed", "effects": [], "message": text[-2000:]}
     found = json.loads((out / "diagnosis.json").read_text())
     return record | {key: found.get(key) for key in KEYS}
+
+
+@cache
+def commit() -> str | None:
+    """Short hash of the checkout's commit, `-dirty` where it was changed since; None outside of a checkout."""
+    command = ["git", "-C", str(HERE), "describe", "--always", "--dirty", "--exclude=*"]
+    try:
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return None
 
 
 def _cpu() -> float:
