@@ -52,6 +52,7 @@ WIDE, NARROW = Shape("wide", 8.4, 9.0), Shape("narrow", 3.6, 9.0)
 STYLE: Mapping[str, object] = {
     "font.family": "DejaVu Sans",  # comes with matplotlib; wider than the system fonts that replace it, so all fits
     "axes.titlelocation": "left",
+    "axes.titley": 1.0,  # no panel has ticks above it to look for
     "axes.labelcolor": MUTED,
     "axes.edgecolor": RULE,
     "axes.linewidth": 0.8,
