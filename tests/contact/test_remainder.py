@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from vispeg.api.recording.cell import cell_motion
+from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.remainder import Rest, judged
 from vispeg.contact.selection.screen import Probe
-from vispeg.contact.selection.shows_from import further, shown_from
+from vispeg.contact.selection.shows_from import further, least_sizes, shown_from
+from vispeg.contact.selection.spare import REPEATS
 from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.conclusion.verdict import Verdict
 from vispeg.sim.touch import touch
 from vispeg.task.belief import believed
 from vispeg.task.rig.record import record_cell
 from vispeg.worlds.model_file import load_model
+from vispeg.worlds.world import World
 
 
 def probe(name: str, value: float, moved: float) -> Probe:
@@ -33,6 +37,33 @@ def test_an_effect_shows_from_where_its_trace_reaches_what_is_needed():
     assert never["hole_offset", "fixture"]["z"] == np.inf
     assert further("hole_offset", "x", 2e-4, 2.0) == pytest.approx(4e-4)
     assert further("hole_offset", "x", 2e-4, 1e9) == np.inf
+
+
+def test_a_pose_shows_from_no_nearer_to_none_than_it_is_named(monkeypatch):
+    """A hole's offset by 0.2 mm leaves a trace; its interval must stay 0.1 mm from none; that of friction need not."""
+    probes = [
+        probe("x", 4e-4, 400.0),
+        Probe(EffectInstance.of("contact_friction", "peg", scale=2.0), "scale", 0.0, 100.0),
+    ]
+
+    class Judged(ContactEvidence):
+        def __init__(self):
+            pass
+
+        def residuals_in_part(self, worlds):
+            return [np.full(1, 1e3 * k) for k in range(len(worlds))]  # everything shows in it
+
+    search = SimpleNamespace(
+        evidence=None,
+        probed=lambda *_: probes,
+        need=lambda: 100.0,
+        confirms=lambda: 1.0,
+        judge=SimpleNamespace(evidence=Judged()),
+    )
+    monkeypatch.setattr("vispeg.contact.selection.shows_from.places", lambda *_: [])
+    least = least_sizes(search, World())
+    assert least["hole_offset", "fixture"]["x"] == pytest.approx(2e-4 + REPEATS["m"])
+    assert least["contact_friction", "peg"]["scale"] == pytest.approx(1.0)
 
 
 def test_a_phase_beyond_its_bar_leaves_a_verdict_unexplained():

@@ -10,6 +10,7 @@ import numpy as np
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.selection.profile import places, size_of
 from vispeg.contact.selection.screen import FELT, Probe
+from vispeg.contact.selection.spare import room
 from vispeg.contact.thin import PART
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.worlds.world import World
@@ -19,7 +20,9 @@ if TYPE_CHECKING:
 
 
 def least_sizes(search: ContactSearch, world: World) -> dict[tuple[str, str], dict[str, float]]:
-    """`shown_from` beside a world; greater where the held-out recordings ask for more."""
+    """`shown_from` beside a world; greater where the held-out recordings ask for more, and of a pose by what an arm
+    repeats one to, for nearer to none than that it is not named.
+    """
     where = places(search.evidence, world)
     least = shown_from(search.probed(world, where), search.need())
     asked = [
@@ -35,7 +38,10 @@ def least_sizes(search: ContactSearch, world: World) -> dict[tuple[str, str], di
         short = search.confirms() / max(PART * float(np.sum((r - base) ** 2)), 1e-12)
         if short > 1.0:
             least[key][name] = further(key[0], name, size, float(np.sqrt(short)))
-    return least
+    return {
+        key: {name: within(key[0], name, size + room(key[0], name)) for name, size in sizes.items()}
+        for key, sizes in least.items()
+    }
 
 
 def shown_from(probes: Sequence[Probe], need: float) -> dict[tuple[str, str], dict[str, float]]:

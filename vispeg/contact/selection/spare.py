@@ -67,9 +67,15 @@ def includes_none(placed: EffectInstance) -> bool:
     for k in kind.magnitudes:
         param, v = kind.params[k], placed.params[k]
         if v.low is not None and v.high is not None:
-            room = REPEATS.get(param.unit, 0.0) if kind.posed else 0.0
-            inside.append(v.low - room <= param.null <= v.high + room)
+            near = room(placed.effect, k)
+            inside.append(v.low - near <= param.null <= v.high + near)
     return bool(inside) and all(inside)
+
+
+def room(name: str, parameter: str) -> float:
+    """How near to none an effect's interval may not come: of a pose as near as an arm repeats one, else 0."""
+    kind = effect(name)
+    return REPEATS.get(kind.params[parameter].unit, 0.0) if kind.posed else 0.0
 
 
 def doubted(search: ContactSearch, state: State, n_fixed: int) -> bool:
