@@ -1,6 +1,10 @@
 """The score of contact diagnoses: twins count as the class, inventions and silence do not."""
 
+import json
+from types import SimpleNamespace
+
 import pytest
+from contact_runner import finished, run
 from contact_score import judge, plain_fall, report, values
 
 FRICTION = {"effect": "contact_friction", "where": "peg", "params": {"scale": 1.7}}
@@ -47,3 +51,14 @@ def test_the_plain_fall_is_of_squared_errors_weighed_by_time():
     uneven = [{"seconds": 1.0, "before": 3.0, "after": 1.0}, {"seconds": 4.0, "before": 1.0, "after": 1.0}]
     assert plain_fall(r | {"phases": uneven}) == pytest.approx((13 / 5) ** 0.5)
     assert plain_fall(r | {"effects": []}) is None and plain_fall(record([FRICTION], [])) is None
+
+
+def test_what_is_finished_is_neither_made_nor_run_again(tmp_path):
+    """A line that a kill cut short and a run that failed are no results."""
+    results = tmp_path / "results.jsonl"
+    whole, failed = record([], [], "adequate", "none"), record([], [], "failed") | {"case": "y"}
+    lines = [json.dumps(r) for r in (whole, failed)]
+    results.write_text("\n".join([*lines, lines[0][: len(lines[0]) // 2]]))
+    assert finished(results) == {"x": whole} and finished(tmp_path / "none") == {}
+    case = SimpleNamespace(name="x", key="k")
+    assert run(tmp_path / "no recordings", [case], results) == [whole]

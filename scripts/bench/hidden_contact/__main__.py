@@ -38,7 +38,7 @@ def main() -> int:
     args = parser.parse_args()
     from contact_cases import choose
     from contact_make import folders, make
-    from contact_runner import run
+    from contact_runner import finished, run
     from contact_score import report
 
     root = args.make / ("dev" if args.dev else "scored")
@@ -50,12 +50,14 @@ def main() -> int:
     if args.list:
         print("\n".join(f"{c.name}  [{c.kind}]" for c in chosen))
         return 0
-    make(root, chosen, say=lambda text: print(text, file=sys.stderr, flush=True))
+    results = args.results or root / "results.jsonl"
+    there = finished(results) if args.run else {}
+    make(root, [c for c in chosen if c.name not in there], say=lambda text: print(text, file=sys.stderr, flush=True))
     if not args.run:
         for case in chosen:
             print(case.name, folders(root, case)["judge"].parent)
         return 0
-    records = run(root, chosen, args.results or root / "results.jsonl")
+    records = run(root, chosen, results)
     text = report(records)
     print(text)
     for file, content in ((args.out, text), (args.json, json.dumps(records, indent=1) + "\n")):

@@ -58,25 +58,31 @@ def _cpu() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def run(root: Path, chosen: list[Case], results: Path) -> list[dict]:
-    """Records of the chosen cases, each appended to `results` as it comes; those that are there are not run again."""
-    known: dict[str, dict] = {}
-    if results.exists():  # a line cut short by a kill is run again
+def finished(results: Path) -> dict[str, dict]:
+    """The records in a file of results, by the name of their case; a line cut short by a kill is no record."""
+    records: dict[str, dict] = {}
+    if results.exists():
         for line in results.read_text().splitlines():
             try:
                 record = json.loads(line)
             except json.JSONDecodeError:
                 continue
             if record["verdict"] != "failed":
-                known[record["case"]] = record
+                records[record["case"]] = record
+    return records
+
+
+def run(root: Path, chosen: list[Case], results: Path) -> list[dict]:
+    """Records of the chosen cases, each appended to `results` as it comes; those that are there are not run again."""
+    records = finished(results)
     # in the order of their hashes, so that a run cut short is still an even sample of the list
-    missing = sorted((c for c in chosen if c.name not in known), key=lambda c: c.key)
+    missing = sorted((c for c in chosen if c.name not in records), key=lambda c: c.key)
     results.parent.mkdir(parents=True, exist_ok=True)
     for left, case in zip(range(len(missing) - 1, -1, -1), missing, strict=True):
-        record = known[case.name] = diagnose(root, case)
+        record = records[case.name] = diagnose(root, case)
         with results.open("a") as file:
             file.write(json.dumps(record) + "\n")
         named = ", ".join(f"{e['effect']}({e['where']})" for e in record["effects"]) or "-"
         text = f"{left:4d} left  {case.name}: {record['verdict']}: {named}  {record['cpu_s']:.0f} s"
         print(text, file=sys.stderr, flush=True)
-    return [known[c.name] for c in chosen if c.name in known]
+    return [records[c.name] for c in chosen if c.name in records]

@@ -118,8 +118,8 @@ def report(records: Sequence[Record]) -> str:
         ("95 % intervals that hold the truth", share(inside)),
         ("hole position within 0.1 mm", share(d <= HOLE for d in near["hole_offset"])),
         ("clearance within 0.05 mm", share(d <= CLEARANCE for d in near["hole_clearance"])),
-        ("fall of held-out error, median", f"{middle(r['fall'] for r in known)}-fold"),
-        ("fall of the plain force error, median", f"{middle(plain_fall(r) for r in known)}-fold"),
+        ("fall of held-out error, median", times(r["fall"] for r in known)),
+        ("fall of the plain force error, median", times(plain_fall(r) for r in known)),
         ("processor seconds a diagnosis, median", middle(r.get("cpu_s") for r in done)),
     ]
     lines = [
@@ -162,6 +162,12 @@ def middle(found: Iterable[float | None]) -> str:
     """Median of what is known, three digits."""
     known = sorted(v for v in found if v is not None)
     return f"{known[len(known) // 2]:.3g}" if known else "-"
+
+
+def times(falls: Iterable[float | None]) -> str:
+    """Their median as words."""
+    median = middle(falls)
+    return median if median == "-" else f"{median}-fold"
 
 
 __all__ = ["judge", "report", "wilson"]
