@@ -65,6 +65,8 @@ def test_an_effect_that_is_added_brings_its_words():
 def test_values_have_the_prefix_that_suits_them():
     assert scaled(0.010006, 0.009922, 0.010089, "m") == ("10.006", "9.922 to 10.089", "mm")
     assert scaled(-7.2e-7, -2.8e-6, 1.4e-6, "m") == ("−0.7", "−2.8 to 1.4", "µm")
+    assert scaled(4e-5, 0.0, 2.7e-4, "m/N") == ("40", "0 to 270", "µm/N")
+    assert scaled(0.0193, 0.0028, 0.02, "rad/(N m)") == ("19.3", "2.8 to 20.0", "mrad/(N m)")
     assert scaled(1.2, None, None, "N m") == ("1.200", "", "N m")
     assert scaled(None, None, None, "m")[0] == "–"
 

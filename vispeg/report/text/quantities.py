@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-PREFIXED = ("rad", "N m", "m", "s")  # units that take m and µ; anything else is written as it came
+PREFIXED = ("rad", "N m", "m", "s")  # units that take m and µ, by themselves or over others; others stay as they are
 
 
 def number(value: Any) -> float | None:
@@ -33,7 +33,7 @@ def plain(value: Any, digits: int = 3) -> str:
 
 def prefix(size: float | None, unit: str) -> tuple[float, str]:
     """(factor, unit) such that `factor * size` reads well: (1e3, "mrad RMS") for 0.008 "rad RMS"."""
-    base = next((u for u in PREFIXED if unit == u or unit.startswith(u + " ")), None)
+    base = next((u for u in PREFIXED if unit == u or unit.startswith((u + " ", u + "/"))), None)
     if base is None or not size:
         return 1.0, unit
     for factor, sign in ((1.0, ""), (1e3, "m"), (1e6, "µ")):
