@@ -167,7 +167,7 @@ def test_a_parameter_that_was_not_looked_for_has_no_row_beside_those_that_were()
     bare = {"value": 0.0, "unit": "m/N"}
     placed = {"effect": "fixture_compliance", "where": "fixture", "params": {"x": bare, "z": z}}
     (row,) = effects_table({"effects": [placed]}).rows
-    assert row[1:] == ["z", "3.0e−5", "1.8e−5 to 4.5e−5", "m/N"]
+    assert row[1:] == ["z", "30", "18 to 45", "µm/N"]
     assert len(effects_table({"effects": [{**placed, "params": {"x": bare}}]}).rows) == 1
     assert len(effects_table({"effects": [{**placed, "params": {"x": {**bare, "value": 1e-5}, "z": z}}]}).rows) == 2
 

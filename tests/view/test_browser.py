@@ -47,7 +47,7 @@ def number(page) -> float:
 @pytest.mark.parametrize(
     ("recordings", "effect", "size", "falls"),
     [
-        ("touched", "Fixture compliance at fixture", r"z [234]\.\d+e.5 m/N", 1.8),
+        ("touched", "Fixture compliance at fixture", r"z [234]\d\.\d µm/N", 1.8),
         ("looked", "Camera pose error at wrist_wide", r"x [56]\.\d+ mm", 10.0),
     ],
 )
