@@ -36,6 +36,7 @@ from vispeg.worlds.world import World
 SURE = 30.0  # drop of the squared residual of five standard deviations of the floor
 FIXTURE = EffectInstance.of("fixture_compliance", "fixture", z=3e-5)
 FRICTION = EffectInstance.of("contact_friction", "peg", scale=1.7)  # it sticks: its least is told, and no greatest
+COULOMB = EffectInstance.of("coulomb_friction", "joint4", torque=1.0)
 SLIPPERY = EffectInstance.of("contact_friction", "peg", scale=0.7)
 
 
@@ -248,6 +249,17 @@ def test_both_hidden_effects_are_named_and_none_where_there_is_none():
     assert [e["effect"] for e in found.record["effects"]] == [e.effect for e in found.world.effects]
     nothing = diagnose_contact(World(), [recorded(), recorded((), 1, True)], [recorded((), 2)])
     assert nothing.record["verdict"] == "adequate" and not nothing.record["effects"]
+
+
+def test_what_was_partial_is_fitted_anew_and_what_acts_on_the_arm_stays():
+    """A friction found in part, at 0.6 of the nominal one, is 0.7; a joint's friction is not what a wrench tells."""
+    partial = [replace(e, partial=True) for e in (SLIPPERY.with_values(scale=0.6), COULOMB)]
+    found = diagnose_contact(World().add(*partial), [recorded((SLIPPERY,))], [recorded((SLIPPERY,), seed=1)], nthread=1)
+    (row,) = found.record["effects"]
+    assert (row["effect"], found.record["verdict"]) == ("contact_friction", "identified")
+    assert 0.6 < row["params"]["scale"]["low"] <= 0.7 <= row["params"]["scale"]["high"]
+    assert [e.effect for e in found.world.effects] == ["coulomb_friction", "contact_friction"]
+    assert found.world.effects[0] == partial[1] and not found.world.effects[1].partial
 
 
 def test_nothing_is_fitted_where_nothing_is_hidden():

@@ -14,6 +14,7 @@ from vispeg.contact.law import unsure
 from vispeg.contact.record import arrays, channels, not_excited, phase_errors, separating, shows_from, where_it_fails
 from vispeg.contact.remainder import judged as in_phases
 from vispeg.contact.remainder import remainder
+from vispeg.contact.selection.profile import BLOWS, looked_for
 from vispeg.contact.selection.search import ContactSearch
 from vispeg.contact.selection.shows_from import least_sizes
 from vispeg.diagnosis.compare import Comparison
@@ -22,7 +23,7 @@ from vispeg.diagnosis.conclusion.rivals import find_rivals
 from vispeg.diagnosis.conclusion.verdict import decide
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.record import candidates, correlations, effects, ladder, moved, screening, with_origin
-from vispeg.diagnosis.run import Diagnosis
+from vispeg.diagnosis.run import Diagnosis, opened
 from vispeg.diagnosis.schema import ComparisonRecord, DiagnosisRecord
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.share import Share
@@ -44,7 +45,8 @@ def diagnose_contact(
     say: Callable[[str], None] = lambda _: None,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Finds the effects of contact that `world` lacks; every error in the record is on `held_out`.
+    """Finds the effects of contact that `world` lacks; every error in the record is on `held_out`. Its partial effects
+    of contact are fitted anew.
 
     Raises:
         UserError: recordings without a wrench, or none that begins in free air.
@@ -52,10 +54,10 @@ def diagnose_contact(
     evidence, judged = evidence_of(fitted, nthread), evidence_of(held_out, nthread)
     judge, say = Judge(judged), Share(say, ahead=2)
     search = ContactSearch(evidence, judge, say, progress)
-    n_fixed = len(world.effects)
+    world, n_fixed = opened(world, {kind.name for kind in looked_for() if kind.stage != BLOWS}.__contains__)
     before_fit, before_held = evidence.residuals([world])[0], judged.residuals([world])[0]
     shows = least_sizes(search, world)
-    state = search.run(world)
+    state = search.run(world, n_fixed)
     say.ahead = 1
     rivals = find_rivals(search, state, n_fixed, say) if len(state.world.effects) > n_fixed else []
     after_held = judged.residuals([state.world])[0]

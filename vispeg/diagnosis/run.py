@@ -86,7 +86,7 @@ def diagnose(
     judge = Judge(judged)
     say = Share(say, ahead=3)  # of one effect: its fit, its rivals, the next experiment
     search = Search(evidence, judge, say, progress)
-    world, n_fixed = _opened(world)
+    world, n_fixed = opened(world)
     encoders = gridded(world, [*fitted, *held_out]) if evidence.unit == "rad" else ()
     n_given, n_fixed = n_fixed, n_fixed + len(encoders)  # the user's own, and with what the readings show by themselves
     first = replace(world, effects=(*world.effects[:n_given], *encoders, *world.effects[n_given:]))
@@ -179,10 +179,14 @@ def diagnose(
     return Diagnosis(record, final, drawing | more)
 
 
-def _opened(world: World) -> tuple[World, int]:
-    """The world with its partial effects last, and how many stay as they are: what was partial is fitted anew."""
-    firm = [e for e in world.effects if not e.partial]
-    return replace(world, effects=(*firm, *(e for e in world.effects if e.partial))), len(firm)
+def opened(world: World, fitted: Callable[[str], bool] = lambda name: True) -> tuple[World, int]:
+    """The world with its partial effects last, and how many stay as they are: what was partial is fitted anew.
+
+    `fitted` says of an effect's name whether the evidence can move it.
+    """
+    again = [e for e in world.effects if e.partial and fitted(e.effect)]
+    firm = [e for e in world.effects if e not in again]
+    return replace(world, effects=(*firm, *again)), len(firm)
 
 
 def _mean_square(judged: Evidence, residuals: list[np.ndarray]) -> float:

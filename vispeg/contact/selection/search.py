@@ -95,8 +95,14 @@ class ContactSearch(Search):
         return len(state.world.effects) - n_fixed < self.evidence.most_effects
 
     def start(self, world: World, n_fixed: int | None = None) -> State:
-        """As for joints; what comes after the first `n_fixed` effects is free beside what is screened."""
+        """As for joints; what comes after the first `n_fixed` effects is free beside what is screened.
+
+        What these were not fitted in before stays out.
+        """
         self.n_fixed = len(world.effects) if n_fixed is None else n_fixed
+        for e in world.effects[self.n_fixed :]:
+            kind = effect(e.effect)
+            self.evidence.absent |= {(kind.name, k) for k, v in e.params.items() if v.value == kind.params[k].null}
         return super().start(world, n_fixed)
 
     def run(self, world: World, n_fixed: int | None = None) -> State:
