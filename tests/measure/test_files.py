@@ -141,3 +141,11 @@ def test_the_command_finds_the_stiffness_of_a_known_spring(tmp_path, monkeypatch
     assert k.low < 30e3 < k.high and k.high - k.low < 2e3
     (effect,) = measured.effects
     assert effect.label == "contact_stiffness(fixture)" and effect.params["scale"].value == pytest.approx(k.value / 1e5)
+    assert main([*argv[:-2], "--out", "c.yaml"]) == 0
+    (effect,) = load_measurement(tmp_path / "c.yaml").effects
+    assert effect.label == "fixture_compliance(fixture)"
+    z = effect.params["z"]
+    assert z.low < 1 / 30e3 < z.high and z.value == pytest.approx(1 / k.value, rel=0.01)
+    assert main(["add", "peg-cell", "c.yaml", "--out", "soft.yaml"]) == 0
+    (in_model,) = load_model(tmp_path / "soft.yaml").effects
+    assert in_model.params["z"].value == pytest.approx(z.value)

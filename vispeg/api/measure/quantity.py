@@ -191,7 +191,8 @@ def measure_stiffness(
         out: file of the measurement, .yaml.
         stop, fixture: recordings of presses in place of a table, pairwise in one arm pose.
         where: the part.
-        nominal: stiffness of the contact in the model, N/m; without it the measurement has no effect in a model.
+        nominal: stiffness of the contact in the model, N/m: the result scales that, as `contact_stiffness` of the part;
+            without it the part gives way along z, as `fixture_compliance`.
         settings: as for every measurement.
 
     Raises:
@@ -207,9 +208,10 @@ def measure_stiffness(
         return stiffness.measure(_table(tables[0], settings) if tables else presses(stops, fixtures), rng)
 
     def effects(results: Sequence[Quantity]) -> list[EffectInstance]:
+        stiff, soft = results
         if nominal is None:
-            raise UserError("the model's own stiffness is not stated", key="--nominal", expected="N/m")
-        return [scaled(results[0], where, nominal)]
+            return [placed("fixture_compliance", where, {"z": Value(soft.value, soft.low, soft.high)}, soft)]
+        return [scaled(stiff, where, nominal)]
 
     return _measured("stiffness", where, out, [*tables, *stops, *fixtures], settings, measure, effects)
 

@@ -165,7 +165,10 @@ class Stiffness(_Quantity):
     where: str = "fixture"
     """The part, such as fixture, gripper or table."""
     nominal: float | None = None
-    """Stiffness of the contact in the model, N/m; needed for the effect."""
+    """Stiffness of the contact in the model, N/m, which the result is then a multiple of (contact_stiffness).
+
+    Without it the part gives way along z (fixture_compliance).
+    """
 
     def run(self) -> int:
         """Measures, writes OUT, prints the number and its effect in a model."""
