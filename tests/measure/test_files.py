@@ -146,6 +146,9 @@ def test_the_command_finds_the_stiffness_of_a_known_spring(tmp_path, monkeypatch
     assert effect.label == "fixture_compliance(fixture)"
     z = effect.params["z"]
     assert z.low < 1 / 30e3 < z.high and z.value == pytest.approx(1 / k.value, rel=0.01)
+    assert main([*argv[:-2], "--where", "peg", "--out", "peg.yaml"]) == 0
+    of_peg = load_measurement(tmp_path / "peg.yaml")
+    assert not of_peg.effects and "--nominal" in of_peg.notes[-1], "a peg stands on nothing that gives way"
     assert main(["add", "peg-cell", "c.yaml", "--out", "soft.yaml"]) == 0
     (in_model,) = load_model(tmp_path / "soft.yaml").effects
     assert in_model.params["z"].value == pytest.approx(z.value)

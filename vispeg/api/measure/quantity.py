@@ -21,6 +21,7 @@ from vispeg.measure.readings import Readings, read
 from vispeg.worlds.measurement_file import Measurement, Quantity, load_measurement
 
 Effects = Callable[[Sequence[Quantity]], list[EffectInstance]]
+FIXTURE = "fixture"  # the body of a cell that may stand on springs
 
 
 def measure_mass(
@@ -180,7 +181,7 @@ def measure_stiffness(
     *,
     stop: Sequence[str | Path] = (),
     fixture: Sequence[str | Path] = (),
-    where: str = "fixture",
+    where: str = FIXTURE,
     nominal: float | None = None,
     settings: MeasureSettings | None = None,
 ) -> MeasurementResult:
@@ -192,7 +193,7 @@ def measure_stiffness(
         stop, fixture: recordings of presses in place of a table, pairwise in one arm pose.
         where: the part.
         nominal: stiffness of the contact in the model, N/m: the result scales that, as `contact_stiffness` of the part;
-            without it the part gives way along z, as `fixture_compliance`.
+            without it the fixture gives way along z, as `fixture_compliance`, and another part has no effect.
         settings: as for every measurement.
 
     Raises:
@@ -209,6 +210,8 @@ def measure_stiffness(
 
     def effects(results: Sequence[Quantity]) -> list[EffectInstance]:
         stiff, soft = results
+        if nominal is None and where != FIXTURE:
+            raise UserError("the model's own stiffness is not stated", key="--nominal", expected="N/m")
         if nominal is None:
             return [placed("fixture_compliance", where, {"z": Value(soft.value, soft.low, soft.high)}, soft)]
         return [scaled(stiff, where, nominal)]
