@@ -94,13 +94,13 @@ def test_mistakes(refused, rigs, tmp_path):
 
 
 def test_of_a_long_recording_the_chosen_windows_are_said(vispeg, tmp_path):
-    motion = ("--motion", "fourier", "--duration", "24", "--effects", "coulomb_friction:joint4:torque=1.2")
+    motion = ("--motion", "fourier", "--duration", "40", "--effects", "coulomb_friction:joint4:torque=1.2")
     assert vispeg("record", "iiwa14", *motion, "--out", "long")[0] == 0
-    code, out, _ = vispeg("compare", "iiwa14", "--recording", "long", "--out", "c", "--seconds", "8")
-    assert code == 0 and "of 24 s are used" in " ".join(out.split())
+    code, out, _ = vispeg("compare", "iiwa14", "--recording", "long", "--out", "c", "--seconds", "12")
+    assert code == 0 and "of 40 s are used" in " ".join(out.split())
     record = json.loads((tmp_path / "c" / "compare.json").read_text())
     (row,) = record["windows"]
-    assert row["recording"] == "long" and 4 < row["used_s"] < 8.1 and row["reversals"] > 3
+    assert row["recording"] == "long" and 5 < row["used_s"] < 12.1 and row["reversals"] > 3
     assert row["said"] in (tmp_path / "c" / "report.html").read_text()
     with np.load(tmp_path / "c" / "evidence.npz", allow_pickle=False) as arrays:
         names = [str(arrays[f"{r}/name"]) for r in range(len(row["windows"]))]

@@ -5,10 +5,11 @@ from io import StringIO
 
 import numpy as np
 import pytest
+from matplotlib import rc_context
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.report.drawings.figures import new_figure, styled, svg, thin
+from vispeg.report.drawings.figures import legend, new_figure, styled, svg, thin
 from vispeg.report.drawings.signature import signature_figure
 from vispeg.report.drawings.strips import interval_strip, place
 from vispeg.report.sections.maps import scale_levels
@@ -31,6 +32,24 @@ def test_thinning_keeps_extremes_order_and_gaps():
 def test_short_lines_are_left_alone():
     t, v = thin(np.arange(5.0), np.arange(5.0))
     assert len(t) == len(v) == 5
+
+
+def test_a_figure_that_is_laid_out_first_is_drawn_as_savefig_draws_it(monkeypatch):
+    """Slow oracle: matplotlib's own layout, which draws all twice, and titles placed by a search for ticks above."""
+
+    def drawn(**style):
+        with styled(), rc_context(style):
+            figure = new_figure(3.0)
+            for ax, size in zip(figure.subplots(2, 2, sharex=True).ravel(), (1.0, 1e-4, 1e3, 30.0), strict=True):
+                ax.plot([0, 1, 2], [0, size, -size])
+                ax.set_title("residual (mrad)")
+                ax.set_title("RMS 1.2", loc="right")
+            legend(figure, {"measured": ("#000000", "-"), "model": ("#ff0000", "-")})
+            return svg(figure, "panels", "four panels")
+
+    fast = drawn()
+    monkeypatch.setattr("vispeg.report.drawings.figures._lay_out", lambda figure: None)
+    assert fast == drawn(**{"axes.titley": None})
 
 
 def test_svg_text_is_text_and_ids_are_its_own():

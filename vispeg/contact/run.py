@@ -54,7 +54,7 @@ def diagnose_contact(
     evidence, judged = evidence_of(fitted, nthread), evidence_of(held_out, nthread)
     judge, say = Judge(judged), Share(say, ahead=2)
     search = ContactSearch(evidence, judge, say, progress)
-    world, n_fixed = opened(world, {kind.name for kind in looked_for() if kind.stage != BLOWS}.__contains__)
+    world, n_fixed = opened(world, {kind.name for kind in looked_for() if kind.stage != BLOWS})
     before_fit, before_held = evidence.residuals([world])[0], judged.residuals([world])[0]
     shows = least_sizes(search, world)
     state = search.run(world, n_fixed)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -179,14 +179,13 @@ def diagnose(
     return Diagnosis(record, final, drawing | more)
 
 
-def opened(world: World, fitted: Callable[[str], bool] = lambda name: True) -> tuple[World, int]:
+def opened(world: World, names: Collection[str] | None = None) -> tuple[World, int]:
     """The world with its partial effects last, and how many stay as they are: what was partial is fitted anew.
 
-    `fitted` says of an effect's name whether the evidence can move it.
+    With `names` only effects of these names are.
     """
-    again = [e for e in world.effects if e.partial and fitted(e.effect)]
-    firm = [e for e in world.effects if e not in again]
-    return replace(world, effects=(*firm, *again)), len(firm)
+    firm = [e for e in world.effects if not e.partial or names is not None and e.effect not in names]
+    return replace(world, effects=(*firm, *(e for e in world.effects if e not in firm))), len(firm)
 
 
 def _mean_square(judged: Evidence, residuals: list[np.ndarray]) -> float:
