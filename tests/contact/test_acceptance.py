@@ -25,7 +25,7 @@ from vispeg.worlds.world import World
 
 FIXTURE = EffectInstance.of("fixture_compliance", "fixture", z=3e-5)
 FRICTION = EffectInstance.of("contact_friction", "peg", scale=1.7)
-HOLE, CLEARANCE = EffectInstance.of("hole_offset", "fixture"), EffectInstance.of("hole_clearance", "fixture")
+CLEARANCE = EffectInstance.of("hole_clearance", "fixture")
 
 
 def gain(value: float) -> World:
@@ -165,6 +165,11 @@ def test_an_effect_is_screened_by_what_it_needs_beside_the_present_world(left, c
     assert search.needed_beside(World()) == pytest.approx(search.need(counted))
 
 
+def aside(x: float) -> EffectInstance:
+    """A hole that stands aside by x, m."""
+    return EffectInstance.of("hole_offset", "fixture", x=x)
+
+
 def spanned(placed: EffectInstance, **spans: tuple[float, float]) -> EffectInstance:
     """An effect with these intervals."""
     values = {k: Value(placed.params[k].value, *span) for k, span in spans.items()}
@@ -179,8 +184,8 @@ def spanned(placed: EffectInstance, **spans: tuple[float, float]) -> EffectInsta
         (spanned(FIXTURE, z=(0.0, 6e-5), x=(1e-6, 2e-6)), False),
         (spanned(FRICTION, scale=(0.9, 2.0)), True),
         (spanned(FRICTION, scale=(1.1, 2.0)), False),
-        (spanned(HOLE, x=(2e-4, 9e-4)), False),
-        (spanned(HOLE, x=(0.5e-4, 2e-4)), True),  # 50 um: an arm does not repeat a place more closely
+        (spanned(aside(5.5e-4), x=(2e-4, 9e-4)), False),
+        (spanned(aside(1.5e-4), x=(1e-4, 2e-4)), True),  # an arm does not repeat a place more closely
         (spanned(CLEARANCE, width=(0.5e-4, 2e-4)), False),  # a width is no pose
         (FIXTURE, False),
     ],

@@ -11,9 +11,9 @@ import pytest
 from vispeg.api.recording.cell import cell_motion
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.remainder import Rest, judged
+from vispeg.contact.selection.repeats import room
 from vispeg.contact.selection.screen import Probe
-from vispeg.contact.selection.shows_from import further, least_sizes, shown_from
-from vispeg.contact.selection.spare import REPEATS
+from vispeg.contact.selection.shows_from import POWER, further, least_sizes, shown_from, surely
 from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.conclusion.verdict import Verdict
 from vispeg.sim.touch import touch
@@ -39,22 +39,33 @@ def test_an_effect_shows_from_where_its_trace_reaches_what_is_needed():
     assert further("hole_offset", "x", 2e-4, 1e9) == np.inf
 
 
-def test_a_pose_shows_from_no_nearer_to_none_than_it_is_named(monkeypatch):
-    """A hole's offset by 0.2 mm leaves a trace; its interval must stay 0.1 mm from none; that of friction need not."""
+class Judged(ContactEvidence):
+    """Recordings in which everything shows."""
+
+    def __init__(self):
+        pass
+
+    def residuals_in_part(self, worlds):
+        return [np.full(1, 1e3 * k) for k in range(len(worlds))]
+
+
+def test_an_effect_as_large_as_said_shows_nine_times_in_ten():
+    """Many fits of one whose trace is d: each lowers the squared residual by d^2 + 2 d e, the errors e as accepted."""
+    evidence, drop = Judged(), 40.0
+    trace = np.sqrt(surely(evidence, drop))
+    errors = np.sqrt(evidence.correlated) * np.random.default_rng(0).standard_normal(100_000)
+    assert np.mean(trace**2 + 2 * trace * errors > drop) == pytest.approx(POWER, abs=3e-3)
+
+
+def test_a_pose_shows_from_no_nearer_to_none_than_an_arm_repeats_it(monkeypatch):
+    """What an arm repeats a place to is added to where a hole's offset shows, in quadrature; not to a friction."""
     probes = [
         probe("x", 4e-4, 400.0),
         Probe(EffectInstance.of("contact_friction", "peg", scale=2.0), "scale", 0.0, 100.0),
     ]
 
-    class Judged(ContactEvidence):
-        def __init__(self):
-            pass
-
-        def residuals_in_part(self, worlds):
-            return [np.full(1, 1e3 * k) for k in range(len(worlds))]  # everything shows in it
-
     search = SimpleNamespace(
-        evidence=None,
+        evidence=Judged(),
         probed=lambda *_: probes,
         need=lambda: 100.0,
         confirms=lambda: 1.0,
@@ -62,8 +73,10 @@ def test_a_pose_shows_from_no_nearer_to_none_than_it_is_named(monkeypatch):
     )
     monkeypatch.setattr("vispeg.contact.selection.shows_from.places", lambda *_: [])
     least = least_sizes(search, World())
-    assert least["hole_offset", "fixture"]["x"] == pytest.approx(2e-4 + REPEATS["m"])
-    assert least["contact_friction", "peg"]["scale"] == pytest.approx(1.0)
+    shows = 4e-4 * np.sqrt(surely(Judged(), 100.0) / 400.0)
+    assert least["hole_offset", "fixture"]["x"] == pytest.approx(np.hypot(shows, room("hole_offset", "x")))
+    assert room("hole_offset", "x") == pytest.approx(1.96e-4) and room("contact_friction", "scale") == 0.0
+    assert least["contact_friction", "peg"]["scale"] == pytest.approx(np.sqrt(surely(Judged(), 100.0) / 100.0))
 
 
 def test_a_phase_beyond_its_bar_leaves_a_verdict_unexplained():

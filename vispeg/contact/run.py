@@ -15,6 +15,7 @@ from vispeg.contact.record import arrays, channels, not_excited, phase_errors, s
 from vispeg.contact.remainder import judged as in_phases
 from vispeg.contact.remainder import remainder
 from vispeg.contact.selection.profile import BLOWS, looked_for
+from vispeg.contact.selection.repeats import repeated
 from vispeg.contact.selection.search import ContactSearch
 from vispeg.contact.selection.shows_from import least_sizes
 from vispeg.diagnosis.compare import Comparison
@@ -68,7 +69,7 @@ def diagnose_contact(
     fitted_world = state.world.add(*beside)
     rests = [*remainder(evidence, state.world), *remainder(judged, state.world, held_out=True)]
     verdict = in_phases(decide(before, after, len(fitted_world.effects) - n_fixed, rivals, []), rests)
-    corrected = widened(state.world, n_fixed, before, after).add(*beside)
+    corrected = widened(repeated(state.world, n_fixed), n_fixed, before, after).add(*beside)
     models = {"given": world, "corrected": corrected} if len(corrected.effects) > n_fixed else {"given": world}
     replayed, said = closed_loop(held_out, models, nthread)
     verdict = last_judge.judged(verdict, replayed, held_out, corrected, n_fixed, nthread)

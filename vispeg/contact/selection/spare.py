@@ -7,17 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vispeg.contact.errors.nuisance import PLACE, TURN
 from vispeg.contact.selection.form import form
+from vispeg.contact.selection.repeats import allowing
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.selection.state import State
 from vispeg.identify.fit import Fit
 
 if TYPE_CHECKING:
     from vispeg.contact.selection.search import ContactSearch
-
-# How closely an arm repeats a pose: 0.1 mm (a KUKA LBR iiwa's data sheet), half of what its kinematics may be off by
-REPEATS = {"m": 0.5 * PLACE, "rad": 0.5 * TURN}
 
 
 def spared(search: ContactSearch, state: State, n_fixed: int) -> bool:
@@ -60,22 +57,15 @@ def _take(search: ContactSearch, state: State, fit: Fit, loss: np.ndarray) -> No
 def includes_none(placed: EffectInstance) -> bool:
     """Whether the interval of every magnitude that was fitted holds the value at which the effect is not there.
 
-    Of a pose it need only come as near to that as an arm repeats one.
+    Of a pose it is the interval that allows for how closely an arm repeats one.
     """
-    kind = effect(placed.effect)
+    kind, wide = effect(placed.effect), allowing(placed)
     inside = []
     for k in kind.magnitudes:
-        param, v = kind.params[k], placed.params[k]
+        v = wide.params[k]
         if v.low is not None and v.high is not None:
-            near = room(placed.effect, k)
-            inside.append(v.low - near <= param.null <= v.high + near)
+            inside.append(v.low <= kind.params[k].null <= v.high)
     return bool(inside) and all(inside)
-
-
-def room(name: str, parameter: str) -> float:
-    """How near to none an effect's interval may not come: of a pose as near as an arm repeats one, else 0."""
-    kind = effect(name)
-    return REPEATS.get(kind.params[parameter].unit, 0.0) if kind.posed else 0.0
 
 
 def doubted(search: ContactSearch, state: State, n_fixed: int) -> bool:
@@ -96,7 +86,7 @@ def doubted(search: ContactSearch, state: State, n_fixed: int) -> bool:
     before = search.start(world, n_fixed)
     state.world, state.loss, state.residual = before.world, before.loss, before.residual
     state.fit, state.cross = before.fit, before.cross
-    near = ", or comes as near to it as an arm repeats a pose" if effect(gone.effect).posed else ""
+    near = ", as closely as an arm repeats a pose" if effect(gone.effect).posed else ""
     why = f"the interval of {gone.label} includes none{near}"
     state.last = [replace(t, rejected=t.rejected or why) for _, trials in state.steps for t in trials]
     state.steps = []

@@ -1,0 +1,39 @@
+"""How closely an arm repeats a pose: what the interval of a part's pose allows for, beside the noise of recordings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from vispeg.contact.errors.nuisance import PLACE, TURN
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.worlds.world import World
+
+# Standard uncertainties: 0.1 mm (a KUKA LBR iiwa's data sheet), half of what its kinematics may be off by
+REPEATS = {"m": 0.5 * PLACE, "rad": 0.5 * TURN}
+
+
+def repeated(world: World, n_fixed: int) -> World:
+    """The world with intervals of what comes after `n_fixed` effects that allow for how closely an arm repeats a pose.
+
+    A recording says where a part is to where the arm takes itself to be, and no more precisely than it knows that.
+    """
+    return replace(world, effects=(*world.effects[:n_fixed], *map(allowing, world.effects[n_fixed:])))
+
+
+def allowing(placed: EffectInstance) -> EffectInstance:
+    """The effect with such intervals; of what is no pose as they are."""
+    params = dict(placed.params)
+    for k, v in params.items():
+        if v.low is not None and v.high is not None and (more := room(placed.effect, k)) > 0:
+            param = effect(placed.effect).params[k]
+            low, high = v.value - np.hypot(v.value - v.low, more), v.value + np.hypot(v.high - v.value, more)
+            params[k] = replace(v, low=float(max(low, param.low)), high=float(min(high, param.high)))
+    return replace(placed, params=params)
+
+
+def room(name: str, parameter: str) -> float:
+    """Half of the 95 % interval within which an arm repeats a parameter of an effect that is a pose; 0 of others."""
+    kind = effect(name)
+    return 1.96 * REPEATS.get(kind.params[parameter].unit, 0.0) if kind.posed else 0.0
