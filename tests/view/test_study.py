@@ -1,14 +1,21 @@
 """A diagnosis by hand does what the command does, and a killed one goes on where it stood."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from vispeg.api.diagnose import diagnose
+from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
+from vispeg.diagnosis.beginning import ANEW
+from vispeg.recordings.load import load
+from vispeg.recordings.write import write
 from vispeg.view.diagnose.standing import Standing
 from vispeg.view.diagnose.study import STEPS, Study
+from vispeg.worlds.model_file import model_text
+from vispeg.worlds.world import World
 
 
 class Heard(list):
@@ -60,6 +67,37 @@ def test_the_search_by_itself_ends_with_the_model_of_the_command(rigs, tmp_path)
     command = diagnose(str(rigs / "arm.xml"), [rigs / "rig-a", rigs / "rig-b"], rigs / "rig-c", threads=1)
     assert made.state.world.label == command.world.label
     assert made.state.world.values == command.world.values
+
+
+def test_partial_effects_are_fitted_anew_and_the_search_ends_as_the_command_does(rigs, tmp_path):
+    half = EffectInstance.of("coulomb_friction", "shoulder", torque=0.4)
+    model, heard = tmp_path / "partial.yaml", Heard()
+    model.write_text(model_text(World(str(rigs / "arm.xml"), effects=(replace(half, partial=True),))))
+    made = study(rigs, tmp_path, heard=heard, model=model)
+    made.show()
+    now: Standing = heard.last("standing")
+    assert [rung.words for rung in now.ladder] == ["the initial model", ANEW] and now.initial == ()
+    assert now.effects[0].size.startswith("0.80") and now.ladder[1].error < 0.05 * now.ladder[0].error
+    made.run()
+    command = diagnose(str(model), [rigs / "rig-a", rigs / "rig-b"], rigs / "rig-c", threads=1)
+    assert made.state.world.label == command.world.label
+
+
+def test_steps_of_encoders_stand_in_the_ladder(rigs, tmp_path):
+    """The readings show them before any search; a step of 1 mrad lies below what a squared error shows of it."""
+    for name in ("rig-a", "rig-b", "rig-c"):
+        rec = load(rigs / name)
+        write(replace(rec, q=1e-3 * np.round(rec.q / 1e-3), robot=str(rigs / "arm.xml")), tmp_path / name)
+    heard = Heard()
+    made = study(tmp_path, tmp_path, heard=heard, model=rigs / "arm.xml")
+    made.show()
+    now: Standing = heard.last("standing")
+    assert [rung.words for rung in now.ladder] == ["the initial model", "+ Encoder quantization everywhere"]
+    assert [e.key for e in now.effects] == ["encoder_quantization:all"] and now.effects[0].size.startswith("1.00 mrad")
+    made.fit("coulomb_friction:shoulder")
+    assert [e.label for e in made.state.world.effects] == ["encoder_quantization(all)", "coulomb_friction(shoulder)"]
+    made.undo()
+    assert [e.label for e in made.state.world.effects] == ["encoder_quantization(all)"]
 
 
 def test_a_step_is_taken_back_whole(rigs, by_hand, tmp_path):

@@ -18,13 +18,14 @@ from vispeg.contact.selection.profile import BLOWS, looked_for
 from vispeg.contact.selection.repeats import repeated
 from vispeg.contact.selection.search import ContactSearch
 from vispeg.contact.selection.shows_from import least_sizes
+from vispeg.diagnosis.beginning import Beginning, opened
 from vispeg.diagnosis.compare import Comparison
 from vispeg.diagnosis.conclusion.intervals import widened
 from vispeg.diagnosis.conclusion.rivals import find_rivals
 from vispeg.diagnosis.conclusion.verdict import decide
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.record import candidates, correlations, effects, ladder, moved, screening, with_origin
-from vispeg.diagnosis.run import Diagnosis, opened
+from vispeg.diagnosis.run import Diagnosis
 from vispeg.diagnosis.schema import ComparisonRecord, DiagnosisRecord
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.share import Share
@@ -35,6 +36,11 @@ from vispeg.worlds.world import World
 def evidence_of(recordings: Sequence[Recording], nthread: int = 1) -> ContactEvidence:
     """Recordings of contact as evidence. Raises UserError where one has no wrench, or begins in contact."""
     return ContactEvidence([touching(r) for r in recordings], nthread=nthread)
+
+
+def begun(world: World) -> Beginning:
+    """The model before its search: partial effects that it finds are fitted anew."""
+    return opened(world, {kind.name for kind in looked_for() if kind.stage != BLOWS})
 
 
 def diagnose_contact(
@@ -55,7 +61,8 @@ def diagnose_contact(
     evidence, judged = evidence_of(fitted, nthread), evidence_of(held_out, nthread)
     judge, say = Judge(judged), Share(say, ahead=2)
     search = ContactSearch(evidence, judge, say, progress)
-    world, n_fixed = opened(world, {kind.name for kind in looked_for() if kind.stage != BLOWS})
+    begin = begun(world)
+    world, n_fixed = begin.given, begin.n_fixed
     before_fit, before_held = evidence.residuals([world])[0], judged.residuals([world])[0]
     shows = least_sizes(search, world)
     state = search.run(world, n_fixed)

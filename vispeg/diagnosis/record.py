@@ -9,6 +9,7 @@ from typing import cast
 import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.diagnosis.beginning import ANEW
 from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.schema import Candidate, Channel, Correlations, FoundEffect, Moved, Rung
@@ -111,7 +112,7 @@ def ladder(
     worlds = begun + opened + [best.fit.world for best, _ in state.steps]
     if worlds and state.world.label != worlds[-1].label:
         worlds.append(state.world)
-    labels = ([] if read is None else [read[0]]) + ["partial effects fitted anew"] * len(opened)
+    labels = ([] if read is None else [read[0]]) + [ANEW] * len(opened)
     for best, _ in state.steps:
         labels.append(f"+ {best.score.label}")
     if len(worlds) > len(labels):

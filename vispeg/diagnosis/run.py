@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from vispeg.diagnosis.beginning import of_joints
 from vispeg.diagnosis.conclusion.farthest import farthest
 from vispeg.diagnosis.conclusion.intervals import widened
 from vispeg.diagnosis.conclusion.next_experiment import next_experiment, repeated
@@ -16,7 +17,6 @@ from vispeg.diagnosis.conclusion.verdict import FARTHEST, Verdict, decide
 from vispeg.diagnosis.evidence.base_parameters import base_parameters
 from vispeg.diagnosis.evidence.localise import maps, missing_torque, peaks, where_it_fails
 from vispeg.diagnosis.evidence.motionless import refuse_motionless
-from vispeg.diagnosis.evidence.readings import gridded
 from vispeg.diagnosis.evidence.remainder import dependences, sizes
 from vispeg.diagnosis.evidence.roles import recast
 from vispeg.diagnosis.progress import Progress
@@ -86,14 +86,12 @@ def diagnose(
     judge = Judge(judged)
     say = Share(say, ahead=3)  # of one effect: its fit, its rivals, the next experiment
     search = Search(evidence, judge, say, progress)
-    world, n_fixed = opened(world)
-    encoders = gridded(world, [*fitted, *held_out]) if evidence.unit == "rad" else ()
-    n_given, n_fixed = n_fixed, n_fixed + len(encoders)  # the user's own, and with what the readings show by themselves
-    first = replace(world, effects=(*world.effects[:n_given], *encoders, *world.effects[n_given:]))
-    rung = (f"+ {', '.join(e.label for e in encoders)}", first) if encoders else None
+    begin = of_joints(world, [*fitted, *held_out], evidence.unit)
+    world, n_given, n_fixed = begin.given, begin.n_given, begin.n_fixed
+    rung = (begin.label, begin.first) if begin.read else None
     before_fit = evidence.residuals([world])[0]
     before_held = judged.residuals([world])[0]
-    state = search.run(first, n_fixed)
+    state = search.run(begin.first, n_fixed)
     say.ahead = 1
     rivals = settled(search, state, n_fixed, say)
     after_held = judged.residuals([state.world])[0]
@@ -113,7 +111,7 @@ def diagnose(
     unjudged = None if roles is None else roles.unjudged(state.world, evidence)
     worst = farthest(judged, after_held, floor)
     n_added = len(state.world.effects) - n_given
-    verdict = decide(before, after, n_added, rivals, depends, floor, mark, unjudged, worst, len(encoders))
+    verdict = decide(before, after, n_added, rivals, depends, floor, mark, unjudged, worst, len(begin.read))
     changing = search.changes(state, n_fixed)
     unsure = open_ended(state, n_fixed)
     if verdict.partial and state.fit is not None:
@@ -177,15 +175,6 @@ def diagnose(
         ],
     }
     return Diagnosis(record, final, drawing | more)
-
-
-def opened(world: World, names: Collection[str] | None = None) -> tuple[World, int]:
-    """The world with its partial effects last, and how many stay as they are: what was partial is fitted anew.
-
-    With `names` only effects of these names are.
-    """
-    firm = [e for e in world.effects if not e.partial or names is not None and e.effect not in names]
-    return replace(world, effects=(*firm, *(e for e in world.effects if e not in firm))), len(firm)
 
 
 def _mean_square(judged: Evidence, residuals: list[np.ndarray]) -> float:

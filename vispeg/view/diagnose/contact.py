@@ -7,8 +7,9 @@ import numpy as np
 from vispeg.api.inputs import Inputs
 from vispeg.contact.phases import NAMES
 from vispeg.contact.record import COLUMNS
-from vispeg.contact.run import evidence_of
+from vispeg.contact.run import begun, evidence_of
 from vispeg.contact.selection.search import ContactSearch
+from vispeg.diagnosis.beginning import Beginning
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.recordings.recording import Recording
@@ -38,6 +39,10 @@ class Contact(Subject):
     def body(self) -> Scene:
         """The cell."""
         return self.judged.items[0].source.scene
+
+    def begin(self, world: World) -> Beginning:
+        """Partial effects of contact are fitted anew."""
+        return begun(world)
 
     def error(self, world: World) -> float:
         """RMS of the force."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from vispeg.api.inputs import Inputs
+from vispeg.diagnosis.beginning import Beginning, of_joints
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.search import Search
@@ -29,6 +30,7 @@ class Joints(Subject):
     shows = "Torque that the model lacks"
 
     def __init__(self, inputs: Inputs, threads: int, say: Say, progress: Progress | None):
+        self.recordings = (*inputs.fitted, *inputs.held_out)
         judging = inputs.fitted if progress is None else inputs.held_out
         self.judged = near(evidence_for(inputs.world, judging, threads, h_max=1e-3), inputs.world)
         self.search = None
@@ -47,6 +49,10 @@ class Joints(Subject):
     def body(self) -> RobotModel:
         """The arm."""
         return self.judged.items[0].robot
+
+    def begin(self, world: World) -> Beginning:
+        """With the steps of encoders; partial effects are fitted anew."""
+        return of_joints(world, self.recordings, self.unit)
 
     def error(self, world: World) -> float:
         """RMS over joints."""

@@ -21,6 +21,7 @@ from vispeg.api.inputs import Inputs, felt, read_inputs, read_model, windows
 from vispeg.api.rooms.pictures import photographed
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
+from vispeg.diagnosis.beginning import ANEW
 from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.state import State, Trial
@@ -76,13 +77,19 @@ class Study:
         tell("say", "simulating")
         self.subject = _kind(inputs)(inputs, threads, lambda text: tell("say", text), progress)
         self.search = self.subject.search
-        self.given = len(self.world.effects)
+        begin = self.subject.begin(self.world)
+        self.world, self.n_given, self.given = begin.given, begin.n_given, begin.n_fixed
         self.state, self.before = None, list[tuple[State, list[Rung]]]()
         self.rungs = [Rung("the initial model", self.subject.error(self.world))]
         self.scores: dict[str, Score] = {}
         tell("model", (self.subject.model, self.subject.cell))
         if self.search is not None:
-            self.state = self.search.start(self.world)
+            if begin.read:
+                label = ", ".join(effect_words.named(placed_dict(e)) for e in begin.read)
+                self.rungs.append(Rung(f"+ {label}", self.subject.error(begin.first)))
+            self.state = self.search.start(begin.first, begin.n_fixed)
+            if begin.n_given < len(begin.given.effects):
+                self._rung(ANEW)
             for step in self._claimed():
                 self._again(step)
 
@@ -200,8 +207,8 @@ class Study:
             unit=subject.unit,
             floor=subject.floor,
             ladder=tuple(self.rungs),
-            effects=tuple(named(e) for e in world.effects[self.given :]),
-            initial=tuple(named(e) for e in world.effects[: self.given]),
+            effects=tuple(named(e) for e in world.effects[self.n_given :]),
+            initial=tuple(named(e) for e in world.effects[: self.n_given]),
             tracks=subject.tracks(self.world, world),
             maps=subject.maps(self.world, world),
             judged=self.judged,

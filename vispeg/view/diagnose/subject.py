@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 
 from vispeg.core.effect import EffectInstance
+from vispeg.diagnosis.beginning import Beginning
 from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.selection.state import State, Trial
 from vispeg.recordings.recording import Recording
@@ -29,8 +30,8 @@ Say = Callable[[str], None]
 class Steps(Protocol):
     """What every search of a diagnosis offers to one who goes step by step."""
 
-    def start(self, world: World) -> State:
-        """Where a search for what a world lacks begins."""
+    def start(self, world: World, n_fixed: int) -> State:
+        """Where a search for what a world lacks begins; its effects after the first `n_fixed` are fitted anew."""
         ...
 
     def worth_it(self, state: State, n_fixed: int) -> bool:
@@ -83,6 +84,10 @@ class Subject(ABC):
     @abstractmethod
     def body(self) -> RobotModel | Scene:
         """The arm or cell that effects have places in."""
+
+    def begin(self, world: World) -> Beginning:
+        """The model before its search."""
+        return Beginning(world, len(world.effects))
 
     @property
     def model(self) -> mujoco.MjModel:
