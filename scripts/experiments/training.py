@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from vispeg.core.errors import UserError
-from vispeg.learn.config import TrainConfig, read_config
+from vispeg.learn.config import Stage, TrainConfig, read_config
 from vispeg.learn.methods.distill import DistillSettings
 from vispeg.learn.settings import SacSettings
 from vispeg.task.peg.config import PegConfig
 
+LEVELS, PASS = (0.0, 0.5, 1.0), 0.5  # of gated ranges: how far open, and success in an evaluation that opens them on
 NEVER_EARLY = 2.0  # a success rate that no run reaches, so that every run has the whole budget
 
 
@@ -27,7 +28,8 @@ class Variant:
         modality: what the policy sees.
         reward: of the task, see vispeg.task.peg.rewards.
         dof: directions that the policy moves.
-        ranges: how the world's ranges open, see TrainConfig.
+        ranges: how the world's ranges open, see TrainConfig; `gated` opens them by `LEVELS`, each once the last is
+            learned.
         teacher: policy that it imitates; "" where it learns by reinforcement.
         looks: in which an imitator sees each state.
     """
@@ -58,6 +60,7 @@ def configuration(variant: Variant, seed: int, budget: Budget) -> TrainConfig:
     settings = {"stack": 1 if variant.recurrent else variant.stack}
     settings |= {} if variant.reward == PegConfig.reward else {"reward": variant.reward}
     settings |= {} if variant.dof == PegConfig.dof else {"dof": list(variant.dof)}
+    gated = {"stages": tuple(Stage(level=level) for level in LEVELS), "pass_rate": PASS}
     recipe = {"recipe": "distill", "teacher": variant.teacher, "distill": rounds(variant, budget)}
     return TrainConfig(
         task=f"peg-{variant.modality}",
@@ -69,7 +72,7 @@ def configuration(variant: Variant, seed: int, budget: Budget) -> TrainConfig:
         target=NEVER_EARLY,
         settings=settings,
         sac=SacSettings(recurrent=variant.recurrent),
-        ranges=variant.ranges,
+        **(gated if variant.ranges == "gated" else {"ranges": variant.ranges}),
         **(recipe if variant.teacher else {}),
     )
 

@@ -8,6 +8,7 @@ from curves import Curve, together
 from training import Budget, Variant, configuration
 from training_options import STUDIES
 
+from vispeg.learn.config import Stage, TrainConfig
 from vispeg.task.environments.vector import world_of
 
 BUDGET = Budget(200, 100, 5)
@@ -31,6 +32,14 @@ def test_a_studys_policies_differ_in_one_thing_and_can_be_trained(name):
         assert replace(variant, **{key: getattr(first, key) for key in DIFFER[name]}) == first
     for world in STUDIES[name].worlds:
         assert world_of(world, {})[2] is not None
+
+
+def test_gated_ranges_open_by_what_is_learned_and_end_whole():
+    config = configuration(Variant("gated", "randomized", ranges="gated"), 1, BUDGET)
+    assert [stage.level for stage in config.stages] == [0.0, 0.5, 1.0] and config.ranges == "full"
+    assert configuration(Variant("whole", "randomized"), 1, BUDGET) == replace(
+        config, stages=(Stage(),), pass_rate=TrainConfig.pass_rate
+    )
 
 
 def test_runs_of_one_name_are_one_run_wherever_they_stand():
