@@ -4,6 +4,7 @@
     python scripts/bench/hidden_effects --make DIR --run --limit 20 --out report.md
     python scripts/bench/hidden_effects --make DIR --run --reference --baseline --out report.md
     python scripts/bench/hidden_effects --make DIR --many --run --limit 8
+    python scripts/bench/hidden_effects --make DIR --many --reference
 
 Cases are deterministic by seed. `--dev` uses seeds that are never scored: tune only on those.
 """
@@ -32,7 +33,7 @@ def main() -> int:
     parser.add_argument("--dev", action="store_true", help="development seeds, not the scored ones")
     parser.add_argument("--list", action="store_true", help="print the chosen cases and stop")
     parser.add_argument("--run", action="store_true", help="diagnose the chosen cases and print the score")
-    parser.add_argument("--reference", action="store_true", help="also fit the true effects, as an oracle")
+    parser.add_argument("--reference", action="store_true", help="fit the true effects, as an oracle")
     parser.add_argument("--baseline", action="store_true", help="with --reference: also fit a fixed parameter set")
     parser.add_argument("--workers", type=int, default=2, help="diagnoses at a time")
     parser.add_argument("--results", type=Path, default=None, help="JSON lines; those that are there are not run again")
@@ -40,7 +41,7 @@ def main() -> int:
     args = parser.parse_args()
     from cases import choose
     from make import folders, make
-    from runner import run
+    from runner import refer, run
     from score import report
 
     from vispeg.core.errors import UserError
@@ -57,13 +58,16 @@ def main() -> int:
     except UserError as error:
         print(error, file=sys.stderr)
         return 2
-    if not args.run:
+    if args.run:
+        results = args.results or root / "results.jsonl"
+        text = report(run(root, chosen, results, args.workers, args.reference, args.baseline))
+        print(text)
+    elif args.reference:
+        text = refer(root, chosen, args.workers)
+    else:
         for case in chosen:
             print(case.name, case.mode, folders(root, case)[0].parent)
         return 0
-    results = args.results or root / "results.jsonl"
-    text = report(run(root, chosen, results, args.workers, args.reference, args.baseline))
-    print(text)
     if args.out is not None:
         part = args.out.with_name(args.out.name + ".part")
         part.write_text(text)

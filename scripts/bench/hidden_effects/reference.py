@@ -25,20 +25,20 @@ FIXED = {"rotor_inertia": "inertia", "viscous_friction": "damping", "coulomb_fri
 SMALL = np.array([1.0, 1.0, 0.6, 0.6, 0.1, 0.1, 0.01])  # start of the fixed set, in the effects' own units
 
 
-def fitted(world: World, folder: Path) -> tuple[Fit, float]:
-    """The world fitted to the first two recordings and its held-out angle error, rad RMS, on the third."""
+def fitted(world: World, folder: Path) -> tuple[Fit, float, float]:
+    """The world fitted to the first two recordings, its held-out error on the third, rad RMS, and the floor of that."""
     recordings = [load(folder / f"rec-{i}") for i in (1, 2, 3)]
     evidence, judged = evidence_for(world, recordings[:2]), evidence_for(world, recordings[2:], h_max=1e-3)
     (fit,) = run_together([fit_job(evidence, world, range(len(world.effects)), iterations=12)], evidence.residuals)
-    return fit, judged.angle_rms(judged.residuals([fit.world])[0])
+    return fit, judged.angle_rms(judged.residuals([fit.world])[0]), judged.floor
 
 
 def oracle(folder: Path, hidden: list[dict]) -> dict:
     """Held-out error of the true effects, fitted from the true values."""
     world = World().add(*(EffectInstance.of(h["effect"], h["where"], **h["params"]) for h in hidden))
-    fit, error = fitted(world, folder)
+    fit, error, floor = fitted(world, folder)
     values = {e.label: {k: v.value for k, v in e.params.items()} for e in fit.world.effects}
-    return {"heldout_error": error, "params": values}
+    return {"heldout_error": error, "floor": floor, "params": values}
 
 
 def baseline(folder: Path) -> dict:
@@ -46,7 +46,7 @@ def baseline(folder: Path) -> dict:
     joints = [f"joint{i}" for i in range(1, 8)]
     placed = [EffectInstance.of(e, w, **{p: 0.1 * SMALL[j]}) for e, p in FIXED.items() for j, w in enumerate(joints)]
     world = World().add(*placed, EffectInstance.of("command_delay", "all", delay=5e-4))
-    fit, error = fitted(world, folder)
+    fit, error, _ = fitted(world, folder)
     best, named = -1.0, None
     for e in fit.world.effects:
         (v,) = e.params.values()

@@ -55,12 +55,26 @@ def diagnose(root: Path, case: Case) -> dict:
     return record | {"floor": found["noise_floor"]["value"]}
 
 
-def references(root: Path, case: Case, record: dict, baseline: bool) -> dict:
-    """What a fit of the truth, and of a fixed parameter set where asked for, reaches in the same case."""
+def references(root: Path, case: Case, baseline: bool = False) -> dict:
+    """What a fit of the truth, and of a fixed parameter set where asked for, reaches in a case."""
     extra = ["--baseline"] if baseline and case.kind == "single" else []
-    folder = folders(root, case)[0].parent
-    status, text, _ = _call([str(HERE / "reference.py"), str(folder), json.dumps(record["hidden"]), *extra])
+    folder, hidden = folders(root, case)[0].parent, json.dumps([asdict(h) for h in case.hidden])
+    status, text, _ = _call([str(HERE / "reference.py"), str(folder), hidden, *extra])
     return json.loads(text.splitlines()[-1]) if status == 0 else {"reference_failed": text[-500:]}
+
+
+def refer(root: Path, chosen: list[Case], workers: int) -> str:
+    """Held-out errors of fits that know the truth, over the noise floor, as a Markdown table; nothing is diagnosed."""
+    lines = ["| case | truth, error / floor |", "| --- | --- |"]
+    print("\n".join(lines), flush=True)
+    with ThreadPoolExecutor(workers) as pool:
+        for case, found in zip(chosen, pool.map(lambda c: references(root, c), chosen), strict=True):
+            truth = found.get("oracle")
+            words = found.get("reference_failed", "-").strip().splitlines()[-1:] if truth is None else []
+            said = f"{truth['heldout_error'] / truth['floor']:.3g}" if truth else " ".join(words)
+            lines.append(f"| {case.name} | {said} |")
+            print(lines[-1], flush=True)
+    return "\n".join(lines) + "\n"
 
 
 def _lacks(case: Case, record: dict | None, reference: bool, baseline: bool) -> bool:
@@ -92,7 +106,7 @@ def run(root: Path, chosen: list[Case], results: Path, workers: int, reference: 
     def work(case: Case) -> None:
         record = known.get(case.name) or diagnose(root, case)
         if _lacks(case, record, reference, baseline):
-            record = record | references(root, case, record, baseline)
+            record = record | references(root, case, baseline)
         with lock:
             known[case.name] = record
             done.add(case.name)
