@@ -164,6 +164,16 @@ def test_repeats_are_episodes_with_noise_of_their_own():
     assert np.allclose(gap.std(axis=0), np.sqrt(2) * np.repeat([NOISE["ft"], NOISE["ft_torque"]], 3), rtol=0.1)
 
 
+def test_an_encoder_in_steps_reads_its_noise_in_steps_too():
+    """Of one joint: all its readings are whole multiples of the step, those of the others are not."""
+    step = 1e-3
+    coarse = EffectInstance.of("encoder_quantization", "joint3", step=step)
+    rec = recorded("free", (coarse,), {"q": 4e-4})
+    away = np.abs(rec.q / step - np.round(rec.q / step)).max(axis=0)
+    assert away[2] < 1e-9 and np.all(np.delete(away, 2) > 0.4)
+    assert np.any(recorded("free", (coarse,)).q[:, 2] != rec.q[:, 2]), "noise tips readings over"
+
+
 def test_two_seeds_are_two_motions():
     a, b = (motion("press", SCENE.scene, SCENE.config, 250.0, np.random.default_rng(s)).ee_cmd for s in (0, 1))
     assert np.abs(a[: len(b)] - b[: len(a)]).max() > 1e-3

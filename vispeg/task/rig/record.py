@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
+from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.recordings.cell import LEVER, OPEN_CELL, CellBelief, Outcome, WrenchSensor
 from vispeg.recordings.noise import noisy
@@ -24,6 +25,7 @@ from vispeg.task.registry import task_of
 from vispeg.task.rig.commanded import CellMotion
 from vispeg.task.rig.posture import posture, start_angles
 from vispeg.task.rig.run import STEP, Ran, run
+from vispeg.worlds.places import ALL
 from vispeg.worlds.world import World
 
 
@@ -94,7 +96,7 @@ def record_cell(
     watch(ran.true[0])
     outcome = outcome_of(belief, ran) if motion.name.startswith(("insert", "look", "mix")) else ()
     rec = recording(belief, world, control, ran, motion.ee_cmd, motion.time, name, motion.name, outcome)
-    return with_noise(rec, noise, rng, torque_sensor, repeat)
+    return with_noise(rec, world, noise, rng, torque_sensor, repeat)
 
 
 def recording(
@@ -145,17 +147,23 @@ def stated(cell: CellBelief | None, belief: Believed) -> CellBelief:
 
 def with_noise(
     rec: Recording,
+    world: World,
     noise: Mapping[str, float],
     rng: np.random.Generator,
     torque_sensor: Literal["joint", "none"] = "joint",
     repeat: int = 1,
 ) -> Recording:
-    """The recording as noisy sensors read it, `repeat` times over: episodes of the same motion."""
+    """The recording as noisy sensors read it, `repeat` times over: episodes of the same motion.
+
+    An encoder of the world that reads in steps does so of what its noise makes of the angle, too.
+    """
     names = ["q", "dq", "ee", "ft"] + (["tau"] if torque_sensor != "none" else [])
     level = dict(noise)
     if "ft" in level:
         level.setdefault("ft_torque", LEVER * level["ft"])
     runs = [{key: noisy(key, getattr(rec, key), level, rng) for key in names} for _ in range(repeat)]
+    for r in runs:
+        r["q"] = _on_steps(world, rec.joints, r["q"])
     columns = {key: np.concatenate([r[key] for r in runs]) for key in names}
     if rec.ee_cmd is not None:
         columns["ee_cmd"] = np.tile(rec.ee_cmd, (repeat, 1))
@@ -185,3 +193,13 @@ def outcome_of(belief: Believed, ran: Ran) -> tuple[Outcome, ...]:
         return (Outcome(False, 0, "force limit", peak, depth),)
     deep = depth >= -float(task_of(config).goal(config)[2])
     return (Outcome(deep, 0, "success" if deep else "search" if depth < 0.002 else "jam", peak, depth),)
+
+
+def _on_steps(world: World, joints: Sequence[str], q: np.ndarray) -> np.ndarray:
+    """Angles (n, nj) rad as encoders read them that come last in the chain of sensors: in whole steps."""
+    out = q.copy()
+    for e in world.effects:
+        step = effect(e.effect).resolution({k: v.value for k, v in e.params.items()})
+        for j in (j for j, joint in enumerate(joints) if step > 0 and e.where in (ALL, joint)):
+            out[:, j] = np.round(out[:, j] / step) * step
+    return out
