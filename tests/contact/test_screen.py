@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -73,3 +75,22 @@ def test_a_screening_is_run_once_for_each_world_and_what_is_free_in_it(monkeypat
         search.n_fixed = n_fixed
         search.probed(world, [OFFSET])
     assert asked == [[], [0], []]
+
+
+def test_what_an_effect_gains_is_worked_out_once_and_never_below_none(monkeypatch):
+    """A resumed diagnosis asks it again, of the same world, place and value."""
+    asked = []
+
+    class Once:
+        def __init__(self, evidence, world, free):
+            asked.append(world.label)
+
+        def ask(self, tries, in_part):
+            return [SimpleNamespace(gain=-7.0)], [0.0]
+
+    monkeypatch.setattr("vispeg.contact.selection.search.Screen", Once)
+    search = object.__new__(ContactSearch)
+    search.progress, search.evidence, search.n_fixed = Progress(), None, 0
+    offset, other = (EffectInstance.of(*OFFSET, x=size) for size in (1e-3, 2e-3))
+    assert [search._gain_of(World(), e) for e in (offset, offset, other)] == [0.0, 0.0, 0.0]
+    assert asked == ["nominal", "nominal"]

@@ -33,7 +33,7 @@ from vispeg.diagnosis.selection.judge import Gain
 from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.selection.state import State, Trial
 from vispeg.identify.fit import Fit, Race
-from vispeg.worlds.model_file import model_text
+from vispeg.worlds.model_file import model_text, placed_dict
 from vispeg.worlds.world import World
 
 SINGLES, PAIRED = 5, 3  # effects that are fitted at a step, and those of them whose pairs are
@@ -273,12 +273,21 @@ class ContactSearch(Search):
         where = [p for p in places(self.evidence, state.world) if p != (placed.effect, placed.where)]
         beside = {t.score.key for taken, trials in state.steps if taken.score.has(placed) for t in trials}
         near = [p for p in where if p in beside or alike(p[0], placed.effect)]
-        (probe,) = Screen(self.evidence, state.world, self.free(state.world)).ask([("", placed)], in_part=False)[0]
-        least = AS_MUCH * max(probe.gain, 0.0)
+        least = AS_MUCH * self._gain_of(state.world, placed)
         best = [s for s in strongest(self.probed(state.world, near))[:PAIRED] if s.gain > least]
         for s in best:
             freed(self, placed, s.placed)
         return best, len(where)
+
+    def _gain_of(self, world: World, placed: EffectInstance) -> float:
+        """What an effect at its value gains beside a world, of all blocks; remembered. Not less than 0."""
+
+        def work_out() -> float:
+            (probe,) = Screen(self.evidence, world, self.free(world)).ask([("", placed)], in_part=False)[0]
+            return max(float(probe.gain), 0.0)
+
+        question = ["contact gain", model_text(world), placed_dict(placed), list(self.free(world))]
+        return self.progress.recall(question, work_out)
 
     def _grow(self, state: State, placed: EffectInstance, n_fixed: int) -> None:
         """No effect of contact is a richer form of another."""
