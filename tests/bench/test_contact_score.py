@@ -42,6 +42,10 @@ def test_intervals_are_of_exact_names_only():
     assert (effect, name, true, found) == ("contact_friction", "scale", 1.7, 1.65) and low <= true <= high
     text = report([good, other, record([], [], "adequate", "none"), {**other, "verdict": "failed"}])
     assert "| no effect: given a name | 0 % [0, 79] of 1 |" in text and "1 runs failed" in text
+    assert (
+        "| x | identified | yes | `contact_friction` scale 1.65 [1.55, 1.75] | scale 1.70 | 5.000 to 1.000 | 0 |"
+        in text
+    )
 
 
 def test_the_plain_fall_is_of_squared_errors_weighed_by_time():

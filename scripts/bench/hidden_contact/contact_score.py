@@ -1,4 +1,4 @@
-"""Scores of diagnoses of contact against the hidden truth, with Wilson intervals. Reads plain records only."""
+"""Scores of diagnoses of contact against the hidden truth, with Wilson intervals. Reads records only."""
 
 from __future__ import annotations
 
@@ -7,6 +7,10 @@ from typing import Any
 
 from contact_plant import CREEP
 from score import share, wilson
+
+from vispeg.core.effect import effect
+from vispeg.report.text import effect_words as words
+from vispeg.report.text.quantities import quantity, scaled
 
 Record = dict[str, Any]
 # effects that stand for one another where nothing in the recordings turns or weighs them apart
@@ -130,26 +134,45 @@ def report(records: Sequence[Record]) -> str:
     ]
     lines += table(("measure", "result"), rows)
     lines += ["", "## Case by case", ""]
-    cells = []
-    for r in done:
-        names = ", ".join(f"{e['effect']}({e['where']})" for e in r["effects"]) or "nothing"
-        good = r["verdict"] == "unexplained" if r["kind"] == "unknown" else r["right"]
-        fall = f"{r['fall']:.3g}" if r["fall"] else "-"
-        cells.append(
-            (
-                r["case"],
-                r["verdict"],
-                names,
-                "silent" if r["silent"] else "yes" if good else "no",
-                fall,
-                f"{r.get('cpu_s') or 0:.0f}",
-            )
-        )
+    cells = [_row(r) for r in done]
     cells += [
-        (r["case"], "failed", str(r.get("message", ""))[-100:].replace("\n", " "), "no", "-", "-") for r in failed
+        (r["case"], "failed", "no", str(r.get("message", ""))[-100:].replace("\n", " "), "-", "-", "-") for r in failed
     ]
-    lines += table(("case", "verdict", "lowered the error", "right", "fall", "s"), cells)
+    lines += table(("hidden", "verdict", "right", "named: values [95 %]", "truth", "held-out error, N", "s"), cells)
     return "\n".join(lines) + "\n"
+
+
+def _row(r: Record) -> tuple[str, ...]:
+    """A case as a line of the report."""
+    good = r["verdict"] == "unexplained" if r["kind"] == "unknown" else r["right"]
+    errors = [f"{step['heldout_error']:.3f}" for step in r["ladder"] or []]
+    return (
+        r["case"],
+        r["verdict"],
+        "does not show" if r["silent"] else "yes" if good else "no",
+        "; ".join(_found(e) for e in r["effects"]) or "none",
+        "; ".join(_hidden(h) for h in r["hidden"]),
+        " to ".join([errors[0], errors[-1]] if len(errors) > 1 else errors),
+        f"{r.get('cpu_s') or 0:.0f}",
+    )
+
+
+def _found(e: Record) -> str:
+    """`` `hole_offset` x 0.90 [0.81, 0.98] mm ``: the parameters that were fitted."""
+    sizes = []
+    for name, p in e["params"].items():
+        if p.get("low") is not None and p.get("high") is not None:
+            value, span, unit = scaled(p["value"], p["low"], p["high"], _unit(e, name))
+            sizes.append(f"{name} {value} [{span.replace(' to ', ', ')}] {unit}".strip())
+    return " ".join([f"`{e['effect']}`", *(["tentative"] if e.get("tentative") else []), ", ".join(sizes)]).strip()
+
+
+def _hidden(h: Record) -> str:
+    return ", ".join(f"{name} {quantity(value, _unit(h, name))}" for name, value in h["params"].items())
+
+
+def _unit(e: Record, name: str) -> str:
+    return words.unit(effect(e["effect"]).params[name].unit)
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:
