@@ -103,7 +103,7 @@ def write(out: Path, tables: Mapping[int, Any], about: Mapping[str, Any], budget
     values = {"experiment": "dynamics_transfer", "diagnoses": about, "plants": done, "comparisons": pairs}
     write_result(out / "dynamics_transfer.json", values, budget, seeds, BASES.values())
     parts = [f"### {table['world']}\n\n{markdown(table)}" for table in done]
-    text = "\n".join([*parts, "### Over plants\n", *(over(pair) for pair in pairs)])
+    text = "\n".join([*parts, *(["### Over plants\n"] if pairs else []), *(over(pair) for pair in pairs)])
     write_text_atomic(out / "dynamics_transfer.md", text, overwrite=True)
 
 

@@ -13,10 +13,16 @@ from vispeg.task.world_file import load_world
 
 
 def played(policies: Iterable[tuple[str, Path]], worlds: Sequence[str], episodes: int, out: Path) -> list[Episode]:
-    """Episodes of each (name, run folder)'s best policy, by its own evaluations while training, in every world.
+    """Episodes of each (name, run folder)'s best policy, by its own evaluations while training, in every world; of the
+    last one where none was evaluated at the last stage.
 
     The seeds are other ones than training and its evaluations had, the same for every policy and world.
     """
-    who = [entrant(f"{name}={folder / 'checkpoints' / 'best'}") for name, folder in policies]
+    who = [entrant(f"{name}={_policy(folder / 'checkpoints')}") for name, folder in policies]
     settings = [Setting(world, load_world(world).name) for world in worlds]
     return run(make_jobs(who, settings, seeds_of(episodes), out / "worlds"), out)
+
+
+def _policy(checkpoints: Path) -> Path:
+    best = checkpoints / "best"
+    return best if best.is_dir() else checkpoints / "last"

@@ -29,7 +29,7 @@ class Variant:
         reward: of the task, see vispeg.task.peg.rewards.
         dof: directions that the policy moves.
         ranges: how the world's ranges open, see TrainConfig; `gated` opens them by `LEVELS`, each once the last is
-            learned.
+            learned; its random actions, which set the networks' input scales, and its evaluations are at the level too.
         teacher: policy that it imitates; "" where it learns by reinforcement.
         looks: in which an imitator sees each state.
     """

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vispeg.core.effect import EffectInstance
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.recordings.load import load
 from vispeg.recordings.noise import NOISE
 from vispeg.recordings.regimes import IMPACT, INSIDE, PRESS, REGIMES, SLIDE, Thresholds, regimes, touching
@@ -164,14 +164,19 @@ def test_repeats_are_episodes_with_noise_of_their_own():
     assert np.allclose(gap.std(axis=0), np.sqrt(2) * np.repeat([NOISE["ft"], NOISE["ft_torque"]], 3), rtol=0.1)
 
 
-def test_an_encoder_in_steps_reads_its_noise_in_steps_too():
-    """Of one joint: all its readings are whole multiples of the step, those of the others are not."""
-    step = 1e-3
-    coarse = EffectInstance.of("encoder_quantization", "joint3", step=step)
-    rec = recorded("free", (coarse,), {"q": 4e-4})
-    away = np.abs(rec.q / step - np.round(rec.q / step)).max(axis=0)
-    assert away[2] < 1e-9 and np.all(np.delete(away, 2) > 0.4)
-    assert np.any(recorded("free", (coarse,)).q[:, 2] != rec.q[:, 2]), "noise tips readings over"
+def test_the_noise_of_an_encoder_in_steps_comes_before_it_rounds():
+    """Noise of a tenth of a step tips a reading over as often as its distribution says, and each run differently."""
+    step, sigma = 1e-3, 1e-4
+    coarse = EffectInstance.of("encoder_quantization", "all", step=step)
+    true: list[np.ndarray] = []
+    rec = recorded("free", (coarse,), {"q": sigma}, repeat=2, watch=true.append)
+    first, second = (rec.q[rec.episode == k] for k in (0, 1))
+    assert np.abs(rec.q / step - np.round(rec.q / step)).max() < 1e-9 and rec.noise["q"] == sigma
+    moving = np.ptp(true[0], axis=0) > 20 * step
+    tipped = (first / step - np.round(true[0] / step))[:, moving]
+    squared = effect("encoder_quantization").reading_noise(sigma, {"step": step}) ** 2 / step**2
+    assert np.mean(tipped**2) == pytest.approx(squared, rel=0.2)
+    assert np.mean(first != second) > squared, "noise of its own"
 
 
 def test_two_seeds_are_two_motions():

@@ -13,8 +13,9 @@ from vispeg.diagnosis.beginning import ANEW
 from vispeg.recordings.load import load
 from vispeg.recordings.write import write
 from vispeg.view.diagnose.standing import Standing
-from vispeg.view.diagnose.study import STEPS, Study
-from vispeg.worlds.model_file import model_text
+from vispeg.view.diagnose.steps import STEPS
+from vispeg.view.diagnose.study import Study
+from vispeg.worlds.model_file import load_model, model_text
 from vispeg.worlds.world import World
 
 
@@ -78,6 +79,9 @@ def test_partial_effects_are_fitted_anew_and_the_search_ends_as_the_command_does
     now: Standing = heard.last("standing")
     assert [rung.words for rung in now.ladder] == ["the initial model", ANEW] and now.initial == ()
     assert now.effects[0].size.startswith("0.80") and now.ladder[1].error < 0.05 * now.ladder[0].error
+    made.save(tmp_path / "now.yaml", False)
+    (saved,) = load_model(tmp_path / "now.yaml").effects
+    assert saved.partial and saved.params["torque"].value == pytest.approx(0.8, rel=0.05)
     made.run()
     command = diagnose(str(model), [rigs / "rig-a", rigs / "rig-b"], rigs / "rig-c", threads=1)
     assert made.state.world.label == command.world.label

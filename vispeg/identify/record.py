@@ -9,7 +9,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.identify.excitation import Motion, room_of
 from vispeg.identify.gains import servo
@@ -18,7 +17,7 @@ from vispeg.recordings.recording import Control, Nullspace, Recording
 from vispeg.robots.declared import declared
 from vispeg.robots.model import RobotModel, load
 from vispeg.sim.compiled import flange_pose
-from vispeg.sim.rollout import ReadingNoise, Response, simulate
+from vispeg.sim.rollout import ReadingNoise, Response, rounds, simulate
 from vispeg.sim.segments.segment import Segment
 from vispeg.worlds.world import World
 
@@ -91,7 +90,7 @@ def record(
     """
     robot, quiet = load(world.robot, tool=world.tool), dict(noise)
     sensed = None
-    if quiet.get("q", 0.0) > 0 and _rounds(world):
+    if quiet.get("q", 0.0) > 0 and rounds(world):
         sigma = np.full((repeat, len(robot.joints)), quiet.pop("q"))
         sensed = ReadingNoise(sigma, np.zeros_like(sigma), rng, sensed=True)
     segment, response = drive(world, motion, control, nthread, want_ee=True, sensed=sensed)
@@ -121,11 +120,6 @@ def record(
         notes="simulated",
         **columns,
     )
-
-
-def _rounds(world: World) -> bool:
-    """Whether an encoder of the world reads in steps."""
-    return any(effect(e.effect).resolution({k: v.value for k, v in e.params.items()}) > 0 for e in world.effects)
 
 
 def _signals(

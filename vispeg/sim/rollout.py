@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vispeg.core.effect import effect
 from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import flange_pose, nominal_of
 from vispeg.sim.controller import Controller
@@ -62,6 +63,11 @@ class ReadingNoise:
         copies = len(q) // len(self.q)
         first, second = self.rng.standard_normal((2, *q.shape))
         return q + np.tile(self.q, (copies, 1)) * first, dq + np.tile(self.dq, (copies, 1)) * second
+
+
+def rounds(world: World) -> bool:
+    """Whether an encoder of the world reads in steps, so that its noise comes before."""
+    return any(effect(e.effect).resolution({k: v.value for k, v in e.params.items()}) > 0 for e in world.effects)
 
 
 def simulate(

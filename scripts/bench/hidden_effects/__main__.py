@@ -48,6 +48,8 @@ def main() -> int:
 
     root = args.make / ("dev" if args.dev else "scored")
     try:
+        if args.baseline and not (args.run and args.reference):
+            raise UserError("--baseline goes with --run and --reference")
         if args.workers < 1:
             raise UserError("--workers must be at least 1", got=args.workers)
         chosen = choose(tuple(args.only), args.dev, args.limit, args.many)
@@ -63,7 +65,8 @@ def main() -> int:
         text = report(run(root, chosen, results, args.workers, args.reference, args.baseline))
         print(text)
     elif args.reference:
-        text = refer(root, chosen, args.workers)
+        text = refer(root, chosen, args.results or root / "references.jsonl", args.workers)
+        print(text)
     else:
         for case in chosen:
             print(case.name, case.mode, folders(root, case)[0].parent)

@@ -17,6 +17,7 @@ from make import folders
 
 HERE = Path(__file__).resolve().parent
 TIMEOUT = 1800.0  # s a process
+KNOWN = ("single", "pair", "many")  # kinds of cases that hide effects of the library alone
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
@@ -63,18 +64,44 @@ def references(root: Path, case: Case, baseline: bool = False) -> dict:
     return json.loads(text.splitlines()[-1]) if status == 0 else {"reference_failed": text[-500:]}
 
 
-def refer(root: Path, chosen: list[Case], workers: int) -> str:
-    """Held-out errors of fits that know the truth, over the noise floor, as a Markdown table; nothing is diagnosed."""
-    lines = ["| case | truth, error / floor |", "| --- | --- |"]
-    print("\n".join(lines), flush=True)
+def refer(root: Path, chosen: list[Case], results: Path, workers: int) -> str:
+    """Held-out errors of fits that know the truth, over the noise floor, as a Markdown table; nothing is diagnosed.
+
+    Of cases that hide effects of the library alone. Each is appended to `results` as it comes; what is there is kept.
+    """
+    known = _read(results)
+    some = [c for c in chosen if c.kind in KNOWN]
+    lock = threading.Lock()
+
+    def work(case: Case) -> None:
+        found = {"case": case.name} | references(root, case)
+        with lock, results.open("a") as file:
+            known[case.name] = found
+            file.write(json.dumps(found) + "\n")
+            print(f"{sum(c.name not in known for c in some):4d} left  {case.name}", file=sys.stderr, flush=True)
+
+    results.parent.mkdir(parents=True, exist_ok=True)
     with ThreadPoolExecutor(workers) as pool:
-        for case, found in zip(chosen, pool.map(lambda c: references(root, c), chosen), strict=True):
-            truth = found.get("oracle")
-            words = found.get("reference_failed", "-").strip().splitlines()[-1:] if truth is None else []
-            said = f"{truth['heldout_error'] / truth['floor']:.3g}" if truth else " ".join(words)
-            lines.append(f"| {case.name} | {said} |")
-            print(lines[-1], flush=True)
+        list(pool.map(work, [c for c in some if c.name not in known]))
+    lines = ["| case | truth, error / floor |", "| --- | --- |"]
+    for case in some:
+        truth = known[case.name].get("oracle")
+        lines.append(
+            f"| {case.name} | {truth['heldout_error'] / truth['floor']:.3g} |" if truth else f"| {case.name} | failed |"
+        )
     return "\n".join(lines) + "\n"
+
+
+def _read(results: Path) -> dict[str, dict]:
+    """The records in a file of results by case; a line cut short by a kill is run again."""
+    known: dict[str, dict] = {}
+    for line in results.read_text().splitlines() if results.exists() else []:
+        try:
+            record = json.loads(line)
+        except json.JSONDecodeError:
+            continue
+        known[record["case"]] = record
+    return known
 
 
 def _lacks(case: Case, record: dict | None, reference: bool, baseline: bool) -> bool:
@@ -82,20 +109,13 @@ def _lacks(case: Case, record: dict | None, reference: bool, baseline: bool) -> 
         return True
     if record["verdict"] == "failed" or "reference_failed" in record:
         return False
-    asked = reference and case.kind in ("single", "pair", "many") and "oracle" not in record
+    asked = reference and case.kind in KNOWN and "oracle" not in record
     return asked or (reference and baseline and case.kind == "single" and "baseline" not in record)
 
 
 def run(root: Path, chosen: list[Case], results: Path, workers: int, reference: bool, baseline: bool) -> list[dict]:
     """Records of the chosen cases: each is appended to `results` as it comes; what is there is not worked out again."""
-    known: dict[str, dict] = {}
-    if results.exists():  # a line cut short by a kill is run again
-        for line in results.read_text().splitlines():
-            try:
-                record = json.loads(line)
-            except json.JSONDecodeError:
-                continue
-            known[record["case"]] = record
+    known = _read(results)
     # in the order of their hashes, so that a run cut short is still an even sample of the list
     lacking = [c for c in chosen if _lacks(c, known.get(c.name), reference, baseline)]
     missing = sorted(lacking, key=lambda c: c.key)

@@ -1,4 +1,8 @@
-"""How closely an arm repeats a pose: what the interval of a part's pose allows for, beside the noise of recordings."""
+"""How closely an arm repeats a pose: what the interval of a part's pose allows for, beside the noise of recordings.
+
+Errors of the kinematics are whitened along with the noise (`vispeg.contact.errors.nuisance`), but to first order about
+the contacts that there are. Where a contact begins they do not move, and a pose is told by that.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +14,8 @@ from vispeg.contact.errors.nuisance import PLACE, TURN
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.worlds.world import World
 
-# Standard uncertainties: 0.1 mm (a KUKA LBR iiwa's data sheet), half of what its kinematics may be off by
+# 0.1 mm is the repeatability of a KUKA LBR iiwa (data sheet), and half of what kinematics may be off by; taken as
+# standard uncertainties
 REPEATS = {"m": 0.5 * PLACE, "rad": 0.5 * TURN}
 
 
@@ -26,14 +31,14 @@ def allowing(placed: EffectInstance) -> EffectInstance:
     """The effect with such intervals; of what is no pose as they are."""
     params = dict(placed.params)
     for k, v in params.items():
-        if v.low is not None and v.high is not None and (more := room(placed.effect, k)) > 0:
+        if v.low is not None and v.high is not None and (more := 1.96 * uncertainty(placed.effect, k)) > 0:
             param = effect(placed.effect).params[k]
             low, high = v.value - np.hypot(v.value - v.low, more), v.value + np.hypot(v.high - v.value, more)
             params[k] = replace(v, low=float(max(low, param.low)), high=float(min(high, param.high)))
     return replace(placed, params=params)
 
 
-def room(name: str, parameter: str) -> float:
-    """Half of the 95 % interval within which an arm repeats a parameter of an effect that is a pose; 0 of others."""
+def uncertainty(name: str, parameter: str) -> float:
+    """Standard uncertainty with which an arm repeats a parameter of an effect that is a pose; 0 of others."""
     kind = effect(name)
-    return 1.96 * REPEATS.get(kind.params[parameter].unit, 0.0) if kind.posed else 0.0
+    return REPEATS.get(kind.params[parameter].unit, 0.0) if kind.posed else 0.0

@@ -103,7 +103,10 @@ class ContactSearch(Search):
         for e in world.effects[self.n_fixed :]:
             kind = effect(e.effect)
             self.evidence.absent |= {(kind.name, k) for k, v in e.params.items() if v.value == kind.params[k].null}
-        return super().start(world, n_fixed)
+        state = super().start(world, n_fixed)
+        if not self.runs:
+            self.bound(state, self.n_fixed)
+        return state
 
     def run(self, world: World, n_fixed: int | None = None) -> State:
         """As for joints; intervals, which are dear by the squared residual, come once, of what stayed."""

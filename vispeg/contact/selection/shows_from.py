@@ -10,7 +10,7 @@ from scipy import stats
 
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.selection.profile import places, size_of
-from vispeg.contact.selection.repeats import room
+from vispeg.contact.selection.repeats import uncertainty
 from vispeg.contact.selection.screen import FELT, Probe
 from vispeg.contact.thin import PART
 from vispeg.core.effect import EffectInstance, effect
@@ -23,8 +23,8 @@ POWER = 0.9  # with which an effect shows that is as large as said
 
 
 def least_sizes(search: ContactSearch, world: World) -> dict[tuple[str, str], dict[str, float]]:
-    """`shown_from` beside a world, nine times in ten; greater where the held-out recordings ask for more, and of a pose
-    by what an arm repeats one to, for its interval allows for that.
+    """`shown_from` beside a world, of one parameter alone and with the probability `POWER`; greater where the held-out
+    recordings ask for more, and of a pose by what its interval allows for, so that it leaves out none as surely.
     """
     where = places(search.evidence, world)
     least = shown_from(search.probed(world, where), surely(search.evidence, search.need()))
@@ -41,8 +41,9 @@ def least_sizes(search: ContactSearch, world: World) -> dict[tuple[str, str], di
         short = surely(judged, search.confirms()) / max(PART * float(np.sum((r - base) ** 2)), 1e-12)
         if short > 1.0:
             least[key][name] = further(key[0], name, size, float(np.sqrt(short)))
+    ends = 1.96 + float(stats.norm.ppf(POWER))  # of standard uncertainties: an interval's half, and how it may lie
     return {
-        key: {name: within(key[0], name, float(np.hypot(size, room(key[0], name)))) for name, size in sizes.items()}
+        key: {n: within(key[0], n, float(np.hypot(s, ends * uncertainty(key[0], n)))) for n, s in sizes.items()}
         for key, sizes in least.items()
     }
 

@@ -86,7 +86,7 @@ def doubted(search: ContactSearch, state: State, n_fixed: int) -> bool:
     before = search.start(world, n_fixed)
     state.world, state.loss, state.residual = before.world, before.loss, before.residual
     state.fit, state.cross = before.fit, before.cross
-    near = ", as closely as an arm repeats a pose" if effect(gone.effect).posed else ""
+    near = ", allowing for how closely an arm repeats a pose" if effect(gone.effect).posed else ""
     why = f"the interval of {gone.label} includes none{near}"
     state.last = [replace(t, rejected=t.rejected or why) for _, trials in state.steps for t in trials]
     state.steps = []

@@ -79,4 +79,4 @@ def record_expert(
     outcome = Outcome(bool(ended["success"]), 0, str(ended["category"]), float(ended["peak_force"]), depth)
     time = np.arange(n) / rate_hz
     rec = recording(belief, world, control, ran, np.array(goals), time, name, EXPERT, (outcome,))
-    return with_noise(rec, world, noise, rng, torque_sensor, repeat)
+    return with_noise([rec] * repeat, noise, rng, torque_sensor)

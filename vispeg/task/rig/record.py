@@ -9,7 +9,6 @@ from typing import Literal
 
 import numpy as np
 
-from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.recordings.cell import LEVER, OPEN_CELL, CellBelief, Outcome, WrenchSensor
 from vispeg.recordings.noise import noisy
@@ -18,6 +17,7 @@ from vispeg.robots.declared import carried
 from vispeg.robots.scene import Scene
 from vispeg.robots.scene_config import OTHERS, SceneConfig
 from vispeg.sim.compiled import flange_pose
+from vispeg.sim.rollout import ReadingNoise, rounds
 from vispeg.task.belief import Believed, believed
 from vispeg.task.config import TaskConfig
 from vispeg.task.control import DAMPING, POSTURE
@@ -25,7 +25,6 @@ from vispeg.task.registry import task_of
 from vispeg.task.rig.commanded import CellMotion
 from vispeg.task.rig.posture import posture, start_angles
 from vispeg.task.rig.run import STEP, Ran, run
-from vispeg.worlds.places import ALL
 from vispeg.worlds.world import World
 
 
@@ -73,7 +72,8 @@ def record_cell(
         world: the plant: a model with a cell, its effects included. The cell is the belief that the recording states,
             the world's effects are hidden.
         motion: the commanded flange poses, at `rate_hz`.
-        noise: 1-sigma of white noise on `q`, `dq`, `tau`, `ee`, `ft` and `ft_torque`, added after the loop.
+        noise: 1-sigma of white noise on `q`, `dq`, `tau`, `ee`, `ft` and `ft_torque`, added after the loop. Where an
+            encoder reads in steps, all encoders have that of `q` in the loop, before they round.
         rng: the only source of chance.
         rate_hz: ticks of the controller and samples a second.
         torque_sensor: what `tau` measures; `none` leaves it out.
@@ -90,13 +90,24 @@ def record_cell(
     control = controller(belief.scene, belief.config, rate_hz, motion.force_limit, motion.stiffness, motion.posture)
     q = start_angles(belief.scene, motion.ee_cmd[0], motion.posture)
     plant = belief.world.add(*world.effects)
-    ran = run(belief.scene, [plant], control, motion.ee_cmd, q, np.zeros_like(q), h_max=h_max, nthread=nthread)
-    if ran.diverged[0]:
+    sensed = None
+    if noise.get("q", 0.0) > 0 and rounds(world):
+        sigma = np.full((repeat, len(q)), noise["q"])
+        sensed = ReadingNoise(sigma, np.zeros_like(sigma), rng, sensed=True)
+    plants = [plant] * (repeat if sensed else 1)
+    ran = run(
+        belief.scene, plants, control, motion.ee_cmd, q, np.zeros_like(q), h_max=h_max, nthread=nthread, sensed=sensed
+    )
+    if ran.diverged.any():
         raise UserError("the arm does not follow: the loop is unstable", expected="smaller effects or a higher rate")
     watch(ran.true[0])
     outcome = outcome_of(belief, ran) if motion.name.startswith(("insert", "look", "mix")) else ()
-    rec = recording(belief, world, control, ran, motion.ee_cmd, motion.time, name, motion.name, outcome)
-    return with_noise(rec, world, noise, rng, torque_sensor, repeat)
+    time, what = motion.time, motion.name
+    runs = [
+        recording(belief, world, control, ran, motion.ee_cmd, time, name, what, outcome, row)
+        for row in range(len(plants))
+    ]
+    return with_noise(runs if sensed else runs * repeat, noise, rng, torque_sensor, sensed is not None)
 
 
 def recording(
@@ -109,8 +120,9 @@ def recording(
     name: str,
     motion: str,
     outcomes: tuple[Outcome, ...] = (),
+    row: int = 0,
 ) -> Recording:
-    """What the sensors of one run read, without noise."""
+    """What the sensors of one run read, without noise; `row` of those that ran side by side."""
     scene = belief.scene
     return Recording(
         path=Path(name),
@@ -119,12 +131,12 @@ def recording(
         rate_hz=control.rate_hz,
         control=control,
         time=time,
-        q=ran.q[0],
-        dq=ran.dq[0],
-        tau=ran.tau[0],
-        ee=flange_pose(scene.nominal, ran.q[0]),
+        q=ran.q[row],
+        dq=ran.dq[row],
+        tau=ran.tau[row],
+        ee=flange_pose(scene.nominal, ran.q[row]),
         ee_cmd=ee_cmd,
-        ft=ran.ft[0],
+        ft=ran.ft[row],
         tool=carried(scene.nominal.compile()) | {"name": f"{belief.config.robot.tool} and {scene.held}"},
         torque_sensor="joint",
         cell=stated(world.cell, belief),
@@ -146,25 +158,21 @@ def stated(cell: CellBelief | None, belief: Believed) -> CellBelief:
 
 
 def with_noise(
-    rec: Recording,
-    world: World,
+    runs: Sequence[Recording],
     noise: Mapping[str, float],
     rng: np.random.Generator,
     torque_sensor: Literal["joint", "none"] = "joint",
-    repeat: int = 1,
+    sensed: bool = False,
 ) -> Recording:
-    """The recording as noisy sensors read it, `repeat` times over: episodes of the same motion.
-
-    An encoder of the world that reads in steps does so of what its noise makes of the angle, too.
-    """
+    """What noisy sensors read in runs of one motion; several become episodes. With `sensed` the angles have theirs."""
+    rec, repeat = runs[0], len(runs)
     names = ["q", "dq", "ee", "ft"] + (["tau"] if torque_sensor != "none" else [])
     level = dict(noise)
     if "ft" in level:
         level.setdefault("ft_torque", LEVER * level["ft"])
-    runs = [{key: noisy(key, getattr(rec, key), level, rng) for key in names} for _ in range(repeat)]
-    for r in runs:
-        r["q"] = _on_steps(world, rec.joints, r["q"])
-    columns = {key: np.concatenate([r[key] for r in runs]) for key in names}
+    added = {key: value for key, value in level.items() if not (sensed and key == "q")}
+    read = [{key: noisy(key, getattr(run, key), added, rng) for key in names} for run in runs]
+    columns = {key: np.concatenate([r[key] for r in read]) for key in names}
     if rec.ee_cmd is not None:
         columns["ee_cmd"] = np.tile(rec.ee_cmd, (repeat, 1))
     if repeat > 1:
@@ -193,13 +201,3 @@ def outcome_of(belief: Believed, ran: Ran) -> tuple[Outcome, ...]:
         return (Outcome(False, 0, "force limit", peak, depth),)
     deep = depth >= -float(task_of(config).goal(config)[2])
     return (Outcome(deep, 0, "success" if deep else "search" if depth < 0.002 else "jam", peak, depth),)
-
-
-def _on_steps(world: World, joints: Sequence[str], q: np.ndarray) -> np.ndarray:
-    """Angles (n, nj) rad as encoders read them that come last in the chain of sensors: in whole steps."""
-    out = q.copy()
-    for e in world.effects:
-        step = effect(e.effect).resolution({k: v.value for k, v in e.params.items()})
-        for j in (j for j, joint in enumerate(joints) if step > 0 and e.where in (ALL, joint)):
-            out[:, j] = np.round(out[:, j] / step) * step
-    return out

@@ -13,6 +13,7 @@ from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import nominal_of
 from vispeg.sim.controller import Controller
 from vispeg.sim.quiet import quiet
+from vispeg.sim.rollout import ReadingNoise
 from vispeg.sim.segments.rows import Rows
 from vispeg.sim.segments.segment import Segment
 from vispeg.task.cell import Cell
@@ -79,6 +80,7 @@ def run(
     *,
     h_max: float = STEP,
     nthread: int = 1,
+    sensed: ReadingNoise | None = None,
 ) -> Ran:
     """Drives every world along the commanded flange poses, as the robot was driven.
 
@@ -90,6 +92,7 @@ def run(
         q, dq: (nj,) what the encoders say at the first tick, rad and rad/s.
         h_max: greatest physics step, s.
         nthread: threads of the batch.
+        sensed: noise that the encoders have before they round.
     """
     tick, n, nsim = 1.0 / control.rate_hz, len(ee_cmd), len(worlds)
     nsub = max(1, math.ceil(tick / h_max - 1e-9))
@@ -108,7 +111,7 @@ def run(
     with quiet(), np.errstate(all="ignore"):
         for k in range(n):
             cell.read()
-            now, rate = cell.measure()
+            now, rate = cell.measure() if sensed is None else cell.measure(sensed.add)
             reader.true[k] = cell.x.q
             cell.advance(law.command(k, now, rate), nsub)
             reader.tick(k, cell, now, rate, cell.felt())

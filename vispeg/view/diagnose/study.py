@@ -6,12 +6,11 @@ done; a killed one does it again in a moment, and the command goes on from there
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any
 
 import numpy as np
 
@@ -31,6 +30,7 @@ from vispeg.view.diagnose.borders import Borders
 from vispeg.view.diagnose.contact import Contact
 from vispeg.view.diagnose.joints import Joints
 from vispeg.view.diagnose.standing import Candidate, Pictured, Rung, Standing, Tried
+from vispeg.view.diagnose.steps import read_steps, write_steps
 from vispeg.view.diagnose.subject import Steps
 from vispeg.view.diagnose.telling import key as key_of
 from vispeg.view.diagnose.telling import named, size, spelt, words
@@ -38,7 +38,6 @@ from vispeg.vision.show import side_by_side
 from vispeg.worlds.model_file import model_text, placed_dict
 
 SHOWN = 12  # candidates
-STEPS = "steps.json"  # in the folder of the progress
 
 
 class Study:
@@ -78,7 +77,7 @@ class Study:
         self.subject = _kind(inputs)(inputs, threads, lambda text: tell("say", text), progress)
         self.search = self.subject.search
         begin = self.subject.begin(self.world)
-        self.world, self.n_given, self.given = begin.given, begin.n_given, begin.n_fixed
+        self.world, self.n_given, self.n_fixed = begin.given, begin.n_given, begin.n_fixed
         self.state, self.before = None, list[tuple[State, list[Rung]]]()
         self.rungs = [Rung("the initial model", self.subject.error(self.world))]
         self.scores: dict[str, Score] = {}
@@ -92,6 +91,8 @@ class Study:
                 self._rung(ANEW)
             for step in self._claimed():
                 self._again(step)
+        else:  # nothing is fitted
+            self.n_given = len(self.world.effects)
 
     def show(self) -> None:
         """Tells where the search stands."""
@@ -119,12 +120,12 @@ class Study:
                 raise UserError("is in the model already", key=key)
         self.tell("say", f"fitting {words(score)}")
         before = self.subject.error(state.world)
-        (trial,) = search.try_all(state, [score], self.given, search.tested(state))
+        (trial,) = search.try_all(state, [score], self.n_fixed, search.tested(state))
         self.tell("tried", self._tried(trial, before))
         if trial.rejected and not anyway:
             return
         self._remember()
-        search.take(state, trial, [trial], self.given)
+        search.take(state, trial, [trial], self.n_fixed)
         self._rung(f"+ {words(score)}")
         self._did("fit", spelt(score))
         self.show()
@@ -132,12 +133,12 @@ class Study:
     def advance(self) -> bool:
         """One step of the search by itself; False where nothing more earns its place."""
         search, state = self._searching()
-        if not search.worth_it(state, self.given):
+        if not search.worth_it(state, self.n_fixed):
             self.tell("say", "the error is near the sensor noise: nothing more can be named")
             return False
         self._remember()
         steps, before, was = len(state.steps), self.subject.error(state.world), {e.label for e in state.world.effects}
-        went_on = search.advance(state, self.given)
+        went_on = search.advance(state, self.n_fixed)
         trials = state.last if len(state.steps) == steps else state.steps[steps][1]
         for trial in trials:
             self.tell("tried", self._tried(trial, before))
@@ -193,7 +194,9 @@ class Study:
     def save(self, file: Path, overwrite: bool) -> str:
         """Writes the model with what was added; returns the path."""
         world = self.world if self.state is None else self.state.world
-        return str(write_text_atomic(file, model_text(world), overwrite=overwrite))
+        partial = {e.label for e in self.world.effects if e.partial}  # still so: what they leave was not judged
+        effects = tuple(replace(e, partial=e.label in partial) for e in world.effects)
+        return str(write_text_atomic(file, model_text(replace(world, effects=effects)), overwrite=overwrite))
 
     def standing(self) -> Standing:
         """Where the search stands, with what the page draws of it."""
@@ -212,7 +215,7 @@ class Study:
             tracks=subject.tracks(self.world, world),
             maps=subject.maps(self.world, world),
             judged=self.judged,
-            enough=self.search is not None and state is not None and not self.search.worth_it(state, self.given),
+            enough=self.search is not None and state is not None and not self.search.worth_it(state, self.n_fixed),
         )
 
     def _searching(self) -> tuple[Steps, State]:
@@ -246,22 +249,23 @@ class Study:
 
     def _claimed(self) -> list[list[str]]:
         """What was done in this folder before; from now on it is this search's."""
-        steps = _read(self.part)["steps"]
-        if not steps:
+        done = read_steps(self.part)["steps"]
+        if not done:
             self._write()
-        return steps
+        return done
 
     def _write(self) -> None:
-        record = {"key": self.key, "steps": self.done}
-        write_text_atomic(self.part / STEPS, json.dumps(record) + "\n", overwrite=True)
+        write_steps(self.part, self.key, self.done)
 
     def _again(self, step: list[str]) -> None:
-        """Repeats what an earlier process did; its progress has the answers."""
+        """Repeats what an earlier process did; its progress has the answers. What readings show is there already."""
         self.tell("say", f"going on: {' '.join(step)}")
-        if step[0] == "fit":
-            self.fit(step[1], anyway=True)
-        else:
+        if step[0] != "fit":
             self.advance()
+            return
+        has = {(e.effect, e.where) for e in self._searching()[1].world.effects}
+        if not has.issuperset((e.effect, e.where) for e in self._typed(step[1]).members):
+            self.fit(step[1], anyway=True)
 
 
 def _kind(inputs: Inputs) -> type[Joints] | type[Contact] | type[Borders]:
@@ -276,23 +280,7 @@ def _progress(inputs: Inputs, out: Path) -> Progress:
     for name in ("found", *(f"found-{n}" for n in range(2, 1000))):
         part = out / f"{name}.part"
         progress = progress_of(inputs, SECONDS, 0, part)
-        ours = _read(part)["key"] in ("", progress.key) or progress.resumed
+        ours = read_steps(part)["key"] in ("", progress.key) or progress.resumed
         if ours and not (out / name).exists():
             return progress
     raise UserError("holds too many results", file=out, expected="another --out")
-
-
-class _Search(TypedDict):
-    """The key of the search that a folder belongs to, and its steps."""
-
-    key: str
-    steps: list[list[str]]
-
-
-def _read(part: Path) -> _Search:
-    """What a folder says of its search; empty where it is nobody's."""
-    try:
-        data = json.loads((part / STEPS).read_text(encoding="utf-8"))
-        return {"key": str(data["key"]), "steps": [[str(word) for word in step] for step in data["steps"]]}
-    except (OSError, ValueError, TypeError, KeyError):
-        return {"key": "x" if part.exists() else "", "steps": []}
