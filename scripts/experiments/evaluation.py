@@ -18,11 +18,12 @@ def played(policies: Iterable[tuple[str, Path]], worlds: Sequence[str], episodes
 
     The seeds are other ones than training and its evaluations had, the same for every policy and world.
     """
-    who = [entrant(f"{name}={_policy(folder / 'checkpoints')}") for name, folder in policies]
+    who = [entrant(f"{name}={policy_of(folder / 'checkpoints')}") for name, folder in policies]
     settings = [Setting(world, load_world(world).name) for world in worlds]
     return run(make_jobs(who, settings, seeds_of(episodes), out / "worlds"), out)
 
 
-def _policy(checkpoints: Path) -> Path:
+def policy_of(checkpoints: Path) -> Path:
+    """The best policy in a run's folder of checkpoints, or the last one where none is the best."""
     best = checkpoints / "best"
     return best if best.is_dir() else checkpoints / "last"

@@ -48,6 +48,16 @@ def test_intervals_are_of_exact_names_only():
     )
 
 
+def test_what_the_record_says_does_not_show_is_counted_among_all_and_apart():
+    """A hit below that size is no more among those that show than a miss is."""
+    shows = {"shows_from": [{"effect": "contact_friction", "where": "peg", "between": {"scale": [0.5, 2.0]}}]}
+    hit = record([FRICTION], [named("contact_friction", "peg", scale=1.65)])
+    text = report([hit | shows, record([FRICTION], [], "adequate") | shows, hit])
+    assert "nothing invented | 67 % [21, 94] of 3 |" in text
+    assert "| one effect: the same of those that show, by the record itself | 100 % [21, 100] of 1 |" in text
+    assert "nothing named falsely | 100 % [34, 100] of 2 |" in text and "| x | adequate | does not show |" in text
+
+
 def test_the_plain_fall_is_of_squared_errors_weighed_by_time():
     phases = [{"seconds": 1.0, "before": 4.0, "after": 2.0}, {"seconds": 3.0, "before": 2.0, "after": 1.0}]
     r = record([FRICTION], [named("contact_friction", "peg", scale=1.65)]) | {"phases": phases}

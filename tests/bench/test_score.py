@@ -1,6 +1,9 @@
 """The scorer on hand-made diagnoses whose marks are known."""
 
+from types import SimpleNamespace
+
 import pytest
+from runner import refer
 from score import coverage, judge, report, wilson
 
 
@@ -96,3 +99,13 @@ def test_what_is_tentative_is_no_name_and_a_class_is_right_where_it_holds_the_tr
     mass["indistinguishable_from"] = [{"effect": "gravity_tilt", "where": "base"}]
     right = judge(record(truth, [mass, bias | {"tentative": True}], "unexplained", "many"))
     assert (right["sure"], right["classes"], right["sure_hits"], right["false_names"]) == (1, 1, 1, 0)
+
+
+def test_errors_of_the_truth_are_kept_and_only_of_what_the_library_has(tmp_path, monkeypatch):
+    asked = []
+    answer = {"oracle": {"heldout_error": 3e-5, "floor": 2e-5, "params": {}}}
+    monkeypatch.setattr("runner.references", lambda root, case: asked.append(case.name) or answer)
+    chosen = [SimpleNamespace(name=k, kind=k) for k in ("single", "many", "unknown")]
+    for _ in range(2):
+        text = refer(tmp_path, chosen, tmp_path / "references.jsonl", 1)
+    assert asked == ["single", "many"] and "| many | 1.5 |" in text and "unknown" not in text

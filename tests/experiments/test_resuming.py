@@ -4,6 +4,7 @@ import sys
 from types import SimpleNamespace
 
 import pytest
+from evaluation import policy_of
 from training import Budget, Variant, configuration, run_folder, trained
 
 from vispeg.core.errors import UserError
@@ -73,3 +74,10 @@ def test_recurrent_actors_see_one_observation():
     recurrent = configuration(Variant("a", "searching", stack=4, recurrent=64), 1, BUDGET)
     assert recurrent.settings["stack"] == 1 and recurrent.sac.recurrent == 64
     assert configuration(Variant("a", "searching", stack=4), 1, BUDGET).settings["stack"] == 4
+
+
+def test_a_run_that_never_came_to_its_last_stage_is_judged_by_its_last_policy(tmp_path):
+    (tmp_path / "last").mkdir()
+    assert policy_of(tmp_path) == tmp_path / "last"
+    (tmp_path / "best").mkdir()
+    assert policy_of(tmp_path) == tmp_path / "best"

@@ -62,7 +62,7 @@ def judge(r: Record) -> Record:
     return r | {
         "named": sorted(names), "hits": hits, "right": hits == len(r["hidden"]) == len(named), "exact": truths == names,
         "extras": len(left), "fall": first / last if last > 0 else None, "partly": len(partial) >= len(r["hidden"]),
-        "confident": r["verdict"] == "identified", "silent": silent(r) and not hits == len(r["hidden"]) == len(named),
+        "confident": r["verdict"] == "identified", "silent": silent(r),
     }  # fmt: skip
 
 
@@ -101,20 +101,23 @@ def report(records: Sequence[Record]) -> str:
     """The whole score as Markdown."""
     failed = [r for r in records if r["verdict"] == "failed"]
     done = [judge(r) for r in records if r["verdict"] != "failed"]
-    kind = {k: [r for r in done if r["kind"] == k and not r["silent"]] for k in ("single", "pair", "none", "unknown")}
-    quiet = [r for r in done if r["silent"]]
+    kind = {k: [r for r in done if r["kind"] == k] for k in ("single", "pair", "none", "unknown")}
+    shown = {k: [r for r in kind[k] if not r["silent"]] for k in ("single", "pair")}
     known = kind["single"] + kind["pair"]
+    quiet = [r for r in known if r["silent"]]
     numbers = values(known)
     inside = [low <= true <= high for _, _, true, _, low, high in numbers if low is not None and high is not None]
     near = {name: [abs(found - true) for e, _, true, found, *_ in numbers if e == name]
             for name in ("hole_offset", "hole_clearance")}  # fmt: skip
     rows = [
         ("one effect: class, nothing invented", share(r["right"] for r in kind["single"])),
+        ("one effect: the same of those that show, by the record itself", share(r["right"] for r in shown["single"])),
         ("one effect: exact name and place", share(r["exact"] for r in kind["single"])),
         ("one effect: among what lowered the error, whatever the verdict", share(r["partly"] for r in kind["single"])),
         ("one effect: confidently wrong", share(r["confident"] and not r["right"] for r in kind["single"])),
         ("pairs: both classes, nothing invented", share(r["right"] for r in kind["pair"])),
-        ("not excited, and said so: nothing named falsely", share(not r["extras"] for r in quiet)),
+        ("pairs: the same of those that show, by the record itself", share(r["right"] for r in shown["pair"])),
+        ("does not show, and said so: nothing named falsely", share(not r["extras"] for r in quiet)),
         ("no effect: given a name", share(bool(r["named"]) for r in kind["none"])),
         ("no effect: verdict adequate", share(r["verdict"] == "adequate" for r in kind["none"])),
         ("unknown: verdict unexplained", share(r["verdict"] == "unexplained" for r in kind["unknown"])),
@@ -149,7 +152,7 @@ def _row(r: Record) -> tuple[str, ...]:
     return (
         r["case"],
         r["verdict"],
-        "does not show" if r["silent"] else "yes" if good else "no",
+        "yes" if good else "does not show" if r["silent"] else "no",
         "; ".join(_found(e) for e in r["effects"]) or "none",
         "; ".join(_hidden(h) for h in r["hidden"]),
         " to ".join([errors[0], errors[-1]] if len(errors) > 1 else errors),
