@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from vispeg.contact.selection.profile import probed
+from vispeg.contact.selection.screen import Screen
 from vispeg.contact.selection.search import ContactSearch
 from vispeg.contact.thin import PART
 from vispeg.core.effect import EffectInstance
@@ -81,14 +82,12 @@ def test_what_an_effect_gains_is_worked_out_once_and_never_below_none(monkeypatc
     """A resumed diagnosis asks it again, of the same world, place and value."""
     asked = []
 
-    class Once:
-        def __init__(self, evidence, world, free):
-            asked.append(world.label)
+    def ask(self, tries, in_part):
+        asked.append(self.world.label)
+        return [SimpleNamespace(gain=-7.0)], [0.0]
 
-        def ask(self, tries, in_part):
-            return [SimpleNamespace(gain=-7.0)], [0.0]
-
-    monkeypatch.setattr("vispeg.contact.selection.search.Screen", Once)
+    monkeypatch.setattr(Screen, "__init__", lambda self, evidence, world, free: setattr(self, "world", world))
+    monkeypatch.setattr(Screen, "ask", ask)
     search = object.__new__(ContactSearch)
     search.progress, search.evidence, search.n_fixed = Progress(), None, 0
     offset, other = (EffectInstance.of(*OFFSET, x=size) for size in (1e-3, 2e-3))

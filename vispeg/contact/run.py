@@ -62,7 +62,7 @@ def diagnose_contact(
     judge, say = Judge(judged), Share(say, ahead=2)
     search = ContactSearch(evidence, judge, say, progress)
     begin = begun(world)
-    world, n_fixed = begin.given, begin.n_fixed
+    world, n_fixed = begin.world, begin.n_fixed
     before_fit, before_held = evidence.residuals([world])[0], judged.residuals([world])[0]
     shows = least_sizes(search, world)
     state = search.run(world, n_fixed)

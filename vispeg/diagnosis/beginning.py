@@ -18,20 +18,20 @@ class Beginning:
     """A model before its search.
 
     Attributes:
-        given: the model, its partial effects last.
+        world: the model, its partial effects last.
         n_given: how many of its effects stay as they are.
         read: what the readings show by themselves.
     """
 
-    given: World
+    world: World
     n_given: int
     read: tuple[EffectInstance, ...] = ()
 
     @property
     def first(self) -> World:
         """What the search starts from."""
-        firm, open_ = self.given.effects[: self.n_given], self.given.effects[self.n_given :]
-        return replace(self.given, effects=(*firm, *self.read, *open_))
+        firm, open_ = self.world.effects[: self.n_given], self.world.effects[self.n_given :]
+        return replace(self.world, effects=(*firm, *self.read, *open_))
 
     @property
     def n_fixed(self) -> int:
@@ -53,4 +53,4 @@ def opened(world: World, names: Collection[str] | None = None) -> Beginning:
 def of_joints(world: World, recordings: Sequence[Recording], unit: str) -> Beginning:
     """The same, with the steps of encoders, which the readings of angles show; not where torques are compared."""
     begin = opened(world)
-    return replace(begin, read=gridded(begin.given, recordings)) if unit == "rad" else begin
+    return replace(begin, read=gridded(begin.world, recordings)) if unit == "rad" else begin

@@ -87,7 +87,7 @@ def diagnose(
     say = Share(say, ahead=3)  # of one effect: its fit, its rivals, the next experiment
     search = Search(evidence, judge, say, progress)
     begin = of_joints(world, [*fitted, *held_out], evidence.unit)
-    world, n_given, n_fixed = begin.given, begin.n_given, begin.n_fixed
+    world, n_given, n_fixed = begin.world, begin.n_given, begin.n_fixed
     rung = (begin.label, begin.first) if begin.read else None
     before_fit = evidence.residuals([world])[0]
     before_held = judged.residuals([world])[0]

@@ -81,6 +81,11 @@ class Screen:
                 out[k] = _probe(*tries[k], base, rest, part), _promised(base, rest, part)
         return [out[k][0] for k in range(len(tries))], [out[k][1] for k in range(len(tries))]
 
+    def gain(self, placed: EffectInstance) -> float:
+        """What an effect at its value takes off the squared residual of all blocks, not less than 0."""
+        (probe,) = self.ask([("", placed)], in_part=False)[0]
+        return max(float(probe.gain), 0.0)
+
     def _begin(self, part: int) -> tuple[np.ndarray, np.ndarray]:
         base, *near = self.asked[part]([self.world, *self.near])
         basis = _basis([r - base for r in near], len(base), FELT**2 / part)

@@ -104,7 +104,7 @@ class ContactSearch(Search):
             kind = effect(e.effect)
             self.evidence.absent |= {(kind.name, k) for k, v in e.params.items() if v.value == kind.params[k].null}
         state = super().start(world, n_fixed)
-        if not self.runs:
+        if not self.runs:  # the viewer's
             self.bound(state, self.n_fixed)
         return state
 
@@ -283,14 +283,11 @@ class ContactSearch(Search):
         return best, len(where)
 
     def _gain_of(self, world: World, placed: EffectInstance) -> float:
-        """What an effect at its value gains beside a world, of all blocks; remembered. Not less than 0."""
+        """What an effect at its value gains beside a world; remembered."""
 
-        def work_out() -> float:
-            (probe,) = Screen(self.evidence, world, self.free(world)).ask([("", placed)], in_part=False)[0]
-            return max(float(probe.gain), 0.0)
-
-        question = ["contact gain", model_text(world), placed_dict(placed), list(self.free(world))]
-        return self.progress.recall(question, work_out)
+        free = self.free(world)
+        asked = ["contact gain", model_text(world), placed_dict(placed), list(free)]
+        return self.progress.recall(asked, lambda: Screen(self.evidence, world, free).gain(placed))
 
     def _grow(self, state: State, placed: EffectInstance, n_fixed: int) -> None:
         """No effect of contact is a richer form of another."""

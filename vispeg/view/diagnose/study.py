@@ -77,7 +77,7 @@ class Study:
         self.subject = _kind(inputs)(inputs, threads, lambda text: tell("say", text), progress)
         self.search = self.subject.search
         begin = self.subject.begin(self.world)
-        self.world, self.n_given, self.n_fixed = begin.given, begin.n_given, begin.n_fixed
+        self.world, self.n_given, self.n_fixed = begin.world, begin.n_given, begin.n_fixed
         self.state, self.before = None, list[tuple[State, list[Rung]]]()
         self.rungs = [Rung("the initial model", self.subject.error(self.world))]
         self.scores: dict[str, Score] = {}
@@ -87,7 +87,7 @@ class Study:
                 label = ", ".join(effect_words.named(placed_dict(e)) for e in begin.read)
                 self.rungs.append(Rung(f"+ {label}", self.subject.error(begin.first)))
             self.state = self.search.start(begin.first, begin.n_fixed)
-            if begin.n_given < len(begin.given.effects):
+            if begin.n_given < len(begin.world.effects):
                 self._rung(ANEW)
             for step in self._claimed():
                 self._again(step)
