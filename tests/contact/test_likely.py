@@ -102,3 +102,26 @@ def test_recordings_that_disagree_widen_an_interval_by_birges_ratio():
     (found,) = disagreement(fit, sizes)
     assert found == pytest.approx(float(column[:200] @ column[:200]) * float(apart @ apart) / 2)
     assert disagreement(fit, [600]) == pytest.approx(0.0)
+
+
+def test_an_interval_has_a_width_where_much_less_is_met_on_the_way():
+    """Beyond an edge in z half of the residual is gone: x and y are no surer by that."""
+    placed = EffectInstance.of("hole_offset", "fixture", x=1e-3, y=-1e-3, z=2e-3)
+    rng = stream(7, "likely")
+    jacobian, noise = rng.standard_normal((400, 3)) * [3.0, 2.0, 30.0], rng.standard_normal(400)
+    noise -= jacobian @ np.linalg.lstsq(jacobian, noise, rcond=None)[0]
+    fit = linear_fit(placed, jacobian, noise, np.sqrt(6.0 * np.diag(np.linalg.inv(jacobian.T @ jacobian))))
+
+    smooth, _ = intervals(Line(fit), fit)
+    edge = 0.5 * (2e-3 + smooth.effects[0].params["z"].high)
+
+    class Step(Line):
+        def residuals(self, worlds):
+            past = [w.effects[0].params["z"].value > edge for w in worlds]
+            return [r * (0.5 if p else 1.0) for r, p in zip(super().residuals(worlds), past, strict=True)]
+
+    world, best = intervals(Step(fit), fit)
+    assert best[2] > fit.u[2], "there the search goes on"
+    for name in "xy":
+        width, usual = (w.effects[0].params[name] for w in (world, smooth))
+        assert width.high - width.low > 0.6 * (usual.high - usual.low)

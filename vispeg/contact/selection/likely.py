@@ -25,6 +25,7 @@ QUANTILE = 3.84  # of chi squared with one degree of freedom: 95 %
 FAINT = 0.03  # of the length of a derivative, below which a recording tells nothing of a coordinate
 ROUNDS = ((1.0,), (2.0,), (4.0, 8.0), (16.0, 64.0))  # of a half interval by derivatives, until the residual rises
 CLOSER = 2  # times that the end is then looked at from nearer, for what begins to slip rises at once
+LEAST = 0.5  # of the rise, counted from the fit, where much less of the residual was met on the way: the end is not 0
 FLAT = 1e-12
 BENT = 1.2  # times the variance that a coordinate would have alone, up to which the others hardly move along
 
@@ -95,7 +96,8 @@ def intervals(evidence: ContactEvidence, fit: Fit) -> tuple[World, np.ndarray]:
         ends = [fit.u[i]]
         for ray, points in zip(ways.rays, ways.points, strict=True):
             if ray.axis == i:
-                ends.append(fit.u[i] + _end(points, ray.rise + ways.least) * ray.direction[i])
+                level = ray.rise * max(1.0 + ways.least / ray.rise, LEAST)
+                ends.append(fit.u[i] + _end(points, level) * ray.direction[i])
         values = [fit.space.backward(float(np.clip(e, low[i], high[i])), axis) for e in ends]
         placed = effects[axis.index]
         params = {**placed.params, axis.name: Value(values[0], min(values), max(values))}
