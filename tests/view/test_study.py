@@ -88,7 +88,7 @@ def test_partial_effects_are_fitted_anew_and_the_search_ends_as_the_command_does
 
 
 def test_steps_of_encoders_stand_in_the_ladder(rigs, tmp_path):
-    """The readings show them before any search; a step of 1 mrad lies below what a squared error shows of it."""
+    """The readings show them before any search."""
     for name in ("rig-a", "rig-b", "rig-c"):
         rec = load(rigs / name)
         write(replace(rec, q=1e-3 * np.round(rec.q / 1e-3), robot=str(rigs / "arm.xml")), tmp_path / name)
