@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 from contact_runner import finished, run
-from contact_score import judge, plain_fall, report, values
+from contact_score import judge, plain_fall, references, report, values
 
 FRICTION = {"effect": "contact_friction", "where": "peg", "params": {"scale": 1.7}}
 LADDER = [{"heldout_error": 5.0}, {"heldout_error": 1.0}]
@@ -76,3 +76,13 @@ def test_what_is_finished_is_neither_made_nor_run_again(tmp_path):
     assert finished(results) == {"x": whole} and finished(tmp_path / "none") == {}
     case = SimpleNamespace(name="x", key="k")
     assert run(tmp_path / "no recordings", [case], results) == [whole]
+
+
+def test_what_the_truth_leaves_bounds_the_fall():
+    """Medians over the cases that were fitted, the ladder's and the plain one; a failed fit is said."""
+    fitted = {"before": 3.0, "after": 1.0, "plain_before": 4.0, "plain_after": 2.0}
+    record_of = lambda k: {"case": f"c{k}", "verdict": "fitted", **fitted, "before": 3.0 * k}  # noqa: E731
+    text = references([record_of(1), record_of(2), record_of(3), {"case": "x", "verdict": "failed"}])
+    assert "Of 3 cases" in text and "(1 failed)" in text
+    assert "held-out error 6-fold, of the plain force error 2-fold" in text
+    assert "| c2 | 6.000 to 1.000 | 4.00 to 2.00 |" in text

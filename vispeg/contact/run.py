@@ -14,6 +14,7 @@ from vispeg.contact.law import unsure
 from vispeg.contact.record import arrays, channels, not_excited, phase_errors, separating, shows_from, where_it_fails
 from vispeg.contact.remainder import judged as in_phases
 from vispeg.contact.remainder import remainder
+from vispeg.contact.selection import layer
 from vispeg.contact.selection.profile import BLOWS, looked_for
 from vispeg.contact.selection.repeats import repeated
 from vispeg.contact.selection.search import ContactSearch
@@ -80,6 +81,7 @@ def diagnose_contact(
     models = {"given": world, "corrected": corrected} if len(corrected.effects) > n_fixed else {"given": world}
     replayed, said = closed_loop(held_out, models, nthread)
     verdict = last_judge.judged(verdict, replayed, held_out, corrected, n_fixed, nthread)
+    verdict = layer.judged(verdict, corrected, n_fixed)
     final = with_origin(
         corrected,
         n_fixed,

@@ -3,6 +3,7 @@
     python scripts/bench/hidden_contact --make DIR --cases "friction/*" "none/0*" --dev
     python scripts/bench/hidden_contact --make DIR --run --limit 16 --out report.md --json hidden_contact.json
     python scripts/bench/hidden_contact --make DIR --run --json docs/results/hidden_contact.json
+    python scripts/bench/hidden_contact --make DIR --reference
 
 The plant shares no code with the model and is not MuJoCo: analytic peg and hole, Hunt-Crossley contact, its own
 integrator. Cases are deterministic by seed. `--dev` uses seeds that are never scored: tune only on those.
@@ -32,14 +33,15 @@ def main() -> int:
     parser.add_argument("--dev", action="store_true", help="development seeds, not the scored ones")
     parser.add_argument("--list", action="store_true", help="print the chosen cases and stop")
     parser.add_argument("--run", action="store_true", help="diagnose the chosen cases and print the score")
+    parser.add_argument("--reference", action="store_true", help="fit the true effects instead of searching for them")
     parser.add_argument("--results", type=Path, default=None, help="JSON lines; those that are there are not run again")
     parser.add_argument("--out", type=Path, default=None, help="also write the score, as Markdown")
     parser.add_argument("--json", type=Path, default=None, help="also write the records, as JSON")
     args = parser.parse_args()
     from contact_cases import choose
     from contact_make import folders, make
-    from contact_runner import finished, run
-    from contact_score import report
+    from contact_runner import diagnose, finished, reference, run
+    from contact_score import references, report
 
     root = args.make / ("dev" if args.dev else "scored")
     try:
@@ -47,18 +49,23 @@ def main() -> int:
     except ValueError as error:
         print(error, file=sys.stderr)
         return 2
+    if args.run and args.reference:
+        print("--run and --reference are two runs", file=sys.stderr)
+        return 2
+    if args.reference:
+        chosen = [c for c in chosen if c.hidden]
     if args.list:
         print("\n".join(f"{c.name}  [{c.kind}]" for c in chosen))
         return 0
-    results = args.results or root / "results.jsonl"
-    there = finished(results) if args.run else {}
+    results = args.results or root / ("references.jsonl" if args.reference else "results.jsonl")
+    there = finished(results) if args.run or args.reference else {}
     make(root, [c for c in chosen if c.name not in there], say=lambda text: print(text, file=sys.stderr, flush=True))
-    if not args.run:
+    if not (args.run or args.reference):
         for case in chosen:
             print(case.name, folders(root, case)["judge"].parent)
         return 0
-    records = run(root, chosen, results)
-    text = report(records)
+    records = run(root, chosen, results, reference if args.reference else diagnose)
+    text = references(records) if args.reference else report(records)
     print(text)
     for file, content in ((args.out, text), (args.json, json.dumps(records, indent=1) + "\n")):
         if file is not None:

@@ -1,4 +1,4 @@
-"""Runs `vispeg diagnose` on every case in a process of its own; a killed run resumes."""
+"""Runs `vispeg diagnose`, or a fit that knows the truth, on every case in a process of its own; a killed run resumes."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import resource
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -27,6 +28,23 @@ def diagnose(root: Path, case: Case) -> dict:
     for folder in fit:
         command += ["--recording", str(folder)]
     command += ["--validate", str(judge), "--out", str(out), "--overwrite", "--quiet", "--threads", "1"]
+    record, answer = _called(case, command)
+    if answer is None:
+        return record
+    found = json.loads((out / "diagnosis.json").read_text())
+    return record | {key: found.get(key) for key in KEYS}
+
+
+def reference(root: Path, case: Case) -> dict:
+    """What a fit of the true effects leaves of one case, which `contact_score.references` reads."""
+    *fit, judge = folders(root, case).values()
+    command = [sys.executable, str(HERE / "contact_reference.py"), str(judge), json.dumps(case.hidden), *map(str, fit)]
+    record, answer = _called(case, command)
+    return record if answer is None else record | {"verdict": "fitted", "effects": case.hidden} | json.loads(answer)
+
+
+def _called(case: Case, command: list[str]) -> tuple[dict, str | None]:
+    """The record that a process for a case begins, and what it printed; None where it failed, as the record says."""
     environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(HERE.parents[2])}
     record: dict = {"case": case.name, "kind": case.kind, "hidden": case.hidden, "commit": commit()}
     begin, before = time.monotonic(), _cpu()
@@ -37,9 +55,8 @@ def diagnose(root: Path, case: Case) -> dict:
         status, text = 124, f"no answer within {TIMEOUT:.0f} s"
     record |= {"seconds": round(time.monotonic() - begin, 1), "cpu_s": round(_cpu() - before, 1)}
     if status != 0:
-        return record | {"verdict": "failed", "effects": [], "message": text[-2000:]}
-    found = json.loads((out / "diagnosis.json").read_text())
-    return record | {key: found.get(key) for key in KEYS}
+        return record | {"verdict": "failed", "effects": [], "message": text[-2000:]}, None
+    return record, done.stdout
 
 
 @cache
@@ -72,14 +89,16 @@ def finished(results: Path) -> dict[str, dict]:
     return records
 
 
-def run(root: Path, chosen: list[Case], results: Path) -> list[dict]:
-    """Records of the chosen cases, each appended to `results` as it comes; those that are there are not run again."""
+def run(
+    root: Path, chosen: list[Case], results: Path, work: Callable[[Path, Case], dict] = diagnose
+) -> list[dict]:
+    """Records that `work` makes of the chosen cases, each appended to `results` as it comes; those that are there are not run again."""
     records = finished(results)
     # in the order of their hashes, so that a run cut short is still an even sample of the list
     missing = sorted((c for c in chosen if c.name not in records), key=lambda c: c.key)
     results.parent.mkdir(parents=True, exist_ok=True)
     for left, case in zip(range(len(missing) - 1, -1, -1), missing, strict=True):
-        record = records[case.name] = diagnose(root, case)
+        record = records[case.name] = work(root, case)
         with results.open("a") as file:
             file.write(json.dumps(record) + "\n")
         named = ", ".join(f"{e['effect']}({e['where']})" for e in record["effects"]) or "-"

@@ -145,6 +145,20 @@ def report(records: Sequence[Record]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def references(records: Sequence[Record]) -> str:
+    """What fits of the true effects leave, as Markdown: what errors can fall to in these recordings."""
+    done = [r for r in records if r["verdict"] != "failed"]
+    falls = [(r["before"] / r["after"], r["plain_before"] / r["plain_after"]) for r in done]
+    cells = [
+        (r["case"], f"{r['before']:.3f} to {r['after']:.3f}", f"{r['plain_before']:.2f} to {r['plain_after']:.2f}")
+        for r in done
+    ]
+    lines = [f"Of {len(done)} cases, with the true effects fitted from their true values ({len(records) - len(done)} "]
+    lines[0] += "failed): median fall of the held-out error "
+    lines[0] += f"{times(f for f, _ in falls)}, of the plain force error {times(f for _, f in falls)}."
+    return "\n".join([*lines, "", *table(("hidden", "held-out error, N", "plain force error, N"), cells)]) + "\n"
+
+
 def _row(r: Record) -> tuple[str, ...]:
     """A case as a line of the report."""
     good = r["verdict"] == "unexplained" if r["kind"] == "unknown" else r["right"]

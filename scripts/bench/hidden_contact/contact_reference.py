@@ -1,0 +1,49 @@
+"""How far the true effects lower the held-out error: what no diagnosis can fall below, by more than chance.
+
+Run as a script by the benchmark: `python contact_reference.py JUDGE HIDDEN_JSON FIT..` prints one JSON object.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+sys.path[:0] = [str(Path(__file__).resolve().parents[3])]
+
+from vispeg.contact.evidence import ContactEvidence  # noqa: E402
+from vispeg.contact.record import phase_errors  # noqa: E402
+from vispeg.contact.run import evidence_of  # noqa: E402
+from vispeg.core.effect import EffectInstance  # noqa: E402
+from vispeg.identify.fit import fit_job  # noqa: E402
+from vispeg.identify.pool import run_together  # noqa: E402
+from vispeg.recordings.load import load  # noqa: E402
+from vispeg.worlds.world import World  # noqa: E402
+
+ITERATIONS = 6  # as a search has
+
+
+def reference(judge: Path, hidden: list[dict], fit: list[Path]) -> dict:
+    """Held-out errors, N RMS, of the nominal model and of the true effects, fitted from their true values; what the
+    ladder says (`before`, `after`), and of plain forces over all phases (`plain_before`, `plain_after`).
+    """
+    evidence, judged = evidence_of([load(f) for f in fit]), evidence_of([load(judge)])
+    world = World().add(*(EffectInstance.of(h["effect"], h["where"], **h["params"]) for h in hidden))
+    job = fit_job(evidence, world, range(len(world.effects)), iterations=ITERATIONS)
+    (found,) = run_together([job], evidence.residuals)
+    return errors(judged, World(), found.world)
+
+
+def errors(judged: ContactEvidence, before: World, after: World) -> dict:
+    """See `reference`."""
+    phases = phase_errors(judged, judged.simulated([before, after]))
+    out = {}
+    for key, world in (("before", before), ("after", after)):
+        out[key] = judged.angle_rms(judged.residuals([world])[0])
+        total = sum(float(p["seconds"]) * float(p[key]) ** 2 for p in phases)  # type: ignore[arg-type]
+        out[f"plain_{key}"] = (total / sum(float(p["seconds"]) for p in phases)) ** 0.5  # type: ignore[arg-type]
+    return out
+
+
+if __name__ == "__main__":
+    print(json.dumps(reference(Path(sys.argv[1]), json.loads(sys.argv[2]), [Path(f) for f in sys.argv[3:]])))

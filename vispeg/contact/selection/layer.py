@@ -1,0 +1,36 @@
+"""A soft layer on the fixture, such as a gasket or tape: no effect of the library, and yet it looks as two of them."""
+
+from __future__ import annotations
+
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.diagnosis.conclusion.verdict import Verdict
+from vispeg.worlds.world import World
+
+
+def judged(verdict: Verdict, world: World, n_fixed: int) -> Verdict:
+    """`ambiguous` in place of `identified` where a softer contact is met sooner: a layer is that on top, and where
+    walls are touched little no recording tells it from the two.
+
+    Args:
+        verdict: of the search.
+        world: the corrected model.
+        n_fixed: effects that it was given.
+    """
+    if verdict.verdict != "identified":
+        return verdict
+    added = world.effects[n_fixed:]
+    soft = next((e for e in added if e.effect == "contact_stiffness" and e.params["scale"].value < 1.0), None)
+    high = next((e for e in added if _higher(e)), None)
+    if soft is None or high is None:
+        return verdict
+    text = (
+        f"{soft.label} with {high.label} is also what a soft layer on the fixture (a gasket, tape) looks like, "
+        "which is no effect of the library: look whether one lies there"
+    )
+    return Verdict("ambiguous", text, partial=verdict.partial)
+
+
+def _higher(placed: EffectInstance) -> bool:
+    """Whether it is the pose of a part that meets its counterpart sooner by all of its interval."""
+    z = placed.params.get("z") if effect(placed.effect).posed else None
+    return z is not None and (z.value if z.low is None else z.low) > 0.0
