@@ -12,6 +12,7 @@ from vispeg.diagnosis.evidence.localise import MissingTorque, joint_z
 from vispeg.diagnosis.evidence.screen import Score, candidates, groups, shortlist
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.accept import LEAST_SHARE, in_order, passes, ranked
+from vispeg.diagnosis.selection.gather import gathered
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.law import grow, refined
 from vispeg.diagnosis.selection.loop import Loop
@@ -55,7 +56,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
 
     def ways(self) -> Sequence[Callable[[State, int], bool]]:
         """Adding an effect, then what makes those that stand there earn their places."""
-        return self.advance, partial(refined, self), partial(cast_out, self)
+        return self.advance, partial(refined, self), partial(cast_out, self), partial(gathered, self)
 
     def start(self, world: World, n_fixed: int | None = None) -> State:
         """Where a search for what `world` lacks begins: its open effects after the first `n_fixed` are fitted anew."""

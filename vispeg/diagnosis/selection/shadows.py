@@ -29,10 +29,10 @@ def dismissed(search: Search, state: State, before: np.ndarray, score: Score, n_
     """Drops the members at a bound of what just came in, if the others are better than the held-out loss `before`."""
     gone = [e for e in _stuck(state, n_fixed) if score.has(e)]
     if gone and len(gone) < score.count:
-        other = _without(search, state, gone, n_fixed)
+        other = lacking(search, state, gone, n_fixed)
         if search.judge.gain(before, other.loss).relative >= search.evidence.least_gain:
             search.say(f"without {', '.join(e.label for e in gone)}: at a bound")
-            _become(state, other)
+            become(state, other)
 
 
 def cast_out(search: Search, state: State, n_fixed: int) -> bool:
@@ -41,13 +41,20 @@ def cast_out(search: Search, state: State, n_fixed: int) -> bool:
     if not gone or state.fit is None:
         return False
     search.say(f"going on without {', '.join(e.label for e in gone)}: at a bound")
-    other = _without(search, state, gone, n_fixed)
-    for _ in range(STEPS):
-        if not (search.worth_it(other, n_fixed) and search.advance(other, n_fixed)) or other.fit is None:
-            return False
-        if search.judge.gain(state.loss, other.loss).relative >= BETTER:
-            _become(state, other)
+    other = lacking(search, state, gone, n_fixed)
+    if not overtakes(search, state, other, n_fixed, STEPS):
+        return False
+    become(state, other)
+    return True
+
+
+def overtakes(search: Search, state: State, other: State, n_fixed: int, steps: int) -> bool:
+    """Whether a state of other effects is better than `state`, or within some `steps` of its search; it goes on."""
+    for k in range(steps + 1):
+        if other.fit is not None and search.judge.gain(state.loss, other.loss).relative >= BETTER:
             return True
+        if k == steps or not (search.worth_it(other, n_fixed) and search.advance(other, n_fixed)):
+            return False
     return False
 
 
@@ -55,7 +62,7 @@ def _stuck(state: State, n_fixed: int) -> list[EffectInstance]:
     return [e for e in state.world.effects[n_fixed:] if effect(e.effect).family in ("joint", "drive") and at_bound(e)]
 
 
-def _without(search: Search, state: State, gone: Sequence[EffectInstance], n_fixed: int) -> State:
+def lacking(search: Search, state: State, gone: Sequence[EffectInstance], n_fixed: int) -> State:
     """A state without some effects, the others fitted anew; steps that brought in nothing else were none."""
     world, fit = without(state.world, gone), None
     if len(world.effects) > n_fixed:
@@ -69,7 +76,8 @@ def _without(search: Search, state: State, gone: Sequence[EffectInstance], n_fix
     return replace(state, world=world, loss=loss, residual=residual, fit=fit, cross=cross, steps=steps, last=[])
 
 
-def _become(state: State, other: State) -> None:
+def become(state: State, other: State) -> None:
+    """The state of another search."""
     assert other.fit is not None
     state.take(other.fit, other.loss)
     state.cross, state.steps, state.last, state.screening = other.cross, other.steps, other.last, other.screening

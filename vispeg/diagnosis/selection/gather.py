@@ -1,0 +1,53 @@
+"""One body in the place of what several links were given: one in, several out.
+
+A load at the flange comes in as masses and centres of the last links where each step takes the best effect beside what
+stands. No exchange of one for one leads from there to the load, which has fewer parameters than they have together.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.diagnosis.evidence.screen import Score, candidates
+from vispeg.diagnosis.selection.shadows import become, lacking, overtakes
+from vispeg.diagnosis.selection.state import State
+
+if TYPE_CHECKING:
+    from vispeg.diagnosis.selection.search import Search
+
+STEPS = 1  # that a search with the body may take to be better
+
+
+def gathered(search: Search, state: State, n_fixed: int) -> bool:
+    """Puts a body with a mass and a place in the place of all that links were given, where that is better; whether it
+    was.
+    """
+    links = of_links(search, state, n_fixed)
+    if not links or state.fit is None:
+        return False
+    places = [
+        p for p in candidates(search.evidence, state.world, []) if effect(p[0]).family == "body" and effect(p[0]).moments
+    ]
+    if not places:
+        return False
+    search.say(f"{', '.join(name for name, _ in places)} in the place of {', '.join(e.label for e in links)}")
+    other = lacking(search, state, links, n_fixed)
+    scores: list[Score] = search.screened_alone(
+        other.world, other.residual, other.fit, places, search.missing(other.world)
+    )
+    trials = search.try_all(other, scores, n_fixed, search.tested(state)) if scores else []
+    best = next((t for t in trials if not t.rejected), None)
+    if best is None:
+        return False
+    search.take(other, best, trials, n_fixed)
+    if not overtakes(search, state, other, n_fixed, STEPS):
+        return False
+    become(state, other)
+    return True
+
+
+def of_links(search: Search, state: State, n_fixed: int) -> list[EffectInstance]:
+    """Effects of single links that a search added."""
+    links = set(search.evidence.items[0].robot.links)
+    return [e for e in state.world.effects[n_fixed:] if effect(e.effect).family == "body" and e.where in links]
