@@ -89,9 +89,7 @@ def finished(results: Path) -> dict[str, dict]:
     return records
 
 
-def run(
-    root: Path, chosen: list[Case], results: Path, work: Callable[[Path, Case], dict] = diagnose
-) -> list[dict]:
+def run(root: Path, chosen: list[Case], results: Path, work: Callable[[Path, Case], dict] = diagnose) -> list[dict]:
     """Records that `work` makes of the chosen cases, each appended to `results` as it comes; those that are there are not run again."""
     records = finished(results)
     # in the order of their hashes, so that a run cut short is still an even sample of the list

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.effect import EffectInstance, effect, searchable
 from vispeg.diagnosis.evidence.screen import Score, candidates
 from vispeg.diagnosis.selection.shadows import become, lacking, overtakes
 from vispeg.diagnosis.selection.state import State
@@ -26,9 +26,8 @@ def gathered(search: Search, state: State, n_fixed: int) -> bool:
     links = of_links(search, state, n_fixed)
     if not links or state.fit is None:
         return False
-    places = [
-        p for p in candidates(search.evidence, state.world, []) if effect(p[0]).family == "body" and effect(p[0]).moments
-    ]
+    kinds = [kind.name for kind in searchable().values() if kind.family == "body" and kind.moments]
+    places = [p for p in candidates(search.evidence, state.world, []) if p[0] in kinds]
     if not places:
         return False
     search.say(f"{', '.join(name for name, _ in places)} in the place of {', '.join(e.label for e in links)}")

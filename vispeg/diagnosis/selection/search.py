@@ -117,8 +117,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
 
     def arrived(self, trials: Sequence[Trial]) -> bool:
         """Whether the first of them leaves nothing to look for: one effect in one joint was all."""
-        best = trials[0]
-        return self.judge.mean(best.loss) - self.judge.floor(best.fit.world) <= AT_FLOOR - 1.0
+        return self.judge.mean(trials[0].loss) - self.judge.floor(trials[0].fit.world) <= AT_FLOOR - 1.0
 
     def paired(self, state: State, n_fixed: int, missing: Sequence[MissingTorque], tested: int) -> list[Trial]:
         """Two effects at once in the joint that misses most, fitted from several starts and judged."""

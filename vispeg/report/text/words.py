@@ -226,8 +226,9 @@ def _ambiguous(values: Mapping[str, Any], reach: str) -> str:
     classes = rivals(values)
     if not classes:
         names, why = _names(values), values.get("reason") or "these recordings cannot tell its members"
-        what = f"{named(names)} {'explain' if len(names) > 1 else 'explains'}" if names else "A class of effects explains"
-        return f"{what} the held-out recordings {reach}; {why}."
+        who = named(names) if names else "A class of effects"
+        verb = "explain" if len(names) > 1 else "explains"
+        return f"{who} {verb} the held-out recordings {reach}; {why}."
     effects = rows(values, "effects")
     if len(effects) > MOST_NAMED:
         unsure = "all of them" if len(classes) == len(effects) else f"{len(classes)} of them"
